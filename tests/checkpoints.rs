@@ -5,10 +5,10 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 use assert_cmd::Command;
-use dials_config::DomainConfig;
 use dials_core::base::{Dice, Ragged};
 use dials_core::outside::Directory;
 use dials_learn::training::stream::{AgentStream, RowStream};
+use dials_session::domains::DomainConfig;
 use dials_session::records::checkpoint::content::{Part, seal};
 use dials_session::records::checkpoint::owner::{NotOfThisRun, Owner};
 use dials_session::records::checkpoint::{self, Checkpoint};
@@ -279,7 +279,7 @@ impl Sound {
     fn new(simulator: &str) -> Sound {
         let place = Place::new(WAREHOUSE);
         let run = place.train("run", &["--steps", "300", "--simulator", simulator]);
-        let config = dials_config::load(&run.join("config.toml"), &[]).unwrap();
+        let config = dials_session::config::load(&run.join("config.toml"), &[]).unwrap();
         let Some(DomainConfig::Warehouse(table)) = &config.domain else { panic!("this config is of the warehouse") };
         let owner = Owner::of(&config, &Warehouse::new(table)).unwrap();
         let bytes = fs::read(checkpoint(&run, AT)).unwrap();

@@ -30,7 +30,7 @@ fn texts(folder: &Path) -> Vec<String> {
 /// Returns the pages that people write, relative to the root.
 fn pages() -> Vec<String> {
     let mut pages = vec!["README.md".to_owned(), "CHANGELOG.md".to_owned()];
-    for folder in ["configs", "docs", "experiments", "results", "sumo_nets"] {
+    for folder in ["configs", "docs", "docs/findings", "experiments", "results", "sumo_nets"] {
         let files = fs::read_dir(root().join(folder)).unwrap().map(|entry| entry.unwrap().file_name());
         let files = files.map(|name| format!("{folder}/{}", name.to_str().unwrap()));
         pages.extend(files.filter(|path| path.ends_with(".md")));
@@ -194,6 +194,62 @@ fn the_book_has_every_page_once_and_no_link_out_of_it() {
             let is_page = file.extension().is_some_and(|ending| ending == "md");
             assert!(!is_page || book.contains(&file), "{}: {} is not in the book", page.display(), file.display());
         }
+    }
+}
+
+/// Returns the files under a folder of results, but for what a user has made there: runs, and pages that git ignores.
+fn kept(folder: &Path) -> Vec<PathBuf> {
+    let entries = fs::read_dir(folder).unwrap().map(|entry| entry.unwrap().path());
+    entries
+        .flat_map(|path| match path.is_dir() {
+            true if path.ends_with("runs") => vec![],
+            true => kept(&path),
+            false if path.ends_with("report.html") => vec![],
+            false => vec![path],
+        })
+        .collect()
+}
+
+/// The names of what stands in a folder, without their endings.
+fn stems(folder: &str) -> BTreeSet<String> {
+    let paths = fs::read_dir(root().join(folder)).unwrap().map(|entry| entry.unwrap().path());
+    paths.map(|path| path.file_stem().unwrap().to_str().unwrap().to_owned()).collect()
+}
+
+#[test]
+fn what_is_kept_of_results_is_small_is_in_the_book_and_can_be_made_again() {
+    let files = kept(&root().join("results"));
+    let bytes: u64 = files.iter().map(|file| fs::metadata(file).unwrap().len()).sum();
+    assert!(files.len() <= 150 && bytes <= 5_000_000, "{} files, {bytes} bytes", files.len());
+
+    let book = linked("docs/SUMMARY.md");
+    for report in files.iter().filter(|file| file.extension().is_some_and(|ending| ending == "md")) {
+        let report = report.strip_prefix(root()).unwrap();
+        assert!(book.iter().any(|page| page == report), "docs/SUMMARY.md does not name {}", report.display());
+    }
+
+    let experiments = stems("experiments");
+    assert!(experiments.len() <= 12, "{experiments:?}");
+    let folders: BTreeSet<String> = files.iter().filter_map(|file| experiment_of(file)).collect();
+    assert!(folders.is_subset(&experiments), "no file in experiments/ makes {:?}", folders.difference(&experiments));
+    let table = read("experiments/README.md");
+    for name in experiments.iter().filter(|name| *name != "README") {
+        assert!(first_column(&table).contains(&format!("{name}.toml")), "experiments/README.md does not name {name}");
+    }
+}
+
+/// Returns the experiment to whose folder a file of results belongs.
+fn experiment_of(file: &Path) -> Option<String> {
+    let mut parts = file.strip_prefix(root().join("results")).unwrap().components();
+    let folder = parts.next()?.as_os_str().to_str()?.to_owned();
+    parts.next().map(|_| folder)
+}
+
+#[test]
+fn a_page_of_findings_and_the_changelog_have_at_most_60_lines() {
+    for page in pages().iter().filter(|page| page.starts_with("docs/findings/") || *page == "CHANGELOG.md") {
+        let lines = read(page).lines().count();
+        assert!(lines <= 60, "{page}: {lines} lines");
     }
 }
 
@@ -420,10 +476,10 @@ fn config_keys() -> BTreeMap<String, Option<Value>> {
         fs::write(&path, text).unwrap();
         let required: Table = text.parse().unwrap();
         // Not loaded: a scenario has other defaults, in a file of their own.
-        let config: dials_config::Config = toml::from_str(text).unwrap();
-        let defaults: Table = dials_config::to_toml(&config).unwrap().parse().unwrap();
+        let config: dials_session::config::RunConfig = toml::from_str(text).unwrap();
+        let defaults: Table = dials_session::config::to_toml(&config).unwrap().parse().unwrap();
         let known = |table: &str| {
-            let error = dials_config::load(&path, &[format!("{table}no_such_key=1")]).unwrap_err();
+            let error = dials_session::config::load(&path, &[format!("{table}no_such_key=1")]).unwrap_err();
             expected_keys(&error.to_string())
         };
         let mut note = |key: String, default: Option<&Value>, required: bool| {

@@ -107,7 +107,7 @@ fn pages() -> Vec<String> {
             pages.push(page);
         }
     }
-    pages.extend(["sumo_nets/README.md", "docs/README.md", "results/reports.md"].map(str::to_owned));
+    pages.extend(["sumo_nets/README.md", "docs/README.md"].map(str::to_owned));
     pages
 }
 

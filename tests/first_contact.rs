@@ -77,8 +77,8 @@ fn what_describes_configs_and_experiments_fits_a_terminal() {
     }
     let out = tempfile::tempdir().unwrap();
     let out = out.path().join("runs");
-    // Their names have up to 56 characters.
-    for experiment in ["experiments/clock_25.toml", "experiments/scenarios.toml"] {
+    // Their names have up to 43 characters.
+    for experiment in ["experiments/clock_aips.toml", "experiments/scenarios.toml"] {
         assert_fits_a_terminal(&["experiment", experiment, "--dry-run", "--out", out.to_str().unwrap()]);
     }
 }

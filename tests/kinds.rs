@@ -6,10 +6,10 @@ use std::rc::Rc;
 use std::sync::Arc;
 use std::time::Duration;
 
-use dials_config::{AipTraining, Config, Period, schedule};
 use dials_core::base::{AgentId, Seed};
 use dials_core::domain::{Controller, Domain, Result};
 use dials_core::outside::Directory;
+use dials_learn::config::{AipTraining, Config, Period, schedule};
 use dials_learn::evaluation::play;
 use dials_learn::influence::Dataset;
 use dials_learn::policy::{JointPolicyController, PolicyStack, Selection};
@@ -26,6 +26,7 @@ use dials_learn::training::state::AgentsState;
 use dials_learn::worker::Worker;
 use dials_session::bench::costs::{Costs, Steps};
 use dials_session::bench::measure::{MeasurePlan, measure, short_orders};
+use dials_session::config::RunConfig;
 use dials_session::fleet::in_process;
 use dials_session::records::checkpoint::owner::Owner;
 use dials_session::records::checkpoint::{self, Checkpoint};
@@ -78,8 +79,9 @@ fn short(simulator: &str) -> Config {
 
 fn train(config: &Config, dir: &Path) -> Result<()> {
     let layouts = Layouts::of(config, domain().kinds());
-    let mut log = RunLog::begin(Directory::lock(dir)?, Owner::of(config, &*domain())?, layouts);
-    let mut fleet = in_process(domain(), config, Rc::new(Silent)).unwrap();
+    let mut log =
+        RunLog::begin(Directory::lock(dir)?, Owner::of(&RunConfig::from(config.clone()), &*domain())?, layouts);
+    let mut fleet = in_process(domain(), config.clone(), Rc::new(Silent)).unwrap();
     dials::train(config, &mut fleet, Standing::default(), &mut log, &Silent)
 }
 
@@ -160,7 +162,7 @@ fn the_aips_of_both_kinds_learn_the_closed_form_influence() {
 #[test]
 fn a_masked_action_is_never_chosen() {
     let (domain, config) = (domain(), config("dials"));
-    let policies = in_process(domain.clone(), &config, Rc::new(Silent)).unwrap().agents().policies.clone();
+    let policies = in_process(domain.clone(), config.clone(), Rc::new(Silent)).unwrap().agents().policies.clone();
     let mut gs = domain.global_simulator().unwrap();
     for selection in [Selection::Sampled, Selection::Greedy] {
         let mut acting = JointPolicyController::new(domain.kinds(), &config.policy, &policies, selection);
@@ -200,10 +202,10 @@ fn a_run_that_was_stopped_goes_on_to_the_same_bytes() {
         assert!(periods >= 3);
         let go_on = |observer: &dyn Observer| {
             let directory = Directory::lock(stopped.path()).unwrap();
-            let owner = Owner::of(&config, &*domain()).unwrap();
+            let owner = Owner::of(&RunConfig::from(config.clone()), &*domain()).unwrap();
             let point = ResumePoint::find(&directory, &owner).unwrap();
             let (mut log, checkpoint) = RunLog::resume(directory, point, owner, layouts()).unwrap();
-            let mut fleet = in_process(domain(), &config, Rc::new(Silent)).unwrap();
+            let mut fleet = in_process(domain(), config.clone(), Rc::new(Silent)).unwrap();
             let standing = checkpoint.map_or(Standing::default(), |checkpoint| {
                 let standing = checkpoint.progress.standing;
                 fleet.restore(checkpoint.agents).unwrap();
@@ -226,7 +228,7 @@ fn a_run_that_was_stopped_goes_on_to_the_same_bytes() {
 
 /// Asserts that the states of a coin and of a die cannot change places in a checkpoint.
 fn assert_that_agents_of_other_kinds_are_refused(config: &Config, dir: &Path) {
-    let owner = Owner::of(config, &*domain()).unwrap();
+    let owner = Owner::of(&RunConfig::from(config.clone()), &*domain()).unwrap();
     let folder = Directory::open(&dir.join(files::CHECKPOINTS)).unwrap();
     let newest = || Checkpoint::read(&folder, checkpoint::list(&folder).unwrap().last().unwrap(), &owner);
     let Checkpoint { mut agents, progress } = newest().unwrap();
@@ -284,14 +286,19 @@ fn workers_that_share_the_agents_bring_what_one_worker_brings() {
 #[test]
 fn the_costs_of_both_kinds_are_measured() {
     let config = short("dials");
-    let (domain, short, dir) = (domain(), short_orders(&config, 1), tempfile::tempdir().unwrap());
+    let (domain, short, dir) =
+        (domain(), short_orders(&RunConfig::from(config.clone()), 1), tempfile::tempdir().unwrap());
     let layouts = Layouts::of(&config, domain.kinds());
-    let mut log = RunLog::begin(Directory::lock(dir.path()).unwrap(), Owner::of(&config, &*domain).unwrap(), layouts);
-    let mut fleet = in_process(domain.clone(), &short, Rc::new(Silent)).unwrap();
+    let mut log = RunLog::begin(
+        Directory::lock(dir.path()).unwrap(),
+        Owner::of(&RunConfig::from(config.clone()), &*domain).unwrap(),
+        layouts,
+    );
+    let mut fleet = in_process(domain.clone(), short.clone(), Rc::new(Silent)).unwrap();
     let time = Duration::from_millis(100);
     let plan = MeasurePlan { config: &short, kinds: domain.kinds(), workers: 1, time, peak_flops: 1e9 };
     let measured = measure(&plan, &mut fleet, &mut log).unwrap();
     let steps = Steps { foreign: false, per_timestep: 1 };
-    let costs = Costs::of(&config, domain.kinds(), steps, 1e9, &measured);
+    let costs = Costs::of(&RunConfig::from(config.clone()), domain.kinds(), steps, 1e9, &measured);
     assert!(costs.agent_steps_per_s() > 0.0 && costs.training.products > 0.0 && costs.aip_training.products > 0.0);
 }

@@ -2,7 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
-use dials_config::{CHANGEABLE, Config};
+use dials_session::config::{CHANGEABLE, RunConfig};
 
 /// Folder whose name says nothing about its configs.
 const CONFIGS: &str = "configs";
@@ -13,11 +13,15 @@ const LONGEST_SETTINGS: usize = 120;
 ///
 /// `FOLDER` is the folder of the config, unless that is `configs`, the current folder, or named like the config.
 /// `settings`: those of `--set`. Only keys that the trained policies depend on are in the name.
-pub fn default_dir(config_path: &Path, config: &Config, settings: &[String]) -> PathBuf {
+pub fn default_dir(config_path: &Path, config: &RunConfig, settings: &[String]) -> PathBuf {
     let name = config_path.file_stem().unwrap_or_default().to_string_lossy();
     let folder = folder(config_path).filter(|folder| *folder != name).map_or(String::new(), |folder| folder + "-");
     let settings = listed(settings);
-    Path::new("runs").join(format!("{folder}{name}-{}{settings}-seed{}", config.simulator.name(), config.seed))
+    Path::new("runs").join(format!(
+        "{folder}{name}-{}{settings}-seed{}",
+        config.learning.simulator.name(),
+        config.learning.seed
+    ))
 }
 
 /// Returns the name of the config's folder, if it says something.
@@ -67,7 +71,7 @@ mod tests {
     use super::*;
     use std::collections::BTreeMap;
 
-    use dials_config::load;
+    use dials_session::config::load;
 
     fn root() -> &'static Path {
         Path::new(env!("CARGO_MANIFEST_DIR"))

@@ -12,12 +12,12 @@ use anyhow::{anyhow, ensure};
 use crate::cli;
 #[cfg(feature = "mpi")]
 use crate::program::PROGRAM;
-use dials_config::Config;
 use dials_core::domain::Domain;
 use dials_core::outside::Directory;
 use dials_learn::training::observer::Observer;
 #[cfg(feature = "mpi")]
 use dials_session::build;
+use dials_session::config::RunConfig;
 use dials_session::error::{Error, Result};
 use dials_session::fleet::children::Children;
 use dials_session::fleet::{self, Coordinator, MostGrowth, Options};
@@ -40,7 +40,7 @@ pub enum Team {
 /// The run that a fleet is for.
 pub struct Plan<'a> {
     pub domain: &'a Arc<dyn Domain>,
-    pub config: &'a Config,
+    pub config: &'a RunConfig,
     pub directory: &'a Directory,
     /// Number of workers; 0: this process.
     pub workers: usize,
@@ -83,7 +83,7 @@ impl Team {
         let Plan { domain, config, directory, workers, patience } = *plan;
         let most_growth = MostGrowth::default();
         match self {
-            Team::Here if workers == 0 => fleet::in_process(domain.clone(), config, observer),
+            Team::Here if workers == 0 => fleet::in_process(domain.clone(), config.clone(), observer),
             Team::Here => {
                 let options = Options { workers, threads: workers, patience, most_growth };
                 let crew = Box::new(Children::new(directory));
@@ -132,7 +132,7 @@ fn serve(relay: Relay) -> Result<()> {
     // mpirun and srun pass Ctrl-C on to all ranks. Rank 0 stops the run where nothing is lost.
     leave_signals_to_another().map_err(Error::Run)?;
     let describe = |config_json: &str| {
-        let config: Config = serde_json::from_str(config_json)?;
+        let config: RunConfig = serde_json::from_str(config_json)?;
         Ok(serde_json::to_string(&build::here(PROGRAM, config.numerics.vector_width)?)?)
     };
     match relay.serve(describe) {
@@ -144,7 +144,7 @@ fn serve(relay: Relay) -> Result<()> {
 
 /// Prepares the ranks for a run. Returns the config that their workers need.
 #[cfg(feature = "mpi")]
-fn prepare(ranks: &mut Ranks, plan: &Plan) -> anyhow::Result<Config> {
+fn prepare(ranks: &mut Ranks, plan: &Plan) -> anyhow::Result<RunConfig> {
     let Plan { domain, config, directory, workers, patience } = *plan;
     let here = build::here(PROGRAM, config.numerics.vector_width)?;
     let agents = fleet::agents_of_workers(config, domain.agents(), workers);

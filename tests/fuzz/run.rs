@@ -6,8 +6,8 @@ use std::path::{Path, PathBuf};
 use std::sync::OnceLock;
 
 use anyhow::Result;
-use dials_config::DomainConfig;
 use dials_core::outside::Directory;
+use dials_session::domains::DomainConfig;
 use dials_session::records::checkpoint::owner::Owner;
 use dials_session::records::checkpoint::{self, Checkpoint};
 use dials_warehouse::Warehouse;
@@ -103,7 +103,7 @@ pub fn write_checkpoint(folder: &Path, Checkpoint { agents, progress }: Checkpoi
 fn owner() -> &'static Owner {
     static OWNER: OnceLock<Owner> = OnceLock::new();
     OWNER.get_or_init(|| {
-        let config = dials_config::load(&dir("whole").join("config.toml"), &[]).expect("the config of a run");
+        let config = dials_session::config::load(&dir("whole").join("config.toml"), &[]).expect("the config of a run");
         let Some(DomainConfig::Warehouse(table)) = &config.domain else { panic!("the run is of the warehouse") };
         Owner::of(&config, &Warehouse::new(table)).expect("the warehouse has a scenario")
     })

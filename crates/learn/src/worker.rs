@@ -10,13 +10,13 @@ use std::time::Instant;
 
 use anyhow::Context;
 
+use crate::config::Config;
 use crate::policy::{JointPolicy, JointPolicyController, Selection};
 use crate::training::block::{AgentBlock, agents_per_block};
 use crate::training::observer::Observer;
 use crate::training::progress::Reporting;
 use crate::training::state::AgentsState;
 use crate::training::timed::{Timed, TimedController};
-use dials_config::Config;
 use dials_core::base::{Activity, AgentId, Phase, Ragged, Stopwatch, Timesheet};
 use dials_core::domain::{Controller, Domain, GlobalSimulator, Result};
 use stacknets::Threads;

@@ -3,10 +3,10 @@
 use super::{AgentTask, Described};
 use crate::features::command_for_feature;
 use crate::run::listing::{line, list_columns, paragraph};
-use dials_config::Simulator;
 use dials_core::base::counted;
 use dials_core::domain::RegionSpec;
 use dials_core::outside::quoted;
+use dials_learn::config::Simulator;
 use dials_report::words::duration;
 use dials_session::experiment::estimate::Source;
 use dials_session::terminal::program;
@@ -28,7 +28,7 @@ fn agents(text: &mut String, Described { path, config, domain, tasks, .. }: &Des
     let horizon = domain.kinds().horizon();
     let count = counted(tasks.len(), "agent");
     paragraph(text, format_args!("{}: {count}, episodes of {horizon} steps", path.display()));
-    paragraph(text, format_args!("simulator: {}", simulator(config.simulator)));
+    paragraph(text, format_args!("simulator: {}", simulator(config.learning.simulator)));
     let mut names: Vec<&str> = tasks.iter().map(|agent| agent.name.as_str()).take(MOST_NAMES).collect();
     let more = tasks.len() - names.len();
     let more = format!("and {more} more");
@@ -42,7 +42,7 @@ fn agents(text: &mut String, Described { path, config, domain, tasks, .. }: &Des
 }
 
 fn simulator(simulator: Simulator) -> &'static str {
-    use dials_config::Predictor::{Marginals, Network, Untrained};
+    use dials_learn::config::Predictor::{Marginals, Network, Untrained};
     match simulator {
         Simulator::Global => "gs: policies train on the global simulator",
         Simulator::Local(Network) => "dials: policies train on local simulators with trained influence predictors",
@@ -75,7 +75,7 @@ fn task(text: &mut String, Described { domain, tasks, config, .. }: &Described) 
     };
     list("observation column", &task.observation);
     list("action", &task.actions);
-    if config.simulator != Simulator::Global {
+    if config.learning.simulator != Simulator::Global {
         list("influence source", &task.sources);
         list("d-set column", &task.d_set);
     }
@@ -93,11 +93,11 @@ fn run(text: &mut String, Described { config, work, .. }: &Described) {
         format_args!(
             "  {} steps per agent, {} updates of the policies",
             work.steps,
-            updates(work.steps, config.ppo.memory)
+            updates(work.steps, config.learning.ppo.memory)
         ),
     );
-    if let Some(controller) = &config.policy.imitate {
-        let imitation = &config.imitation;
+    if let Some(controller) = &config.learning.policy.imitate {
+        let imitation = &config.learning.imitation;
         let (played, epochs) = (imitation.episodes(work.horizon), imitation.epochs);
         paragraph(
             text,
@@ -110,10 +110,10 @@ fn run(text: &mut String, Described { config, work, .. }: &Described) {
             ),
         );
     }
-    if config.shares_policies() {
+    if config.learning.shares_policies() {
         line(text, "  all agents of a kind have one policy");
     }
-    if let Some(every) = config.policy.average_every_steps {
+    if let Some(every) = config.learning.policy.average_every_steps {
         line(text, format_args!("  all agents of a kind get the mean of their policies every {every} steps"));
     }
     let episodes = [work.evaluation_episodes, work.final_episodes].map(|episodes| counted(episodes, "episode"));

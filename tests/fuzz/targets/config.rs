@@ -2,7 +2,7 @@
 
 use std::fs;
 
-use dials_config::Config;
+use dials_session::config::RunConfig;
 
 use super::read_all;
 use crate::place::work;
@@ -33,23 +33,23 @@ pub fn call(bytes: &[u8]) -> Verdict {
     fs::write(&path, bytes).expect("a file to work with");
     let text = String::from_utf8_lossy(bytes);
     let settings: Vec<String> = text.lines().filter_map(|line| line.strip_prefix(SET)).map(str::to_owned).collect();
-    let config = match dials_config::load(&path, &settings) {
+    let config = match dials_session::config::load(&path, &settings) {
         Ok(config) => config,
         Err(error) => return Verdict::refused(error),
     };
-    let text = dials_config::to_toml(&config).expect("an accepted config can be written");
+    let text = dials_session::config::to_toml(&config).expect("an accepted config can be written");
     let again = work().join("again.toml");
     fs::write(&again, &text).expect("a file to work with");
-    let read =
-        dials_config::load(&again, &[]).unwrap_or_else(|error| panic!("it is not read again: {error:#}\n{text}"));
+    let read = dials_session::config::load(&again, &[])
+        .unwrap_or_else(|error| panic!("it is not read again: {error:#}\n{text}"));
     assert!(read == config, "it is read again as another config:\n{text}");
     let json = serde_json::to_string(&config).expect("an accepted config can be sent");
-    let sent: Config =
+    let sent: RunConfig =
         serde_json::from_str(&json).unwrap_or_else(|error| panic!("no worker reads it: {error}\n{json}"));
     assert!(sent == config, "workers get another config:\n{json}");
-    let periods = dials_config::schedule(&config);
-    let ends =
-        [periods.last().map_or(0, |last| last.end), config.last_step()].map(|step| config.update_at_or_after(step));
+    let periods = dials_learn::config::schedule(&config.learning);
+    let ends = [periods.last().map_or(0, |last| last.end), config.learning.last_step()]
+        .map(|step| config.learning.update_at_or_after(step));
     assert_eq!(ends[0], ends[1], "its periods end elsewhere:\n{text}");
     Verdict::Accepted
 }

@@ -3,7 +3,11 @@
 use std::fs;
 
 use dials_core::base::Ragged;
-use dials_learn::training::state::{AgentsState, JointMoments};
+use std::collections::BTreeMap;
+
+use dials_core::base::Dice;
+use dials_learn::algorithms::Tables;
+use dials_learn::training::state::AgentsState;
 use dials_learn::training::stream::AgentStream;
 use dials_session::records::checkpoint::{Checkpoint, RunProgress};
 use serde::{Deserialize, Serialize};
@@ -18,10 +22,10 @@ use crate::verdict::Verdict;
 struct State {
     progress: RunProgress,
     steps: u64,
-    gradient_steps: u32,
     policies: Vec<usize>,
-    first_moments: Vec<usize>,
-    second_moments: Vec<usize>,
+    learners: BTreeMap<String, Vec<usize>>,
+    dice: BTreeMap<String, Vec<Vec<Dice>>>,
+    counts: BTreeMap<String, u64>,
     aips: Vec<usize>,
     streams: Vec<AgentStream>,
 }
@@ -40,10 +44,10 @@ pub fn seeds() -> Vec<Vec<u8>> {
     let state = State {
         progress,
         steps: agents.steps,
-        gradient_steps: agents.moments.steps,
         policies: widths(&agents.policies),
-        first_moments: widths(&agents.moments.first),
-        second_moments: widths(&agents.moments.second),
+        learners: agents.learners.numbers.iter().map(|(name, table)| (name.clone(), widths(table))).collect(),
+        dice: agents.learners.dice,
+        counts: agents.learners.counts,
         aips: widths(&agents.aips),
         streams: agents.streams,
     };
@@ -79,10 +83,14 @@ fn agents(state: &State) -> Option<AgentsState> {
     Some(AgentsState {
         steps: state.steps,
         policies: table(&original.policies, &state.policies)?,
-        moments: JointMoments {
-            first: table(&original.moments.first, &state.first_moments)?,
-            second: table(&original.moments.second, &state.second_moments)?,
-            steps: state.gradient_steps,
+        learners: Tables {
+            numbers: state
+                .learners
+                .iter()
+                .map(|(name, widths)| Some((name.clone(), table(original.learners.numbers.values().next()?, widths)?)))
+                .collect::<Option<_>>()?,
+            dice: state.dice.clone(),
+            counts: state.counts.clone(),
         },
         aips: table(&original.aips, &state.aips)?,
         streams: state.streams.clone(),

@@ -42,7 +42,7 @@ const KNOWLEDGE: Knowledge = Knowledge {
 };
 
 pub fn seeds() -> Vec<Vec<u8>> {
-    let files = ["experiments/small_simulators_warehouse.toml", "experiments/ablation_warehouse.toml"];
+    let files = ["experiments/full_warehouse.toml", "experiments/figures_warehouse.toml"];
     read_all(&files).into_iter().chain([SMALL.into()]).collect()
 }
 

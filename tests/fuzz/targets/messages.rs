@@ -1,10 +1,13 @@
 //! What coordinator and workers say to each other.
 
 use dials_core::base::{AgentId, Ragged, Seed};
+use dials_learn::algorithms::Tables;
+use dials_learn::steps::evaluate::Evaluate;
+use dials_learn::steps::{Reply, ReportState, Request};
 use dials_learn::training::answers::WorkerLoad;
-use dials_learn::training::state::{AgentsState, JointMoments};
+use dials_learn::training::state::AgentsState;
 use dials_learn::training::stream::{AgentStream, RowStream, Trail};
-use dials_session::fleet::{Answer, Order, WorkerReport, encode, receive};
+use dials_session::fleet::{Order, WorkerReport, encode, receive};
 use serde::Serialize;
 use serde::de::DeserializeOwned;
 
@@ -15,14 +18,18 @@ fn state() -> AgentsState {
     let row = RowStream {
         trail: Trail { episode: 5, actions: vec![0, 1], sources: vec![1, 0, 0, 1], shown: 77 },
         rewards: 1.25,
-        ..RowStream::begin(Seed::new(1).dice(), Seed::new(2).dice(), &[0.5])
+        ..RowStream::begin(Seed::new(2).dice())
     };
     AgentsState {
         steps: 128,
         policies: rows(0),
-        moments: JointMoments { first: rows(10), second: rows(20), steps: 12 },
+        learners: Tables {
+            numbers: [("first_moments".to_owned(), rows(10)), ("second_moments".to_owned(), rows(20))].into(),
+            dice: [("acting".to_owned(), vec![vec![Seed::new(1).dice()]; 3])].into(),
+            counts: [("gradient_steps".to_owned(), 12)].into(),
+        },
         aips: rows(30),
-        streams: vec![AgentStream { minibatches: Seed::new(3).dice(), rows: vec![row] }; 3],
+        streams: vec![AgentStream { rows: vec![row] }; 3],
     }
 }
 
@@ -36,21 +43,21 @@ pub fn orders_seeds() -> Vec<Vec<u8>> {
     let state = state();
     encoded(&[
         begin,
-        Order::TellState,
+        Order::Step(Request::ReportState(ReportState)),
         Order::TakePolicies(state.policies.clone()),
         Order::Restore(state),
-        Order::Evaluate { episodes: 3..7 },
+        Order::Step(Request::Evaluate(Evaluate { episodes: 3..7 })),
     ])
 }
 
 pub fn reports_seeds() -> Vec<Vec<u8>> {
     let load = Box::<WorkerLoad>::default;
-    let done = |answer| WorkerReport::Done { answer: Box::new(answer), load: load(), resident_kib: 200_000 };
+    let done = |reply| WorkerReport::Done { reply: Box::new(reply), load: load(), resident_kib: 200_000 };
     encoded(&[
         WorkerReport::Trained { steps: 128 },
         WorkerReport::Failed { reason: "the disk is full".to_owned() },
-        done(Answer::Ready),
-        done(Answer::State(state())),
+        WorkerReport::Begun,
+        done(Reply::ReportState(state())),
     ])
 }
 
@@ -64,8 +71,8 @@ pub fn orders(bytes: &[u8]) -> Verdict {
 
 pub fn reports(bytes: &[u8]) -> Verdict {
     read_all::<WorkerReport>(bytes, |report| {
-        if let WorkerReport::Done { answer, .. } = report
-            && let Answer::State(state) = &**answer
+        if let WorkerReport::Done { reply, .. } = report
+            && let Reply::ReportState(state) = &**reply
         {
             check(state);
         }
@@ -90,7 +97,7 @@ fn read_all<T: Serialize + DeserializeOwned>(mut bytes: &[u8], check: impl Fn(&T
 
 /// Tables that contradict themselves would panic here, as they would in a worker.
 fn check(state: &AgentsState) {
-    for table in [&state.policies, &state.moments.first, &state.moments.second, &state.aips] {
+    for table in state.learners.numbers.values().chain([&state.policies, &state.aips]) {
         std::hint::black_box(table.iter().map(<[f32]>::len).sum::<usize>());
     }
 }

@@ -4,8 +4,9 @@ use std::fs;
 use std::path::Path;
 use std::sync::OnceLock;
 
-use dials_config::DomainConfig;
+use dials_session::domains::DomainConfig;
 use dials_traffic::Traffic;
+use dials_traffic::config::TrafficTable;
 use serde_json::Value;
 
 use super::{of_project, read_all};
@@ -84,8 +85,8 @@ fn with_file(file: &str, bytes: &[u8], freedom: Freedom) -> Verdict {
 }
 
 fn open(config: &Path) -> anyhow::Result<()> {
-    match dials_config::load(config, &[])?.domain {
-        Some(DomainConfig::Traffic(table)) => Traffic::open(&table).map(drop),
+    match dials_session::config::load(config, &[])?.domain {
+        Some(DomainConfig::Traffic(TrafficTable::Grid(table))) => Traffic::open(&table).map(drop),
         _ => unreachable!("the config is of traffic"),
     }
 }

@@ -3,8 +3,9 @@
 use std::fs;
 use std::path::Path;
 
-use dials_config::{Config, DomainConfig};
 use dials_core::domain::Domain;
+use dials_session::config::RunConfig;
+use dials_session::domains::DomainConfig;
 use dials_session::records::files::{AIPS, CONFIG, POLICIES};
 use dials_session::records::joint_layout::JointLayout;
 use dials_warehouse::Warehouse;
@@ -26,18 +27,20 @@ pub fn aips_seeds() -> Vec<Vec<u8>> {
 }
 
 pub fn policies(bytes: &[u8]) -> Verdict {
-    read(bytes, |config, domain| JointLayout::of_policies(domain.kinds(), &config.policy))
+    read(bytes, |config, domain| JointLayout::of_policies(domain.kinds(), &config.learning.policy))
 }
 
 pub fn aips(bytes: &[u8]) -> Verdict {
-    read(bytes, |config, domain| JointLayout::of_aips(domain.kinds(), config.predictor(), &config.aip))
+    read(bytes, |config, domain| {
+        JointLayout::of_aips(domain.kinds(), config.learning.predictor(), &config.learning.aip)
+    })
 }
 
 /// Accepted networks have finite parameters, one row for each agent.
-fn read(bytes: &[u8], layout: impl Fn(&Config, &Warehouse) -> JointLayout) -> Verdict {
+fn read(bytes: &[u8], layout: impl Fn(&RunConfig, &Warehouse) -> JointLayout) -> Verdict {
     let path = work().join("networks.safetensors");
     fs::write(&path, bytes).expect("a file to work with");
-    let config = dials_config::load(&run::dir("whole").join(CONFIG), &[]).expect("the run has a config");
+    let config = dials_session::config::load(&run::dir("whole").join(CONFIG), &[]).expect("the run has a config");
     let Some(DomainConfig::Warehouse(table)) = &config.domain else { unreachable!("the run is of the warehouse") };
     let domain = Warehouse::new(table);
     match layout(&config, &domain).read(Path::new(&path)) {

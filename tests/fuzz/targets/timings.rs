@@ -2,7 +2,7 @@
 
 use std::fs;
 
-use dials_config::TrafficConfig;
+use dials_traffic::config::TrafficConfig;
 use dials_traffic::controllers::timing_file::{Score, TimingFile};
 use dials_traffic::paper_grid::grid::Grid;
 use dials_traffic::paper_grid::plans::plans;

@@ -6,8 +6,8 @@
 //! moments of the optimisers are averaged, too.
 
 use crate::algorithms;
+use crate::config::Config;
 use crate::training::state::AgentsState;
-use dials_config::Config;
 use dials_core::base::{AgentId, Ragged};
 use dials_core::domain::Kinds;
 

@@ -9,8 +9,8 @@ use rand::Rng;
 use rand::seq::{IteratorRandom, SliceRandom};
 use serde::{Deserialize, Serialize};
 
+use crate::config::{ImitationConfig, held_out_episodes};
 use crate::policy::{Demonstrations, PolicyStack, sampling};
-use dials_config::{ImitationConfig, held_out_episodes};
 use dials_core::base::{AgentId, Dice, Phase, RandomPurpose, Seed, Stopwatch, Work};
 use dials_core::domain::{Action, Controller, GlobalSimulator, Result};
 use stacknets::{Adam, Network, Sequences, Trace};
@@ -263,7 +263,7 @@ impl Buffers {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use dials_config::PolicyConfig;
+    use crate::config::PolicyConfig;
     use dials_core::domain::{Baseline, Domain, RegionSpec, SourceSpec};
     use dials_testkit::toy::{Coins, CoinsAndDice};
 

@@ -19,9 +19,9 @@ mod tables;
 
 use std::fmt::Debug;
 
+use crate::config::Config;
 use crate::policy::PolicyStack;
 use crate::training::environment::Experience;
-use dials_config::Config;
 use dials_core::base::{AgentId, Stopwatch};
 use dials_core::domain::{Action, Kind, Percept, RegionSpec};
 

@@ -2,7 +2,7 @@
 //! in the collection of datasets.
 
 use super::{JointPolicy, PolicyStack, sampling};
-use dials_config::PolicyConfig;
+use crate::config::PolicyConfig;
 use dials_core::base::{AgentId, Dice, RandomPurpose, Rows, Seed};
 use dials_core::domain::{Action, Controller, JointPercept, Kind, Kinds, Percept, RegionSpec, Result};
 use stacknets::States;

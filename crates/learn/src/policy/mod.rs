@@ -8,7 +8,7 @@ mod controller;
 mod demonstrations;
 pub mod sampling;
 
-use dials_config::PolicyConfig;
+use crate::config::PolicyConfig;
 use dials_core::base::{AgentId, Ragged, Rows, Seed};
 use dials_core::domain::{Percept, RegionSpec, Result};
 use stacknets::{Adam, Learner, Net, Parameters, Shape, States, Threads, script};

@@ -6,11 +6,11 @@ use serde::{Deserialize, Serialize};
 
 use super::measure_aips::check_losses;
 use super::{Check, Step, on_its_way};
+use crate::config::Period;
 use crate::influence::{AipLoss, Dataset};
 use crate::training::fleet::{Fleet, Stop, of_owners};
 use crate::training::observer::Observer;
 use crate::worker::Worker;
-use dials_config::Period;
 use dials_core::base::{Activity, Ragged, Stopwatch, Work};
 use dials_core::domain::Result;
 

@@ -6,13 +6,13 @@ use anyhow::ensure;
 use serde::{Deserialize, Serialize};
 
 use super::{Check, Step, on_its_way};
+use crate::config::{Period, Simulator};
 use crate::training::answers::PolicyTraining;
 use crate::training::block::train_policies_on_the_gs;
 use crate::training::fleet::{Fleet, Stop};
 use crate::training::observer::Observer;
 use crate::training::state::AgentsState;
 use crate::worker::Worker;
-use dials_config::{Period, Simulator};
 use dials_core::base::{Activity, Stopwatch, Work};
 use dials_core::domain::Result;
 

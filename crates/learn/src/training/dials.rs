@@ -7,6 +7,7 @@ use super::journal::Journal;
 use super::observer::{Interrupted, Observer};
 use super::standing::Standing;
 use crate::algorithms::averaging::average;
+use crate::config::{Config, rest_of_schedule};
 use crate::steps::collect::collect_datasets;
 use crate::steps::demonstrate::collect_demonstrations;
 use crate::steps::evaluate::evaluate;
@@ -14,7 +15,6 @@ use crate::steps::imitate::imitate;
 use crate::steps::measure_aips::measure_aips;
 use crate::steps::train_aips::train_aips;
 use crate::steps::train_policies::train_policies;
-use dials_config::{Config, rest_of_schedule};
 use dials_core::domain::Result;
 
 /// Trains the policies of all agents as the config says, from their current state.

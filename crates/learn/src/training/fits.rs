@@ -14,9 +14,9 @@ use super::standing::Standing;
 use super::state::AgentsState;
 use super::stream::{AgentStream, RowStream};
 use crate::algorithms::{self, Layout, Tables};
+use crate::config::{Config, Simulator, may_end_at};
 use crate::influence;
 use crate::policy::PolicyStack;
-use dials_config::{Config, Simulator, may_end_at};
 use dials_core::base::{AgentId, Ragged, is_stuck};
 use dials_core::domain::{Kinds, RegionSpec, Result};
 

@@ -4,8 +4,8 @@ use std::ops::Range;
 
 use super::answers::FleetLoad;
 use super::state::AgentsState;
+use crate::config::Config;
 use crate::steps::Step;
-use dials_config::Config;
 use dials_core::base::Activity;
 use dials_core::domain::{Domain, Result};
 

@@ -8,7 +8,7 @@
 
 use serde::{Deserialize, Serialize};
 
-use dials_config::Config;
+use crate::config::Config;
 use dials_core::base::{AgentId, Dice, RandomPurpose, Rows, Seed, scramble};
 use dials_core::domain::{Action, Percept};
 

@@ -17,9 +17,10 @@ use super::loss::Loss;
 use super::message::{Order, WorkerReport};
 use super::shares::{agents_of_workers, names_of, share};
 use super::task::{Task, report_progress};
-use dials_config::{Config, Simulator};
+use crate::config::RunConfig;
 use dials_core::base::{Activity, AgentId};
 use dials_core::domain::Domain;
+use dials_learn::config::{Config, Simulator};
 use dials_learn::steps::{ReportState, Step};
 use dials_learn::training::answers::{FleetLoad, WorkerLoad};
 use dials_learn::training::fits::{Fit, Widths};
@@ -52,7 +53,7 @@ pub struct Options {
 /// with several threads; the others help with evaluation.
 pub struct Coordinator {
     domain: Arc<dyn Domain>,
-    config: Config,
+    config: RunConfig,
     /// Sizes of what the workers say.
     widths: Widths,
     crew: Box<dyn Crew>,
@@ -80,18 +81,21 @@ impl Coordinator {
     /// Starts the workers.
     pub fn start(
         domain: Arc<dyn Domain>,
-        config: &Config,
+        config: &RunConfig,
         crew: Box<dyn Crew>,
         options: Options,
         observer: Rc<dyn Observer>,
     ) -> Result<Coordinator> {
         let slot = |agents| Slot { agents, link: None, growth: Growth::default(), load: WorkerLoad::default() };
-        let prepared = if config.simulator == Simulator::Global { None } else { domain.prepare()? };
+        let prepared = if config.learning.simulator == Simulator::Global { None } else { domain.prepare()? };
         let mut fleet = Coordinator {
             prepared,
-            workers: agents_of_workers(config, domain.agents(), options.workers).into_iter().map(slot).collect(),
+            workers: agents_of_workers(&config.learning, domain.agents(), options.workers)
+                .into_iter()
+                .map(slot)
+                .collect(),
             agents: AgentsState::nobody(),
-            widths: Widths::of(config, domain.kinds()),
+            widths: Widths::of(&config.learning, domain.kinds()),
             domain,
             config: config.clone(),
             crew,
@@ -219,7 +223,7 @@ impl Coordinator {
     ) -> Result<Option<S::Reply>, Heard> {
         let task = open.get_mut(&worker);
         let most_steps =
-            task.as_ref().and_then(|task| task.trains_until).map(|end| self.config.update_at_or_after(end));
+            task.as_ref().and_then(|task| task.trains_until).map(|end| self.config.learning.update_at_or_after(end));
         check_report(&report, most_steps)?;
         match report {
             WorkerReport::Failed { reason } => Err(Heard::Failed(reason)),
@@ -250,7 +254,7 @@ impl Coordinator {
     /// Returns what the replies of a worker are checked by.
     fn fit(&self, worker: usize) -> Fit<'_> {
         let agents = self.workers[worker].agents.clone();
-        Fit { config: &self.config, kinds: self.domain.kinds(), widths: &self.widths, agents }
+        Fit { config: &self.config.learning, kinds: self.domain.kinds(), widths: &self.widths, agents }
     }
 
     /// Sends a task to its worker, which is started first if it is not running. Does not wait for the worker.
@@ -270,7 +274,7 @@ impl Coordinator {
         let begin = Order::Begin {
             config_json: serde_json::to_string(&self.config)?,
             agents: agents.map(AgentId).collect(),
-            threads: if self.config.simulator == Simulator::Global { self.options.threads } else { 1 },
+            threads: if self.config.learning.simulator == Simulator::Global { self.options.threads } else { 1 },
             prepared: self.prepared.clone(),
         };
         link.send(encode(&begin)?.into());
@@ -372,7 +376,7 @@ impl From<anyhow::Error> for Heard {
 
 impl Fleet for Coordinator {
     fn config(&self) -> &Config {
-        &self.config
+        &self.config.learning
     }
 
     fn domain(&self) -> &dyn Domain {

@@ -14,12 +14,16 @@ use super::link::{Crew, Frame, Link, News};
 use super::message::{Order, WorkerReport};
 use super::serve::Server;
 use super::{Coordinator, MostGrowth, Options};
-use dials_config::Config;
+use crate::config::RunConfig;
 use dials_core::domain::Domain;
 use dials_learn::training::observer::Observer;
 
 /// Makes the smallest fleet: all agents in this process.
-pub fn in_process(domain: Arc<dyn Domain>, config: &Config, observer: Rc<dyn Observer>) -> Result<Coordinator> {
+pub fn in_process(
+    domain: Arc<dyn Domain>,
+    config: impl Into<RunConfig>,
+    observer: Rc<dyn Observer>,
+) -> Result<Coordinator> {
     let options = Options {
         workers: 1,
         threads: 1,
@@ -27,7 +31,7 @@ pub fn in_process(domain: Arc<dyn Domain>, config: &Config, observer: Rc<dyn Obs
         most_growth: MostGrowth { kib: u64::MAX, share: 0.0 },
     };
     let crew = InProcess { domain: domain.clone(), observer: observer.clone(), server: None, mailbox: Rc::default() };
-    Coordinator::start(domain, config, Box::new(crew), options, observer)
+    Coordinator::start(domain, &config.into(), Box::new(crew), options, observer)
 }
 
 /// The crew.

@@ -10,7 +10,7 @@ use anyhow::{Context, Result, bail};
 use super::channel::{receive, send};
 use super::footprint::{CpuClock, footprint, resident_kib};
 use super::message::{Order, WorkerReport};
-use dials_config::Config;
+use crate::config::RunConfig;
 use dials_core::base::Activity;
 use dials_core::domain::Domain;
 use dials_learn::steps::Reply;
@@ -25,7 +25,7 @@ const REPORT_EVERY: Duration = Duration::from_millis(100);
 /// Does what the coordinator at the other end of `stream` orders, until the stream ends.
 ///
 /// `open_domain` makes the domain of a config.
-pub fn serve(stream: impl Read + Write, open_domain: impl FnOnce(&Config) -> Result<Arc<dyn Domain>>) -> Result<()> {
+pub fn serve(stream: impl Read + Write, open_domain: impl FnOnce(&RunConfig) -> Result<Arc<dyn Domain>>) -> Result<()> {
     let reporter = Reporter { stream: RefCell::new(stream), last: Cell::new(Instant::now()) };
     let Some(order) = reporter.next_order().context("this command is for the program itself, not for people")? else {
         return Ok(());
@@ -59,15 +59,15 @@ impl Server {
     pub fn begin(
         order: Order,
         clock: CpuClock,
-        open_domain: impl FnOnce(&Config) -> Result<Arc<dyn Domain>>,
+        open_domain: impl FnOnce(&RunConfig) -> Result<Arc<dyn Domain>>,
     ) -> Result<Server> {
         let Order::Begin { config_json, agents, threads, prepared } = order else {
             bail!("the first order must be to begin")
         };
-        let config: Config = serde_json::from_str(&config_json)?;
+        let config: RunConfig = serde_json::from_str(&config_json)?;
         let domain = open_domain(&config)?;
         prepared.map_or(Ok(()), |prepared| domain.take_prepared(&prepared))?;
-        let worker = Worker::new(domain, &config, agents, &Threads::new(threads)?);
+        let worker = Worker::new(domain, &config.learning, agents, &Threads::new(threads)?);
         Ok(Server { worker, clock })
     }
 

@@ -2,11 +2,11 @@
 
 use anyhow::Result;
 
-use dials_config::Config;
 use dials_core::base::Ragged;
 use dials_core::domain::Kinds;
 use dials_learn::algorithms;
 use dials_learn::algorithms::imitation::ImitationLoss;
+use dials_learn::config::Config;
 use dials_learn::influence::AipLoss;
 use dials_learn::training::answers::PolicyTraining;
 use dials_learn::training::state::AgentsState;

@@ -4,8 +4,9 @@ use std::collections::BTreeMap;
 
 use toml::{Table, Value};
 
-use dials_config::{Config, Simulator};
+use crate::config::RunConfig;
 use dials_core::domain::Scenario;
+use dials_learn::config::Simulator;
 
 /// A method: a way of training, whatever the seed and the scenario.
 #[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord)]
@@ -20,20 +21,20 @@ pub struct Method {
 
 impl Method {
     /// Returns the method of a config. `scenario`: scenario of the run, which has the checksums of its files.
-    pub fn of(config: &Config, scenario: &Scenario) -> Method {
+    pub fn of(config: &RunConfig, scenario: &Scenario) -> Method {
         let table = Table::try_from(config).expect("a config is a table");
         let mut keys = BTreeMap::new();
         flatten("", &table, &mut keys);
         if let Some(mut domain) = config.domain.clone() {
             // The same file has another path in every run, so its checksum replaces the path, if it is known.
-            let paths: Vec<&str> = domain.paths().into_iter().map(|(key, _)| key).collect();
+            let paths: Vec<&str> = domain.table_mut().paths().into_iter().map(|(key, _)| key).collect();
             paths.into_iter().for_each(|key| drop(keys.remove(&domain.key(key))));
             keys.extend(scenario.files.clone());
-            if config.simulator == Simulator::Global {
-                domain.local_keys().iter().for_each(|key| drop(keys.remove(&domain.key(key))));
+            if config.learning.simulator == Simulator::Global {
+                domain.table().local_keys().iter().for_each(|key| drop(keys.remove(&domain.key(key))));
             }
         }
-        Method::of_keys(config.simulator, keys)
+        Method::of_keys(config.learning.simulator, keys)
     }
 
     /// Returns whether this method leaves out a key that another one of the same simulator has, and would read it: the
@@ -143,7 +144,7 @@ mod tests {
     use crate::records::before;
 
     fn method_of(text: &str) -> Method {
-        let config: Config = toml::from_str(text).unwrap();
+        let config: RunConfig = toml::from_str(text).unwrap();
         let scenario = before::scenario(&config, Some(4)).unwrap().unwrap();
         Method::of(&config, &scenario)
     }

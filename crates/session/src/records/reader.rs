@@ -15,7 +15,7 @@ use super::run_json::RunJson;
 use super::run_record::{
     AipTrainingRecord, CpuTime, EvaluationRecord, FreshLossRecord, MemoryRecord, PeriodTime, Returns, RunRecord,
 };
-use dials_config::Config;
+use crate::config::RunConfig;
 use dials_core::base::{Activity, Phase};
 use dials_core::domain::Scenario;
 use dials_learn::training::drift::Moment;
@@ -26,7 +26,7 @@ const MOST_WORKERS: u64 = 1_000_000;
 impl RunRecord {
     /// Reads a run directory. Errors: a damaged file, and a domain or networks that were changed after the run began.
     pub fn read(dir: &Path) -> Result<RunRecord> {
-        let config = dials_config::load_kept(&dir.join(files::CONFIG))?;
+        let config = crate::config::load_kept(&dir.join(files::CONFIG))?;
         let about = RunJson::read_if_there(dir)?;
         check_kept(dir, &config, &about)?;
         let timing = CsvTable::read(&dir.join(files::TIMING))?;
@@ -67,13 +67,13 @@ impl RunRecord {
 }
 
 /// Returns what the run in `dir` simulates. `config`: that of the run; `agents`: their number.
-pub fn scenario_of(dir: &Path, config: &Config, agents: usize) -> Result<Scenario> {
+pub fn scenario_of(dir: &Path, config: &RunConfig, agents: usize) -> Result<Scenario> {
     let about = RunJson::read_if_there(dir)?;
     Ok(scenario_in(&about, config, Some(agents))?.expect("the number of agents is known"))
 }
 
 /// Returns the scenario of `run.json`. For older runs: what the config shows of it.
-fn scenario_in(about: &RunJson, config: &Config, agents: Option<usize>) -> Result<Option<Scenario>> {
+fn scenario_in(about: &RunJson, config: &RunConfig, agents: Option<usize>) -> Result<Option<Scenario>> {
     match &about.scenario {
         Some(scenario) => Ok(Some(scenario.clone())),
         None => before::scenario(config, agents),
@@ -261,12 +261,12 @@ fn read_memory(table: &CsvTable) -> Result<Option<MemoryRecord>> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::config::RunConfig;
     use crate::records::checkpoint::owner::Owner;
     use crate::records::joint_layout::JointLayout;
     use crate::records::networks::Layouts;
     use crate::records::run_log::RunLog;
     use crate::records::run_record::Status;
-    use dials_config::Config;
     use dials_core::base::{Ragged, Rows, Timesheet};
     use dials_core::domain::{Domain, Measures};
     use dials_core::outside::Directory;
@@ -286,7 +286,7 @@ mod tests {
         let dir = tempfile::tempdir().unwrap();
         let text = "warehouse = { agents_per_side = 2 }\n";
         std::fs::write(dir.path().join(files::CONFIG), text).unwrap();
-        let config: Config = toml::from_str(text).unwrap();
+        let config: RunConfig = toml::from_str(text).unwrap();
         let coins = Coins::new(1);
         let layout = || JointLayout::new(coins.kinds(), |_| Layout::new(vec![("w".to_owned(), vec![1])]));
         let owner = Owner::of(&config, &coins).unwrap();

@@ -172,7 +172,7 @@ impl Journal for RunLog {
         training: &PolicyTraining,
         load: FleetLoad,
     ) -> Result<()> {
-        check_policies(training, agents, &self.owner.config, &self.owner.kinds, self.steps)?;
+        check_policies(training, agents, &self.owner.config.learning, &self.owner.kinds, self.steps)?;
         self.append(
             files::TRAINING,
             agents.steps,
@@ -205,8 +205,8 @@ mod tests {
     use std::fs;
     use std::path::{Path, PathBuf};
 
+    use crate::config::RunConfig;
     use crate::records::joint_layout::JointLayout;
-    use dials_config::{Config, PolicyConfig};
     use dials_core::base::Ragged;
     use dials_core::domain::Domain;
     use dials_learn::algorithms::{Metrics, Tables};
@@ -237,7 +237,7 @@ mod tests {
     #[test]
     fn learning_that_diverged_is_not_written_over_what_was_good() {
         let dir = tempfile::tempdir().unwrap();
-        let config: Config = toml::from_str("warehouse = { agents_per_side = 2 }").unwrap();
+        let config: RunConfig = toml::from_str("warehouse = { agents_per_side = 2 }").unwrap();
         let coins = Coins::new(1);
         let layout = || JointLayout::new(coins.kinds(), |_| Layout::new(vec![("w".to_owned(), vec![2])]));
         let layouts = Layouts { policies: layout(), aips: layout() };
@@ -261,8 +261,8 @@ mod tests {
         }
         // After an imitation the critic learns alone at first, with the rate of the imitation.
         let (training, mut agents_now) = period([1.0, 2.0, f32::NAN, 4.0], 0.5);
-        let imitates =
-            Config { policy: PolicyConfig { imitate: Some("a".to_owned()), ..config.policy.clone() }, ..config };
+        let mut imitates = config.learning.clone();
+        imitates.policy.imitate = Some("a".to_owned());
         let error =
             check_policies(&training, &agents_now, &imitates, Coins::new(1).kinds(), 0).unwrap_err().to_string();
         assert!(error.contains("lower imitation.learning_rate and begin"), "{error}");

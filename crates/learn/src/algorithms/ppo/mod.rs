@@ -14,9 +14,9 @@ mod rollout;
 pub mod update;
 
 use super::{Algorithm, Layout, Learner, Metrics, NumberTable, Tables};
+use crate::config::{Config, PpoConfig};
 use crate::policy::PolicyStack;
 use crate::training::environment::Experience;
-use dials_config::{Config, PpoConfig};
 use dials_core::base::{AgentId, Dice, Ragged, RandomPurpose, Seed, Stopwatch};
 use dials_core::domain::{Action, Kind, Percept, RegionSpec};
 use loss::Losses;

@@ -2,9 +2,9 @@
 
 use super::gae::advantages;
 use super::memory::{Memory, Sample};
+use crate::config::{PpoConfig, TimeLimit};
 use crate::policy::{PolicyStack, sampling};
 use crate::training::environment::Experience;
-use dials_config::{PpoConfig, TimeLimit};
 use dials_core::base::{Dice, Phase, Rows, Stopwatch};
 use dials_core::domain::{Action, Percept};
 use stacknets::States;
@@ -151,7 +151,7 @@ impl Rollout {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use dials_config::PolicyConfig;
+    use crate::config::PolicyConfig;
     use dials_core::base::{AgentId, Seed};
     use dials_core::domain::{RegionSpec, SourceSpec};
 

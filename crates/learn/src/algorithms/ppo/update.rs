@@ -12,8 +12,8 @@ use rand::seq::SliceRandom;
 
 use super::loss::{Losses, Weights, loss_and_gradient};
 use super::memory::{Memory, Sample};
+use crate::config::PpoConfig;
 use crate::policy::PolicyStack;
-use dials_config::PpoConfig;
 use dials_core::base::{Dice, Phase, Stopwatch};
 use stacknets::{Adam, Learner, Sequences, Trace};
 
@@ -196,7 +196,7 @@ mod tests {
     use rand::Rng;
 
     use super::*;
-    use dials_config::PolicyConfig;
+    use crate::config::PolicyConfig;
     use dials_core::base::{AgentId, Seed};
     use dials_core::domain::{RegionSpec, SourceSpec};
 

@@ -14,11 +14,11 @@ use super::desk::{Desk, Seat};
 use super::letter::Letter;
 use super::luggage::{Luggage, from_the_run_directory};
 use super::post::Post;
+use crate::config::RunConfig;
 use crate::fleet::bell::Bell;
 use crate::fleet::channel::{decode, encode};
 use crate::fleet::children::log_of;
 use crate::fleet::link::{Crew, Frame, Link, News};
-use dials_config::Config;
 use dials_core::outside::Directory;
 
 /// Time in which the relays must end at the end of a run.
@@ -45,7 +45,7 @@ pub struct Prepared {
 /// The run whose workers are to be started.
 pub struct Job<'a> {
     /// Config as it was loaded from the run directory.
-    pub config: &'a Config,
+    pub config: &'a RunConfig,
     pub directory: &'a Directory,
     /// Folder of the run directory with the files that workers need.
     pub networks: &'a str,
@@ -67,7 +67,7 @@ impl Ranks {
 
     /// Sends all ranks what they need for a run, and waits until they are prepared. Returns them, and the config that
     /// their workers need.
-    pub fn prepare(&mut self, job: Job) -> Result<(Vec<Prepared>, Config)> {
+    pub fn prepare(&mut self, job: Job) -> Result<(Vec<Prepared>, RunConfig)> {
         let config = from_the_run_directory(job.config, job.directory)?;
         self.logs = Some(job.directory.clone());
         let mut desk = self.desk.borrow_mut();

@@ -3,7 +3,7 @@
 use std::time::Duration;
 
 use super::crew::{Fate, FateAt};
-use super::{coins, config, crew, train, undisturbed};
+use super::{coins, crew, train, undisturbed};
 use crate::fleet::message::WorkerReport;
 use dials_core::base::{Activity, Ragged, Timesheet};
 use dials_core::domain::Measures;

@@ -26,8 +26,8 @@ use serde_json::Value;
 
 use super::files;
 use super::growing::Mark;
+use crate::config::resume::{from_json, to_json};
 use content::{OtherFormat, Part, seal, unseal};
-use dials_config::resume::{from_json, to_json};
 use dials_core::base::{AgentId, Dice, Ragged};
 use dials_core::outside::Directory;
 use dials_learn::algorithms::{self, Layout, Tables};
@@ -169,11 +169,14 @@ impl Checkpoint {
         })?;
         owner.check(&config, &scenario, progress.standing.until)?;
 
-        let layouts: Vec<Layout> =
-            owner.kinds.iter().map(|kind| algorithms::of(&config).layout(&config, kind, steps)).collect();
+        let layouts: Vec<Layout> = owner
+            .kinds
+            .iter()
+            .map(|kind| algorithms::of(&config.learning).layout(&config.learning, kind, steps))
+            .collect();
         let names = layouts[0].numbers.iter().map(|table| format!("{LEARNERS}{}", table.name));
         let parts = Parts::of(parts, [POLICIES, AIPS].map(str::to_owned).into_iter().chain(names))?;
-        let widths = Widths::of(&owner.config, &owner.kinds);
+        let widths = Widths::of(&owner.config.learning, &owner.kinds);
         let numbers = layouts[0].numbers.iter().enumerate().map(|(index, table)| {
             let of_agent = |agent| layouts[owner.kinds.place(agent).kind].numbers[index].width;
             let widths: Vec<usize> = AgentId::all(owner.kinds.agents()).into_iter().map(of_agent).collect();
@@ -190,9 +193,9 @@ impl Checkpoint {
             aips: parts.rows(AIPS, &widths.aips)?,
             streams,
         };
-        check_standing(&progress.standing, &agents, progress.elapsed_s, &config)?;
+        check_standing(&progress.standing, &agents, progress.elapsed_s, &config.learning)?;
         let everybody = 0..owner.kinds.agents();
-        let fit = Fit { config: &config, kinds: &owner.kinds, widths: &widths, agents: everybody };
+        let fit = Fit { config: &config.learning, kinds: &owner.kinds, widths: &widths, agents: everybody };
         fit.check(&agents)?;
         fit.check_numbers(&agents)?;
         let unknown = progress.growing.keys().find(|name| !files::GROWING.contains(&name.as_str()));
@@ -292,7 +295,7 @@ mod tests {
     #[test]
     fn the_newest_three_are_kept_and_files_of_other_names_are_left_alone() {
         let dir = tempfile::tempdir().unwrap();
-        let owner = Owner::of(&dials_config::Config::default(), &Coins::new(4)).unwrap();
+        let owner = Owner::of(&crate::config::RunConfig::default(), &Coins::new(4)).unwrap();
         let folder = Directory::open(dir.path()).unwrap();
         let strangers = ["best.safetensors", "step_1.safetensors", "step_old_copy.safetensors"];
         strangers.iter().for_each(|name| std::fs::write(dir.path().join(name), "mine").unwrap());
@@ -317,7 +320,7 @@ mod tests {
     #[test]
     fn a_damaged_checkpoint_says_whether_there_is_one_before_it() {
         let dir = tempfile::tempdir().unwrap();
-        let owner = Owner::of(&dials_config::Config::default(), &Coins::new(4)).unwrap();
+        let owner = Owner::of(&crate::config::RunConfig::default(), &Coins::new(4)).unwrap();
         let folder = Directory::open(dir.path()).unwrap();
         [128, 256].iter().for_each(|&steps| std::fs::write(dir.path().join(name_of(steps)), "mine").unwrap());
         let told = |steps| format!("{:#}", Checkpoint::read(&folder, &name_of(steps), &owner).err().unwrap());
@@ -345,9 +348,9 @@ mod tests {
 
     #[test]
     fn the_limit_of_a_file_leaves_room_for_all_that_a_run_can_hold() {
-        let config: dials_config::Config = toml::from_str("local_simulators.copies = 4\n").unwrap();
+        let config: crate::config::RunConfig = toml::from_str("local_simulators.copies = 4\n").unwrap();
         let owner = Owner::of(&config, &Coins::new(300)).unwrap();
-        let Widths { policies, aips } = Widths::of(&config, &owner.kinds);
+        let Widths { policies, aips } = Widths::of(&config.learning, &owner.kinds);
         let values: usize = 3 * policies.iter().sum::<usize>() + aips.iter().sum::<usize>();
         let streams = owner.kinds.agents() * 4 * 300;
         assert!(most_bytes(&owner) > (4 * values + streams) as u64);

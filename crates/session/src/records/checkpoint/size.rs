@@ -11,17 +11,18 @@ pub fn most_bytes(owner: &Owner) -> u64 {
     const HEADER: u64 = 1 << 20;
     /// The longest number in postcard's format.
     const NUMBER: u64 = 10;
-    let Widths { policies, aips } = Widths::of(&owner.config, &owner.kinds);
+    let Widths { policies, aips } = Widths::of(&owner.config.learning, &owner.kinds);
     let sum = |widths: &[usize]| widths.iter().map(|&width| width as u64).sum::<u64>();
     let dice = 4 * NUMBER;
     let of_kind = |kind: &Kind| {
-        let learner = algorithms::of(&owner.config).layout(&owner.config, kind, owner.config.end());
+        let learner =
+            algorithms::of(&owner.config.learning).layout(&owner.config.learning, kind, owner.config.learning.end());
         let numbers: u64 = learner.numbers.iter().map(|table| 4 * table.width as u64).sum();
         let learner = numbers + learner.dice.iter().map(|(_, count)| NUMBER + *count as u64 * dice).sum::<u64>();
         let spec = &kind.spec;
         let trail = 5 * NUMBER + (spec.horizon.max(spec.local_horizon) * (1 + spec.sources.count())) as u64;
         let row = trail + dice + NUMBER + 8;
-        kind.agents.len() as u64 * (learner + NUMBER + owner.config.copies() as u64 * row)
+        kind.agents.len() as u64 * (learner + NUMBER + owner.config.learning.copies() as u64 * row)
     };
     HEADER + 4 * (sum(&policies) + sum(&aips)) + NUMBER + owner.kinds.iter().map(of_kind).sum::<u64>()
 }
