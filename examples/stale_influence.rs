@@ -70,8 +70,7 @@ pub fn run(config: &str, episodes: usize) -> Result<[Met; 5]> {
     };
     let traffic = Traffic::open(table)?;
     let untrained = in_process(Arc::new(traffic.clone()), config.clone(), Rc::new(Silent))?.agents().policies.clone();
-    let mut untrained =
-        JointPolicyController::new(traffic.kinds(), &config.learning.policy, &untrained, Selection::Sampled);
+    let mut untrained = JointPolicyController::new(traffic.kinds(), &config.learning, &untrained, Selection::Sampled);
     let (_, stale) = play(&traffic, &mut untrained, Seed::new(1), episodes)?;
     let (truth, fresh) = play(&traffic, &mut GapOut, Seed::new(2), episodes)?;
     println!("{:<32} {:>8} {:>9} {:>11} {:>8}", "", "return", "arrivals", "dispersion", "nobody");

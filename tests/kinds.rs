@@ -152,7 +152,7 @@ fn the_aips_of_both_kinds_learn_the_closed_form_influence() {
 
     // The saved policies play as well as the trained ones.
     for selection in [Selection::Sampled, Selection::Greedy] {
-        let mut acting = JointPolicyController::new(domain.kinds(), &config.policy, &policies, selection);
+        let mut acting = JointPolicyController::new(domain.kinds(), &config, &policies, selection);
         let mut gs = domain.global_simulator().unwrap();
         let returns = play(&mut *gs, &mut acting, Seed::new(9)).unwrap().returns;
         assert!(returns.iter().all(|&total| total > 0.9 * HORIZON as f64), "{returns:?}");
@@ -165,7 +165,7 @@ fn a_masked_action_is_never_chosen() {
     let policies = in_process(domain.clone(), config.clone(), Rc::new(Silent)).unwrap().agents().policies.clone();
     let mut gs = domain.global_simulator().unwrap();
     for selection in [Selection::Sampled, Selection::Greedy] {
-        let mut acting = JointPolicyController::new(domain.kinds(), &config.policy, &policies, selection);
+        let mut acting = JointPolicyController::new(domain.kinds(), &config, &policies, selection);
         let mut actions = [0; 4];
         for episode in 0..20 {
             let seed = Seed::new(5).for_episode(episode);

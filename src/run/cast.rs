@@ -72,7 +72,7 @@ impl ReplayedEpisode {
             Some(word) => {
                 let agent = agent_called(&*run.domain, word, "--local")?;
                 let (spec, policy) = (&run.domain.kinds().of(agent).spec, run.policies.pick([agent.0]).into_rows());
-                let policy = StackController::new(spec, &run.config.learning.policy, &policy, selection);
+                let policy = StackController::new(spec, &run.config.learning, &policy, selection);
                 Cast::Local { agent, policy, aip: directory::read_aips(subject, &run.config, &*run.domain, &[agent])? }
             }
         };

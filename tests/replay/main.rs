@@ -112,7 +112,7 @@ fn sumo_plays_the_replay_of_trained_policies_as_the_episode_was() {
         |traffic| {
             let layout = JointLayout::of_policies(traffic.kinds(), &config.learning.policy);
             let policies = layout.read(&run.join("policies.safetensors")).unwrap();
-            Some(JointPolicyController::new(traffic.kinds(), &config.learning.policy, &policies, Selection::Sampled))
+            Some(JointPolicyController::new(traffic.kinds(), &config.learning, &policies, Selection::Sampled))
         },
         "",
     );

@@ -145,7 +145,7 @@ impl Worker {
         let policies = self.joint.take().context("no policies were sent before this step")?;
         let (begun, mut watch) = (Instant::now(), Stopwatch::default());
         let mut simulator = Timed::new(watch.time(Phase::Loading, || self.domain.global_simulator())?);
-        let (kinds, config) = (self.domain.kinds(), &self.config.policy);
+        let (kinds, config) = (self.domain.kinds(), &self.config);
         let mut controller =
             TimedController::new(JointPolicyController::new(kinds, config, &policies, Selection::Sampled));
         let mut reporting = Reporting::new(&mut controller, observer, activity, episodes.len() * kinds.horizon());

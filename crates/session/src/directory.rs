@@ -192,7 +192,7 @@ pub fn check(path: &Path) -> Result<()> {
 impl TrainedRun {
     /// Returns the policies as a controller for the global simulator (GS).
     pub fn controller(&self, selection: Selection) -> JointPolicyController {
-        JointPolicyController::new(self.domain.kinds(), &self.config.learning.policy, &self.policies, selection)
+        JointPolicyController::new(self.domain.kinds(), &self.config.learning, &self.policies, selection)
     }
 }
 

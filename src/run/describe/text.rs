@@ -6,6 +6,7 @@ use crate::run::listing::{line, list_columns, paragraph};
 use dials_core::base::counted;
 use dials_core::domain::RegionSpec;
 use dials_core::outside::quoted;
+use dials_learn::algorithms;
 use dials_learn::config::Simulator;
 use dials_report::words::duration;
 use dials_session::experiment::estimate::Source;
@@ -93,7 +94,7 @@ fn run(text: &mut String, Described { config, work, .. }: &Described) {
         format_args!(
             "  {} steps per agent, {} updates of the policies",
             work.steps,
-            updates(work.steps, config.learning.ppo.memory)
+            updates(work.steps, algorithms::of(&config.learning).steps_per_update())
         ),
     );
     if let Some(controller) = &config.learning.policy.imitate {

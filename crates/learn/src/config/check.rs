@@ -2,14 +2,15 @@
 
 use anyhow::{Result, ensure};
 
-use super::{Config, Retrain, imitation, ppo};
+use super::{Config, Retrain, imitation};
+use crate::algorithms;
 
 impl Config {
     /// Checks what does not depend on the domain.
     pub fn check(&self) -> Result<()> {
         check_sizes(self)?;
         check_schedule(self)?;
-        ppo::check(self)?;
+        algorithms::of(self).check(self)?;
         check_networks(self)?;
         check_aip(self)?;
         imitation::check(self)
@@ -26,13 +27,10 @@ impl Config {
 
 /// Rejects sizes that must be typing errors: they would need more memory than any machine has, or overflow.
 fn check_sizes(config: &Config) -> Result<()> {
-    let Config { ppo, aip, imitation, .. } = config;
+    let Config { aip, imitation, .. } = config;
     let sizes = [
         (1_000_000_000_000_000, "total_steps", config.total_steps),
         (10_000, "local_simulators.copies", config.local_simulators.copies as u64),
-        (1_000_000, "ppo.rollout_steps", ppo.rollout_steps as u64),
-        (1_000_000, "ppo.memory", ppo.memory as u64),
-        (100_000, "ppo.epochs", ppo.epochs as u64),
         (10_000_000, "aip.dataset_steps", aip.dataset_steps as u64),
         (100_000, "aip.epochs", aip.epochs as u64),
         (100_000, "aip.patience", aip.patience.unwrap_or(0) as u64),
@@ -67,7 +65,7 @@ fn check_schedule(config: &Config) -> Result<()> {
     at_least(1, "evaluation.episodes", config.evaluation.episodes as u64, "20 give a standard error near 1")?;
     at_least(1, "evaluation.final_episodes", config.evaluation.final_episodes as u64, "100 is the default")?;
     at_least(1, "aip.retrain_every_steps", config.aip.retrain_every_steps, "the paper uses 100000 to 4000000")?;
-    let memory = config.ppo.memory as u64;
+    let (key_of_updates, per_update) = algorithms::of(config).updates();
     let checkpoints = config.checkpoints.every_steps.map(|every| ("checkpoints.every_steps", every));
     let averages = config.policy.average_every_steps.map(|every| ("policy.average_every_steps", every));
     for (key, every) in [
@@ -79,8 +77,8 @@ fn check_schedule(config: &Config) -> Result<()> {
     .chain(averages)
     {
         ensure!(
-            every >= memory,
-            "{key} = {every}: must be at least ppo.memory = {memory}, the timesteps between two updates of the policies"
+            every >= per_update,
+            "{key} = {every}: must be at least {key_of_updates} = {per_update}, the timesteps between two updates of the policies"
         );
         let periods = config.last_step() / every;
         ensure!(
@@ -185,22 +183,27 @@ pub fn held_out_episodes(episodes: usize, share: f64) -> usize {
     ((episodes as f64 * share) as usize).clamp(1, episodes - 1)
 }
 
-pub(super) fn at_least(least: u64, key: &str, value: u64, advice: &str) -> Result<()> {
+pub(crate) fn at_least(least: u64, key: &str, value: u64, advice: &str) -> Result<()> {
     ensure!(value >= least, "{key} = {value}: must be at least {least} ({advice})");
     Ok(())
 }
 
-pub(super) fn positive(key: &str, value: f64, advice: &str) -> Result<()> {
+pub(crate) fn at_most(most: u64, key: &str, value: u64) -> Result<()> {
+    ensure!(value <= most, "{key} = {value}: must be at most {most}");
+    Ok(())
+}
+
+pub(crate) fn positive(key: &str, value: f64, advice: &str) -> Result<()> {
     ensure!(value > 0.0 && value.is_finite(), "{key} = {value}: must be a positive number ({advice})");
     Ok(())
 }
 
-pub(super) fn not_negative(key: &str, value: f64, advice: &str) -> Result<()> {
+pub(crate) fn not_negative(key: &str, value: f64, advice: &str) -> Result<()> {
     ensure!(value >= 0.0 && value.is_finite(), "{key} = {value}: must not be negative ({advice})");
     Ok(())
 }
 
-pub(super) fn share(key: &str, value: f64, advice: &str) -> Result<()> {
+pub(crate) fn share(key: &str, value: f64, advice: &str) -> Result<()> {
     ensure!((0.0..=1.0).contains(&value), "{key} = {value}: must be between 0 and 1 ({advice})");
     Ok(())
 }

@@ -8,18 +8,19 @@
 //! - `check`: which values make sense. `seed`: seeds in files.
 //! - `schedule`: the periods of a run.
 
-mod check;
+pub(crate) mod check;
 mod imitation;
-mod ppo;
 mod schedule;
 mod seed;
 mod simulator;
 
 use serde::{Deserialize, Serialize};
 
+pub use crate::algorithms::AlgorithmName;
+pub use crate::algorithms::dqn::DqnConfig;
+pub use crate::algorithms::ppo::{PpoConfig, TimeLimit};
 pub use check::held_out_episodes;
 pub use imitation::ImitationConfig;
-pub use ppo::{PpoConfig, TimeLimit};
 pub use schedule::{AipTraining, Period, may_end_at, rest_of_schedule, schedule};
 pub use simulator::{Predictor, Simulator};
 
@@ -41,7 +42,12 @@ pub struct Config {
     pub gs: GsConfig,
     pub policy: PolicyConfig,
     pub imitation: ImitationConfig,
+    /// Algorithm that trains the policies.
+    #[serde(skip_serializing_if = "AlgorithmName::is_default")]
+    pub algorithm: AlgorithmName,
     pub ppo: PpoConfig,
+    #[serde(skip_serializing_if = "DqnConfig::is_default")]
+    pub dqn: DqnConfig,
     pub aip: AipConfig,
     pub evaluation: EvaluationConfig,
     pub checkpoints: CheckpointsConfig,
@@ -195,7 +201,9 @@ impl Default for Config {
             gs: GsConfig::default(),
             policy: PolicyConfig::default(),
             imitation: ImitationConfig::default(),
+            algorithm: AlgorithmName::default(),
             ppo: PpoConfig::default(),
+            dqn: DqnConfig::default(),
             aip: AipConfig::default(),
             evaluation: EvaluationConfig::default(),
             checkpoints: CheckpointsConfig::default(),
@@ -262,7 +270,7 @@ impl Config {
 
     /// Returns the timesteps per agent at the first update of the policies at or after a step.
     pub fn update_at_or_after(&self, step: u64) -> u64 {
-        step.checked_next_multiple_of(self.ppo.memory as u64).unwrap_or(u64::MAX)
+        step.checked_next_multiple_of(crate::algorithms::of(self).steps_per_update() as u64).unwrap_or(u64::MAX)
     }
 
     /// Returns the number of simulators per agent that the policies train on. The GS has one region of each agent.

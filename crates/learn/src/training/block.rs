@@ -54,7 +54,8 @@ pub fn initial_policies(domain: &dyn Domain, config: &Config, agents: &[AgentId]
     let kind = domain.kinds().of(agents[0]);
     let alike = config.begins_with_one_policy().then(|| vec![kind.agents[0]; agents.len()]);
     let agents = alike.as_deref().unwrap_or(agents);
-    PolicyStack::new(agents, &kind.spec, &config.policy, &domain.initial_action_bias(kind), seed)
+    let policies = PolicyStack::new(agents, &kind.spec, &config.policy, &domain.initial_action_bias(kind), seed);
+    policies.read_as(algorithms::of(config).reading())
 }
 
 /// Makes the first influence predictors of `agents`, which are of one kind.

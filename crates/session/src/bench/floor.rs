@@ -2,7 +2,8 @@
 
 use crate::config::RunConfig;
 use dials_core::domain::{Kinds, RegionSpec};
-use dials_learn::config::{TimeLimit, held_out_episodes};
+use dials_learn::algorithms;
+use dials_learn::config::held_out_episodes;
 use dials_learn::influence::{AipStack, sampling_flops};
 use dials_learn::policy::PolicyStack;
 use stacknets::Shape;
@@ -28,15 +29,12 @@ impl Flops {
 
     /// Returns the operations of an agent of one kind.
     fn of(config: &RunConfig, spec: &RegionSpec) -> Flops {
-        let (ppo, policy) = (&config.learning.ppo, PolicyStack::shape(spec, &config.learning.policy));
-        let acting = policy.forward_flops();
-        let update = ppo.epochs as f64 * (acting + policy.backward_flops(config.learning.sequence_length()));
-        // Besides every decision: the value after the last step of a rollout and, if it counts, of an episode.
-        let last_values = 1.0 / ppo.rollout_steps as f64
-            + if ppo.time_limit == TimeLimit::Bootstrap { 1.0 / config.training_horizon() as f64 } else { 0.0 };
+        let policy = PolicyStack::shape(spec, &config.learning.policy);
+        let learning =
+            algorithms::of(&config.learning).flops_per_step(&config.learning, &policy, config.training_horizon());
         let predictor = config.learning.simulator.predictor();
         let sampling = predictor.map_or(0.0, |choice| sampling_flops(choice, spec, &config.learning.aip));
-        Flops { training: update + (1.0 + last_values) * acting + sampling, acting }
+        Flops { training: learning + sampling, acting: policy.forward_flops() }
     }
 }
 

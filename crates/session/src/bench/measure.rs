@@ -7,6 +7,7 @@ use super::marginals::predict_marginals;
 use crate::config::RunConfig;
 use dials_core::base::{Activity, Phase, Stopwatch};
 use dials_core::domain::{Kinds, Result, RoughCosts};
+use dials_learn::algorithms;
 use dials_learn::config::{AipTraining, Period, Simulator};
 use dials_learn::influence::Dataset;
 use dials_learn::steps::collect::collect_datasets;
@@ -50,7 +51,7 @@ pub fn expected(config: &RunConfig, agents: usize, rough: &RoughCosts, workers: 
     let episode_s = (agents * config.horizon()) as f64 * rough.evaluation_s;
     let dataset_s = episode_s * config.learning.dataset_episodes(config.horizon()).div_ceil(workers) as f64;
     let step_s = if config.learning.simulator == Simulator::Global { rough.training_on_gs_s } else { rough.training_s };
-    let update_s = (agents * config.learning.ppo.memory) as f64 * step_s / workers as f64;
+    let update_s = (agents * algorithms::of(&config.learning).steps_per_update()) as f64 * step_s / workers as f64;
     let of_predictors = match config.learning.simulator.trains_predictors() {
         true => part(COLLECTION, dataset_s) + part(AIP_TRAINING, 0.0),
         false => Duration::ZERO,
@@ -145,7 +146,7 @@ pub fn measure(plan: &MeasurePlan<'_>, fleet: &mut impl Fleet, journal: &mut dyn
         bench.fleet.restore(state)?;
     }
     // The first update only shows how long one takes. The measurement starts again where it did.
-    let memory = plan.config.learning.ppo.memory as u64;
+    let memory = algorithms::of(&plan.config.learning).steps_per_update() as u64;
     let mut guess = Orders::default();
     let beginning = bench.fleet.agents().clone();
     bench.train(&mut guess, memory, agents)?;

@@ -2,11 +2,13 @@
 //!
 //! Rollouts fill a memory; a full memory makes an update. Every agent learns as if alone.
 //!
+//! - `config`: the table `[ppo]`.
 //! - `rollout`, `memory`, [`gae`]: decisions, with their advantages.
 //! - [`mod@update`], [`loss`]: the gradient steps.
 //!
 //! Source: Schulman et al. 2017; constants: DIALS paper, appendix "Hyperparameters".
 
+mod config;
 pub mod gae;
 pub mod loss;
 mod memory;
@@ -14,15 +16,16 @@ mod rollout;
 pub mod update;
 
 use super::{Algorithm, Layout, Learner, Metrics, NumberTable, Tables};
-use crate::config::{Config, PpoConfig};
-use crate::policy::PolicyStack;
+use crate::config::Config;
+use crate::policy::{PolicyStack, Reading};
 use crate::training::environment::Experience;
+pub use config::{PpoConfig, TimeLimit};
 use dials_core::base::{AgentId, Dice, Ragged, RandomPurpose, Seed, Stopwatch};
-use dials_core::domain::{Action, Kind, Percept, RegionSpec};
+use dials_core::domain::{Action, Kind, Percept, RegionSpec, Result};
 use loss::Losses;
 pub use memory::{Memory, Sample};
 use rollout::Rollout;
-use stacknets::{Adam, Moments};
+use stacknets::{Adam, Moments, Shape};
 use update::{Decayed, Learns, Settings, update};
 
 /// Names of the tables of [`Ppo`], as in checkpoints.
@@ -34,8 +37,16 @@ const MINIBATCHES: &str = "minibatches";
 const GRADIENT_STEPS: &str = "gradient_steps";
 
 impl Algorithm for PpoConfig {
-    fn steps_per_update(&self) -> usize {
-        self.memory
+    fn check(&self, config: &Config) -> Result<()> {
+        config::check(config)
+    }
+
+    fn updates(&self) -> (&'static str, u64) {
+        ("ppo.memory", self.memory as u64)
+    }
+
+    fn reading(&self) -> Reading {
+        Reading::Probabilities
     }
 
     fn learner(
@@ -69,6 +80,15 @@ impl Algorithm for PpoConfig {
             dice: vec![(ACTING, config.copies()), (MINIBATCHES, 1)],
             counts: vec![(GRADIENT_STEPS, gradient_steps(steps, config, kind))],
         }
+    }
+
+    fn flops_per_step(&self, config: &Config, shape: &Shape, horizon: usize) -> f64 {
+        let acting = shape.forward_flops();
+        let update = self.epochs as f64 * (acting + shape.backward_flops(config.sequence_length()));
+        // Besides every decision: the value after the last step of a rollout and, if it counts, of an episode.
+        let last_values = 1.0 / self.rollout_steps as f64
+            + if self.time_limit == TimeLimit::Bootstrap { 1.0 / horizon as f64 } else { 0.0 };
+        update + (1.0 + last_values) * acting
     }
 
     fn learning_rate_key(&self, config: &Config, steps: u64) -> &'static str {

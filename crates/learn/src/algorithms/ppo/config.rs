@@ -3,8 +3,8 @@
 use anyhow::{Result, ensure};
 use serde::{Deserialize, Serialize};
 
-use super::Config;
-use super::check::{at_least, not_negative, positive, share};
+use crate::config::Config;
+use crate::config::check::{at_least, at_most, not_negative, positive, share};
 
 /// Settings of PPO, as in Schulman et al. 2017.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -75,6 +75,9 @@ impl Default for PpoConfig {
 /// Checks the table, and what depends on it.
 pub(super) fn check(config: &Config) -> Result<()> {
     let ppo = &config.ppo;
+    at_most(1_000_000, "ppo.rollout_steps", ppo.rollout_steps as u64)?;
+    at_most(1_000_000, "ppo.memory", ppo.memory as u64)?;
+    at_most(100_000, "ppo.epochs", ppo.epochs as u64)?;
     at_least(1, "ppo.rollout_steps", ppo.rollout_steps as u64, "the paper uses 16")?;
     at_least(1, "ppo.epochs", ppo.epochs as u64, "the paper uses 3")?;
     // The advantages of a minibatch are divided by their unbiased standard deviation.
