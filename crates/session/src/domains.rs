@@ -172,7 +172,7 @@ pub fn check_for_training(config: &RunConfig) -> Result<Arc<dyn Domain>> {
         !config.learning.gs.shared_policy || config.learning.simulator == Simulator::Global,
         "gs.shared_policy = true: is for training on the GS, and here simulator = \"{}\"; remove it, or train with \
          --simulator gs (in local simulators policy.average_every_steps gives all agents the mean of their policies)",
-        config.learning.simulator.name()
+        config.learning.short_form().name
     );
     let domain = check(config)?;
     if config.learning.simulator != Simulator::Global {

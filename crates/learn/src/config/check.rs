@@ -17,7 +17,7 @@ impl Config {
 
     /// Checks the datasets: whether episodes of this many steps fill the batches.
     pub fn check_datasets(&self, horizon: usize) -> Result<()> {
-        if self.simulator.trains_predictors() {
+        if self.trains_predictors() {
             check_datasets(self, horizon)?;
         }
         imitation::check_episodes(self, horizon)
@@ -132,7 +132,7 @@ fn check_networks(config: &Config) -> Result<()> {
 
 fn check_aip(config: &Config) -> Result<()> {
     let aip = &config.aip;
-    at_least(1, "aip.epochs", aip.epochs as u64, "for AIPs that are never trained: simulator = \"untrained-dials\"")?;
+    at_least(1, "aip.epochs", aip.epochs as u64, "for AIPs that are never trained: predictor = \"untrained\"")?;
     at_least(1, "aip.dataset_steps", aip.dataset_steps as u64, "the paper uses 10000")?;
     at_least(1, "aip.batch", aip.batch as u64, "the paper uses 128")?;
     positive("aip.learning_rate", aip.learning_rate, "the paper uses 1e-4")?;
@@ -148,8 +148,7 @@ fn check_aip(config: &Config) -> Result<()> {
     );
     not_negative("aip.drift_threshold", aip.drift_threshold, "percent of the loss; 1.5 is the default")?;
     ensure!(
-        !(config.simulator.trains_predictors() && aip.retrain == Retrain::Drift)
-            || config.evaluation.aip_loss_episodes > 0,
+        !(config.trains_predictors() && aip.retrain == Retrain::Drift) || config.evaluation.aip_loss_episodes > 0,
         "aip.retrain = \"drift\": needs the loss of the AIPs at evaluations; set evaluation.aip_loss_episodes, to 4 \
          for traffic or 20 for the warehouse"
     );

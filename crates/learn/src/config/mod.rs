@@ -21,7 +21,7 @@ pub use check::held_out_episodes;
 pub use imitation::ImitationConfig;
 pub use ppo::{PpoConfig, TimeLimit};
 pub use schedule::{AipTraining, Period, may_end_at, rest_of_schedule, schedule};
-pub use simulator::{Predictor, Simulator};
+pub use simulator::{Predictor, SHORT_FORMS, ShortForm, Simulator};
 
 /// How agents learn, and when AIPs (approximate influence predictors) are retrained and policies evaluated.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -32,6 +32,8 @@ pub struct Config {
     pub seed: u64,
     /// What the policies train on.
     pub simulator: Simulator,
+    /// What predicts the influence in local simulators.
+    pub predictor: Predictor,
     /// Timesteps per agent, summed over its copies. Learning rate and clip decay over them.
     pub total_steps: u64,
     /// Timesteps per agent after which to stop early. The decay is still over `total_steps`.
@@ -189,6 +191,7 @@ impl Default for Config {
         Config {
             seed: 1,
             simulator: Simulator::default(),
+            predictor: Predictor::default(),
             total_steps: 4_000_000,
             stop_at_steps: None,
             local_simulators: LocalSimulatorsConfig::default(),
@@ -273,7 +276,7 @@ impl Config {
     /// Returns the choice of predictor. The GS uses none; there it is the default, so that every run has the same
     /// state.
     pub fn predictor(&self) -> Predictor {
-        self.simulator.predictor().unwrap_or_default()
+        self.predictor_in_use().unwrap_or_default()
     }
 
     /// Returns whether the loss of the influence predictors is measured. On the GS there are none.

@@ -34,7 +34,7 @@ impl Flops {
         // Besides every decision: the value after the last step of a rollout and, if it counts, of an episode.
         let last_values = 1.0 / ppo.rollout_steps as f64
             + if ppo.time_limit == TimeLimit::Bootstrap { 1.0 / config.training_horizon() as f64 } else { 0.0 };
-        let predictor = config.learning.simulator.predictor();
+        let predictor = config.learning.predictor_in_use();
         let sampling = predictor.map_or(0.0, |choice| sampling_flops(choice, spec, &config.learning.aip));
         Flops { training: update + (1.0 + last_values) * acting + sampling, acting }
     }

@@ -167,7 +167,8 @@ mod tests {
     #[test]
     fn the_choices_of_a_key_are_those_of_the_program() {
         for (key, choices) in [
-            ("simulator", "dials gs untrained-dials marginal-dials"),
+            ("simulator", "local gs"),
+            ("predictor", "aip marginals untrained"),
             ("ppo.time_limit", "terminal bootstrap"),
             ("traffic.d_set", "cells cells+arrivals cells+light"),
             ("traffic.entry", "reference max"),

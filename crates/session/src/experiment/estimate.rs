@@ -176,12 +176,14 @@ mod tests {
     use crate::records::run_record::{EvaluationRecord, MemoryRecord, PeriodTime, Returns};
     use dials_core::domain::Scenario;
     use dials_core::outside::FileName;
+    use dials_learn::config::ShortForm;
     use std::path::PathBuf;
 
     /// Episodes of 10 steps, 2 per evaluation and 8 per dataset.
     fn config(simulator: &str, total_steps: u64) -> RunConfig {
+        let keys = ShortForm::called(simulator).unwrap().keys();
         let text = format!(
-            "simulator = '{simulator}'\ntotal_steps = {total_steps}\n[warehouse]\nagents_per_side = 2\nhorizon = 10\n\
+            "{keys}total_steps = {total_steps}\n[warehouse]\nagents_per_side = 2\nhorizon = 10\n\
              [aip]\nretrain_every_steps = 1000\ndataset_steps = 80\n[evaluation]\nevery_steps = 1000\nepisodes = 2\nfinal_episodes = 2"
         );
         toml::from_str(&text).unwrap()
