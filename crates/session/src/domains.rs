@@ -9,6 +9,7 @@ use super::trial;
 use crate::config::RunConfig;
 use crate::records::files;
 use crate::terminal::tell;
+use schemars::{Schema, SchemaGenerator};
 use serde::Serialize;
 use serde::de::MapAccess;
 
@@ -50,6 +51,11 @@ macro_rules! domains {
                 match self {
                     $(DomainConfig::$variant(table) => table,)*
                 }
+            }
+
+            /// Returns the schema of each table, in the order of the names.
+            pub(crate) fn schemas(generator: &mut SchemaGenerator) -> Vec<Schema> {
+                vec![$(generator.subschema_for::<$table>()),*]
             }
 
             /// Reads the table of this name.

@@ -1,12 +1,13 @@
 //! What the policies train on: which simulators, and for local ones, what predicts the influence on them.
 
+use schemars::JsonSchema;
 use serde::de::Error;
 use serde::{Deserialize, Deserializer, Serialize};
 
 use super::Config;
 
 /// Simulators that the policies train on.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 pub enum Simulator {
     /// The global simulator.
     #[serde(rename = "gs")]
@@ -18,7 +19,7 @@ pub enum Simulator {
 }
 
 /// Predictor of the influence on a local region.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 pub enum Predictor {
     /// Approximate influence predictors (AIPs) that are trained every F steps.
     #[default]
