@@ -9,7 +9,7 @@ use std::time::Duration;
 use dials_core::base::{AgentId, Seed};
 use dials_core::domain::{Controller, Domain, Result};
 use dials_core::outside::Directory;
-use dials_learn::config::{AipTraining, Config, Period, schedule};
+use dials_learn::config::{AipTraining, Config, Period, ShortForm, schedule};
 use dials_learn::evaluation::play;
 use dials_learn::influence::Dataset;
 use dials_learn::policy::{JointPolicyController, PolicyStack, Selection};
@@ -49,7 +49,7 @@ fn domain() -> Arc<dyn Domain> {
 }
 
 fn config(simulator: &str) -> Config {
-    toml::from_str(&format!("simulator = '{simulator}'\n{CONFIG}")).unwrap()
+    toml::from_str(&format!("{}{CONFIG}", ShortForm::called(simulator).unwrap().keys())).unwrap()
 }
 
 /// Gamma is small because rewards follow at once.
@@ -128,7 +128,7 @@ fn the_aips_of_both_kinds_learn_the_closed_form_influence() {
     assert!(column(dir.path(), files::AIP_LOSS, &["0", "1"], "frequency").is_empty(), "a coin has no second source");
 
     // The report can read the run, and other programs can open the tensors.
-    fs::write(dir.path().join(files::CONFIG), format!("simulator = 'dials'\n{CONFIG}")).unwrap();
+    fs::write(dir.path().join(files::CONFIG), format!("simulator = 'local'\n{CONFIG}")).unwrap();
     let about = RunJson { scenario: Some(domain().scenario().unwrap()), ..RunJson::default() };
     about.write(&Directory::open(dir.path()).unwrap()).unwrap();
     let record = RunRecord::read(dir.path()).unwrap();

@@ -6,7 +6,7 @@ use std::sync::Arc;
 
 use dials_core::domain::{Domain, Result};
 use dials_core::outside::Directory;
-use dials_learn::config::Config;
+use dials_learn::config::{Config, ShortForm};
 use dials_learn::training::dials;
 use dials_learn::training::observer::Silent;
 use dials_learn::training::standing::Standing;
@@ -23,8 +23,9 @@ const HORIZON: usize = 50;
 /// Makes a config. Gamma is small because rewards follow at once: long returns would hide them in the shared hidden
 /// layer.
 fn config(simulator: &str) -> Config {
+    let keys = ShortForm::called(simulator).unwrap().keys();
     toml::from_str(&format!(
-        "seed = 3\nsimulator = '{simulator}'\ntotal_steps = 30000\n\
+        "{keys}seed = 3\ntotal_steps = 30000\n\
          local_simulators = {{ copies = 4, stagger = true }}\n\
          policy = {{ hidden = [16] }}\n\
          ppo = {{ time_limit = 'bootstrap', learning_rate = 3e-3, gamma = 0.5 }}\n\

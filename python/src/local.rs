@@ -73,15 +73,16 @@ impl Local {
                 );
                 let predictor = directory::read_aips(&path, &of_run, &*domain, &agents)?;
                 config.learning.simulator = of_run.learning.simulator;
+                config.learning.predictor = of_run.learning.predictor;
                 config.learning.aip = of_run.learning.aip;
                 predictor
             }
             PredictorRequest::Untrained => {
-                config.learning.simulator = Simulator::Local(Predictor::Untrained);
+                (config.learning.simulator, config.learning.predictor) = (Simulator::Local, Predictor::Untrained);
                 initial_aips(&*domain, &config.learning, &agents)
             }
             PredictorRequest::Marginals => {
-                config.learning.simulator = Simulator::Local(Predictor::Marginals);
+                (config.learning.simulator, config.learning.predictor) = (Simulator::Local, Predictor::Marginals);
                 fitted(&domain, &config, &agents)?
             }
         };

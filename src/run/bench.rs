@@ -14,7 +14,7 @@ use crate::program::PROGRAM;
 use dials_core::base::counted;
 use dials_core::domain::Domain;
 use dials_core::outside::{Directory, temporary_dir};
-use dials_learn::config::{Predictor, Simulator};
+use dials_learn::config::Predictor;
 use dials_learn::training::observer::Interrupted;
 use dials_session::bench::costs::{Costs, Steps};
 use dials_session::bench::measure::{MeasurePlan, expected, measure, short_orders};
@@ -41,8 +41,8 @@ const PATIENCE: Duration = Duration::from_secs(600);
 pub fn bench(args: &cli::BenchArgs) -> Result<()> {
     #[cfg(feature = "torch")]
     super::blas::keep_to_one_thread();
-    let config = load(&args.config, &settings_with(&args.settings, args.simulator)).map_err(Error::Usage)?;
-    if config.learning.simulator == Simulator::Local(Predictor::Marginals) {
+    let config = load(&args.config, &settings_with(&args.settings, args.simulator.as_deref())).map_err(Error::Usage)?;
+    if config.learning.predictor_in_use() == Some(Predictor::Marginals) {
         let reason = "marginal-dials costs the same as dials without the training of AIPs; measure dials instead";
         return Err(Error::Usage(anyhow!("{}: {reason}", args.config.display())));
     }
@@ -160,7 +160,7 @@ fn as_json(
 ) -> anyhow::Result<String> {
     let object = json!({
         "config": dials_core::outside::path_as_text(&args.config),
-        "simulator": config.learning.simulator,
+        "simulator": config.learning.short_form().name,
         "agents": domain.agents(),
         "timesteps_per_agent": config.learning.last_step(),
         "seconds_per_fleet": args.seconds,

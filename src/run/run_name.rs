@@ -19,7 +19,7 @@ pub fn default_dir(config_path: &Path, config: &RunConfig, settings: &[String]) 
     let settings = listed(settings);
     Path::new("runs").join(format!(
         "{folder}{name}-{}{settings}-seed{}",
-        config.learning.simulator.name(),
+        config.learning.short_form().name,
         config.learning.seed
     ))
 }
@@ -41,8 +41,9 @@ fn listed(settings: &[String]) -> String {
     let mut kept: Vec<(&str, &str)> = Vec::new();
     for (key, value) in settings.iter().filter_map(|setting| setting.split_once('=')) {
         let (key, value) = (key.trim(), value.trim());
-        // The name says the first two elsewhere.
-        let said = ["seed", "simulator"].contains(&key) || CHANGEABLE.iter().any(|changeable| changeable.key == key);
+        // The name says the first three elsewhere.
+        let said = ["seed", "simulator", "predictor"].contains(&key)
+            || CHANGEABLE.iter().any(|changeable| changeable.key == key);
         kept.retain(|(other, _)| *other != key);
         if !said {
             kept.push((key, value));

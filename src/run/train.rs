@@ -6,7 +6,6 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use anyhow::anyhow;
-use clap::ValueEnum;
 
 use super::other_end::{end_at, has_ended, tell_of_lost_evaluation};
 use super::run_name::default_dir;
@@ -200,7 +199,7 @@ impl Run {
              sampled policies; +-: half of a 95 % interval over an evaluation's episodes",
             domain.scenario()?.id.word(),
             counted(domain.agents(), "agent"),
-            config.learning.simulator.name(),
+            config.learning.short_form().name,
             config.learning.end(),
             directory.path().display()
         ))
@@ -266,7 +265,7 @@ fn most_workers(config: &RunConfig, agents: usize) -> usize {
 
 /// Returns the flags that override keys of the config, as `KEY=VALUE` settings.
 fn settings(args: &cli::TrainArgs) -> Vec<String> {
-    let mut settings = settings_with(&args.settings, args.simulator);
+    let mut settings = settings_with(&args.settings, args.simulator.as_deref());
     settings.extend(args.seed.map(|seed| format!("seed={seed}")));
     settings.extend(args.steps.map(|steps| format!("stop_at_steps={steps}")));
     settings.extend(args.tensorboard.then(|| "logging.tensorboard=true".to_owned()));
@@ -274,10 +273,8 @@ fn settings(args: &cli::TrainArgs) -> Vec<String> {
 }
 
 /// Returns the settings of `--set`, and `--simulator` as a setting.
-pub fn settings_with(settings: &[String], simulator: Option<cli::SimulatorName>) -> Vec<String> {
-    let simulator = simulator.and_then(|kind| kind.to_possible_value());
-    let simulator = simulator.map(|kind| format!("simulator={}", kind.get_name()));
-    settings.iter().cloned().chain(simulator).collect()
+pub fn settings_with(settings: &[String], simulator: Option<&str>) -> Vec<String> {
+    settings.iter().cloned().chain(simulator.map(|name| format!("simulator={name}"))).collect()
 }
 
 /// Returns the default number of workers: one per core.

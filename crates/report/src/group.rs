@@ -367,7 +367,7 @@ mod tests {
         let short: Vec<String> = comparison.groups.iter().map(|group| comparison.short_label(group)).collect();
         assert_eq!(short, ["DIALS F=1M", "DIALS once", "aip.epochs=1", "copies=2", "ppo.epochs=1"]);
         assert_eq!(ablation(&["", "ppo.clip = 0.2"]).reference, None, "neither is the usual one");
-        assert_eq!(ablation(&["", "simulator = 'gs'", "simulator = 'untrained-dials'"]).reference, None);
+        assert_eq!(ablation(&["", "simulator = 'gs'", "predictor = 'untrained'"]).reference, None);
         assert_eq!(ablation(&[""]).reference, None, "there is nothing to compare it with");
     }
 

@@ -145,7 +145,7 @@ pub fn read_aips(
     domain: &dyn Domain,
     agents: &[AgentId],
 ) -> Result<Box<dyn TrainablePredictor>> {
-    let choice = config.learning.simulator.predictor().with_context(|| {
+    let choice = config.learning.predictor_in_use().with_context(|| {
         format!("{}: was trained on the GS and has no AIPs, so its local simulators cannot be played", path.display())
     })?;
     let mut aips = initial_aips(domain, &config.learning, agents);

@@ -9,6 +9,7 @@ use super::trial;
 use crate::config::RunConfig;
 use crate::records::files;
 use crate::terminal::tell;
+use schemars::{Schema, SchemaGenerator};
 use serde::Serialize;
 use serde::de::MapAccess;
 
@@ -50,6 +51,11 @@ macro_rules! domains {
                 match self {
                     $(DomainConfig::$variant(table) => table,)*
                 }
+            }
+
+            /// Returns the schema of each table, in the order of the names.
+            pub(crate) fn schemas(generator: &mut SchemaGenerator) -> Vec<Schema> {
+                vec![$(generator.subschema_for::<$table>()),*]
             }
 
             /// Reads the table of this name.
@@ -172,7 +178,7 @@ pub fn check_for_training(config: &RunConfig) -> Result<Arc<dyn Domain>> {
         !config.learning.gs.shared_policy || config.learning.simulator == Simulator::Global,
         "gs.shared_policy = true: is for training on the GS, and here simulator = \"{}\"; remove it, or train with \
          --simulator gs (in local simulators policy.average_every_steps gives all agents the mean of their policies)",
-        config.learning.simulator.name()
+        config.learning.short_form().name
     );
     let domain = check(config)?;
     if config.learning.simulator != Simulator::Global {

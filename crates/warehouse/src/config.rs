@@ -3,6 +3,7 @@
 use std::sync::Arc;
 
 use anyhow::ensure;
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::Warehouse;
@@ -11,14 +12,17 @@ use dials_core::domain::{Domain, DomainTable, Result};
 /// Largest side. A larger one is a typing error and would need more memory than any machine has.
 const MOST_PER_SIDE: usize = 100;
 
-/// Settings of the warehouse domain.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+/// The warehouse: robots that fetch items.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct WarehouseConfig {
-    /// Side of the square of learning robots. A ring of other robots surrounds it.
+    /// Number of learning robots along a side of their square. A ring of other robots, which go for the closest item,
+    /// surrounds it.
+    #[schemars(extend("source" = "C"))]
     pub agents_per_side: usize,
     /// Number of steps of an episode.
     #[serde(default = "default_horizon")]
+    #[schemars(extend("source" = "C"))]
     pub horizon: usize,
 }
 

@@ -29,7 +29,8 @@ fn agents(text: &mut String, Described { path, config, domain, tasks, .. }: &Des
     let horizon = domain.kinds().horizon();
     let count = counted(tasks.len(), "agent");
     paragraph(text, format_args!("{}: {count}, episodes of {horizon} steps", path.display()));
-    paragraph(text, format_args!("simulator: {}", simulator(config.learning.simulator)));
+    let form = config.learning.short_form();
+    paragraph(text, format_args!("simulator: {}: policies train on {}", form.name, form.help));
     let mut names: Vec<&str> = tasks.iter().map(|agent| agent.name.as_str()).take(MOST_NAMES).collect();
     let more = tasks.len() - names.len();
     let more = format!("and {more} more");
@@ -39,16 +40,6 @@ fn agents(text: &mut String, Described { path, config, domain, tasks, .. }: &Des
     paragraph(text, format_args!("agents: {}", names.join(", ")));
     for what in domain.left_out() {
         paragraph(text, format_args!("note: {what}"));
-    }
-}
-
-fn simulator(simulator: Simulator) -> &'static str {
-    use dials_learn::config::Predictor::{Marginals, Network, Untrained};
-    match simulator {
-        Simulator::Global => "gs: policies train on the global simulator",
-        Simulator::Local(Network) => "dials: policies train on local simulators with trained influence predictors",
-        Simulator::Local(Untrained) => "untrained-dials: policies train on local simulators with random predictors",
-        Simulator::Local(Marginals) => "marginal-dials: policies train on local simulators with constant predictors",
     }
 }
 

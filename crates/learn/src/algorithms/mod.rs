@@ -21,6 +21,7 @@ mod tables;
 use std::fmt::Debug;
 
 use crate::config::Config;
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::policy::{PolicyStack, Reading};
@@ -73,7 +74,7 @@ pub trait Algorithm: Debug {
 macro_rules! algorithms {
     ($($(#[$about:meta])* $Name:ident = $table:ident),* $(,)?) => {
         /// An algorithm, as a config names it.
-        #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+        #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
         #[serde(rename_all = "kebab-case")]
         pub enum AlgorithmName {
             $($(#[$about])* $Name,)*

@@ -1,29 +1,35 @@
 //! The imitation of a hand-coded controller before PPO.
 
 use anyhow::{Result, bail, ensure};
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::Config;
-use super::check::{at_least, held_out_episodes, positive, share};
+use super::check::{held_out_episodes, positive, share};
 
-/// Settings of the imitation, for `policy.imitate`.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+/// The imitation, if `policy.imitate` names a controller. Otherwise no key of this table is read.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct ImitationConfig {
     /// Number of GS (global simulator) steps that the controller plays, rounded up to whole episodes.
+    #[schemars(range(min = 1, max = 10_000_000))]
     pub dataset_steps: usize,
     /// Share of the decisions in which a random action is carried out instead of the controller's. So policies also
-    /// learn what the controller does where it would not have come by itself, and where small errors lead them.
+    /// learn what the controller does where it would not have come by itself, and where small errors lead them. `actuated`
+    /// and `program` never slip.
     pub slips: f64,
     /// Share of the episodes, the last ones, that only measure the imitation.
     pub held_out: f64,
     /// Number of passes over the dataset.
+    #[schemars(range(min = 1, max = 100_000))]
     pub epochs: usize,
     /// Number of samples per agent and gradient step; with a GRU, of whole episodes.
+    #[schemars(range(min = 1))]
     pub minibatch: usize,
     /// Learning rate of the imitation, and of the critic as long as it learns alone.
     pub learning_rate: f64,
-    /// Timesteps per agent at the beginning of training in which only the critic learns.
+    /// Timesteps per agent at the beginning of training in which only the critic learns, and its loss is not clipped;
+    /// fewer than `total_steps`.
     pub critic_steps: u64,
 }
 
@@ -51,9 +57,6 @@ impl ImitationConfig {
 /// Checks what does not depend on the domain. The name of the controller is checked where the domain is known.
 pub(super) fn check(config: &Config) -> Result<()> {
     let imitation = &config.imitation;
-    at_least(1, "imitation.dataset_steps", imitation.dataset_steps as u64, "30000 is the default")?;
-    at_least(1, "imitation.epochs", imitation.epochs as u64, "10 is the default")?;
-    at_least(1, "imitation.minibatch", imitation.minibatch as u64, "128 is the default")?;
     share("imitation.slips", imitation.slips, "0.05 is the default")?;
     positive("imitation.learning_rate", imitation.learning_rate, "1e-3 is the default")?;
     ensure!(

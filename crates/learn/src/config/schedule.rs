@@ -36,7 +36,7 @@ pub enum AipTraining {
 /// on: a run that ends evaluates anyway.
 pub fn schedule(config: &Config) -> Vec<Period> {
     let evaluate_every = config.evaluation.every_steps;
-    let trains_aips = config.simulator.trains_predictors();
+    let trains_aips = config.trains_predictors();
     let update = |step| config.update_at_or_after(step);
     let mut bounds: Vec<u64> = all_bounds(config).into_iter().collect();
     let reached = bounds.iter().position(|&bound| update(bound) >= config.end());
@@ -75,7 +75,7 @@ pub fn may_end_at(config: &Config, step: u64) -> bool {
 fn all_bounds(config: &Config) -> BTreeSet<u64> {
     let last = config.last_step();
     let evaluates_every = [config.evaluation.every_steps];
-    let trains_aips = config.simulator.trains_predictors() && config.aip.retrain == Retrain::Every;
+    let trains_aips = config.trains_predictors() && config.aip.retrain == Retrain::Every;
     let retrains_every = trains_aips.then_some(config.aip.retrain_every_steps);
     let others = [config.checkpoints.every_steps, config.policy.average_every_steps];
     let rhythms = evaluates_every.into_iter().chain(retrains_every).chain(others.into_iter().flatten());
@@ -105,12 +105,13 @@ fn trains(config: &Config, start: u64, end: u64) -> bool {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::config::{Predictor, Simulator};
+    use crate::config::{Predictor, ShortForm};
 
     fn config(simulator: &str, total: u64, retrain: u64, evaluate: u64) -> Config {
         toml::from_str(&format!(
-            "simulator = '{simulator}'\ntotal_steps = {total}\n\
-             aip.retrain_every_steps = {retrain}\nevaluation.every_steps = {evaluate}\nppo.memory = 10"
+            "{}total_steps = {total}\n\
+             aip.retrain_every_steps = {retrain}\nevaluation.every_steps = {evaluate}\nppo.memory = 10",
+            ShortForm::called(simulator).unwrap().keys()
         ))
         .unwrap()
     }
@@ -242,7 +243,7 @@ mod tests {
             assert_eq!(periods.iter().map(|p| p.start).collect::<Vec<_>>(), [0, 50, 100], "F is not used");
             assert!(periods.iter().all(|p| p.evaluate));
             assert_eq!(periods.iter().map(|p| p.train_aips).collect::<Vec<_>>(), [AipTraining::Yes, later, later]);
-            config.simulator = Simulator::Local(Predictor::Untrained);
+            config.predictor = Predictor::Untrained;
             assert!(schedule(&config).iter().all(|p| p.train_aips == AipTraining::No));
         }
     }

@@ -1,60 +1,36 @@
 //! What the policies train on: which simulators, and for local ones, what predicts the influence on them.
-//!
-//! Configs and the command line have one name for each of the four combinations.
 
-use serde::{Deserialize, Serialize};
+use schemars::JsonSchema;
+use serde::de::Error;
+use serde::{Deserialize, Deserializer, Serialize};
+
+use super::Config;
 
 /// Simulators that the policies train on.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(from = "Name", into = "Name")]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 pub enum Simulator {
     /// The global simulator.
+    #[serde(rename = "gs")]
     Global,
-    /// Local simulators; this predictor supplies the influence sources.
-    Local(Predictor),
+    /// Local simulators; a predictor supplies the influence sources.
+    #[default]
+    #[serde(rename = "local")]
+    Local,
 }
 
 /// Predictor of the influence on a local region.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 pub enum Predictor {
     /// Approximate influence predictors (AIPs) that are trained every F steps.
     #[default]
+    #[serde(rename = "aip")]
     Network,
-    /// Random AIPs that are never trained.
-    Untrained,
     /// Constant probabilities instead of AIPs, measured on the global simulator (GS) when DIALS would train its AIPs.
+    #[serde(rename = "marginals")]
     Marginals,
-}
-
-impl Simulator {
-    /// Returns the name in configs and on the command line.
-    pub fn name(self) -> &'static str {
-        match self {
-            Simulator::Local(Predictor::Network) => "dials",
-            Simulator::Global => "gs",
-            Simulator::Local(Predictor::Untrained) => "untrained-dials",
-            Simulator::Local(Predictor::Marginals) => "marginal-dials",
-        }
-    }
-
-    /// Returns what predicts the influence. On the GS there is nothing to predict: `None`.
-    pub fn predictor(self) -> Option<Predictor> {
-        match self {
-            Simulator::Global => None,
-            Simulator::Local(predictor) => Some(predictor),
-        }
-    }
-
-    /// Returns whether the run collects datasets and fits predictors to them.
-    pub fn trains_predictors(self) -> bool {
-        self.predictor().is_some_and(Predictor::learns)
-    }
-}
-
-impl Default for Simulator {
-    fn default() -> Self {
-        Simulator::Local(Predictor::default())
-    }
+    /// Random AIPs that are never trained.
+    #[serde(rename = "untrained")]
+    Untrained,
 }
 
 impl Predictor {
@@ -86,35 +62,79 @@ impl Predictor {
     }
 }
 
-/// Name of a simulator in a config.
-#[derive(Clone, Copy, Serialize, Deserialize)]
-#[serde(rename_all = "kebab-case")]
-enum Name {
-    Dials,
-    Gs,
-    UntrainedDials,
-    MarginalDials,
+/// A way of training in one word: both keys, as the command line, experiments and the names of runs write them.
+#[derive(Clone, Copy, Debug)]
+pub struct ShortForm {
+    pub name: &'static str,
+    /// What the policies train on, in words.
+    pub help: &'static str,
+    pub simulator: Simulator,
+    /// Predictor of local simulators. On the GS (global simulator) there is nothing to predict: `None`.
+    pub predictor: Option<Predictor>,
 }
 
-impl From<Name> for Simulator {
-    fn from(name: Name) -> Self {
-        match name {
-            Name::Dials => Simulator::Local(Predictor::Network),
-            Name::Gs => Simulator::Global,
-            Name::UntrainedDials => Simulator::Local(Predictor::Untrained),
-            Name::MarginalDials => Simulator::Local(Predictor::Marginals),
-        }
+/// All short forms.
+pub const SHORT_FORMS: [ShortForm; 4] = [
+    of_local("dials", "local simulators with trained influence predictors (AIPs)", Predictor::Network),
+    ShortForm { name: "gs", help: "the global simulator", simulator: Simulator::Global, predictor: None },
+    of_local("untrained-dials", "local simulators with random predictors that are never trained", Predictor::Untrained),
+    of_local(
+        "marginal-dials",
+        "local simulators with constant arrival probabilities, measured on the global simulator",
+        Predictor::Marginals,
+    ),
+];
+
+const fn of_local(name: &'static str, help: &'static str, predictor: Predictor) -> ShortForm {
+    ShortForm { name, help, simulator: Simulator::Local, predictor: Some(predictor) }
+}
+
+impl ShortForm {
+    /// Returns the short form of this name.
+    pub fn called(name: &str) -> Option<ShortForm> {
+        SHORT_FORMS.into_iter().find(|form| form.name == name)
+    }
+
+    /// Returns whether the run collects datasets and fits predictors to them.
+    pub fn trains_predictors(&self) -> bool {
+        self.predictor.is_some_and(Predictor::learns)
+    }
+
+    /// Returns the keys that a config has instead, a line each.
+    pub fn keys(&self) -> String {
+        let word = |value: serde_json::Result<String>| value.expect("a word is JSON");
+        let predictor = self.predictor.map(|predictor| word(serde_json::to_string(&predictor)));
+        let predictor = predictor.map_or(String::new(), |predictor| format!("predictor = {predictor}\n"));
+        format!("simulator = {}\n{predictor}", word(serde_json::to_string(&self.simulator)))
     }
 }
 
-impl From<Simulator> for Name {
-    fn from(simulator: Simulator) -> Self {
-        match simulator {
-            Simulator::Local(Predictor::Network) => Name::Dials,
-            Simulator::Global => Name::Gs,
-            Simulator::Local(Predictor::Untrained) => Name::UntrainedDials,
-            Simulator::Local(Predictor::Marginals) => Name::MarginalDials,
-        }
+impl<'de> Deserialize<'de> for ShortForm {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<ShortForm, D::Error> {
+        let name = String::deserialize(deserializer)?;
+        ShortForm::called(&name).ok_or_else(|| {
+            let known = SHORT_FORMS.map(|form| format!("`{}`", form.name)).join(", ");
+            D::Error::custom(format!("unknown variant `{name}`, expected one of {known}"))
+        })
+    }
+}
+
+impl Config {
+    /// Returns both keys in one word.
+    pub fn short_form(&self) -> ShortForm {
+        let predictor = self.predictor_in_use();
+        let same = |form: &ShortForm| form.simulator == self.simulator && form.predictor == predictor;
+        SHORT_FORMS.into_iter().find(same).expect("every predictor has a short form")
+    }
+
+    /// Returns what predicts the influence. On the GS (global simulator) there is nothing to predict: `None`.
+    pub fn predictor_in_use(&self) -> Option<Predictor> {
+        (self.simulator == Simulator::Local).then_some(self.predictor)
+    }
+
+    /// Returns whether the run collects datasets and fits predictors to them.
+    pub fn trains_predictors(&self) -> bool {
+        self.short_form().trains_predictors()
     }
 }
 
@@ -123,16 +143,20 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_four_names_mean_what_they_say_in_a_config() {
-        for (name, simulator, learns) in [
-            ("gs", Simulator::Global, false),
-            ("dials", Simulator::Local(Predictor::Network), true),
-            ("untrained-dials", Simulator::Local(Predictor::Untrained), false),
-            ("marginal-dials", Simulator::Local(Predictor::Marginals), true),
+    fn the_four_short_forms_stand_for_the_two_keys() {
+        for (name, keys, learns) in [
+            ("gs", "simulator = \"gs\"\n", false),
+            ("dials", "simulator = \"local\"\npredictor = \"aip\"\n", true),
+            ("untrained-dials", "simulator = \"local\"\npredictor = \"untrained\"\n", false),
+            ("marginal-dials", "simulator = \"local\"\npredictor = \"marginals\"\n", true),
         ] {
-            assert_eq!(serde_json::from_value::<Simulator>(name.into()).unwrap(), simulator);
-            assert_eq!(serde_json::to_value(simulator).unwrap(), name);
-            assert_eq!((simulator.name(), simulator.trains_predictors()), (name, learns));
+            assert_eq!(ShortForm::called(name).unwrap().keys(), keys);
+            let config: Config = toml::from_str(keys).unwrap();
+            assert_eq!((config.short_form().name, config.trains_predictors()), (name, learns));
+        }
+        for predictor in ["aip", "marginals", "untrained"] {
+            let config: Config = toml::from_str(&format!("simulator = 'gs'\npredictor = '{predictor}'")).unwrap();
+            assert_eq!((config.short_form().name, config.predictor()), ("gs", Predictor::Network), "it is not read");
         }
     }
 }

@@ -67,7 +67,7 @@ pub fn check_standing(standing: &Standing, state: &AgentsState, elapsed_s: f64, 
         "its drift is {drift:?}, but a loss is a positive number"
     );
     ensure!(
-        drift.share_after_training.is_none() || config.simulator.trains_predictors(),
+        drift.share_after_training.is_none() || config.trains_predictors(),
         "its drift counts from a training of influence predictors, and this run trains none"
     );
     Ok(())

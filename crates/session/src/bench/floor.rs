@@ -32,7 +32,7 @@ impl Flops {
         let policy = PolicyStack::shape(spec, &config.learning.policy);
         let learning =
             algorithms::of(&config.learning).flops_per_step(&config.learning, &policy, config.training_horizon());
-        let predictor = config.learning.simulator.predictor();
+        let predictor = config.learning.predictor_in_use();
         let sampling = predictor.map_or(0.0, |choice| sampling_flops(choice, spec, &config.learning.aip));
         Flops { training: learning + sampling, acting: policy.forward_flops() }
     }

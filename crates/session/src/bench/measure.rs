@@ -52,7 +52,7 @@ pub fn expected(config: &RunConfig, agents: usize, rough: &RoughCosts, workers: 
     let dataset_s = episode_s * config.learning.dataset_episodes(config.horizon()).div_ceil(workers) as f64;
     let step_s = if config.learning.simulator == Simulator::Global { rough.training_on_gs_s } else { rough.training_s };
     let update_s = (agents * algorithms::of(&config.learning).steps_per_update()) as f64 * step_s / workers as f64;
-    let of_predictors = match config.learning.simulator.trains_predictors() {
+    let of_predictors = match config.learning.trains_predictors() {
         true => part(COLLECTION, dataset_s) + part(AIP_TRAINING, 0.0),
         false => Duration::ZERO,
     };
@@ -127,7 +127,7 @@ pub fn measure(plan: &MeasurePlan<'_>, fleet: &mut impl Fleet, journal: &mut dyn
 
     let evaluation = repeat(part(EVALUATION), |orders| bench.evaluate(orders))?;
     let (mut collection, mut aip_training) = (Orders::default(), Orders::default());
-    if plan.config.learning.simulator.trains_predictors() {
+    if plan.config.learning.trains_predictors() {
         let (mut datasets, mut seen) = (Vec::new(), Dataset::of_all(plan.kinds));
         collection = repeat(part(COLLECTION), |orders| {
             datasets = bench.collect(orders)?;

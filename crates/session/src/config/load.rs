@@ -7,6 +7,7 @@ use toml::{Table, Value};
 
 use super::RunConfig;
 use dials_core::outside::{in_plain_words, read_text};
+use dials_learn::config::ShortForm;
 
 /// Largest config file. One with every key has three kibibytes.
 pub const LARGEST_FILE: u64 = 1 << 20;
@@ -93,6 +94,16 @@ fn table_in(path: &Path) -> Result<Table> {
     let text = read_text(path, LARGEST_FILE).with_context(|| format!("{}: cannot be read", path.display()))?;
     check_is_config(path, &text)?;
     let in_file = |error: &dyn std::fmt::Display| anyhow!("{}: {}", path.display(), in_plain_words(&error.to_string()));
+    let name = text.parse::<Table>().ok().and_then(|table| table.get("simulator")?.as_str().map(str::to_owned));
+    if let Some(form) = name.as_deref().and_then(ShortForm::called).filter(|form| form.predictor.is_some()) {
+        let keys = form.keys();
+        bail!(
+            "{}: simulator = \"{}\": is a word for the command line; a config has two keys: {}",
+            path.display(),
+            form.name,
+            keys.trim().replace('\n', " and ")
+        );
+    }
     // Read first without the settings, because only these errors contain the line number.
     let _: RunConfig = toml::from_str(&text).map_err(|error| in_file(&error))?;
     toml::from_str(&text).map_err(|error| in_file(&error))
@@ -160,6 +171,10 @@ fn lay_over(table: &mut Table, setting: &str) -> Result<()> {
         },
         Err(_) => Value::String(value.to_owned()),
     };
+    if let Some(form) = value.as_str().filter(|_| key == "simulator").and_then(ShortForm::called) {
+        table.extend(form.keys().parse::<Table>().expect("keys are TOML"));
+        return Ok(());
+    }
     let mut keys: Vec<&str> = key.split('.').collect();
     let last = keys.pop().expect("split yields at least one part");
     let mut place = table;
@@ -177,7 +192,7 @@ fn lay_over(table: &mut Table, setting: &str) -> Result<()> {
 mod tests {
     use super::*;
     use crate::domains::DomainConfig;
-    use dials_learn::config::Simulator;
+    use dials_learn::config::{Predictor, Simulator};
     use dials_traffic::config::{ClockOffsets, EntryRule, TrafficConfig, TrafficTable, UntilFirstSwitch};
 
     const SMALL: &str = "[traffic]\nnetwork = \"nets/grid_2x2\"\nlocal_network = \"nets/local\"\n";
@@ -282,6 +297,23 @@ mod tests {
         assert!(error("b.toml").contains("b.toml: is an experiment file, not a config; use: dials-traffic experiment"));
         assert!(error("run").contains("run: is a run directory, not a config; its config is "));
         assert!(error("folder").contains("folder: is a folder, not a config"));
+    }
+
+    #[test]
+    fn a_way_to_train_is_one_word_on_the_command_line_and_two_keys_in_a_file() {
+        for (word, simulator, predictor) in [
+            ("dials", Simulator::Local, Predictor::Network),
+            ("marginal-dials", Simulator::Local, Predictor::Marginals),
+            ("gs", Simulator::Global, Predictor::Network),
+        ] {
+            let config = load_text(SMALL, &[&format!("simulator={word}")]).unwrap().learning;
+            assert_eq!((config.simulator, config.predictor), (simulator, predictor), "{word}");
+        }
+        let last = load_text(SMALL, &["simulator=marginal-dials", "predictor=untrained"]).unwrap().learning;
+        assert_eq!(last.short_form().name, "untrained-dials");
+        let error = error_of(&format!("simulator = \"marginal-dials\"\n{SMALL}"), &[]);
+        let keys = "simulator = \"local\" and predictor = \"marginals\"";
+        assert!(error.contains("is a word for the command line") && error.ends_with(keys), "{error}");
     }
 
     #[test]
@@ -414,12 +446,9 @@ mod tests {
         let both = ["policy.average_every_steps=10_000", "gs.shared_policy=true", "simulator=gs"];
         assert!(error_of(SMALL, &both).contains("does not go with gs.shared_policy = true"));
         let epochs = error_of(SMALL, &["aip.epochs=0"]);
-        assert!(epochs.contains("aip.epochs = 0: must be at least 1 (for AIPs that are never trained: simulator ="));
+        assert!(epochs.contains("aip.epochs = 0: must be at least 1 (the paper uses 100)"), "{epochs}");
         let patience = error_of(SMALL, &["aip.patience=0"]);
-        assert!(
-            patience.contains("aip.patience = 0: must be at least 1 (leave it out to train all epochs)"),
-            "{patience}"
-        );
+        assert!(patience.contains("aip.patience = 0: must be at least 1 (or leave it out)"), "{patience}");
         assert!(error_of(SMALL, &["aip.weight_decay=-1"]).contains("aip.weight_decay = -1: must not be negative"));
         let decay = error_of(SMALL, &["aip.weight_decay=10000"]);
         assert!(decay.contains("multiplied by aip.learning_rate = 0.0001 it must be less than 1"), "{decay}");

@@ -4,15 +4,18 @@
 //! They share one file. No other room reads files or flags for settings.
 //!
 //! - `load`: from a file and `--set` to a [`RunConfig`], and back. `split`: which of the owners reads which key.
-//! - `schema`: the JSON schema of a config, for editors.
+//! - `schema`: the JSON schema of a config, for editors; `page`: docs/configuration.md, made from it.
 //! - [`resume`]: what may change when a run is resumed.
 
 mod load;
+#[cfg(test)]
+mod page;
 pub mod resume;
 mod schema;
 mod split;
 
 use anyhow::{Result, ensure};
+use schemars::{JsonSchema, Schema, SchemaGenerator, json_schema};
 use serde::{Deserialize, Serialize};
 
 use crate::domains::DomainConfig;
@@ -38,20 +41,25 @@ pub struct RunConfig {
 }
 
 /// Further files of a run besides its CSV files.
-#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct LoggingConfig {
-    /// Whether to write an event file for TensorBoard, with the numbers of the CSV files.
+    /// Whether to write an event file for TensorBoard, with the numbers of the CSV files; `--tensorboard` sets it.
     pub tensorboard: bool,
 }
 
-/// Settings of a run's arithmetic.
-#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+/// A run's arithmetic.
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct NumericsConfig {
     /// Width of the vector registers that multiply matrices. `"widest"` is fastest. `"256-bit"` gives the same files on
     /// every x86-64 machine with AVX2 and FMA.
+    #[schemars(schema_with = "vector_widths")]
     pub vector_width: VectorWidth,
+}
+
+fn vector_widths(_: &mut SchemaGenerator) -> Schema {
+    json_schema!({ "enum": [VectorWidth::Widest, VectorWidth::Bits256] })
 }
 
 impl From<Config> for RunConfig {

@@ -76,7 +76,7 @@ pub fn with_end(text: &str, stop_at_steps: u64) -> String {
 /// Lists the differences that forbid a run that was trained with `then` to continue with `now`, in the order of their
 /// keys. The contents of the domain's files are compared elsewhere.
 pub fn differences(then: &RunConfig, now: &RunConfig) -> Vec<Difference> {
-    let drift = now.learning.simulator.trains_predictors() && now.learning.aip.retrain == Retrain::Drift;
+    let drift = now.learning.trains_predictors() && now.learning.aip.retrain == Retrain::Drift;
     let may_change =
         |key: &str| CHANGEABLE.iter().any(|changeable| changeable.key == key && !(changeable.fixed_by_drift && drift));
     let mut differing = differing(&to_json(then), &to_json(now));
@@ -112,7 +112,7 @@ fn flatten(key: &str, json: &Value, values: &mut BTreeMap<String, Value>) {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use dials_learn::config::{Predictor, Simulator};
+    use dials_learn::config::Predictor;
     use serde_json::json;
 
     /// Returns a config of the traffic domain in which every key has a value.
@@ -129,6 +129,7 @@ mod tests {
     fn changed(key: &str, value: &Value) -> Value {
         match (key, value) {
             ("simulator", _) => json!("gs"),
+            ("predictor", _) => json!("marginals"),
             ("ppo.time_limit", _) => json!("bootstrap"),
             ("aip.retrain", _) => json!("once"),
             ("traffic.d_set", _) => json!("cells+arrivals"),
@@ -212,7 +213,7 @@ mod tests {
         assert_eq!(keys(&then, &now), ["evaluation.aip_loss_episodes", "evaluation.every_steps"]);
         // Predictors that are never trained do not drift.
         for config in [&mut then, &mut now] {
-            config.learning.simulator = Simulator::Local(Predictor::Untrained);
+            config.learning.predictor = Predictor::Untrained;
         }
         assert_eq!(keys(&then, &now), [""; 0]);
     }

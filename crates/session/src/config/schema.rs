@@ -1,108 +1,67 @@
-//! The JSON schema of a config, for editors. It is made from the tables of docs/configuration.md, which a test holds to
-//! the keys, the defaults and the meanings that the program knows.
+//! The JSON schema of a config, for editors. It is made from the fields of the tables and their comments.
 
-use serde_json::{Map, Value, json};
+use schemars::generate::SchemaSettings;
+use schemars::transform::{RecursiveTransform, Transform};
+use schemars::{Schema, SchemaGenerator};
+use serde_json::{Value, json};
 
-const PAGE: &str = include_str!("../../../../docs/configuration.md");
-
-/// Keys whose type no default shows, because they have none or are required. Others of these that are in neither list are
-/// whole numbers.
-const WORDS: [&str; 5] =
-    ["policy.imitate", "traffic.agents", "traffic.local_network", "traffic.network", "traffic.scenario"];
-/// Such keys whose value is any number.
-const NUMBERS: [&str; 1] = ["ppo.max_gradient_norm"];
-
-/// Key whose value is a name, or weights of names.
-const REWARD: &str = "traffic.reward";
-/// Key whose value is a word, or whole seconds.
-const YELLOW: &str = "traffic.yellow_s";
+use super::{LoggingConfig, NumericsConfig};
+use crate::domains::DomainConfig;
+use dials_learn::config::Config;
 
 /// Returns the schema: an object per table of a config.
 pub fn schema() -> Value {
-    let mut keys = Map::new();
-    let mut tables: Map<String, Value> = Map::new();
-    for (key, default, meaning) in rows() {
-        let property = property(key, default, meaning);
-        match key.split_once('.') {
-            None => drop(keys.insert(key.to_owned(), property)),
-            Some((table, name)) => {
-                let of_table = tables.entry(table).or_insert_with(|| json!({}));
-                of_table.as_object_mut().expect("it was made as one").insert(name.to_owned(), property);
-            }
+    let mut schema = with_comments();
+    RecursiveTransform(|schema: &mut Schema| {
+        if let Some(text) = schema.get("description").and_then(Value::as_str).map(without_links) {
+            schema.insert("description".to_owned(), json!(text));
         }
-    }
-    for (name, properties) in tables {
-        keys.insert(name, json!({ "type": "object", "additionalProperties": false, "properties": properties }));
-    }
-    json!({
-        "$schema": "http://json-schema.org/draft-07/schema#",
-        "title": "config of dials-traffic",
-        "type": "object",
-        "additionalProperties": false,
-        "oneOf": [{ "required": ["traffic"] }, { "required": ["warehouse"] }],
-        "properties": keys,
     })
+    .transform(&mut schema);
+    schema.to_value()
 }
 
-/// Returns key, default and meaning of every row.
-fn rows() -> impl Iterator<Item = (&'static str, &'static str, &'static str)> {
-    PAGE.lines().filter_map(|line| {
-        let (key, rest) = line.strip_prefix("| `")?.split_once("` | ")?;
-        let (default, rest) = rest.split_once(" | ")?;
-        let (meaning, _) = rest.rsplit_once(" |")?.0.rsplit_once(" |")?;
-        Some((key, default.trim_matches('`'), meaning))
-    })
+/// Returns the schema with the comments as they are written.
+pub(super) fn with_comments() -> Schema {
+    let mut generator =
+        SchemaGenerator::new(SchemaSettings::draft07().with(|settings| settings.inline_subschemas = true));
+    let mut schema = generator.root_schema_for::<Config>();
+    let others = [
+        ("logging", generator.subschema_for::<LoggingConfig>()),
+        ("numerics", generator.subschema_for::<NumericsConfig>()),
+    ];
+    let domains = DomainConfig::NAMES.iter().copied().zip(DomainConfig::schemas(&mut generator));
+    let keys = schema.get_mut("properties").and_then(Value::as_object_mut).expect("a struct has fields");
+    keys.extend(domains.chain(others).map(|(name, table)| (name.to_owned(), table.to_value())));
+    schema.insert("title".to_owned(), json!("config of dials-traffic"));
+    schema.remove("description");
+    let one_of: Vec<Value> = DomainConfig::NAMES.iter().map(|name| json!({ "required": [name] })).collect();
+    schema.insert("oneOf".to_owned(), json!(one_of));
+    RecursiveTransform(without_needless_defaults).transform(&mut schema);
+    schema
 }
 
-fn property(key: &str, default: &str, meaning: &str) -> Value {
-    let value: Option<toml::Value> =
-        format!("value = {default}").parse::<toml::Table>().ok().and_then(|mut table| table.remove("value"));
-    let mut property = match &value {
-        None if WORDS.contains(&key) => json!({ "type": "string" }),
-        None if NUMBERS.contains(&key) => json!({ "type": "number" }),
-        None | Some(toml::Value::Integer(_)) => json!({ "type": "integer" }),
-        Some(toml::Value::Float(_)) => json!({ "type": "number" }),
-        Some(toml::Value::Boolean(_)) => json!({ "type": "boolean" }),
-        Some(toml::Value::Array(_)) => json!({ "type": "array", "items": { "type": "integer", "minimum": 1 } }),
-        Some(toml::Value::String(_)) if key == YELLOW => {
-            json!({ "anyOf": [{ "enum": choices(meaning, default) }, { "type": "integer", "minimum": 0 }] })
-        }
-        Some(toml::Value::String(_)) if key != REWARD => json!({ "enum": choices(meaning, default) }),
-        Some(_) => {
-            let names = choices(meaning, default);
-            json!({ "anyOf": [{ "enum": names }, { "type": "object", "propertyNames": { "enum": names },
-                                                    "additionalProperties": { "type": "number" } }] })
-        }
-    };
-    let object = property.as_object_mut().expect("all of them are objects");
-    object.insert("description".to_owned(), json!(without_links(meaning)));
-    if let Some(value) = value {
-        object.insert("default".to_owned(), json!(value));
-    }
-    property
-}
-
-/// Returns the quoted words of a meaning, with the default first.
-fn choices(meaning: &str, default: &str) -> Vec<String> {
-    let mut words: Vec<String> = Vec::new();
-    let written = meaning.split('`').skip(1).step_by(2);
-    for word in std::iter::once(default).chain(written) {
-        let word = word.rsplit_once(" = ").map_or(word, |(_, value)| value);
-        if let Some(word) = word.strip_prefix('"').and_then(|word| word.strip_suffix('"'))
-            && !words.iter().any(|known| known == word)
+/// Removes the defaults of keys that a config must have, and those of whole tables.
+fn without_needless_defaults(schema: &mut Schema) {
+    let required: Vec<Value> = schema.get("required").and_then(Value::as_array).cloned().unwrap_or_default();
+    for (name, key) in schema.get_mut("properties").and_then(Value::as_object_mut).into_iter().flatten() {
+        if let Some(key) = key.as_object_mut()
+            && (key.contains_key("properties") || required.iter().any(|other| other == name))
         {
-            words.push(word.to_owned());
+            key.remove("default");
         }
     }
-    words
 }
 
 /// Returns a text of Markdown with the words of its links only.
 fn without_links(text: &str) -> String {
-    let mut parts = text.split("](");
-    let first = parts.next().unwrap_or_default().to_owned();
-    let text = parts.fold(first, |text, part| text + part.split_once(')').map_or("", |(_, after)| after));
-    text.replace('[', "")
+    let (mut found, mut rest) = (String::new(), text);
+    while let Some((before, after)) = rest.split_once("](") {
+        let (before, words) = before.rsplit_once('[').unwrap_or((before, ""));
+        found = found + before + words;
+        rest = after.split_once(')').map_or("", |(_, after)| after);
+    }
+    found + rest
 }
 
 #[cfg(test)]
@@ -110,22 +69,37 @@ mod tests {
     use super::*;
     use std::path::{Path, PathBuf};
 
-    fn allows(property: &Value, value: &toml::Value) -> bool {
-        if let Some(choices) = property.get("anyOf").and_then(Value::as_array) {
-            return choices.iter().any(|choice| allows(choice, value));
-        }
-        if let Some(choices) = property.get("enum").and_then(Value::as_array) {
-            return choices.contains(&json!(value));
-        }
-        match property["type"].as_str() {
-            Some("string") => value.is_str(),
-            Some("integer") => value.is_integer(),
-            Some("number") => value.is_float() || value.is_integer(),
-            Some("boolean") => value.is_bool(),
-            Some("array") => value.is_array(),
-            Some("object") => value.is_table(),
-            other => panic!("{other:?}"),
-        }
+    /// Returns whether a schema allows a value. It knows what the schema of a config uses.
+    fn allows(schema: &Value, value: &Value) -> bool {
+        let is_word = |choices: &Value| choices.as_array().is_some_and(|choices| choices.contains(value));
+        let any_of = ["anyOf", "oneOf"].into_iter().filter_map(|name| schema[name].as_array());
+        let types = match &schema["type"] {
+            Value::Array(types) => types.clone(),
+            one => vec![one.clone()],
+        };
+        let is_of = |name: &Value| match name.as_str() {
+            Some("string") => value.is_string(),
+            Some("integer") => value.is_u64() || value.is_i64(),
+            Some("number") => value.is_number(),
+            Some("boolean") => value.is_boolean(),
+            Some("array") => value.as_array().is_some_and(|all| all.iter().all(|item| allows(&schema["items"], item))),
+            Some("object") => {
+                let known = |(name, value)| schema["properties"].get(name).is_none_or(|schema| allows(schema, value));
+                let closed = schema["additionalProperties"] == json!(false);
+                let values = value.as_object();
+                values.is_some_and(|values| {
+                    values.iter().all(known)
+                        && (!closed || values.keys().all(|name| schema["properties"].get(name).is_some()))
+                })
+            }
+            _ => true,
+        };
+        types.iter().any(is_of)
+            && (schema["enum"].is_null() || is_word(&schema["enum"]))
+            && (schema["const"].is_null() || schema["const"] == *value)
+            && (!schema["properties"].is_null()
+                || any_of.into_iter().all(|ways| ways.iter().any(|way| allows(way, value))))
+            && schema["minimum"].as_f64().is_none_or(|least| value.as_f64().is_none_or(|number| number >= least))
     }
 
     fn configs(folder: &Path) -> Vec<PathBuf> {
@@ -135,53 +109,30 @@ mod tests {
     }
 
     #[test]
-    fn every_shipped_config_fits_the_schema_and_a_wrong_value_does_not() {
+    fn every_shipped_config_fits_the_schema_and_a_wrong_one_does_not() {
         let schema = schema();
         let found = configs(&Path::new(env!("CARGO_MANIFEST_DIR")).join("../../configs"));
         assert!(found.len() > 10, "{found:?}");
         for path in found {
             let config: toml::Table = std::fs::read_to_string(&path).unwrap().parse().unwrap();
-            for (key, value) in &config {
-                let property = &schema["properties"][key];
-                assert!(allows(property, value), "{}: {key} = {value}", path.display());
-                for (name, value) in value.as_table().into_iter().flatten() {
-                    assert!(allows(&property["properties"][name], value), "{}: {key}.{name}", path.display());
-                }
+            let config = json!(config);
+            assert!(allows(&schema, &config), "{}", path.display());
+            for (table, key, wrong) in [
+                ("aip", "retrain", json!("never")),
+                ("ppo", "clip", json!("high")),
+                ("ppo", "memory", json!(0)),
+                ("ppo", "klip", json!(1)),
+                ("policy", "hidden", json!(["wide"])),
+            ] {
+                let mut config = config.clone();
+                config[table][key] = wrong;
+                assert!(!allows(&schema, &config), "{table}.{key}");
             }
         }
-        let retrain = &schema["properties"]["aip"]["properties"]["retrain"];
-        assert_eq!(retrain["enum"], json!(["every", "once", "drift"]));
-        assert!(!allows(retrain, &"never".into()) && !allows(&schema["properties"]["seed"], &"one".into()));
     }
 
     #[test]
-    fn a_description_has_no_links_and_a_default_is_a_value() {
-        let clip = &schema()["properties"]["ppo"]["properties"]["clip"];
-        assert_eq!((clip["default"].clone(), clip["type"].clone()), (json!(0.1), json!("number")));
-        let limit = &schema()["properties"]["ppo"]["properties"]["max_gradient_norm"];
-        assert!(allows(limit, &0.5.into()) && limit["default"].is_null(), "{limit}");
-        let imitate = schema()["properties"]["policy"]["properties"]["imitate"]["description"].to_string();
-        assert!(imitate.contains("a controller, with parameters") && !imitate.contains("]("), "{imitate}");
-    }
-
-    #[test]
-    fn the_choices_of_a_key_are_those_of_the_program() {
-        for (key, choices) in [
-            ("simulator", "dials gs untrained-dials marginal-dials"),
-            ("ppo.time_limit", "terminal bootstrap"),
-            ("traffic.d_set", "cells cells+arrivals cells+light"),
-            ("traffic.entry", "reference max"),
-            ("traffic.clock_offsets", "none checkerboard"),
-            ("traffic.until_first_switch", "agent program"),
-            ("traffic.observation", "cells queues"),
-            ("numerics.vector_width", "widest 256-bit"),
-        ] {
-            let at = format!("/properties/{}", key.replace('.', "/properties/"));
-            let choices: Vec<&str> = choices.split(' ').collect();
-            assert_eq!(schema().pointer(&at).unwrap()["enum"], json!(choices), "{key}");
-        }
-        let reward = schema().pointer("/properties/traffic/properties/reward").unwrap().clone();
-        let names = json!(["mean-speed", "exit-speed", "queue", "lost-time", "pressure", "wait", "diff-waiting-time"]);
-        assert_eq!([&reward["anyOf"][0]["enum"], &reward["anyOf"][1]["propertyNames"]["enum"]], [&names; 2]);
+    fn a_description_has_no_links() {
+        assert_eq!(without_links("see [this](a.md#b), [128] and [that](c)."), "see this, [128] and that.");
     }
 }

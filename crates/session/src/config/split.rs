@@ -1,12 +1,14 @@
 //! Gives every key of the file to its owner: the tables of domains and of this crate here, all others to learning.
 
 use std::fmt::{self, Formatter};
+use std::sync::LazyLock;
 
 use serde::de::{DeserializeSeed, Deserializer, Error, IntoDeserializer, MapAccess, Visitor};
 use serde::{Deserialize, forward_to_deserialize_any};
 
 use super::RunConfig;
 use crate::domains::DomainConfig;
+use dials_core::base::keys_of;
 use dials_learn::config::Config;
 
 impl<'de> Deserialize<'de> for RunConfig {
@@ -16,6 +18,10 @@ impl<'de> Deserialize<'de> for RunConfig {
         Ok(RunConfig { learning, ..config })
     }
 }
+
+/// The keys of the file.
+static KEYS: LazyLock<Vec<&str>> =
+    LazyLock::new(|| [keys_of::<Config>(&[]), DomainConfig::NAMES, &["logging", "numerics"]].concat());
 
 /// What [`Config`] reads, from a file that also has tables of others. These go to `config`.
 struct Split<'a, D> {
@@ -36,7 +42,7 @@ impl<'de, D: Deserializer<'de>> Deserializer<'de> for Split<'_, D> {
         fields: &'static [&'static str],
         visitor: V,
     ) -> Result<V::Value, D::Error> {
-        self.deserializer.deserialize_map(Tables { fields, visitor, config: self.config })
+        self.deserializer.deserialize_struct("RunConfig", &KEYS, Tables { fields, visitor, config: self.config })
     }
 
     forward_to_deserialize_any! {
@@ -75,7 +81,7 @@ impl<'de, M: MapAccess<'de>> MapAccess<'de> for OfLearning<'_, M> {
     type Error = M::Error;
 
     fn next_key_seed<K: DeserializeSeed<'de>>(&mut self, seed: K) -> Result<Option<K::Value>, M::Error> {
-        while let Some(key) = self.map.next_key_seed(Key { fields: self.fields })? {
+        while let Some(key) = self.map.next_key_seed(Key)? {
             match key {
                 "logging" => self.config.logging = self.map.next_value()?,
                 "numerics" => self.config.numerics = self.map.next_value()?,
@@ -100,19 +106,13 @@ impl<'de, M: MapAccess<'de>> MapAccess<'de> for OfLearning<'_, M> {
 }
 
 /// Reads a key that somebody owns.
-struct Key {
-    fields: &'static [&'static str],
-}
+struct Key;
 
 impl<'de> DeserializeSeed<'de> for Key {
     type Value = &'static str;
 
     fn deserialize<D: Deserializer<'de>>(self, deserializer: D) -> Result<&'static str, D::Error> {
         let name = String::deserialize(deserializer)?;
-        let keys = || self.fields.iter().chain(DomainConfig::NAMES).chain(&["logging", "numerics"]).copied();
-        keys().find(|&key| key == name).ok_or_else(|| {
-            let allowed: Vec<String> = keys().map(|key| format!("`{key}`")).collect();
-            D::Error::custom(format!("unknown field `{name}`, expected one of {}", allowed.join(", ")))
-        })
+        KEYS.iter().copied().find(|&key| key == name).ok_or_else(|| D::Error::unknown_field(&name, &KEYS))
     }
 }

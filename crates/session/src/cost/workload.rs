@@ -84,6 +84,7 @@ impl Workload {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use dials_learn::config::ShortForm;
 
     #[test]
     fn the_work_of_a_run_is_counted_by_hand() {
@@ -114,7 +115,8 @@ mod tests {
                     aip = { retrain_every_steps = 500 }\nevaluation = { every_steps = 500 }\n\
                     traffic = { scenario = 's.sumocfg', begin_s = 0, end_s = 3600 }\n";
         let retraced = |simulator: &str| {
-            let config: RunConfig = toml::from_str(&format!("simulator = '{simulator}'\n{text}")).unwrap();
+            let config: RunConfig =
+                toml::from_str(&format!("{}{text}", ShortForm::called(simulator).unwrap().keys())).unwrap();
             let work = Workload::of(&config, 4, 1000);
             (work.horizon, work.retraced_steps())
         };

@@ -9,9 +9,11 @@
 use super::file::{PlannedBaseline, PlannedRun};
 use crate::config::RunConfig;
 use crate::cost::{Prices, Workload};
+use crate::domains::DomainConfig;
 use crate::records::run_record::{RunRecord, Status};
 use dials_core::domain::RoughCosts;
 use dials_learn::config::Simulator;
+use dials_traffic::config::TrafficTable;
 
 /// Core-seconds and memory of one kind of run.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -103,12 +105,14 @@ fn costs_without_runs(run: &PlannedRun) -> UnitCosts {
 /// Returns the measured runs of the same scenario and simulator. If there are none: those of the same domain with the
 /// nearest number of agents. If some of them are finished, only those.
 fn nearest<'a>(run: &PlannedRun, measured: &'a [RunRecord]) -> Vec<&'a RunRecord> {
-    let way = |config: &RunConfig| config.domain.as_ref().map(std::mem::discriminant);
+    // A step on a grid costs other than one of a scenario.
+    let is_scenario = |domain: &DomainConfig| matches!(domain, DomainConfig::Traffic(TrafficTable::Scenario(_)));
+    let way = |config: &RunConfig| {
+        let domain = config.domain.as_ref().map(|domain| (domain.name(), is_scenario(domain)));
+        (domain, config.learning.short_form().name)
+    };
     let alike = |other: &&RunRecord| {
-        other.scenario.is_some()
-            && way(&other.config) == way(&run.config)
-            && other.config.learning.simulator == run.config.learning.simulator
-            && other.total_time().is_some()
+        other.scenario.is_some() && way(&other.config) == way(&run.config) && other.total_time().is_some()
     };
     let is_same = |other: &RunRecord| other.scenario.as_ref().is_some_and(|scenario| scenario.id == run.scenario.id);
     let ratio = |other: &RunRecord| {
@@ -176,12 +180,14 @@ mod tests {
     use crate::records::run_record::{EvaluationRecord, MemoryRecord, PeriodTime, Returns};
     use dials_core::domain::Scenario;
     use dials_core::outside::FileName;
+    use dials_learn::config::ShortForm;
     use std::path::PathBuf;
 
     /// Episodes of 10 steps, 2 per evaluation and 8 per dataset.
     fn config(simulator: &str, total_steps: u64) -> RunConfig {
+        let keys = ShortForm::called(simulator).unwrap().keys();
         let text = format!(
-            "simulator = '{simulator}'\ntotal_steps = {total_steps}\n[warehouse]\nagents_per_side = 2\nhorizon = 10\n\
+            "{keys}total_steps = {total_steps}\n[warehouse]\nagents_per_side = 2\nhorizon = 10\n\
              [aip]\nretrain_every_steps = 1000\ndataset_steps = 80\n[evaluation]\nevery_steps = 1000\nepisodes = 2\nfinal_episodes = 2"
         );
         toml::from_str(&text).unwrap()

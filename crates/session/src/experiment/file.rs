@@ -13,7 +13,7 @@ use crate::records::method::steps_text;
 use crate::records::method::{Method, Retraining};
 use dials_core::domain::{RoughCosts, Scenario};
 use dials_core::outside::{FileName, in_plain_words, quoted, read_text};
-use dials_learn::config::Simulator;
+use dials_learn::config::ShortForm;
 
 /// Largest file. That of the largest experiment here has two kibibytes.
 const LARGEST_FILE: u64 = 1 << 20;
@@ -53,7 +53,7 @@ pub struct RunGrid {
     pub configs: Vec<PathBuf>,
     /// Simulators. Default: the one in each config.
     #[serde(default)]
-    pub simulators: Vec<Simulator>,
+    pub simulators: Vec<ShortForm>,
     /// Values of F, the steps between two trainings of the AIPs (approximate influence predictors). Only for simulators
     /// with trained AIPs. Default: the one in each config.
     #[serde(default)]
@@ -217,10 +217,10 @@ impl Experiment {
             every.is_none() || matches!(retraining, Retraining::Every(_)),
             "retrain_every_steps: has no effect with simulator = {} and aip.retrain = {}: leave it out, or give these runs a \
              [[grid]] of their own",
-            config.learning.simulator.name(),
+            config.learning.short_form().name,
             toml::Value::try_from(config.learning.aip.retrain)?.as_str().unwrap_or_default()
         );
-        let name = FileName::new(format!("{config_name}-{}{words}-seed{seed}", config.learning.simulator.name()))?;
+        let name = FileName::new(format!("{config_name}-{}{words}-seed{seed}", config.learning.short_form().name))?;
         // Two combinations give the same run if F is the config's own, or if grids overlap.
         if self.runs.iter().any(|run| run.config_path == config_path && run.config == config) {
             return Ok(());
@@ -269,11 +269,11 @@ fn combinations(file: &ExperimentFile, grid: &RunGrid, config_path: &Path, name:
     }
     let mut combinations = Vec::new();
     for kind in one_of(&grid.simulators) {
-        let trained = kind.is_none_or(Simulator::trains_predictors);
+        let trained = kind.is_none_or(|kind: ShortForm| kind.trains_predictors());
         for every in one_of(if trained { &grid.retrain_every_steps[..] } else { &[] }) {
             for &seed in grid.seeds.as_ref().unwrap_or(&file.seeds) {
                 let mut settings: Vec<String> = file.set.iter().chain(&grid.set).cloned().collect();
-                settings.extend(kind.map(|kind| format!("simulator={}", kind.name())));
+                settings.extend(kind.map(|kind| format!("simulator={}", kind.name)));
                 settings.extend(every.map(|every| format!("aip.retrain_every_steps={every}")));
                 settings.push(format!("seed={seed}"));
                 let mut words = every.map_or(String::new(), |every| format!("-F{}", grid.text_of(every)));

@@ -56,7 +56,7 @@ impl Layouts {
             write(layout, directory, name, networks, steps)
         };
         restore(files::POLICIES, &self.policies, &agents.policies, agents.steps)?;
-        if config.learning.simulator.predictor().is_some_and(Predictor::learns)
+        if config.learning.predictor_in_use().is_some_and(Predictor::learns)
             && let Some(steps) = trained_at(directory, point)?
         {
             restore(files::AIPS, &self.aips, &agents.aips, steps)?;

@@ -4,6 +4,7 @@ use std::path::PathBuf;
 use std::sync::Arc;
 
 use anyhow::ensure;
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::reward::{Reward, RewardTerm};
@@ -11,39 +12,57 @@ use super::scenario::Observation;
 use crate::Traffic;
 use dials_core::domain::{Domain, DomainTable, Result};
 
-/// Settings of the traffic domain for a grid. GS: global simulator; LS: local simulator; AIP: approximate influence
-/// predictor.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+/// A grid of the paper. All streets have one lane in each direction.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
+#[schemars(title = "for a grid", extend("required" = ["network", "local_network"]))]
 pub struct TrafficConfig {
     /// Grid that the GS simulates: its path without `.net.xml`, relative to the config file.
     pub network: PathBuf,
-    /// Single intersection that the LS simulates: its path in the same form.
+    /// Single intersection that an LS simulates: its path in the same form.
     pub local_network: PathBuf,
     /// Number of steps (seconds) of an episode.
+    #[schemars(extend("source" = "P"))]
     pub horizon: usize,
     /// What an agent sees of the cars on its approaches.
     ///
-    /// DEVIATION 18: other observations and rewards than the paper's, if the config asks for them.
+    /// DEVIATION 18: other observations than the paper's, if the config asks for them.
+    #[schemars(extend("source" = "P, C"))]
     pub observation: Observation,
+    /// What an agent is rewarded for: a name, or weights of several: `{ queue = 0.5, wait = 0.5 }`. See
+    /// [environments](environments.md#rewards).
+    ///
+    /// DEVIATION 18: other rewards than the paper's, if the config asks for them.
+    #[schemars(extend("source" = "P"))]
     pub reward: Reward,
-    /// Inputs of the AIP.
+    /// What an AIP sees.
+    ///
+    /// DEVIATION 9: our configs have `"cells+arrivals"`.
+    #[schemars(extend("source" = "P, C"))]
     pub d_set: DSet,
-    /// Number of steps after which a clock begins again that agents and AIPs see, one input per step; left out: they see
-    /// none. A fixed-time light of 10 + 3 + 10 + 3 steps has 26.
+    /// Number of steps after which a clock begins again that agents and AIPs see, one input per step. If left out, they
+    /// see none. A fixed-time light of 10 + 3 + 10 + 3 steps has 26.
     ///
     /// DEVIATION 13: the paper's agents see no clock. With one they can agree on green waves.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub clock: Option<usize>,
-    /// By how much the clocks of lights differ.
+    /// By how much the clocks that lights see differ from each other.
     #[serde(skip_serializing_if = "ClockOffsets::is_none")]
+    #[schemars(extend("default" = ClockOffsets::None))]
     pub clock_offsets: ClockOffsets,
     /// How a car enters an LS.
+    ///
+    /// DEVIATION 10: our configs have `"max"`.
+    #[schemars(extend("source" = "C"))]
     pub entry: EntryRule,
     /// Value that is added to the initial bias of the logit of "switch".
+    ///
+    /// DEVIATION 11: our configs have -2.5.
     pub initial_switch_bias: f32,
-    /// What controls a light in an episode until its agent's first switch.
+    /// What controls a light in an episode until its agent's first switch. See DEVIATION 2: the authors' code has about
+    /// `"program"`.
     #[serde(skip_serializing_if = "UntilFirstSwitch::is_agent")]
+    #[schemars(extend("default" = UntilFirstSwitch::Agent))]
     pub until_first_switch: UntilFirstSwitch,
 }
 
@@ -73,7 +92,7 @@ impl TrafficConfig {
 }
 
 /// The d-set (d-separating set) of the traffic domain.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 pub enum DSet {
     /// The 36 cells of an observation of cells.
     #[default]
@@ -88,7 +107,7 @@ pub enum DSet {
 }
 
 /// By how much the clocks that lights see differ from each other.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
 pub enum ClockOffsets {
     /// Not at all.
@@ -106,7 +125,7 @@ impl ClockOffsets {
 }
 
 /// How a car enters a local traffic simulator.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
 pub enum EntryRule {
     /// At 6 m with 9.5 m/s, or with 3 m/s if more than 8 cars are on the edge.
@@ -117,7 +136,7 @@ pub enum EntryRule {
 }
 
 /// What controls a light in an episode until its agent's first switch.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
 pub enum UntilFirstSwitch {
     /// The agent: a light that it never switches stays as it is.

@@ -13,13 +13,14 @@ mod yellow;
 
 use std::fmt::{self, Formatter};
 use std::path::PathBuf;
-use std::sync::Arc;
+use std::sync::{Arc, LazyLock};
 
-use serde::de::value::Error as NoError;
+use schemars::JsonSchema;
 use serde::de::{DeserializeOwned, DeserializeSeed, Deserializer, Error, MapAccess, Visitor};
-use serde::{Deserialize, Serialize, forward_to_deserialize_any};
+use serde::{Deserialize, Serialize};
 use toml::{Table, Value};
 
+use dials_core::base::keys_of;
 use dials_core::domain::{Domain, DomainTable};
 
 pub use grid::{ClockOffsets, DSet, EntryRule, TrafficConfig, UntilFirstSwitch};
@@ -27,13 +28,12 @@ pub use reward::{Reward, RewardTerm};
 pub use scenario::{Observation, ScenarioConfig};
 pub use yellow::Yellow;
 
-/// The table `[traffic]`.
-#[derive(Clone, Debug, PartialEq, Serialize)]
+/// Traffic lights, on a grid of the paper, which `network` and `local_network` name, or on a scenario of yours, which
+/// `scenario` names. A key of the other way is an error.
+#[derive(Clone, Debug, PartialEq, Serialize, JsonSchema)]
 #[serde(untagged)]
 pub enum TrafficTable {
-    /// A grid of the paper.
     Grid(TrafficConfig),
-    /// A scenario of the user.
     Scenario(ScenarioConfig),
 }
 
@@ -89,16 +89,25 @@ impl DomainTable for TrafficTable {
 
 impl<'de> Deserialize<'de> for TrafficTable {
     fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<TrafficTable, D::Error> {
-        deserializer
-            .deserialize_map(EitherWay { grid: keys_of::<TrafficConfig>(), scenario: keys_of::<ScenarioConfig>() })
+        deserializer.deserialize_struct("TrafficTable", &KEYS.all, EitherWay)
     }
 }
 
-/// Reads the table key by key. Which way it is filled shows at the end, but a wrong value is an error at its key.
-struct EitherWay {
+/// Keys of the two ways, and of both together.
+struct Keys {
     grid: &'static [&'static str],
     scenario: &'static [&'static str],
+    all: Vec<&'static str>,
 }
+
+static KEYS: LazyLock<Keys> = LazyLock::new(|| {
+    let (grid, scenario) = (keys_of::<TrafficConfig>(&[]), keys_of::<ScenarioConfig>(&[]));
+    let all = grid.iter().chain(scenario.iter().filter(|key| !grid.contains(key)));
+    Keys { grid, scenario, all: all.copied().collect() }
+});
+
+/// Reads the table key by key. Which way it is filled shows at the end, but a wrong value is an error at its key.
+struct EitherWay;
 
 impl<'de> Visitor<'de> for EitherWay {
     type Value = TrafficTable;
@@ -109,20 +118,20 @@ impl<'de> Visitor<'de> for EitherWay {
 
     fn visit_map<M: MapAccess<'de>>(self, mut map: M) -> Result<TrafficTable, M::Error> {
         let mut given = Table::new();
-        while let Some(key) = map.next_key_seed(Key(&self))? {
-            let value = map.next_value_seed(ValueOf { key, way: &self })?;
+        while let Some(key) = map.next_key_seed(Key)? {
+            let value = map.next_value_seed(ValueOf { key })?;
             given.insert(key.to_owned(), value);
         }
         let foreign = |ours: &[&str]| given.keys().find(|key| !ours.contains(&key.as_str()));
         let refused = |key: &str, why: &str| M::Error::custom(format!("traffic.{key} {why}; remove one of them"));
         if given.contains_key("scenario") {
-            return match foreign(self.scenario) {
+            return match foreign(KEYS.scenario) {
                 Some(key) => Err(refused(key, "is for a grid, but the table names a .sumocfg by `scenario`")),
                 None => read(given).map(TrafficTable::Scenario),
             };
         }
         let missing = ["network", "local_network"].into_iter().find(|&key| !given.contains_key(key));
-        match (missing, foreign(self.grid)) {
+        match (missing, foreign(KEYS.grid)) {
             (Some("network"), _) if !given.contains_key("local_network") => Err(M::Error::custom(
                 "[traffic] names nothing to simulate: add `scenario` with the path of a .sumocfg, or `network` and \
                  `local_network` for a grid",
@@ -141,71 +150,33 @@ fn read<T: DeserializeOwned, E: Error>(table: Table) -> Result<T, E> {
 }
 
 /// Reads a key that one of the two ways has.
-struct Key<'a>(&'a EitherWay);
+struct Key;
 
-impl<'de> DeserializeSeed<'de> for Key<'_> {
+impl<'de> DeserializeSeed<'de> for Key {
     type Value = &'static str;
 
     fn deserialize<D: Deserializer<'de>>(self, deserializer: D) -> Result<&'static str, D::Error> {
         let name = String::deserialize(deserializer)?;
-        let mut keys = self.0.grid.iter().chain(self.0.scenario);
-        keys.clone().copied().find(|&key| key == name).ok_or_else(|| {
-            let allowed: Vec<String> = keys.by_ref().map(|key| format!("`{key}`")).collect();
-            D::Error::custom(format!("unknown field `{name}`, expected one of {}", allowed.join(", ")))
-        })
+        KEYS.all.iter().copied().find(|&key| key == name).ok_or_else(|| D::Error::unknown_field(&name, &KEYS.all))
     }
 }
 
 /// Reads the value of a key, and checks its type.
-struct ValueOf<'a> {
+struct ValueOf {
     key: &'static str,
-    way: &'a EitherWay,
 }
 
-impl<'de> DeserializeSeed<'de> for ValueOf<'_> {
+impl<'de> DeserializeSeed<'de> for ValueOf {
     type Value = Value;
 
     fn deserialize<D: Deserializer<'de>>(self, deserializer: D) -> Result<Value, D::Error> {
         let value = Value::deserialize(deserializer)?;
         let alone = Table::from_iter([(self.key.to_owned(), value.clone())]);
-        if self.way.grid.contains(&self.key) {
+        if KEYS.grid.contains(&self.key) {
             read::<TrafficConfig, _>(alone)?;
         } else {
             read::<ScenarioConfig, _>(alone)?;
         }
         Ok(value)
-    }
-}
-
-/// Returns the keys that a struct of serde reads.
-fn keys_of<T: DeserializeOwned>() -> &'static [&'static str] {
-    let mut keys: &[&str] = &[];
-    // The struct asks for its fields and gets none.
-    let _ = T::deserialize(Asked(&mut keys));
-    keys
-}
-
-struct Asked<'a>(&'a mut &'static [&'static str]);
-
-impl<'de> Deserializer<'de> for Asked<'_> {
-    type Error = NoError;
-
-    fn deserialize_any<V: Visitor<'de>>(self, _: V) -> Result<V::Value, NoError> {
-        Err(NoError::custom("only a struct has keys"))
-    }
-
-    fn deserialize_struct<V: Visitor<'de>>(
-        self,
-        _: &'static str,
-        fields: &'static [&'static str],
-        visitor: V,
-    ) -> Result<V::Value, NoError> {
-        *self.0 = fields;
-        self.deserialize_any(visitor)
-    }
-
-    forward_to_deserialize_any! {
-        bool i8 i16 i32 i64 u8 u16 u32 u64 f32 f64 char str string bytes byte_buf option unit unit_struct newtype_struct
-        seq tuple tuple_struct map enum identifier ignored_any
     }
 }

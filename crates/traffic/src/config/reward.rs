@@ -1,14 +1,16 @@
 //! The reward of a light: a name, or a weighted sum of named terms.
 
+use std::borrow::Cow;
 use std::collections::BTreeMap;
 use std::fmt::{self, Formatter};
 
 use anyhow::{Result, ensure};
+use schemars::{JsonSchema, Schema, SchemaGenerator, json_schema};
 use serde::de::{Deserializer, Error, MapAccess, Visitor, value::StrDeserializer};
 use serde::{Deserialize, Serialize, Serializer};
 
 /// What a light can be paid for. All of it is measured on its own approaches and exits.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
 pub enum RewardTerm {
     /// Mean of the cars' speed as a share of the limit of their lanes; 0 without cars.
@@ -50,6 +52,7 @@ impl RewardTerm {
 }
 
 /// Weights of terms, at least one.
+// It is written as the name of a term if that is the only one and has the weight 1.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Reward(BTreeMap<RewardTerm, f64>);
 
@@ -113,6 +116,19 @@ impl Serialize for Reward {
 impl<'de> Deserialize<'de> for Reward {
     fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Reward, D::Error> {
         deserializer.deserialize_any(NameOrWeights)
+    }
+}
+
+impl JsonSchema for Reward {
+    fn schema_name() -> Cow<'static, str> {
+        "Reward".into()
+    }
+
+    fn json_schema(generator: &mut SchemaGenerator) -> Schema {
+        let term = generator.subschema_for::<RewardTerm>();
+        let weights =
+            json_schema!({ "type": "object", "propertyNames": term, "additionalProperties": { "type": "number" } });
+        json_schema!({ "anyOf": [term, weights] })
     }
 }
 

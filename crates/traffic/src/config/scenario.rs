@@ -4,6 +4,7 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use anyhow::{Context, Result, ensure};
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::reward::Reward;
@@ -12,9 +13,21 @@ use super::yellow::Yellow;
 use crate::Traffic;
 use dials_core::domain::{Domain, DomainTable};
 
-/// Settings of the traffic domain for a scenario. A decision is a step of the domain.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+/// A scenario of yours: a .sumocfg of SUMO with its net, route files and additional files. Every light of it that has
+/// something to choose learns. Its agents choose a green every `decision_s` seconds; yellow comes by itself.
+///
+/// A config that names a scenario has other defaults than the paper's, those of
+/// [`scenario_defaults.toml`](../crates/traffic/src/config/scenario_defaults.toml): they fit 300 episodes of an hour. They
+/// replace the defaults of this page, key by key. Only `aip.patience` stays out if the config names `aip.epochs`.
+///
+/// A .sumocfg stands for a config that names nothing else, wherever the command line takes a config. `--set` works as for a
+/// config. What of a .sumocfg is simulated: see [environments](environments.md#what-of-a-sumocfg-is-simulated).
+///
+/// `train` and `bench` first cut the local simulators of all lights, and load them once. Lights that cannot be cut are
+/// named, with the reasons. `--simulator gs` trains on the whole network and needs none; nor do `baseline` and `evaluate`.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
+#[schemars(title = "for a scenario", extend("required" = ["scenario"]))]
 pub struct ScenarioConfig {
     /// Path of the .sumocfg, relative to the config file.
     pub scenario: PathBuf,
@@ -22,29 +35,37 @@ pub struct ScenarioConfig {
     /// is relative to the config file.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub agents: Option<PathBuf>,
-    /// Second at which an episode begins. If left out, that of the .sumocfg; a loaded config has a value.
+    /// Second at which an episode begins. If left out, `<begin>` of the .sumocfg, or 0.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub begin_s: Option<u64>,
-    /// Second at which an episode ends. If left out, that of the .sumocfg; a loaded config has a value.
+    /// Second at which an episode ends. If left out, `<end>` of the .sumocfg, which must then name one.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub end_s: Option<u64>,
-    /// Number of simulated seconds of a decision. Hand-coded controllers decide every second.
+    /// Number of seconds of a decision, which is a step of the domain. The horizon is the number of whole decisions from
+    /// begin to end. Hand-coded controllers decide every second.
     pub decision_s: u32,
     /// Least number of seconds of a green.
     pub min_green_s: u32,
+    /// Number of seconds of yellow between two greens, for what loses green. `"program"`: as many as in the light's own
+    /// program, so that no controller gains time by a shorter yellow; 3 if it shows none.
     pub yellow_s: Yellow,
     /// Distance in metres that an agent sees upstream of its stop lines.
     pub approach_m: f64,
     /// What an agent sees of the cars on its approaches.
     pub observation: Observation,
+    /// What an agent is rewarded for, as on a grid. Keep returns within a few units: a value moves by at most `ppo.clip` in
+    /// an update. With a weight of 1, `"queue"` and `"wait"` got agents stuck on RESCO's map cologne1. The default comes
+    /// from six runs there, one seed each, so it is no proof that other rewards are worse. Returns of
+    /// `"diff-waiting-time"` only say what waits at the end of the episode, so they mislead; compare delays instead.
     pub reward: Reward,
-    /// Number of decisions of an episode of the local simulators. It begins at a drawn second of the demand. At most as
-    /// many as from begin to end count.
+    /// Number of decisions of an episode of the local simulators, at most those from begin to end.
+    ///
+    /// DEVIATION 17: an episode of the local simulators begins at a drawn second of the demand.
     pub local_horizon: usize,
 }
 
 /// What an agent sees of the cars on its approaches.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "lowercase")]
 pub enum Observation {
     /// A bit for each cell of 10 m.

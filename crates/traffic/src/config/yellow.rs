@@ -1,7 +1,9 @@
 //! How long lights of a scenario show yellow: a number of seconds, or the word "program".
 
+use std::borrow::Cow;
 use std::fmt::{self, Display, Formatter};
 
+use schemars::{JsonSchema, Schema, SchemaGenerator, json_schema};
 use serde::de::{Error, Unexpected, Visitor};
 use serde::{Deserialize, Deserializer, Serialize, Serializer};
 
@@ -37,6 +39,16 @@ impl Serialize for Yellow {
 impl<'de> Deserialize<'de> for Yellow {
     fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Yellow, D::Error> {
         deserializer.deserialize_any(SecondsOrProgram)
+    }
+}
+
+impl JsonSchema for Yellow {
+    fn schema_name() -> Cow<'static, str> {
+        "Yellow".into()
+    }
+
+    fn json_schema(_: &mut SchemaGenerator) -> Schema {
+        json_schema!({ "anyOf": [{ "enum": [PROGRAM] }, { "type": "integer", "minimum": 0 }] })
     }
 }
 

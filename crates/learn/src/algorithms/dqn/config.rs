@@ -1,36 +1,44 @@
 //! The table `[dqn]`.
 
 use anyhow::{Result, ensure};
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::algorithms::ppo::TimeLimit;
 use crate::config::Config;
-use crate::config::check::{at_least, at_most, not_negative, positive, share};
+use crate::config::check::{not_negative, positive, share};
 
-/// Settings of DQN, as in Mnih et al. 2015. Every agent has a replay of its own.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+/// DQN, as in Mnih et al. 2015. Every agent has a replay of its own.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct DqnConfig {
     /// Number of decisions that the replay of an agent holds. It is part of every checkpoint.
+    #[schemars(range(min = 1, max = 1_000_000))]
     pub replay: usize,
     /// Timesteps per agent before the first update.
     pub learning_starts: u64,
     /// Timesteps per agent between two updates; a multiple of `copies`.
+    #[schemars(range(min = 1, max = 1_000_000))]
     pub update_every_steps: usize,
     /// Number of gradient steps per update.
+    #[schemars(range(min = 1, max = 10_000))]
     pub gradient_steps: usize,
     /// Number of samples per agent and gradient step.
+    #[schemars(range(min = 1))]
     pub minibatch: usize,
+    /// Learning rate.
     pub learning_rate: f64,
     /// Discount factor.
     pub gamma: f64,
     /// Timesteps per agent after which the target network becomes a copy of the network.
+    #[schemars(range(min = 1))]
     pub target_every_steps: u64,
     /// Share of random actions at the first step. It falls linearly.
     pub epsilon: f64,
     /// Share of random actions in the end.
     pub final_epsilon: f64,
     /// Timesteps per agent over which the share of random actions falls.
+    #[schemars(range(min = 1))]
     pub epsilon_steps: u64,
     /// Largest length of the gradient of an agent's loss (Euclidean norm); a longer one is shortened to it. If left out,
     /// there is no limit.
@@ -82,15 +90,6 @@ impl DqnConfig {
     }
 
     pub(super) fn check(&self, config: &Config) -> Result<()> {
-        at_least(1, "dqn.replay", self.replay as u64, "10000 is the default")?;
-        at_most(1_000_000, "dqn.replay", self.replay as u64)?;
-        at_least(1, "dqn.minibatch", self.minibatch as u64, "32 is the default")?;
-        at_least(1, "dqn.gradient_steps", self.gradient_steps as u64, "2 is the default")?;
-        at_most(10_000, "dqn.gradient_steps", self.gradient_steps as u64)?;
-        at_least(1, "dqn.update_every_steps", self.update_every_steps as u64, "16 is the default")?;
-        at_most(1_000_000, "dqn.update_every_steps", self.update_every_steps as u64)?;
-        at_least(1, "dqn.target_every_steps", self.target_every_steps, "1000 is the default")?;
-        at_least(1, "dqn.epsilon_steps", self.epsilon_steps, "20000 is the default")?;
         ensure!(
             self.update_every_steps.is_multiple_of(config.copies()),
             "dqn.update_every_steps = {}: must be a multiple of copies = {}",

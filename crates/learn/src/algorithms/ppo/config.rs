@@ -1,34 +1,46 @@
 //! The table `[ppo]`.
 
 use anyhow::{Result, ensure};
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::config::Config;
-use crate::config::check::{at_least, at_most, not_negative, positive, share};
+use crate::config::check::{not_negative, positive, share};
 
-/// Settings of PPO, as in Schulman et al. 2017.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+/// PPO, as in Schulman et al. 2017.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct PpoConfig {
-    /// Number of steps of a rollout (T), after which advantages are estimated.
+    /// Number of steps of a rollout (T), after which advantages are estimated. Warehouse: 8.
+    #[schemars(range(min = 1, max = 1_000_000), extend("source" = "P"))]
     pub rollout_steps: usize,
-    /// Number of samples per agent and update; a multiple of `copies` x `rollout_steps`.
+    /// Number of samples per agent and update; must be a multiple of `copies` x `rollout_steps`.
+    #[schemars(range(min = 1, max = 1_000_000), extend("source" = "P"))]
     pub memory: usize,
-    /// Number of samples per agent and gradient step.
+    /// Number of samples per agent and gradient step; must divide `ppo.memory`.
+    // The advantages of a minibatch are divided by their unbiased standard deviation.
+    #[schemars(range(min = 2), extend("source" = "P"))]
     pub minibatch: usize,
     /// Number of passes over the memory per update.
+    #[schemars(range(min = 1, max = 100_000), extend("source" = "P"))]
     pub epochs: usize,
     /// Learning rate at the first step; decays linearly to 1e-10 over `total_steps`.
+    #[schemars(extend("source" = "P, C"))]
     pub learning_rate: f64,
     /// Discount factor.
+    #[schemars(extend("source" = "P"))]
     pub gamma: f64,
-    /// Lambda of the generalised advantage estimate.
+    /// Lambda of the GAE.
+    #[schemars(extend("source" = "P"))]
     pub gae_lambda: f64,
     /// Weight of the entropy bonus (beta).
+    #[schemars(extend("source" = "P"))]
     pub entropy: f64,
     /// Clip range (epsilon) at the first step; decays linearly to 1e-5.
+    #[schemars(extend("source" = "P, C"))]
     pub clip: f64,
     /// Weight of the value loss (c1).
+    #[schemars(extend("source" = "P"))]
     pub value_coefficient: f64,
     /// Largest length of the gradient of an agent's loss by all of its parameters (Euclidean norm); a longer one is
     /// shortened to it. If left out, gradients are as long as they are.
@@ -37,11 +49,12 @@ pub struct PpoConfig {
     #[serde(skip_serializing_if = "Option::is_none")]
     pub max_gradient_norm: Option<f64>,
     /// Meaning of the end of an episode at the horizon for the return.
+    #[schemars(extend("source" = "C"))]
     pub time_limit: TimeLimit,
 }
 
 /// Meaning of the end of an episode at the horizon for the return.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
 pub enum TimeLimit {
     /// Nothing comes after it.
@@ -75,14 +88,6 @@ impl Default for PpoConfig {
 /// Checks the table, and what depends on it.
 pub(super) fn check(config: &Config) -> Result<()> {
     let ppo = &config.ppo;
-    at_most(1_000_000, "ppo.rollout_steps", ppo.rollout_steps as u64)?;
-    at_most(1_000_000, "ppo.memory", ppo.memory as u64)?;
-    at_most(100_000, "ppo.epochs", ppo.epochs as u64)?;
-    at_least(1, "ppo.rollout_steps", ppo.rollout_steps as u64, "the paper uses 16")?;
-    at_least(1, "ppo.epochs", ppo.epochs as u64, "the paper uses 3")?;
-    // The advantages of a minibatch are divided by their unbiased standard deviation.
-    at_least(2, "ppo.minibatch", ppo.minibatch as u64, "the paper uses 32")?;
-    at_least(1, "ppo.memory", ppo.memory as u64, "the paper uses 128")?;
     ensure!(
         ppo.memory.is_multiple_of(ppo.minibatch),
         "ppo.memory = {}: must be a multiple of ppo.minibatch = {}",
@@ -98,7 +103,6 @@ pub(super) fn check(config: &Config) -> Result<()> {
         ppo.rollout_steps,
     );
     let length = config.sequence_length();
-    at_least(1, "policy.sequence_length", length as u64, "the paper uses 8")?;
     ensure!(
         ppo.rollout_steps.is_multiple_of(length) && ppo.minibatch.is_multiple_of(length),
         "policy.sequence_length = {length}: must divide ppo.rollout_steps = {} and ppo.minibatch = {}",

@@ -19,7 +19,7 @@ use super::{Coordinator, MostGrowth, Options};
 use crate::config::RunConfig;
 use dials_core::base::Ragged;
 use dials_core::domain::Domain;
-use dials_learn::config::{Config, PolicyConfig, Predictor, Simulator};
+use dials_learn::config::{Config, PolicyConfig, Simulator};
 use dials_learn::evaluation::Evaluation;
 use dials_learn::training::answers::{FleetLoad, PolicyTraining};
 use dials_learn::training::dials;
@@ -226,7 +226,7 @@ fn an_evaluation_that_was_made_is_not_made_again_when_a_period_begins_after_the_
 #[test]
 fn agents_of_two_kinds_that_take_turns_are_shared_out_and_put_together_again() {
     let domain: Arc<dyn Domain> = Arc::new(CoinsAndDice::new(20));
-    for simulator in [Simulator::Local(Predictor::Network), Simulator::Global] {
+    for simulator in [Simulator::Local, Simulator::Global] {
         let config = Config { simulator, ..config() };
         let mut alone = in_process(domain.clone(), config.clone(), Rc::new(Silent)).unwrap();
         dials::train(&config, &mut alone, Standing::default(), &mut Unrecorded, &Silent).unwrap();
@@ -318,7 +318,7 @@ fn agents_of_a_kind_that_share_a_policy_have_the_same_one_for_any_number_of_work
 #[test]
 fn agents_that_get_the_mean_of_their_policies_are_the_same_for_any_number_of_workers_and_through_deaths() {
     let domain: Arc<dyn Domain> = Arc::new(CoinsAndDice::new(20));
-    for simulator in [Simulator::Local(Predictor::Network), Simulator::Global] {
+    for simulator in [Simulator::Local, Simulator::Global] {
         let mut config = Config { simulator, ..config() };
         config.policy.average_every_steps = Some(200);
         let (agents, Keeper(kept)) = trained_alone(&domain, &config);
