@@ -6,6 +6,7 @@ use toml::{Table, Value};
 
 use crate::config::RunConfig;
 use dials_core::domain::Scenario;
+use dials_learn::algorithms;
 use dials_learn::config::ShortForm;
 
 /// A method: a way of training, whatever the seed and the scenario.
@@ -27,6 +28,9 @@ impl Method {
         flatten("", &table, &mut keys);
         let form = config.learning.short_form();
         keys.remove("predictor");
+        let (_, other_algorithms) = algorithms::tables(&config.learning);
+        let is_of_another = |key: &str| key.split_once('.').is_some_and(|(table, _)| other_algorithms.contains(&table));
+        keys.retain(|key, _| !is_of_another(key));
         keys.insert("simulator".to_owned(), form.name.to_owned());
         if let Some(mut domain) = config.domain.clone() {
             // The same file has another path in every run, so its checksum replaces the path, if it is known.
