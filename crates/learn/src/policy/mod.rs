@@ -12,7 +12,7 @@ pub mod sampling;
 use dials_config::PolicyConfig;
 use dials_core::base::{AgentId, Ragged, Rows, Seed};
 use dials_core::domain::{Percept, RegionSpec, Result};
-use stacknets::{Adam, Learner, Net, Parameters, Shape, States, Threads, script};
+use stacknets::{Adam, Learner, Parameters, Shape, Stack, States, Threads, script};
 
 pub use controller::{JointPolicyController, Selection, StackController};
 pub use demonstrations::Demonstrations;
@@ -28,7 +28,7 @@ pub type JointPolicy = Ragged<f32>;
 /// Source: DIALS paper, appendix "Hyperparameters" (traffic: 256 and 128; warehouse: GRU 256 and 128).
 pub struct PolicyStack {
     n_actions: usize,
-    net: Net,
+    net: Stack,
 }
 
 /// Outputs of the networks for a batch of observations, one row per observation.
@@ -62,18 +62,18 @@ impl PolicyStack {
     /// Makes policies with random parameters, each agent's from its own stream. `action_bias` is added to the initial
     /// biases of the logits.
     pub fn new(agents: &[AgentId], spec: &RegionSpec, config: &PolicyConfig, action_bias: &[f32], seed: Seed) -> Self {
-        let mut net = Net::new(PolicyStack::shape(spec, config), seed.for_agents(agents));
+        let mut net = Stack::new(PolicyStack::shape(spec, config), seed.for_agents(agents));
         net.shift_output(action_bias);
         PolicyStack { n_actions: spec.n_actions, net }
     }
 
     /// Makes policies whose parameters are still to be loaded.
     pub fn blank(agents: usize, spec: &RegionSpec, config: &PolicyConfig) -> Self {
-        PolicyStack { n_actions: spec.n_actions, net: Net::blank(agents, PolicyStack::shape(spec, config)) }
+        PolicyStack { n_actions: spec.n_actions, net: Stack::blank(agents, PolicyStack::shape(spec, config)) }
     }
 
     pub fn agents(&self) -> usize {
-        self.net.parameters().agents()
+        self.net.parameters().networks()
     }
 
     pub fn n_actions(&self) -> usize {
