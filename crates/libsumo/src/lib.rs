@@ -62,7 +62,7 @@
 //!
 //! # What it does not do
 //!
-//! It has the part of libsumo that driving and reading a simulation in batches takes, not all of its thousand functions. No
+//! It has the part of libsumo that driving and reading a simulation in batches takes, not all of it: no
 //! pedestrians, no GUI, no subscriptions.
 //!
 //! # Units

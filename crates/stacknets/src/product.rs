@@ -33,7 +33,7 @@
 //!   registers agree.
 //!
 //! The test `order_of_sums` writes this order down in plain Rust and compares to the bit. Sums in `f64` would halve the
-//! speed and still depend on the order, only more rarely: a test would pass for a year.
+//! speed and still depend on the order, only so rarely that no test would notice.
 //!
 //! **Why fused multiply-add here, and nowhere else?** It rounds once where a multiplication and an addition round twice, so
 //! code with it and code without it give different bits. The compiler never fuses by itself, which makes plain loops the

@@ -22,8 +22,8 @@ pub enum VectorWidth {
     Bits256,
 }
 
-/// One setting for the whole process. As an argument it would go through every call down to the products. And two stacks
-/// of different widths in one program would be two answers to "which bits does this machine give".
+/// One setting for the whole process. As an argument it would go through every call down to the products, and nobody needs
+/// two widths in one program.
 static ARE_256_BITS: AtomicBool = AtomicBool::new(false);
 
 /// Sets the register width for all products of this process. Returns an error if the machine does not have it.
