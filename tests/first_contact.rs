@@ -164,7 +164,11 @@ fn only_what_simulates_needs_sumo_and_a_missing_sumo_is_one_error_with_its_cure(
             err.starts_with("error: ") && err.lines().filter(|line| line.starts_with("error")).count() == 1,
             "{err}"
         );
-        for part in ["SUMO's library cannot be loaded: ", "libsumocpp.so: ", "install SUMO 1.15 (./setup.sh does so"] {
+        for part in [
+            "SUMO's library cannot be loaded: ",
+            "libsumocpp.so: ",
+            "install SUMO 1.15 (on Debian 12: apt install sumo)",
+        ] {
             assert!(err.contains(part), "`{part}` is not in: {err}");
         }
     }

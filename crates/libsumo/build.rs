@@ -4,16 +4,16 @@ use std::env;
 use std::path::{Path, PathBuf};
 use std::process::{Command, exit};
 
-const SHIM: &str = "src/shim/dials_sumo.cpp";
+const SHIM: &str = "src/shim/shim.cpp";
 const LATE: &str = "src/shim/late.S";
-const HEADER: &str = "src/shim/dials_sumo.h";
+const HEADER: &str = "src/shim/shim.h";
 
 const LIBRARY: &str = "libsumocpp.so";
 /// Beginnings of the names of SUMO's functions, as C++ compilers write them: the namespace `libsumo`, and a class.
 const OF_SUMO: [&str; 2] = ["_ZN7libsumo", "_ZN6MSLane"];
 
 const DEBIAN: &str = "on Debian, apt install";
-const FOLDERS: &str = "DIALS_SUMO_INCLUDE=<above libsumo/libsumo.h> DIALS_SUMO_LIB=<with libsumocpp.so>";
+const FOLDERS: &str = "LIBSUMO_INCLUDE=<above libsumo/libsumo.h> LIBSUMO_LIB=<with libsumocpp.so>";
 
 fn main() {
     println!("cargo:rerun-if-changed=build.rs");
@@ -21,20 +21,26 @@ fn main() {
     println!("cargo:rerun-if-changed={LATE}");
     println!("cargo:rerun-if-changed={HEADER}");
 
+    if env::var_os("DOCS_RS").is_some() {
+        // docs.rs has no SUMO, and documentation calls nothing.
+        println!("cargo:rustc-env=LIBSUMO_LIBRARY={LIBRARY}");
+        return;
+    }
+
     let home = |sub: &str| variable("SUMO_HOME").map(|home| home.join(sub));
     let arch = env::var("CARGO_CFG_TARGET_ARCH").unwrap_or_default();
     let mut tried = Vec::new();
 
     let include = find(
         "libsumo/libsumo.h",
-        "DIALS_SUMO_INCLUDE",
+        ["LIBSUMO_INCLUDE", "DIALS_SUMO_INCLUDE"],
         home("include"),
         &["/usr/include", "/usr/local/include"],
         &mut tried,
     );
     let multiarch = format!("/usr/lib/{arch}-linux-gnu");
     let libraries = [multiarch.as_str(), "/usr/lib64", "/usr/lib", "/usr/local/lib"];
-    let library = find(LIBRARY, "DIALS_SUMO_LIB", home("lib"), &libraries, &mut tried);
+    let library = find(LIBRARY, ["LIBSUMO_LIB", "DIALS_SUMO_LIB"], home("lib"), &libraries, &mut tried);
     let (Some(include), Some(library)) = (include, library) else {
         give_up(
             "libsumo was not found",
@@ -49,7 +55,7 @@ fn main() {
     }
     // A library where the system does not look is opened by its path.
     let place = if library.starts_with("/usr") { LIBRARY.into() } else { library.join(LIBRARY) };
-    println!("cargo:rustc-env=DIALS_SUMO_LIBRARY={}", place.display());
+    println!("cargo:rustc-env=LIBSUMO_LIBRARY={}", place.display());
 }
 
 /// What went wrong, the reason, and what to do.
@@ -74,7 +80,7 @@ fn compile(include: &Path, library: &Path, arch: &str) -> Result<(), Failure> {
     std::fs::write(out.join("sumo_calls.inc"), lines).expect("the folder for outputs can be written to");
     let mut both = cc::Build::new();
     both.cpp(true).file(LATE).include(out).objects(objects);
-    both.try_compile("dials_sumo").map_err(|error| failed(LATE, error))?;
+    both.try_compile("sumo_shim").map_err(|error| failed(LATE, error))?;
     if late.is_empty() {
         // After the shim, because a linker reads from left to right.
         println!("cargo:rustc-link-search=native={}", library.display());
@@ -122,16 +128,18 @@ fn symbols(file: &Path, options: &[&str]) -> Result<Vec<(String, String)>, Strin
     Ok(words.filter_map(|mut words| Some((words.next()?.to_owned(), words.next()?.to_owned()))).collect())
 }
 
-/// Returns the first folder that holds `file`. A folder named by `variable_name` is the only candidate.
+/// Returns the first folder that holds `file`. A folder that one of `variables` names is the only candidate. The second of
+/// them is the older name.
 fn find(
     file: &str,
-    variable_name: &str,
+    variables: [&'static str; 2],
     home: Option<PathBuf>,
     system: &[&str],
     tried: &mut Vec<String>,
 ) -> Option<PathBuf> {
-    let candidates: Vec<(PathBuf, &str)> = match variable(variable_name) {
-        Some(folder) => vec![(folder, variable_name)],
+    let named = variables.map(|name| variable(name).map(|folder| (folder, name)));
+    let candidates: Vec<(PathBuf, &str)> = match named.into_iter().flatten().next() {
+        Some(named) => vec![named],
         None => {
             let home = home.into_iter().map(|folder| (folder, "SUMO_HOME"));
             home.chain(system.iter().map(|folder| (PathBuf::from(folder), "system"))).collect()

@@ -28,7 +28,7 @@ thread_local! {
 
 /// The kinds of things that can be registered by name.
 #[derive(Clone, Copy, Debug)]
-pub(super) enum IdKind {
+pub(crate) enum IdKind {
     Lane,
     Light,
     Route,
@@ -40,7 +40,7 @@ pub(super) enum IdKind {
 /// It is neither `Send` (the guard of [`TURN`] is not) nor `Sync` (two threads with a reference would be two threads
 /// inside).
 #[derive(Debug)]
-pub(super) struct Crossing {
+pub(crate) struct Crossing {
     insertions: Vec<ffi::ds_insertion>,
     starts: Vec<u32>,
     letters: Vec<u8>,
@@ -50,7 +50,7 @@ pub(super) struct Crossing {
 
 impl Crossing {
     /// Waits until no other thread has the turn. Loads libsumo, if that has not happened yet.
-    pub(super) fn wait() -> Result<Self> {
+    pub(crate) fn wait() -> Result<Self> {
         if HAS_TURN.get() {
             return Err(Error::AlreadyHeld);
         }
@@ -67,15 +67,16 @@ impl Crossing {
         })
     }
 
-    pub(super) fn load(&mut self, options: &[String]) -> Result<()> {
-        let texts = Texts::new(&with_silence(options))?;
+    pub(crate) fn load(&mut self, options: &[impl AsRef<str>]) -> Result<()> {
+        let options: Vec<&str> = options.iter().map(AsRef::as_ref).collect();
+        let texts = Texts::new(&with_silence(&options))?;
         // SAFETY: we have the turn; the pointers are `len` strings that end in zero and outlive the call.
         let code = unsafe { ffi::ds_load(texts.pointers.as_ptr(), texts.pointers.len()) };
         ask(code).map_err(|text| Error::Load { options: options.join(" "), text })
     }
 
     /// Registers all or none. Returns the number of the first one; the others follow.
-    pub(super) fn register(&mut self, kind: IdKind, names: &[String]) -> Result<u32> {
+    pub(crate) fn register(&mut self, kind: IdKind, names: &[impl AsRef<str>]) -> Result<u32> {
         let texts = Texts::new(names)?;
         let (kind, action) = match kind {
             IdKind::Lane => (ffi::DS_LANE, "register the lanes"),
@@ -90,19 +91,19 @@ impl Crossing {
         Ok(first)
     }
 
-    pub(super) fn step(&mut self) -> Result<()> {
+    pub(crate) fn step(&mut self) -> Result<()> {
         // SAFETY: we have the turn.
         check(unsafe { ffi::ds_step() }, "make a step")
     }
 
-    pub(super) fn time_s(&self) -> Result<f64> {
+    pub(crate) fn time_s(&self) -> Result<f64> {
         let mut seconds = 0.0;
         // SAFETY: we have the turn, and `Crossing` is not `Sync`, so a shared reference is as good as an exclusive one.
         check(unsafe { ffi::ds_time(&mut seconds) }, "return the time")?;
         Ok(seconds)
     }
 
-    pub(super) fn read_lanes(&mut self, lanes: &[LaneId], table: &mut CarTable) -> Result<()> {
+    pub(crate) fn read_lanes(&mut self, lanes: &[LaneId], table: &mut CarTable) -> Result<()> {
         let mut read = MaybeUninit::uninit();
         // SAFETY: we have the turn; a `LaneId` is laid out as a `u32`; `read` is only written to.
         let code = unsafe { ffi::ds_read_lanes(lanes.as_ptr().cast(), lanes.len(), read.as_mut_ptr()) };
@@ -119,7 +120,7 @@ impl Crossing {
     }
 
     /// Passes the letters of each light to `each`, in the order of `lights`.
-    pub(super) fn read_lights(&mut self, lights: &[LightId], mut each: impl FnMut(&str) -> Result<()>) -> Result<()> {
+    pub(crate) fn read_lights(&mut self, lights: &[LightId], mut each: impl FnMut(&str) -> Result<()>) -> Result<()> {
         let mut read = MaybeUninit::uninit();
         // SAFETY: as in `read_lanes`.
         let code = unsafe { ffi::ds_read_lights(lights.as_ptr().cast(), lights.len(), read.as_mut_ptr()) };
@@ -137,7 +138,7 @@ impl Crossing {
     }
 
     /// Sets the lights. There is one state per light, with as many letters as its light has links.
-    pub(super) fn set_lights(&mut self, lights: &[LightId], states: &[&SignalState]) -> Result<()> {
+    pub(crate) fn set_lights(&mut self, lights: &[LightId], states: &[&SignalState]) -> Result<()> {
         assert_eq!(lights.len(), states.len(), "a state for each light");
         self.letters.clear();
         self.starts.clear();
@@ -153,14 +154,14 @@ impl Crossing {
         check(code, "set the lights")
     }
 
-    pub(super) fn set_programs(&mut self, lights: &[LightId], program: &str) -> Result<()> {
+    pub(crate) fn set_programs(&mut self, lights: &[LightId], program: &str) -> Result<()> {
         let program = terminated(program)?;
         // SAFETY: we have the turn; a `LightId` is laid out as a `u32`; `program` ends in zero and outlives the call.
         let code = unsafe { ffi::ds_set_programs(lights.as_ptr().cast(), lights.len(), program.as_ptr()) };
         check(code, "set the lights' programs")
     }
 
-    pub(super) fn insert(&mut self, cars: &[Insertion]) -> Result<()> {
+    pub(crate) fn insert(&mut self, cars: &[Insertion]) -> Result<()> {
         self.insertions.clear();
         self.insertions.extend(cars.iter().map(|insertion| ffi::ds_insertion {
             car: insertion.car,
@@ -173,7 +174,7 @@ impl Crossing {
         check(code, "add a car")
     }
 
-    pub(super) fn enter(&mut self, cars: &[Entering]) -> Result<()> {
+    pub(crate) fn enter(&mut self, cars: &[Entering]) -> Result<()> {
         let entering = |car: &Entering| ffi::ds_entering {
             car: car.insertion.car,
             position: car.insertion.position_m,
@@ -190,7 +191,7 @@ impl Crossing {
         check(code, "add a car")
     }
 
-    pub(super) fn place(&mut self, cars: &[Placing]) -> Result<()> {
+    pub(crate) fn place(&mut self, cars: &[Placing]) -> Result<()> {
         let placing = |car: &Placing| ffi::ds_placing {
             car: car.car,
             position: car.position_m,
@@ -203,24 +204,24 @@ impl Crossing {
         check(code, "place a car")
     }
 
-    pub(super) fn seed_generators(&mut self, first: u32, seeds: &[u32]) -> Result<()> {
+    pub(crate) fn seed_generators(&mut self, first: u32, seeds: &[u32]) -> Result<()> {
         // SAFETY: we have the turn; pointer and length are those of one slice.
         let code = unsafe { ffi::ds_seed_generators(first, seeds.as_ptr(), seeds.len()) };
         check(code, "seed the lanes")
     }
 
-    pub(super) fn clear_pending(&mut self) -> Result<()> {
+    pub(crate) fn clear_pending(&mut self) -> Result<()> {
         // SAFETY: we have the turn.
         check(unsafe { ffi::ds_clear_pending() }, "drop the waiting cars")
     }
 
-    pub(super) fn remove_cars(&mut self, lanes: &[LaneId]) -> Result<()> {
+    pub(crate) fn remove_cars(&mut self, lanes: &[LaneId]) -> Result<()> {
         // SAFETY: we have the turn; a `LaneId` is laid out as a `u32`.
         let code = unsafe { ffi::ds_remove_cars(lanes.as_ptr().cast(), lanes.len()) };
         check(code, "remove the cars")
     }
 
-    pub(super) fn departures(&mut self) -> Result<Vec<Departure>> {
+    pub(crate) fn departures(&mut self) -> Result<Vec<Departure>> {
         let mut read = MaybeUninit::uninit();
         // SAFETY: as in `read_lanes`.
         check(unsafe { ffi::ds_read_departures(read.as_mut_ptr()) }, "read the departures")?;
@@ -256,11 +257,11 @@ impl Crossing {
             .collect())
     }
 
-    pub(super) fn departed(&mut self) -> Result<Vec<CarId>> {
+    pub(crate) fn departed(&mut self) -> Result<Vec<CarId>> {
         self.cars(ffi::ds_read_departed, "read which cars have departed")
     }
 
-    pub(super) fn gone(&mut self) -> Result<Vec<CarId>> {
+    pub(crate) fn gone(&mut self) -> Result<Vec<CarId>> {
         self.cars(ffi::ds_read_gone, "read which cars have left the road")
     }
 
@@ -279,7 +280,7 @@ impl Crossing {
         Ok(cars.iter().copied().map(CarId).collect())
     }
 
-    pub(super) fn route(&mut self, car: &str) -> Result<RouteNow> {
+    pub(crate) fn route(&mut self, car: &str) -> Result<RouteNow> {
         let car = terminated(car)?;
         let mut read = MaybeUninit::uninit();
         // SAFETY: we have the turn; `car` ends in zero and outlives the call; `read` is only written to.
@@ -293,7 +294,7 @@ impl Crossing {
         Ok(RouteNow { edges: edges(&text), at: at as usize })
     }
 
-    pub(super) fn counts(&mut self) -> Result<StepCounts> {
+    pub(crate) fn counts(&mut self) -> Result<StepCounts> {
         let mut counts = MaybeUninit::uninit();
         // SAFETY: we have the turn; `counts` is only written to.
         check(unsafe { ffi::ds_counts(counts.as_mut_ptr()) }, "count")?;
@@ -319,7 +320,7 @@ impl Drop for Crossing {
     }
 }
 
-pub(super) fn version() -> Result<String> {
+pub(crate) fn version() -> Result<String> {
     library::load()?;
     let mut text = std::ptr::null();
     // SAFETY: this one may be called without the turn.
@@ -328,7 +329,7 @@ pub(super) fn version() -> Result<String> {
     Ok(unsafe { CStr::from_ptr(text) }.to_string_lossy().into_owned())
 }
 
-pub(super) fn c_library() -> Result<String> {
+pub(crate) fn c_library() -> Result<String> {
     let mut version = std::ptr::null();
     // SAFETY: this one may be called without the turn, and without libsumo.
     check(unsafe { ffi::ds_c_library(&mut version) }, "return the version of the C library")?;
@@ -369,7 +370,7 @@ fn check(code: c_int, action: &'static str) -> Result<()> {
 }
 
 /// Returns SUMO's message, as an error, if the call that returned `code` failed.
-pub(super) fn ask(code: c_int) -> std::result::Result<(), String> {
+pub(crate) fn ask(code: c_int) -> std::result::Result<(), String> {
     if code == 0 {
         return Ok(());
     }
@@ -400,10 +401,10 @@ const SILENCE: [[&str; 2]; 4] = [
     ["--xml-validation", "never"],
 ];
 
-fn with_silence(options: &[String]) -> Vec<String> {
+fn with_silence<'a>(options: &[&'a str]) -> Vec<&'a str> {
     let sets = |option: &str| options.iter().any(|given| given.split('=').next() == Some(option));
     let silence = SILENCE.iter().filter(|[option, _]| !sets(option)).flatten();
-    options.iter().cloned().chain(silence.map(|text| text.to_string())).collect()
+    options.iter().chain(silence).copied().collect()
 }
 
 /// Strings in C's form: `pointers` point into `owned`.
@@ -413,8 +414,8 @@ struct Texts {
 }
 
 impl Texts {
-    fn new(texts: &[String]) -> Result<Self> {
-        let owned = texts.iter().map(|text| terminated(text)).collect::<Result<Vec<_>>>()?;
+    fn new(texts: &[impl AsRef<str>]) -> Result<Self> {
+        let owned = texts.iter().map(|text| terminated(text.as_ref())).collect::<Result<Vec<_>>>()?;
         let pointers = owned.iter().map(|text| text.as_ptr()).collect();
         Ok(Texts { _owned: owned, pointers })
     }
@@ -437,7 +438,7 @@ mod tests {
 
     #[test]
     fn an_option_of_the_callers_is_not_set_a_second_time() {
-        let options = with_silence(&["--no-warnings=false".into(), "--xml-validation".into(), "always".into()]);
+        let options = with_silence(&["--no-warnings=false", "--xml-validation", "always"]);
         assert_eq!(
             options.join(" "),
             "--no-warnings=false --xml-validation always --no-step-log true --duration-log.disable true"

@@ -1,6 +1,8 @@
-//! Errors of SUMO and of this room.
+//! Errors of SUMO and of this crate.
 
-/// The reason why SUMO, or this room before it, refused a call.
+/// The reason why SUMO, or this crate before it, refused a call.
+///
+/// SUMO's own words are in the field `text`, in one line, without prefixes such as `Error:`.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum Error {
@@ -11,35 +13,85 @@ pub enum Error {
 
     /// The shared library is missing, or it cannot be loaded.
     #[error("SUMO's library cannot be loaded: {text}; {way_out}")]
-    Library { text: String, way_out: &'static str },
+    Library {
+        /// Message of the system's loader.
+        text: String,
+        /// What to do.
+        way_out: &'static str,
+    },
 
     /// SUMO could not load. Its text names the file and, for XML, the line.
     #[error("SUMO could not load `{options}`: {text}")]
-    Load { options: String, text: String },
+    Load {
+        /// The options of the call, with blanks between them.
+        options: String,
+        /// SUMO's message.
+        text: String,
+    },
 
     /// SUMO refused a call. Its text names the thing at fault.
     #[error("SUMO could not {action}: {text}")]
-    Refused { action: &'static str, text: String },
+    Refused {
+        /// What was asked, such as `set the lights`.
+        action: &'static str,
+        /// SUMO's message.
+        text: String,
+    },
 
     /// A step or a reload failed, and the state of the simulation cannot be trusted.
     #[error("the simulation is broken until it is reloaded, because {cause}")]
-    Broken { cause: String },
+    Broken {
+        /// Message of the error that broke it.
+        cause: String,
+    },
 
+    /// The state has another number of letters than the light has links.
     #[error("light `{light}` has {links} links, but the state `{state}` has {letters} letters")]
-    StateLength { light: String, links: usize, state: String, letters: usize },
+    StateLength {
+        /// Name of the light.
+        light: String,
+        /// Number of its links.
+        links: usize,
+        /// The state.
+        state: String,
+        /// Number of its letters.
+        letters: usize,
+    },
 
+    /// The letters are no state of a light.
     #[error("signal state `{state}`: {reason}; SUMO's letters are {alphabet}")]
-    State { state: String, reason: String, alphabet: &'static str },
+    State {
+        /// The letters.
+        state: String,
+        /// What is wrong with them.
+        reason: String,
+        /// The letters that SUMO knows.
+        alphabet: &'static str,
+    },
 
+    /// A position, a speed or a number of a car is none.
     #[error("car {car}: {reason}")]
-    Insertion { car: u64, reason: String },
+    Insertion {
+        /// Number of the car.
+        car: u64,
+        /// What is wrong with it.
+        reason: String,
+    },
 
     /// The id comes from another simulation.
     #[error("no light is registered under number {number}: ids do not outlive their simulation")]
-    UnknownLight { number: u32 },
+    UnknownLight {
+        /// Number of the light.
+        number: u32,
+    },
 
+    /// C ends a text at a zero byte.
     #[error("`{text}` contains a zero byte and cannot be passed to SUMO")]
-    ZeroByte { text: String },
+    ZeroByte {
+        /// The text.
+        text: String,
+    },
 }
 
+/// A result with an [`enum@Error`] of this crate.
 pub type Result<T> = std::result::Result<T, Error>;

@@ -1,6 +1,6 @@
-//! Bindings of `shim/dials_sumo.h`, made by bindgen: `UPDATE_BINDINGS=1 cargo test -p libsumo`.
+//! Bindings of `shim/shim.h`, made by bindgen: `UPDATE_BINDINGS=1 cargo test -p libsumo`.
 
-#![allow(dead_code, non_camel_case_types, clippy::all, reason = "bindgen writes it")]
+#![allow(dead_code, non_camel_case_types, unreachable_pub, clippy::all, reason = "bindgen writes it")]
 
 pub const DS_LANE: ds_kind = 0;
 pub const DS_LIGHT: ds_kind = 1;

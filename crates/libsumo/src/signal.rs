@@ -15,12 +15,17 @@ const ALPHABET: &str = "rRyYgGuoOs";
 pub struct SignalState(String);
 
 impl SignalState {
+    /// Makes a state of these letters, such as `GGrr`.
+    ///
+    /// # Errors
+    /// [`Error::State`] if there is none, or one that SUMO does not know.
     pub fn new(letters: impl Into<String>) -> Result<Self> {
         let letters = letters.into();
         check(&letters)?;
         Ok(SignalState(letters))
     }
 
+    /// Returns the letters.
     pub fn as_str(&self) -> &str {
         &self.0
     }
@@ -31,7 +36,7 @@ impl SignalState {
     }
 
     /// Changes to another state without giving up its memory.
-    pub(super) fn overwrite(&mut self, letters: &str) -> Result<()> {
+    pub(crate) fn overwrite(&mut self, letters: &str) -> Result<()> {
         check(letters)?;
         self.0.clear();
         self.0.push_str(letters);

@@ -10,6 +10,11 @@ use super::table::CarTable;
 /// A loaded SUMO simulation: the guard of libsumo's globals, of which a process has one set. Dropping it closes SUMO.
 ///
 /// It stays in its thread. Other threads that want to load wait for the drop.
+///
+/// # Errors
+/// Every method returns [`Error::Refused`] with SUMO's own words if SUMO refuses the call, as for a number of another
+/// simulation. After a [`step`](Self::step) or a [`reload`](Self::reload) that failed, every method but `reload` returns
+/// [`Error::Broken`]. Other errors are named where they occur.
 #[derive(Debug)]
 pub struct Simulation {
     lights: Vec<LoadedLight>,
@@ -25,50 +30,63 @@ struct LoadedLight {
 }
 
 impl Simulation {
-    /// Loads SUMO with the options of its command line, without the program's name.
+    /// Loads SUMO with the options of its command line, without the program's name, such as
+    /// `["--net-file", "town.net.xml", "--seed", "1"]` or `["-c", "town.sumocfg"]`.
     ///
-    /// Waits while another thread holds a simulation. If this thread holds one, that is an error. After an error, a
-    /// later load can succeed.
-    pub fn load(options: &[String]) -> Result<Simulation> {
+    /// Options that silence SUMO, and one that stops it from looking up XML schemas on the network, are added unless they are
+    /// given. Waits while another thread holds a simulation.
+    ///
+    /// # Errors
+    /// [`Error::Library`] if there is no libsumo; [`Error::AlreadyHeld`] if this thread holds a simulation; [`Error::Load`]
+    /// if SUMO refuses the options or a file. After an error, a later load can succeed.
+    pub fn load(options: &[impl AsRef<str>]) -> Result<Simulation> {
         let mut crossing = Crossing::wait()?;
         crossing.load(options)?;
         Ok(Simulation { lights: Vec::new(), broken: None, crossing })
     }
 
-    /// Loads again in place, for a new episode. Everything registered stays registered, so the new net must have it
-    /// too.
-    pub fn reload(&mut self, options: &[String]) -> Result<()> {
+    /// Loads again in place, to begin again or with another net. It takes less time than a drop and a [`load`](Self::load).
+    /// Everything registered keeps its number, so the new net must have it, too.
+    ///
+    /// # Errors
+    /// [`Error::Load`] if SUMO refuses the options or a file, or if a registered name is not in the net. The simulation
+    /// is then broken until a reload succeeds.
+    pub fn reload(&mut self, options: &[impl AsRef<str>]) -> Result<()> {
         let outcome = self.load_again(options);
         self.broken = outcome.as_ref().err().map(|error| error.to_string());
         outcome
     }
 
-    /// Registers lanes. The `i`-th id is that of the `i`-th name. Registers all or none: a name that is not in the net
-    /// is an error that names it.
-    pub fn register_lanes(&mut self, names: &[String]) -> Result<Vec<LaneId>> {
+    /// Registers lanes. The `i`-th id is that of the `i`-th name. Ids are valid as long as this simulation.
+    ///
+    /// # Errors
+    /// Registers all or none: [`Error::Refused`] names the first name that is not in the net.
+    pub fn register_lanes(&mut self, names: &[impl AsRef<str>]) -> Result<Vec<LaneId>> {
         self.register(IdKind::Lane, names, LaneId)
     }
 
     /// Registers lights, like [`register_lanes`](Self::register_lanes).
-    pub fn register_lights(&mut self, names: &[String]) -> Result<Vec<LightId>> {
+    pub fn register_lights(&mut self, names: &[impl AsRef<str>]) -> Result<Vec<LightId>> {
         let ids = self.register(IdKind::Light, names, LightId)?;
         let links = self.count_links(&ids)?;
-        self.lights.extend(names.iter().zip(links).map(|(name, links)| LoadedLight { name: name.clone(), links }));
+        self.lights
+            .extend(names.iter().zip(links).map(|(name, links)| LoadedLight { name: name.as_ref().to_owned(), links }));
         Ok(ids)
     }
 
     /// Registers routes, like [`register_lanes`](Self::register_lanes).
-    pub fn register_routes(&mut self, names: &[String]) -> Result<Vec<RouteId>> {
+    pub fn register_routes(&mut self, names: &[impl AsRef<str>]) -> Result<Vec<RouteId>> {
         self.register(IdKind::Route, names, RouteId)
     }
 
     /// Registers vehicle types, like [`register_lanes`](Self::register_lanes).
-    pub fn register_types(&mut self, names: &[String]) -> Result<Vec<TypeId>> {
+    pub fn register_types(&mut self, names: &[impl AsRef<str>]) -> Result<Vec<TypeId>> {
         self.register(IdKind::Type, names, TypeId)
     }
 
-    /// Simulates one step.
+    /// Simulates one step, of SUMO's option `--step-length`: 1 s unless it is given.
     ///
+    /// # Errors
     /// An error leaves the step half-done, so every later call but [`reload`](Self::reload) is an error too. The usual
     /// reason is a car with an impossible route, which SUMO notices only when it inserts the car.
     pub fn step(&mut self) -> Result<()> {
@@ -86,7 +104,8 @@ impl Simulation {
         self.crossing.time_s()
     }
 
-    /// Reads the cars on `lanes` after the last step into `table`.
+    /// Reads the cars on `lanes` after the last step into `table`, in the order of `lanes`. The table's memory is used
+    /// again.
     pub fn read_lanes(&mut self, lanes: &[LaneId], table: &mut CarTable) -> Result<()> {
         self.check_whole()?;
         if lanes.is_empty() {
@@ -97,6 +116,13 @@ impl Simulation {
     }
 
     /// Shows `states[i]` at `lights[i]`, from the next step on until changed. The lights' own programs stop.
+    ///
+    /// # Errors
+    /// [`Error::StateLength`] if a state has not one letter per link of its light; [`Error::UnknownLight`] for an id of
+    /// another simulation. Then no light has changed.
+    ///
+    /// # Panics
+    /// If there is not a state for each light.
     pub fn set_lights(&mut self, lights: &[LightId], states: &[&SignalState]) -> Result<()> {
         self.check_whole()?;
         assert_eq!(lights.len(), states.len(), "a state for each light");
@@ -132,16 +158,19 @@ impl Simulation {
         })
     }
 
-    /// Lets one of the programs in the net or an additional file run `lights`.
+    /// Lets a program from the net or an additional file run `lights`. `program`: its `programID`.
     pub fn set_programs(&mut self, lights: &[LightId], program: &str) -> Result<()> {
         self.check_whole()?;
         if lights.is_empty() { Ok(()) } else { self.crossing.set_programs(lights, program) }
     }
 
-    /// Lets cars of vehicle type `car` enter in the next step, on the first lane of their route. A car that finds no
-    /// room waits until there is room or until [`clear_pending`](Self::clear_pending).
+    /// Lets cars of vehicle type `car` enter in the next step, on the first lane of their route. The net or the routes must
+    /// have a vehicle type of that name. A car that finds no room waits until there is room or until
+    /// [`clear_pending`](Self::clear_pending).
     ///
-    /// If SUMO refuses a car, the cars before it in `cars` are in and those after it are not.
+    /// # Errors
+    /// [`Error::Insertion`] for a number, a position or a speed that is none; then no car is in. If SUMO refuses a car,
+    /// the cars before it in `cars` are in and those after it are not.
     pub fn insert(&mut self, cars: &[Insertion]) -> Result<()> {
         self.check_whole()?;
         cars.iter().try_for_each(check_insertion)?;
@@ -155,28 +184,45 @@ impl Simulation {
         if cars.is_empty() { Ok(()) } else { self.crossing.enter(cars) }
     }
 
-    /// Puts cars on the road at once, exactly there and as fast, also where SUMO would find no room. They are of those that
-    /// [`enter`](Self::enter) has let wait since the last step.
+    /// Puts cars on the road at once, exactly there and as fast, also where SUMO would find no room: to rebuild a known
+    /// state. They are of those that [`enter`](Self::enter) has let wait since the last step.
+    ///
+    /// # Errors
+    /// [`Error::Insertion`] for a position or a speed that is none; then no car is placed. If SUMO refuses a car, those
+    /// before it are placed.
     pub fn place(&mut self, cars: &[Placing]) -> Result<()> {
         self.check_whole()?;
         cars.iter().try_for_each(check_placing)?;
         if cars.is_empty() { Ok(()) } else { self.crossing.place(cars) }
     }
 
-    /// Seeds the random generators of lanes, which SUMO numbers from 0 in the order of loading. `first`: the number of
-    /// the first one. The simulation must be loaded with `--thread-rngs` of at least the number of lanes.
+    /// Seeds the random generators of lanes `first`, `first + 1` and so on, one per seed. SUMO numbers lanes from 0 in the
+    /// order of loading.
+    ///
+    /// What drivers on a lane do at random comes from the lane's generator. SUMO has `--thread-rngs` generators, 64 unless it
+    /// is given, and lanes take them in turn. Load with at least as many as there are lanes: then each lane has its own, and
+    /// parts of a net that do not meet are independent, also of the order in which they are computed. A part can then be
+    /// seeded again while the rest goes on.
+    ///
+    /// **This touches SUMO's internals.** libsumo has no such function. The generator of a lane is set by
+    /// `MSLane::loadRNGState`, which SUMO uses to load a saved state, and which its library exports (tried with SUMO 1.15).
     pub fn seed_lanes(&mut self, first: u32, seeds: &[u32]) -> Result<()> {
         self.check_whole()?;
         if seeds.is_empty() { Ok(()) } else { self.crossing.seed_generators(first, seeds) }
     }
 
     /// Drops all cars that wait to enter: those that found no room, and those inserted since the last step.
+    ///
+    /// **This depends on SUMO's internals.** SUMO's own `clearPending` drops only cars that a step has already tried to insert
+    /// (measured with SUMO 1.15). So this crate keeps a list of the cars added since the last step, and removes these one
+    /// by one.
     pub fn clear_pending(&mut self) -> Result<()> {
         self.check_whole()?;
         self.crossing.clear_pending()
     }
 
-    /// Removes all cars from `lanes` at once. Cars that wait to enter are not on a lane.
+    /// Removes all cars from `lanes` at once. Cars that wait to enter are not on a lane. Removed cars do not count as
+    /// arrived in [`counts`](Self::counts), but are in [`gone`](Self::gone).
     pub fn remove_cars(&mut self, lanes: &[LaneId]) -> Result<()> {
         self.check_whole()?;
         if lanes.is_empty() { Ok(()) } else { self.crossing.remove_cars(lanes) }
@@ -202,7 +248,7 @@ impl Simulation {
     }
 
     /// Returns the route of a car on the road as it is now: SUMO may have changed it since the car entered. `car`: its
-    /// name.
+    /// name in SUMO.
     pub fn route(&mut self, car: &str) -> Result<RouteNow> {
         self.check_whole()?;
         self.crossing.route(car)
@@ -214,12 +260,16 @@ impl Simulation {
         self.crossing.counts()
     }
 
-    /// Returns the version of the linked library, such as `SUMO 1.15.0`. Needs no simulation and waits for none.
+    /// Returns the version of the library, such as `SUMO 1.15.0`. Needs no simulation and waits for none.
+    ///
+    /// # Errors
+    /// [`Error::Library`] if there is no libsumo.
     pub fn version() -> Result<String> {
         call::version()
     }
 
-    /// Returns the library whose `exp`, `ln` and so on SUMO and this program use, such as `glibc 2.36`.
+    /// Returns the library whose `exp`, `ln` and so on SUMO and this program use, such as `glibc 2.36`; `unknown` if it is
+    /// not GNU's. Versions of it differ in last bits, and so do simulations. Needs no libsumo.
     pub fn libm() -> Result<String> {
         let version = call::c_library()?;
         Ok(if version.is_empty() { "unknown".to_owned() } else { format!("glibc {version}") })
@@ -232,7 +282,7 @@ impl Simulation {
         }
     }
 
-    fn load_again(&mut self, options: &[String]) -> Result<()> {
+    fn load_again(&mut self, options: &[impl AsRef<str>]) -> Result<()> {
         self.crossing.load(options)?;
         let lights: Vec<LightId> = (0..self.lights.len() as u32).map(LightId).collect();
         let links = self.count_links(&lights)?; // The net can be another one.
@@ -242,7 +292,7 @@ impl Simulation {
         Ok(())
     }
 
-    fn register<Id>(&mut self, kind: IdKind, names: &[String], id: fn(u32) -> Id) -> Result<Vec<Id>> {
+    fn register<Id>(&mut self, kind: IdKind, names: &[impl AsRef<str>], id: fn(u32) -> Id) -> Result<Vec<Id>> {
         self.check_whole()?;
         if names.is_empty() {
             return Ok(Vec::new());

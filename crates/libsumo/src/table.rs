@@ -8,9 +8,11 @@ const HALTING_MPS: f64 = 0.1;
 /// One car on a lane.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Car {
+    /// Its number.
     pub id: CarId,
-    /// Distance from the lane's beginning to the car's front bumper.
+    /// Distance in metres from the lane's beginning to the car's front bumper.
     pub position_m: f64,
+    /// Speed in metres per second.
     pub speed_mps: f64,
 }
 
@@ -25,6 +27,7 @@ pub struct CarTable {
 }
 
 impl CarTable {
+    /// Makes a table without lanes, to be filled by [`Simulation::read_lanes`](crate::Simulation::read_lanes).
     pub fn new() -> Self {
         CarTable { starts: vec![0], ids: Vec::new(), positions_m: Vec::new(), speeds_mps: Vec::new() }
     }
@@ -54,7 +57,10 @@ impl CarTable {
         self.ids.len()
     }
 
-    /// Returns the cars of the `lane`-th lane of the read.
+    /// Returns the cars of the `lane`-th lane of the read, from 0.
+    ///
+    /// # Panics
+    /// If the read had fewer lanes.
     pub fn lane(&self, lane: usize) -> LaneCars<'_> {
         let cars = self.starts[lane] as usize..self.starts[lane + 1] as usize;
         LaneCars {
@@ -64,12 +70,13 @@ impl CarTable {
         }
     }
 
+    /// Returns the lanes in the order of the read.
     pub fn iter(&self) -> impl ExactSizeIterator<Item = LaneCars<'_>> {
         (0..self.lanes()).map(|lane| self.lane(lane))
     }
 
     /// Copies one read into the table. `starts` begins with 0 and ends with the number of cars.
-    pub(super) fn fill(&mut self, starts: &[u32], ids: &[u64], positions_m: &[f64], speeds_mps: &[f64]) {
+    pub(crate) fn fill(&mut self, starts: &[u32], ids: &[u64], positions_m: &[f64], speeds_mps: &[f64]) {
         refill(&mut self.starts, starts.iter().copied());
         refill(&mut self.ids, ids.iter().map(|&id| CarId(id)));
         refill(&mut self.positions_m, positions_m.iter().copied());
@@ -91,21 +98,26 @@ fn refill<T>(buffer: &mut Vec<T>, values: impl Iterator<Item = T>) {
 /// The cars of one lane, the rearmost first. The three slices have the same length.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct LaneCars<'a> {
+    /// Numbers of the cars.
     pub ids: &'a [CarId],
+    /// Distances in metres from the lane's beginning to the cars' front bumpers.
     pub positions_m: &'a [f64],
+    /// Speeds in metres per second.
     pub speeds_mps: &'a [f64],
 }
 
 impl<'a> LaneCars<'a> {
+    /// Returns the number of cars.
     pub fn len(&self) -> usize {
         self.ids.len()
     }
 
+    /// Returns whether there is no car.
     pub fn is_empty(&self) -> bool {
         self.ids.is_empty()
     }
 
-    /// Returns the number of cars that stand.
+    /// Returns the number of cars that stand: slower than 0.1 m/s, SUMO's own bound.
     pub fn halting(&self) -> usize {
         self.speeds_mps.iter().filter(|&&speed| speed < HALTING_MPS).count()
     }
@@ -116,6 +128,7 @@ impl<'a> LaneCars<'a> {
         ids.iter().zip(speeds_mps).map(|(&id, &speed)| (id, speed < HALTING_MPS))
     }
 
+    /// Returns the cars, the rearmost first.
     pub fn iter(&self) -> impl ExactSizeIterator<Item = Car> + use<'a> {
         let LaneCars { ids, positions_m, speeds_mps } = *self;
         ids.iter().zip(positions_m).zip(speeds_mps).map(|((&id, &position_m), &speed_mps)| Car {

@@ -1,4 +1,4 @@
-//! Adam over a stack, agent by agent, in one pass over memory.
+//! Adam over a stack, network by network, in one pass over memory.
 
 use multiversion::multiversion;
 use serde::{Deserialize, Serialize};
@@ -6,7 +6,7 @@ use serde::{Deserialize, Serialize};
 use super::Rows;
 use super::network::Network;
 use super::shape::{Layout, Shape};
-use super::{Net, Parameters};
+use super::{Parameters, Stack};
 
 const BETA1: f32 = 0.9;
 const BETA2: f32 = 0.999;
@@ -21,18 +21,20 @@ const SMALLEST_GRADIENT: f32 = 1e-16;
 const SMALLEST_FIRST: f32 = 1e-18;
 const SMALLEST_SECOND: f32 = 1e-36;
 
-/// The optimiser of one stack. It works element by element, so every agent has its own Adam.
+/// The optimiser of one stack. It works element by element, so every network has its own Adam.
 ///
-/// Source: Kingma & Ba 2015, algorithm 1, with torch's default constants.
+/// Constants: `beta1` 0.9, `beta2` 0.999, `epsilon` 1e-8, as torch's default. The learning rate comes with each step.
+///
+/// Source: Kingma & Ba 2015, algorithm 1.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Adam {
     moments: Moments,
 }
 
-/// The state of an optimiser.
+/// The state of an optimiser, to be saved and restored.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Moments {
-    /// First moments: `[agents, parameters]`.
+    /// First moments: `[networks, parameters]`.
     pub first: Rows<f32>,
     /// Second moments, same shape.
     pub second: Rows<f32>,
@@ -41,16 +43,21 @@ pub struct Moments {
 }
 
 impl Adam {
+    /// Makes the optimiser of a stack with these parameters. It has seen no gradient yet.
     pub fn new(parameters: &Parameters) -> Self {
-        let zeros = Rows::new(parameters.agents(), parameters.width());
+        let zeros = Rows::new(parameters.networks(), parameters.width());
         Adam { moments: Moments { first: zeros.clone(), second: zeros, steps: 0 } }
     }
 
+    /// Returns its state.
     pub fn moments(&self) -> &Moments {
         &self.moments
     }
 
     /// Continues from moments of the same stack.
+    ///
+    /// # Panics
+    /// If the moments have a different shape.
     pub fn restore(&mut self, moments: Moments) {
         let shape = |rows: &Rows<f32>| (rows.len(), rows.width());
         assert_eq!(shape(&moments.first), shape(&self.moments.first), "moments of another stack");
@@ -64,22 +71,26 @@ impl Adam {
         self.moments.steps = 0;
     }
 
-    /// Copies the moments of the first agent to all others.
+    /// Copies the moments of the first network to all others.
     pub fn spread_first(&mut self) {
         spread_first(&mut self.moments.first);
         spread_first(&mut self.moments.second);
     }
 
-    /// Returns every agent's network with its part of the optimiser, for `steps` gradient steps each.
+    /// Returns every network with its part of the optimiser, for `steps` gradient steps each.
     ///
-    /// One learner can take all its steps before the next one begins, while its network is in the cache.
-    pub fn learners<'a>(&'a mut self, net: &'a mut Net, steps: u32) -> Vec<Learner<'a>> {
+    /// One learner can take all its steps before the next one begins, while its network is in the cache. The learners
+    /// are `Send`: [`Threads::map`](crate::Threads::map) shares them among threads.
+    ///
+    /// All networks of a stack have the same number of steps behind them, which the optimiser counts once. So each
+    /// learner should take exactly `steps` steps.
+    pub fn learners<'a>(&'a mut self, stack: &'a mut Stack, steps: u32) -> Vec<Learner<'a>> {
         let Moments { first, second, steps: taken } = &mut self.moments;
         let begin = *taken;
         *taken += steps;
         let width = first.width();
         let moments = first.as_mut_slice().chunks_exact_mut(width).zip(second.as_mut_slice().chunks_exact_mut(width));
-        let (shape, layout, values) = net.parts_mut();
+        let (shape, layout, values) = stack.parts_mut();
         let rows = values.as_mut_slice().chunks_exact_mut(width).zip(moments);
         rows.map(|(values, (first, second))| Learner { shape, layout, values, first, second, step: begin, end: *taken })
             .collect()
@@ -87,13 +98,13 @@ impl Adam {
 }
 
 /// Copies the first row of a table to all others.
-pub(super) fn spread_first(rows: &mut Rows<f32>) {
+pub(crate) fn spread_first(rows: &mut Rows<f32>) {
     let width = rows.width();
     let (first, others) = rows.as_mut_slice().split_at_mut(width);
     others.chunks_exact_mut(width).for_each(|row| row.copy_from_slice(first));
 }
 
-/// One agent's network and its part of the optimiser.
+/// One network and its part of the optimiser.
 pub struct Learner<'a> {
     shape: &'a Shape,
     layout: &'a Layout,
@@ -105,16 +116,20 @@ pub struct Learner<'a> {
 }
 
 impl Learner<'_> {
+    /// Returns the network as it is now.
     pub fn network(&self) -> Network<'_> {
         Network { shape: self.shape, layout: self.layout, values: self.values }
     }
 
-    /// Returns the parameters, as a row.
+    /// Returns the parameters, `[parameters]`.
     pub fn values(&self) -> &[f32] {
         self.values
     }
 
-    /// Copies parameters of the same network.
+    /// Replaces the parameters, `[parameters]`. The optimiser's moments stay.
+    ///
+    /// # Panics
+    /// If there are more or fewer values than parameters.
     pub fn load(&mut self, values: &[f32]) {
         self.values.copy_from_slice(values);
     }
@@ -130,9 +145,13 @@ impl Learner<'_> {
         }
     }
 
-    /// Takes one step against the gradient, a row of parameters.
+    /// Takes one step against the gradient, `[parameters]`.
+    ///
+    /// # Panics
+    /// If it is a step more than [`Adam::learners`] was asked for, or if the gradient has another length.
     pub fn descend(&mut self, gradient: &[f32], learning_rate: f64) {
         assert!(self.step < self.end, "more gradient steps than were announced");
+        assert_eq!(gradient.len(), self.values.len(), "a gradient of another network");
         self.step += 1;
         let correction1 = 1.0 - f64::from(BETA1).powi(self.step as i32);
         let correction2 = 1.0 - f64::from(BETA2).powi(self.step as i32);
@@ -142,8 +161,8 @@ impl Learner<'_> {
     }
 }
 
-/// Updates all parameters in one pass over memory. Compiled for several register widths. It uses no fused multiply-add,
-/// which would round differently from machine to machine.
+/// Updates all parameters in one pass over memory. Compiled for several register widths. It uses no fused multiply-add:
+/// `product` says why.
 #[multiversion(targets("x86_64+avx512f+avx512vl+avx512bw+avx512dq", "x86_64+avx2"))]
 fn update(
     values: &mut [f32],
@@ -172,82 +191,82 @@ fn or_zero(number: f32, smallest: f32) -> f32 {
 mod tests {
     use super::*;
     use crate::Shape;
-    use crate::testing::net;
+    use crate::testing::stack;
 
-    fn line() -> Net {
-        let mut net = net(Shape { inputs: 1, recurrent: None, hidden: vec![], outputs: 1, apart: 0 }, &[0]);
-        net.parameters_mut().load(&Rows::from_vec(vec![1.0, -1.0], 2));
-        net
+    fn line() -> Stack {
+        let mut stack = stack(Shape { inputs: 1, recurrent: None, hidden: vec![], outputs: 1, apart: 0 }, &[0]);
+        stack.parameters_mut().load(&Rows::from_vec(vec![1.0, -1.0], 2));
+        stack
     }
 
     #[test]
     fn two_steps_are_worked_out_by_hand() {
         // Two parameters, 1 and -1; the gradients of both are 2 then 1.
-        let mut net = line();
-        let mut adam = Adam::new(net.parameters());
+        let mut stack = line();
+        let mut adam = Adam::new(stack.parameters());
         for gradient in [2.0, 1.0] {
-            let mut learners = adam.learners(&mut net, 1);
+            let mut learners = adam.learners(&mut stack, 1);
             learners[0].descend(&[gradient; 2], 0.1);
         }
         // Step 1: m = 0.2, v = 0.004; corrected 2 and 4: w -= 0.1 * 2 / 2 = 0.1.
         // Step 2: m = 0.28, v = 0.004996; corrected 0.28 / 0.19 = 1.473684 and 0.004996 / 0.001999 = 2.499250,
         //         root 1.580902: w -= 0.1 * 1.473684 / 1.580902 = 0.093218.
-        for (value, expected) in net.parameters().values().as_slice().iter().zip([0.806_782, -1.193_218]) {
+        for (value, expected) in stack.parameters().values().as_slice().iter().zip([0.806_782, -1.193_218]) {
             assert!((value - expected).abs() < 1e-6, "{value} {expected}");
         }
     }
 
     #[test]
     fn moments_of_a_weight_without_gradients_fade_to_zero_and_are_never_subnormal() {
-        let mut net = line();
-        let mut adam = Adam::new(net.parameters());
-        adam.learners(&mut net, 1)[0].descend(&[1e-3, 1e-20], 0.1);
-        let fade = |adam: &mut Adam, net: &mut Net, steps| {
-            let mut learners = adam.learners(net, steps);
+        let mut stack = line();
+        let mut adam = Adam::new(stack.parameters());
+        adam.learners(&mut stack, 1)[0].descend(&[1e-3, 1e-20], 0.1);
+        let fade = |adam: &mut Adam, stack: &mut Stack, steps| {
+            let mut learners = adam.learners(stack, steps);
             (0..steps).for_each(|_| learners[0].descend(&[0.0; 2], 0.1));
         };
         // A first moment of 1e-4 falls below 1e-18 after ln(1e14) / -ln(0.9) = 306 steps.
-        fade(&mut adam, &mut net, 300);
+        fade(&mut adam, &mut stack, 300);
         let Moments { first, second, .. } = adam.moments();
         assert!(first.as_slice()[0] > 1e-18 && first.as_slice()[1] == 0.0, "{first:?}");
         // A second moment of 1e-9 needs ln(1e27) / -ln(0.999) = 62 139 steps to fall below 1e-36.
         assert!(second.as_slice()[0] > 1e-36 && second.as_slice()[1] == 0.0, "{second:?}");
-        fade(&mut adam, &mut net, 20);
+        fade(&mut adam, &mut stack, 20);
         assert_eq!(adam.moments().first.as_slice(), [0.0; 2]);
-        fade(&mut adam, &mut net, 62_000);
+        fade(&mut adam, &mut stack, 62_000);
         assert_eq!(adam.moments().second.as_slice(), [0.0; 2]);
     }
 
     #[test]
     fn weights_shrink_and_biases_stay() {
-        let mut net = line();
-        let mut adam = Adam::new(net.parameters());
-        let mut learners = adam.learners(&mut net, 1);
+        let mut stack = line();
+        let mut adam = Adam::new(stack.parameters());
+        let mut learners = adam.learners(&mut stack, 1);
         learners[0].shrink_weights(0.25);
         assert_eq!(learners[0].values(), [0.75, -1.0]);
         learners[0].load(&[3.0, 4.0]);
-        assert_eq!(net.parameters().values().as_slice(), [3.0, 4.0]);
+        assert_eq!(stack.parameters().values().as_slice(), [3.0, 4.0]);
     }
 
     #[test]
     fn an_optimiser_that_begins_again_takes_its_first_step_again() {
-        let mut net = line();
-        let mut adam = Adam::new(net.parameters());
-        adam.learners(&mut net, 1)[0].descend(&[2.0; 2], 0.1);
+        let mut stack = line();
+        let mut adam = Adam::new(stack.parameters());
+        adam.learners(&mut stack, 1)[0].descend(&[2.0; 2], 0.1);
         adam.begin_again();
-        assert_eq!(adam, Adam::new(net.parameters()));
-        adam.learners(&mut net, 1)[0].descend(&[-7.0; 2], 0.1);
+        assert_eq!(adam, Adam::new(stack.parameters()));
+        adam.learners(&mut stack, 1)[0].descend(&[-7.0; 2], 0.1);
         // A first step is as long as the learning rate, whatever the gradient: forth and back.
-        let values = net.parameters().values().as_slice();
+        let values = stack.parameters().values().as_slice();
         assert!((values[0] - 1.0).abs() < 1e-6 && (values[1] + 1.0).abs() < 1e-6, "{values:?}");
     }
 
     #[test]
     #[should_panic(expected = "more gradient steps than were announced")]
     fn a_step_too_many_is_refused() {
-        let mut net = line();
-        let mut adam = Adam::new(net.parameters());
-        let mut learners = adam.learners(&mut net, 1);
+        let mut stack = line();
+        let mut adam = Adam::new(stack.parameters());
+        let mut learners = adam.learners(&mut stack, 1);
         (0..2).for_each(|_| learners[0].descend(&[1.0; 2], 0.1));
     }
 }

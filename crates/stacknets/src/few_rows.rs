@@ -1,4 +1,4 @@
-//! Products with one row or a few. No library that we measured is fast at them.
+//! Products with one row or a few. No library that was measured is fast at them.
 //!
 //! Libraries first copy a matrix into a better order. For few rows it is faster to read it once, as it is.
 
@@ -8,12 +8,12 @@ use super::vectors::VectorWidth;
 use super::vectors::dispatch;
 
 /// Largest number of rows for which [`dot_products`] is faster than the library; measured for 256 x 768.
-pub const FEW_ROWS: usize = 6;
+pub(crate) const FEW_ROWS: usize = 6;
 
-/// Computes `out += row x matrix` for one row, as when an agent acts on the GS.
+/// Computes `out += row x matrix` for one row, as when each network has a single input at a time.
 ///
 /// `matrix`: `[row.len(), out.len()]`.
-pub fn add_row_by_matrix(width: VectorWidth, row: &[f32], matrix: &[f32], out: &mut [f32]) {
+pub(crate) fn add_row_by_matrix(width: VectorWidth, row: &[f32], matrix: &[f32], out: &mut [f32]) {
     dispatch(width, RowByMatrix { row, matrix, out });
 }
 
@@ -21,7 +21,7 @@ pub fn add_row_by_matrix(width: VectorWidth, row: &[f32], matrix: &[f32], out: &
 ///
 /// It serves the gradient through the state weight of a GRU, for the few sequences of a minibatch.
 /// `left`: `[rows, depth]`; `right`: `[columns, depth]`; `out`: `[rows, columns]`.
-pub fn dot_products(width: VectorWidth, left: &[f32], right: &[f32], depth: usize, out: &mut [f32]) {
+pub(crate) fn dot_products(width: VectorWidth, left: &[f32], right: &[f32], depth: usize, out: &mut [f32]) {
     dispatch(width, DotProducts { left, right, depth, out });
 }
 

@@ -19,21 +19,21 @@ use super::shape::TowerBlocks;
 
 /// The first blocks of the parameters of a network with a GRU: `[in, 3 hidden]`, `[hidden, 3 hidden]` and twice
 /// `[1, 3 hidden]`, each in the order r, z, n.
-pub const INPUT: usize = 0;
-pub const STATE: usize = 1;
-pub const INPUT_BIAS: usize = 2;
-pub const STATE_BIAS: usize = 3;
-pub const BLOCKS: usize = 4;
+pub(crate) const INPUT: usize = 0;
+pub(crate) const STATE: usize = 1;
+pub(crate) const INPUT_BIAS: usize = 2;
+pub(crate) const STATE_BIAS: usize = 3;
+pub(crate) const BLOCKS: usize = 4;
 
 /// Results of a forward pass that the backward pass needs, and the memory that both work in.
 #[derive(Default)]
-pub struct GruTrace {
-    /// State before each row, zero if an episode begins: `[steps x sequences, hidden]`.
+pub(crate) struct GruTrace {
+    /// State before each row, zero if it is cleared there: `[steps x sequences, hidden]`.
     before: Vec<f32>,
     /// Gates r, z, n and `Whn h + bhn` of each row: `[rows, 4 hidden]`.
     gates: Vec<f32>,
     /// State after each row: `[steps x sequences, hidden]`.
-    pub outputs: Vec<f32>,
+    pub(crate) outputs: Vec<f32>,
     starts: Vec<bool>,
     steps: usize,
     /// Input half of the gates, `[steps x sequences, 3 hidden]`, and state half, `[sequences, 3 hidden]`.
@@ -50,8 +50,8 @@ pub struct GruTrace {
 /// Runs the unit over sequences.
 ///
 /// `inputs`: `[steps x sequences, in]`; `states`, before the first step: `[sequences, hidden]`; `starts`, one per row:
-/// whether an episode begins with this step.
-pub fn forward(
+/// whether the state is cleared before this step.
+pub(crate) fn forward(
     blocks: TowerBlocks<'_>,
     values: &[f32],
     inputs: &[f32],
@@ -120,8 +120,8 @@ fn thirds(row: &[f32], hidden: usize) -> (&[f32], &[f32], &[f32]) {
 ///
 /// `inputs`: those of the forward pass; `by_outputs`: gradient of the loss by [`GruTrace::outputs`], same shape.
 ///
-/// No gradient flows back over the beginning of an episode, nor into the first states.
-pub fn backward(
+/// No gradient flows back over a step that begins with a cleared state, nor into the first states.
+pub(crate) fn backward(
     blocks: TowerBlocks<'_>,
     values: &[f32],
     inputs: &[f32],

@@ -5,28 +5,34 @@ use super::gru::{self, GruTrace};
 use super::product::{Before, Matrix, affine, multiply, sum_rows};
 use super::shape::{Layout, Shape, TowerBlocks};
 
-/// One agent's network: a shape over a row of parameters.
+/// One network of a stack: a shape over a row of parameters.
 #[derive(Clone, Copy)]
 pub struct Network<'a> {
-    pub(super) shape: &'a Shape,
-    pub(super) layout: &'a Layout,
-    pub(super) values: &'a [f32],
+    pub(crate) shape: &'a Shape,
+    pub(crate) layout: &'a Layout,
+    pub(crate) values: &'a [f32],
 }
 
-/// The sequences that a network runs over. [`Network::forward`] takes them with the inputs.
+/// The sequences that a network with a GRU runs over. [`Network::forward`] takes them with the inputs.
 #[derive(Clone, Copy)]
 pub struct Sequences<'a> {
     /// Number of steps of each sequence. Rows of inputs are ordered by step, then by sequence.
     pub steps: usize,
     /// States before the first step: `[sequences, state_width]`.
     pub states: &'a [f32],
-    /// Whether an episode begins with this step, one per row of the inputs.
+    /// Whether the state is cleared before this step, because something new begins: `[steps x sequences]`. No gradient
+    /// flows back over such a beginning.
     pub starts: &'a [bool],
+}
+
+impl Sequences<'static> {
+    /// The sequences of a network without a GRU, which has no state between rows.
+    pub const NONE: Self = Sequences { steps: 1, states: &[], starts: &[] };
 }
 
 /// Results of a forward pass that the backward pass needs, and the memory that both work in.
 ///
-/// One trace serves many passes, of any agent, without new memory.
+/// One trace serves many passes, of any network, without new memory. Make it by `Trace::default()`.
 #[derive(Default)]
 pub struct Trace {
     towers: [TowerTrace; 2],
@@ -61,7 +67,7 @@ impl Trace {
         }
     }
 
-    /// Returns the gradient of the loss by the parameters, from the last backward pass.
+    /// Returns the gradient of the loss by the parameters, `[parameters]`, from the last backward pass.
     pub fn gradient(&self) -> &[f32] {
         &self.gradient
     }
@@ -73,8 +79,8 @@ impl Trace {
 
     /// Shortens the same gradient to this Euclidean norm if it is longer.
     ///
-    /// Like torch's `clip_grad_norm_`, but the norm is not made a little larger first (by 1e-6). The sum has one order on all
-    /// machines.
+    /// Like torch's `clip_grad_norm_`, but the norm is not made a little larger first (by 1e-6). The sum has one order on
+    /// all machines.
     pub fn shorten_gradient(&mut self, most: f64) {
         let norm = self.gradient.iter().map(|&slope| f64::from(slope).powi(2)).sum::<f64>().sqrt();
         if norm > most {
@@ -84,7 +90,7 @@ impl Trace {
     }
 
     /// Returns the states after the last step, `[sequences, state_width]`; `length`: number of values in them.
-    pub(super) fn last_states(&self, length: usize) -> &[f32] {
+    pub(crate) fn last_states(&self, length: usize) -> &[f32] {
         match &self.side_by_side {
             Some(both) => &both.states,
             None => self.towers[0].last_states(length),
@@ -108,9 +114,12 @@ impl Network<'_> {
         self.shape.state_width()
     }
 
-    /// Runs the network over `inputs`, `[steps, sequences, in]`. The trace then holds the outputs in the same order.
+    /// Runs the network over `inputs`, `[steps x sequences, inputs]`. The trace then holds the outputs in the same order.
     ///
-    /// A network without a GRU ignores the sequences.
+    /// A network without a GRU ignores the sequences: `inputs` are any number of rows, and [`Sequences::NONE`] will do.
+    ///
+    /// # Panics
+    /// If the lengths do not fit each other and the network.
     pub fn forward(self, inputs: &[f32], sequences: Sequences<'_>, trace: &mut Trace) {
         if self.shape.apart == 0 {
             trace.side_by_side = None;
@@ -137,9 +146,13 @@ impl Network<'_> {
         }
     }
 
-    /// Writes the gradient by all parameters into the trace.
+    /// Writes the gradient of the loss by all parameters into the trace, summed over the rows.
     ///
-    /// `by_output`: gradient of the loss by the outputs of the forward pass, `[rows, outputs]`.
+    /// `by_output`: gradient of the loss by the outputs of the last forward pass of this trace, `[rows, outputs]`. It is
+    /// the caller's to compute: no loss is built in.
+    ///
+    /// # Panics
+    /// If its length is another one than that of the outputs.
     pub fn backward(self, by_output: &[f32], trace: &mut Trace) {
         let gradient = resized(&mut trace.gradient, self.layout.width());
         if self.shape.apart == 0 {

@@ -2,14 +2,15 @@
 
 use anyhow::{Result, bail};
 
-use super::Net;
+use super::Stack;
 
-/// Returns the error that says what is missing.
+/// Returns an error if this build cannot write TorchScript: that takes the feature `torch`.
 pub fn check_script() -> Result<()> {
     bail!("TorchScript is written by libtorch, and this program was built without it")
 }
 
-/// Returns the error of [`check_script`].
-pub fn script(_net: &Net, _name: &str) -> Result<Vec<u8>> {
+/// Returns all networks as one TorchScript module, parameters included: the bytes of a file that PyTorch and libtorch open.
+/// The archive in it gets the name `name`. Takes the feature `torch`: see [`check_script`].
+pub fn script(_net: &Stack, _name: &str) -> Result<Vec<u8>> {
     check_script().map(|()| Vec::new())
 }

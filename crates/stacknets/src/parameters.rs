@@ -3,8 +3,8 @@
 use super::Rows;
 use super::shape::Layout;
 
-/// The parameters of the networks of one stack, `[agents, width]`. Each row is the network of one agent, and goes into
-/// messages and files as it is.
+/// The parameters of the networks of one stack, `[networks, width]`. A row is one network, and goes into messages and
+/// files as it is. Its [`Layout`] says which weight is where.
 pub struct Parameters {
     layout: Layout,
     values: Rows<f32>,
@@ -12,29 +12,31 @@ pub struct Parameters {
 
 impl Parameters {
     /// Makes parameters of zeros.
-    pub fn new(agents: usize, layout: Layout) -> Self {
-        Parameters { values: Rows::new(agents, layout.width()), layout }
+    pub(crate) fn new(networks: usize, layout: Layout) -> Self {
+        Parameters { values: Rows::new(networks, layout.width()), layout }
     }
 
-    pub fn agents(&self) -> usize {
+    /// Returns the number of networks.
+    pub fn networks(&self) -> usize {
         self.values.len()
     }
 
+    /// Returns the places of weights and biases within a row.
     pub fn layout(&self) -> &Layout {
         &self.layout
     }
 
-    /// Returns the number of parameters per agent.
+    /// Returns the number of parameters per network.
     pub fn width(&self) -> usize {
         self.layout.width()
     }
 
-    /// Returns all values, `[agents, width]`.
+    /// Returns all values, `[networks, width]`.
     pub fn values(&self) -> &Rows<f32> {
         &self.values
     }
 
-    pub(super) fn layout_and_values_mut(&mut self) -> (&Layout, &mut Rows<f32>) {
+    pub(crate) fn layout_and_values_mut(&mut self) -> (&Layout, &mut Rows<f32>) {
         (&self.layout, &mut self.values)
     }
 
@@ -43,9 +45,12 @@ impl Parameters {
         &mut self.values
     }
 
-    /// Copies the values of `rows`, one row per agent.
+    /// Copies the values of `rows`, one row per network.
+    ///
+    /// # Panics
+    /// If `rows` has a different shape.
     pub fn load(&mut self, rows: &Rows<f32>) {
-        assert_eq!((rows.len(), rows.width()), (self.agents(), self.width()), "parameters of another stack");
+        assert_eq!((rows.len(), rows.width()), (self.networks(), self.width()), "parameters of another stack");
         self.values.copy_from(rows);
     }
 }

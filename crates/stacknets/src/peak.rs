@@ -5,10 +5,13 @@ use std::time::Duration;
 use super::flops::{SIDE, fastest};
 use super::product::{Before, Matrix, multiply};
 
-/// Peak speed of matrix products, in floating-point operations per second on one thread.
+/// Peak speed of matrix products on this machine, in floating-point operations per second on one thread.
+///
+/// With [`Shape::forward_flops`](crate::Shape::forward_flops) and [`Shape::backward_flops`](crate::Shape::backward_flops)
+/// it gives a lower bound for the time of a training.
 #[derive(Clone, Copy, Debug)]
 pub struct Peak {
-    /// Speed of the library that our networks use.
+    /// Speed of the products that this crate uses.
     pub ours: f64,
     /// Speed of libtorch, which most software of this kind uses; `None` in a build without the feature `torch`.
     pub libtorch: Option<f64>,

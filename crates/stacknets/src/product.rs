@@ -2,6 +2,45 @@
 //!
 //! `gemm` multiplies the shapes of these networks (32 x 256 by 256 x 128) about twice as fast as libtorch with
 //! OpenBLAS: it has kernels for 512-bit registers and little cost per call.
+//!
+//! # Why not otherwise
+//!
+//! **Why network by network, and not one batched product over the whole stack?** It looks natural: the parameters already
+//! lie in one block, and every tensor library has a call for `[networks, rows, in] x [networks, in, out]`. There are
+//! three reasons against it.
+//!
+//! 1. *There is nothing to share.* A large product is fast because a loaded weight serves many rows. Here each network
+//!    has weights of its own, so a batched product is a loop over small products, too. It only moves the loop into the
+//!    library, where nobody sees its order.
+//! 2. *The cache.* A network of 40 x 256 x 128 x 3 has 44 000 parameters: 175 kB, and with gradient and moments 700 kB.
+//!    That stays in the second-level cache of a core while the network takes all its gradient steps. Layer by layer over
+//!    a thousand networks, each of these steps would stream 700 MB from memory.
+//! 3. *The bits.* A library chooses its kernel, its blocks and its threads by the size of the whole batch. Then a
+//!    network would compute other bits beside 99 others than alone, and results would depend on how networks are shared
+//!    among processes. Here a product sees the shape of one network and nothing else.
+//!
+//! Threads, then, share networks and never a product.
+//!
+//! **Why is the order of sums fixed?** Adding floating-point numbers is not associative. In `f32`, `(1e8 + 1) - 1e8` is 0,
+//! and `(1e8 - 1e8) + 1` is 1. One changed bit after one gradient step is another network after a thousand, so a result
+//! repeats only if every sum has one order. The order of a dot product depends on three things:
+//!
+//! - the kernel, which is chosen by the shape, that is, the same for a network alone and in a stack;
+//! - where the inner dimension is cut. `gemm` cuts it by the size of the caches that it finds. So no call gets more than
+//!   [`DEPTH`] at once, which it never cuts;
+//! - the number of lanes of a register, each of which is a sum of its own. [`VectorWidth::Bits256`] fixes it for all
+//!   machines, and costs speed on those that have more. With [`VectorWidth::Widest`] only machines with the same
+//!   registers agree.
+//!
+//! The test `order_of_sums` writes this order down in plain Rust and compares to the bit. Sums in `f64` would halve the
+//! speed and still depend on the order, only so rarely that no test would notice.
+//!
+//! **Why fused multiply-add here, and nowhere else?** It rounds once where a multiplication and an addition round twice, so
+//! code with it and code without it give different bits. The compiler never fuses by itself, which makes plain loops the
+//! same everywhere. In products it doubles the speed, and the kernels ask for it by name, so it is there or the kernel is
+//! another one, which [`VectorWidth`] accounts for. The other loops (Adam, gates, activations) work element by element. They are
+//! compiled for several register widths, some of them without the instruction, and must agree. They wait for memory and
+//! divisions, not for additions: there is nothing to gain.
 
 #![allow(unsafe_code, reason = "the kernels of `gemm` take pointers")]
 
@@ -19,7 +58,7 @@ const DEPTH: usize = 512;
 
 /// A borrowed matrix: row after row or, if transposed, column after column.
 #[derive(Clone, Copy)]
-pub struct Matrix<'a> {
+pub(crate) struct Matrix<'a> {
     values: &'a [f32],
     rows: usize,
     columns: usize,
@@ -28,17 +67,17 @@ pub struct Matrix<'a> {
 
 impl<'a> Matrix<'a> {
     /// Makes a matrix. `values`: whole rows of `columns` each, one after another.
-    pub fn new(values: &'a [f32], columns: usize) -> Self {
+    pub(crate) fn new(values: &'a [f32], columns: usize) -> Self {
         assert!(values.len().is_multiple_of(columns), "{} values do not make rows of {columns}", values.len());
         Matrix { values, rows: values.len() / columns, columns, transposed: false }
     }
 
-    pub fn transposed(self) -> Self {
+    pub(crate) fn transposed(self) -> Self {
         Matrix { rows: self.columns, columns: self.rows, transposed: !self.transposed, ..self }
     }
 
     /// Returns the distances to the next row and to the next column.
-    pub(super) fn strides(self) -> (isize, isize) {
+    pub(crate) fn strides(self) -> (isize, isize) {
         if self.transposed { (1, self.rows as isize) } else { (self.columns as isize, 1) }
     }
 
@@ -51,18 +90,18 @@ impl<'a> Matrix<'a> {
 
 /// Treatment of the old numbers of the output.
 #[derive(Clone, Copy, PartialEq, Eq)]
-pub enum Before {
+pub(crate) enum Before {
     Overwrite,
     Add,
 }
 
 /// Computes `out = left x right`, or `out += left x right`. `out`: row after row.
-pub fn multiply(left: Matrix<'_>, right: Matrix<'_>, out: &mut [f32], before: Before) {
+pub(crate) fn multiply(left: Matrix<'_>, right: Matrix<'_>, out: &mut [f32], before: Before) {
     multiply_with(vector_width(), left, right, out, before);
 }
 
 /// Computes the product of [`multiply`] with vector registers of this width.
-pub(super) fn multiply_with(
+pub(crate) fn multiply_with(
     width: VectorWidth,
     left: Matrix<'_>,
     right: Matrix<'_>,
@@ -181,13 +220,13 @@ fn by_256_bits(_: Matrix<'_>, _: Matrix<'_>, _: Range<usize>, _: &mut [f32], _: 
 
 /// Computes `out = inputs x weight + bias`. `weight`: `[in, out]`; `bias`: `[out]`; `inputs`: `[rows, in]`; `out`:
 /// `[rows, out]`.
-pub fn affine(inputs: &[f32], weight: &[f32], bias: &[f32], out: &mut [f32]) {
+pub(crate) fn affine(inputs: &[f32], weight: &[f32], bias: &[f32], out: &mut [f32]) {
     out.chunks_exact_mut(bias.len()).for_each(|row| row.copy_from_slice(bias));
     multiply(Matrix::new(inputs, weight.len() / bias.len()), Matrix::new(weight, bias.len()), out, Before::Add);
 }
 
 /// Adds up the rows, for the gradient of a bias.
-pub fn sum_rows(rows: &[f32], sums: &mut [f32]) {
+pub(crate) fn sum_rows(rows: &[f32], sums: &mut [f32]) {
     sums.fill(0.0);
     for row in rows.chunks_exact(sums.len()) {
         sums.iter_mut().zip(row).for_each(|(sum, value)| *sum += value);

@@ -12,33 +12,33 @@ use rustix::fs::{MemfdFlags, memfd_create};
 use rustix::process::{Resource, getrlimit};
 use tch::{CModule, Device, Kind, Tensor};
 
-use super::Net;
+use super::Stack;
 use super::gru::{INPUT, INPUT_BIAS, STATE, STATE_BIAS};
 use super::shape::Shape;
 
 /// More bytes than a module has beside its parameters.
 const CODE: usize = 1 << 20;
 
-/// Checks that this build can write scripts, which it can.
+/// Returns an error if this build cannot write TorchScript: that takes the feature `torch`.
 pub fn check_script() -> Result<()> {
     Ok(())
 }
 
-/// Returns the networks of all agents as one module, parameters included: the bytes of a file. The archive in it gets
-/// the name `name`.
+/// Returns all networks as one TorchScript module, parameters included: the bytes of a file that PyTorch and libtorch open.
+/// The archive in it gets the name `name`. Takes the feature `torch`: see [`check_script`].
 ///
-/// `forward(inputs)` takes `[agents, batch, in]`, for any batch, and returns the outputs, `[agents, batch, out]`. With
-/// a GRU it is one step. `forward(inputs, states)` also takes the states before it, `[agents, batch, hidden]`. It
-/// returns the outputs and then the states after it in one table, `[agents, batch, out + hidden]`, because a traced
+/// `forward(inputs)` takes `[networks, batch, in]`, for any batch, and returns the outputs, `[networks, batch, out]`. With
+/// a GRU it is one step. `forward(inputs, states)` also takes the states before it, `[networks, batch, hidden]`. It
+/// returns the outputs and then the states after it in one table, `[networks, batch, out + hidden]`, because a traced
 /// function has a single result.
-pub fn script(net: &Net, name: &str) -> Result<Vec<u8>> {
-    let (shape, agents) = (net.shape(), net.parameters().agents() as i64);
+pub fn script(stack: &Stack, name: &str) -> Result<Vec<u8>> {
+    let (shape, networks) = (stack.shape(), stack.parameters().networks() as i64);
     // Their values do not matter: only the operations on them are recorded.
-    let table = |width: usize| Tensor::zeros(&[agents, 2, width as i64], (Kind::Float, Device::Cpu));
+    let table = |width: usize| Tensor::zeros(&[networks, 2, width as i64], (Kind::Float, Device::Cpu));
     let states = Some(shape.state_width()).filter(|&width| width > 0);
     let arguments: Vec<Tensor> = [shape.inputs].into_iter().chain(states).map(table).collect();
     let towers: Vec<Tower> =
-        shape.towers().iter().enumerate().map(|(index, shape)| Tower::of(net, shape, index)).collect();
+        shape.towers().iter().enumerate().map(|(index, shape)| Tower::of(stack, shape, index)).collect();
     let mut forward = |arguments: &[Tensor]| match arguments {
         [inputs] => vec![side_by_side(towers.iter().map(|tower| tower.layers(inputs)).collect())],
         [inputs, states] => {
@@ -52,7 +52,7 @@ pub fn script(net: &Net, name: &str) -> Result<Vec<u8>> {
         _ => unreachable!("the arguments are inputs and perhaps states"),
     };
     let module = tch::no_grad(|| CModule::create_by_tracing("Networks", "forward", &arguments, &mut forward))?;
-    in_memory(name, size_of_val(net.parameters().values().as_slice()), |path| module.save(path))
+    in_memory(name, size_of_val(stack.parameters().values().as_slice()), |path| module.save(path))
 }
 
 /// Returns the bytes that libtorch writes to a file.
@@ -90,7 +90,7 @@ fn side_by_side(mut tables: Vec<Tensor>) -> Tensor {
 /// One tower of all networks as tensors. They are made before the trace. If a tensor is made during the trace, the module records
 /// how it is made and not its values.
 struct Tower {
-    /// Weights and biases in the order of the layout, `[agents, ...]`.
+    /// Weights and biases in the order of the layout, `[networks, ...]`.
     blocks: Vec<Tensor>,
     first_layer: usize,
     hidden: usize,
@@ -98,8 +98,8 @@ struct Tower {
 
 impl Tower {
     /// `shape`: that of the tower alone; `index`: its number in the network.
-    fn of(net: &Net, shape: &Shape, index: usize) -> Tower {
-        let parameters = net.parameters();
+    fn of(stack: &Stack, shape: &Shape, index: usize) -> Tower {
+        let parameters = stack.parameters();
         let block = |(_, shape, place): (&str, Vec<usize>, Range<usize>)| {
             let values: Vec<f32> = parameters.values().iter().flat_map(|row| &row[place.clone()]).copied().collect();
             let shape: Vec<i64> = shape.into_iter().map(|n| n as i64).collect();
@@ -107,20 +107,20 @@ impl Tower {
         };
         let (first, count) = (index * shape.blocks_per_tower(), shape.blocks_per_tower());
         Tower {
-            blocks: parameters.layout().blocks(parameters.agents()).skip(first).take(count).map(block).collect(),
+            blocks: parameters.layout().blocks(parameters.networks()).skip(first).take(count).map(block).collect(),
             first_layer: shape.first_layer(),
             hidden: shape.hidden.len(),
         }
     }
 
-    /// Computes `bias + inputs x weight` for every agent.
+    /// Computes `bias + inputs x weight` for every network.
     fn affine(&self, inputs: &Tensor, weight: usize, bias: usize) -> Tensor {
         self.blocks[bias].baddbmm(inputs, &self.blocks[weight], 1, 1)
     }
 
     /// Computes the state after one step, with the same arithmetic as [`super::gru::forward`].
     fn gru_step(&self, inputs: &Tensor, state: &Tensor) -> Tensor {
-        let from_inputs = self.affine(inputs, INPUT, INPUT_BIAS).chunk(3, 2); // r, z, n: [agents, batch, hidden] each
+        let from_inputs = self.affine(inputs, INPUT, INPUT_BIAS).chunk(3, 2); // r, z, n: [networks, batch, hidden] each
         let from_state = self.affine(state, STATE, STATE_BIAS).chunk(3, 2);
         let r = (&from_inputs[0] + &from_state[0]).sigmoid();
         let z = (&from_inputs[1] + &from_state[1]).sigmoid();

@@ -7,19 +7,22 @@ use super::gru;
 /// The layers of a network: inputs -> GRU, if any -> hidden layers with ReLU -> linear outputs.
 ///
 /// Some outputs can be apart: a second *tower* with the same inputs and the same hidden layers makes them. The two
-/// towers share nothing but the inputs.
+/// towers share nothing but the inputs. An actor and a critic can be such towers.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Shape {
+    /// Number of inputs.
     pub inputs: usize,
     /// Width of the GRU, if there is one.
     pub recurrent: Option<usize>,
+    /// Widths of the hidden layers; empty if there are none.
     pub hidden: Vec<usize>,
+    /// Number of outputs, of both towers.
     pub outputs: usize,
     /// Number of outputs, the last ones, that the second tower makes; 0 if there is one tower.
     pub apart: usize,
 }
 
-/// Beginning of the names of the second tower's blocks. Only policies have one, for their critic.
+/// Beginning of the names of the second tower's blocks: in most networks with two towers it is a critic.
 const APART: &str = "critic.";
 
 impl Shape {
@@ -29,18 +32,18 @@ impl Shape {
     }
 
     /// Returns the shapes of its towers, which have one tower each.
-    pub(super) fn towers(&self) -> Vec<Shape> {
+    pub(crate) fn towers(&self) -> Vec<Shape> {
         let outputs = [self.outputs - self.apart, self.apart].into_iter().filter(|&outputs| outputs > 0);
         outputs.map(|outputs| Shape { outputs, apart: 0, ..self.clone() }).collect()
     }
 
     /// Returns the number of blocks of a tower.
-    pub(super) fn blocks_per_tower(&self) -> usize {
+    pub(crate) fn blocks_per_tower(&self) -> usize {
         self.first_layer() + 2 * (self.hidden.len() + 1)
     }
 
     /// Returns the block of the first linear layer's weight in a tower.
-    pub(super) fn first_layer(&self) -> usize {
+    pub(crate) fn first_layer(&self) -> usize {
         if self.recurrent.is_some() { gru::BLOCKS } else { 0 }
     }
 
@@ -67,7 +70,7 @@ impl Shape {
     }
 
     /// Returns the number of inputs and outputs of each linear layer. Only for one tower.
-    pub(super) fn layers(&self) -> impl DoubleEndedIterator<Item = (usize, usize)> + ExactSizeIterator {
+    pub(crate) fn layers(&self) -> impl DoubleEndedIterator<Item = (usize, usize)> + ExactSizeIterator {
         let inputs = |layer: usize| match layer {
             0 => self.recurrent.unwrap_or(self.inputs),
             _ => self.hidden[layer - 1],
@@ -102,7 +105,7 @@ impl Shape {
     ///
     /// The same as torch's `Linear` and `GRU`: U(-b, b) for weights and biases, with `b = 1 / sqrt(inputs)` for a
     /// linear layer and `1 / sqrt(width)` for a GRU.
-    pub(super) fn initial_bounds(&self) -> Vec<(usize, f32)> {
+    pub(crate) fn initial_bounds(&self) -> Vec<(usize, f32)> {
         let of_tower = |tower: Shape| {
             let gru = tower.recurrent.map(|width| {
                 let length = (tower.inputs + width + 2) * 3 * width;
@@ -116,6 +119,10 @@ impl Shape {
 }
 
 /// Places of the named weights and biases of a network within its row of parameters.
+///
+/// Those of a [`Shape`] are called `gru.input_weight`, `gru.state_weight`, `gru.input_bias`, `gru.state_bias`, and
+/// `layers.0.weight`, `layers.0.bias` and so on; those of a second tower begin with `critic.`. A weight is `[in, out]`, and a
+/// bias `[1, out]`. The columns of a GRU's are those of its gates r, z and n.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Layout {
     width: usize,
@@ -125,14 +132,14 @@ pub struct Layout {
 #[derive(Clone, Debug, PartialEq, Eq)]
 struct ParameterBlock {
     name: String,
-    /// Shape for one agent, such as `[in, out]`.
+    /// Shape for one network, such as `[in, out]`.
     shape: Vec<usize>,
     offset: usize,
     len: usize,
 }
 
 impl Layout {
-    /// Makes a layout of blocks with these names and shapes, in order.
+    /// Makes a layout of blocks with these names and shapes, in order, for rows of a table that come from elsewhere.
     pub fn new(blocks: Vec<(String, Vec<usize>)>) -> Self {
         let mut width = 0;
         let blocks = blocks
@@ -147,27 +154,28 @@ impl Layout {
         Layout { width, blocks }
     }
 
-    /// Returns the number of parameters per agent.
+    /// Returns the number of parameters per network.
     pub fn width(&self) -> usize {
         self.width
     }
 
-    /// Returns names, shapes `[agents, ...]` and places within a row, in order.
-    pub fn blocks(&self, agents: usize) -> impl Iterator<Item = (&str, Vec<usize>, Range<usize>)> {
+    /// Returns the names of the blocks, their shapes in a stack of `networks` (`[networks, in, out]`), and their places
+    /// within a row, in order.
+    pub fn blocks(&self, networks: usize) -> impl Iterator<Item = (&str, Vec<usize>, Range<usize>)> {
         self.blocks.iter().map(move |block| {
-            let shape = std::iter::once(agents).chain(block.shape.iter().copied()).collect();
+            let shape = std::iter::once(networks).chain(block.shape.iter().copied()).collect();
             (block.name.as_str(), shape, block.offset..block.offset + block.len)
         })
     }
 
     /// Returns the places of all weights within a row, without the biases.
-    pub(super) fn weights(&self) -> impl Iterator<Item = Range<usize>> {
+    pub(crate) fn weights(&self) -> impl Iterator<Item = Range<usize>> {
         let weights = self.blocks.iter().filter(|block| block.name.ends_with("weight"));
         weights.map(|block| block.offset..block.offset + block.len)
     }
 
     /// Returns the place of a block within a row.
-    pub(super) fn range(&self, block: usize) -> Range<usize> {
+    pub(crate) fn range(&self, block: usize) -> Range<usize> {
         let block = &self.blocks[block];
         block.offset..block.offset + block.len
     }
@@ -175,15 +183,15 @@ impl Layout {
 
 /// The blocks of one tower in the layout of a network.
 #[derive(Clone, Copy)]
-pub(super) struct TowerBlocks<'a> {
-    pub layout: &'a Layout,
+pub(crate) struct TowerBlocks<'a> {
+    pub(crate) layout: &'a Layout,
     /// Its first block.
-    pub first: usize,
+    pub(crate) first: usize,
 }
 
 impl TowerBlocks<'_> {
     /// Returns the place of a block within the row of the whole network.
-    pub fn range(self, block: usize) -> Range<usize> {
+    pub(crate) fn range(self, block: usize) -> Range<usize> {
         self.layout.range(self.first + block)
     }
 }

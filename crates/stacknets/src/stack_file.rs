@@ -1,4 +1,4 @@
-//! Stacks as safetensors files that Python opens: one tensor `[agents, ...]` per stack, weight and bias.
+//! Stacks as safetensors files that Python opens: one tensor `[networks, ...]` per stack, weight and bias.
 
 use std::borrow::Cow;
 use std::collections::HashMap;
@@ -11,16 +11,17 @@ use safetensors::tensor::{Dtype, SafeTensors, View, serialize_to_file};
 
 use super::{Layout, Rows};
 
-/// A stack to be written.
+/// A stack to be written by [`write_stacks`].
 pub struct StackToWrite<'a> {
     /// Beginning of the names of its tensors.
     pub prefix: &'a str,
+    /// Places of its weights and biases.
     pub layout: &'a Layout,
-    /// Parameters, one row per agent, as `layout` describes them.
+    /// Parameters, one row per network, as `layout` describes them.
     pub rows: Vec<&'a [f32]>,
 }
 
-/// A tensor that becomes bytes only when it is written: a thousand agents' networks need no second copy in memory.
+/// A tensor that becomes bytes only when it is written: a thousand networks need no second copy in memory.
 struct Tensor<'a> {
     shape: Vec<usize>,
     rows: &'a [&'a [f32]],
@@ -48,7 +49,8 @@ impl View for Tensor<'_> {
     }
 }
 
-/// Writes the stacks as a safetensors file. `about` goes into the file's metadata.
+/// Writes the stacks as a safetensors file: one tensor per weight and bias, `[networks, ...]`, under the stack's prefix and
+/// the block's name. `about` goes into the file's metadata. Returns an error if the file cannot be written.
 pub fn write_stacks(stacks: &[StackToWrite<'_>], about: &HashMap<String, String>, path: &Path) -> Result<()> {
     let tensors = stacks.iter().flat_map(|StackToWrite { prefix, layout, rows }| {
         let blocks = layout.blocks(rows.len());
@@ -57,16 +59,18 @@ pub fn write_stacks(stacks: &[StackToWrite<'_>], about: &HashMap<String, String>
     Ok(serialize_to_file(tensors, Some(about.clone()), path)?)
 }
 
-/// Returns what [`write_stacks`] was told `about` a file. `bytes`: those of the file. If there is nothing: empty.
+/// Returns the metadata `about` that [`write_stacks`] put into a file. `bytes`: those of the file. If there is none, or the
+/// file is damaged: empty.
 pub fn about_stacks(bytes: &[u8]) -> HashMap<String, String> {
     let header = SafeTensors::read_metadata(bytes);
     header.ok().and_then(|(_, header)| header.metadata().clone()).unwrap_or_default()
 }
 
-/// Reads the stack with this `prefix` from a file of [`write_stacks`], one row for each of `names`, which
-/// messages use. An error says how the file has a different shape, or which value is not a finite number.
+/// Reads the stack with this `prefix` from a file of [`write_stacks`]. Returns `[names, parameters]`.
 ///
-/// `bytes`: those of the file; `path`: where it is, for messages.
+/// `bytes`: those of the file. `path` and `names`, one per network, are for messages only.
+///
+/// Returns an error if the file has a different shape, or if a value is not a finite number.
 pub fn read_stack(
     bytes: &[u8],
     path: &Path,
@@ -82,7 +86,7 @@ pub fn read_stack(
         let tensor = file.tensor(&name).with_context(|| format!("{}: no tensor `{name}`", path.display()))?;
         ensure!(
             tensor.dtype() == Dtype::F32 && tensor.shape() == shape,
-            "{}: `{name}` is {:?} {:?}; the config of this run asks for F32 {shape:?}",
+            "{}: `{name}` is {:?} {:?}; it must be F32 {shape:?}",
             path.display(),
             tensor.dtype(),
             tensor.shape(),
@@ -93,7 +97,7 @@ pub fn read_stack(
             row.iter_mut().zip(values).for_each(|(to, from)| *to = from);
             if let Some(bad) = row.iter().find(|value| !value.is_finite()) {
                 bail!(
-                    "{}: `{name}` of agent {owner} holds {bad}, which is not a finite number: the file is damaged; \
+                    "{}: `{name}` of {owner} holds {bad}, which is not a finite number: the file is damaged; \
                      copy it again from an undamaged one, or train again",
                     path.display()
                 );
@@ -106,11 +110,12 @@ pub fn read_stack(
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::testing::net;
-    use crate::{Net, Shape};
+    use crate::testing::stack;
+    use crate::{Shape, Stack};
 
-    fn read_file(path: &Path, prefix: &str, layout: &Layout, agents: &[usize]) -> Result<Rows<f32>> {
-        read_stack(&std::fs::read(path).unwrap(), path, prefix, layout, agents)
+    fn read_file(path: &Path, prefix: &str, layout: &Layout, networks: &[usize]) -> Result<Rows<f32>> {
+        let names: Vec<String> = networks.iter().map(|number| format!("network {number}")).collect();
+        read_stack(&std::fs::read(path).unwrap(), path, prefix, layout, &names)
     }
 
     fn write_stack(layout: &Layout, rows: &Rows<f32>, path: &Path) {
@@ -122,8 +127,8 @@ mod tests {
     fn stacks_of_one_file_come_back_by_their_prefixes() {
         let shape = |inputs| Shape { inputs, recurrent: None, hidden: vec![5], outputs: 2, apart: 0 };
         let (one, other) = ([0, 2], [1]);
-        let nets = [net(shape(4), &[0, 2]), net(shape(3), &[1])];
-        let [first, second] = nets.each_ref().map(Net::parameters);
+        let nets = [stack(shape(4), &[0, 2]), stack(shape(3), &[1])];
+        let [first, second] = nets.each_ref().map(Stack::parameters);
         let stacks = [("a.", first), ("b.", second)].map(|(prefix, parameters)| StackToWrite {
             prefix,
             layout: parameters.layout(),
@@ -140,33 +145,33 @@ mod tests {
     #[test]
     fn a_stack_comes_back_as_it_was() {
         let shape = Shape { inputs: 4, recurrent: None, hidden: vec![5], outputs: 2, apart: 0 };
-        let net = net(shape, &[0, 1, 2]);
+        let stack = stack(shape, &[0, 1, 2]);
         let file = tempfile::NamedTempFile::new().unwrap();
-        write_stack(net.parameters().layout(), net.parameters().values(), file.path());
+        write_stack(stack.parameters().layout(), stack.parameters().values(), file.path());
         assert_eq!(
-            read_file(file.path(), "", net.parameters().layout(), &[0, 1, 2]).unwrap(),
-            *net.parameters().values()
+            read_file(file.path(), "", stack.parameters().layout(), &[0, 1, 2]).unwrap(),
+            *stack.parameters().values()
         );
     }
 
     #[test]
-    fn a_parameter_that_is_no_finite_number_is_refused_with_its_tensor_and_its_agent() {
+    fn a_parameter_that_is_no_finite_number_is_refused_with_its_tensor_and_its_network() {
         // Three inputs and four outputs without hidden layers: 12 weights, then 4 biases.
         let shape = Shape { inputs: 3, recurrent: None, hidden: Vec::new(), outputs: 4, apart: 0 };
-        let net = net(shape, &[0, 1, 2]);
-        let layout = net.parameters().layout();
+        let stack = stack(shape, &[0, 1, 2]);
+        let layout = stack.parameters().layout();
         let file = tempfile::NamedTempFile::new().unwrap();
         for (column, name) in [(11, "layers.0.weight"), (12, "layers.0.bias")] {
             for (bad, word) in [(f32::NAN, "NaN"), (f32::INFINITY, "inf"), (f32::NEG_INFINITY, "-inf")] {
-                let mut values = net.parameters().values().clone();
+                let mut values = stack.parameters().values().clone();
                 values.row_mut(2)[column] = bad;
                 write_stack(layout, &values, file.path());
                 let error = read_file(file.path(), "", layout, &[0, 1, 2]).unwrap_err().to_string();
-                let told = format!(
-                    "{}: `{name}` of agent 2 holds {word}, which is not a finite number",
+                let expected = format!(
+                    "{}: `{name}` of network 2 holds {word}, which is not a finite number",
                     file.path().display()
                 );
-                assert!(error.starts_with(&told) && error.ends_with("or train again"), "{error}");
+                assert!(error.starts_with(&expected) && error.ends_with("or train again"), "{error}");
             }
         }
     }
@@ -174,14 +179,14 @@ mod tests {
     #[test]
     fn a_stack_of_another_shape_or_a_torn_file_is_a_clear_error() {
         let shape = Shape { inputs: 4, recurrent: None, hidden: vec![5], outputs: 2, apart: 0 };
-        let net = net(shape, &[0, 1, 2]);
+        let stack = stack(shape, &[0, 1, 2]);
         let file = tempfile::NamedTempFile::new().unwrap();
-        write_stack(net.parameters().layout(), net.parameters().values(), file.path());
+        write_stack(stack.parameters().layout(), stack.parameters().values(), file.path());
         let bytes = std::fs::read(file.path()).unwrap();
-        let error = read_file(file.path(), "", net.parameters().layout(), &[0, 1]).unwrap_err().to_string();
-        assert!(error.contains("asks for F32 [2, 4, 5]"), "{error}");
+        let error = read_file(file.path(), "", stack.parameters().layout(), &[0, 1]).unwrap_err().to_string();
+        assert!(error.contains("must be F32 [2, 4, 5]"), "{error}");
         std::fs::write(file.path(), &bytes[..bytes.len() / 2]).unwrap();
-        let error = read_file(file.path(), "", net.parameters().layout(), &[0, 1, 2]).unwrap_err().to_string();
+        let error = read_file(file.path(), "", stack.parameters().layout(), &[0, 1, 2]).unwrap_err().to_string();
         assert!(error.contains("cut short"), "{error}");
     }
 }

@@ -1,7 +1,7 @@
 //! The hidden states of recurrent networks between steps.
 
-/// One hidden state per row. Rows are ordered by agent, then by copy, as inputs are. Networks without memory have
-/// states of width 0.
+/// One hidden state per row of the inputs: `[networks x rows of each, state_width]`, the rows of a network together.
+/// Networks without a GRU have states of width 0.
 #[derive(Clone, Debug, PartialEq)]
 pub struct States {
     rows: usize,
@@ -10,15 +10,17 @@ pub struct States {
 }
 
 impl States {
-    /// Makes states of zeros.
+    /// Makes states of zeros: `[rows, width]`.
     pub fn new(rows: usize, width: usize) -> Self {
         States { rows, width, values: vec![0.0; rows * width] }
     }
 
+    /// Returns the number of states.
     pub fn rows(&self) -> usize {
         self.rows
     }
 
+    /// Returns one state, `[state_width]`.
     pub fn row(&self, row: usize) -> &[f32] {
         &self.values[row * self.width..(row + 1) * self.width]
     }
@@ -28,15 +30,19 @@ impl States {
         &self.values
     }
 
-    pub(super) fn as_mut_slice(&mut self) -> &mut [f32] {
+    pub(crate) fn as_mut_slice(&mut self) -> &mut [f32] {
         &mut self.values
     }
 
+    /// Replaces one state.
+    ///
+    /// # Panics
+    /// If the new one has a different width.
     pub fn set_row(&mut self, row: usize, state: &[f32]) {
         self.values[row * self.width..(row + 1) * self.width].copy_from_slice(state);
     }
 
-    /// Sets a row to zero, because an episode begins in it.
+    /// Sets one state to zero, because a new sequence begins in its row.
     pub fn clear(&mut self, row: usize) {
         self.values[row * self.width..(row + 1) * self.width].fill(0.0);
     }

@@ -3,7 +3,7 @@
 use rand::SeedableRng;
 use rand_xoshiro::Xoshiro256PlusPlus;
 
-use super::{Net, Shape};
+use super::{Shape, Stack};
 
 pub(crate) type Dice = Xoshiro256PlusPlus;
 
@@ -12,6 +12,6 @@ pub(crate) fn dice(seed: u64) -> Dice {
 }
 
 /// Makes networks from the seeds of these numbers.
-pub(crate) fn net(shape: Shape, numbers: &[u64]) -> Net {
-    Net::new(shape, numbers.iter().map(|&number| dice(number)))
+pub(crate) fn stack(shape: Shape, numbers: &[u64]) -> Stack {
+    Stack::new(shape, numbers.iter().map(|&number| dice(number)))
 }

@@ -1,4 +1,4 @@
-//! The threads that the networks of a worker may use.
+//! The threads that networks may use.
 
 use std::sync::Arc;
 
@@ -6,10 +6,9 @@ use anyhow::{Context, Result};
 use rayon::prelude::*;
 use rayon::{ThreadPool, ThreadPoolBuilder};
 
-/// Threads that share the agents among them. Agents are independent, so the number of threads changes no result.
+/// Threads that share networks among them. Networks are independent, so the number of threads changes no result.
 ///
-/// Workers that train on local simulators have one thread each. On the global simulator (GS) one worker owns all agents
-/// and uses threads to keep the other cores busy.
+/// A clone shares the same threads.
 #[derive(Clone, Default)]
 pub struct Threads {
     pool: Option<Arc<ThreadPool>>,
@@ -21,6 +20,7 @@ impl Threads {
         Threads::default()
     }
 
+    /// Starts this number of threads; none for 0 or 1, as [`Threads::one`]. Returns an error if the system refuses them.
     pub fn new(count: usize) -> Result<Self> {
         if count < 2 {
             return Ok(Threads::one());

@@ -1,7 +1,7 @@
 //! The width of the vector registers that matrix products use.
 //!
 //! Only the bits of products depend on the width, because products add up several sums side by side. All other loops
-//! work element by element, without fused multiply-add, and give the same bits everywhere.
+//! work element by element, without fused multiply-add, and give the same bits everywhere: `product` says why.
 
 use std::sync::atomic::{AtomicBool, Ordering};
 
@@ -22,10 +22,13 @@ pub enum VectorWidth {
     Bits256,
 }
 
-/// One setting for the whole process, which computes the networks of one config at a time.
+/// One setting for the whole process. As an argument it would go through every call down to the products, and nobody needs
+/// two widths in one program.
 static ARE_256_BITS: AtomicBool = AtomicBool::new(false);
 
 /// Sets the register width for all products of this process. Returns an error if the machine does not have it.
+///
+/// Call it before the first network is computed. Until then the width is [`VectorWidth::Widest`].
 pub fn use_vectors(width: VectorWidth) -> Result<()> {
     check(width, has_avx2_and_fma())?;
     ARE_256_BITS.store(width == VectorWidth::Bits256, Ordering::Relaxed);
@@ -33,7 +36,7 @@ pub fn use_vectors(width: VectorWidth) -> Result<()> {
 }
 
 /// Returns the width of the registers in use.
-pub(super) fn vector_width() -> VectorWidth {
+pub(crate) fn vector_width() -> VectorWidth {
     if ARE_256_BITS.load(Ordering::Relaxed) { VectorWidth::Bits256 } else { VectorWidth::Widest }
 }
 
@@ -91,7 +94,7 @@ fn widest() -> String {
 }
 
 /// Does `work` with registers of this width.
-pub(super) fn dispatch<W: WithSimd>(width: VectorWidth, work: W) -> W::Output {
+pub(crate) fn dispatch<W: WithSimd>(width: VectorWidth, work: W) -> W::Output {
     match width {
         VectorWidth::Widest => Arch::new().dispatch(work),
         #[cfg(target_arch = "x86_64")]
@@ -109,7 +112,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_machine_without_avx2_is_told_so_where_a_config_asks_for_it() {
+    fn a_machine_without_avx2_is_an_error_if_256_bits_are_asked_for() {
         check(VectorWidth::Widest, false).unwrap();
         check(VectorWidth::Bits256, true).unwrap();
         let error = check(VectorWidth::Bits256, false).unwrap_err().to_string();

@@ -4,7 +4,7 @@ use super::{InfluencePredictor, sources};
 use crate::config::AipConfig;
 use dials_core::base::{AgentId, Dice, Rows, Seed};
 use dials_core::domain::{RegionSpec, SourceSpec};
-use stacknets::{Adam, Learner, Net, Parameters, Shape, States};
+use stacknets::{Adam, Learner, Parameters, Shape, Stack, States};
 
 /// One AIP per agent: d-set -> GRU, if any -> hidden layers -> logits of the influence sources.
 ///
@@ -12,7 +12,7 @@ use stacknets::{Adam, Learner, Net, Parameters, Shape, States};
 /// scaled to `(x - 0.5) / 0.5` as in the authors' code.
 pub struct AipStack {
     pub(super) sources: SourceSpec,
-    pub(super) net: Net,
+    pub(super) net: Stack,
     /// Hidden states of the rows that it samples for.
     states: States,
 }
@@ -31,7 +31,7 @@ impl AipStack {
 
     /// Makes AIPs with random parameters, each agent's from its own stream.
     pub fn new(agents: &[AgentId], spec: &RegionSpec, config: &AipConfig, seed: Seed) -> Self {
-        let net = Net::new(AipStack::shape(spec, config), seed.for_agents(agents));
+        let net = Stack::new(AipStack::shape(spec, config), seed.for_agents(agents));
         AipStack { sources: spec.sources.clone(), states: net.states(0), net }
     }
 
@@ -39,7 +39,7 @@ impl AipStack {
         self.net.parameters()
     }
 
-    pub(super) fn net(&self) -> &Net {
+    pub(super) fn net(&self) -> &Stack {
         &self.net
     }
 

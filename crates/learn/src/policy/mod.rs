@@ -11,7 +11,7 @@ pub mod sampling;
 use crate::config::PolicyConfig;
 use dials_core::base::{AgentId, Ragged, Rows, Seed};
 use dials_core::domain::{Percept, RegionSpec, Result};
-use stacknets::{Adam, Learner, Net, Network, Parameters, Shape, States, Threads, script};
+use stacknets::{Adam, Learner, Network, Parameters, Shape, Stack, States, Threads, script};
 
 pub use controller::{JointPolicyController, Selection, StackController};
 pub use demonstrations::Demonstrations;
@@ -26,7 +26,7 @@ pub type JointPolicy = Ragged<f32>;
 /// Source: DIALS paper, appendix "Hyperparameters" (traffic: 256 and 128; warehouse: GRU 256 and 128).
 pub struct PolicyStack {
     n_actions: usize,
-    net: Net,
+    net: Stack,
     reading: Reading,
 }
 
@@ -70,14 +70,14 @@ impl PolicyStack {
     /// Makes policies with random parameters, each agent's from its own stream. `action_bias` is added to the initial
     /// biases of the logits.
     pub fn new(agents: &[AgentId], spec: &RegionSpec, config: &PolicyConfig, action_bias: &[f32], seed: Seed) -> Self {
-        let mut net = Net::new(PolicyStack::shape(spec, config), seed.for_agents(agents));
+        let mut net = Stack::new(PolicyStack::shape(spec, config), seed.for_agents(agents));
         net.shift_output(action_bias);
         PolicyStack { n_actions: spec.n_actions, net, reading: Reading::Probabilities }
     }
 
     /// Makes policies whose parameters are still to be loaded.
     pub fn blank(agents: usize, spec: &RegionSpec, config: &PolicyConfig) -> Self {
-        let net = Net::blank(agents, PolicyStack::shape(spec, config));
+        let net = Stack::blank(agents, PolicyStack::shape(spec, config));
         PolicyStack { n_actions: spec.n_actions, net, reading: Reading::Probabilities }
     }
 
@@ -88,7 +88,7 @@ impl PolicyStack {
     }
 
     pub fn agents(&self) -> usize {
-        self.net.parameters().agents()
+        self.net.parameters().networks()
     }
 
     /// Returns the network of one agent.

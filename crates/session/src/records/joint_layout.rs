@@ -74,7 +74,8 @@ impl JointLayout {
         of_agents.for_each(|(agent, width)| widths[agent] = width);
         let mut networks = Ragged::new(widths);
         for KindLayout { prefix, agents, layout } in &self.kinds {
-            let rows = read_stack(&bytes, path, prefix, layout, agents)?;
+            let names: Vec<String> = agents.iter().map(|agent| format!("agent {agent}")).collect();
+            let rows = read_stack(&bytes, path, prefix, layout, &names)?;
             agents.iter().zip(rows.iter()).for_each(|(agent, row)| networks.row_mut(agent.0).copy_from_slice(row));
         }
         let steps = about_stacks(&bytes).get(STEPS).and_then(|steps| steps.parse().ok());

@@ -1,11 +1,11 @@
-/* The few calls of libsumo that this crate needs, in plain C; `bindgen` reads this file.
+/* The few calls of libsumo that this crate needs, in plain C; `bindgen` reads this file. `ds_` is the shim's own prefix.
  *
  * Every function returns 0, or 1 with a text in ds_last_error(). No exception leaves, and nothing reaches the terminal.
  * Only ds_last_error, ds_version and ds_c_library may be called while another thread is inside, because there is one
  * simulation per process. Lanes, lights, routes and types are registered once by name and are passed as indices. Arrays that a
  * function returns belong to the shim and are valid until the next call. */
-#ifndef DIALS_SUMO_H
-#define DIALS_SUMO_H
+#ifndef SUMO_SHIM_H
+#define SUMO_SHIM_H
 
 #include <stddef.h>
 #include <stdint.h>

@@ -1,4 +1,4 @@
-//! A stack: one network per agent.
+//! A stack: equal networks side by side.
 
 use rand::Rng;
 
@@ -7,22 +7,30 @@ use super::network::{Network, Sequences, Trace};
 use super::shape::{Layout, Shape};
 use super::{Parameters, Rows, States, Threads};
 
-/// Smallest number of agents for which several threads pay (about 4 us per agent).
-const AGENTS_WORTH_THREADS: usize = 32;
+/// Smallest number of networks for which several threads pay (about 4 us per network).
+const NETWORKS_WORTH_THREADS: usize = 32;
 
-/// One network per agent.
-pub struct Net {
+/// Networks of the same [`Shape`] side by side, each with its own parameters.
+///
+/// They are numbered from 0. Nothing couples them: a stack of N networks computes what N stacks of one network compute,
+/// bit for bit, with any number of [`Threads`].
+pub struct Stack {
     shape: Shape,
     parameters: Parameters,
     threads: Threads,
 }
 
-impl Net {
-    /// Makes one network with random parameters from each generator.
-    pub fn new<R: Rng>(shape: Shape, generators: impl ExactSizeIterator<Item = R>) -> Self {
-        let mut net = Net::blank(generators.len(), shape);
-        let (shape, width) = (&net.shape, net.parameters.width());
-        let rows = net.parameters.values_mut().as_mut_slice().chunks_exact_mut(width);
+impl Stack {
+    /// Makes one network from each generator. Each draws its parameters from its own generator, so a network begins the same
+    /// way alone or in a stack.
+    ///
+    /// Weights and biases are uniform in `-b..b`, as those of torch's `Linear` and `GRU`: `b` is one by the square root
+    /// of the number of inputs of a layer, and of the width of a GRU.
+    pub fn new<R: Rng>(shape: Shape, generators: impl IntoIterator<Item = R>) -> Self {
+        let generators: Vec<R> = generators.into_iter().collect();
+        let mut stack = Stack::blank(generators.len(), shape);
+        let (shape, width) = (&stack.shape, stack.parameters.width());
+        let rows = stack.parameters.values_mut().as_mut_slice().chunks_exact_mut(width);
         for (row, mut generator) in rows.zip(generators) {
             let mut rest = row;
             for (length, bound) in shape.initial_bounds() {
@@ -31,51 +39,56 @@ impl Net {
                 rest = after;
             }
         }
-        net
+        stack
     }
 
-    /// Makes networks whose parameters are all zero.
-    pub fn blank(agents: usize, shape: Shape) -> Self {
-        Net { parameters: Parameters::new(agents, shape.layout()), shape, threads: Threads::one() }
+    /// Makes networks whose parameters are all zero, to be filled by [`Parameters::load`].
+    pub fn blank(networks: usize, shape: Shape) -> Self {
+        Stack { parameters: Parameters::new(networks, shape.layout()), shape, threads: Threads::one() }
     }
 
+    /// Returns the shape of each network.
     pub fn shape(&self) -> &Shape {
         &self.shape
     }
 
+    /// Returns the parameters of all networks.
     pub fn parameters(&self) -> &Parameters {
         &self.parameters
     }
 
+    /// Returns the parameters of all networks, for writing.
     pub fn parameters_mut(&mut self) -> &mut Parameters {
         &mut self.parameters
     }
 
-    /// Copies the parameters of the first agent to all others.
+    /// Copies the parameters of the first network to all others.
     pub fn spread_first(&mut self) {
         spread_first(self.parameters.values_mut());
     }
 
-    /// Uses these threads from now on.
+    /// Uses these threads in [`step`](Self::step) from now on. A new stack uses the calling thread only.
     pub fn use_threads(&mut self, threads: Threads) {
         self.threads = threads;
     }
 
+    /// Returns the threads in use.
     pub fn threads(&self) -> &Threads {
         &self.threads
     }
 
-    /// Returns the network of one agent.
-    pub fn network(&self, agent: usize) -> Network<'_> {
-        Network { shape: &self.shape, layout: self.parameters.layout(), values: self.parameters.values().row(agent) }
+    /// Returns the network of this number.
+    pub fn network(&self, number: usize) -> Network<'_> {
+        Network { shape: &self.shape, layout: self.parameters.layout(), values: self.parameters.values().row(number) }
     }
 
-    pub(super) fn parts_mut(&mut self) -> (&Shape, &Layout, &mut Rows<f32>) {
+    pub(crate) fn parts_mut(&mut self) -> (&Shape, &Layout, &mut Rows<f32>) {
         let (layout, values) = self.parameters.layout_and_values_mut();
         (&self.shape, layout, values)
     }
 
-    /// Adds `bias` to the biases of the last layer of the first tower, one value per output, for all agents.
+    /// Adds `bias` to the biases of the first tower's last layer in all networks: one value per output, or per each of the
+    /// first outputs.
     pub fn shift_output(&mut self, bias: &[f32]) {
         let range = self.parameters.layout().range(self.shape.blocks_per_tower() - 1);
         let width = self.parameters.width();
@@ -84,35 +97,43 @@ impl Net {
         }
     }
 
-    /// Makes states of zeros for this number of rows.
+    /// Makes hidden states of zeros for this number of rows: the number of networks times the rows of each.
     pub fn states(&self, rows: usize) -> States {
         States::new(rows, self.shape.state_width())
     }
 
-    /// Runs one step and returns the outputs, row by row. Replaces `states` by the states after the step.
+    /// Runs one step of all networks and returns the outputs, row by row. Replaces `states` by the states after the step.
     ///
-    /// `inputs`: one row per row of `states`, ordered by agent, then by copy.
+    /// `inputs`: `[networks x rows of each, inputs]`, the rows of a network together; `states`: from
+    /// [`Stack::states`], one per row of the inputs. Returns `[networks x rows of each, outputs]`.
+    ///
+    /// # Panics
+    /// If `inputs` is not as wide as the networks' inputs, if the networks do not have equally many rows, or if there is not
+    /// a state per row.
     pub fn step(&self, inputs: &Rows<f32>, states: &mut States) -> Rows<f32> {
         let Shape { inputs: width, outputs, .. } = self.shape;
-        let (agents, copies, state_width) =
-            (self.parameters.agents(), inputs.len() / self.parameters.agents(), self.shape.state_width());
+        let (networks, copies, state_width) =
+            (self.parameters.networks(), inputs.len() / self.parameters.networks(), self.shape.state_width());
+        assert_eq!(inputs.width(), width, "rows of inputs of another width");
+        assert_eq!(inputs.len(), networks * copies, "rows that cannot be shared equally among {networks} networks");
+        assert_eq!(states.as_slice().len(), inputs.len() * state_width, "a state for each row");
         let mut out = Rows::new(inputs.len(), outputs);
         let starts = vec![false; copies];
-        let work = |trace: &mut Trace, (agent, inputs, out, states): (usize, &[f32], &mut [f32], &mut [f32])| {
-            self.network(agent).forward(inputs, Sequences { steps: 1, states, starts: &starts }, trace);
+        let work = |trace: &mut Trace, (number, inputs, out, states): (usize, &[f32], &mut [f32], &mut [f32])| {
+            self.network(number).forward(inputs, Sequences { steps: 1, states, starts: &starts }, trace);
             out.copy_from_slice(trace.output());
             states.copy_from_slice(trace.last_states(states.len()));
         };
         let mut rest = states.as_mut_slice();
-        let mut items = Vec::with_capacity(agents);
+        let mut items = Vec::with_capacity(networks);
         let rows =
             inputs.as_slice().chunks_exact(copies * width).zip(out.as_mut_slice().chunks_exact_mut(copies * outputs));
-        for (agent, (inputs, out)) in rows.enumerate() {
+        for (number, (inputs, out)) in rows.enumerate() {
             let (states, others) = rest.split_at_mut(copies * state_width);
             rest = others;
-            items.push((agent, inputs, out, states));
+            items.push((number, inputs, out, states));
         }
-        self.threads.map(items, AGENTS_WORTH_THREADS, work);
+        self.threads.map(items, NETWORKS_WORTH_THREADS, work);
         out
     }
 }
@@ -120,7 +141,7 @@ impl Net {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::testing::{dice, net};
+    use crate::testing::{dice, stack};
     use crate::{Adam, Learner};
 
     fn feed_forward(sizes: &[usize]) -> Shape {
@@ -133,10 +154,10 @@ mod tests {
         Rows::from_vec((0..rows * width).map(|_| dice.random_range(-1.0..1.0)).collect(), width)
     }
 
-    /// Sequences of some agents, with random states and episodes that begin in one row of four; rows ordered agent,
+    /// Sequences of some networks, with random states that are cleared in one row of four; rows ordered network,
     /// step, sequence.
     struct Material {
-        agents: usize,
+        networks: usize,
         inputs: Rows<f32>,
         steps: usize,
         states: States,
@@ -145,16 +166,16 @@ mod tests {
     }
 
     impl Material {
-        fn new(shape: &Shape, agents: usize, steps: usize, batch: usize) -> Material {
-            let rows = agents * steps * batch;
+        fn new(shape: &Shape, networks: usize, steps: usize, batch: usize) -> Material {
+            let rows = networks * steps * batch;
             let mut dice = dice(12);
-            let mut states = States::new(agents * batch, shape.state_width());
-            for row in 0..agents * batch {
+            let mut states = States::new(networks * batch, shape.state_width());
+            for row in 0..networks * batch {
                 let state: Vec<f32> = (0..shape.state_width()).map(|_| dice.random_range(-1.0..1.0)).collect();
                 states.set_row(row, &state);
             }
             Material {
-                agents,
+                networks,
                 inputs: random_rows(rows, shape.inputs, "inputs"),
                 steps,
                 states,
@@ -163,78 +184,78 @@ mod tests {
             }
         }
 
-        /// Returns the part of a table that belongs to an agent.
-        fn share<'a, T>(&self, table: &'a [T], agent: usize) -> &'a [T] {
-            &table[agent * table.len() / self.agents..(agent + 1) * table.len() / self.agents]
+        /// Returns the part of a table that belongs to a network.
+        fn share<'a, T>(&self, table: &'a [T], number: usize) -> &'a [T] {
+            &table[number * table.len() / self.networks..(number + 1) * table.len() / self.networks]
         }
 
-        fn forward(&self, network: Network<'_>, agent: usize, trace: &mut Trace) {
+        fn forward(&self, network: Network<'_>, number: usize, trace: &mut Trace) {
             let sequences = Sequences {
                 steps: self.steps,
-                states: self.share(self.states.as_slice(), agent),
-                starts: self.share(&self.starts, agent),
+                states: self.share(self.states.as_slice(), number),
+                starts: self.share(&self.starts, number),
             };
-            network.forward(self.share(self.inputs.as_slice(), agent), sequences, trace);
+            network.forward(self.share(self.inputs.as_slice(), number), sequences, trace);
         }
 
-        /// Returns the outputs of all agents.
-        fn outputs(&self, net: &Net) -> Vec<f32> {
+        /// Returns the outputs of all networks.
+        fn outputs(&self, stack: &Stack) -> Vec<f32> {
             let mut trace = Trace::default();
-            let of_agent = |agent| {
-                self.forward(net.network(agent), agent, &mut trace);
+            let of_network = |number| {
+                self.forward(stack.network(number), number, &mut trace);
                 trace.output().to_vec()
             };
-            (0..self.agents).flat_map(of_agent).collect()
+            (0..self.networks).flat_map(of_network).collect()
         }
 
-        /// Returns outputs and gradient of one agent.
-        fn outputs_and_gradient(&self, network: Network<'_>, agent: usize) -> (Vec<f32>, Vec<f32>) {
+        /// Returns outputs and gradient of one network.
+        fn outputs_and_gradient(&self, network: Network<'_>, number: usize) -> (Vec<f32>, Vec<f32>) {
             let mut trace = Trace::default();
-            self.forward(network, agent, &mut trace);
-            network.backward(self.share(&self.output_gradient, agent), &mut trace);
+            self.forward(network, number, &mut trace);
+            network.backward(self.share(&self.output_gradient, number), &mut trace);
             (trace.output().to_vec(), trace.gradient().to_vec())
         }
 
-        /// Returns the material of one agent alone.
-        fn of_agent(&self, agent: usize) -> Material {
-            let mut states = States::new(self.states.rows() / self.agents, self.states.row(0).len());
-            states.as_mut_slice().copy_from_slice(self.share(self.states.as_slice(), agent));
+        /// Returns the material of one network alone.
+        fn of_network(&self, number: usize) -> Material {
+            let mut states = States::new(self.states.rows() / self.networks, self.states.row(0).len());
+            states.as_mut_slice().copy_from_slice(self.share(self.states.as_slice(), number));
             Material {
-                agents: 1,
-                inputs: Rows::from_vec(self.share(self.inputs.as_slice(), agent).to_vec(), self.inputs.width()),
+                networks: 1,
+                inputs: Rows::from_vec(self.share(self.inputs.as_slice(), number).to_vec(), self.inputs.width()),
                 steps: self.steps,
                 states,
-                starts: self.share(&self.starts, agent).to_vec(),
-                output_gradient: self.share(&self.output_gradient, agent).to_vec(),
+                starts: self.share(&self.starts, number).to_vec(),
+                output_gradient: self.share(&self.output_gradient, number).to_vec(),
             }
         }
     }
 
     /// Runs one row through a network without memory.
-    fn one_row(net: &Net, inputs: &[f32], by_output: &[f32]) -> (Vec<f32>, Vec<f32>) {
+    fn one_row(stack: &Stack, inputs: &[f32], by_output: &[f32]) -> (Vec<f32>, Vec<f32>) {
         let mut trace = Trace::default();
-        net.network(0).forward(inputs, Sequences { steps: 1, states: &[], starts: &[] }, &mut trace);
-        net.network(0).backward(by_output, &mut trace);
+        stack.network(0).forward(inputs, Sequences::NONE, &mut trace);
+        stack.network(0).backward(by_output, &mut trace);
         (trace.output().to_vec(), trace.gradient().to_vec())
     }
 
     #[test]
     fn one_hidden_unit_is_worked_out_by_hand() {
-        let mut net = net(feed_forward(&[2, 1, 1]), &[0]);
+        let mut stack = stack(feed_forward(&[2, 1, 1]), &[0]);
         // w1 = (1, -2), b1 = 0.5, w2 = 3, b2 = -1; x = (2, 0.5): h = relu(2 - 1 + 0.5) = 1.5, y = 3 * 1.5 - 1 = 3.5
-        net.parameters_mut().load(&Rows::from_vec(vec![1.0, -2.0, 0.5, 3.0, -1.0], 5));
+        stack.parameters_mut().load(&Rows::from_vec(vec![1.0, -2.0, 0.5, 3.0, -1.0], 5));
         // dL/dy = 2: dw2 = 2 * 1.5 = 3, db2 = 2, dh = 2 * 3 = 6, dw1 = 6 * (2, 0.5) = (12, 3), db1 = 6
-        let (output, gradient) = one_row(&net, &[2.0, 0.5], &[2.0]);
+        let (output, gradient) = one_row(&stack, &[2.0, 0.5], &[2.0]);
         assert_eq!(output, [3.5]);
         assert_eq!(gradient, [12.0, 3.0, 6.0, 3.0, 2.0]);
     }
 
     #[test]
     fn a_closed_relu_lets_no_gradient_through() {
-        let mut net = net(feed_forward(&[1, 1, 1]), &[0]);
+        let mut stack = stack(feed_forward(&[1, 1, 1]), &[0]);
         // h = relu(-1 * 1 + 0) = 0, y = 5 * 0 + 2
-        net.parameters_mut().load(&Rows::from_vec(vec![-1.0, 0.0, 5.0, 2.0], 4));
-        let (output, gradient) = one_row(&net, &[1.0], &[1.0]);
+        stack.parameters_mut().load(&Rows::from_vec(vec![-1.0, 0.0, 5.0, 2.0], 4));
+        let (output, gradient) = one_row(&stack, &[1.0], &[1.0]);
         assert_eq!(output, [2.0]);
         assert_eq!(gradient, [0.0, 0.0, 0.0, 1.0]);
     }
@@ -242,23 +263,23 @@ mod tests {
     #[test]
     fn a_gru_of_width_one_is_worked_out_by_hand() {
         let shape = Shape { inputs: 1, recurrent: Some(1), hidden: vec![], outputs: 1, apart: 0 };
-        let mut net = net(shape, &[0]);
+        let mut stack = stack(shape, &[0]);
         // Weights of r, z, n: input (0, 0, 1), state (0, 0, 2), biases input (0, ln 3, 0), state (0, 0, 0.5);
         // output weight 1, bias 0.
         let weights = [[0.0, 0.0, 1.0], [0.0, 0.0, 2.0], [0.0, 3_f32.ln(), 0.0], [0.0, 0.0, 0.5]].concat();
-        net.parameters_mut().load(&Rows::from_vec([&weights[..], &[1.0, 0.0]].concat(), 14));
+        stack.parameters_mut().load(&Rows::from_vec([&weights[..], &[1.0, 0.0]].concat(), 14));
         // r = s(0) = 1/2, z = s(ln 3) = 3/4. x = 0.3, h = 0.4: n = tanh(0.3 + 0.5 * (0.8 + 0.5)) = tanh(0.95) =
         // 0.739783, h' = 0.25 * 0.739783 + 0.75 * 0.4 = 0.484946
-        let mut states = net.states(1);
+        let mut states = stack.states(1);
         states.set_row(0, &[0.4]);
-        let output = net.step(&Rows::from_vec(vec![0.3], 1), &mut states);
+        let output = stack.step(&Rows::from_vec(vec![0.3], 1), &mut states);
         assert!((output.row(0)[0] - 0.484_946).abs() < 1e-6, "{output:?}");
         assert_eq!(states.row(0), output.row(0), "the state is updated");
         // dL/dh' = 1: dn = 0.25 * (1 - 0.547279) = 0.113180, dz = (0.4 - 0.739783) * 0.1875 = -0.063709,
         // dr = dn * 1.3 * 0.25 = 0.036784
         let mut trace = Trace::default();
-        net.network(0).forward(&[0.3], Sequences { steps: 1, states: &[0.4], starts: &[false] }, &mut trace);
-        net.network(0).backward(&[1.0], &mut trace);
+        stack.network(0).forward(&[0.3], Sequences { steps: 1, states: &[0.4], starts: &[false] }, &mut trace);
+        stack.network(0).backward(&[1.0], &mut trace);
         let gradients = trace.gradient();
         let expected = [
             [0.011_035, -0.019_113, 0.033_954], // x * (dr, dz, dn)
@@ -277,12 +298,12 @@ mod tests {
         for recurrent in [None, Some(6)] {
             let both = Shape { inputs: 5, recurrent, hidden: vec![7], outputs: 3, apart: 1 };
             let material = Material::new(&both, 1, 4, 3);
-            let net = net(both.clone(), &[8]);
-            let row = net.parameters().values().row(0);
-            let (outputs, gradient) = material.outputs_and_gradient(net.network(0), 0);
+            let stack = stack(both.clone(), &[8]);
+            let row = stack.parameters().values().row(0);
+            let (outputs, gradient) = material.outputs_and_gradient(stack.network(0), 0);
             let (mut first_parameter, mut first_output) = (0, 0);
             for (tower, shape) in both.towers().into_iter().enumerate() {
-                let mut alone = Net::blank(1, shape.clone());
+                let mut alone = Stack::blank(1, shape.clone());
                 let width = alone.parameters().width();
                 let own = first_parameter..first_parameter + width;
                 alone.parameters_mut().load(&Rows::from_vec(row[own.clone()].to_vec(), width));
@@ -312,17 +333,18 @@ mod tests {
             let shape = Shape { inputs: 5, recurrent, hidden: vec![7, 6], outputs: 3, apart };
             let material = Material::new(&shape, 2, 4, 3);
             // A seed with which no ReLU changes sides within the shifts.
-            let mut net = net(shape, &[0, 1]);
-            let loss = |net: &Net| -> f64 {
-                material.outputs(net).iter().zip(&material.output_gradient).map(|(y, w)| f64::from(y * w)).sum()
+            let mut stack = stack(shape, &[0, 1]);
+            let loss = |stack: &Stack| -> f64 {
+                material.outputs(stack).iter().zip(&material.output_gradient).map(|(y, w)| f64::from(y * w)).sum()
             };
-            let gradients = [0, 1].map(|agent| material.outputs_and_gradient(net.network(agent), agent).1).concat();
+            let gradients =
+                [0, 1].map(|number| material.outputs_and_gradient(stack.network(number), number).1).concat();
             let step = 2e-3_f32;
             for parameter in (0..gradients.len()).step_by(7) {
                 let mut at = |shift: f32| {
-                    net.parameters_mut().values_mut().as_mut_slice()[parameter] += shift;
-                    let value = loss(&net);
-                    net.parameters_mut().values_mut().as_mut_slice()[parameter] -= shift;
+                    stack.parameters_mut().values_mut().as_mut_slice()[parameter] += shift;
+                    let value = loss(&stack);
+                    stack.parameters_mut().values_mut().as_mut_slice()[parameter] -= shift;
                     value
                 };
                 let slope = (at(step) - at(-step)) / f64::from(2.0 * step);
@@ -338,21 +360,23 @@ mod tests {
     #[test]
     fn a_packed_sequence_equals_a_loop_over_its_steps() {
         let shape = Shape { inputs: 37, recurrent: Some(64), hidden: vec![32], outputs: 5, apart: 0 };
-        let (agents, steps, batch) = (2, 8, 4);
-        let material = Material::new(&shape, agents, steps, batch);
-        let net = net(shape, &[0, 1]);
-        let packed = material.outputs(&net);
+        let (networks, steps, batch) = (2, 8, 4);
+        let material = Material::new(&shape, networks, steps, batch);
+        let stack = stack(shape, &[0, 1]);
+        let packed = material.outputs(&stack);
         let mut states = material.states.clone();
         for step in 0..steps {
-            let row = |agent: usize, sequence: usize| (agent * steps + step) * batch + sequence;
+            let row = |number: usize, sequence: usize| (number * steps + step) * batch + sequence;
             let mut inputs = Rows::new(0, 37);
-            for (agent, sequence) in (0..agents).flat_map(|agent| (0..batch).map(move |sequence| (agent, sequence))) {
-                inputs.push(material.inputs.row(row(agent, sequence)));
-                if material.starts[row(agent, sequence)] {
-                    states.clear(agent * batch + sequence);
+            for (number, sequence) in
+                (0..networks).flat_map(|number| (0..batch).map(move |sequence| (number, sequence)))
+            {
+                inputs.push(material.inputs.row(row(number, sequence)));
+                if material.starts[row(number, sequence)] {
+                    states.clear(number * batch + sequence);
                 }
             }
-            let single = net.step(&inputs, &mut states);
+            let single = stack.step(&inputs, &mut states);
             for (index, output) in single.iter().enumerate() {
                 let at = row(index / batch, index % batch);
                 let together = &packed[at * 5..(at + 1) * 5];
@@ -363,37 +387,32 @@ mod tests {
 
     #[test]
     fn a_stack_of_networks_equals_single_networks_bit_for_bit() {
-        let agents = [4, 0, 9];
-        let traffic = feed_forward(&[40, 256, 128, 3]);
-        let warehouse = Shape { inputs: 37, recurrent: Some(256), hidden: vec![128], outputs: 5, apart: 0 };
-        for (shape, steps, batch) in [
-            (&traffic, 1, 1),
-            (&traffic, 1, 8),
-            (&traffic, 1, 32),
-            (&warehouse, 1, 1),
-            (&warehouse, 5, 1),
-            (&warehouse, 8, 4),
-        ] {
-            let material = Material::new(shape, agents.len(), steps, batch);
-            // All outputs and gradients of three gradient steps, agent by agent, and the values after them.
-            let run = |agents: &[u64], material: &Material, threads: Threads| {
-                let mut net = net(shape.clone(), agents);
-                let mut adam = Adam::new(net.parameters());
-                let learners = adam.learners(&mut net, 3).into_iter().enumerate().collect();
-                let passes = threads.map(learners, 1, |(): &mut (), (agent, mut learner): (usize, Learner<'_>)| {
+        let networks = [4, 0, 9];
+        let layers = feed_forward(&[40, 256, 128, 3]);
+        let gru = Shape { inputs: 37, recurrent: Some(256), hidden: vec![128], outputs: 5, apart: 0 };
+        for (shape, steps, batch) in
+            [(&layers, 1, 1), (&layers, 1, 8), (&layers, 1, 32), (&gru, 1, 1), (&gru, 5, 1), (&gru, 8, 4)]
+        {
+            let material = Material::new(shape, networks.len(), steps, batch);
+            // All outputs and gradients of three gradient steps, network by network, and the values after them.
+            let run = |networks: &[u64], material: &Material, threads: Threads| {
+                let mut stack = stack(shape.clone(), networks);
+                let mut adam = Adam::new(stack.parameters());
+                let learners = adam.learners(&mut stack, 3).into_iter().enumerate().collect();
+                let passes = threads.map(learners, 1, |(): &mut (), (number, mut learner): (usize, Learner<'_>)| {
                     let pass = |_| {
-                        let (outputs, gradient) = material.outputs_and_gradient(learner.network(), agent);
+                        let (outputs, gradient) = material.outputs_and_gradient(learner.network(), number);
                         learner.descend(&gradient, 1e-3);
                         (outputs, gradient)
                     };
                     (0..3).map(pass).collect::<Vec<_>>()
                 });
-                (passes, net.parameters().values().clone())
+                (passes, stack.parameters().values().clone())
             };
-            let (passes, values) = run(&agents, &material, Threads::one());
-            assert_eq!(run(&agents, &material, Threads::new(2).unwrap()), (passes.clone(), values.clone()));
-            for (i, &agent) in agents.iter().enumerate() {
-                let single = run(&[agent], &material.of_agent(i), Threads::one());
+            let (passes, values) = run(&networks, &material, Threads::one());
+            assert_eq!(run(&networks, &material, Threads::new(2).unwrap()), (passes.clone(), values.clone()));
+            for (i, &number) in networks.iter().enumerate() {
+                let single = run(&[number], &material.of_network(i), Threads::one());
                 assert_eq!(single.0[0], passes[i], "outputs and gradients, {steps} x {batch}");
                 assert_eq!(single.1.row(0), values.row(i), "values, {steps} x {batch}");
             }

@@ -1,6 +1,6 @@
-// The plain-C side of libsumo. See dials_sumo.h for the rules of every function.
+// The plain-C side of libsumo. See shim.h for the rules of every function.
 
-#include "dials_sumo.h"
+#include "shim.h"
 
 #include <algorithm>
 #include <charconv>
@@ -35,8 +35,8 @@ public:
 };
 
 // late.S: names of libsumo's functions, with a null at the end, and their addresses, in the same order.
-extern "C" const char *const dials_sumo_names[];
-extern "C" void *dials_sumo_addresses[];
+extern "C" const char *const sumo_late_names[];
+extern "C" void *sumo_late_addresses[];
 
 namespace {
 
@@ -193,9 +193,9 @@ int ds_open(const char *library) {
         if (opened == nullptr) {
             throw std::runtime_error(dlerror());
         }
-        for (size_t i = 0; dials_sumo_names[i] != nullptr; ++i) {
-            dials_sumo_addresses[i] = dlsym(opened, dials_sumo_names[i]);
-            if (dials_sumo_addresses[i] == nullptr) {
+        for (size_t i = 0; sumo_late_names[i] != nullptr; ++i) {
+            sumo_late_addresses[i] = dlsym(opened, sumo_late_names[i]);
+            if (sumo_late_addresses[i] == nullptr) {
                 throw std::runtime_error(dlerror());
             }
         }
