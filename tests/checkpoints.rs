@@ -134,7 +134,7 @@ fn a_key_that_determines_training_cannot_change_on_resume() {
         ("recurrent = 5\n", "", "policy.recurrent: 5 there, not set here"),
         ("hidden = [7]", "hidden = [8]", "aip.hidden: [7] there, [8] here"),
         ("copies = 4", "copies = 2", "local_simulators.copies: 4 there, 2 here"),
-        ("simulator = \"dials\"", "simulator = \"gs\"", "simulator: \"dials\" there, \"gs\" here"),
+        ("simulator = \"local\"", "simulator = \"gs\"", "simulator: \"local\" there, \"gs\" here"),
         ("clip = 0.1", "clip = 0.2", "ppo.clip: 0.1 there, 0.2 here"),
     ] {
         edit(&run, from, to);
