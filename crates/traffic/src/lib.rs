@@ -54,6 +54,7 @@ pub mod tuning;
 
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, OnceLock};
+use std::time::Duration;
 
 use anyhow::{Context, Error, ensure};
 
@@ -85,6 +86,10 @@ use sim::trace::route::Route;
 use sim::visit_tables::VisitTables;
 use sim::visits::Visits;
 use sim::visits_as_bytes;
+
+/// Longest time in which SUMO reads the demand of a scenario for a trial. What comes later in an episode is tried by the
+/// first one.
+const DEMAND_PATIENCE: Duration = Duration::from_secs(10);
 
 /// Returns the version of the linked SUMO, such as `SUMO 1.15.0`.
 pub fn sumo_version() -> Result<String> {
@@ -174,12 +179,13 @@ impl Traffic {
         &self.plan.agents
     }
 
-    /// Loads everything in SUMO and plays a step, so that a faulty network is reported before a run begins. For a grid it
-    /// takes tens of milliseconds; SUMO is closed again.
+    /// Loads everything in SUMO and plays a step, and lets SUMO read the demand of a scenario, so that what is wrong is
+    /// reported before a run begins. For a grid it takes tens of milliseconds; SUMO is closed again.
     pub fn check_in_sumo(&self) -> Result<()> {
         // That SUMO's library is missing, or too large for this process, is no fault of the network.
         libsumo::load()?;
-        self.try_global().with_context(|| self.ground.cannot_be_simulated())?;
+        let tried = self.try_global().and_then(|()| self.ground.source()?.try_demand(DEMAND_PATIENCE));
+        tried.with_context(|| self.ground.cannot_be_simulated())?;
         self.ground.try_local()
     }
 

@@ -8,13 +8,13 @@ pub mod on_scenario;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
+use crate::network::loadable::Loadable;
 use crate::network::roads::Roads;
 use crate::paper_grid::grid::Grid;
 use crate::sim::local::LocalTraffic;
 use crate::sim::local_forest::LocalParts;
 use crate::sim::recorded_roads::RecordedRoads;
 use crate::sim::recording::Tape;
-use crate::sim::source::Source;
 use crate::sim::trace::route::Route;
 use dials_core::domain::{Result, RoughCosts, Scenario};
 
@@ -27,7 +27,7 @@ pub trait Ground: Send + Sync {
     fn horizon(&self) -> usize;
 
     /// Puts everything that the GS (global simulator) loads into memory.
-    fn source(&self) -> Result<Source>;
+    fn source(&self) -> Result<Loadable>;
 
     /// Returns an error if SUMO cannot load the actuated programs of the lights. SUMO's own error would come after it has
     /// taken all memory.
@@ -67,7 +67,7 @@ pub trait Ground: Send + Sync {
     /// Returns the name and the CRC-32 that timings of lights are tuned for.
     fn identity(&self) -> (String, u32);
 
-    /// Returns the files of which it is not known that SUMO survives them.
+    /// See [`dials_core::domain::Domain::strange_files`].
     fn strange_files(&self) -> Vec<PathBuf>;
 
     /// See [`dials_core::domain::Domain::left_out`].

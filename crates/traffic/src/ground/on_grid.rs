@@ -10,6 +10,7 @@ use crate::agents::region;
 use crate::light;
 use crate::network::contents::Network;
 use crate::network::files::NetworkFiles;
+use crate::network::loadable::Loadable;
 use crate::network::roads::Roads;
 use crate::network::way_out::{Role, cannot_be_simulated};
 use crate::paper_grid::grid::Grid;
@@ -18,7 +19,6 @@ use crate::sim::local::{self, LocalTraffic};
 use crate::sim::local_forest::LocalParts;
 use crate::sim::recorded_roads::RecordedRoads;
 use crate::sim::recording::Tape;
-use crate::sim::source::Source;
 use crate::sim::trace::route::Route;
 use dials_config::{Reward, RewardTerm, TrafficConfig};
 use dials_core::base::Rows;
@@ -39,8 +39,6 @@ pub struct OnGrid {
     grid: Grid,
     network: Network,
     local_network: Network,
-    /// Nets that hold more than this program writes.
-    strange: Vec<PathBuf>,
     config: TrafficConfig,
 }
 
@@ -53,10 +51,8 @@ impl OnGrid {
         local.check()?;
         let local = recognise_local(&local)?;
         let global = recognise_grid(&global)?;
-        let strange = [&local, &global].into_iter().filter(|found| !found.is_ours);
         Ok(OnGrid {
             grid: global.grid,
-            strange: strange.map(|found| found.network.files.net.clone()).collect(),
             network: global.network,
             local_network: local.network,
             config: config.clone(),
@@ -87,8 +83,8 @@ impl Ground for OnGrid {
         self.config.horizon
     }
 
-    fn source(&self) -> Result<Source> {
-        Ok(Source::Grid(self.network.for_sumo()?))
+    fn source(&self) -> Result<Loadable> {
+        self.network.for_sumo()
     }
 
     fn check_actuated(&self) -> Result<()> {
@@ -158,7 +154,7 @@ impl Ground for OnGrid {
     }
 
     fn strange_files(&self) -> Vec<PathBuf> {
-        self.strange.clone()
+        [&self.network, &self.local_network].map(|network| network.files.net.clone()).to_vec()
     }
 
     fn left_out(&self) -> Vec<String> {

@@ -18,7 +18,7 @@ use crate::controllers::actuated::{self, Light, ProgramPhase};
 use crate::cut::names::free_name;
 use crate::cut::of_scenario::{cut_all, types_of};
 use crate::network::files::for_sumo;
-use crate::network::memory_file::MemoryFile;
+use crate::network::loadable::Loadable;
 use crate::network::roads::Roads;
 use crate::network::roads::program::Program;
 use crate::paper_grid::grid::Grid;
@@ -28,7 +28,6 @@ use crate::sim::local::LocalTraffic;
 use crate::sim::local_forest::{LocalParts, driving_options};
 use crate::sim::recorded_roads::RecordedRoads;
 use crate::sim::recording::Tape;
-use crate::sim::source::Source;
 use crate::sim::trace::route::Route;
 use dials_config::{DomainTable, Observation, Reward, ScenarioConfig};
 use dials_core::domain::{Kinds, RegionSpec, Result, RoughCosts, Scenario, SourceSpec};
@@ -146,15 +145,14 @@ impl Ground for OnScenario {
         self.config.horizon()
     }
 
-    fn source(&self) -> Result<Source> {
+    fn source(&self) -> Result<Loadable> {
         let agents = self.derived.agents.iter();
         let lights = agents.map(|Agent { plan, program, .. }| actuated_light(program, plan.phases.cars()));
         let roots = [self.files.net()].into_iter().chain(self.files.additional());
         let taken: HashSet<&str> =
             roots.flat_map(|root| root.all("tlLogic")).filter_map(|light| light.attribute("programID")).collect();
         let program = free_name(actuated::PROGRAM, |name| taken.contains(name));
-        let actuated = MemoryFile::new(&actuated::programs(&program, lights))?;
-        Ok(Source::Scenario { files: self.files.for_sumo()?, actuated, program })
+        self.files.for_sumo(&actuated::programs(&program, lights), &program)
     }
 
     fn check_actuated(&self) -> Result<()> {

@@ -183,7 +183,7 @@ mod tests {
 
     #[test]
     fn a_car_that_enters_on_another_road_than_expected_enters_once() {
-        let scenario = "sumo_nets/grid_4x4_turns/grid_4x4_turns.sumocfg";
+        let scenario = "../../sumo_nets/grid_4x4_turns/grid_4x4_turns.sumocfg";
         let scenario = Path::new(env!("CARGO_MANIFEST_DIR")).join(scenario);
         let minutes = ScenarioConfig { begin_s: Some(0), end_s: Some(120), ..ScenarioConfig::new(scenario) };
         let traffic = Traffic::open_scenario(&minutes).unwrap();

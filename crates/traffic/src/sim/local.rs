@@ -14,7 +14,8 @@ use crate::agents::region::{self, EDGES};
 use crate::arrivals::is_rearmost;
 use crate::cars_at::CarsAt;
 use crate::cut::forest::{Forest, Region};
-use crate::network::contents::{Network, explain};
+use crate::network::contents::Network;
+use crate::network::loadable::explain;
 use crate::network::memory_file::MemoryFile;
 use crate::observe::{self, LightView};
 use crate::paper_grid::grid::Grid;
@@ -83,7 +84,7 @@ impl LocalTraffic {
         // SUMO reads both completely and never loads them again, so their memory is given back at once.
         let made_of = [(&net, &*local.files.net), (&routes, &*local.files.routes)];
         let mut simulation = Simulation::load(&options(&net, &routes))
-            .map_err(|error| explain(&error, &made_of))
+            .map_err(|error| explain(&error, made_of))
             .with_context(|| format!("{}: {rows} copies of this network side by side", local.files.net.display()))?;
         drop((net, routes, forest));
         let regions: Vec<Region> = (0..rows).map(Region).collect();

@@ -16,7 +16,7 @@ use crate::agents::plan::JointPlan;
 use crate::cut::local_net::LocalNet;
 use crate::cut::mixed::{APART, MixedForest, prefix};
 use crate::cut::names::prefixed;
-use crate::network::contents::explain;
+use crate::network::loadable::explain;
 use crate::network::memory_file::MemoryFile;
 use crate::network::xml::{document, leaf};
 use dials_core::base::{AgentId, Dice, Seed};
@@ -106,7 +106,7 @@ impl LocalForest {
         options.extend(local_options(parts).into_iter().flat_map(|(name, value)| [format!("--{name}"), value]));
         let made_of = [(&net, "LOCAL-NETS"), (&routes, "THEIR-ROUTES"), (&types, "VEHICLE-TYPES")];
         let mut simulation = Simulation::load(&options)
-            .map_err(|error| explain(&error, &made_of.map(|(file, name)| (file, Path::new(name)))))
+            .map_err(|error| explain(&error, made_of.map(|(file, name)| (file, Path::new(name)))))
             .with_context(|| format!("{}: SUMO could not load the surroundings of its lights", parts.name))?;
         let places = rows.iter().enumerate().map(|(row, (_, agent, _))| {
             let (plan, prefix) = (&plan.agents[agent.0], prefix(row));
