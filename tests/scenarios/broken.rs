@@ -247,7 +247,12 @@ const JUDGED_BY_SUMO: &[Break] = &[
     (CARS, "route=\"west\"", "", "Vehicle 'v' has no route."),
     (CARS, "period=\"8\"", "", "is needed in flow 'f'."),
     (CARS, "period=\"8\"", "probability=\"8\"", "Invalid repetition probability in the definition of flow 'f'."),
-    (CARS, "period=\"8\"", "period=\"often\"", "Attribute 'period' in definition of flow 'f' is not a valid time value."),
+    (
+        CARS,
+        "period=\"8\"",
+        "period=\"often\"",
+        "Attribute 'period' in definition of flow 'f' is not a valid time value.",
+    ),
     (CARS, "end=\"390\"", "end=\"149\"", "Flow 'f' ends before its begin time."),
     (BUSES, "length=\"12\"", "length=\"-12\"", "length must be greater than 0"),
     (MORE, "vTypes=\"car lorry\"", "vTypes=\"car ship\"", "Unknown vtype 'ship' in distribution 'mixed'."),

@@ -10,6 +10,7 @@ use anyhow::{Context, Result, ensure};
 
 use super::files::{NetworkFiles, config};
 use super::loadable::Loadable;
+use super::roads::Roads;
 use super::tree::{Element, parse_file, read_whole};
 use super::way_out::{Role, cannot_be_simulated, no_such_network};
 use super::{other_files, xml};
@@ -90,6 +91,11 @@ impl Network {
             routes: beside(&files.routes)?,
             actuated: beside(&files.actuated)?,
         })
+    }
+
+    /// Reads the roads.
+    pub fn roads(&self) -> Result<Roads> {
+        Roads::read(&self.net.root).with_context(|| self.files.net.display().to_string())
     }
 
     /// Returns the CRC-32 of what determines roads and cars: the net and its routes.

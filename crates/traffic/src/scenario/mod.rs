@@ -216,11 +216,6 @@ impl SumoScenario {
         &self.left_out
     }
 
-    /// Returns all files of the scenario but the .sumocfg. Strangers may have written them.
-    pub fn files(&self) -> Vec<PathBuf> {
-        self.all().map(|file| file.path.clone()).collect()
-    }
-
     /// Puts the scenario where SUMO of this process can load it, with a file of actuated programs of this name.
     pub fn for_sumo(&self, actuated: &str, program: &str) -> Result<Loadable> {
         let texts = |files: &'_ [File]| -> Vec<(String, PathBuf)> {

@@ -106,7 +106,7 @@ impl LocalTraffic {
             all_lanes.push(simulation.register_lanes(&lanes)?);
         }
         let record = |tape| {
-            let roads = RecordedRoads::of_grid(Grid::SINGLE, local)?;
+            let roads = RecordedRoads::of_grid(Grid::SINGLE, local, vec![plan.clone()])?;
             Recorder::new(tape, &mut simulation, roads, Region(0).prefix())
         };
         let recorder = tape.map(record).transpose()?;

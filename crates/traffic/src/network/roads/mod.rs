@@ -245,11 +245,6 @@ impl Roads {
         self.of_light(light).filter(|connection| self.carries_cars(connection))
     }
 
-    /// Returns the letters of a light that cars obey.
-    pub fn letters_of_cars(&self, light: &str) -> BTreeSet<usize> {
-        self.under_light(light).filter_map(|link| Some(link.signal.as_ref()?.letter)).collect()
-    }
-
     /// Returns the letters of a light that anything obeys that drives on roads, such as cars and bicycles.
     pub fn letters_of_vehicles(&self, light: &str) -> BTreeSet<usize> {
         let drives = |lane: LaneNo| self.lane(lane).carries_vehicles;
