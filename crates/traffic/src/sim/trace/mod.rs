@@ -149,10 +149,10 @@ fn comes_from(roads: &Roads, lane: &str) -> Side {
 
 /// Returns the way through a row of a grid from west to east.
 fn of_row(recording: &Recording, grid: Grid, row: usize) -> Result<Corridor> {
-    let agents = (0..grid.cols()).map(|col| AgentId(row * grid.cols() + col));
+    let mut agents = (0..grid.cols()).map(|col| AgentId(row * grid.cols() + col));
     let mut edges: Vec<String> =
         agents.clone().map(|agent| grid.incoming_edges(agent)[Side::West.index()].clone()).collect();
-    edges.extend(agents.last().map(|agent| grid.outgoing_edges(agent)[Side::East.index()].clone()));
+    edges.extend(agents.next_back().map(|agent| grid.outgoing_edges(agent)[Side::East.index()].clone()));
     let roads = &recording.roads.roads;
     let (from, to) = (name(Side::West).to_owned(), name(Side::East).to_owned());
     let name = format!("row {row} of a grid of {grid}");
