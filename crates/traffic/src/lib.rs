@@ -33,19 +33,19 @@
 //! simulator of this room before the thread makes the next one.
 
 pub mod agents;
-pub mod arrivals;
-pub mod cars_at;
+mod arrivals;
+mod cars_at;
 pub mod controllers;
 pub mod cut;
-pub mod d_set;
+mod d_set;
 pub mod fidelity;
 mod ground;
-pub mod inflow;
+mod inflow;
 pub mod light;
 pub mod network;
-pub mod observe;
+mod observe;
 pub mod paper_grid;
-pub mod reward;
+mod reward;
 pub mod scenario;
 pub mod side;
 pub mod sim;

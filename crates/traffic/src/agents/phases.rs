@@ -18,7 +18,7 @@ impl Light {
         [Light::HorizontalGreen, Light::HorizontalYellow, Light::VerticalYellow, Light::VerticalGreen];
 
     /// Order in which the phases follow each other, again and again.
-    pub const CYCLE: [Light; 4] =
+    pub(crate) const CYCLE: [Light; 4] =
         [Light::VerticalGreen, Light::VerticalYellow, Light::HorizontalGreen, Light::HorizontalYellow];
 
     /// Returns SUMO's letters, one per link, in the order of [`Side::LINK_ORDER`].

@@ -26,29 +26,29 @@ pub struct About {
     pub horizon: usize,
     /// Why SUMO cannot load the actuated programs of the lights, if it cannot. SUMO's own error would come after it has
     /// taken all memory.
-    pub refuses_actuated: Option<String>,
+    pub(crate) refuses_actuated: Option<String>,
     /// Message about files that SUMO cannot simulate, with the way out.
-    pub cannot_be_simulated: String,
+    pub(crate) cannot_be_simulated: String,
     /// See [`dials_core::domain::Domain::rough_costs`].
     pub rough_costs: RoughCosts,
     /// Name of the reward, if it is another one than the usual.
-    pub unusual_reward: Option<String>,
+    pub(crate) unusual_reward: Option<String>,
     /// See [`dials_core::domain::Domain::strange_files`].
     pub strange_files: Vec<PathBuf>,
     /// See [`dials_core::domain::Domain::left_out`].
     pub left_out: Vec<String>,
     /// Number to add to the output bias of action 1 of a new policy.
-    pub switch_bias: f32,
+    pub(crate) switch_bias: f32,
     /// Whether cars dawdle at random. The speed factors of cars do not count.
     pub is_random: bool,
     /// Returns whether an agent is stuck that ends this share of its green steps.
-    pub is_stuck: fn(f64) -> bool,
+    pub(crate) is_stuck: fn(f64) -> bool,
     /// Controller to compare a run with.
     pub rival: &'static str,
 }
 
 /// A road network with its cars.
-pub trait Ground: Send + Sync {
+pub(crate) trait Ground: Send + Sync {
     fn about(&self) -> &About;
 
     /// Puts everything that the GS (global simulator) loads into memory.

@@ -46,7 +46,7 @@ const KEPT_AS: [&str; 2] = ["global", "local"];
 const LOCAL_NETWORK: &str = "traffic.local_network";
 
 /// A grid with its files.
-pub struct OnGrid {
+pub(crate) struct OnGrid {
     about: About,
     grid: Grid,
     network: Network,

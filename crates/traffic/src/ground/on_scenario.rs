@@ -38,7 +38,7 @@ use dials_core::outside::quoted;
 const STUCK_BELOW: f64 = 1.0 / 300.0;
 
 /// A scenario with the agents that were derived from it.
-pub struct OnScenario {
+pub(crate) struct OnScenario {
     about: About,
     files: SumoScenario,
     derived: Derived,
@@ -99,7 +99,7 @@ impl OnScenario {
     }
 
     /// Returns the plan of its agents. They are of one kind, as wide as the widest of them needs.
-    pub fn joint_plan(&self) -> JointPlan {
+    pub(crate) fn joint_plan(&self) -> JointPlan {
         let agents = self.derived.plans();
         let sources = self.borders.iter().map(|border| border.plan.sources()).collect();
         let kinds = Kinds::one(agents.len(), self.spec(&agents)).with_sources(sources);

@@ -33,7 +33,7 @@ impl Content {
 
     /// Reads a file like [`Content::read`], but first changes what it holds. `clean` returns whether it changed anything;
     /// then copies hold no other byte of the file.
-    pub fn read_cleaned(path: &Path, clean: impl FnOnce(&mut Element) -> Result<bool>) -> Result<Content> {
+    pub(crate) fn read_cleaned(path: &Path, clean: impl FnOnce(&mut Element) -> Result<bool>) -> Result<Content> {
         let mut bytes = read_whole(path)?;
         let mut root = parse_file(path, &bytes)?;
         if clean(&mut root)? {
@@ -56,7 +56,7 @@ impl Content {
     }
 
     /// Reads the roads of a network.
-    pub fn read_net(net: &Path) -> Result<Content> {
+    pub(crate) fn read_net(net: &Path) -> Result<Content> {
         ensure!(net.exists(), no_such_network(net));
         let content = Content::read(net)?;
         let root = &content.root.name;

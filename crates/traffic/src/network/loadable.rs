@@ -74,14 +74,14 @@ impl Loadable {
     }
 
     /// Returns the common name of the actuated programs.
-    pub fn actuated_program(&self) -> &str {
+    pub(crate) fn actuated_program(&self) -> &str {
         &self.program
     }
 
     /// Lets SUMO read all demand until the option `end`, for at most about `patience`; without an end it does nothing.
     /// SUMO reads demand piece by piece and finds ways when cars depart, so otherwise it would complain in the middle of
     /// an episode. On empty roads an hour takes a fraction of a second.
-    pub fn try_demand(&self, patience: Duration) -> Result<()> {
+    pub(crate) fn try_demand(&self, patience: Duration) -> Result<()> {
         let end_s = self.options.iter().find(|(name, _)| name == "end").and_then(|(_, end)| end.parse::<f64>().ok());
         let Some(end_s) = end_s else { return Ok(()) };
         let mut options = self.options(false, 0);

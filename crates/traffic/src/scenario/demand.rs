@@ -59,7 +59,7 @@ pub struct Departures {
 }
 
 /// What was read so far, in SUMO's order.
-pub struct Demand<'a> {
+pub(crate) struct Demand<'a> {
     window_s: (f64, f64),
     /// Class of each type that does not drive on roads.
     strange: HashMap<&'a str, &'a str>,

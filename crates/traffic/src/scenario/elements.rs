@@ -94,7 +94,7 @@ impl Left {
     }
 
     /// Returns an error if a light in this file asks a detector that was left out.
-    pub fn check_not_needed(&self, file: &Path, root: &Element) -> Result<()> {
+    pub(crate) fn check_not_needed(&self, file: &Path, root: &Element) -> Result<()> {
         for light in root.all("tlLogic") {
             let asked =
                 light.all("param").find(|param| param.attribute("value").is_some_and(|id| self.ids.contains(id)));

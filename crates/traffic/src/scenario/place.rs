@@ -33,7 +33,7 @@ impl<'a> Place<'a> {
     }
 
     /// Returns an error about the value of an attribute.
-    pub fn fault_in(self, key: &str, what: impl Display) -> Error {
+    pub(crate) fn fault_in(self, key: &str, what: impl Display) -> Error {
         let value = self.element.attribute(key).unwrap_or_default();
         anyhow!("{self}: {key}=\"{}\": {what}", excerpt(value))
     }

@@ -146,7 +146,7 @@ impl GlobalTraffic {
     }
 
     /// Records all visits to the regions of a scenario from the next reset on, and observes their influence.
-    pub fn record_visits(&mut self) -> Result<()> {
+    pub(crate) fn record_visits(&mut self) -> Result<()> {
         self.observe_influence()?;
         self.borders.iter_mut().for_each(Borders::record_visits);
         Ok(())

@@ -27,7 +27,7 @@ use dials_core::domain::{Action, Beginning, LocalSimulator, Percept, RegionSpec,
 use libsumo::{CarId, CarTable, DepartSpeed, Insertion, LaneId, RouteId, Simulation};
 
 /// Name of the counter of sampled arrivals that found no room.
-pub const DROPPED: &str = "dropped_arrivals";
+pub(crate) const DROPPED: &str = "dropped_arrivals";
 
 /// SUMO's seed. It changes nothing, because there are no speed factors to draw and no flows.
 const SEED: u32 = 0;

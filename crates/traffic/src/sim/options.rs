@@ -3,12 +3,12 @@
 use crate::network::memory_file::MemoryFile;
 
 /// A step is a second.
-pub const STEP_LENGTH_S: &str = "1";
+pub(crate) const STEP_LENGTH_S: &str = "1";
 /// Time after which a waiting car teleports: never.
-pub const TIME_TO_TELEPORT_S: &str = "-1";
+pub(crate) const TIME_TO_TELEPORT_S: &str = "-1";
 
 /// Options of time that GS (global simulator) and LS (local simulator) of a grid have, without `--`.
-pub const TIME: [(&str, &str); 2] = [("step-length", STEP_LENGTH_S), ("time-to-teleport", TIME_TO_TELEPORT_S)];
+pub(crate) const TIME: [(&str, &str); 2] = [("step-length", STEP_LENGTH_S), ("time-to-teleport", TIME_TO_TELEPORT_S)];
 
 /// Returns the options that all LSs have in common.
 pub fn common(net: &MemoryFile, routes: &MemoryFile, seed: u32) -> Vec<String> {

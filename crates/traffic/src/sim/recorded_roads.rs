@@ -43,7 +43,7 @@ pub struct GridFiles {
     pub grid: Grid,
     /// Text of the net, as SUMO loaded it.
     pub net: String,
-    pub vehicle_types: Vec<Element>,
+    pub(crate) vehicle_types: Vec<Element>,
 }
 
 #[derive(Clone, Debug, PartialEq)]
@@ -54,7 +54,7 @@ pub struct Lane {
 
 impl RecordedRoads {
     /// Returns the roads of a grid with its network and agents.
-    pub fn of_grid(grid: Grid, network: &Network, agents: Vec<AgentPlan>) -> Result<RecordedRoads> {
+    pub(crate) fn of_grid(grid: Grid, network: &Network, agents: Vec<AgentPlan>) -> Result<RecordedRoads> {
         let children = network.routes.root.children.iter();
         let vehicle_types = children.filter(|child| child.name.starts_with("vType")).cloned().collect();
         let files = RecordedFiles::Grid(Box::new(GridFiles { grid, net: network.net.text(), vehicle_types }));

@@ -83,7 +83,7 @@ pub struct Junction {
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Request {
     /// Whether this link yields to another one. One entry per link of the junction.
-    pub yields_to: Vec<bool>,
+    pub(crate) yields_to: Vec<bool>,
     /// Whether this link crosses another one. One entry per link of the junction.
     pub crosses: Vec<bool>,
 }
@@ -122,7 +122,7 @@ pub struct Lane {
     /// Whether passenger cars or buses may drive here.
     pub carries_cars: bool,
     /// Whether anything may drive here that drives on roads, such as bicycles.
-    pub carries_vehicles: bool,
+    pub(crate) carries_vehicles: bool,
     pub classes: Classes,
 }
 
@@ -136,7 +136,7 @@ pub struct Connection {
     /// Light that controls it.
     pub signal: Option<Signal>,
     /// Whether it turns back into the opposite direction.
-    pub turns_around: bool,
+    pub(crate) turns_around: bool,
 }
 
 /// The letter of a light that a connection obeys.
@@ -152,7 +152,7 @@ impl Roads {
     /// for one. A program or an offset for a light that the net does not have is left alone.
     ///
     /// Errors: a state has fewer letters than its light has links.
-    pub fn load_program(&mut self, element: &Element) -> Result<()> {
+    pub(crate) fn load_program(&mut self, element: &Element) -> Result<()> {
         if element.all("phase").next().is_none() {
             let (light, id) = (text(element, "id")?, program::name(element));
             let known = self.programs.iter_mut().find(|program| program.light == light && program.id == id);
@@ -190,7 +190,7 @@ impl Roads {
     }
 
     /// Finds an edge by SUMO's name.
-    pub fn edge_named(&self, id: &str) -> Option<EdgeNo> {
+    pub(crate) fn edge_named(&self, id: &str) -> Option<EdgeNo> {
         self.edge_numbers.get(id).copied()
     }
 
@@ -206,12 +206,12 @@ impl Roads {
     }
 
     /// Returns the connections that begin at a lane, in the order of the file.
-    pub fn from_lane(&self, lane: LaneNo) -> impl Iterator<Item = &Connection> {
+    pub(crate) fn from_lane(&self, lane: LaneNo) -> impl Iterator<Item = &Connection> {
         self.from_lane[lane.0].iter().map(|&number| &self.connections[number])
     }
 
     /// Returns the connections that end at a lane, in the order of the file.
-    pub fn to_lane(&self, lane: LaneNo) -> impl Iterator<Item = &Connection> {
+    pub(crate) fn to_lane(&self, lane: LaneNo) -> impl Iterator<Item = &Connection> {
         self.to_lane[lane.0].iter().map(|&number| &self.connections[number])
     }
 
@@ -221,7 +221,7 @@ impl Roads {
     }
 
     /// Returns the junction where a lane of a road begins.
-    pub fn begin_of(&self, lane: LaneNo) -> Option<JunctionNo> {
+    pub(crate) fn begin_of(&self, lane: LaneNo) -> Option<JunctionNo> {
         self.edge(self.lane(lane).edge).ends.map(|[begin, _]| begin)
     }
 
@@ -236,7 +236,7 @@ impl Roads {
     }
 
     /// Returns the connections that a light controls, in the order of the file. Some may be for people on foot.
-    pub fn of_light(&self, light: &str) -> impl Iterator<Item = &Connection> {
+    pub(crate) fn of_light(&self, light: &str) -> impl Iterator<Item = &Connection> {
         self.of_light.get(light).into_iter().flatten().map(|&number| &self.connections[number])
     }
 
@@ -258,14 +258,14 @@ impl Roads {
     }
 
     /// Returns the lanes of a connection within its junction, in the direction of driving.
-    pub fn lanes_within_junction(&self, connection: &Connection) -> impl Iterator<Item = LaneNo> {
+    pub(crate) fn lanes_within_junction(&self, connection: &Connection) -> impl Iterator<Item = LaneNo> {
         let next = |&lane: &LaneNo| self.from_lane(lane).find_map(|connection| connection.via);
         // A way within a junction has one piece, or a few if cars wait on it. The bound ends rings in broken nets.
         std::iter::successors(connection.via, next).take(8)
     }
 
     /// Returns the length of a connection within its junction, in metres.
-    pub fn length_within_junction(&self, connection: &Connection) -> f64 {
+    pub(crate) fn length_within_junction(&self, connection: &Connection) -> f64 {
         self.lanes_within_junction(connection).map(|lane| self.lane(lane).length_m).sum()
     }
 }

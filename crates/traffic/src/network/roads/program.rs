@@ -20,7 +20,7 @@ pub struct Program {
     /// SUMO's type, such as `static` or `actuated`.
     pub kind: String,
     /// Time by which the program runs late, in seconds.
-    pub offset_s: f64,
+    pub(crate) offset_s: f64,
     /// Names and values of its `<param>`, such as `max-gap`.
     pub parameters: Vec<(String, String)>,
     /// Phases in their order, at least one. Their states have the same length.
@@ -30,9 +30,9 @@ pub struct Program {
 /// A phase of a program.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Phase {
-    pub duration_s: f64,
+    pub(crate) duration_s: f64,
     /// Shortest and longest duration of an actuated light, as far as the program gives them.
-    pub limits_s: [Option<f64>; 2],
+    pub(crate) limits_s: [Option<f64>; 2],
     pub state: SignalState,
     /// Phases that may follow; empty: the next one in their order.
     pub next: Vec<usize>,
@@ -84,7 +84,7 @@ pub fn name(element: &Element) -> &str {
 }
 
 /// Returns the time by which the program of a `<tlLogic>` runs late, in seconds.
-pub fn offset_s(element: &Element) -> Result<f64> {
+pub(crate) fn offset_s(element: &Element) -> Result<f64> {
     Ok(time_if_there(element, "offset", f64::NEG_INFINITY)?.unwrap_or(0.0))
 }
 
