@@ -206,7 +206,7 @@ impl Roads {
     }
 
     /// Returns the connections that begin at a lane, in the order of the file.
-    pub(crate) fn from_lane(&self, lane: LaneNo) -> impl Iterator<Item = &Connection> {
+    pub fn from_lane(&self, lane: LaneNo) -> impl Iterator<Item = &Connection> {
         self.from_lane[lane.0].iter().map(|&number| &self.connections[number])
     }
 
