@@ -16,7 +16,6 @@ use dials_session::error::Error;
 use dials_session::outputs::{check_apart, check_can_be_made, check_free, check_not_a_run};
 use dials_session::places::{self, Existing};
 use dials_session::terminal::answer;
-use dials_traffic::sim::recorded_roads::{RecordedGrid, RecordedGround};
 use dials_traffic::sim::replay::{self, SPEED_COLOURS, Snapshot, view};
 
 pub fn replay(args: &cli::ReplayArgs) -> dials_session::error::Result<()> {
@@ -64,10 +63,10 @@ pub fn replay(args: &cli::ReplayArgs) -> dials_session::error::Result<()> {
             let snapshot = |(step, file): (usize, &PathBuf)| Snapshot { file: file.clone(), step };
             view(&recording.roads, 0, &steps.clone().zip(pictures).map(snapshot).collect::<Vec<_>>())
         };
-        let shape = match &recording.roads.ground {
-            RecordedGround::Grid(RecordedGrid { grid, .. }) => Shape::Grid { columns: grid.cols(), rows: grid.rows() },
-            RecordedGround::Scenario(scenario) => {
-                let [wide_m, tall_m] = scenario.extent_m();
+        let shape = match recording.roads.grid() {
+            Some(grid) => Shape::Grid { columns: grid.cols(), rows: grid.rows() },
+            None => {
+                let [wide_m, tall_m] = recording.roads.extent_m();
                 Shape::Map { wide_m, tall_m }
             }
         };

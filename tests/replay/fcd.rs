@@ -5,7 +5,7 @@ use std::fs;
 use std::path::Path;
 use std::process::Command as Program;
 
-use dials_traffic::sim::recorded_roads::{RecordedFiles, RecordedGround};
+use dials_traffic::sim::recorded_roads::RecordedFiles;
 use dials_traffic::sim::recording::Recording;
 use quick_xml::Reader;
 use quick_xml::events::{BytesStart, Event};
@@ -67,9 +67,8 @@ fn was(recording: &Recording) -> Vec<Places> {
 
 /// Returns the number of seconds that a replay plays before the episode, on a road apart from the others.
 fn seconds_before(recording: &Recording) -> usize {
-    let RecordedGround::Scenario(scenario) = &recording.roads.ground else { return 0 };
-    match &scenario.files {
-        RecordedFiles::Whole(_) => 0,
+    match &recording.roads.files {
+        RecordedFiles::Grid(_) | RecordedFiles::Whole(_) => 0,
         RecordedFiles::Local(files) => files.begin_s() as usize,
     }
 }

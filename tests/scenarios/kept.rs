@@ -111,8 +111,8 @@ fn sumo_loads_what_was_read_and_plain_sumo_the_copy() {
     for file in [NET, CARS, BUSES, MORE] {
         fs::remove_file(room.path(file)).unwrap();
     }
-    let loadable = scenario.for_sumo().unwrap();
-    let options = loadable.options(42, &[]);
+    let loadable = scenario.for_sumo("<additional/>", "actuated").unwrap();
+    let options = loadable.options(false, 42);
     let mut simulation = Simulation::load(&options).map_err(|error| loadable.explain(&error)).unwrap();
     assert_eq!(simulation.time_s().unwrap(), 100.0);
     let mut departed = 0;

@@ -5,6 +5,7 @@ use std::path::{Path, PathBuf};
 
 use dials_session::config::{RunConfig, load};
 use dials_session::domains::DomainConfig;
+use dials_traffic::Traffic;
 use dials_traffic::config::{ScenarioConfig, TrafficTable};
 use dials_traffic::scenario::SumoScenario;
 use tempfile::TempDir;
@@ -90,7 +91,8 @@ impl Room {
 
     /// Returns an error with `DIR/` for the folder.
     pub fn error(&self) -> String {
-        let error = self.read().expect_err("this scenario is broken");
+        let opened = self.config(&[]).and_then(|config| Traffic::open_scenario(&table(config)));
+        let error = opened.err().expect("this scenario is broken");
         format!("{error:#}").replace(&format!("{}/", self.dir.path().display()), "DIR/")
     }
 }

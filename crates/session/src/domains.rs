@@ -85,7 +85,7 @@ impl DomainConfig {
 pub const NO_SUCH_VECTORS: &str =
     "numerics.vector_width = \"256-bit\": this machine has no such vector instructions; \"widest\" works everywhere";
 
-/// Opens the domain of a config and reads the files that it needs. Strange files are tried in another process first.
+/// Opens the domain of a config and reads the files that it needs. Another process tries the files first.
 ///
 /// Also sets the vector width of this process's networks as the config says. So every process must call this before it
 /// computes with networks.
@@ -168,7 +168,6 @@ pub fn check(config: &RunConfig) -> Result<Arc<dyn Domain>> {
         domain.kinds().count()
     );
     trial::survive(config, &*domain)?;
-    domain.try_out()?;
     Ok(domain)
 }
 

@@ -1,8 +1,8 @@
-//! Files that might crash a simulator, tried in a child process first.
+//! The judge of networks and demand: SUMO, in a child process.
 //!
-//! SUMO aborts or reads foreign memory on some networks, and a process that does so cannot say why. So a child of this
-//! program loads a strange network and plays a step, with limits on time and memory. If the child dies, that is an
-//! error like any other. Networks that this program writes are known to be good, and cost nothing here.
+//! SUMO aborts, hangs or reads foreign memory on some networks, and a process that does so cannot say why. So a child of
+//! this program loads the files and plays a step, with limits on time and memory. What SUMO says there, or how the child
+//! dies, is an error like any other. It costs a tenth of a second, and more for large networks.
 
 use std::collections::BTreeSet;
 use std::io::{Read, Write};
@@ -19,14 +19,16 @@ use super::domains;
 use super::parent::END_WITH;
 use crate::config::RunConfig;
 use crate::error;
-use crate::machine::{limit_memory, ran_out_of_memory};
+use crate::machine::{limit_cpu, limit_memory, ran_out_of_memory};
 use dials_core::domain::Domain;
 use dials_core::outside::Printable;
 
 /// The hidden subcommand of the child.
 const TRY_OUT: &str = "try-out";
-/// Longest time for a trial. A grid of 10 000 intersections, the largest, takes 30 s.
-const PATIENCE: Duration = Duration::from_secs(60);
+/// Longest time that a trial may compute. A grid of 10 000 intersections, the largest, takes 30 s.
+const CPU_SECONDS: u64 = 60;
+/// Longest time for a trial on a busy machine.
+const PATIENCE: Duration = Duration::from_secs(600);
 /// Memory that a trial may take, in GiB.
 const MEMORY_GIB: u64 = 4;
 /// Time between two looks at the child.
@@ -34,12 +36,12 @@ const LOOK_EVERY: Duration = Duration::from_millis(5);
 /// Bytes of the child's words that are kept, from the end.
 const LAST_WORDS: usize = 2000;
 
-/// Configs whose files were survived, as JSON. A command opens the same files several times and tries them once.
+/// Configs whose files were tried, as JSON. A command opens the same files several times and tries them once.
 static SURVIVED: Mutex<BTreeSet<String>> = Mutex::new(BTreeSet::new());
 
 /// The hidden command: tries the files of the config on standard input.
 pub fn try_out() -> error::Result<()> {
-    limit_memory(MEMORY_GIB << 30).map_err(error::Error::Run)?;
+    limit_memory(MEMORY_GIB << 30).and_then(|()| limit_cpu(CPU_SECONDS)).map_err(error::Error::Run)?;
     let config = || -> Result<RunConfig> {
         let mut json = String::new();
         std::io::stdin().read_to_string(&mut json).context("no config on standard input")?;
@@ -49,7 +51,7 @@ pub fn try_out() -> error::Result<()> {
     domains::find(&config).and_then(|domain| domain.try_out()).map_err(error::Error::Usage)
 }
 
-/// Lets a child try the files of a domain, if it is not known that the simulator survives them. Does so once per config.
+/// Lets a child try the files of a domain, if it has any. Does so once per config.
 ///
 /// The error names the files, says how the child ended and what it said last.
 pub fn survive(config: &RunConfig, domain: &dyn Domain) -> Result<()> {
@@ -133,7 +135,7 @@ fn judge(End { status, said }: End, files: &str, simulator: &str) -> Result<()> 
             .context(format!("{files}: {simulator} cannot simulate this network; use another one"))
     };
     let Some(status) = status else {
-        return Err(died(format!("it was not loaded within {} seconds", PATIENCE.as_secs())));
+        return Err(died(format!("it was not loaded within {} s; the machine may be busy", PATIENCE.as_secs())));
     };
     if !status.success() && ran_out_of_memory(&said) {
         return Err(died(format!(
@@ -145,6 +147,7 @@ fn judge(End { status, said }: End, files: &str, simulator: &str) -> Result<()> 
             6 => " (aborted, for example by an assertion)",
             9 => " (killed, for example because memory ran out)",
             11 => " (it read foreign memory)",
+            24 => return Err(died(format!("it was not loaded within {CPU_SECONDS} s of computing"))),
             _ => "",
         };
         return Err(died(format!("{simulator} died of signal {signal}{how}")));
@@ -192,7 +195,7 @@ mod tests {
         assert_eq!(told("printf 'error: a\\n  caused by: b\\n' >&2; exit 2", long), "a: b");
         assert_eq!(
             told("exec sleep 1000", Duration::from_millis(50)),
-            format!("{died}: it was not loaded within 60 seconds")
+            format!("{died}: it was not loaded within 600 s; the machine may be busy")
         );
     }
 

@@ -7,12 +7,12 @@ use super::cars_at::CarsAt;
 use libsumo::{CarId, LaneCars};
 
 /// Returns whether a car entered the lane between two reads.
-pub fn has_arrival(now: LaneCars<'_>, before: LaneCars<'_>) -> bool {
+pub(crate) fn has_arrival(now: LaneCars<'_>, before: LaneCars<'_>) -> bool {
     rearmost(now).is_some_and(|car| rearmost(before) != Some(car))
 }
 
 /// Returns whether this car was the last to enter the lane.
-pub fn is_rearmost(car: CarId, lane: LaneCars<'_>) -> bool {
+pub(crate) fn is_rearmost(car: CarId, lane: LaneCars<'_>) -> bool {
     rearmost(lane) == Some(car)
 }
 

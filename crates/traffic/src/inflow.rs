@@ -5,11 +5,11 @@ use super::agents::border_plan::{BLOCK_M, BLOCK_MPS, BorderPlan};
 use libsumo::LaneCars;
 
 /// Number of seconds that [`History`] remembers.
-pub const REMEMBERED_S: usize = 60;
+pub(crate) const REMEMBERED_S: usize = 60;
 
 /// Counts the influence sources of a decision, second by second.
 #[derive(Clone, Debug)]
-pub struct SourceCounter {
+pub(crate) struct SourceCounter {
     /// Cars per entry that have arrived and do not count yet, because one a second counts.
     waiting: Vec<u32>,
     /// Number of seconds of this decision in which each exit was blocked.
@@ -34,7 +34,7 @@ impl SourceCounter {
 
     /// Writes what counts in this second of the decision into its `sources`, which begin with zeros. The last second
     /// ends the decision.
-    pub fn end_second(&mut self, plan: &BorderPlan, second: usize, sources: &mut [u8]) {
+    pub(crate) fn end_second(&mut self, plan: &BorderPlan, second: usize, sources: &mut [u8]) {
         for (entry, waiting) in self.waiting.iter_mut().enumerate().filter(|(_, waiting)| **waiting > 0) {
             *waiting -= 1;
             sources[plan.arrival(entry, second)] = 1;
@@ -48,7 +48,7 @@ impl SourceCounter {
 }
 
 /// Returns whether the first car of a lane of this length is near its end and slow.
-pub fn is_blocked(lane: LaneCars<'_>, length_m: f64) -> bool {
+pub(crate) fn is_blocked(lane: LaneCars<'_>, length_m: f64) -> bool {
     let first = lane.positions_m.last().zip(lane.speeds_mps.last());
     first.is_some_and(|(position_m, speed_mps)| *speed_mps < BLOCK_MPS && length_m - position_m <= BLOCK_M)
 }
@@ -86,7 +86,7 @@ impl History {
     }
 
     /// Returns whether an exit was blocked in the last decision.
-    pub fn is_blocked(&self, exit: usize) -> bool {
+    pub(crate) fn is_blocked(&self, exit: usize) -> bool {
         self.blocked[exit]
     }
 }

@@ -33,20 +33,20 @@
 //! simulator of this room before the thread makes the next one.
 
 pub mod agents;
-pub mod arrivals;
-pub mod cars_at;
+mod arrivals;
+mod cars_at;
 pub mod config;
 pub mod controllers;
 pub mod cut;
-pub mod d_set;
+mod d_set;
 pub mod fidelity;
 mod ground;
-pub mod inflow;
+mod inflow;
 pub mod light;
 pub mod network;
-pub mod observe;
+mod observe;
 pub mod paper_grid;
-pub mod reward;
+mod reward;
 pub mod scenario;
 pub mod side;
 pub mod sim;
@@ -55,8 +55,9 @@ pub mod tuning;
 
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, OnceLock};
+use std::time::Duration;
 
-use anyhow::{Context, Error, ensure};
+use anyhow::{Context, Error, bail, ensure};
 
 use crate::config::{ScenarioConfig, TrafficConfig};
 use agents::plan::{AgentPlan, Border, JointPlan};
@@ -68,9 +69,9 @@ use dials_core::domain::{
     Baseline, Beginning, Bystander, Domain, GlobalSimulator, Kind, Kinds, LocalSimulator, Measures, Result, RoughCosts,
     Scenario, Task,
 };
-use ground::Ground;
 use ground::on_grid::OnGrid;
 use ground::on_scenario::OnScenario;
+use ground::{About, Ground};
 use libsumo::Simulation;
 use paper_grid::grid::Grid;
 use paper_grid::plans::joint_plan;
@@ -86,6 +87,10 @@ use sim::trace::route::Route;
 use sim::visit_tables::VisitTables;
 use sim::visits::Visits;
 use sim::visits_as_bytes;
+
+/// Longest time in which SUMO reads the demand of a scenario for a trial. What comes later in an episode is tried by the
+/// first one.
+const DEMAND_PATIENCE: Duration = Duration::from_secs(10);
 
 /// Returns the version of the linked SUMO, such as `SUMO 1.15.0`.
 pub fn sumo_version() -> Result<String> {
@@ -152,12 +157,16 @@ impl Traffic {
         gs.record_visits()?;
         gs.reset(Seed::new(0).fork(RandomPurpose::Visits))?;
         let actions = vec![light::KEEP; self.agents()];
-        for _ in 0..self.ground.horizon() {
+        for _ in 0..self.about().horizon {
             gs.step(&actions)?;
         }
         let visits = gs.visits().context("only the regions of a scenario have visits")?.clone();
         let tables = Arc::new(VisitTables::new(visits, &self.plan.borders));
         Ok(self.visits.get_or_init(|| tables).clone())
+    }
+
+    fn about(&self) -> &About {
+        self.ground.about()
     }
 
     /// Makes the first episode of its simulators, global or local, go on this tape.
@@ -167,7 +176,7 @@ impl Traffic {
 
     /// Returns the grid of intersections, if it is one.
     pub fn grid(&self) -> Option<Grid> {
-        self.ground.grid()
+        self.about().grid
     }
 
     /// Returns the plans of all agents, in their order.
@@ -175,21 +184,22 @@ impl Traffic {
         &self.plan.agents
     }
 
-    /// Loads everything in SUMO and plays a step, so that a faulty network is reported before a run begins. For a grid it
-    /// takes tens of milliseconds; SUMO is closed again.
+    /// Loads everything in SUMO and plays a step, and lets SUMO read the demand of a scenario, so that what is wrong is
+    /// reported before a run begins. For a grid it takes tens of milliseconds; SUMO is closed again.
     pub fn check_in_sumo(&self) -> Result<()> {
         // That SUMO's library is missing, or too large for this process, is no fault of the network.
         libsumo::load()?;
-        self.try_global().with_context(|| self.ground.cannot_be_simulated())?;
+        let tried = self.try_global().and_then(|()| self.ground.source()?.try_demand(DEMAND_PATIENCE));
+        tried.with_context(|| self.about().cannot_be_simulated.clone())?;
         self.ground.try_local()
     }
 
     /// Tries the GS with the actuated lights, which need all files of the network and more of their content than the
     /// agents' control. Where SUMO refuses these lights, it tries the agents' control.
     fn try_global(&self) -> Result<()> {
-        let control = match self.ground.check_actuated() {
-            Ok(()) => self.everywhere(HandCoded::Actuated),
-            Err(_) => SignalControl::Agents,
+        let control = match self.about().refuses_actuated {
+            None => self.everywhere(HandCoded::Actuated),
+            Some(_) => SignalControl::Agents,
         };
         let mut gs = self.global(control)?;
         gs.reset(Seed::new(0))?;
@@ -200,15 +210,15 @@ impl Traffic {
     /// Loads the GS with its own type, for what the trait does not offer.
     pub fn global(&self, control: SignalControl) -> Result<GlobalTraffic> {
         let tape = self.tape.as_ref().map(|tape| Ok::<_, Error>((tape, self.ground.recorded()?))).transpose()?;
-        if control.is_actuated() {
-            self.ground.check_actuated()?;
+        if let Some(why) = self.about().refuses_actuated.as_ref().filter(|_| control.is_actuated()) {
+            bail!("{why}");
         }
         Ok(GlobalTraffic::load(self.plan.clone(), self.ground.source()?, control, tape)?.on(self.ground.clone()))
     }
 
     /// Returns the length of an episode in seconds.
     pub fn seconds(&self) -> usize {
-        self.ground.horizon() * self.plan.decision_steps
+        self.about().horizon * self.plan.decision_steps
     }
 
     /// Returns the length of an episode of the local simulators in seconds.
@@ -243,7 +253,7 @@ impl Trials for Traffic {
     }
 
     fn horizon(&self) -> usize {
-        self.ground.horizon()
+        self.about().horizon
     }
 }
 
@@ -305,15 +315,22 @@ impl Domain for Traffic {
     }
 
     fn initial_action_bias(&self, kind: &Kind) -> Vec<f32> {
-        self.ground.initial_action_bias(kind.spec.n_actions)
+        let mut biases = vec![0.0; kind.spec.n_actions];
+        if let Some(bias) = biases.get_mut(usize::from(light::SWITCH)) {
+            *bias = self.about().switch_bias;
+        }
+        biases
     }
 
     fn scenario(&self) -> Result<Scenario> {
-        Ok(self.ground.scenario(self.agents())?.with_rules(task::rules(&self.plan), self.ground.unusual_reward()))
+        Ok(self
+            .ground
+            .scenario(self.agents())?
+            .with_rules(task::rules(&self.plan), self.about().unusual_reward.clone()))
     }
 
     fn rival(&self) -> Option<&'static str> {
-        Some(self.ground.rival())
+        Some(self.about().rival)
     }
 
     fn try_out(&self) -> Result<()> {
@@ -334,11 +351,11 @@ impl Domain for Traffic {
     }
 
     fn strange_files(&self) -> Vec<PathBuf> {
-        self.ground.strange_files()
+        self.about().strange_files.clone()
     }
 
     fn left_out(&self) -> Vec<String> {
-        self.ground.left_out()
+        self.about().left_out.clone()
     }
 
     fn check_place(&self, folder: &Path) -> Result<()> {
@@ -370,12 +387,12 @@ impl Domain for Traffic {
     }
 
     fn rough_costs(&self) -> RoughCosts {
-        self.ground.rough_costs()
+        self.about().rough_costs
     }
 
     fn stuck(&self, kind: &Kind, measures: &Measures) -> Vec<bool> {
         let (_, shares) =
             measures.per_agent.iter().find(|(name, _)| *name == P_SWITCH).expect("the traffic GS measures it");
-        kind.agents.iter().map(|agent| self.ground.is_stuck(shares[agent.0])).collect()
+        kind.agents.iter().map(|agent| (self.about().is_stuck)(shares[agent.0])).collect()
     }
 }

@@ -10,7 +10,7 @@ pub const KEEP: Action = 0;
 pub const SWITCH: Action = 1;
 
 /// Number of steps of yellow in the paper's grids.
-pub const YELLOW_STEPS: u8 = 3;
+pub(crate) const YELLOW_STEPS: u8 = 3;
 
 /// A light and how long it has shown what it shows. A step is a second.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -27,7 +27,7 @@ impl Signal {
     ///
     /// DEVIATION 2: every episode begins with vertical green under the agent's control. In the authors' code a light
     /// runs its program until the agent's first switch; the plan may ask for that.
-    pub fn at_the_beginning(plan: &PhasePlan) -> Self {
+    pub(crate) fn at_the_beginning(plan: &PhasePlan) -> Self {
         Signal { shown: Shown::Green(0), steps: plan.min_green_steps(), switched: false }
     }
 
@@ -49,7 +49,7 @@ impl Signal {
     }
 
     /// Returns whether the light would leave its green if it were asked to.
-    pub fn may_leave(self, plan: &PhasePlan) -> bool {
+    pub(crate) fn may_leave(self, plan: &PhasePlan) -> bool {
         self.shown.is_green() && self.steps >= plan.min_green_steps()
     }
 

@@ -39,7 +39,7 @@ pub fn view(plan: &AgentPlan, cars: CarsAt<'_>, shown: Shown, shown_s: u32, wait
 }
 
 /// Writes the observation: cars, light and clock, as the agent's sensor says. Columns beyond them become 0.
-pub fn observe(plan: &AgentPlan, cars: CarsAt<'_>, light: LightView, obs: &mut [f32]) {
+pub(crate) fn observe(plan: &AgentPlan, cars: CarsAt<'_>, light: LightView, obs: &mut [f32]) {
     obs.fill(0.0);
     let (bits, others) = obs.split_at_mut(plan.sensor.car_columns());
     match &plan.sensor.cars {
@@ -109,7 +109,7 @@ pub(super) fn show(columns: LightColumns, light: LightView, bits: &mut [f32]) {
 ///
 /// DEVIATION 9: the arrivals (`d_set = "cells+arrivals"`). The cells do not show a car that has just entered, but an
 /// arrival in the next step is then very unlikely. With the arrivals, the AIP's cross-entropy falls by 4 %.
-pub fn d_separate(plan: &AgentPlan, cars: CarsAt<'_>, obs: &[f32], arrivals: &[u8], d_set: &mut [f32]) {
+pub(crate) fn d_separate(plan: &AgentPlan, cars: CarsAt<'_>, obs: &[f32], arrivals: &[u8], d_set: &mut [f32]) {
     d_set.fill(0.0);
     let (cells, others) = d_set.split_at_mut(region::OCCUPANCY);
     match &plan.sensor.cars {
@@ -135,7 +135,7 @@ pub fn d_separate(plan: &AgentPlan, cars: CarsAt<'_>, obs: &[f32], arrivals: &[u
 }
 
 /// Returns the mean speed of the cars on the approaches as a share of the limit; 0 without cars.
-pub fn mean_speed(region: &RegionPlan, cars: CarsAt<'_>) -> f32 {
+pub(crate) fn mean_speed(region: &RegionPlan, cars: CarsAt<'_>) -> f32 {
     let count = cars.cars();
     if count == 0 {
         return 0.0;
@@ -150,7 +150,7 @@ pub fn mean_speed(region: &RegionPlan, cars: CarsAt<'_>) -> f32 {
 }
 
 /// Returns the mean speed of the cars on the exits, as a share of the limits of their lanes; 0 without cars.
-pub fn exit_speed(region: &RegionPlan, exits: CarsAt<'_>) -> f64 {
+pub(crate) fn exit_speed(region: &RegionPlan, exits: CarsAt<'_>) -> f64 {
     let lanes = region.exits.iter().zip(exits.iter());
     let shares = lanes.flat_map(|(exit, lane)| lane.speeds_mps.iter().map(|speed| speed / exit.speed_limit_mps));
     shares.sum::<f64>() / exits.cars().max(1) as f64
@@ -158,7 +158,7 @@ pub fn exit_speed(region: &RegionPlan, exits: CarsAt<'_>) -> f64 {
 
 /// Returns the seconds that the cars on the approaches lose in a second, against the limits of their lanes. A car that is
 /// faster than the limit loses nothing.
-pub fn cars_lost(region: &RegionPlan, cars: CarsAt<'_>) -> f64 {
+pub(crate) fn cars_lost(region: &RegionPlan, cars: CarsAt<'_>) -> f64 {
     let lanes = region.approaches.iter().zip(cars.iter());
     let lost = lanes.flat_map(|(approach, lane)| {
         lane.speeds_mps.iter().map(|speed| (1.0 - speed / approach.speed_limit_mps).max(0.0))

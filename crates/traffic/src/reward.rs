@@ -51,12 +51,12 @@ impl Waiting {
 }
 
 /// Returns whether a reward needs [`Waiting`].
-pub fn needs_waiting(reward: &Reward) -> bool {
+pub(crate) fn needs_waiting(reward: &Reward) -> bool {
     reward.terms().any(|(term, _)| matches!(term, RewardTerm::Wait | RewardTerm::DiffWaitingTime))
 }
 
 /// Returns whether a reward needs the cars on the exits.
-pub fn needs_exits(reward: &Reward) -> bool {
+pub(crate) fn needs_exits(reward: &Reward) -> bool {
     reward.terms().any(|(term, _)| matches!(term, RewardTerm::ExitSpeed | RewardTerm::Pressure))
 }
 

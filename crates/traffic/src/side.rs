@@ -16,15 +16,15 @@ impl Side {
     /// Order of the links of an intersection: the reverse of [`Side::ALL`] (the authors' setup).
     ///
     /// The letters of a light's state and netconvert's numbers of the lanes inside an intersection are in this order.
-    pub const LINK_ORDER: [Side; 4] = {
+    pub(crate) const LINK_ORDER: [Side; 4] = {
         let [first, second, third, fourth] = Side::ALL;
         [fourth, third, second, first]
     };
 
     /// Ends of the road from west to east.
-    pub const HORIZONTAL: [Side; 2] = [Side::West, Side::East];
+    pub(crate) const HORIZONTAL: [Side; 2] = [Side::West, Side::East];
     /// Ends of the road from south to north.
-    pub const VERTICAL: [Side; 2] = [Side::South, Side::North];
+    pub(crate) const VERTICAL: [Side; 2] = [Side::South, Side::North];
 
     /// Returns the place of this side in [`Side::ALL`].
     pub fn index(self) -> usize {
@@ -32,11 +32,11 @@ impl Side {
     }
 
     /// Returns the place of this side in [`Side::LINK_ORDER`].
-    pub fn link_index(self) -> usize {
+    pub(crate) fn link_index(self) -> usize {
         Side::ALL.len() - 1 - self.index()
     }
 
-    pub fn is_vertical(self) -> bool {
+    pub(crate) fn is_vertical(self) -> bool {
         Side::VERTICAL.contains(&self)
     }
 

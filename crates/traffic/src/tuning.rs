@@ -21,7 +21,7 @@ impl TunedOn {
             controller: controller.to_owned(),
             network,
             network_crc32: format!("{checksum:08x}"),
-            horizon: traffic.ground.horizon(),
+            horizon: traffic.about().horizon,
             episodes,
             seed: seed.to_string(),
             search_version: if traffic.grid().is_some() { grid::VERSION } else { net::VERSION },
@@ -53,7 +53,7 @@ pub fn tune(traffic: &Traffic, wanted: TunedOn, seed: u64, report: &mut dyn FnMu
     if by == Objective::Delay {
         gs.measure_in_full()?;
     }
-    let horizon = traffic.ground.horizon();
+    let horizon = traffic.about().horizon;
     let mut score = |plan: &ClockPlan, episode: usize| {
         // Without leeway these are fixed-time lights.
         gs.hand_over(traffic.everywhere(HandCoded::rule(Coordinated::new(plan.clone()))));

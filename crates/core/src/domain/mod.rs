@@ -339,7 +339,7 @@ pub trait Domain: Send + Sync {
         Ok(())
     }
 
-    /// Tests the domain's files in a simulator, so that errors are reported before a run begins.
+    /// Tries the domain's files in its simulator. Called in a process of its own, before any other simulator loads them.
     fn try_out(&self) -> Result<()> {
         Ok(())
     }
@@ -350,8 +350,7 @@ pub trait Domain: Send + Sync {
         Ok(())
     }
 
-    /// Returns the files of which it is not known that the simulator survives them. Another process must try the domain
-    /// out first.
+    /// Returns the files that the simulator loads and may not survive. With any, another process tries the domain out first.
     fn strange_files(&self) -> Vec<PathBuf> {
         Vec::new()
     }

@@ -80,7 +80,9 @@ mod tests {
             Some("integer") => value.is_u64(),
             Some("number") => value.is_number(),
             Some("boolean") => value.is_boolean(),
-            Some("array") => value.as_array().is_some_and(|all| all.iter().all(|item| is_of_type(&schema["items"], item))),
+            Some("array") => {
+                value.as_array().is_some_and(|all| all.iter().all(|item| is_of_type(&schema["items"], item)))
+            }
             Some("object") => value.is_object(),
             _ => value.is_string(),
         };

@@ -1,4 +1,4 @@
-//! A limit on the memory of a process that reads what may be endless.
+//! Limits on the memory and the time of a process that reads what may be endless.
 
 use std::fs;
 
@@ -11,6 +11,14 @@ pub fn limit_memory(more: u64) -> Result<()> {
     let limit = lowest(getrlimit(Resource::As), used()?.saturating_add(more));
     let limit = Rlimit { current: Some(limit), maximum: Some(limit) };
     setrlimit(Resource::As, limit).context("cannot limit the memory of a process")
+}
+
+/// Limits this process to this many seconds of computing, after which the system ends it. A limit that is
+/// lower already stays.
+pub fn limit_cpu(seconds: u64) -> Result<()> {
+    let there = getrlimit(Resource::Cpu);
+    let limit = Rlimit { current: Some(lowest(there, seconds)), ..there };
+    setrlimit(Resource::Cpu, limit).context("cannot limit the time of a process")
 }
 
 fn lowest(there: Rlimit, wanted: u64) -> u64 {

@@ -47,7 +47,7 @@ pub struct BorderRoad {
     /// Whether it begins at the border, so that cars come to it from outside only.
     pub begins_outside: bool,
     /// Whether it ends at the border, so that cars leave the region there.
-    pub ends_outside: bool,
+    pub(crate) ends_outside: bool,
 }
 
 /// A lane of the region.
@@ -72,7 +72,7 @@ pub struct Entry {
     pub place: EntryPlace,
     /// Way of a car of which nothing is known: the road of the entry, the roads to which the first connections lead, and
     /// the first road behind the region, if there is one.
-    pub default_way: Vec<String>,
+    pub(crate) default_way: Vec<String>,
 }
 
 /// Where cars come in.
@@ -86,7 +86,7 @@ pub enum EntryPlace {
 
 impl BorderPlan {
     /// Returns whether a car that was on one lane of the region and is on another has come over the border.
-    pub fn is_over_the_border(&self, from: usize, to: usize) -> bool {
+    pub(crate) fn is_over_the_border(&self, from: usize, to: usize) -> bool {
         let road = self.lanes[to].road;
         road != self.lanes[from].road && road.is_some_and(|road| self.roads[road].begins_outside)
     }
@@ -112,18 +112,18 @@ impl BorderPlan {
     }
 
     /// Returns the road of an entry: SUMO's name.
-    pub fn road_of_entry(&self, entry: usize) -> &str {
+    pub(crate) fn road_of_entry(&self, entry: usize) -> &str {
         &self.entries[entry].default_way[0]
     }
 
     /// Returns whether a lane is one of a road, and not within a junction. `road`: SUMO's name.
-    pub fn is_on_road(&self, lane: usize, road: &str) -> bool {
+    pub(crate) fn is_on_road(&self, lane: usize, road: &str) -> bool {
         self.lanes[lane].road.is_some_and(|number| self.roads[number].road == road)
     }
 
     /// Returns the lane on which a vehicle of a class can begin at an entry. If the entry is a whole road, that is the first
     /// lane that it may use. `None`: it may use none there.
-    pub fn lane_of_entry(&self, entry: usize, class: &str) -> Option<usize> {
+    pub(crate) fn lane_of_entry(&self, entry: usize, class: &str) -> Option<usize> {
         let is_open = |&lane: &usize| self.lanes[lane].classes.has(class);
         match &self.entries[entry].place {
             EntryPlace::Lane(lane) => Some(*lane).filter(is_open),

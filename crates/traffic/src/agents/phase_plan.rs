@@ -31,7 +31,7 @@ pub struct Interval {
 
 /// A way of a light's program from one green to another.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub struct ProgramChange {
+pub(crate) struct ProgramChange {
     pub from: usize,
     pub to: usize,
     /// States that the program shows in between.
@@ -95,17 +95,17 @@ impl PhasePlan {
     }
 
     /// Lets the plan recognise states of other programs by these letters, those that cars obey. Without it all count.
-    pub fn for_cars(self, cars: BTreeSet<usize>) -> PhasePlan {
+    pub(crate) fn for_cars(self, cars: BTreeSet<usize>) -> PhasePlan {
         PhasePlan { cars, ..self }
     }
 
     /// Lets the plan recognise by these changes to which green its program is on the way. Without them it is the next one.
-    pub fn for_program(self, program: Vec<ProgramChange>) -> PhasePlan {
+    pub(crate) fn for_program(self, program: Vec<ProgramChange>) -> PhasePlan {
         PhasePlan { program, ..self }
     }
 
     /// Lets the light go to its next green after this number of steps, in each episode until it is switched.
-    pub fn by_itself_until_switched(self, green_steps: u32) -> PhasePlan {
+    pub(crate) fn by_itself_until_switched(self, green_steps: u32) -> PhasePlan {
         PhasePlan { own_green_steps: Some(green_steps), ..self }
     }
 
@@ -124,12 +124,12 @@ impl PhasePlan {
         &self.clearings[from][to]
     }
 
-    pub fn min_green_steps(&self) -> u32 {
+    pub(crate) fn min_green_steps(&self) -> u32 {
         self.min_green_steps
     }
 
     /// Returns the number of steps of a green that the light leaves by itself, until it is switched in an episode.
-    pub fn own_green_steps(&self) -> Option<u32> {
+    pub(crate) fn own_green_steps(&self) -> Option<u32> {
         self.own_green_steps
     }
 
@@ -151,12 +151,12 @@ impl PhasePlan {
     }
 
     /// Returns the number of steps between two greens.
-    pub fn clearing_steps(&self, from: usize, to: usize) -> u32 {
+    pub(crate) fn clearing_steps(&self, from: usize, to: usize) -> u32 {
         self.clearings[from][to].iter().map(|interval| interval.steps).sum()
     }
 
     /// Returns the action that makes a light that shows `shown` go to a green, or stay there.
-    pub fn towards(&self, shown: Shown, green: usize) -> Action {
+    pub(crate) fn towards(&self, shown: Shown, green: usize) -> Action {
         match self.choice {
             Choice::KeepOrSwitch => Action::from(shown.target() != green),
             Choice::Target => Action::try_from(green).expect("a plan has at most 256 greens"),

@@ -18,7 +18,7 @@ impl Light {
         [Light::HorizontalGreen, Light::HorizontalYellow, Light::VerticalYellow, Light::VerticalGreen];
 
     /// Order in which the phases follow each other, again and again.
-    pub const CYCLE: [Light; 4] =
+    pub(crate) const CYCLE: [Light; 4] =
         [Light::VerticalGreen, Light::VerticalYellow, Light::HorizontalGreen, Light::HorizontalYellow];
 
     /// Returns SUMO's letters, one per link, in the order of [`Side::LINK_ORDER`].
@@ -37,12 +37,6 @@ impl Light {
 
     pub fn state(self) -> SignalState {
         SignalState::new(self.letters()).expect("the letters are SUMO's")
-    }
-
-    /// Returns the light that a state in SUMO's letters shows; `None` if it is not one of [`Light::ALL`].
-    pub fn of(state: &SignalState) -> Option<Light> {
-        let shows = |light: &Light| Side::LINK_ORDER.iter().map(|&from| light.letter(from)).eq(state.as_str().chars());
-        Light::ALL.into_iter().find(shows)
     }
 
     pub fn is_green(self) -> bool {
@@ -82,14 +76,5 @@ mod tests {
     #[test]
     fn the_letters_are_those_of_north_east_south_and_west() {
         assert_eq!(Light::CYCLE.map(Light::letters), ["GrGr", "yryr", "rGrG", "ryry"]);
-    }
-
-    #[test]
-    fn letters_and_lights_are_one_to_one() {
-        for light in Light::ALL {
-            assert_eq!(Light::of(&light.state()), Some(light));
-        }
-        assert_eq!(Light::of(&SignalState::new("GGGG").unwrap()), None);
-        assert_eq!(Light::of(&SignalState::new("rGrGr").unwrap()), None);
     }
 }

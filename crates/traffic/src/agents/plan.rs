@@ -21,11 +21,11 @@ pub struct JointPlan {
     pub borders: Vec<Border>,
     pub kinds: Kinds,
     /// Number of steps of SUMO, seconds, from one decision of the agents to the next.
-    pub decision_steps: usize,
+    pub(crate) decision_steps: usize,
     pub reward: Reward,
     /// Deceleration in metres per second squared above which braking is an emergency. `None` if cars of several types
     /// drive: then only the stops are counted that SUMO calls emergencies.
-    pub emergency_decel_mps2: Option<f64>,
+    pub(crate) emergency_decel_mps2: Option<f64>,
 }
 
 /// Where traffic from outside reaches a region, and what its AIP sees.

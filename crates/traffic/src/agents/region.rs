@@ -10,12 +10,12 @@ use crate::side::Side;
 use dials_core::domain::{RegionSpec, SourceSpec};
 
 /// Number of incoming edges, in the order of [`Side::ALL`]. Each is an influence source.
-pub const EDGES: usize = Side::ALL.len();
+pub(crate) const EDGES: usize = Side::ALL.len();
 /// Number of visible cells per edge.
 pub const CELLS: usize = 9;
-pub const CELL_M: f64 = 10.0;
-pub const EDGE_M: f64 = 100.0;
-pub const SPEED_LIMIT_MPS: f64 = 10.0;
+pub(crate) const CELL_M: f64 = 10.0;
+pub(crate) const EDGE_M: f64 = 100.0;
+pub(crate) const SPEED_LIMIT_MPS: f64 = 10.0;
 /// Number of cells that an agent or its AIP (approximate influence predictor) sees.
 pub const OCCUPANCY: usize = EDGES * CELLS;
 

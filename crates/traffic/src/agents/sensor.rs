@@ -13,7 +13,7 @@ pub struct Sensor {
     /// Number of columns of the clock; 0 for none.
     pub clock: usize,
     /// Number of steps by which the clock is ahead of the episode.
-    pub clock_ahead: usize,
+    pub(crate) clock_ahead: usize,
     /// What the AIP (approximate influence predictor) of a grid sees. That of a scenario sees its borders.
     pub d_set: DSet,
 }
@@ -62,7 +62,7 @@ impl Sensor {
     }
 
     /// Returns the number of columns that show cars.
-    pub fn car_columns(&self) -> usize {
+    pub(crate) fn car_columns(&self) -> usize {
         match &self.cars {
             CarColumns::Cells(cells) => cells.iter().sum(),
             CarColumns::QueueAndDensity(approaches) => 2 * approaches,
@@ -70,13 +70,13 @@ impl Sensor {
     }
 
     /// Returns the columns of the light.
-    pub fn light_columns(&self) -> Range<usize> {
+    pub(crate) fn light_columns(&self) -> Range<usize> {
         let first = self.car_columns();
         first..first + self.light.columns()
     }
 
     /// Returns the columns of the clock, an empty range if there is none.
-    pub fn clock_columns(&self) -> Range<usize> {
+    pub(crate) fn clock_columns(&self) -> Range<usize> {
         let first = self.light_columns().end;
         first..first + self.clock
     }

@@ -23,12 +23,12 @@ impl AgentPlan {
     }
 
     /// Returns whether a link has green.
-    pub fn opens(&self, green: usize, link: usize) -> bool {
+    pub(crate) fn opens(&self, green: usize, link: usize) -> bool {
         self.letter(green, link).eq_ignore_ascii_case(&b'g')
     }
 
     /// Returns whether a link has green and no green serves it better: `G`, or `g` if it never has `G`.
-    pub fn serves_best(&self, green: usize, link: usize) -> bool {
+    pub(crate) fn serves_best(&self, green: usize, link: usize) -> bool {
         let has_priority = |green: usize| self.letter(green, link) == b'G';
         has_priority(green) || self.letter(green, link) == b'g' && !(0..self.greens()).any(has_priority)
     }

@@ -14,10 +14,10 @@ pub struct ProgramPhase<'a> {
     pub state: &'a str,
     /// Whether it lasts as long as cars come. A link may also have green in yellow and all red of the others.
     pub is_green: bool,
-    pub duration_s: f64,
+    pub(crate) duration_s: f64,
     /// SUMO's `minDur` and `maxDur`, if the program gives them.
     pub least_s: Option<f64>,
-    pub most_s: Option<f64>,
+    pub(crate) most_s: Option<f64>,
     /// Phases that may follow; empty: the next one in their order.
     pub next: &'a [usize],
 }
@@ -28,7 +28,7 @@ pub struct Light<'a> {
     /// SUMO's name of the light.
     pub id: &'a str,
     /// Time by which the program runs late, in seconds.
-    pub offset_s: f64,
+    pub(crate) offset_s: f64,
     /// Names and values, such as `max-gap`, of an own program that is actuated, too.
     pub parameters: &'a [(String, String)],
     /// The phases of its own program.

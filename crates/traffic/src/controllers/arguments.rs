@@ -11,7 +11,7 @@ use super::timing::Leeway;
 pub const GREENS: RangeInclusive<u32> = 1..=3600;
 
 /// A controller's name with its parameters. The controller takes the parameters one by one.
-pub struct Arguments<'a> {
+pub(crate) struct Arguments<'a> {
     text: &'a str,
     name: &'a str,
     /// Parameters that are not taken yet, as they were written.
@@ -46,12 +46,12 @@ impl<'a> Arguments<'a> {
     }
 
     /// Returns a number of steps within [`GREENS`]; `None` if it was not given.
-    pub fn steps_if_given(&mut self, key: &'static str) -> Result<Option<u32>> {
+    pub(crate) fn steps_if_given(&mut self, key: &'static str) -> Result<Option<u32>> {
         self.number(key, "a whole number from 1 to 3600", |steps| GREENS.contains(steps))
     }
 
     /// Returns a number of steps by which a light may leave its clock; `None` if it was not given.
-    pub fn leeway(&mut self, key: &'static str) -> Result<Option<u32>> {
+    pub(crate) fn leeway(&mut self, key: &'static str) -> Result<Option<u32>> {
         self.number(key, "a whole number from 0 to 60", |&steps| steps <= Leeway::MOST)
     }
 
@@ -73,7 +73,7 @@ impl<'a> Arguments<'a> {
     }
 
     /// Returns an error if some parameter was not taken.
-    pub fn all_taken(&self) -> Result<()> {
+    pub(crate) fn all_taken(&self) -> Result<()> {
         let Some(parameter) = self.left.first() else { return Ok(()) };
         let known = if self.known.is_empty() { "none".to_owned() } else { self.known.join(", ") };
         match parameter.split_once('=') {

@@ -18,7 +18,7 @@ const GREEN_OF_A_GRID: u32 = 10;
 const GREEN: u32 = 20;
 
 /// Returns what fixed-time lights follow: [`clock`] without leeway, or a `file` that the tuner wrote.
-pub fn fixed_time(arguments: &mut Arguments<'_>, plans: &[AgentPlan]) -> Result<ClockPlan> {
+pub(crate) fn fixed_time(arguments: &mut Arguments<'_>, plans: &[AgentPlan]) -> Result<ClockPlan> {
     if let Some(file) = arguments.take(super::FILE)? {
         return TimingFile::plan(Path::new(file), super::FIXED_TIME, plans);
     }

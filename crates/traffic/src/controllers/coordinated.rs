@@ -15,7 +15,7 @@ const WANTED_M: f64 = 50.0;
 const HELD_M: f64 = 30.0;
 
 /// Lights that follow a clock, each with the same leeway. Every episode begins with the first green.
-pub struct Coordinated {
+pub(crate) struct Coordinated {
     plan: ClockPlan,
     step: u32,
 }

@@ -119,7 +119,7 @@ impl<'a> At<'a> {
     }
 
     /// Puts a queue that drives off on an approach.
-    pub fn leaving(self, approach: usize, count: usize) -> At<'a> {
+    pub(crate) fn leaving(self, approach: usize, count: usize) -> At<'a> {
         let placed: Vec<(f64, f64)> = (0..count).map(|car| (7.5 * car as f64, 5.0)).collect();
         self.cars(approach, &placed)
     }
@@ -131,7 +131,7 @@ impl<'a> At<'a> {
     }
 
     /// Puts cars that stand on an exit.
-    pub fn jammed(mut self, exit: usize, count: usize) -> At<'a> {
+    pub(crate) fn jammed(mut self, exit: usize, count: usize) -> At<'a> {
         self.0.exits[exit] = cars(&vec![(5.0, 0.0); count]);
         self
     }

@@ -7,7 +7,7 @@ use dials_core::base::Seed;
 
 /// Fixed-time lights: one timing per intersection. Every episode begins with the first green; if the clock says
 /// otherwise, the light changes at once.
-pub struct FixedTime {
+pub(crate) struct FixedTime {
     timings: Vec<Timing>,
     step: u32,
 }

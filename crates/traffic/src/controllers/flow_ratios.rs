@@ -7,17 +7,17 @@ use crate::agents::derive::greens::goes;
 use crate::agents::plan::AgentPlan;
 
 /// Longest cycle. Near saturation, Webster's formula goes to infinity.
-pub const LONGEST_CYCLE_S: f64 = 120.0;
+pub(crate) const LONGEST_CYCLE_S: f64 = 120.0;
 /// Number of greens up to which all choices of greens are compared.
 const FEW_GREENS: usize = 12;
 
 /// Flow over saturation flow of the greens that a light should show.
 #[derive(Clone, Debug, PartialEq)]
-pub struct FlowRatios {
+pub(crate) struct FlowRatios {
     /// Greens in their order, each with the ratio that it has to carry.
     pub greens: Vec<(usize, f64)>,
     /// Seconds of a cycle in which no green is shown.
-    pub lost_s: f64,
+    pub(crate) lost_s: f64,
 }
 
 impl FlowRatios {
@@ -33,7 +33,7 @@ impl FlowRatios {
 
 /// Returns the greens that need the least time, with their flow ratios. Each link keeps a green that serves it best.
 /// `ratios`: flow over saturation flow of each approach.
-pub fn flow_ratios(plan: &AgentPlan, ratios: &[f64]) -> FlowRatios {
+pub(crate) fn flow_ratios(plan: &AgentPlan, ratios: &[f64]) -> FlowRatios {
     let all = plan.greens();
     let every_green: Vec<usize> = (0..all).collect();
     if all > FEW_GREENS {

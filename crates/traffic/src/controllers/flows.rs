@@ -14,7 +14,7 @@ use dials_core::base::{AgentId, Ragged, RandomPurpose, Seed};
 use libsumo::CarId;
 
 /// Cars that were counted.
-pub struct Flows {
+pub(crate) struct Flows {
     /// Number of cars that came to each approach, one row per light. A car that changes lanes counts on the lane of the
     /// road on which it was last.
     pub cars: Ragged<u32>,

@@ -13,7 +13,7 @@ const MOST: u32 = 50;
 
 /// Numbers of steps of a green.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct GreenLimits {
+pub(crate) struct GreenLimits {
     pub least: u32,
     /// After this many steps a green gives way to any other one that is wanted; `None`: never.
     pub most: Option<u32>,
@@ -52,12 +52,12 @@ impl GreenLimits {
     }
 
     /// Returns the green that is shown, if it has lasted long enough.
-    pub fn may_leave(self, at: &Intersection<'_>) -> Option<usize> {
+    pub(crate) fn may_leave(self, at: &Intersection<'_>) -> Option<usize> {
         at.green().filter(|_| at.shown_steps() >= self.least)
     }
 
     /// Returns whether the longest green is over.
-    pub fn must_leave(self, at: &Intersection<'_>) -> bool {
+    pub(crate) fn must_leave(self, at: &Intersection<'_>) -> bool {
         self.most.is_some_and(|most| at.shown_steps() >= most)
     }
 }

@@ -112,7 +112,7 @@ impl<'a> Intersection<'a> {
     }
 
     /// Returns the cars on an exit.
-    pub fn exit_cars(&self, exit: usize) -> LaneCars<'a> {
+    pub(crate) fn exit_cars(&self, exit: usize) -> LaneCars<'a> {
         self.exits[exit]
     }
 
@@ -122,7 +122,7 @@ impl<'a> Intersection<'a> {
     }
 
     /// Returns the speeds of the cars on an approach that are less than `metres` before the stop line.
-    pub fn speeds_within(&self, approach: usize, metres: f64) -> impl Iterator<Item = f64> {
+    pub(crate) fn speeds_within(&self, approach: usize, metres: f64) -> impl Iterator<Item = f64> {
         let lane = &self.plan.region.approaches[approach];
         let (length_m, ahead_m) = (lane.length_m, lane.ahead_m);
         let cars = self.cars(approach).iter();
@@ -130,7 +130,7 @@ impl<'a> Intersection<'a> {
     }
 
     /// Returns whether a car on an approach is less than `metres` before the stop line.
-    pub fn has_car_within(&self, approach: usize, metres: f64) -> bool {
+    pub(crate) fn has_car_within(&self, approach: usize, metres: f64) -> bool {
         self.speeds_within(approach, metres).next().is_some()
     }
 
@@ -145,7 +145,7 @@ impl<'a> Intersection<'a> {
 
     /// Returns whether a car may want green `wanted`: it is less than `metres` before a stop line, and `wanted` opens a
     /// link of its lane that green `shown` does not.
-    pub fn wants(&self, wanted: usize, shown: usize, metres: f64) -> bool {
+    pub(crate) fn wants(&self, wanted: usize, shown: usize, metres: f64) -> bool {
         let opened = |&link: &usize| self.plan.opens(wanted, link) && !self.plan.opens(shown, link);
         self.plan
             .region

@@ -52,15 +52,14 @@ use arguments::Arguments;
 use dials_core::base::Seed;
 use green_limits::GreenLimits;
 
-pub(super) use control::ask;
-pub use control::{Each, HandCoded, LightController, Trials};
-pub use coordinated::Coordinated;
-pub use fixed_time::FixedTime;
-pub use flow_ratios::FlowRatios;
+pub use control::{Each, HandCoded, LightController};
+pub(crate) use control::{Trials, ask};
+pub(crate) use coordinated::Coordinated;
+pub(crate) use fixed_time::FixedTime;
 pub use intersections::{Intersection, Intersections};
-pub use simple::{Constant, Random, SwitchEvery};
-pub use timing::{ClockPlan, Leeway, Timing};
-pub use webster::TimingPlan;
+pub(crate) use simple::{Constant, Random, SwitchEvery};
+pub(crate) use timing::{ClockPlan, Leeway};
+pub(crate) use webster::TimingPlan;
 
 /// Names that [`recipe`] takes; K is a number of steps.
 pub const NAMES: &[&str] = &[
@@ -90,7 +89,7 @@ const SWITCH_EVERY: &str = "switch-every-";
 const FILE: &str = "file";
 
 /// A function that makes a controller. It first measures what the controller needs to know.
-pub type Recipe = Box<dyn Fn(&dyn Trials) -> Result<HandCoded>>;
+pub(crate) type Recipe = Box<dyn Fn(&dyn Trials) -> Result<HandCoded>>;
 
 /// Returns the controller of these lights that a text names, with parameters: `max-pressure:min-green=5`. Errors: an
 /// unknown name (the error lists the known ones) and an unknown parameter (it lists those of the controller).
@@ -145,7 +144,7 @@ pub fn file_of(text: &str) -> Result<Option<&Path>> {
 
 /// Returns whether all lights are those of the paper's grids: green 0 for the cars from south and north, green 1 for the
 /// others. Lights of other nets choose their green.
-pub fn are_of_a_grid(plans: &[AgentPlan]) -> bool {
+pub(crate) fn are_of_a_grid(plans: &[AgentPlan]) -> bool {
     plans.iter().all(|plan| plan.phases.choice() == Choice::KeepOrSwitch)
 }
 

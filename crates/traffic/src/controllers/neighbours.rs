@@ -6,7 +6,7 @@ use crate::agents::plan::AgentPlan;
 
 /// Returns for each light whether it is an odd number of roads away from the first light that it is joined to. Two
 /// lights are joined if an exit of one is an approach of the other.
-pub fn every_other(plans: &[AgentPlan]) -> Vec<bool> {
+pub(crate) fn every_other(plans: &[AgentPlan]) -> Vec<bool> {
     let joined = joined(plans);
     let mut odd: Vec<Option<bool>> = vec![None; plans.len()];
     for first in 0..plans.len() {

@@ -8,7 +8,7 @@ use dials_core::base::{Dice, RandomPurpose, Seed};
 
 /// Leaves its green with probability one half, independently for each light and step. All other greens are equally
 /// likely.
-pub struct Random {
+pub(crate) struct Random {
     dice: Dice,
 }
 
@@ -35,7 +35,7 @@ impl LightController for Random {
 }
 
 /// Does the same at every step.
-pub enum Constant {
+pub(crate) enum Constant {
     /// Keeps all lights as they are.
     Never,
     /// Sends all lights to their next green.
@@ -52,7 +52,7 @@ impl LightController for Constant {
 }
 
 /// Sends all lights to their next green at every K-th step: some steps of yellow, the rest of green (at least one).
-pub struct SwitchEvery {
+pub(crate) struct SwitchEvery {
     steps: usize,
     step: usize,
 }

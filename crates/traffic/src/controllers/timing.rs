@@ -46,7 +46,7 @@ impl Timing {
     }
 
     /// Returns the same timing with another offset.
-    pub fn shifted(&self, offset: u32) -> Timing {
+    pub(crate) fn shifted(&self, offset: u32) -> Timing {
         Timing { offset, ..self.clone() }
     }
 
@@ -85,7 +85,7 @@ impl Timing {
 
 /// Number of steps by which a light may leave its clock.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Leeway {
+pub(crate) struct Leeway {
     /// To give an unused green away.
     pub early: u32,
     /// To hold a green for a car that is almost there.
@@ -96,7 +96,7 @@ impl Leeway {
     /// No leeway, as fixed-time lights have.
     pub const NONE: Leeway = Leeway { early: 0, late: 0 };
     /// The most steps of either kind.
-    pub const MOST: u32 = 60;
+    pub(crate) const MOST: u32 = 60;
 }
 
 /// Returns the leeway that is best on 5x5 with 10 steps of green: 5 early or 4 late are worse there.
@@ -110,7 +110,7 @@ impl Default for Leeway {
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct ClockPlan {
     pub timings: Vec<Timing>,
-    pub leeway: Leeway,
+    pub(crate) leeway: Leeway,
 }
 
 #[cfg(test)]

@@ -26,7 +26,7 @@ const SATURATION_PER_H: f64 = 1580.0;
 const EPISODES: u32 = 5;
 
 /// The measurement that the timings are computed from.
-pub struct TimingPlan {
+pub(crate) struct TimingPlan {
     episodes: u32,
     saturation_per_h: f64,
 }
@@ -56,7 +56,7 @@ impl TimingPlan {
     }
 
     /// Measures the flows and returns the flow ratios of the greens of each light.
-    pub fn ratios(&self, plans: &[AgentPlan], trials: &dyn Trials) -> Result<Vec<FlowRatios>> {
+    pub(crate) fn ratios(&self, plans: &[AgentPlan], trials: &dyn Trials) -> Result<Vec<FlowRatios>> {
         let Flows { cars, seconds } = if are_of_a_grid(plans) {
             flows::measure(plans, trials, self.episodes, FixedTime::new(clock_text::usual(plans)))?
         } else {

@@ -15,7 +15,7 @@ pub fn dead_end(junction: &Element, is_left: impl Fn(&str) -> bool) -> Element {
 }
 
 /// Returns a dead end at the place of another junction, under its own name, for the lanes of `edge`.
-pub fn dead_end_of(edge: &Element, junction: &Element, id: &str) -> Element {
+pub(crate) fn dead_end_of(edge: &Element, junction: &Element, id: &str) -> Element {
     let lanes: Vec<&str> = edge.all("lane").filter_map(|lane| lane.attribute("id")).collect();
     let mut end = dead_end(junction, |_| false);
     set(&mut end, "id", id);

@@ -12,7 +12,7 @@ pub struct LocalNet {
     /// Light that it was cut out for.
     pub light: String,
     /// Lanes for cars on the edges that begin at the border.
-    pub entry_lanes: Vec<String>,
+    pub(crate) entry_lanes: Vec<String>,
     /// Edges that end at the border.
     pub exits: Vec<Exit>,
     /// Light at the ends of the exits. `None`: all exits are dead ends.
@@ -60,14 +60,14 @@ pub(super) struct Parts {
     pub lights: Vec<Element>,
     pub junctions: Vec<Element>,
     pub connections: Vec<Element>,
-    pub roundabouts: Vec<Element>,
+    pub(crate) roundabouts: Vec<Element>,
 }
 
 impl Parts {
     /// Number of kinds of elements in [`Parts::in_order`], and the places of two of them.
-    pub const KINDS: usize = 5;
-    pub const EDGES: usize = 0;
-    pub const JUNCTIONS: usize = 2;
+    pub(crate) const KINDS: usize = 5;
+    pub(crate) const EDGES: usize = 0;
+    pub(crate) const JUNCTIONS: usize = 2;
 
     /// Returns the elements that are not shared, by kind, in the order that SUMO needs.
     pub fn in_order(&self) -> [&[Element]; Parts::KINDS] {

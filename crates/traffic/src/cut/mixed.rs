@@ -21,7 +21,7 @@ use super::names::free_name;
 use crate::network::xml::{Xml, leaf, nest};
 
 /// Name of the road apart from all nets, and of the route on it. No prefix begins like this.
-pub const APART: &str = "apart";
+pub(crate) const APART: &str = "apart";
 
 /// A forest as SUMO loads it. Its rows are numbered from 0.
 #[derive(Clone, Debug)]
@@ -61,7 +61,7 @@ impl MixedForest {
 
 /// One local net under its own names, with the road apart. Its lanes have the same numbers as those of a first row.
 #[derive(Clone, Debug)]
-pub struct Alone {
+pub(crate) struct Alone {
     /// Text of the net.
     pub net: String,
     /// Name of the road apart, which no other road has.

@@ -8,7 +8,7 @@ use crate::network::tree::Element;
 use crate::network::xml::{Xml, leaf, nest};
 
 /// Returns a name with a prefix.
-pub fn prefixed(prefix: &str, id: &str) -> String {
+pub(crate) fn prefixed(prefix: &str, id: &str) -> String {
     match id.strip_prefix(':') {
         // SUMO knows internal edges and lanes by the colon, and finds their junction by the name after it.
         Some(internal) => format!(":{prefix}{internal}"),
@@ -17,7 +17,7 @@ pub fn prefixed(prefix: &str, id: &str) -> String {
 }
 
 /// Returns a name that is not taken: this one, or the first free of it with `_2`, `_3` and so on.
-pub fn free_name(name: &str, is_taken: impl Fn(&str) -> bool) -> String {
+pub(crate) fn free_name(name: &str, is_taken: impl Fn(&str) -> bool) -> String {
     let numbered = (2..).map(|number| format!("{name}_{number}"));
     let mut names = [name.to_owned()].into_iter().chain(numbered);
     names.find(|name| !is_taken(name)).expect("numbers go on")

@@ -49,7 +49,7 @@ fn check_known(scenario: &SumoScenario, roads: &Roads, light: &str) -> Result<()
 /// Cuts out the regions of all agents of a scenario, in their order.
 ///
 /// Errors: regions cannot be cut out. The error names all their lights.
-pub fn cut_all(scenario: &SumoScenario, derived: &Derived) -> Result<Vec<LocalNet>> {
+pub(crate) fn cut_all(scenario: &SumoScenario, derived: &Derived) -> Result<Vec<LocalNet>> {
     let roads = scenario.roads()?;
     let programs = scenario.additional().flat_map(|root| root.all("tlLogic")).collect();
     let source = Source::new(scenario.net(), &roads, programs);
@@ -74,7 +74,7 @@ pub fn cut_all(scenario: &SumoScenario, derived: &Derived) -> Result<Vec<LocalNe
 }
 
 /// Returns the text of an additional file with the vehicle types of a scenario.
-pub fn types_of(scenario: &SumoScenario) -> String {
+pub(crate) fn types_of(scenario: &SumoScenario) -> String {
     types(&kinds(scenario))
 }
 

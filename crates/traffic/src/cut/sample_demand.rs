@@ -14,7 +14,7 @@ use crate::network::xml::{Xml, document, element, leaf};
 /// Cars per hour on each entry, shared among the exits.
 const CARS_PER_HOUR: f64 = 360.0;
 /// Second at which the last cars come.
-pub const END_S: &str = "3600";
+pub(crate) const END_S: &str = "3600";
 
 /// Returns the text of an additional file with these types.
 pub fn types(types: &[&Element]) -> String {

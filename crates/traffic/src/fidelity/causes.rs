@@ -10,7 +10,7 @@ use dials_core::base::AgentId;
 use dials_core::domain::Result;
 
 /// Length below which a road is short, in metres: a car is through in a few seconds, and chooses its lane before.
-pub const SHORT_M: f64 = 30.0;
+pub(crate) const SHORT_M: f64 = 30.0;
 /// How far behind its beginning the last car of a full exit stands at most, in metres: another one does not fit in.
 const FULL_M: f64 = 15.0;
 /// Speed below which a car on an exit is in a jam, in metres per second.

@@ -11,19 +11,19 @@ pub const LEAST_TRUE: f64 = 0.8;
 /// The same with sampled entries.
 pub const LEAST_SAMPLED: f64 = 0.7;
 /// Least precision and recall of two LSs with other random numbers. Below it they are no measure for a third one.
-pub const LEAST_OTHER: f64 = 0.6;
+pub(crate) const LEAST_OTHER: f64 = 0.6;
 /// Least and most cells that the LS has for one of the global simulator (GS), with sampled entries.
 pub const CELLS: [f64; 2] = [0.85, 1.15];
 /// Least and most cars that cross the stop lines in the LS for one in the GS, with sampled entries.
-pub const PASSED: [f64; 2] = [0.9, 1.1];
+pub(crate) const PASSED: [f64; 2] = [0.9, 1.1];
 /// Least number of cars that cross the stop lines in the GS. Of fewer, a single one is more than [`PASSED`] allows.
-pub const LEAST_PASSED: u64 = 10;
+pub(crate) const LEAST_PASSED: u64 = 10;
 /// Largest share of the seconds in which cars stand at green because their exit is full.
-pub const MOST_SPILLBACK: f64 = 0.03;
+pub(crate) const MOST_SPILLBACK: f64 = 0.03;
 /// Largest share of the cars that come in by short roads.
-pub const MOST_SHORT: f64 = 0.25;
+pub(crate) const MOST_SHORT: f64 = 0.25;
 /// Largest share of the cars that find no room at the border, and wait there or are left out.
-pub const MOST_WITHOUT_ROOM: f64 = 0.1;
+pub(crate) const MOST_WITHOUT_ROOM: f64 = 0.1;
 
 /// Returns why the LS of a light should not be trusted, a line. `None`: it is like the GS.
 pub fn doubt(found: &LightFidelity) -> Option<String> {

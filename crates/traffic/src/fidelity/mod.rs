@@ -77,7 +77,7 @@ impl<'a> Fidelity<'a> {
             Some(parts) => Box::new(OnScenario { traffic, truth, parts, tables: truth.tables(traffic) }),
             None => Box::new(OnGrid { traffic, truth }),
         };
-        Ok(Fidelity { traffic, truth, window, again, is_random: traffic.ground.is_random() })
+        Ok(Fidelity { traffic, truth, window, again, is_random: traffic.about().is_random })
     }
 
     /// Measures a light. SUMO must not be loaded elsewhere in this process.

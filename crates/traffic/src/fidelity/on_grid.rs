@@ -14,7 +14,7 @@ use dials_core::domain::{Beginning, LocalSimulator, Result};
 use libsumo::{CarTable, DepartSpeed};
 
 /// A recorded episode of a grid.
-pub struct OnGrid<'a> {
+pub(crate) struct OnGrid<'a> {
     pub traffic: &'a Traffic,
     pub truth: &'a Truth,
 }

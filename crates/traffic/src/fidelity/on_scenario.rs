@@ -17,7 +17,7 @@ use dials_core::domain::Result;
 use libsumo::{CarTable, DepartSpeed, Entering as EnteringCar, Error, Insertion, Placing};
 
 /// A recorded episode of a scenario.
-pub struct OnScenario<'a> {
+pub(crate) struct OnScenario<'a> {
     pub traffic: &'a Traffic,
     pub truth: &'a Truth,
     pub parts: Arc<LocalParts>,

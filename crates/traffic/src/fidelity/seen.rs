@@ -11,7 +11,7 @@ use crate::sim::metrics::passed;
 use libsumo::{CarId, CarTable};
 
 /// How far before the stop lines cells are compared, in metres.
-pub const COMPARED_M: f64 = 200.0;
+pub(crate) const COMPARED_M: f64 = 200.0;
 
 /// What a simulator shows of a light in a window of the episode.
 #[derive(Clone, Debug)]

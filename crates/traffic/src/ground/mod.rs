@@ -8,30 +8,51 @@ pub mod on_scenario;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
+use crate::network::loadable::Loadable;
 use crate::network::roads::Roads;
 use crate::paper_grid::grid::Grid;
 use crate::sim::local::LocalTraffic;
 use crate::sim::local_forest::LocalParts;
 use crate::sim::recorded_roads::RecordedRoads;
 use crate::sim::recording::Tape;
-use crate::sim::source::Source;
 use crate::sim::trace::route::Route;
 use dials_core::domain::{Result, RoughCosts, Scenario};
 
-/// A road network with its cars.
-pub trait Ground: Send + Sync {
-    /// Returns the grid, if it is one.
-    fn grid(&self) -> Option<Grid>;
+/// What is known of a place as soon as it was read.
+pub struct About {
+    /// The grid, if it is one.
+    pub grid: Option<Grid>,
+    /// Number of decisions in an episode.
+    pub horizon: usize,
+    /// Why SUMO cannot load the actuated programs of the lights, if it cannot. SUMO's own error would come after it has
+    /// taken all memory.
+    pub(crate) refuses_actuated: Option<String>,
+    /// Message about files that SUMO cannot simulate, with the way out.
+    pub(crate) cannot_be_simulated: String,
+    /// See [`dials_core::domain::Domain::rough_costs`].
+    pub rough_costs: RoughCosts,
+    /// Name of the reward, if it is another one than the usual.
+    pub(crate) unusual_reward: Option<String>,
+    /// See [`dials_core::domain::Domain::strange_files`].
+    pub strange_files: Vec<PathBuf>,
+    /// See [`dials_core::domain::Domain::left_out`].
+    pub left_out: Vec<String>,
+    /// Number to add to the output bias of action 1 of a new policy.
+    pub(crate) switch_bias: f32,
+    /// Whether cars dawdle at random. The speed factors of cars do not count.
+    pub is_random: bool,
+    /// Returns whether an agent is stuck that ends this share of its green steps.
+    pub(crate) is_stuck: fn(f64) -> bool,
+    /// Controller to compare a run with.
+    pub rival: &'static str,
+}
 
-    /// Returns the number of steps in an episode.
-    fn horizon(&self) -> usize;
+/// A road network with its cars.
+pub(crate) trait Ground: Send + Sync {
+    fn about(&self) -> &About;
 
     /// Puts everything that the GS (global simulator) loads into memory.
-    fn source(&self) -> Result<Source>;
-
-    /// Returns an error if SUMO cannot load the actuated programs of the lights. SUMO's own error would come after it has
-    /// taken all memory.
-    fn check_actuated(&self) -> Result<()>;
+    fn source(&self) -> Result<Loadable>;
 
     /// Returns all roads, for pictures.
     fn roads(&self) -> Result<Roads>;
@@ -52,42 +73,15 @@ pub trait Ground: Send + Sync {
     /// Loads the local simulator, if there is one, and plays a step. An error names the file.
     fn try_local(&self) -> Result<()>;
 
-    /// Returns the message about files that SUMO cannot simulate, with the way out.
-    fn cannot_be_simulated(&self) -> String;
-
     /// Describes what is simulated.
     fn scenario(&self, agents: usize) -> Result<Scenario>;
 
-    /// See [`dials_core::domain::Domain::rough_costs`].
-    fn rough_costs(&self) -> RoughCosts;
-
-    /// Returns the name of the reward, if it is another one than the usual.
-    fn unusual_reward(&self) -> Option<String>;
-
     /// Returns the name and the CRC-32 that timings of lights are tuned for.
     fn identity(&self) -> (String, u32);
-
-    /// Returns the files of which it is not known that SUMO survives them.
-    fn strange_files(&self) -> Vec<PathBuf>;
-
-    /// See [`dials_core::domain::Domain::left_out`].
-    fn left_out(&self) -> Vec<String>;
 
     /// See [`dials_core::domain::Domain::check_place`].
     fn check_place(&self, folder: &Path) -> Result<()>;
 
     /// See [`dials_core::domain::Domain::keep_files`].
     fn keep_files(&self, folder: &Path) -> Result<Vec<PathBuf>>;
-
-    /// Returns what to add to the output biases of a new policy, per action.
-    fn initial_action_bias(&self, actions: usize) -> Vec<f32>;
-
-    /// Returns whether cars dawdle at random. The speed factors of cars do not count.
-    fn is_random(&self) -> bool;
-
-    /// Returns whether an agent is stuck that ends this share of its green steps.
-    fn is_stuck(&self, p_switch: f64) -> bool;
-
-    /// Returns the controller to compare a run with.
-    fn rival(&self) -> &'static str;
 }

@@ -5,21 +5,22 @@ use std::sync::Arc;
 
 use anyhow::{Context, bail, ensure};
 
-use super::Ground;
+use super::{About, Ground};
 use crate::agents::region;
 use crate::config::{Reward, RewardTerm, TrafficConfig};
 use crate::light;
 use crate::network::contents::Network;
 use crate::network::files::NetworkFiles;
+use crate::network::loadable::Loadable;
 use crate::network::roads::Roads;
 use crate::network::way_out::{Role, cannot_be_simulated};
 use crate::paper_grid::grid::Grid;
+use crate::paper_grid::plans::plans;
 use crate::paper_grid::recognise::{recognise_grid, recognise_local};
 use crate::sim::local::{self, LocalTraffic};
 use crate::sim::local_forest::LocalParts;
 use crate::sim::recorded_roads::RecordedRoads;
 use crate::sim::recording::Tape;
-use crate::sim::source::Source;
 use crate::sim::trace::route::Route;
 use dials_core::base::Rows;
 use dials_core::domain::{Beginning, FirstRow, LocalSimulator, Map, Result, RoughCosts, Scenario};
@@ -28,6 +29,16 @@ use dials_core::domain::{Beginning, FirstRow, LocalSimulator, Map, Result, Rough
 /// 0.1 to 0.3. The local optimum of switching almost always is near 1, and random weights are near 0.5.
 const STUCK_ABOVE: f64 = 0.75;
 
+/// Measured with traffic_4.toml and traffic_100.toml.
+const ROUGH_COSTS: RoughCosts = RoughCosts {
+    training_s: 37e-6,
+    training_on_gs_s: 40e-6,
+    influence_s: 1.6e-6,
+    evaluation_s: 25e-6,
+    process_mb: 120.0,
+    agent_mb: 4.0,
+};
+
 /// Names of the two networks in a run directory, the same in every run directory.
 const KEPT_AS: [&str; 2] = ["global", "local"];
 
@@ -35,12 +46,11 @@ const KEPT_AS: [&str; 2] = ["global", "local"];
 const LOCAL_NETWORK: &str = "traffic.local_network";
 
 /// A grid with its files.
-pub struct OnGrid {
+pub(crate) struct OnGrid {
+    about: About,
     grid: Grid,
     network: Network,
     local_network: Network,
-    /// Nets that hold more than this program writes.
-    strange: Vec<PathBuf>,
     config: TrafficConfig,
 }
 
@@ -53,14 +63,25 @@ impl OnGrid {
         local.check()?;
         let local = recognise_local(&local)?;
         let global = recognise_grid(&global)?;
-        let strange = [&local, &global].into_iter().filter(|found| !found.is_ours);
-        Ok(OnGrid {
-            grid: global.grid,
-            strange: strange.map(|found| found.network.files.net.clone()).collect(),
-            network: global.network,
-            local_network: local.network,
-            config: config.clone(),
-        })
+        let (grid, network, local_network) = (global.grid, global.network, local.network);
+        let reward = &config.reward;
+        let about = About {
+            grid: Some(grid),
+            horizon: config.horizon,
+            refuses_actuated: None,
+            cannot_be_simulated: cannot_be_simulated(&network.files.net, Role::Global),
+            rough_costs: ROUGH_COSTS,
+            unusual_reward: (*reward != Reward::from(RewardTerm::MeanSpeed)).then(|| reward.name()),
+            strange_files: [&network, &local_network].map(|network| network.files.net.clone()).to_vec(),
+            left_out: Vec::new(),
+            // DEVIATION 11: our configs begin with a bias against switching, so that fewer agents get stuck in switching
+            // always.
+            switch_bias: config.initial_switch_bias,
+            is_random: false,
+            is_stuck: |p_switch| p_switch > STUCK_ABOVE,
+            rival: "actuated",
+        };
+        Ok(OnGrid { about, grid, network, local_network, config: config.clone() })
     }
 
     /// Returns its grid.
@@ -79,28 +100,20 @@ impl OnGrid {
 }
 
 impl Ground for OnGrid {
-    fn grid(&self) -> Option<Grid> {
-        Some(self.grid)
+    fn about(&self) -> &About {
+        &self.about
     }
 
-    fn horizon(&self) -> usize {
-        self.config.horizon
-    }
-
-    fn source(&self) -> Result<Source> {
-        Ok(Source::Grid(self.network.for_sumo()?))
-    }
-
-    fn check_actuated(&self) -> Result<()> {
-        Ok(())
+    fn source(&self) -> Result<Loadable> {
+        self.network.for_sumo()
     }
 
     fn roads(&self) -> Result<Roads> {
-        Roads::read(&self.network.net.root).with_context(|| self.network.files.net.display().to_string())
+        self.network.roads()
     }
 
     fn recorded(&self) -> Result<RecordedRoads> {
-        RecordedRoads::of_grid(self.grid, &self.network)
+        RecordedRoads::of_grid(self.grid, &self.network, plans(self.grid, &self.config))
     }
 
     fn route(&self, _edges: &str) -> Result<Route> {
@@ -119,50 +132,21 @@ impl Ground for OnGrid {
         self.play_local_step().with_context(|| cannot_be_simulated(&self.local_network.files.net, Role::Local))
     }
 
-    fn cannot_be_simulated(&self) -> String {
-        cannot_be_simulated(&self.network.files.net, Role::Global)
-    }
-
     fn scenario(&self, agents: usize) -> Result<Scenario> {
-        let scenario = Scenario::new("traffic", agents, self.config.horizon);
+        let scenario = Scenario::new("traffic", agents, self.about.horizon);
         let map = Map { rows: self.grid.rows(), columns: self.grid.cols(), first_row: FirstRow::Bottom };
         let local_network = (LOCAL_NETWORK.to_owned(), self.local_network.checksum());
         Ok(scenario.with_map(map).with_checksum(self.network.checksum()).with_files([local_network]))
     }
 
-    /// Measured with traffic_4.toml and traffic_100.toml.
-    fn rough_costs(&self) -> RoughCosts {
-        RoughCosts {
-            training_s: 37e-6,
-            training_on_gs_s: 40e-6,
-            influence_s: 1.6e-6,
-            evaluation_s: 25e-6,
-            process_mb: 120.0,
-            agent_mb: 4.0,
-        }
-    }
-
-    fn unusual_reward(&self) -> Option<String> {
-        let reward = &self.config.reward;
-        (*reward != Reward::from(RewardTerm::MeanSpeed)).then(|| reward.name())
-    }
-
     fn identity(&self) -> (String, u32) {
         let name = self.network.files.net.file_name().unwrap_or_default().to_string_lossy();
         // Timings are tuned for the greatest return, so for a reward.
-        let checksum = match self.unusual_reward() {
+        let checksum = match &self.about.unusual_reward {
             None => self.network.checksum(),
             Some(reward) => crc32fast::hash(format!("{:08x} {reward}", self.network.checksum()).as_bytes()),
         };
         (name.strip_suffix(".net.xml").unwrap_or(&name).to_owned(), checksum)
-    }
-
-    fn strange_files(&self) -> Vec<PathBuf> {
-        self.strange.clone()
-    }
-
-    fn left_out(&self) -> Vec<String> {
-        Vec::new()
     }
 
     fn check_place(&self, folder: &Path) -> Result<()> {
@@ -175,23 +159,5 @@ impl Ground for OnGrid {
             network.copy_to(folder, name)?;
         }
         Ok(KEPT_AS.map(PathBuf::from).to_vec())
-    }
-
-    /// DEVIATION 11: our configs begin with a bias against switching, so that fewer agents get stuck in switching
-    /// always.
-    fn initial_action_bias(&self, _actions: usize) -> Vec<f32> {
-        vec![0.0, self.config.initial_switch_bias]
-    }
-
-    fn is_random(&self) -> bool {
-        false
-    }
-
-    fn is_stuck(&self, p_switch: f64) -> bool {
-        p_switch > STUCK_ABOVE
-    }
-
-    fn rival(&self) -> &'static str {
-        "actuated"
     }
 }

@@ -6,7 +6,7 @@ use std::sync::{Arc, OnceLock};
 
 use anyhow::{Context, anyhow, bail};
 
-use super::Ground;
+use super::{About, Ground};
 use crate::agents::derive::border::Seconds;
 use crate::agents::derive::greens::Greens;
 use crate::agents::derive::keeping::sentences;
@@ -19,17 +19,15 @@ use crate::controllers::actuated::{self, Light, ProgramPhase};
 use crate::cut::names::free_name;
 use crate::cut::of_scenario::{cut_all, types_of};
 use crate::network::files::for_sumo;
-use crate::network::memory_file::MemoryFile;
+use crate::network::loadable::Loadable;
 use crate::network::roads::Roads;
 use crate::network::roads::program::Program;
-use crate::paper_grid::grid::Grid;
 use crate::scenario::SumoScenario;
 use crate::scenario::kept::KEPT;
 use crate::sim::local::LocalTraffic;
 use crate::sim::local_forest::{LocalParts, driving_options};
 use crate::sim::recorded_roads::RecordedRoads;
 use crate::sim::recording::Tape;
-use crate::sim::source::Source;
 use crate::sim::trace::route::Route;
 use dials_core::domain::{DomainTable, Kinds, RegionSpec, Result, RoughCosts, Scenario, SourceSpec};
 use dials_core::outside::quoted;
@@ -40,14 +38,13 @@ use dials_core::outside::quoted;
 const STUCK_BELOW: f64 = 1.0 / 300.0;
 
 /// A scenario with the agents that were derived from it.
-pub struct OnScenario {
+pub(crate) struct OnScenario {
+    about: About,
     files: SumoScenario,
     derived: Derived,
     /// Borders of the agents' regions.
     borders: Vec<Border>,
     config: ScenarioConfig,
-    /// A light whose actuated program SUMO refuses, and its two letters whose cars yield to each other.
-    refuses_actuated: Option<(String, [usize; 2])>,
     /// What local simulators are made of, once they were.
     local: OnceLock<Arc<LocalParts>>,
 }
@@ -71,14 +68,38 @@ impl OnScenario {
         let borders = derived.borders(&roads, &files.departs_on(&roads), config.approach_m, seconds);
         let refuses_actuated = derived.agents.iter().find_map(|Agent { program, .. }| {
             let states: Vec<_> = program.phases.iter().map(|phase| &phase.state).collect();
-            Some((program.light.clone(), roads.waiting_for_each_other(&program.light, &states)?))
+            let [one, other] = roads.waiting_for_each_other(&program.light, &states)?;
+            Some(format!(
+                "{}: SUMO refuses the programs that the controller `actuated` needs here: light `{}` gives `g` to the \
+                 letters {one} and {other} at once, whose cars yield to each other; choose another controller",
+                place(),
+                program.light
+            ))
         });
-        let config = config.clone();
-        Ok(OnScenario { files, derived, borders, config, refuses_actuated, local: OnceLock::new() })
+        let keeps = sentences(&derived.keeping).into_iter().map(|(sentence, _)| sentence);
+        let about = About {
+            grid: None,
+            horizon: config.horizon(),
+            refuses_actuated,
+            cannot_be_simulated: format!(
+                "{}: SUMO cannot simulate this scenario; try it with: sumo -c {}",
+                place(),
+                quoted(files.path())
+            ),
+            rough_costs: rough_costs(f64::from(config.decision_s)),
+            unusual_reward: (config.reward != Reward::default()).then(|| config.reward.name()),
+            strange_files: vec![files.path().to_owned()],
+            left_out: files.left_out().iter().cloned().chain(keeps).collect(),
+            switch_bias: 0.0,
+            is_random: files.dawdles(),
+            is_stuck: |p_switch| p_switch < STUCK_BELOW,
+            rival: "program",
+        };
+        Ok(OnScenario { about, files, derived, borders, config: config.clone(), local: OnceLock::new() })
     }
 
     /// Returns the plan of its agents. They are of one kind, as wide as the widest of them needs.
-    pub fn joint_plan(&self) -> JointPlan {
+    pub(crate) fn joint_plan(&self) -> JointPlan {
         let agents = self.derived.plans();
         let sources = self.borders.iter().map(|border| border.plan.sources()).collect();
         let kinds = Kinds::one(agents.len(), self.spec(&agents)).with_sources(sources);
@@ -104,6 +125,20 @@ impl OnScenario {
             horizon: self.config.horizon(),
             local_horizon: self.config.local_horizon(),
         }
+    }
+}
+
+/// Measured with runs on the shipped town and on RESCO's maps, with decisions of 5 s. Between these maps a second of a
+/// light differs by a factor of four: lights have from 4 to 20 lanes, and jams cost time.
+fn rough_costs(decision_s: f64) -> RoughCosts {
+    const LEARNING_S: f64 = 15e-6;
+    RoughCosts {
+        training_s: LEARNING_S + decision_s * 40e-6,
+        training_on_gs_s: LEARNING_S + decision_s * 45e-6,
+        influence_s: decision_s * 13e-6,
+        evaluation_s: decision_s * 60e-6,
+        process_mb: 120.0,
+        agent_mb: 4.0,
     }
 }
 
@@ -138,35 +173,18 @@ fn actuated_light<'a>(program: &'a Program, cars: &BTreeSet<usize>) -> Light<'a>
 }
 
 impl Ground for OnScenario {
-    fn grid(&self) -> Option<Grid> {
-        None
+    fn about(&self) -> &About {
+        &self.about
     }
 
-    fn horizon(&self) -> usize {
-        self.config.horizon()
-    }
-
-    fn source(&self) -> Result<Source> {
+    fn source(&self) -> Result<Loadable> {
         let agents = self.derived.agents.iter();
         let lights = agents.map(|Agent { plan, program, .. }| actuated_light(program, plan.phases.cars()));
         let roots = [self.files.net()].into_iter().chain(self.files.additional());
         let taken: HashSet<&str> =
             roots.flat_map(|root| root.all("tlLogic")).filter_map(|light| light.attribute("programID")).collect();
         let program = free_name(actuated::PROGRAM, |name| taken.contains(name));
-        let actuated = MemoryFile::new(&actuated::programs(&program, lights))?;
-        Ok(Source::Scenario { files: self.files.for_sumo()?, actuated, program })
-    }
-
-    fn check_actuated(&self) -> Result<()> {
-        match &self.refuses_actuated {
-            Some((light, [one, other])) => bail!(
-                "{}: SUMO refuses the programs that the controller `actuated` needs here: light `{}` gives `g` to the \
-                 letters {one} and {other} at once, whose cars yield to each other; choose another controller",
-                self.files.path().display(),
-                light
-            ),
-            None => Ok(()),
-        }
+        self.files.for_sumo(&actuated::programs(&program, lights), &program)
     }
 
     fn roads(&self) -> Result<Roads> {
@@ -205,49 +223,16 @@ impl Ground for OnScenario {
         Ok(())
     }
 
-    fn cannot_be_simulated(&self) -> String {
-        let path = self.files.path();
-        format!("{}: SUMO cannot simulate this scenario; try it with: sumo -c {}", path.display(), quoted(path))
-    }
-
     fn scenario(&self, agents: usize) -> Result<Scenario> {
-        let scenario = Scenario::new("traffic", agents, self.horizon()).with_checksum(self.files.checksum());
+        let scenario = Scenario::new("traffic", agents, self.about.horizon).with_checksum(self.files.checksum());
         let name = self.files.path().file_stem().unwrap_or_default().to_string_lossy();
         // A copy in a run directory has lost the name.
         Ok(if name == KEPT { scenario } else { scenario.with_name(&name) })
     }
 
-    /// Measured with runs on the shipped town and on RESCO's maps, with decisions of 5 s. Between these maps a second of a
-    /// light differs by a factor of four: lights have from 4 to 20 lanes, and jams cost time.
-    fn rough_costs(&self) -> RoughCosts {
-        let seconds = f64::from(self.config.decision_s);
-        const LEARNING_S: f64 = 15e-6;
-        RoughCosts {
-            training_s: LEARNING_S + seconds * 40e-6,
-            training_on_gs_s: LEARNING_S + seconds * 45e-6,
-            influence_s: seconds * 13e-6,
-            evaluation_s: seconds * 60e-6,
-            process_mb: 120.0,
-            agent_mb: 4.0,
-        }
-    }
-
-    fn unusual_reward(&self) -> Option<String> {
-        (self.config.reward != Reward::default()).then(|| self.config.reward.name())
-    }
-
     fn identity(&self) -> (String, u32) {
         let name = self.files.path().file_stem().unwrap_or_default().to_string_lossy();
         (name.into_owned(), self.files.checksum())
-    }
-
-    fn strange_files(&self) -> Vec<PathBuf> {
-        self.files.files()
-    }
-
-    fn left_out(&self) -> Vec<String> {
-        let keeps = sentences(&self.derived.keeping).into_iter().map(|(sentence, _)| sentence);
-        self.files.left_out().iter().cloned().chain(keeps).collect()
     }
 
     fn check_place(&self, folder: &Path) -> Result<()> {
@@ -256,22 +241,6 @@ impl Ground for OnScenario {
 
     fn keep_files(&self, folder: &Path) -> Result<Vec<PathBuf>> {
         self.files.keep_in(folder)
-    }
-
-    fn initial_action_bias(&self, actions: usize) -> Vec<f32> {
-        vec![0.0; actions]
-    }
-
-    fn is_random(&self) -> bool {
-        self.files.dawdles()
-    }
-
-    fn is_stuck(&self, p_switch: f64) -> bool {
-        p_switch < STUCK_BELOW
-    }
-
-    fn rival(&self) -> &'static str {
-        "program"
     }
 }
 

@@ -6,13 +6,16 @@
 use std::path::Path;
 use std::sync::Arc;
 
-use anyhow::{Context, Error, Result, anyhow, ensure};
+use anyhow::{Context, Result, ensure};
 
 use super::files::{NetworkFiles, config};
-use super::memory_file::MemoryFile;
+use super::loadable::Loadable;
+use super::roads::Roads;
 use super::tree::{Element, parse_file, read_whole};
 use super::way_out::{Role, cannot_be_simulated, no_such_network};
 use super::{other_files, xml};
+use crate::controllers::actuated;
+use crate::sim::options;
 use dials_core::outside::write_together;
 
 /// The content of one file.
@@ -30,7 +33,7 @@ impl Content {
 
     /// Reads a file like [`Content::read`], but first changes what it holds. `clean` returns whether it changed anything;
     /// then copies hold no other byte of the file.
-    pub fn read_cleaned(path: &Path, clean: impl FnOnce(&mut Element) -> Result<bool>) -> Result<Content> {
+    pub(crate) fn read_cleaned(path: &Path, clean: impl FnOnce(&mut Element) -> Result<bool>) -> Result<Content> {
         let mut bytes = read_whole(path)?;
         let mut root = parse_file(path, &bytes)?;
         if clean(&mut root)? {
@@ -53,7 +56,7 @@ impl Content {
     }
 
     /// Reads the roads of a network.
-    pub fn read_net(net: &Path) -> Result<Content> {
+    pub(crate) fn read_net(net: &Path) -> Result<Content> {
         ensure!(net.exists(), no_such_network(net));
         let content = Content::read(net)?;
         let root = &content.root.name;
@@ -90,6 +93,11 @@ impl Network {
         })
     }
 
+    /// Reads the roads.
+    pub fn roads(&self) -> Result<Roads> {
+        Roads::read(&self.net.root).with_context(|| self.files.net.display().to_string())
+    }
+
     /// Returns the CRC-32 of what determines roads and cars: the net and its routes.
     pub fn checksum(&self) -> u32 {
         let mut hasher = crc32fast::Hasher::new();
@@ -114,56 +122,21 @@ impl Network {
 
     /// Puts the network where SUMO of this process can load it.
     pub fn for_sumo(&self) -> Result<Loadable> {
-        let [net, routes, actuated] =
-            [&self.net, &self.routes, &self.actuated].map(|content| MemoryFile::new(&content.text()));
-        Ok(Loadable { files: self.files.clone(), net: net?, routes: routes?, actuated: actuated? })
+        let NetworkFiles { net, routes, actuated, .. } = &self.files;
+        let loadable = Loadable::new(
+            actuated::PROGRAM,
+            (&self.net.text(), net),
+            &[(self.routes.text(), routes.clone())],
+            &[],
+            (&self.actuated.text(), actuated),
+        )?;
+        Ok(loadable.with(options::TIME))
     }
-}
-
-/// A network that SUMO of this process can load, any number of times.
-pub struct Loadable {
-    files: NetworkFiles,
-    pub net: MemoryFile,
-    pub routes: MemoryFile,
-    pub actuated: MemoryFile,
-}
-
-impl Loadable {
-    /// Returns an error of SUMO with the paths that the user knows.
-    pub fn explain(&self, error: &libsumo::Error) -> Error {
-        let Loadable { files, net, routes, actuated } = self;
-        explain(error, &[(net, &files.net), (routes, &files.routes), (actuated, &files.actuated)])
-    }
-}
-
-/// Returns an error of SUMO in which each file in memory has the path of the user's file that it was made of.
-pub fn explain(error: &libsumo::Error, names: &[(&MemoryFile, &Path)]) -> Error {
-    let told = names
-        .iter()
-        .fold(error.to_string(), |told, (memory, path)| renamed(&told, &memory.path(), &path.display().to_string()));
-    anyhow!(told)
-}
-
-/// Returns a text with one path replaced by another, but not where it is the beginning of a longer one.
-pub(crate) fn renamed(text: &str, path: &str, name: &str) -> String {
-    let mut pieces = text.split(path);
-    let mut told = pieces.next().unwrap_or_default().to_owned();
-    for piece in pieces {
-        told += if piece.starts_with(|letter: char| letter.is_ascii_digit()) { path } else { name };
-        told += piece;
-    }
-    told
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    #[test]
-    fn an_error_of_sumo_names_the_files_of_the_user() {
-        let told = renamed("could not load `/proc/self/fd/7` or `/proc/self/fd/71`", "/proc/self/fd/7", "a.net.xml");
-        assert_eq!(told, "could not load `a.net.xml` or `/proc/self/fd/71`");
-    }
 
     #[test]
     fn what_sumo_loads_is_what_was_read_whatever_happens_to_the_file() {

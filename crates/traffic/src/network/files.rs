@@ -50,7 +50,7 @@ impl NetworkFiles {
     }
 
     /// Returns an error if SUMO could not take the path of one of the files. The files need not exist.
-    pub fn check_paths(&self) -> Result<()> {
+    pub(crate) fn check_paths(&self) -> Result<()> {
         self.all().into_iter().try_for_each(|path| for_sumo(path).map(drop))
     }
 

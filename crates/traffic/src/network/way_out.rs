@@ -12,7 +12,7 @@ pub enum Role {
 }
 
 /// Returns the message about a network with an error in it, with the command that makes it anew.
-pub fn cannot_be_simulated(net: &Path, role: Role) -> String {
+pub(crate) fn cannot_be_simulated(net: &Path, role: Role) -> String {
     let named_local = net.file_name().is_some_and(|name| name == "local.net.xml");
     let way_out = match role {
         Role::Local if !named_local => make_local(),
@@ -22,12 +22,12 @@ pub fn cannot_be_simulated(net: &Path, role: Role) -> String {
 }
 
 /// Returns the advice if a local net is needed.
-pub fn make_local() -> String {
+pub(crate) fn make_local() -> String {
     "make one with: dials-traffic nets local --out DIR".to_owned()
 }
 
 /// Returns the message about a missing file of a network, with what to do about it.
-pub fn no_such_network(missing: &Path) -> String {
+pub(crate) fn no_such_network(missing: &Path) -> String {
     let named = missing.to_str().and_then(|path| path.strip_suffix(".net.xml")).map(Path::new);
     if let Some(file) = named.filter(|path| path.is_file()) {
         let (place, ending) = (file.display(), file.extension().unwrap_or_default());
@@ -49,7 +49,7 @@ pub fn no_such_network(missing: &Path) -> String {
 }
 
 /// Returns the command that makes the network that a file belongs to.
-pub fn command_for(path: &Path) -> String {
+pub(crate) fn command_for(path: &Path) -> String {
     let dir = path.parent().filter(|dir| !dir.as_os_str().is_empty()).unwrap_or(Path::new("."));
     let file = path.file_name().unwrap_or_default().to_string_lossy();
     let name = file.split('.').next().unwrap_or_default();

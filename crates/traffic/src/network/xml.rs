@@ -16,7 +16,7 @@ pub fn document(root: &str, fill: impl FnOnce(&mut Xml) -> io::Result<()>) -> St
     document_with(root, BARE, fill)
 }
 
-pub fn document_with<K: AsRef<str>, V: AsRef<str>>(
+pub(crate) fn document_with<K: AsRef<str>, V: AsRef<str>>(
     root: &str,
     attributes: impl IntoIterator<Item = (K, V)>,
     fill: impl FnOnce(&mut Xml) -> io::Result<()>,
@@ -61,7 +61,7 @@ pub fn nest<K: AsRef<str>, V: AsRef<str>>(
 }
 
 /// Writes an element with attributes only.
-pub fn leaf<K: AsRef<str>, V: AsRef<str>>(
+pub(crate) fn leaf<K: AsRef<str>, V: AsRef<str>>(
     xml: &mut Xml,
     name: &str,
     attributes: impl IntoIterator<Item = (K, V)>,

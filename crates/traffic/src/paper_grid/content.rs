@@ -12,12 +12,12 @@ use crate::network::xml::{Xml, document, leaf, nest};
 use crate::side::Side;
 
 /// Corner radius of an intersection (the authors' setup).
-pub const RADIUS_M: f64 = 6.2;
+pub(crate) const RADIUS_M: f64 = 6.2;
 /// SUMO's default width of a lane.
-pub const LANE_WIDTH_M: f64 = 3.2;
+pub(crate) const LANE_WIDTH_M: f64 = 3.2;
 /// Distance from the centre of an intersection to its stop lines: one lane of the crossing road plus the radius. So a
 /// lane inside an intersection is 18.8 m long, as in the authors' setup.
-pub const HALF_INTERSECTION_M: f64 = LANE_WIDTH_M + RADIUS_M;
+pub(crate) const HALF_INTERSECTION_M: f64 = LANE_WIDTH_M + RADIUS_M;
 /// Distance from a dead end to the centre of its intersection.
 const REACH_M: f64 = EDGE_M + HALF_INTERSECTION_M;
 /// Distance from centre to centre.
@@ -43,11 +43,11 @@ const VEHICLE_TYPE: [(&str, &str); 11] = [
 ];
 
 /// Deceleration above which braking is an emergency: the `decel` of the vehicle type.
-pub const DECEL_MPS2: f64 = 7.5;
+pub(crate) const DECEL_MPS2: f64 = 7.5;
 
 /// Seconds of each phase of the static program, in the order of [`Light::CYCLE`]. 10 s of green are our choice; any
 /// value would do as long as nobody controls. 3 s of yellow are the authors'.
-pub const STATIC_S: [&str; 4] = ["10", "3", "10", "3"];
+pub(crate) const STATIC_S: [&str; 4] = ["10", "3", "10", "3"];
 
 /// Returns the intersections and the dead ends with their places. The south-west intersection is at (0, 0).
 pub fn nodes(grid: Grid) -> String {

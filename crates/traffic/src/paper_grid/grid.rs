@@ -69,7 +69,7 @@ impl Grid {
     pub const SINGLE: Grid = Grid { rows: 1, cols: 1 };
 
     /// Largest number of intersections in a grid; the paper's largest has 100.
-    pub const MOST: usize = 10_000;
+    pub(crate) const MOST: usize = 10_000;
 
     pub fn new(rows: usize, cols: usize) -> Result<Grid> {
         ensure!(rows >= 1 && cols >= 1, "a grid of {rows}x{cols}: needs at least one row and one column");

@@ -23,7 +23,7 @@ const GREENS: [Light; 2] = [Light::VerticalGreen, Light::HorizontalGreen];
 const PROGRAM_GREEN_STEPS: u32 = 42;
 
 /// Returns the plan of a grid. Its agents are all of one kind.
-pub fn joint_plan(grid: Grid, config: &TrafficConfig) -> JointPlan {
+pub(crate) fn joint_plan(grid: Grid, config: &TrafficConfig) -> JointPlan {
     let kinds = Kinds::one(grid.agents().len(), region::spec(config));
     JointPlan {
         agents: plans(grid, config),

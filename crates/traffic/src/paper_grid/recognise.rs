@@ -20,9 +20,6 @@ const MOST_LETTERS: usize = 600;
 pub struct Recognised {
     pub grid: Grid,
     pub network: Network,
-    /// Whether its files hold nothing but what this program writes. If not, they also hold what is only drawn, in words
-    /// that SUMO may not expect.
-    pub is_ours: bool,
 }
 
 /// Reads a network once and finds the grid that it is made for.
@@ -32,8 +29,8 @@ pub struct Recognised {
 pub fn recognise_grid(files: &NetworkFiles) -> Result<Recognised> {
     let network = Network::read(files, Role::Global)?;
     let grid = shape_of(&files.net, &network.net.root)?;
-    let is_ours = compare_all(&network, grid, Some(INFLOW), || way_out(&files.net, grid))?;
-    Ok(Recognised { grid, network, is_ours })
+    compare_all(&network, grid, Some(INFLOW), || way_out(&files.net, grid))?;
+    Ok(Recognised { grid, network })
 }
 
 /// Reads the local network once. If it is another network: an error with the way out.
@@ -46,29 +43,24 @@ pub(crate) fn recognise_local(files: &NetworkFiles) -> Result<Recognised> {
         files.net.display(),
         make_local()
     );
-    let is_ours = compare_all(&network, grid, None, make_local)?;
-    Ok(Recognised { grid, network, is_ours })
+    compare_all(&network, grid, None, make_local)?;
+    Ok(Recognised { grid, network })
 }
 
-/// Compares all files of a network with what this program writes. Returns whether they hold nothing else.
-fn compare_all(network: &Network, grid: Grid, inflow: Option<f64>, way_out: impl Fn() -> String) -> Result<bool> {
+/// Compares all files of a network with what this program writes.
+fn compare_all(network: &Network, grid: Grid, inflow: Option<f64>, way_out: impl Fn() -> String) -> Result<()> {
     let Network { files, net, routes, actuated } = network;
     let pairs = [
         (&files.net, &net.root, expected::net(grid)),
         (&files.routes, &routes.root, expected::routes(grid, inflow)),
         (&files.actuated, &actuated.root, expected::actuated(grid)),
     ];
-    for (path, found, expected) in &pairs {
-        check_content(path, found, expected, &way_out)?;
+    for (path, found, expected) in pairs {
+        if let Some(difference) = compare::difference(found, &expected) {
+            bail!("{}: {}; {}", path.display(), beginning(&difference, MOST_LETTERS), way_out());
+        }
     }
-    Ok(pairs.iter().all(|(_, found, expected)| compare::holds_nothing_else(found, expected)))
-}
-
-fn check_content(path: &Path, found: &Element, expected: &Element, way_out: impl Fn() -> String) -> Result<()> {
-    match compare::difference(found, expected) {
-        Some(difference) => bail!("{}: {}; {}", path.display(), beginning(&difference, MOST_LETTERS), way_out()),
-        None => Ok(()),
-    }
+    Ok(())
 }
 
 /// Returns the command that remakes a network of this shape in its place, or in another directory if it has another

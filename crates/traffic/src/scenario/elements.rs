@@ -1,7 +1,7 @@
 //! Which elements the files of a scenario may hold.
 //!
-//! What only measures is left out, and the user is told. What changes traffic in a way that this program does not know
-//! is refused by its name. SUMO skips elements that it does not know; a typing error there must not go unseen.
+//! What only measures is left out, with a note. Everything else that this program does not know is refused: it may change
+//! traffic in a way that local simulators do not have, or SUMO skips it, as a typing error.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
@@ -10,6 +10,7 @@ use anyhow::{Result, bail};
 
 use super::ROUTE_FILES;
 use super::place::Place;
+use crate::network::roads::attributes::tag;
 use crate::network::tree::Element;
 use dials_core::outside::Printable;
 
@@ -29,42 +30,8 @@ const MEASURES: [&str; 12] = [
     "timedEvent",
 ];
 
-/// Elements that this program does not simulate, and what they are.
-const UNSUPPORTED: [(&str, &str); 30] = [
-    ("person", "persons"),
-    ("personFlow", "persons"),
-    ("personTrip", "persons"),
-    ("walk", "persons"),
-    ("ride", "persons"),
-    ("container", "containers"),
-    ("containerFlow", "containers"),
-    ("transport", "containers"),
-    ("tranship", "containers"),
-    ("stop", "stops"),
-    ("busStop", "stops"),
-    ("trainStop", "stops"),
-    ("ptLine", "public transport lines"),
-    ("containerStop", "stops"),
-    ("chargingStation", "charging stations"),
-    ("parkingArea", "parking areas"),
-    ("parkingSpace", "parking areas"),
-    ("access", "stops"),
-    ("rerouter", "rerouters"),
-    ("calibrator", "calibrators"),
-    ("variableSpeedSign", "changing speed limits"),
-    ("closingReroute", "rerouters"),
-    ("WAUT", "switches between programs"),
-    ("wautSwitch", "switches between programs"),
-    ("wautJunction", "switches between programs"),
-    ("overheadWireSegment", "overhead wires"),
-    ("overheadWireClamp", "overhead wires"),
-    ("tractionSubstation", "overhead wires"),
-    ("railSignalConstraints", "trains"),
-    ("insertionOrder", "trains"),
-];
-
 /// Elements that may stand in the root of a net.
-const IN_A_NET: [&str; 10] = [
+const IN_A_NET: &[&str] = &[
     "location",
     "type",
     "edge",
@@ -78,22 +45,34 @@ const IN_A_NET: [&str; 10] = [
     "poly",
 ];
 
-/// Elements that may stand in the root of other files, and in them.
-const IN_OTHERS: [(&str, &[&str]); 13] = [
-    ("vType", &["param"]),
-    ("vTypeDistribution", &["vType", "param"]),
-    ("route", &["param"]),
-    ("routeDistribution", &["route", "param"]),
-    ("vehicle", &["route", "routeDistribution", "param"]),
-    ("trip", &["param"]),
-    ("flow", &["route", "routeDistribution", "param"]),
-    ("taz", &["tazSource", "tazSink", "param"]),
-    ("tlLogic", &["phase", "param"]),
-    ("param", &[]),
-    ("location", &[]),
-    ("poly", &["param"]),
-    ("poi", &["param"]),
+/// Elements that may stand in the root of other files.
+const IN_OTHERS: &[&str] = &[
+    "vType",
+    "vTypeDistribution",
+    "route",
+    "routeDistribution",
+    "vehicle",
+    "trip",
+    "flow",
+    "taz",
+    "tlLogic",
+    "param",
+    "location",
+    "poly",
+    "poi",
 ];
+
+/// Returns the elements that may stand in another one.
+fn known_in(element: &str) -> &'static [&'static str] {
+    match element {
+        "vTypeDistribution" => &["vType", "param"],
+        "routeDistribution" => &["route", "param"],
+        "vehicle" | "flow" => &["route", "routeDistribution", "param"],
+        "taz" => &["tazSource", "tazSink", "param"],
+        "tlLogic" => &["phase", "param"],
+        _ => &["param"],
+    }
+}
 
 /// Elements that SUMO reads in additional files, and skips in route files without a word.
 const SKIPPED_IN_ROUTES: [&str; 2] = ["taz", "tlLogic"];
@@ -108,19 +87,19 @@ pub struct Left {
 
 impl Left {
     /// Returns a sentence for each file and kind.
-    pub fn told(&self) -> impl Iterator<Item = String> {
+    pub fn sentences(&self) -> impl Iterator<Item = String> {
         self.counts.iter().map(|((file, kind), count)| {
             format!("{file}: {count} x <{kind}>: this program measures and writes by itself")
         })
     }
 
     /// Returns an error if a light in this file asks a detector that was left out.
-    pub fn check_not_needed(&self, file: &Path, root: &Element) -> Result<()> {
+    pub(crate) fn check_not_needed(&self, file: &Path, root: &Element) -> Result<()> {
         for light in root.all("tlLogic") {
             let asked =
                 light.all("param").find(|param| param.attribute("value").is_some_and(|id| self.ids.contains(id)));
             if let Some(param) = asked {
-                let place = Place::new(file, light);
+                let place = Place { file, element: light };
                 let what = param.attribute("value").unwrap_or_default();
                 bail!(
                     "{place}: asks the detector {}, and this program leaves detectors out; remove the parameter, and \
@@ -146,60 +125,36 @@ pub fn clean(option: &str, file: &Path, root: &mut Element, left: &mut Left) -> 
         }
         !measures
     });
-    refuse_unsupported(file, root)?;
-    refuse_unknown(file, root)?;
+    let is_net = root.name == "net";
+    check_known(file, root, if is_net { IN_A_NET } else { IN_OTHERS })?;
+    if !is_net {
+        root.children.iter().try_for_each(|child| refuse_unknown_in(file, child))?;
+    }
     // A net in the place of demand is another mistake, with an error of its own.
-    if option == ROUTE_FILES && root.name != "net" {
-        refuse_skipped(file, root)?;
+    if option == ROUTE_FILES
+        && !is_net
+        && let Some(child) = root.children.iter().find(|child| SKIPPED_IN_ROUTES.contains(&&*child.name))
+    {
+        bail!(Place { file, element: child }.fault("SUMO skips it in a route file; move it to an additional file"));
     }
     Ok(root.children.len() < before)
 }
 
-fn refuse_unsupported(file: &Path, element: &Element) -> Result<()> {
-    for child in &element.children {
-        if let Some((_, what)) = UNSUPPORTED.iter().find(|(name, _)| *name == child.name) {
-            let inside = match element.attribute("id") {
-                Some(_) => format!(
-                    " in <{}",
-                    Place::new(file, element).to_string().split_once(": <").map_or("", |(_, tag)| tag)
-                ),
-                None => String::new(),
-            };
-            bail!("{}{inside}: this program does not simulate {what}; remove it", Place::new(file, child));
-        }
-        refuse_unsupported(file, child)?;
-    }
-    Ok(())
+fn refuse_unknown_in(file: &Path, element: &Element) -> Result<()> {
+    check_known(file, element, known_in(&element.name))?;
+    element.children.iter().try_for_each(|child| refuse_unknown_in(file, child))
 }
 
-fn refuse_skipped(file: &Path, root: &Element) -> Result<()> {
-    match root.children.iter().find(|child| SKIPPED_IN_ROUTES.contains(&&*child.name)) {
-        Some(child) => {
-            Err(Place::new(file, child).fault("SUMO skips it in a route file; move it to an additional file"))
-        }
+fn check_known(file: &Path, element: &Element, known: &[&str]) -> Result<()> {
+    // Parameters of a car-following model may stand in an element of their own.
+    let of_a_model = |child: &Element| element.name == "vType" && child.name.starts_with("carFollowing-");
+    match element.children.iter().find(|child| !known.contains(&&*child.name) && !of_a_model(child)) {
+        Some(child) => bail!(
+            "{}: {} in {}: this program does not simulate it; remove it",
+            file.display(),
+            tag(child),
+            tag(element)
+        ),
         None => Ok(()),
     }
-}
-
-fn refuse_unknown(file: &Path, root: &Element) -> Result<()> {
-    let unknown = |child| Place::new(file, child).fault("is no element that this program knows here; remove it");
-    for child in &root.children {
-        if root.name == "net" {
-            if !IN_A_NET.contains(&&*child.name) {
-                return Err(unknown(child));
-            }
-            continue;
-        }
-        let Some((_, inside)) = IN_OTHERS.iter().find(|(name, _)| *name == child.name) else {
-            return Err(unknown(child));
-        };
-        for inner in &child.children {
-            // Parameters of a car-following model may stand in an element of their own.
-            let of_a_model = child.name == "vType" && inner.name.starts_with("carFollowing-");
-            if !inside.contains(&&*inner.name) && !of_a_model {
-                return Err(unknown(inner));
-            }
-        }
-    }
-    Ok(())
 }

@@ -54,7 +54,7 @@ impl SumoScenario {
     }
 
     /// Returns the files of a folder in which plain SUMO plays an episode: names, which begin with `name`, and contents.
-    pub fn episode_files(&self, name: &str, episode: &Episode<'_>) -> Vec<(String, Vec<u8>)> {
+    pub(crate) fn episode_files(&self, name: &str, episode: &Episode<'_>) -> Vec<(String, Vec<u8>)> {
         let names = self.names(name);
         let mut files = self.copied(&names, |file| self.with_ends_of_flows(file));
         files.push((names.sumocfg.clone(), self.sumocfg(&names, Some(episode)).into_bytes()));

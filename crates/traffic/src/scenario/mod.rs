@@ -1,21 +1,18 @@
-//! A scenario of the user: a .sumocfg and the files that it names, read once and checked.
+//! A scenario of the user: a .sumocfg and the files that it names, read once. SUMO judges whether they are right, in a
+//! process of its own. Only what this program reads itself, and what SUMO would take in silence, is checked here.
 //!
-//! What was checked is what SUMO loads and what a run directory keeps. Nothing of it writes a file: outputs and
+//! What was read is what SUMO loads and what a run directory keeps. Nothing of it writes a file: outputs and
 //! detectors are left out, and everything else by which SUMO would open another file is refused.
 //!
 //! - `elements`: which elements files may hold; `place`: names an element in an error.
-//! - `net`: checks of the roads and lights; `streets`: the edges and where one comes from each.
-//! - `demand`: checks of types, routes, vehicles and flows. [`dawdling`]: how much cars dawdle.
-//! - [`kept`]: copies for run directories and replays; [`loadable`]: the scenario as SUMO of this process loads it.
+//! - `demand`: where vehicles depart, and how many. [`dawdling`]: how much cars dawdle.
+//! - [`kept`]: copies for run directories and replays.
 
 pub mod dawdling;
 mod demand;
 mod elements;
 pub mod kept;
-pub mod loadable;
-mod net;
 mod place;
-mod streets;
 
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
@@ -24,15 +21,14 @@ use std::sync::Arc;
 use anyhow::{Context, Result, ensure};
 
 use super::network::contents::Content;
+use super::network::loadable::Loadable;
 use super::network::roads::{EdgeNo, Roads};
 use super::network::tree::Element;
 use crate::config::ScenarioConfig;
 use crate::config::sumocfg::Sumocfg;
-use demand::{Demand, Departures};
-use dials_core::outside::read_text;
+use demand::{Demand, Departures, Order};
+use dials_core::outside::{excerpt, read_text};
 use elements::Left;
-use place::Place;
-use streets::Streets;
 
 /// Option of a .sumocfg that names the net.
 const NET_FILE: &str = "net-file";
@@ -94,7 +90,7 @@ impl SumoScenario {
         let additional = sumocfg.additional.iter().map(|path| read("additional-files", path)).collect::<Result<_>>()?;
         let routes = sumocfg.routes.iter().map(|path| read(ROUTE_FILES, path)).collect::<Result<_>>()?;
         let mut left_out = sumocfg.left_out;
-        left_out.extend(left.told());
+        left_out.extend(left.sentences());
         let mut scenario = SumoScenario {
             path: config.scenario.clone(),
             net,
@@ -114,25 +110,42 @@ impl SumoScenario {
         Ok(scenario)
     }
 
-    /// Checks what files say of each other. Returns where vehicles depart, and what will not be simulated.
+    /// Checks what SUMO does not. Returns where vehicles depart, and what will not be simulated.
     fn check(&self, left: &Left) -> Result<(Departures, Vec<String>)> {
-        let in_files =
-            self.additional.iter().flat_map(|file| file.content.root.all("tlLogic").map(move |light| (file, light)));
-        let programs: Vec<Place<'_>> = in_files.map(|(file, light)| Place::new(&file.path, light)).collect();
-        net::check(&self.net.path, self.net(), &programs)?;
+        let (net, file) = (self.net(), self.net.path.display());
+        ensure!(net.name == "net", "{file}: is no net of SUMO: its root is <{}>, not <net>", excerpt(&net.name));
+        ensure!(
+            net.all("tlLogic").chain(self.additional().flat_map(|root| root.all("tlLogic"))).next().is_some(),
+            "{file}: has no traffic light (<tlLogic>); make some with: netconvert -s {file} --tls.set JUNCTION,... -o \
+             NEW.net.xml"
+        );
+        // Cars that never cross a junction need none.
+        let has_connections = net.all("connection").next().is_some();
+        ensure!(
+            !has_connections || net.all("edge").any(|edge| edge.attribute("function") == Some("internal")),
+            "{file}: has no internal lanes, so cars would jump over intersections; make the net without \
+             --no-internal-links"
+        );
         [&self.net]
             .into_iter()
             .chain(&self.additional)
             .try_for_each(|file| left.check_not_needed(&file.path, &file.content.root))?;
-        let streets = Streets::of(&self.net.path, self.net())?;
-        let mut demand = Demand::new(&streets, &self.options, self.window_s);
+        let mut demand = Demand::new(self.window_s);
         for file in &self.additional {
-            demand.read(&file.path, &file.content.root, demand::Order::Free)?;
+            demand.read(&file.path, &file.content.root, Order::Free)?;
         }
         for file in &self.routes {
-            demand.read(&file.path, &file.content.root, demand::Order::Sorted)?;
+            demand.read(&file.path, &file.content.root, Order::Sorted)?;
         }
-        demand.finish(&self.path)
+        let (departures, mut notes) = demand.finish(&self.path)?;
+        if self.option("ignore-route-errors").is_some_and(is_on) {
+            notes.push(
+                "cars that have no way: SUMO goes on with them (ignore-route-errors); such a car stands at the end of a \
+                 road and blocks the lane until it is moved (time-to-teleport)"
+                    .to_owned(),
+            );
+        }
+        Ok((departures, notes))
     }
 
     /// Returns the path of the .sumocfg, as the user knows it.
@@ -186,6 +199,10 @@ impl SumoScenario {
         &self.options
     }
 
+    fn option(&self, name: &str) -> Option<&str> {
+        self.options.iter().find(|(key, _)| key == name).map(|(_, value)| &**value)
+    }
+
     /// Returns the roads on which vehicles of an episode may depart. `roads`: those of this scenario.
     pub fn departs_on(&self, roads: &Roads) -> BTreeSet<EdgeNo> {
         let named = self.departures.edges.iter().filter_map(|edge| roads.edge_named(edge));
@@ -199,9 +216,18 @@ impl SumoScenario {
         &self.left_out
     }
 
-    /// Returns all files of the scenario but the .sumocfg. Strangers may have written them.
-    pub fn files(&self) -> Vec<PathBuf> {
-        self.all().map(|file| file.path.clone()).collect()
+    /// Puts the scenario where SUMO of this process can load it, with a file of actuated programs of this name.
+    pub fn for_sumo(&self, actuated: &str, program: &str) -> Result<Loadable> {
+        let texts = |files: &'_ [File]| -> Vec<(String, PathBuf)> {
+            files.iter().map(|file| (file.content.text(), file.path.clone())).collect()
+        };
+        let net = self.net.content.text();
+        let (begin, end) = self.window_s;
+        let time = [("begin", begin.to_string()), ("end", end.to_string()), ("step-length", "1".to_owned())];
+        let actuated = (actuated, Path::new("ACTUATED-PROGRAMS"));
+        let loadable =
+            Loadable::new(program, (&net, &self.net.path), &texts(&self.routes), &texts(&self.additional), actuated)?;
+        Ok(loadable.with(time).with(self.options.iter().cloned()))
     }
 
     /// Returns the CRC-32 of everything that decides what returns mean: the files as SUMO loads them, times, options,
@@ -222,6 +248,11 @@ impl SumoScenario {
     fn all(&self) -> impl Iterator<Item = &File> {
         [&self.net].into_iter().chain(&self.additional).chain(&self.routes)
     }
+}
+
+/// Returns whether a value of SUMO switches an option on.
+fn is_on(value: &str) -> bool {
+    ["true", "1", "yes", "on", "t", "x"].contains(&value)
 }
 
 /// Reads the file of overrides. What it says is checked where it is understood.

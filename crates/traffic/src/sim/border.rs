@@ -15,7 +15,7 @@ use dials_core::domain::Result;
 use libsumo::{CarId, CarTable, LaneCars, LaneId, Simulation};
 
 /// The borders of all regions in a loaded net.
-pub struct Borders {
+pub(crate) struct Borders {
     /// Lanes of all regions, one region after the other, and the first one of each.
     lanes: Vec<LaneId>,
     first: Vec<usize>,
@@ -53,7 +53,7 @@ impl Borders {
     }
 
     /// Records all visits from the next reset on.
-    pub fn record_visits(&mut self) {
+    pub(crate) fn record_visits(&mut self) {
         self.visits = Some(VisitRecorder::new(self.regions.len()));
     }
 
@@ -131,7 +131,7 @@ impl Borders {
     }
 
     /// Writes the d-set of a region after the last second of a decision.
-    pub fn d_separate(&self, row: usize, border: &Border, light: LightView, d_set: &mut [f32]) {
+    pub(crate) fn d_separate(&self, row: usize, border: &Border, light: LightView, d_set: &mut [f32]) {
         let cars = CarsAt::new(&self.cars, self.first[row], border.plan.lanes.len());
         border.d_set.write(&border.plan, cars, light, &self.regions[row].history, d_set);
     }

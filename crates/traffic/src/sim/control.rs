@@ -13,12 +13,12 @@ pub enum SignalControl {
 
 impl SignalControl {
     /// Returns whether SUMO's actuated programs run lights.
-    pub fn is_actuated(&self) -> bool {
+    pub(crate) fn is_actuated(&self) -> bool {
         matches!(self, SignalControl::HandCoded { by: HandCoded::Actuated, .. })
     }
 
     /// Returns the rows that programs of SUMO run.
-    pub fn by_program(&self) -> Vec<usize> {
+    pub(crate) fn by_program(&self) -> Vec<usize> {
         match self {
             SignalControl::HandCoded { by: HandCoded::Actuated | HandCoded::OwnProgram, agents } => {
                 agents.iter().map(|agent| agent.0).collect()

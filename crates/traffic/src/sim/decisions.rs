@@ -37,11 +37,11 @@ impl Decisions {
     }
 
     /// Returns whether a rule runs lights, which sees the intersections.
-    pub fn has_rule(&self) -> bool {
+    pub(crate) fn has_rule(&self) -> bool {
         matches!(self.control, SignalControl::HandCoded { by: HandCoded::Rule(_), .. })
     }
 
-    pub fn obeyed(&self) -> &[Action] {
+    pub(crate) fn obeyed(&self) -> &[Action] {
         &self.obeyed
     }
 
@@ -76,7 +76,7 @@ impl Decisions {
     }
 
     /// Ends a step.
-    pub fn end_step(&mut self) {
+    pub(crate) fn end_step(&mut self) {
         self.advised = false;
     }
 

@@ -12,7 +12,7 @@ use dials_core::domain::Result;
 use libsumo::{CarId, Entering, Insertion, LightId, SignalState};
 
 /// The doors of a forest.
-pub struct Doors {
+pub(crate) struct Doors {
     plan: Arc<JointPlan>,
     rows: Vec<RowDoors>,
     /// Number of the next car.
@@ -36,7 +36,7 @@ pub struct Tried {
 
 impl Tried {
     /// Returns what SUMO was told of each.
-    pub fn insertions(&self) -> &[Insertion] {
+    pub(crate) fn insertions(&self) -> &[Insertion] {
         &self.insertions
     }
 }
@@ -71,14 +71,14 @@ impl Doors {
     }
 
     /// Returns a number that no car of the forest has.
-    pub fn next_car(&mut self) -> u64 {
+    pub(crate) fn next_car(&mut self) -> u64 {
         self.serial += 1;
         self.serial - 1
     }
 
     /// Shows red at the exits that are blocked in this decision, `[rows, sources]`, and green at the others. `None`: green
     /// at all exits of all rows.
-    pub fn set_gates(
+    pub(crate) fn set_gates(
         &mut self,
         forest: &mut LocalForest,
         rows: impl Iterator<Item = usize>,
@@ -111,7 +111,7 @@ impl Doors {
     }
 
     /// Lets cars try to enter in the next step.
-    pub fn let_in(&mut self, forest: &mut LocalForest) -> Result<Tried> {
+    pub(crate) fn let_in(&mut self, forest: &mut LocalForest) -> Result<Tried> {
         let mut places = Vec::new();
         let mut cars = Vec::new();
         for (row, doors) in self.rows.iter().enumerate() {
@@ -130,7 +130,7 @@ impl Doors {
     /// car is on the road and still waits. No other car has got a number since they tried.
     ///
     /// Returns row and entry of the cars that are in.
-    pub fn note_entered(&mut self, forest: &mut LocalForest, tried: &Tried) -> Result<Vec<(usize, usize)>> {
+    pub(crate) fn note_entered(&mut self, forest: &mut LocalForest, tried: &Tried) -> Result<Vec<(usize, usize)>> {
         let mut entered = Vec::new();
         if tried.places.is_empty() {
             return Ok(entered);
@@ -183,7 +183,7 @@ mod tests {
 
     #[test]
     fn a_car_that_enters_on_another_road_than_expected_enters_once() {
-        let scenario = "sumo_nets/grid_4x4_turns/grid_4x4_turns.sumocfg";
+        let scenario = "../../sumo_nets/grid_4x4_turns/grid_4x4_turns.sumocfg";
         let scenario = Path::new(env!("CARGO_MANIFEST_DIR")).join(scenario);
         let minutes = ScenarioConfig { begin_s: Some(0), end_s: Some(120), ..ScenarioConfig::new(scenario) };
         let traffic = Traffic::open_scenario(&minutes).unwrap();

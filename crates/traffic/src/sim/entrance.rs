@@ -18,7 +18,7 @@ const BEFORE_END_M: f64 = 0.01;
 
 /// A car that comes into the region.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Comer {
+pub(crate) struct Comer {
     /// Lane on which it begins, an index into [`BorderPlan::lanes`].
     pub lane: usize,
     pub position_m: f64,
@@ -34,7 +34,7 @@ pub struct Comer {
 
 /// The cars that wait at the entries of one region.
 #[derive(Clone, Debug)]
-pub struct Entrance {
+pub(crate) struct Entrance {
     /// Cars by entry, the first one at the front.
     queues: Vec<VecDeque<Comer>>,
 }
@@ -94,7 +94,7 @@ pub fn draw(
 ///
 /// It comes on the lane of the entry, as far behind the border as it drives in half a second, and as fast as it can. A
 /// car that departs in the region does so as one in the recording did.
-pub fn comer(plan: &BorderPlan, ways: &Ways, entry: usize, visit: &Visit) -> Option<Comer> {
+pub(crate) fn comer(plan: &BorderPlan, ways: &Ways, entry: usize, visit: &Visit) -> Option<Comer> {
     let lane = plan.lane_of_entry(entry, &visit.driver.vehicle_class)?;
     let (lane, position_m, speed) = match &plan.entries[entry].place {
         EntryPlace::Lane(_) => (lane, visit.speed_mps / 2.0, DepartSpeed::Max),

@@ -14,7 +14,6 @@ use super::picture::Camera;
 use super::recorded_roads::RecordedRoads;
 use super::recording::{Recorder, Tape};
 use super::shown_lights::ShownLights;
-use super::source::Source;
 use super::tally::Tally;
 use super::visits::Visits;
 use crate::agents::plan::{AgentPlan, JointPlan};
@@ -22,6 +21,7 @@ use crate::arrivals;
 use crate::cars_at::CarsAt;
 use crate::controllers::intersections::Intersections;
 use crate::ground::Ground;
+use crate::network::loadable::Loadable;
 use crate::observe::{self, LightView};
 use crate::reward::{self, Waiting};
 use dials_core::base::{Phase, Ragged, Seed, Stopwatch};
@@ -36,7 +36,7 @@ use libsumo::{Car, CarTable, LaneId, Simulation};
 /// traffic.
 pub struct GlobalTraffic {
     plan: Arc<JointPlan>,
-    source: Source,
+    source: Loadable,
     decisions: Decisions,
     simulation: Simulation,
     handles: IntersectionHandles,
@@ -74,7 +74,7 @@ impl GlobalTraffic {
     /// Loads the simulator. The first episode goes on the `tape`, with these roads.
     pub fn load(
         plan: Arc<JointPlan>,
-        source: Source,
+        source: Loadable,
         control: SignalControl,
         tape: Option<(&Tape, RecordedRoads)>,
     ) -> Result<GlobalTraffic> {
@@ -146,7 +146,7 @@ impl GlobalTraffic {
     }
 
     /// Records all visits to the regions of a scenario from the next reset on, and observes their influence.
-    pub fn record_visits(&mut self) -> Result<()> {
+    pub(crate) fn record_visits(&mut self) -> Result<()> {
         self.observe_influence()?;
         self.borders.iter_mut().for_each(Borders::record_visits);
         Ok(())
@@ -429,10 +429,9 @@ mod tests {
     /// Returns when every car wanted to enter, in seconds, in an episode with this action at every step.
     fn wished_departures(control: SignalControl, action: Action) -> BTreeMap<String, i64> {
         let files = NetworkFiles::of(&Path::new(env!("CARGO_MANIFEST_DIR")).join("../../sumo_nets/grid_2x2"));
-        let Recognised { grid, network, is_ours } = recognise_grid(&files).unwrap();
-        assert!(is_ours);
+        let Recognised { grid, network } = recognise_grid(&files).unwrap();
         let plan = Arc::new(joint_plan(grid, &TrafficConfig::new("", "")));
-        let mut gs = GlobalTraffic::load(plan, Source::Grid(network.for_sumo().unwrap()), control, None).unwrap();
+        let mut gs = GlobalTraffic::load(plan, network.for_sumo().unwrap(), control, None).unwrap();
         gs.measure_in_full().unwrap();
         gs.reset(Seed::new(21).for_episode(0)).unwrap();
         (0..300).for_each(|_| drop(gs.step(&[action; 4]).unwrap().clone()));

@@ -9,7 +9,7 @@ use dials_core::domain::{Action, Result};
 use libsumo::{CarTable, LaneId, LightId, SignalState, Simulation};
 
 /// The handles and lights of many intersections, one row each.
-pub struct IntersectionHandles {
+pub(crate) struct IntersectionHandles {
     /// Approaches of all rows, one row after the other.
     lanes: Vec<LaneId>,
     /// Number of the first approach of each row, and the number of all.
@@ -108,7 +108,7 @@ impl IntersectionHandles {
     }
 
     /// Lets one of SUMO's programs run the lights of these rows. `None`: the one that SUMO has begun with.
-    pub fn hand_to_program(
+    pub(crate) fn hand_to_program(
         &mut self,
         simulation: &mut Simulation,
         program: Option<&str>,
@@ -119,12 +119,12 @@ impl IntersectionHandles {
         program.map_or(Ok(()), |program| Ok(simulation.set_programs(&lights, program)?))
     }
 
-    pub fn read_cars(&self, simulation: &mut Simulation, cars: &mut CarTable) -> Result<()> {
+    pub(crate) fn read_cars(&self, simulation: &mut Simulation, cars: &mut CarTable) -> Result<()> {
         Ok(simulation.read_lanes(&self.lanes, cars)?)
     }
 
     /// Returns the cars on the approaches of a row, from a read of [`IntersectionHandles::read_cars`].
-    pub fn cars_at<'a>(&self, cars: &'a CarTable, row: usize) -> CarsAt<'a> {
+    pub(crate) fn cars_at<'a>(&self, cars: &'a CarTable, row: usize) -> CarsAt<'a> {
         CarsAt::new(cars, self.starts[row], self.starts[row + 1] - self.starts[row])
     }
 

@@ -15,7 +15,8 @@ use crate::arrivals::is_rearmost;
 use crate::cars_at::CarsAt;
 use crate::config::{EntryRule, Reward, TrafficConfig};
 use crate::cut::forest::{Forest, Region};
-use crate::network::contents::{Network, explain};
+use crate::network::contents::Network;
+use crate::network::loadable::explain;
 use crate::network::memory_file::MemoryFile;
 use crate::observe::{self, LightView};
 use crate::paper_grid::grid::Grid;
@@ -26,7 +27,7 @@ use dials_core::domain::{Action, Beginning, LocalSimulator, Percept, RegionSpec,
 use libsumo::{CarId, CarTable, DepartSpeed, Insertion, LaneId, RouteId, Simulation};
 
 /// Name of the counter of sampled arrivals that found no room.
-pub const DROPPED: &str = "dropped_arrivals";
+pub(crate) const DROPPED: &str = "dropped_arrivals";
 
 /// SUMO's seed. It changes nothing, because there are no speed factors to draw and no flows.
 const SEED: u32 = 0;
@@ -83,7 +84,7 @@ impl LocalTraffic {
         // SUMO reads both completely and never loads them again, so their memory is given back at once.
         let made_of = [(&net, &*local.files.net), (&routes, &*local.files.routes)];
         let mut simulation = Simulation::load(&options(&net, &routes))
-            .map_err(|error| explain(&error, &made_of))
+            .map_err(|error| explain(&error, made_of))
             .with_context(|| format!("{}: {rows} copies of this network side by side", local.files.net.display()))?;
         drop((net, routes, forest));
         let regions: Vec<Region> = (0..rows).map(Region).collect();
@@ -105,7 +106,7 @@ impl LocalTraffic {
             all_lanes.push(simulation.register_lanes(&lanes)?);
         }
         let record = |tape| {
-            let roads = RecordedRoads::of_grid(Grid::SINGLE, local)?;
+            let roads = RecordedRoads::of_grid(Grid::SINGLE, local, vec![plan.clone()])?;
             Recorder::new(tape, &mut simulation, roads, Region(0).prefix())
         };
         let recorder = tape.map(record).transpose()?;

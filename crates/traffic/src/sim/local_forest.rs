@@ -16,7 +16,7 @@ use crate::agents::plan::JointPlan;
 use crate::cut::local_net::LocalNet;
 use crate::cut::mixed::{APART, MixedForest, prefix};
 use crate::cut::names::prefixed;
-use crate::network::contents::explain;
+use crate::network::loadable::explain;
 use crate::network::memory_file::MemoryFile;
 use crate::network::xml::{document, leaf};
 use dials_core::base::{AgentId, Dice, Seed};
@@ -27,7 +27,7 @@ use libsumo::{DepartSpeed, Entering, Insertion, LaneId, LightId, RouteId, Simula
 const OWN_TYPE: &str = "DEFAULT_VEHTYPE";
 
 /// What local simulators of a scenario are made of.
-pub struct LocalParts {
+pub(crate) struct LocalParts {
     /// Local net of each agent, in their order.
     pub nets: Vec<LocalNet>,
     /// Text of a file with all vehicle types.
@@ -39,11 +39,11 @@ pub struct LocalParts {
 }
 
 /// A loaded forest.
-pub struct LocalForest {
+pub(crate) struct LocalForest {
     pub simulation: Simulation,
     pub rows: Vec<RowPlace>,
     /// Lights and approaches, one row each.
-    pub handles: IntersectionHandles,
+    pub(crate) handles: IntersectionHandles,
     /// Names of vehicle types, with their numbers. The first one is the usual one.
     types: Vec<(String, TypeId)>,
     /// Types and speed factors of the cars that entered on the road apart, one in each second so far.
@@ -51,7 +51,7 @@ pub struct LocalForest {
 }
 
 /// What SUMO has of a row.
-pub struct RowPlace {
+pub(crate) struct RowPlace {
     pub agent: AgentId,
     /// Root of the row's random streams.
     pub seed: Seed,
@@ -69,12 +69,12 @@ pub struct RowPlace {
 }
 
 /// The light at the exits of a row.
-pub struct RowGate {
+pub(crate) struct RowGate {
     pub light: LightId,
     /// Number of letters.
     pub letters: usize,
     /// Letter of each exit of the border plan.
-    pub of_exit: Vec<Option<usize>>,
+    pub(crate) of_exit: Vec<Option<usize>>,
 }
 
 impl LocalForest {
@@ -106,7 +106,7 @@ impl LocalForest {
         options.extend(local_options(parts).into_iter().flat_map(|(name, value)| [format!("--{name}"), value]));
         let made_of = [(&net, "LOCAL-NETS"), (&routes, "THEIR-ROUTES"), (&types, "VEHICLE-TYPES")];
         let mut simulation = Simulation::load(&options)
-            .map_err(|error| explain(&error, &made_of.map(|(file, name)| (file, Path::new(name)))))
+            .map_err(|error| explain(&error, made_of.map(|(file, name)| (file, Path::new(name)))))
             .with_context(|| format!("{}: SUMO could not load the surroundings of its lights", parts.name))?;
         let places = rows.iter().enumerate().map(|(row, (_, agent, _))| {
             let (plan, prefix) = (&plan.agents[agent.0], prefix(row));
@@ -159,24 +159,24 @@ impl LocalForest {
     }
 
     /// Draws a seed for each lane of a row.
-    pub fn draw_seeds(&self, row: usize, dice: &mut Dice) -> Vec<u32> {
+    pub(crate) fn draw_seeds(&self, row: usize, dice: &mut Dice) -> Vec<u32> {
         self.rows[row].lanes.iter().map(|_| dice.random()).collect()
     }
 
     /// Seeds the random generators of the lanes of a row.
-    pub fn seed_lanes(&mut self, row: usize, seeds: &[u32]) -> Result<()> {
+    pub(crate) fn seed_lanes(&mut self, row: usize, seeds: &[u32]) -> Result<()> {
         Ok(self.simulation.seed_lanes(self.rows[row].first_lane, seeds)?)
     }
 
     /// Returns the number of a vehicle type. `None`: of the usual one.
-    pub fn type_named(&self, name: Option<&str>) -> TypeId {
+    pub(crate) fn type_named(&self, name: Option<&str>) -> TypeId {
         let named = name.and_then(|name| self.types.iter().find(|(other, _)| other == name));
         named.unwrap_or(&self.types[0]).1
     }
 }
 
 /// Number of the first car that comes to a row. Smaller ones are of cars on the road apart.
-pub const FIRST_CAR: u64 = 1 << 32;
+pub(crate) const FIRST_CAR: u64 = 1 << 32;
 
 /// Lets a car of each type with the largest speed factor enter on the road apart, one after the other, and takes it out
 /// again. Returns that speed factor.
@@ -195,7 +195,7 @@ fn send_extremes(simulation: &mut Simulation, types: &[TypeId], tables: &VisitTa
 }
 
 /// Returns the options of SUMO that say how cars drive in a local simulator, without `--`.
-pub fn local_options(parts: &LocalParts) -> Vec<(String, String)> {
+pub(crate) fn local_options(parts: &LocalParts) -> Vec<(String, String)> {
     let own = OPTIONS.map(|(name, value)| (name.to_owned(), value.to_owned()));
     parts.options.iter().cloned().chain(own).collect()
 }
@@ -207,7 +207,7 @@ const OPTIONS: [(&str, &str); 3] =
 
 /// Returns the options of a scenario that local simulators have, too: those that say how cars drive. Demand, routing and
 /// what SUMO does with jams and collisions are not theirs.
-pub fn driving_options(options: &[(String, String)]) -> Vec<(String, String)> {
+pub(crate) fn driving_options(options: &[(String, String)]) -> Vec<(String, String)> {
     const KEPT: [&str; 6] = [
         "step-method.ballistic",
         "ignore-junction-blocker",
@@ -244,6 +244,6 @@ fn routes<'a>(ways: impl Iterator<Item = &'a Ways>) -> String {
 }
 
 /// Returns the name of a route of a row.
-pub fn route_name(row: usize, way: usize) -> String {
+pub(crate) fn route_name(row: usize, way: usize) -> String {
     format!("{}way{way}", prefix(row))
 }

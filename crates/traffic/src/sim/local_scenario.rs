@@ -37,7 +37,7 @@ const SETTLED_S: usize = 120;
 /// The traffic LS of a scenario: one row per copy of a region.
 ///
 /// A row draws from random numbers of its own only. Those of SUMO are seeded lane by lane when its episode begins.
-pub struct LocalScenario {
+pub(crate) struct LocalScenario {
     spec: RegionSpec,
     plan: Arc<JointPlan>,
     tables: Arc<VisitTables>,

@@ -9,7 +9,7 @@ use crate::cars_at::CarsAt;
 use libsumo::{CarId, LaneCars};
 
 /// The metrics of an episode.
-pub struct TrafficMetrics {
+pub(crate) struct TrafficMetrics {
     trip_file: TripFile,
     /// Means of the trips, known when the episode is over.
     trips: Option<Trips>,
@@ -107,7 +107,7 @@ impl TrafficMetrics {
 
     /// Returns the text that SUMO wrote about the trips.
     #[cfg(test)]
-    pub fn trips_as_text(mut self) -> String {
+    pub(crate) fn trips_as_text(mut self) -> String {
         self.trip_file.text().expect("the trips of an episode")
     }
 

@@ -7,7 +7,7 @@
 //!   that come in; `ways`: their routes; `doors`: where they wait, and exits that are blocked.
 //! - `border`: arrivals and blocked exits of a scenario's regions; [`visits`]: all visits of cars to them;
 //!   [`visit_tables`]: cars drawn from visits. `visits_as_bytes`: visits for other processes.
-//! - `source`: what a GS loads; `handles`: the intersections of a loaded net; `options`: SUMO's options.
+//! - `handles`: the intersections of a loaded net; `options`: SUMO's options.
 //! - [`tally`]: what every episode counts; `metrics`, `trips`: what only evaluations measure.
 //! - `picture`: pictures of the GS. [`recording`]: an episode recorded, on [`recorded_roads`]; `recorded_local`: those of
 //!   one light. [`replay`]: a recording as files that SUMO plays;
@@ -22,20 +22,19 @@ pub mod global;
 mod handles;
 pub mod local;
 pub(super) mod local_forest;
-pub mod local_scenario;
+pub(crate) mod local_scenario;
 pub(super) mod metrics;
-mod options;
+pub(super) mod options;
 mod picture;
 pub(super) mod recorded_local;
 pub mod recorded_roads;
 pub mod recording;
 pub mod replay;
 mod shown_lights;
-pub(super) mod source;
 pub mod tally;
 pub mod trace;
 mod trips;
-pub mod visit_tables;
+pub(crate) mod visit_tables;
 pub mod visits;
 pub(super) mod visits_as_bytes;
 mod ways;

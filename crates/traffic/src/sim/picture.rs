@@ -29,7 +29,7 @@ const YELLOW: Colour = Colour([0xff, 0xc1, 0x07]);
 const RED: Colour = Colour([0xd6, 0x27, 0x28]);
 
 /// All lanes of a loaded net, and the cars on them when it last looked.
-pub struct Camera {
+pub(crate) struct Camera {
     lanes: Vec<LaneId>,
     cars: CarTable,
     /// Lines of the lanes and their lengths in metres.

@@ -22,7 +22,7 @@ pub struct LocalFiles {
     /// Options of SUMO that say how cars drive, without `--`.
     pub options: Vec<(String, String)>,
     /// Positions at which cars have arrived, by route. Cars on other routes drive to the end.
-    pub ends_m: HashMap<String, f64>,
+    pub(crate) ends_m: HashMap<String, f64>,
     /// Types and speed factors of the cars that entered on the road apart, one in each second before the episode.
     pub first: Vec<(String, f64)>,
 }
@@ -35,7 +35,7 @@ impl LocalFiles {
 }
 
 /// Returns the roads of the first row of a forest. `first`: see [`LocalFiles::first`].
-pub fn roads_of(
+pub(crate) fn roads_of(
     parts: &LocalParts,
     plan: &JointPlan,
     row: &RowPlace,

@@ -8,15 +8,18 @@ use crate::agents::plan::AgentPlan;
 use crate::network::contents::Network;
 use crate::network::roads::{Function, Roads};
 use crate::network::tree::Element;
-use crate::paper_grid::grid::{Grid, edge, lane};
+use crate::paper_grid::grid::Grid;
 use crate::scenario::SumoScenario;
 use crate::sim::recorded_local::LocalFiles;
 
 /// The roads of a recording.
 #[derive(Clone, Debug)]
 pub struct RecordedRoads {
-    pub ground: RecordedGround,
-    /// All lanes on which cars can be, with those inside of intersections.
+    pub files: RecordedFiles,
+    pub roads: Roads,
+    /// Plans of the agents, in their order.
+    pub agents: Vec<AgentPlan>,
+    /// All lanes on which cars can be, with those inside of intersections, in the order of the net.
     pub lanes: Vec<Lane>,
     /// Numbers of the lanes, by name.
     numbers: HashMap<String, usize>,
@@ -24,37 +27,23 @@ pub struct RecordedRoads {
     pub lights: Vec<String>,
 }
 
-/// What a replay and pictures need to know of the place.
+/// What a replay is made of.
 #[derive(Clone, Debug)]
-pub enum RecordedGround {
-    Grid(RecordedGrid),
-    Scenario(Box<RecordedScenario>),
+pub enum RecordedFiles {
+    /// Those of a grid of the paper.
+    Grid(Box<GridFiles>),
+    /// Those of a scenario.
+    Whole(Box<SumoScenario>),
+    /// Those of the local simulator of a light of a scenario.
+    Local(Box<LocalFiles>),
 }
 
-/// A grid. Its lanes are those of the edges in the order of [`Grid::edges`], then those inside of intersections.
 #[derive(Clone, Debug)]
-pub struct RecordedGrid {
+pub struct GridFiles {
     pub grid: Grid,
     /// Text of the net, as SUMO loaded it.
     pub net: String,
-    pub vehicle_types: Vec<Element>,
-}
-
-/// A scenario, or the surroundings of one of its lights. Its lanes are in the order of the net.
-#[derive(Clone, Debug)]
-pub struct RecordedScenario {
-    pub files: RecordedFiles,
-    pub roads: Roads,
-    /// Plans of the agents, in their order.
-    pub agents: Vec<AgentPlan>,
-}
-
-/// The files of a recorded scenario.
-#[derive(Clone, Debug)]
-pub enum RecordedFiles {
-    Whole(Box<SumoScenario>),
-    /// Those of a local simulator.
-    Local(Box<LocalFiles>),
+    pub(crate) vehicle_types: Vec<Element>,
 }
 
 #[derive(Clone, Debug, PartialEq)]
@@ -64,26 +53,13 @@ pub struct Lane {
 }
 
 impl RecordedRoads {
-    /// Returns the roads of a grid with its network.
-    pub fn of_grid(grid: Grid, network: &Network) -> Result<RecordedRoads> {
-        let place = network.files.net.display();
-        let root = &network.net.root;
-        let lengths: HashMap<&str, f64> = root
-            .all("edge")
-            .flat_map(|edge| edge.all("lane"))
-            .filter_map(|lane| Some((lane.attribute("id")?, lane.attribute("length")?.parse().ok()?)))
-            .collect();
-        let length =
-            |name: &str| lengths.get(name).copied().with_context(|| format!("{place}: no lane `{name}` with a length"));
-        let edges = grid.edges().into_iter().map(|(from, to)| lane(&edge(from, to)));
-        let internal = grid.agents().into_iter().flat_map(|agent| grid.internal_lanes(agent));
-        let lanes = edges.chain(internal).map(|name| Ok(Lane { length_m: length(&name)?, name }));
-        let lanes = lanes.collect::<Result<Vec<Lane>>>()?;
+    /// Returns the roads of a grid with its network and agents.
+    pub(crate) fn of_grid(grid: Grid, network: &Network, agents: Vec<AgentPlan>) -> Result<RecordedRoads> {
         let children = network.routes.root.children.iter();
         let vehicle_types = children.filter(|child| child.name.starts_with("vType")).cloned().collect();
-        let lights = grid.agents().into_iter().map(|agent| grid.light(agent)).collect();
-        let ground = RecordedGround::Grid(RecordedGrid { grid, net: network.net.text(), vehicle_types });
-        Ok(RecordedRoads::new(ground, lanes, lights))
+        let files = RecordedFiles::Grid(Box::new(GridFiles { grid, net: network.net.text(), vehicle_types }));
+        let lights = agents.iter().map(|agent| agent.light.clone()).collect();
+        Ok(RecordedRoads::of_lights(files, network.roads()?, agents, lights))
     }
 
     /// Returns the roads of a scenario with these agents.
@@ -108,23 +84,26 @@ impl RecordedRoads {
     ) -> RecordedRoads {
         let drivable = |function| matches!(function, Function::Road | Function::Internal);
         let lanes = roads.lanes.iter().filter(|lane| drivable(roads.edge(lane.edge).function));
-        let lanes = lanes.map(|lane| Lane { name: lane.id.clone(), length_m: lane.length_m }).collect();
-        RecordedRoads::new(RecordedGround::Scenario(Box::new(RecordedScenario { files, roads, agents })), lanes, lights)
+        let lanes = lanes.map(|lane| Lane { name: lane.id.clone(), length_m: lane.length_m });
+        let lanes: Vec<Lane> = lanes.collect();
+        let numbers = lanes.iter().enumerate().map(|(number, lane)| (lane.name.clone(), number)).collect();
+        RecordedRoads { files, roads, agents, lanes, numbers, lights }
     }
 
-    fn new(ground: RecordedGround, lanes: Vec<Lane>, lights: Vec<String>) -> RecordedRoads {
-        let numbers = lanes.iter().enumerate().map(|(number, lane)| (lane.name.clone(), number)).collect();
-        RecordedRoads { ground, lanes, numbers, lights }
+    /// Returns the grid, if it is one.
+    pub fn grid(&self) -> Option<Grid> {
+        match &self.files {
+            RecordedFiles::Grid(files) => Some(files.grid),
+            RecordedFiles::Whole(_) | RecordedFiles::Local(_) => None,
+        }
     }
 
     /// Returns the second at which an episode begins.
     pub fn begin_s(&self) -> u64 {
-        match &self.ground {
-            RecordedGround::Grid(_) => 0,
-            RecordedGround::Scenario(scenario) => match &scenario.files {
-                RecordedFiles::Whole(files) => files.window_s().0,
-                RecordedFiles::Local(files) => files.begin_s(),
-            },
+        match &self.files {
+            RecordedFiles::Grid(_) => 0,
+            RecordedFiles::Whole(files) => files.window_s().0,
+            RecordedFiles::Local(files) => files.begin_s(),
         }
     }
 
@@ -137,9 +116,7 @@ impl RecordedRoads {
     pub fn number(&self, lane: &str) -> Result<usize> {
         self.numbers.get(lane).copied().with_context(|| format!("no lane `{lane}` was recorded"))
     }
-}
 
-impl RecordedScenario {
     /// Returns how far the lanes reach from west to east and from south to north, in metres.
     pub fn extent_m(&self) -> [f64; 2] {
         let places = || self.roads.lanes.iter().flat_map(|lane| &lane.shape);

@@ -67,7 +67,7 @@ pub struct Step {
 
 impl Recording {
     /// Returns the cars on a lane after each step.
-    pub fn on_lane<'a>(&'a self, name: &str) -> Result<impl Iterator<Item = LaneCars<'a>> + use<'a>> {
+    pub(crate) fn on_lane<'a>(&'a self, name: &str) -> Result<impl Iterator<Item = LaneCars<'a>> + use<'a>> {
         let lane = self.roads.number(name)?;
         Ok(self.steps.iter().map(move |step| step.cars.lane(lane)))
     }

@@ -9,7 +9,7 @@ use libsumo::{SignalState, Simulation};
 pub(super) struct ShownLights {
     pub now: Vec<Shown>,
     pub before: Vec<Shown>,
-    pub at_decision: Vec<Shown>,
+    pub(crate) at_decision: Vec<Shown>,
     /// Number of seconds for which every light has shown what it shows.
     pub steps: Vec<u32>,
     /// States that SUMO last gave, if it runs the lights.

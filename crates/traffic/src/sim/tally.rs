@@ -6,7 +6,7 @@ use dials_core::domain::{Measures, Result};
 use libsumo::{CarTable, Simulation};
 
 /// Name of the measure "share of the steps beginning with green in which the light was switched".
-pub const P_SWITCH: &str = "p_switch_given_green";
+pub(crate) const P_SWITCH: &str = "p_switch_given_green";
 
 /// Name of the measure "cars on the approaches of a light", of scenarios only.
 pub const CARS_PER_LIGHT: &str = "cars_per_light";

@@ -10,13 +10,13 @@ use roxmltree::{Document, Node};
 use dials_core::outside::temporary_file;
 
 /// The file to which SUMO writes the trips of an episode. It has no name, so a killed process leaves none behind.
-pub struct TripFile {
+pub(crate) struct TripFile {
     file: File,
 }
 
 /// Means over the trips of an episode, in seconds.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct Trips {
+pub(crate) struct Trips {
     /// Travel time from entering the net to leaving it or to the end of the episode. The mean is over all cars that
     /// entered.
     pub travel_time_s: f64,

@@ -58,12 +58,12 @@ impl VisitTables {
     }
 
     /// Returns the vehicle type that most visits have, for a car of which nothing is known.
-    pub fn usual_type(&self) -> Option<&str> {
+    pub(crate) fn usual_type(&self) -> Option<&str> {
         self.usual.as_ref().map(|(name, _)| &**name)
     }
 
     /// Returns the class of this type, or that of SUMO's own type if there are no visits.
-    pub fn usual_class(&self) -> &str {
+    pub(crate) fn usual_class(&self) -> &str {
         self.usual.as_ref().map_or(OWN_CLASS, |(_, class)| class)
     }
 

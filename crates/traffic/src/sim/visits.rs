@@ -57,7 +57,7 @@ pub struct Driver {
 }
 
 /// A car that came on a region.
-pub struct Arrival {
+pub(crate) struct Arrival {
     pub car: Car,
     /// Index into [`BorderPlan::lanes`].
     pub lane: usize,
@@ -68,7 +68,7 @@ pub struct Arrival {
 }
 
 /// Writes the visits down, second by second.
-pub struct VisitRecorder {
+pub(crate) struct VisitRecorder {
     visits: Visits,
     drivers: HashMap<CarId, Arc<Driver>>,
     /// Visits under way, by agent: the place in the list.

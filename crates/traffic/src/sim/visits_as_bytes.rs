@@ -18,7 +18,7 @@ struct Sent {
 }
 
 /// Returns visits as bytes.
-pub fn to_bytes(visits: &Visits) -> Result<Vec<u8>> {
+pub(crate) fn to_bytes(visits: &Visits) -> Result<Vec<u8>> {
     let mut known: HashMap<*const Driver, usize> = HashMap::new();
     let mut drivers = Vec::new();
     let mut number = |driver: &Arc<Driver>| {

@@ -9,7 +9,7 @@ use crate::cut::local_net::LocalNet;
 
 /// The routes of one local net.
 #[derive(Clone, Debug, Default)]
-pub struct Ways {
+pub(crate) struct Ways {
     routes: Vec<LocalRoute>,
     /// Number of each way, by its roads and the road behind the region.
     numbers: HashMap<(Vec<String>, Option<String>), usize>,
@@ -19,7 +19,7 @@ pub struct Ways {
 
 /// A route in a local net.
 #[derive(Clone, Debug, PartialEq)]
-pub struct LocalRoute {
+pub(crate) struct LocalRoute {
     pub edges: Vec<String>,
     /// Position on the last edge at which a car has arrived. `None`: its end.
     pub end_m: Option<f64>,
@@ -56,7 +56,7 @@ impl Ways {
     }
 
     /// Returns the number of the default way of an entry.
-    pub fn default_of(&self, entry: usize) -> usize {
+    pub(crate) fn default_of(&self, entry: usize) -> usize {
         self.defaults[entry]
     }
 

@@ -6,7 +6,7 @@ use crate::network::roads::program::{Phase, Program};
 use libsumo::SignalState;
 
 /// Largest number of greens of a light. All changes between them are made beforehand.
-pub const MOST_GREENS: usize = 64;
+pub(crate) const MOST_GREENS: usize = 64;
 /// Longest phase without a green of its own that is a part of a change, in seconds.
 const LONGEST_CLEARING_S: f64 = 5.0;
 
@@ -84,7 +84,7 @@ impl<'a> Greens<'a> {
 
     /// Returns whether cars that lose green wait in a phase of a change: it has no yellow. A phase for people on foot
     /// does not count.
-    pub fn is_all_red(&self, phase: &Phase) -> bool {
+    pub(crate) fn is_all_red(&self, phase: &Phase) -> bool {
         let mut letters = phase.state.as_str().chars().enumerate();
         letters.all(|(number, letter)| !matches!(letter, 'y' | 'Y') && (self.cars.contains(&number) || !goes(letter)))
     }

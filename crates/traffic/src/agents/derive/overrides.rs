@@ -33,7 +33,7 @@ pub struct LightOverride {
     /// Seconds of yellow.
     pub yellow_s: Option<u32>,
     /// Seconds in which links that lose green show red after yellow.
-    pub all_red_s: Option<u32>,
+    pub(crate) all_red_s: Option<u32>,
 }
 
 #[derive(Deserialize)]
@@ -80,7 +80,7 @@ impl Overrides {
     }
 
     /// Returns an error if the file names a light that the net does not have, or greens of another length than its.
-    pub fn check_names(&self, programs: &[&Program]) -> Result<()> {
+    pub(crate) fn check_names(&self, programs: &[&Program]) -> Result<()> {
         let known = |name: &String| programs.iter().find(|program| program.light == *name);
         let lists = [("learn", &self.learn), ("keep", &self.keep)];
         let listed = lists.iter().flat_map(|(key, names)| names.iter().flatten().map(|name| (*key, name)));
@@ -101,7 +101,7 @@ impl Overrides {
     }
 
     /// Returns an error if the file says that a light learns, and it cannot.
-    pub fn check_may_keep(&self, light: &str, why: &Why) -> Result<()> {
+    pub(crate) fn check_may_keep(&self, light: &str, why: &Why) -> Result<()> {
         let wanted = self.learn.iter().flatten().any(|name| name == light);
         ensure!(!wanted, "agents.toml: learn: light `{light}` cannot learn: {why}; {}", why.way_out());
         Ok(())

@@ -121,7 +121,7 @@ fn edges(roads: &Roads, light: &str, names: &[String]) -> Result<BTreeSet<EdgeNo
 }
 
 /// Returns the junctions at which a light controls cars.
-pub fn lit_junctions(roads: &Roads) -> BTreeSet<JunctionNo> {
+pub(crate) fn lit_junctions(roads: &Roads) -> BTreeSet<JunctionNo> {
     let links = roads.connections.iter().filter(|link| link.signal.is_some() && roads.carries_cars(link));
     links.filter_map(|link| roads.end_of(link.from)).collect()
 }

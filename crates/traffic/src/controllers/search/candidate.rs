@@ -16,10 +16,10 @@ const LEEWAY_CHANGES: [(i64, i64); 4] = [(1, 0), (-1, 0), (0, 1), (0, -1)];
 
 /// Timings of all lights.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Candidate {
+pub(crate) struct Candidate {
     pub timings: Vec<Timing>,
     /// Leeway of all lights; `None`: they have none.
-    pub leeway: Option<Leeway>,
+    pub(crate) leeway: Option<Leeway>,
 }
 
 /// A change of a candidate.
@@ -38,7 +38,12 @@ pub enum Change {
 impl Candidate {
     /// Returns lights that share a cycle, with Webster's greens as far as the light's least green allows. A light whose
     /// greens do not fit into the cycle has a longer one.
-    pub fn of_cycle(plans: &[AgentPlan], ratios: &[FlowRatios], cycle: u32, leeway: Option<Leeway>) -> Candidate {
+    pub(crate) fn of_cycle(
+        plans: &[AgentPlan],
+        ratios: &[FlowRatios],
+        cycle: u32,
+        leeway: Option<Leeway>,
+    ) -> Candidate {
         let timing = |(plan, ratios): (&AgentPlan, &FlowRatios)| {
             let mut weights = vec![0.0; plan.greens()];
             ratios.greens.iter().for_each(|&(green, ratio)| weights[green] = ratio.max(LEAST_RATIO));
@@ -51,7 +56,7 @@ impl Candidate {
     }
 
     /// Returns the same greens with other offsets, in seconds; they may be larger than a cycle.
-    pub fn with_offsets(&self, offset_s: impl Fn(usize) -> f64) -> Candidate {
+    pub(crate) fn with_offsets(&self, offset_s: impl Fn(usize) -> f64) -> Candidate {
         let shift = |(light, timing): (usize, &Timing)| {
             timing.shifted(offset_s(light).rem_euclid(f64::from(timing.cycle())) as u32)
         };

@@ -18,7 +18,7 @@ use dials_core::base::statistics::mean;
 
 /// Version of the search. Bump when the space of the search or the choice of the best changes; timings of another
 /// version are searched again.
-pub const VERSION: u32 = 1;
+pub(crate) const VERSION: u32 = 1;
 
 /// Greens of the first grid, in steps.
 const GREENS: [u32; 8] = [4, 6, 8, 10, 12, 15, 19, 24];
@@ -125,10 +125,10 @@ fn quarters(count: usize) -> Range<usize> {
 }
 
 /// A search on a grid.
-pub struct Search<'a> {
+pub(crate) struct Search<'a> {
     pub grid: Shape<'a>,
     /// Leeway to begin with; `None`: the lights have none.
-    pub leeway: Option<Leeway>,
+    pub(crate) leeway: Option<Leeway>,
     pub judge: Judge<'a>,
 }
 

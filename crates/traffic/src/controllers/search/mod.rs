@@ -16,7 +16,7 @@ use dials_core::base::statistics::mean;
 
 /// Progress of a search.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Ranked {
+pub(crate) struct Ranked {
     /// Number of episodes played, and the most that there can be.
     pub played: usize,
     pub at_most: usize,
@@ -25,7 +25,7 @@ pub struct Ranked {
 }
 
 /// Plays candidates, with the functions that return what they earn in an episode and that report progress.
-pub struct Judge<'a> {
+pub(crate) struct Judge<'a> {
     pub episodes: usize,
     pub score: &'a mut dyn FnMut(&ClockPlan, usize) -> Result<f64>,
     pub report: &'a mut dyn FnMut(Ranked),

@@ -21,7 +21,7 @@ use crate::controllers::webster;
 use dials_core::base::statistics::mean;
 
 /// Version of the search, as [`super::grid::VERSION`].
-pub const VERSION: u32 = 1;
+pub(crate) const VERSION: u32 = 1;
 
 /// Cycles of the first part, in steps.
 const CYCLES: [u32; 7] = [40, 50, 60, 75, 90, 110, 130];
@@ -33,12 +33,12 @@ const FINALISTS: [usize; 2] = [2, 3];
 const WALK: usize = 30;
 
 /// A search on any net.
-pub struct Search<'a> {
+pub(crate) struct Search<'a> {
     pub plans: &'a [AgentPlan],
     /// Flow ratios of the lights' greens.
-    pub ratios: &'a [FlowRatios],
+    pub(crate) ratios: &'a [FlowRatios],
     /// Leeway to begin with; `None`: the lights have none.
-    pub leeway: Option<Leeway>,
+    pub(crate) leeway: Option<Leeway>,
     pub judge: Judge<'a>,
 }
 

@@ -51,7 +51,7 @@ pub fn time(element: &Element, name: &str, least: f64) -> Result<f64> {
 }
 
 /// Returns a time that may be left out.
-pub fn time_if_there(element: &Element, name: &str, least: f64) -> Result<Option<f64>> {
+pub(crate) fn time_if_there(element: &Element, name: &str, least: f64) -> Result<Option<f64>> {
     element.attribute(name).map(|_| time(element, name, least)).transpose()
 }
 

@@ -67,12 +67,12 @@ impl Classes {
     }
 
     /// Returns whether passenger cars or buses are among them.
-    pub fn has_cars(&self) -> bool {
+    pub(crate) fn has_cars(&self) -> bool {
         CARS.iter().any(|class| self.has(class))
     }
 
     /// Returns whether some vehicle that drives on roads is among them, such as a bicycle.
-    pub fn has_vehicles(&self) -> bool {
+    pub(crate) fn has_vehicles(&self) -> bool {
         ON_ROADS.iter().any(|class| self.has(class))
     }
 }

@@ -62,7 +62,7 @@ impl Roads {
     /// yields at once. SUMO refuses a program with such a state in an additional file, but not in the net.
     ///
     /// Source: SUMO 1.15, `MSTrafficLightLogic::init`.
-    pub fn waiting_for_each_other(&self, light: &str, states: &[&SignalState]) -> Option<[usize; 2]> {
+    pub(crate) fn waiting_for_each_other(&self, light: &str, states: &[&SignalState]) -> Option<[usize; 2]> {
         let letter = |link: &Connection| link.signal.as_ref().filter(|is| is.light == light).map(|is| is.letter);
         let yields = |state: &SignalState, letter: usize| {
             matches!(state.as_str().as_bytes().get(letter), Some(b'g' | b'o' | b's'))

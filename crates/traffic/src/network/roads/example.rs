@@ -79,7 +79,7 @@ pub fn roads(changes: &[(&str, &str)]) -> Roads {
 }
 
 /// A light of its own at U, with greens for `far` and for `side`.
-pub const LIGHT_AT_U: [(&str, &str); 5] = [
+pub(crate) const LIGHT_AT_U: [(&str, &str); 5] = [
     (
         r#"<junction id="W""#,
         r#"<tlLogic id="U"><phase duration="9" state="Grr"/><phase duration="9" state="rGG"/></tlLogic><junction id="W""#,

@@ -4,7 +4,6 @@ use anyhow::{Context, Result, ensure};
 
 use super::attributes::{count, tag, text, time, time_if_there, wrong};
 use crate::network::tree::Element;
-use dials_core::outside::excerpt;
 use libsumo::SignalState;
 
 /// Largest number of phases of a program, and of letters of a state. Lights of real cities have a tenth of it.
@@ -21,7 +20,7 @@ pub struct Program {
     /// SUMO's type, such as `static` or `actuated`.
     pub kind: String,
     /// Time by which the program runs late, in seconds.
-    pub offset_s: f64,
+    pub(crate) offset_s: f64,
     /// Names and values of its `<param>`, such as `max-gap`.
     pub parameters: Vec<(String, String)>,
     /// Phases in their order, at least one. Their states have the same length.
@@ -31,9 +30,9 @@ pub struct Program {
 /// A phase of a program.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Phase {
-    pub duration_s: f64,
+    pub(crate) duration_s: f64,
     /// Shortest and longest duration of an actuated light, as far as the program gives them.
-    pub limits_s: [Option<f64>; 2],
+    pub(crate) limits_s: [Option<f64>; 2],
     pub state: SignalState,
     /// Phases that may follow; empty: the next one in their order.
     pub next: Vec<usize>,
@@ -50,21 +49,11 @@ impl Program {
         let length = phases[0].state.links();
         ensure!(length <= MOST_LETTERS, "{}: has states of more than {MOST_LETTERS} letters, the limit", tag(element));
         for (number, phase) in phases.iter().enumerate() {
-            let links = phase.state.links();
+            let (links, place) = (phase.state.links(), format!("{}: phase {number}", tag(element)));
+            ensure!(links == length, "{place}: its state has {links} letters, but that of phase 0 has {length}");
             ensure!(
-                links == length,
-                "{}: phase {number}: state=\"{}\": has {links} letters, but phase 0 has {length}; give all phases one \
-                 letter per link",
-                tag(element),
-                excerpt(phase.state.as_str())
-            );
-            let wrong_next = phase.next.iter().find(|&&next| next >= phases.len());
-            ensure!(
-                wrong_next.is_none(),
-                "{}: phase {number}: next: there is no phase {}; the last one is {}",
-                tag(element),
-                wrong_next.unwrap_or(&0),
-                phases.len() - 1
+                phase.next.iter().all(|&next| next < phases.len()),
+                "{place}: next: names a phase that is not there"
             );
         }
         let kind = element.attribute("type").unwrap_or("static").to_owned();
@@ -95,17 +84,12 @@ pub fn name(element: &Element) -> &str {
 }
 
 /// Returns the time by which the program of a `<tlLogic>` runs late, in seconds.
-pub fn offset_s(element: &Element) -> Result<f64> {
+pub(crate) fn offset_s(element: &Element) -> Result<f64> {
     Ok(time_if_there(element, "offset", f64::NEG_INFINITY)?.unwrap_or(0.0))
 }
 
 fn read_phase(element: &Element) -> Result<Phase> {
-    let letters = text(element, "state")?;
-    let state = SignalState::new(letters).map_err(|_| {
-        let bad = letters.chars().find(|letter| !"rRyYgGuoOs".contains(*letter));
-        let why = bad.map_or("is empty".to_owned(), |bad| format!("`{}` is no signal", excerpt(&bad.to_string())));
-        wrong(element, "state", &format!("{why}; SUMO's signals are r, y, Y, g, G, s, u, o, O"))
-    })?;
+    let state = SignalState::new(text(element, "state")?).with_context(|| tag(element))?;
     let duration_s = time(element, "duration", 0.0)?;
     let limit = |name: &str| time_if_there(element, name, 0.0);
     let next = element.attribute("next").unwrap_or_default().split_whitespace();

@@ -1,6 +1,6 @@
 //! The elements of a `.net.xml`, read into [`Roads`].
 
-use std::collections::{HashMap, HashSet};
+use std::collections::HashMap;
 
 use anyhow::{Result, ensure};
 
@@ -11,17 +11,12 @@ use super::shape::shape;
 use super::{Connection, Edge, EdgeNo, Function, Junction, JunctionNo, Lane, LaneNo, Request, Roads};
 use crate::network::tree::Element;
 
-/// Advice about a name that leads nowhere. Only an editor or another program leaves such a net behind.
-const REMAKE: &str = "make the net again with netconvert";
+/// What is said of a name that leads nowhere. Only an editor or another program leaves such a net behind.
+const UNKNOWN: &str = "the net has none of this name; make the net again with netconvert";
 
 /// What is said of a crossing or a signal of trains.
-pub const TRAINS: &str = "this program does not simulate trains; remove the track from the net, for example with \
-                          netconvert's --remove-edges.by-vclass";
-
-/// Returns whether a junction or a light is a crossing or a signal of trains.
-pub fn is_of_trains(element: &Element) -> bool {
-    element.attribute("type").is_some_and(|kind| kind.starts_with("rail_"))
-}
+const TRAINS: &str = "this program does not simulate trains; remove the track from the net, for example with \
+                      netconvert's --remove-edges.by-vclass";
 
 /// Speed limit of a lane that has less, in m/s.
 const SLOWEST_MPS: f64 = 0.1;
@@ -33,9 +28,9 @@ impl Roads {
         let mut roads = Roads::default();
         let mut junction_numbers = HashMap::new();
         for (number, element) in net.all("junction").enumerate() {
-            let taken = junction_numbers.insert(text(element, "id")?, JunctionNo(number));
-            ensure!(taken.is_none(), "{}: there are two junctions of this id; {REMAKE}", tag(element));
-            ensure!(!is_of_trains(element), wrong(element, "type", TRAINS));
+            junction_numbers.insert(text(element, "id")?, JunctionNo(number));
+            let is_of_trains = element.attribute("type").is_some_and(|kind| kind.starts_with("rail_"));
+            ensure!(!is_of_trains, wrong(element, "type", TRAINS));
         }
         for element in net.all("edge") {
             roads.read_edge(element, &junction_numbers)?;
@@ -45,11 +40,13 @@ impl Roads {
             roads.junctions.push(junction);
         }
         roads.programs = net.all("tlLogic").map(Program::read).collect::<Result<_>>()?;
-        roads.refuse_double_programs()?;
         roads.from_lane = vec![Vec::new(); roads.lanes.len()];
         roads.to_lane = vec![Vec::new(); roads.lanes.len()];
-        let letters: HashMap<String, usize> =
-            roads.programs.iter().map(|program| (program.light.clone(), program.letters())).collect();
+        let mut letters: HashMap<String, usize> = HashMap::new();
+        for program in &roads.programs {
+            let least = letters.entry(program.light.clone()).or_insert(usize::MAX);
+            *least = program.letters().min(*least);
+        }
         for element in net.all("connection") {
             let connection = roads.read_connection(element, &letters)?;
             roads.from_lane[connection.from.0].push(roads.connections.len());
@@ -65,8 +62,7 @@ impl Roads {
     fn read_edge(&mut self, element: &Element, junctions: &HashMap<&str, JunctionNo>) -> Result<()> {
         let id = text(element, "id")?;
         let number = EdgeNo(self.edges.len());
-        let taken = self.edge_numbers.insert(id.to_owned(), number);
-        ensure!(taken.is_none(), "{}: there are two edges of this id; {REMAKE}", tag(element));
+        self.edge_numbers.insert(id.to_owned(), number);
         let function = match element.attribute("function").unwrap_or("normal") {
             "normal" | "connector" => Function::Road,
             "internal" => Function::Internal,
@@ -74,20 +70,10 @@ impl Roads {
             "walkingarea" => Function::WalkingArea,
             _ => return Err(wrong(element, "function", "is none of SUMO's functions of edges")),
         };
-        let end = |name: &str| {
-            let known = junctions.get(text(element, name)?).copied();
-            known.ok_or_else(|| wrong(element, name, &format!("there is no junction of this id; {REMAKE}")))
-        };
+        let end = |name: &str| known(element, name, junctions.get(text(element, name)?).copied());
         let ends = if function == Function::Road { Some([end("from")?, end("to")?]) } else { None };
-        let mut lanes = Vec::new();
-        for lane in element.all("lane") {
-            ensure!(
-                count(lane, "index")? == lanes.len(),
-                wrong(lane, "index", &format!("is lane {} of its edge; {REMAKE}", lanes.len()))
-            );
-            lanes.push(self.read_lane(lane, number)?);
-        }
-        ensure!(!lanes.is_empty(), "{}: has no <lane>; {REMAKE}", tag(element));
+        let lanes = element.all("lane").map(|lane| self.read_lane(lane, number)).collect::<Result<Vec<_>>>()?;
+        ensure!(!lanes.is_empty(), "{}: has no <lane>; remove it from the net", tag(element));
         self.edges.push(Edge { id: id.to_owned(), function, ends, lanes });
         Ok(())
     }
@@ -95,8 +81,7 @@ impl Roads {
     fn read_lane(&mut self, element: &Element, edge: EdgeNo) -> Result<LaneNo> {
         let id = text(element, "id")?;
         let number = LaneNo(self.lanes.len());
-        let taken = self.lane_numbers.insert(id.to_owned(), number);
-        ensure!(taken.is_none(), "{}: there are two lanes of this id; {REMAKE}", tag(element));
+        self.lane_numbers.insert(id.to_owned(), number);
         let length_m = self::number(element, "length", 0.0)?;
         ensure!(length_m > 0.0, wrong(element, "length", "must be more than 0"));
         let classes = Classes::of(element);
@@ -117,10 +102,7 @@ impl Roads {
     fn read_junction(&self, element: &Element) -> Result<Junction> {
         let kind = text(element, "type")?.to_owned();
         let names = element.attribute("incLanes").unwrap_or_default().split_whitespace();
-        let lane = |id: &str| {
-            let known = self.lane_named(id);
-            known.ok_or_else(|| wrong(element, "incLanes", &format!("there is no lane `{id}`; {REMAKE}")))
-        };
+        let lane = |id: &str| known(element, "incLanes", self.lane_named(id));
         // A junction within another one lists lanes in another order.
         let incoming = if kind == "internal" { Vec::new() } else { names.map(lane).collect::<Result<_>>()? };
         Ok(Junction {
@@ -135,29 +117,15 @@ impl Roads {
 
     fn read_connection(&self, element: &Element, letters: &HashMap<String, usize>) -> Result<Connection> {
         let lane = |edge: &str, index: &str| {
-            let known = self.edge_named(text(element, edge)?);
-            let number =
-                known.ok_or_else(|| wrong(element, edge, &format!("there is no edge of this id; {REMAKE}")))?;
-            let lane = self.edge(number).lanes.get(count(element, index)?).copied();
-            lane.ok_or_else(|| wrong(element, index, &format!("its edge has no such lane; {REMAKE}")))
+            let edge = known(element, edge, self.edge_named(text(element, edge)?))?;
+            known(element, index, self.edge(edge).lanes.get(count(element, index)?).copied())
         };
-        let via = element.attribute("via").map(|id| {
-            let known = self.lane_named(id);
-            known.ok_or_else(|| wrong(element, "via", &format!("there is no lane of this id; {REMAKE}")))
-        });
+        let via = element.attribute("via").map(|id| known(element, "via", self.lane_named(id)));
         let signal = signal(element)?;
         if let Some(signal) = &signal {
-            let length = letters.get(&signal.light).copied();
-            let way_out = "there is no <tlLogic> of this id; add its program";
-            let length = length.ok_or_else(|| wrong(element, "tl", way_out))?;
-            ensure!(
-                signal.letter < length,
-                wrong(
-                    element,
-                    "linkIndex",
-                    &format!("the states of light `{}` have {length} letters only; add the missing ones", signal.light)
-                )
-            );
+            let length = known(element, "tl", letters.get(&signal.light).copied())?;
+            let why = || format!("the states of light `{}` have {length} letters only", signal.light);
+            ensure!(signal.letter < length, wrong(element, "linkIndex", &why()));
         }
         Ok(Connection {
             from: lane("from", "fromLane")?,
@@ -167,25 +135,11 @@ impl Roads {
             turns_around: element.attribute("dir") == Some("t"),
         })
     }
+}
 
-    fn refuse_double_programs(&self) -> Result<()> {
-        let mut first: HashMap<&str, &Program> = HashMap::new();
-        let mut names = HashSet::new();
-        for program in &self.programs {
-            let named = format!("<tlLogic id=\"{}\" programID=\"{}\">", program.light, program.id);
-            let earlier = *first.entry(&program.light).or_insert(program);
-            let is_new = names.insert((&program.light, &program.id));
-            ensure!(is_new, "{named}: there are two programs of this id; rename one of them");
-            let [letters, others] = [program.letters(), earlier.letters()];
-            ensure!(
-                letters == others,
-                "{named}: its states have {letters} letters, but those of program `{}` have {others}; give both one \
-                 letter per link",
-                earlier.id
-            );
-        }
-        Ok(())
-    }
+/// Returns what an attribute names, or an error.
+fn known<T>(element: &Element, name: &str, found: Option<T>) -> Result<T> {
+    found.ok_or_else(|| wrong(element, name, UNKNOWN))
 }
 
 fn read_request(element: &Element) -> Result<Request> {

@@ -4,26 +4,30 @@
 //! of the folder makes decisions.
 //!
 //! - `of_grid`: on a grid, each car that entered is listed. Cars draw nothing at random there, so they move as before.
-//! - `of_scenario`: on a scenario, the files of the scenario play with the seed of the episode. So SUMO draws the same
-//!   numbers, and cars of all types choose the same routes, lanes and speeds.
+//! - On a scenario, its own files play with the seed of the episode. So SUMO draws the same numbers, and cars of all types
+//!   choose the same routes, lanes and speeds.
 //! - `of_local`: of a local simulator of a scenario, each car is listed, and SUMO draws the same numbers on each lane.
 //! - `vehicle`: a listed car. `view`: how sumo-gui shows the roads.
 
 mod of_grid;
 mod of_local;
-mod of_scenario;
 mod vehicle;
 mod view;
 
+use std::collections::HashSet;
 use std::path::{Path, PathBuf};
 
 use anyhow::{Result, bail};
 
-use super::recorded_roads::{RecordedFiles, RecordedGround};
+use super::options::{STEP_LENGTH_S, TIME_TO_TELEPORT_S};
+use super::recorded_roads::{RecordedFiles, RecordedRoads};
 use super::recording::Recording;
+use crate::cut::names::free_name;
 use crate::network::files::{NetworkFiles, for_sumo};
-use crate::network::roads::Roads;
-use crate::network::xml::{document, leaf, nest};
+use crate::network::tree::Element;
+use crate::network::xml::{document, leaf, nest, section};
+use crate::scenario::SumoScenario;
+use crate::scenario::kept::Episode;
 use dials_core::outside::{quoted, write_together};
 use libsumo::{CarTable, SignalState, Simulation};
 
@@ -49,29 +53,31 @@ pub fn check_place(dir: &Path) -> Result<()> {
 
 /// Writes the episode into `dir`.
 pub fn write(recording: &Recording, dir: &Path) -> Result<()> {
-    let (mut files, signals) = match &recording.roads.ground {
-        RecordedGround::Grid(grid) => (of_grid::files(recording, grid), of_grid::signals(recording)),
-        RecordedGround::Scenario(scenario) => match &scenario.files {
-            RecordedFiles::Whole(files) => {
-                // The lights that do not learn run the programs that they ran.
-                let agents = scenario.agents.len();
-                check_programs(recording, &scenario.roads, agents, &quoted(files.net_path()))?;
-                let roots = [files.net()].into_iter().chain(files.additional());
-                let signals = of_scenario::signals(recording, agents, roots);
-                (of_scenario::files(recording, files), signals)
-            }
-            RecordedFiles::Local(files) => {
-                let lights = recording.roads.lights.len();
-                check_programs(recording, &scenario.roads, lights, "NET.net.xml")?;
-                let signals = of_scenario::signals(recording, lights, [&files.net.root()].into_iter());
-                (of_local::files(recording, files, scenario.agents[0].place_m), signals)
-            }
-        },
+    let RecordedRoads { files, agents, lights, .. } = &*recording.roads;
+    let (mut files, signals) = match files {
+        RecordedFiles::Grid(files) => (of_grid::files(recording, files), signals(recording, lights.len(), [])),
+        RecordedFiles::Whole(files) => {
+            // The lights that do not learn run the programs that they ran.
+            check_programs(recording, agents.len(), &quoted(files.net_path()))?;
+            let roots = [files.net()].into_iter().chain(files.additional());
+            (of_scenario_files(recording, files), signals(recording, agents.len(), roots))
+        }
+        RecordedFiles::Local(files) => {
+            check_programs(recording, lights.len(), "NET.net.xml")?;
+            let signals = signals(recording, lights.len(), [&files.net.root()]);
+            (of_local::files(recording, files, agents[0].place_m), signals)
+        }
     };
     files.push((SIGNALS.to_owned(), signals.into_bytes()));
     files.push((VIEW.to_owned(), view(&recording.roads, WATCHING_DELAY_MS, &[]).into_bytes()));
     let files: Vec<_> = files.into_iter().map(|(name, bytes)| (dir.join(name), bytes)).collect();
     write_together(dir, &files)
+}
+
+/// Returns the files of a scenario's replay, without signals and view: names and contents.
+fn of_scenario_files(recording: &Recording, files: &SumoScenario) -> Vec<(String, Vec<u8>)> {
+    let end_s = recording.roads.begin_s() + recording.steps.len() as u64;
+    files.episode_files(NAME, &Episode { seed: recording.seed, end_s, signals: SIGNALS, view: VIEW })
 }
 
 /// Lets SUMO play the folder and compares. It is an error unless in every step every car is in the same place, equally
@@ -94,29 +100,27 @@ pub fn check(recording: &Recording, dir: &Path) -> Result<()> {
         if signals == recorded.signals && cars == recorded.cars {
             continue;
         }
-        match &recording.roads.ground {
-            RecordedGround::Grid(_) => bail!(
+        let of = match &recording.roads.files {
+            RecordedFiles::Grid(_) => bail!(
                 "SUMO plays step {number} of the replay differently from the recording; only networks whose cars draw \
                  nothing at random, such as those of `dials-traffic nets`, can be replayed"
             ),
-            RecordedGround::Scenario(scenario) => bail!(
-                "SUMO plays second {} of the replay differently from the recording, so it is not kept; this should not \
-                 happen, please report it with {}",
-                recording.roads.begin_s() + number as u64,
-                match &scenario.files {
-                    RecordedFiles::Whole(files) => files.path().display().to_string(),
-                    RecordedFiles::Local(files) => format!("the light {}", files.net.light),
-                }
-            ),
-        }
+            RecordedFiles::Whole(files) => files.path().display().to_string(),
+            RecordedFiles::Local(files) => format!("the light {}", files.net.light),
+        };
+        bail!(
+            "SUMO plays second {} of the replay differently from the recording, so it is not kept; this should not \
+             happen, please report it with {of}",
+            recording.roads.begin_s() + number as u64
+        );
     }
     Ok(())
 }
 
 /// Returns an error if SUMO would refuse what one of the first `lights` lights showed as a program. `net`: for the way out.
-fn check_programs(recording: &Recording, roads: &Roads, lights: usize, net: &str) -> Result<()> {
+fn check_programs(recording: &Recording, lights: usize, net: &str) -> Result<()> {
     for (number, light) in recording.roads.lights.iter().take(lights).enumerate() {
-        if let Some([one, two]) = roads.waiting_for_each_other(light, &shown(recording, number)) {
+        if let Some([one, two]) = recording.roads.roads.waiting_for_each_other(light, &shown(recording, number)) {
             bail!(
                 "SUMO cannot replay what the light {light} showed: `g` for the letters {one} and {two} at once, whose cars \
                  yield to each other; make the net anew with `netconvert -s {net} --tls.ignore-internal-junction-jam -o \
@@ -127,27 +131,40 @@ fn check_programs(recording: &Recording, roads: &Roads, lights: usize, net: &str
     Ok(())
 }
 
-/// A light, the name of its new program, and what it showed in each step.
-struct Program<'a> {
-    light: &'a str,
-    name: String,
-    shown: Vec<&'a SignalState>,
-}
-
-/// Returns programs that begin at second `begin_s`.
-fn programs<'a>(programs: impl Iterator<Item = Program<'a>>, begin_s: u64) -> String {
-    let mut programs = programs;
-    let offset = begin_s.to_string();
+/// Returns a program for each of the first `lights` recorded lights. `roots`: of the files with their other programs.
+fn signals<'a>(recording: &Recording, lights: usize, roots: impl IntoIterator<Item = &'a Element>) -> String {
+    let programs = roots.into_iter().flat_map(|root| root.all("tlLogic"));
+    let taken: HashSet<(&str, &str)> =
+        programs.filter_map(|program| Some((program.attribute("id")?, program.attribute("programID")?))).collect();
+    // With an offset of its first second, a program is at the beginning of its first phase then.
+    let offset = recording.roads.begin_s().to_string();
     document("additional", |xml| {
-        programs.try_for_each(|Program { light, name, shown }| {
-            // With an offset of its first second, a program is at the beginning of its first phase then.
-            let head = [("id", light), ("type", "static"), ("programID", &name), ("offset", &offset)];
+        recording.roads.lights.iter().take(lights).enumerate().try_for_each(|(number, light)| {
+            // A scenario may be a replay itself.
+            let name = free_name("recorded", |name| taken.contains(&(light, name)));
+            let head = [("id", &**light), ("type", "static"), ("programID", &name), ("offset", &offset)];
             nest(xml, "tlLogic", head, |xml| {
-                shown.chunk_by(|a, b| a == b).try_for_each(|phase| {
+                shown(recording, number).chunk_by(|a, b| a == b).try_for_each(|phase| {
                     leaf(xml, "phase", [("duration", phase.len().to_string().as_str()), ("state", phase[0].as_str())])
                 })
             })
         })
+    })
+}
+
+/// Returns the configuration of a replay in which each car is listed. `additional`: further additional files;
+/// `options`: those that a grid has not.
+fn config(recording: &Recording, [net, routes]: [&str; 2], additional: &[&str], options: &[(&str, &str)]) -> String {
+    let end = (recording.roads.begin_s() + recording.steps.len() as u64).to_string();
+    let additional = [additional, &[SIGNALS]].concat().join(",");
+    let options = [&[("time-to-teleport", TIME_TO_TELEPORT_S)], options].concat();
+    document("configuration", |xml| {
+        section(xml, "input", &[("net-file", net), ("route-files", routes), ("additional-files", &additional)])?;
+        section(xml, "time", &[("begin", "0"), ("end", &end), ("step-length", STEP_LENGTH_S)])?;
+        section(xml, "processing", &options)?;
+        section(xml, "random_number", &[("seed", &recording.seed.to_string())])?;
+        section(xml, "report", &[("no-warnings", "true"), ("xml-validation", "never")])?;
+        section(xml, "gui_only", &[("gui-settings-file", VIEW)])
     })
 }
 

@@ -6,11 +6,10 @@
 use std::path::Path;
 
 use super::vehicle::{write_car, write_routes};
-use super::{NAME, SIGNALS, VIEW};
+use super::{NAME, config};
 use crate::cut::mixed::Alone;
 use crate::network::files::NetworkFiles;
-use crate::network::xml::{document, leaf, section};
-use crate::sim::options::{STEP_LENGTH_S, TIME_TO_TELEPORT_S};
+use crate::network::xml::{document, leaf};
 use crate::sim::recorded_local::LocalFiles;
 use crate::sim::recording::Recording;
 
@@ -25,7 +24,10 @@ pub fn files(recording: &Recording, files: &LocalFiles, place_m: [f64; 2]) -> Ve
     let [net, routes, sumocfg] =
         [names.net, names.routes, names.config].map(|path| path.to_string_lossy().into_owned());
     let alone = Alone::of(&files.net, place_m);
-    let config = config(recording, files, &alone, [&net, &routes]);
+    let generators = alone.lanes.to_string();
+    let options = files.options.iter().map(|(name, value)| (&**name, &**value));
+    let options: Vec<(&str, &str)> = [("thread-rngs", &*generators)].into_iter().chain(options).collect();
+    let config = config(recording, [&net, &routes], &[TYPES], &options);
     vec![
         (net, alone.net.clone().into_bytes()),
         (TYPES.to_owned(), files.types.clone().into_bytes()),
@@ -54,22 +56,5 @@ fn vehicles(recording: &Recording, files: &LocalFiles, alone: &Alone) -> String 
             let end_m = files.ends_m.get(&entry.car.route).copied();
             write_car(xml, entry, begin_s + entry.step as u64, end_m)
         })
-    })
-}
-
-fn config(recording: &Recording, files: &LocalFiles, alone: &Alone, [net, routes]: [&str; 2]) -> String {
-    let additional = [TYPES, SIGNALS].join(",");
-    let end = (files.begin_s() + recording.steps.len() as u64).to_string();
-    let (seed, generators) = (recording.seed.to_string(), alone.lanes.to_string());
-    let options = files.options.iter().map(|(name, value)| (&**name, &**value));
-    let options: Vec<(&str, &str)> =
-        [("time-to-teleport", TIME_TO_TELEPORT_S), ("thread-rngs", &generators)].into_iter().chain(options).collect();
-    document("configuration", |xml| {
-        section(xml, "input", &[("net-file", net), ("route-files", routes), ("additional-files", &additional)])?;
-        section(xml, "time", &[("begin", "0"), ("end", &end), ("step-length", STEP_LENGTH_S)])?;
-        section(xml, "processing", &options)?;
-        section(xml, "random_number", &[("seed", &seed)])?;
-        section(xml, "report", &[("no-warnings", "true"), ("xml-validation", "never")])?;
-        section(xml, "gui_only", &[("gui-settings-file", VIEW)])
     })
 }

@@ -7,7 +7,7 @@ use crate::sim::recording::{Entry, Recording};
 use libsumo::DepartSpeed;
 
 /// Writes the routes of the recorded cars, each once.
-pub fn write_routes(xml: &mut Xml, recording: &Recording) -> io::Result<()> {
+pub(crate) fn write_routes(xml: &mut Xml, recording: &Recording) -> io::Result<()> {
     let mut routes: Vec<(&str, &[String])> =
         recording.entries.iter().map(|entry| (entry.car.route.as_str(), entry.car.edges.as_slice())).collect();
     routes.sort_unstable();
@@ -16,7 +16,12 @@ pub fn write_routes(xml: &mut Xml, recording: &Recording) -> io::Result<()> {
 }
 
 /// Writes a car that enters at a second. `end_m`: position at which it has arrived; `None`: at the end of its route.
-pub fn write_car(xml: &mut Xml, Entry { car, speed, .. }: &Entry, depart_s: u64, end_m: Option<f64>) -> io::Result<()> {
+pub(crate) fn write_car(
+    xml: &mut Xml,
+    Entry { car, speed, .. }: &Entry,
+    depart_s: u64,
+    end_m: Option<f64>,
+) -> io::Result<()> {
     let speed = match speed {
         DepartSpeed::Max => "max".to_owned(),
         DepartSpeed::Fixed(speed_mps) => speed_mps.to_string(),

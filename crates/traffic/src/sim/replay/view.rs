@@ -4,7 +4,7 @@ use std::io;
 use std::path::PathBuf;
 
 use crate::network::xml::{Xml, document, leaf, nest};
-use crate::sim::recorded_roads::{RecordedGround, RecordedRoads};
+use crate::sim::recorded_roads::RecordedRoads;
 
 /// A picture for sumo-gui to take.
 pub struct Snapshot {
@@ -41,14 +41,13 @@ const SORTS: [&str; 3] = ["road", "no passenger", "rails on road"];
 
 impl Look {
     fn of(roads: &RecordedRoads) -> Look {
-        let (cars, edges, sorts) = match &roads.ground {
-            RecordedGround::Grid(_) => (LARGER, 1.5, &SORTS[..1]),
+        let (cars, edges, sorts) = if roads.grid().is_some() {
+            (LARGER, 1.5, &SORTS[..1])
+        } else {
             // Lanes side by side must not cover each other.
-            RecordedGround::Scenario(scenario) => {
-                let [wide, tall] = scenario.extent_m();
-                let car_px = CAR_M * FILM_PX / wide.max(tall);
-                ((LEAST_CAR_PX / car_px).max(LARGER), 1.0, &SORTS[..])
-            }
+            let [wide, tall] = roads.extent_m();
+            let car_px = CAR_M * FILM_PX / wide.max(tall);
+            ((LEAST_CAR_PX / car_px).max(LARGER), 1.0, &SORTS[..])
         };
         Look { cars: cars.to_string(), edges: edges.to_string(), sorts }
     }

@@ -8,7 +8,7 @@ use crate::sim::recording::Recording;
 use libsumo::CarId;
 
 /// A lane on a way.
-pub struct Stretch {
+pub(crate) struct Stretch {
     pub lane: String,
     /// Metres from the beginning of the way to that of the lane.
     pub begin_m: f64,

@@ -1,37 +1,86 @@
 //! Recordings as traces: the data for pictures of an episode.
 //!
-//! - `of_grid`, `of_scenario`: the trace of either; [`route`]: the way along which a scenario is drawn.
-//! - `drives`: the cars on lanes that follow each other.
+//! [`route`]: the way along which a scenario is drawn. `drives`: the cars on lanes that follow each other.
 
 mod drives;
-mod of_grid;
-mod of_scenario;
 pub mod route;
 
 use anyhow::Result;
 
-use super::recorded_roads::{RecordedGround, RecordedRoads};
+use super::recorded_roads::{RecordedFiles, RecordedRoads};
 use super::recording::Recording;
+use crate::agents::plan::AgentPlan;
+use crate::network::roads::{Connection, LaneNo, Roads};
+use crate::paper_grid::grid::Grid;
+use crate::scenario::kept::KEPT;
 use crate::side::Side;
-use dials_core::domain::road_trace::{Aspect, RoadMap, RoadTrace};
-use route::Route;
+use dials_core::base::AgentId;
+use dials_core::domain::road_trace::{Approach, Aspect, Corridor, CorridorLight, Layout, RoadMap, RoadTrace, Shown};
+use drives::{Stretch, drives};
+use libsumo::SignalState;
+use route::{Route, light_between, ways};
 
 /// Returns the trace, with the ways along which cars can be drawn.
 ///
 /// On a grid these are its rows from west to east, the southernmost first. On a scenario there is one: `route`, or the
 /// route of a car on which lights meet the most cars. Without any car there is none.
 pub fn trace(recording: &Recording, route: Option<&Route>) -> Result<RoadTrace> {
-    match &recording.roads.ground {
-        RecordedGround::Grid(grid) => of_grid::trace(recording, grid.grid),
-        RecordedGround::Scenario(scenario) => of_scenario::trace(recording, scenario, route),
-    }
+    let RecordedRoads { agents, roads, .. } = &*recording.roads;
+    let most = agents.iter().map(|agent| agent.phases.greens().len()).max().unwrap_or(0);
+    let light = |(row, agent): (usize, &AgentPlan)| {
+        recording.steps.iter().map(|step| shown(agent, &step.signals[row])).collect()
+    };
+    let (layout, greens, corridors) = match recording.roads.grid() {
+        Some(grid) => (
+            Layout::Grid { rows: grid.rows(), columns: grid.cols() },
+            ["green for south and north", "green for west and east"].map(str::to_owned).to_vec(),
+            (0..grid.rows()).map(|row| of_row(recording, grid, row)).collect::<Result<_>>()?,
+        ),
+        None => {
+            let route = route.cloned().or_else(|| Route::busiest(recording));
+            (
+                Layout::Map(map(&recording.roads)),
+                (0..most).map(|green| format!("green {green}")).collect(),
+                route.iter().map(|route| corridor(recording, roads, route)).collect::<Result<_>>()?,
+            )
+        }
+    };
+    Ok(RoadTrace {
+        seconds: 0..recording.steps.len(),
+        layout,
+        names: agents.iter().map(|agent| agent.light.clone()).collect(),
+        greens,
+        lights: agents.iter().enumerate().map(light).collect(),
+        approaches: approaches(recording)?,
+        corridors,
+    })
 }
 
 /// Returns the map of a scenario. `None`: a grid, which needs none.
 pub fn road_map(roads: &RecordedRoads) -> Option<RoadMap> {
-    match &roads.ground {
-        RecordedGround::Grid(_) => None,
-        RecordedGround::Scenario(scenario) => Some(of_scenario::road_map(scenario)),
+    roads.grid().is_none().then(|| map(roads))
+}
+
+/// Returns the roads with the lights of the agents.
+fn map(recorded: &RecordedRoads) -> RoadMap {
+    let RecordedRoads { agents, roads, files, .. } = recorded;
+    RoadMap {
+        place: place_of(files),
+        junctions: roads.junctions.iter().map(|junction| junction.shape.clone()).collect(),
+        lanes: roads.lanes_of_cars().map(|lane| roads.lane(lane).shape.clone()).collect(),
+        lights_m: agents.iter().map(|agent| agent.place_m).collect(),
+    }
+}
+
+/// Returns the place in words. The copy in a run directory has lost the name that its user knows.
+fn place_of(files: &RecordedFiles) -> String {
+    match files {
+        RecordedFiles::Grid(files) => format!("a grid of {}", files.grid),
+        RecordedFiles::Local(files) => format!("the local simulator of light {}", files.net.light),
+        RecordedFiles::Whole(files) => match files.path().file_stem().unwrap_or_default().to_string_lossy().as_ref() {
+            KEPT => "a scenario".to_owned(),
+            name => format!("scenario {name}"),
+        },
     }
 }
 
@@ -50,4 +99,122 @@ fn name(side: Side) -> &'static str {
         Side::East => "east",
         Side::North => "north",
     }
+}
+
+fn shown(agent: &AgentPlan, state: &SignalState) -> Shown {
+    match agent.phases.greens().iter().position(|green| green == state) {
+        Some(green) => Shown::Green(green),
+        None if state.as_str().contains(['y', 'Y']) => Shown::Yellow,
+        None => Shown::Other,
+    }
+}
+
+/// Returns the queues by the quarter of the compass that cars come from. Each has the lights with such approaches.
+fn approaches(recording: &Recording) -> Result<Vec<Approach>> {
+    let RecordedRoads { agents, roads, .. } = &*recording.roads;
+    let mut approaches = Vec::new();
+    for side in Side::ALL {
+        let mut standing = Vec::new();
+        for agent in agents {
+            let lanes = agent.region.approaches.iter().map(|approach| approach.lane.as_str());
+            let mut lanes = lanes.filter(|lane| comes_from(roads, lane) == side).peekable();
+            if lanes.peek().is_none() {
+                continue;
+            }
+            let mut queue = vec![0; recording.steps.len()];
+            for lane in lanes {
+                queue.iter_mut().zip(recording.on_lane(lane)?).for_each(|(queue, cars)| *queue += cars.halting());
+            }
+            standing.push(queue);
+        }
+        if !standing.is_empty() {
+            approaches.push(Approach { from: name(side), standing });
+        }
+    }
+    Ok(approaches)
+}
+
+/// Returns the side from which cars come on a lane, by its direction at its end.
+fn comes_from(roads: &Roads, lane: &str) -> Side {
+    let shape = roads.lane_named(lane).map_or(&[][..], |lane| &roads.lane(lane).shape);
+    let piece = shape.windows(2).rev().find(|piece| piece[0] != piece[1]);
+    let [east, north] = piece.map_or([1.0, 0.0], |piece| [0, 1].map(|axis| piece[1][axis] - piece[0][axis]));
+    match (east.abs() >= north.abs(), east > 0.0, north > 0.0) {
+        (true, true, _) => Side::West,
+        (true, false, _) => Side::East,
+        (false, _, true) => Side::South,
+        (false, _, false) => Side::North,
+    }
+}
+
+/// Returns the way through a row of a grid from west to east.
+fn of_row(recording: &Recording, grid: Grid, row: usize) -> Result<Corridor> {
+    let mut agents = (0..grid.cols()).map(|col| AgentId(row * grid.cols() + col));
+    let mut edges: Vec<String> =
+        agents.clone().map(|agent| grid.incoming_edges(agent)[Side::West.index()].clone()).collect();
+    edges.extend(agents.next_back().map(|agent| grid.outgoing_edges(agent)[Side::East.index()].clone()));
+    let roads = &recording.roads.roads;
+    let (from, to) = (name(Side::West).to_owned(), name(Side::East).to_owned());
+    let name = format!("row {row} of a grid of {grid}");
+    Ok(Corridor { name, from, to, ..corridor(recording, roads, &Route::read(&edges.join(","), roads)?)? })
+}
+
+/// Returns the way along a route.
+fn corridor(recording: &Recording, roads: &Roads, route: &Route) -> Result<Corridor> {
+    let edges = route.edges();
+    let mut stretches = Vec::new();
+    let mut crossings = Vec::new();
+    let mut begin_m = 0.0;
+    for (number, &edge) in edges.iter().enumerate() {
+        let lanes = &roads.edge(edge).lanes;
+        let length_m = lanes.iter().map(|&lane| roads.lane(lane).length_m).fold(0.0, f64::max);
+        for &lane in lanes {
+            stretches.push(stretch(roads, lane, begin_m, length_m / roads.lane(lane).length_m));
+        }
+        begin_m += length_m;
+        let Some(&next) = edges.get(number + 1) else { break };
+        // Ways from lane to lane within a junction differ in length. The longest one sets the scale.
+        let within_m = ways(roads, edge, next).map(|way| roads.length_within_junction(way)).fold(0.0, f64::max);
+        for way in ways(roads, edge, next) {
+            let scale = within_m / roads.length_within_junction(way);
+            let mut piece_m = begin_m;
+            for lane in roads.lanes_within_junction(way) {
+                stretches.push(stretch(roads, lane, piece_m, scale));
+                piece_m += roads.lane(lane).length_m * scale;
+            }
+        }
+        if let Some(light) = light_between(roads, edge, next) {
+            let letters = letters(ways(roads, edge, next));
+            let aspects = aspects(recording, light, &letters);
+            crossings.push(CorridorLight { name: light.to_owned(), begin_m, end_m: begin_m + within_m, aspects });
+        }
+        begin_m += within_m;
+    }
+    let ends = [edges[0], edges[edges.len() - 1]].map(|edge| roads.edge(edge).id.clone());
+    let [from, to] = ends;
+    let name = if edges.len() == 1 { "one edge".to_owned() } else { format!("a route of {} edges", edges.len()) };
+    let cars = drives(recording, &stretches)?;
+    Ok(Corridor { name, from, to, length_m: begin_m, crossings, cars })
+}
+
+fn stretch(roads: &Roads, lane: LaneNo, begin_m: f64, scale: f64) -> Stretch {
+    Stretch { lane: roads.lane(lane).id.clone(), begin_m, scale }
+}
+
+/// Returns the letters of these ways in the state of their light.
+fn letters<'a>(ways: impl Iterator<Item = &'a Connection>) -> Vec<usize> {
+    ways.filter_map(|way| way.signal.as_ref()).map(|signal| signal.letter).collect()
+}
+
+/// Returns what a light shows to ways with these letters: green if any of them has green.
+fn aspects(recording: &Recording, light: &str, letters: &[usize]) -> Vec<Aspect> {
+    let number = recording.roads.lights.iter().position(|other| other == light);
+    let number = number.expect("all lights that control a way are recorded");
+    let shown = recording.steps.iter().map(|step| {
+        let state = step.signals[number].as_str().as_bytes();
+        let aspects = || letters.iter().map(|&letter| aspect(state[letter]));
+        let first = |wanted: Aspect| aspects().find(|&aspect| aspect == wanted);
+        first(Aspect::Green).or(first(Aspect::Yellow)).unwrap_or(Aspect::Red)
+    });
+    shown.collect()
 }

@@ -5,7 +5,7 @@ use std::collections::{BTreeMap, BTreeSet, HashSet};
 use anyhow::{Result, bail, ensure};
 
 use crate::network::roads::{Connection, EdgeNo, Roads};
-use crate::sim::recorded_roads::RecordedScenario;
+use crate::sim::recorded_roads::RecordedRoads;
 use crate::sim::recording::Recording;
 use dials_core::outside::excerpt;
 
@@ -37,9 +37,9 @@ impl Route {
 
     /// Returns the route of a car of an episode on which lights under control meet the most cars. A car counts at each
     /// light, and also if it drives only a part of the route. `None`: no car entered.
-    pub fn busiest(recording: &Recording, scenario: &RecordedScenario) -> Option<Route> {
-        let roads = &scenario.roads;
-        let learning: HashSet<&str> = scenario.agents.iter().map(|agent| agent.light.as_str()).collect();
+    pub(crate) fn busiest(recording: &Recording) -> Option<Route> {
+        let RecordedRoads { roads, agents, .. } = &*recording.roads;
+        let learning: HashSet<&str> = agents.iter().map(|agent| agent.light.as_str()).collect();
         let lit = |two: &[EdgeNo]| light_between(roads, two[0], two[1]).is_some_and(|light| learning.contains(light));
         let driven = recording.entries.iter().filter_map(|entry| {
             entry.car.edges.iter().map(|name| roads.edge_named(name)).collect::<Option<Vec<EdgeNo>>>()
@@ -68,7 +68,7 @@ pub fn ways(roads: &Roads, from: EdgeNo, to: EdgeNo) -> impl Iterator<Item = &Co
 }
 
 /// Returns the light between an edge and the next one.
-pub fn light_between(roads: &Roads, from: EdgeNo, to: EdgeNo) -> Option<&str> {
+pub(crate) fn light_between(roads: &Roads, from: EdgeNo, to: EdgeNo) -> Option<&str> {
     ways(roads, from, to).find_map(|way| way.signal.as_ref()).map(|signal| signal.light.as_str())
 }
 

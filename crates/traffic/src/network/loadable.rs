@@ -1,0 +1,142 @@
+//! A whole network as SUMO of this process loads it.
+
+use std::path::{Path, PathBuf};
+use std::time::{Duration, Instant};
+
+use anyhow::{Error, Result, anyhow};
+
+use super::memory_file::MemoryFile;
+use dials_core::outside::beginning;
+use libsumo::Simulation;
+
+/// Options with which SUMO makes every vehicle and finds its way, but lets none enter.
+const EMPTY_ROADS: [(&str, &str); 2] = [("max-num-vehicles", "0"), ("max-depart-delay", "1")];
+
+/// Number of characters of SUMO's words that an error shows.
+const MOST_LETTERS: usize = 400;
+
+/// A network in memory that SUMO of this process can load, any number of times.
+pub struct Loadable {
+    /// Files, with the paths that the user knows.
+    files: Vec<(MemoryFile, PathBuf)>,
+    /// Options of SUMO without `--`, but for the seed and the additional files.
+    options: Vec<(String, String)>,
+    additional: Vec<String>,
+    /// Path of the file with the actuated programs, and their common name.
+    actuated: String,
+    program: String,
+}
+
+impl Loadable {
+    /// `program`: name of the actuated programs. `texts`: what the files hold, and the paths that the user knows: the
+    /// net, files with routes, additional files, and the actuated programs.
+    pub fn new(
+        program: &str,
+        net: (&str, &Path),
+        routes: &[(String, PathBuf)],
+        additional: &[(String, PathBuf)],
+        actuated: (&str, &Path),
+    ) -> Result<Loadable> {
+        let mut files = Vec::new();
+        let mut put = |(text, path): (&str, &Path)| -> Result<String> {
+            files.push((MemoryFile::new(text)?, path.to_owned()));
+            Ok(files[files.len() - 1].0.path())
+        };
+        let net = put(net)?;
+        let mut all = |texts: &[(String, PathBuf)]| texts.iter().map(|(text, path)| put((text, path))).collect();
+        let (routes, additional): (Result<Vec<_>>, Result<Vec<_>>) = (all(routes), all(additional));
+        let options = [("net-file", net), ("route-files", routes?.join(","))];
+        let options = options.into_iter().filter(|(_, files)| !files.is_empty());
+        Ok(Loadable {
+            options: options.map(|(name, value)| (name.to_owned(), value)).collect(),
+            additional: additional?,
+            actuated: put(actuated)?,
+            program: program.to_owned(),
+            files,
+        })
+    }
+
+    /// Adds options, without `--`.
+    pub fn with(mut self, options: impl IntoIterator<Item = (impl Into<String>, impl Into<String>)>) -> Loadable {
+        self.options.extend(options.into_iter().map(|(name, value)| (name.into(), value.into())));
+        self
+    }
+
+    /// Returns the options that make SUMO load it. `actuated`: also the actuated programs.
+    pub fn options(&self, actuated: bool, seed: u32) -> Vec<String> {
+        let additional = self.additional.iter().chain(actuated.then_some(&self.actuated)).cloned().collect::<Vec<_>>();
+        let mut options = self.options.clone();
+        options.push(("seed".to_owned(), seed.to_string()));
+        if !additional.is_empty() {
+            options.push(("additional-files".to_owned(), additional.join(",")));
+        }
+        options.into_iter().flat_map(|(name, value)| [format!("--{name}"), value]).collect()
+    }
+
+    /// Returns the common name of the actuated programs.
+    pub(crate) fn actuated_program(&self) -> &str {
+        &self.program
+    }
+
+    /// Lets SUMO read all demand until the option `end`, for at most about `patience`; without an end it does nothing.
+    /// SUMO reads demand piece by piece and finds ways when cars depart, so otherwise it would complain in the middle of
+    /// an episode. On empty roads an hour takes a fraction of a second.
+    pub(crate) fn try_demand(&self, patience: Duration) -> Result<()> {
+        let end_s = self.options.iter().find(|(name, _)| name == "end").and_then(|(_, end)| end.parse::<f64>().ok());
+        let Some(end_s) = end_s else { return Ok(()) };
+        let mut options = self.options(false, 0);
+        for (name, value) in EMPTY_ROADS {
+            let name = format!("--{name}");
+            // SUMO refuses an option that is given twice.
+            if let Some(given) = options.iter().step_by(2).position(|option| *option == name) {
+                options.drain(2 * given..2 * given + 2);
+            }
+            options.extend([name, value.to_owned()]);
+        }
+        let mut simulation = Simulation::load(&options).map_err(|error| self.explain(&error))?;
+        let begun = Instant::now();
+        while simulation.time_s()? < end_s && begun.elapsed() < patience {
+            simulation.step().map_err(|error| self.explain(&error))?;
+        }
+        Ok(())
+    }
+
+    /// Returns an error of SUMO with the paths that the user knows.
+    pub fn explain(&self, error: &libsumo::Error) -> Error {
+        explain(error, self.files.iter().map(|(file, path)| (file, &**path)))
+    }
+}
+
+/// Returns an error of SUMO in its own words. Each file in memory has the path of the user's file that it was made of.
+pub fn explain<'a>(error: &libsumo::Error, names: impl IntoIterator<Item = (&'a MemoryFile, &'a Path)>) -> Error {
+    let said = match error {
+        libsumo::Error::Load { text, .. } | libsumo::Error::Refused { text, .. } => format!("SUMO: {text}"),
+        error => error.to_string(),
+    };
+    let named = names
+        .into_iter()
+        .fold(said, |said, (memory, path)| renamed(&said, &memory.path(), &path.display().to_string()));
+    anyhow!(beginning(&named, MOST_LETTERS))
+}
+
+/// Returns a text with one path replaced by another, but not where it is the beginning of a longer one.
+fn renamed(text: &str, path: &str, name: &str) -> String {
+    let mut pieces = text.split(path);
+    let mut result = pieces.next().unwrap_or_default().to_owned();
+    for piece in pieces {
+        result += if piece.starts_with(|letter: char| letter.is_ascii_digit()) { path } else { name };
+        result += piece;
+    }
+    result
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn an_error_of_sumo_names_the_files_of_the_user() {
+        let named = renamed("could not load `/proc/self/fd/7` or `/proc/self/fd/71`", "/proc/self/fd/7", "a.net.xml");
+        assert_eq!(named, "could not load `a.net.xml` or `/proc/self/fd/71`");
+    }
+}

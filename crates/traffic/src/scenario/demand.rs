@@ -1,0 +1,383 @@
+//! What this program must know of the demand: where vehicles depart, and how many. SUMO judges the rest.
+//!
+//! SUMO says nothing when vehicles depart too late in a file, when none departs at all, or when a type has a length of
+//! NaN, so these are errors here.
+
+use std::collections::{BTreeMap, BTreeSet, HashMap};
+use std::path::{Path, PathBuf};
+
+use anyhow::{Result, bail, ensure};
+
+use super::place::Place;
+use crate::config::sumo_time::seconds;
+use crate::config::sumocfg::refused_parameter;
+use crate::network::tree::Element;
+use dials_core::outside::excerpt;
+
+/// Largest number of vehicles of an episode.
+const MOST_VEHICLES: f64 = 10_000_000.0;
+
+/// Classes of what does not drive on roads.
+const NOT_ON_ROADS: [&str; 8] =
+    ["tram", "rail_urban", "rail", "rail_electric", "rail_fast", "ship", "pedestrian", "container"];
+
+/// Types that SUMO has by itself for them, with their classes.
+const OWN_TYPES: [(&str, &str); 3] =
+    [("DEFAULT_PEDTYPE", "pedestrian"), ("DEFAULT_RAILTYPE", "rail"), ("DEFAULT_CONTAINERTYPE", "container")];
+
+/// Attributes of a vehicle whose cars begin elsewhere than their route, or carry somebody, and the values that do not.
+const ODD: [(&str, &str, &str); 3] = [
+    ("personNumber", "0", "this program does not simulate persons and containers; remove it"),
+    ("containerNumber", "0", "this program does not simulate persons and containers; remove it"),
+    ("departEdge", "0", "this program lets cars begin on the first edge of their route; remove it"),
+];
+
+/// Times of departure that wait for something else.
+const TRIGGERED: [&str; 3] = ["triggered", "containerTriggered", "split"];
+
+/// Speeds of departure with which a car waits until there is room for it, and is slowed down to fit. Cars with all others
+/// are removed if the road does not let them drive so fast. How many that are depends on the lights.
+/// Measured on SUMO 1.15 with 500 trips: `desired`, `speedLimit`, `last`, `avg` and 5 m/s lose cars.
+const PATIENT: [&str; 2] = ["max", "random"];
+
+/// Whether the vehicles of a file must be sorted by departure.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Order {
+    /// SUMO reads an additional file whole.
+    Free,
+    /// SUMO reads a route file piece by piece, and leaves out a vehicle that comes too late in it.
+    Sorted,
+}
+
+/// Where the vehicles of an episode may depart.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Departures {
+    /// Ids of edges.
+    pub edges: BTreeSet<String>,
+    /// Ids of junctions: on any edge that begins there.
+    pub junctions: BTreeSet<String>,
+}
+
+/// What was read so far, in SUMO's order.
+pub(crate) struct Demand<'a> {
+    window_s: (f64, f64),
+    /// Class of each type that does not drive on roads.
+    strange: HashMap<&'a str, &'a str>,
+    /// First edges of each route; a distribution has several.
+    routes: HashMap<&'a str, Vec<&'a str>>,
+    /// Edges from which cars of a zone depart.
+    zones: HashMap<&'a str, Vec<&'a str>>,
+    departures: Departures,
+    /// Expected number of vehicles from begin to end.
+    expected: f64,
+    /// Numbers of vehicles and flows that depart at other times, by file.
+    outside: BTreeMap<PathBuf, usize>,
+    /// Vehicles and flows that SUMO may remove instead of letting them wait: their number in each file, and the first.
+    impatient: BTreeMap<&'a Path, (usize, Place<'a>)>,
+}
+
+impl<'a> Demand<'a> {
+    /// `window_s`: begin and end of an episode.
+    pub fn new(window_s: (u64, u64)) -> Demand<'a> {
+        Demand {
+            window_s: (window_s.0 as f64, window_s.1 as f64),
+            strange: OWN_TYPES.into(),
+            routes: HashMap::new(),
+            zones: HashMap::new(),
+            departures: Departures::default(),
+            expected: 0.0,
+            outside: BTreeMap::new(),
+            impatient: BTreeMap::new(),
+        }
+    }
+
+    /// Reads a file.
+    pub fn read(&mut self, file: &'a Path, root: &'a Element, order: Order) -> Result<()> {
+        let mut last_s = f64::NEG_INFINITY;
+        for element in &root.children {
+            let place = Place { file, element };
+            match &*element.name {
+                "vType" => self.add_type(place)?,
+                "vTypeDistribution" => {
+                    for kind in element.all("vType") {
+                        self.add_type(place.within(kind))?;
+                    }
+                    let inner = element.all("vType").filter_map(|kind| kind.attribute("id"));
+                    let mut all = inner.chain(words(element, "vTypes"));
+                    if let Some(class) = all.find_map(|kind| self.strange.get(kind)) {
+                        self.strange.insert(id(element), class);
+                    }
+                }
+                "route" | "routeDistribution" => drop(self.routes_in(element)),
+                "taz" => {
+                    let sources = element.all("tazSource").map(id);
+                    self.zones.insert(id(element), words(element, "edges").chain(sources).collect());
+                }
+                "vehicle" | "trip" | "flow" => {
+                    let key = if element.name == "flow" { "begin" } else { "depart" };
+                    let departs_s = match element.attribute(key) {
+                        Some(text) => seconds(text).ok(),
+                        None => Some(self.window_s.0),
+                    };
+                    self.add_driver(place, departs_s.unwrap_or(self.window_s.0))?;
+                    ensure!(
+                        order == Order::Free || departs_s.is_none_or(|departs_s| departs_s >= last_s),
+                        place.fault_in(key, format!(
+                            "comes after one that departs at {last_s} s, and SUMO would leave it out; sort the file by \
+                             departure"
+                        ))
+                    );
+                    last_s = departs_s.unwrap_or(last_s);
+                }
+                _ => {}
+            }
+        }
+        Ok(())
+    }
+
+    /// Checks the whole. Returns where vehicles depart, and what will not be simulated. `scenario`: the file to name in an
+    /// error.
+    pub fn finish(self, scenario: &Path) -> Result<(Departures, Vec<String>)> {
+        let (begin, end) = self.window_s;
+        ensure!(
+            self.expected > 0.0,
+            "{}: no vehicle departs from {begin} to {end} s; add a route file, or correct begin and end",
+            scenario.display()
+        );
+        ensure!(
+            self.expected <= MOST_VEHICLES,
+            "{}: {:.0} vehicles depart from {begin} to {end} s, and at most {MOST_VEHICLES} are allowed; correct the \
+             flows",
+            scenario.display(),
+            self.expected
+        );
+        let elsewhere = |(file, count): (PathBuf, usize)| {
+            format!("{}: {count} of its vehicles and flows depart before {begin} s or from {end} s on", file.display())
+        };
+        let may_vanish = |(count, first): (usize, Place<'_>)| {
+            let speed = excerpt(first.element.attribute("departSpeed").unwrap_or_default());
+            format!(
+                "a car that cannot enter as fast as it should, such as {first} with departSpeed=\"{speed}\" ({count} in \
+                 this file): SUMO removes it, and the lights decide how many these are; with departSpeed=\"max\" it waits"
+            )
+        };
+        let outside = self.outside.into_iter().map(elsewhere);
+        Ok((self.departures, outside.chain(self.impatient.into_values().map(may_vanish)).collect()))
+    }
+
+    fn add_type(&mut self, place: Place<'a>) -> Result<()> {
+        let models = place.element.children.iter().filter(|child| child.name.starts_with("carFollowing-"));
+        for element in [place.element].into_iter().chain(models) {
+            // SUMO takes `nan` for a number, and such a car never moves, or ends SUMO.
+            let nan = |(key, value): &&(String, String)| {
+                key != "id" && value.parse().is_ok_and(|number: f64| !number.is_finite())
+            };
+            if let Some((key, _)) = element.attributes.iter().find(nan) {
+                bail!(place.within(element).fault_in(key, "must be a finite number; correct it"));
+            }
+        }
+        refuse_devices(place)?;
+        match place.element.attribute("vClass").filter(|class| NOT_ON_ROADS.contains(class)) {
+            Some(class) => self.strange.insert(id(place.element), class),
+            None => self.strange.remove(id(place.element)),
+        };
+        Ok(())
+    }
+
+    /// Returns the first edges of a route or a distribution, and remembers them and those of routes within by their ids.
+    fn routes_in(&mut self, element: &'a Element) -> Vec<&'a str> {
+        let mut first: Vec<&str> = words(element, "edges").take(1).collect();
+        for known in words(element, "refId").chain(words(element, "routes")) {
+            first.extend(self.routes.get(known).into_iter().flatten());
+        }
+        for inner in element.all("route") {
+            first.extend(self.routes_in(inner));
+        }
+        if let Some(id) = element.attribute("id") {
+            self.routes.insert(id, first.clone());
+        }
+        first
+    }
+
+    /// Adds a trip, a vehicle or a flow. `departs_s`: the second of its first departure.
+    fn add_driver(&mut self, place: Place<'a>, departs_s: f64) -> Result<()> {
+        let given = |key: &str| place.element.attribute(key);
+        for (key, fine, why) in ODD {
+            ensure!(given(key).is_none_or(|value| value == fine), place.fault_in(key, why));
+        }
+        ensure!(
+            given("depart").is_none_or(|depart| !TRIGGERED.contains(&depart)),
+            place.fault_in("depart", "this program does not simulate persons and trains; set a second")
+        );
+        if let Some(class) = given("type").and_then(|kind| self.strange.get(kind)) {
+            bail!(place.fault_in("type", format!("its class is {class}, and this program simulates roads; remove it")));
+        }
+        refuse_devices(place)?;
+        let (begin, end) = self.window_s;
+        let vehicles = match place.element.name == "flow" {
+            true => vehicles_of(place.element, departs_s, self.window_s),
+            false => f64::from((begin..end).contains(&departs_s)),
+        };
+        if vehicles == 0.0 {
+            *self.outside.entry(place.file.to_owned()).or_default() += 1;
+            return Ok(());
+        }
+        self.expected += vehicles;
+        if given("departSpeed").is_some_and(|speed| !PATIENT.contains(&speed) && speed.parse() != Ok(0.0)) {
+            self.impatient.entry(place.file).or_insert((0, place)).0 += 1;
+        }
+        let inner = place.element.children.iter().find(|child| child.name != "param");
+        let edges = match (given("route"), inner) {
+            (Some(route), _) => self.routes.get(route).cloned().unwrap_or_default(),
+            (None, Some(inner)) => self.routes_in(inner),
+            (None, None) => match (given("from"), given("fromTaz")) {
+                (Some(edge), _) => vec![edge],
+                (None, Some(zone)) => self.zones.get(zone).cloned().unwrap_or_default(),
+                (None, None) => {
+                    self.departures.junctions.extend(given("fromJunction").map(str::to_owned));
+                    Vec::new()
+                }
+            },
+        };
+        self.departures.edges.extend(edges.into_iter().map(str::to_owned));
+        Ok(())
+    }
+}
+
+/// Returns the expected number of vehicles of a flow within an episode. A flow whose numbers cannot be read counts as one
+/// vehicle: SUMO will say what is wrong.
+fn vehicles_of(flow: &Element, begins: f64, (begin, end): (f64, f64)) -> f64 {
+    let ends = flow.attribute("end").and_then(|text| seconds(text).ok()).unwrap_or(end);
+    let shared = (ends.min(end) - begins.max(begin)).max(0.0);
+    let number = |key: &str| flow.attribute(key)?.trim().parse::<f64>().ok();
+    // The number of a random period is its rate, in vehicles per second.
+    let random = || flow.attribute("period")?.trim().strip_prefix("exp(")?.strip_suffix(')')?.trim().parse().ok();
+    let per_hour = number("vehsPerHour").or_else(|| number("perHour")).map(|rate| rate / 3600.0);
+    let rate = per_hour.or_else(|| number("period").map(|period| 1.0 / period)).or_else(random);
+    match (number("number"), rate.or_else(|| number("probability"))) {
+        (None, None) => 1.0,
+        (Some(number), None) if ends > begins => number * shared / (ends - begins),
+        (Some(number), None) => number * f64::from((begin..end).contains(&begins)),
+        (number, Some(rate)) => (rate * shared).min(number.unwrap_or(f64::INFINITY)),
+    }
+}
+
+/// Returns an error if a parameter of a type, vehicle or flow gives it a device that is refused as an option, too.
+fn refuse_devices(place: Place<'_>) -> Result<()> {
+    for parameter in place.element.all("param") {
+        let attribute = |key: &str| parameter.attribute(key).unwrap_or_default();
+        if let Some(why) = refused_parameter(attribute("key"), attribute("value")) {
+            bail!(place.fault(format!("<param key=\"{}\">: {why}; remove it", excerpt(attribute("key")))));
+        }
+    }
+    Ok(())
+}
+
+fn id(element: &Element) -> &str {
+    element.attribute("id").unwrap_or_default()
+}
+
+fn words<'a>(element: &'a Element, key: &str) -> impl Iterator<Item = &'a str> {
+    element.attribute(key).unwrap_or_default().split_ascii_whitespace()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::network::tree::parse;
+
+    const TYPES: &str = "<vType id='bus' vClass='bus'/><vType id='train' vClass='rail'/>\
+                         <vTypeDistribution id='odd' vTypes='bus train'/>\
+                         <taz id='z' edges='a b'/><taz id='y'><tazSource id='a'/></taz>";
+
+    /// Reads elements after the types. Returns where cars depart and the notes, or the error.
+    fn read_whole(elements: &str) -> Result<(Departures, Vec<String>), String> {
+        let root = parse(&format!("<routes>{TYPES}{elements}</routes>")).unwrap();
+        let mut demand = Demand::new((100, 200));
+        let read = demand.read(Path::new("rou"), &root, Order::Sorted);
+        read.and_then(|()| demand.finish(Path::new("cfg"))).map_err(|error| error.to_string())
+    }
+
+    fn read(elements: &str) -> Result<Vec<String>, String> {
+        read_whole(elements).map(|(_, notes)| notes)
+    }
+
+    #[test]
+    fn cars_depart_where_their_ways_begin_if_they_depart_in_the_episode() {
+        let departures = |elements: &str| {
+            let (Departures { edges, junctions }, _) = read_whole(elements).unwrap();
+            (edges.into_iter().collect::<Vec<_>>().join(" "), junctions.into_iter().collect::<Vec<_>>().join(" "))
+        };
+        let other = "<trip id='v' depart='100' from='a' to='b'/>";
+        for (element, edges, junctions) in [
+            ("<trip id='w' depart='150' type='bus' from='c' via='b' to='b'/>", "a c", ""),
+            ("<trip id='w' depart='200' from='c' to='b'/>", "a", ""),
+            ("<vehicle id='w' depart='150'><route edges='b'/></vehicle>", "a b", ""),
+            (
+                "<vehicle id='w' depart='150'><routeDistribution><route edges='c b'/><route edges='b'/>\
+                 </routeDistribution></vehicle>",
+                "a b c",
+                "",
+            ),
+            (
+                "<routeDistribution id='r'><route id='s' edges='c b'/></routeDistribution>\
+                 <vehicle id='w' depart='150'><route refId='s'/></vehicle>",
+                "a c",
+                "",
+            ),
+            ("<flow id='w' begin='150' period='9' fromTaz='z' toTaz='z'/>", "a b", ""),
+            ("<flow id='w' begin='150' period='9' fromTaz='y' to='b'/>", "a", ""),
+            ("<trip id='w' depart='150' from='c' toTaz='z'/>", "a c", ""),
+            ("<trip id='w' depart='150' fromJunction='j' toJunction='j'/>", "a", "j"),
+        ] {
+            assert_eq!(departures(&format!("{other}{element}")), (edges.to_owned(), junctions.to_owned()), "{element}");
+        }
+        let early = format!("<trip id='u' depart='99' from='a' to='c'/>{other}");
+        assert_eq!(
+            read(&early),
+            Ok(vec!["rou: 1 of its vehicles and flows depart before 100 s or from 200 s on".to_owned()])
+        );
+    }
+
+    #[test]
+    fn what_sumo_would_do_in_silence_is_an_error() {
+        let trip = |attributes: &str| format!("<trip id='v' {attributes} from='a' to='b'/>");
+        let kind = |attributes: &str| format!("<vType id='t' {attributes}/>{}", trip("depart='100'"));
+        for (elements, error) in [
+            (
+                format!("{}<trip id='w' depart='120'/>", trip("depart='130'")),
+                "<trip id=\"w\">: depart=\"120\": comes after one that departs at 130 s, and SUMO would leave it out; \
+                 sort the file by departure",
+            ),
+            (
+                trip("depart='100' type='odd'"),
+                "<trip id=\"v\">: type=\"odd\": its class is rail, and this program simulates roads; remove it",
+            ),
+            (kind("tau='nan'"), "<vType id=\"t\">: tau=\"nan\": must be a finite number; correct it"),
+            (kind("accel='inf'"), "<vType id=\"t\">: accel=\"inf\": must be a finite number; correct it"),
+        ] {
+            assert_eq!(read(&elements), Err(format!("rou: {error}")));
+        }
+    }
+
+    #[test]
+    fn an_absurd_number_of_cars_is_refused() {
+        // 1 000 000 per hour on 400 flows in 100 s: 11 million.
+        let flow = |id: usize| format!("<flow id='{id}' vehsPerHour='1000000' from='a' to='b'/>");
+        let flows: String = (0..400).map(flow).collect();
+        assert_eq!(
+            read(&flows).unwrap_err(),
+            "cfg: 11111111 vehicles depart from 100 to 200 s, and at most 10000000 are allowed; correct the flows"
+        );
+        // The number of a random period is the rate, in vehicles per second.
+        let random = |flows: usize, rate: f64| -> String {
+            (0..flows).map(|id| format!("<flow id='{id}' period='exp({rate})' from='a' to='b'/>")).collect()
+        };
+        assert_eq!(read(&random(900, 100.0)), Ok(vec![]));
+        assert!(read(&random(1_200, 100.0)).unwrap_err().starts_with("cfg: 12000000 vehicles depart"));
+        // SUMO would never come to the end of a step.
+        assert!(read(&random(1, f64::NAN)).is_err() && read(&random(1, f64::INFINITY)).is_err());
+        let nobody = read("<flow id='f' begin='0' end='100' number='200' from='a' to='b'/>").unwrap_err();
+        assert_eq!(nobody, "cfg: no vehicle departs from 100 to 200 s; add a route file, or correct begin and end");
+    }
+}
