@@ -9,7 +9,7 @@ use dials_config::{Config, LARGEST_FILE as LARGEST_CONFIG, load, rest_of_schedul
 use dials_core::outside::{Directory, quoted, read_text};
 use dials_session::records::files;
 use dials_session::records::resume_point::ResumePoint;
-use dials_session::records::run_record::RunRecord;
+use dials_session::records::run_record::{EvaluationRecord, RunRecord};
 use dials_session::terminal::{program, tell};
 
 /// Makes the run end at step `steps`, by its config. Returns the text of the config before.
@@ -32,9 +32,8 @@ pub fn has_ended(directory: &Directory, config: &Config, point: &ResumePoint) ->
     let Some(checkpoint) = &point.checkpoint else { return false };
     let dir = directory.path();
     let (steps, until) = (checkpoint.agents.steps, checkpoint.progress.standing.until);
-    let final_episodes = Some(config.evaluation.final_episodes);
-    let all_is_there =
-        |run: RunRecord| run.evaluation_at(steps).is_some_and(|last| last.episodes == final_episodes) && run.is_whole();
+    let is_final = |last: &EvaluationRecord| last.episode_returns.len() == config.evaluation.final_episodes;
+    let all_is_there = |run: RunRecord| run.evaluation_at(steps).is_some_and(is_final) && run.is_whole();
     if !rest_of_schedule(config, until).is_empty() || !RunRecord::read(dir).is_ok_and(all_is_there) {
         return false;
     }

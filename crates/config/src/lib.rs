@@ -3,7 +3,7 @@
 //! A config is read once, checked once, and passed on. No other room reads files or flags for settings. Defaults are
 //! the paper's for traffic (appendix "Hyperparameters"); the files under `configs/` show where they differ.
 //!
-//! - `load`, `renamed`, `written`, `seed`: from text to a [`Config`] and back, older keys included.
+//! - `load`, `written`, `seed`: from text to a [`Config`] and back.
 //! - `domain`, `warehouse`: the table of a domain; a run has one.
 //! - `traffic_table`: the two ways to fill the table of traffic: `traffic` for a grid, `scenario` for a .sumocfg; the
 //!   `reward` of both, and the `yellow` of scenarios.
@@ -19,7 +19,6 @@ mod check;
 mod domain;
 mod imitation;
 mod load;
-mod renamed;
 pub mod resume;
 mod reward;
 mod scenario;
@@ -45,7 +44,7 @@ pub use load::{LARGEST_FILE, load, load_kept, to_toml};
 pub use resume::CHANGEABLE;
 pub use reward::{Reward, RewardTerm};
 pub use scenario::{Observation, ScenarioConfig};
-pub use schedule::{AipTraining, Period, may_end_at, rest_of_schedule, schedule};
+pub use schedule::{AipTraining, Period, rest_of_schedule, schedule};
 pub use schema::schema;
 pub use simulator::{Predictor, Simulator};
 pub use traffic::{ClockOffsets, DSet, EntryRule, TrafficConfig, UntilFirstSwitch};

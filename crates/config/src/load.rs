@@ -5,7 +5,6 @@ use std::path::Path;
 use anyhow::{Context, Result, anyhow, bail, ensure};
 use toml::{Table, Value};
 
-use super::renamed::rename;
 use super::{Config, DomainConfig, check};
 use dials_core::outside::{in_plain_words, read_text};
 
@@ -39,10 +38,7 @@ fn read(path: &Path, settings: &[String]) -> Result<Config> {
     if [&table, &given].into_iter().any(|table| has(table, "traffic", "scenario")) {
         fill_in_for_a_scenario(&mut table, &given);
     }
-    for setting in settings {
-        lay_over(&mut table, setting)?;
-        rename(&mut table).map_err(|error| anyhow!("--set {setting}: {error}"))?;
-    }
+    settings.iter().try_for_each(|setting| lay_over(&mut table, setting))?;
     // ... and then with the settings, whose errors name the key instead.
     let mut config: Config = serde_path_to_error::deserialize(Value::Table(table))
         .map_err(|error| anyhow!("--set: {}{}", place_of(&error), in_plain_words(error.inner().to_string().trim())))?;
@@ -91,12 +87,9 @@ fn table_in(path: &Path) -> Result<Table> {
     let text = read_text(path, LARGEST_FILE).with_context(|| format!("{}: cannot be read", path.display()))?;
     check_is_config(path, &text)?;
     let in_file = |error: &dyn std::fmt::Display| anyhow!("{}: {}", path.display(), in_plain_words(&error.to_string()));
-    let mut table: Table = toml::from_str(&text).map_err(|error| in_file(&error))?;
-    if !rename(&mut table).map_err(|error| in_file(&error))? {
-        // Parsed first without the settings, because only these errors contain the line number ...
-        let _: Config = toml::from_str(&text).map_err(|error| in_file(&error))?;
-    }
-    Ok(table)
+    // Parsed first without the settings, because only these errors contain the line number ...
+    let _: Config = toml::from_str(&text).map_err(|error| in_file(&error))?;
+    toml::from_str(&text).map_err(|error| in_file(&error))
 }
 
 /// Returns a config that names nothing but a .sumocfg.
@@ -296,19 +289,6 @@ mod tests {
         let config = load_text(SMALL, &["traffic.clock=26", offsets]).unwrap();
         let again = load_text(&to_toml(&config).unwrap(), &[]).unwrap();
         assert_eq!(traffic_of(again).clock_offsets, ClockOffsets::Checkerboard);
-    }
-
-    #[test]
-    fn the_older_place_of_the_switch_bias_is_read_and_the_last_setting_counts() {
-        let older = format!("{SMALL}[policy]\ninitial_switch_bias = -1.5\n");
-        let (old, new) = ("policy.initial_switch_bias=-2.5", "traffic.initial_switch_bias=-0.5");
-        for (settings, bias) in
-            [(&[][..], -1.5), (&[old], -2.5), (&[new], -0.5), (&[old, new], -0.5), (&[new, old], -2.5)]
-        {
-            assert_eq!(traffic_of(load_text(&older, settings).unwrap()).initial_switch_bias, bias, "{settings:?}");
-        }
-        let error = error_of("[warehouse]\nagents_per_side = 2\n", &[old]);
-        assert!(error.contains("policy.initial_switch_bias = -2.5: is a key of [traffic]"), "{error}");
     }
 
     #[test]

@@ -98,8 +98,6 @@ mod tests {
         );
         let turned = error(&file, "coordinated", &grid(1, 4));
         assert_eq!(turned, "timings for the 2x2 grid grid_2x2 do not fit this 1x4 grid");
-        let older = TimingFile { shape: None, ..file.clone() };
-        assert!(older.timings("coordinated", &grid(1, 4)).is_ok(), "older versions did not write it");
         assert_eq!(
             error(&file, "coordinated", &[crossing()]),
             "timings for the grid grid_2x2 do not fit a net that is none"

@@ -26,7 +26,7 @@ use serde_json::Value;
 
 use super::files;
 use super::growing::Mark;
-use content::{OtherFormat, Part, seal, unseal};
+use content::{Part, seal, unseal};
 use dials_config::resume::{from_json, to_json};
 use dials_core::base::Ragged;
 use dials_core::outside::Directory;
@@ -39,8 +39,8 @@ use size::most_bytes;
 
 /// Number of checkpoints that are kept, the newest ones.
 pub const KEPT: usize = 3;
-/// Bump when older checkpoints can no longer be read.
-const FORMAT: u32 = 4;
+/// Name of the format.
+const FORMAT: &str = "dials-traffic checkpoint 1";
 
 /// State of a run after a period.
 #[derive(Clone, Debug, PartialEq)]
@@ -64,7 +64,7 @@ pub struct RunProgress {
 #[derive(Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 struct Metadata {
-    format: u32,
+    format: String,
     /// Version of this program that wrote the file.
     version: String,
     steps: u64,
@@ -108,7 +108,7 @@ fn sealed<T>(
 ) -> Result<T> {
     let streams = postcard::to_stdvec(&agents.streams).context("the state of training cannot be encoded")?;
     let about = Metadata {
-        format: FORMAT,
+        format: FORMAT.to_owned(),
         version: env!("CARGO_PKG_VERSION").to_owned(),
         steps: agents.steps,
         optimiser_steps: agents.moments.steps,
@@ -138,10 +138,6 @@ impl Checkpoint {
         let path = folder.path_of(name);
         read().map_err(|error: anyhow::Error| match error.downcast::<NotOfThisRun>() {
             Ok(NotOfThisRun(reason)) => NotOfThisRun(format!("{}: {reason}", path.display())).into(),
-            // It is not damaged, so it must stay.
-            Err(error) if error.is::<OtherFormat>() => {
-                error.context(format!("{}: cannot be resumed from", path.display()))
-            }
             Err(error) => {
                 let before = list(folder).is_ok_and(|names| names.first().is_some_and(|first| first != name));
                 let advice = if before {
