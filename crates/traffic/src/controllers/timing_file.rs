@@ -31,7 +31,7 @@ pub struct TimingFile {
     /// Number of steps from the beginning of an episode to the beginning of the first green, for each agent of a grid.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub offsets: Vec<u32>,
-    /// Rows and columns of the grid; none for a net that is no grid.
+    /// Rows and columns of the grid; `None` for a net that is no grid.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub shape: Option<[usize; 2]>,
     /// Leeway of `coordinated`: 0 for `fixed-time`.
