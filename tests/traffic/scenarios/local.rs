@@ -11,8 +11,8 @@ use dials_testkit::conformance;
 use dials_traffic::Traffic;
 use rand::Rng;
 
-use crate::play::shipped;
-use crate::room::{CARS, NET, Room, SUMOCFG, table};
+use super::play::shipped;
+use super::room::{CARS, NET, Room, SUMOCFG, table};
 
 const COPIES: usize = 2;
 const STEPS: usize = 40;

@@ -16,7 +16,7 @@ use dials_traffic::agents::plan::Border;
 use dials_traffic::controllers::HandCoded;
 use rand::Rng;
 
-use crate::play::{opened, shipped};
+use super::play::{opened, shipped};
 
 /// Chooses one of the allowed greens of every light.
 struct RandomGreens(dials_core::base::Dice);

@@ -5,7 +5,7 @@ use std::fs;
 use dials_config::ScenarioConfig;
 use dials_traffic::scenario::SumoScenario;
 
-use crate::room::{BUSES, CARS, MORE, NET, Room, SUMOCFG, names, table};
+use super::room::{BUSES, CARS, MORE, NET, Room, SUMOCFG, names, table};
 
 /// A file, a text in it, what takes its place, and the error.
 type Break = (&'static str, &'static str, &'static str, &'static str);

@@ -10,7 +10,7 @@ use dials_traffic::sim::recording::Recording;
 use quick_xml::Reader;
 use quick_xml::events::{BytesStart, Event};
 
-use crate::text;
+use super::text;
 
 pub fn attribute(tag: &BytesStart, name: &str) -> String {
     tag.try_get_attribute(name).unwrap().unwrap_or_else(|| panic!("no {name}")).unescape_value().unwrap().into_owned()

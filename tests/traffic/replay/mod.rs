@@ -30,7 +30,7 @@ use quick_xml::Reader;
 use quick_xml::events::Event;
 use rand::Rng;
 
-use crate::fcd::{assert_same, attribute, sumo_plays};
+use self::fcd::{assert_same, attribute, sumo_plays};
 
 const SEED: u64 = 11;
 

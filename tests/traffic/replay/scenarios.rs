@@ -13,8 +13,8 @@ use dials_traffic::sim::recording::{Recording, Tape};
 use dials_traffic::sim::replay;
 use rand::Rng;
 
-use crate::fcd::{assert_same, sumo_plays};
-use crate::{dials_traffic, text};
+use super::fcd::{assert_same, sumo_plays};
+use super::{dials_traffic, text};
 
 fn shipped(name: &str) -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join(format!("sumo_nets/{name}/{name}.sumocfg"))

@@ -8,7 +8,7 @@ use dials_config::ScenarioConfig;
 use dials_traffic::scenario::SumoScenario;
 use libsumo::Simulation;
 
-use crate::room::{BUSES, CARS, MORE, NET, Room, SUMOCFG, names, table};
+use super::room::{BUSES, CARS, MORE, NET, Room, SUMOCFG, names, table};
 
 #[test]
 fn a_copy_holds_plain_names_and_is_the_same_scenario() {

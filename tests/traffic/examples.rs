@@ -1,14 +1,14 @@
 //! The examples run to their end. They can share this process: whoever needs SUMO waits for its turn.
 
-#[path = "../examples/custom_controller.rs"]
+#[path = "../../examples/custom_controller.rs"]
 mod custom_controller;
-#[path = "../examples/custom_domain.rs"]
+#[path = "../../examples/custom_domain.rs"]
 mod custom_domain;
-#[path = "../examples/local_ranking.rs"]
+#[path = "../../examples/local_ranking.rs"]
 mod local_ranking;
-#[path = "../examples/one_decision.rs"]
+#[path = "../../examples/one_decision.rs"]
 mod one_decision;
-#[path = "../examples/stale_influence.rs"]
+#[path = "../../examples/stale_influence.rs"]
 mod stale_influence;
 
 use local_ranking::Behaviour;

@@ -8,8 +8,8 @@ use assert_cmd::Command;
 use dials_traffic::scenario::SumoScenario;
 use serde_json::Value;
 
-use crate::play::shipped;
-use crate::room::{BUSES, CARS, MORE, Room};
+use super::play::shipped;
+use super::room::{BUSES, CARS, MORE, Room};
 
 fn check(config: &Path) -> Command {
     let mut command = assert_cmd::cargo::cargo_bin_cmd!("dials-traffic");

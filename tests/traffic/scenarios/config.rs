@@ -7,7 +7,7 @@ use std::process::Command;
 use dials_config::{Simulator, load};
 use dials_traffic::scenario::SumoScenario;
 
-use crate::room::{Room, SUMOCFG, table};
+use super::room::{Room, SUMOCFG, table};
 
 #[test]
 fn a_sumocfg_stands_for_a_config_with_default_settings() {

@@ -15,7 +15,7 @@ use dials_traffic::Traffic;
 use rand::Rng;
 use serde_json::Value;
 
-use crate::room::{BUSES, CARS, Room, SUMOCFG, table};
+use super::room::{BUSES, CARS, Room, SUMOCFG, table};
 
 const SHIPPED: [&str; 3] = ["arterial", "grid_4x4_turns", "town"];
 const REAL: [&str; 5] = ["cologne1", "cologne3", "ingolstadt1", "ingolstadt7", "grid4x4"];

@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 
 use assert_cmd::Command;
 
-use crate::room::{CARS, MORE, NET, Room, SUMOCFG};
+use super::room::{CARS, MORE, NET, Room, SUMOCFG};
 
 /// A short training on the global simulator.
 const CONFIG: &str = "simulator = 'gs'\ntotal_steps = 60\n[traffic]\nscenario = 'x.sumocfg'\nagents = 'agents.toml'\n\
