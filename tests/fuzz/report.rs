@@ -2,90 +2,18 @@
 
 use std::fs;
 
-use dials_core::outside::Directory;
-use dials_core::outside::is_printable;
-use dials_report::{self, Report};
+use anyhow::{Result, bail};
+use dials_core::outside::{Directory, is_printable};
+use dials_report::Report;
 use dials_session::records::run_json::RunJson;
 use dials_session::records::run_record::RunRecord;
 
+use super::place::{Place, copy};
 use super::{of_project, read_all};
-use crate::place::{copy, empty};
-use crate::verdict::Verdict;
 
 /// Runs of the report, copied from those of its own tests. The file of a target replaces one of the first.
 const RUNS: [&str; 3] = ["traffic_4-dials-seed1", "traffic_4-dials-seed2", "traffic_4-gs-seed1"];
 const SAVED: &str = "tests/report/runs";
-
-/// Names the file of a target, relative to the folder of runs, and its seeds.
-macro_rules! file_of_runs {
-    ($call:ident, $seeds:ident, $file:literal, $shown:expr) => {
-        pub fn $seeds() -> Vec<Vec<u8>> {
-            read_all(&[concat!("tests/report/runs/", $file)])
-        }
-
-        pub fn $call(bytes: &[u8]) -> Verdict {
-            with_file($file, bytes, $shown)
-        }
-    };
-}
-
-file_of_runs!(returns, returns_seeds, "traffic_4-dials-seed1/returns.csv", Shown::Numbers);
-file_of_runs!(episodes, episodes_seeds, "traffic_4-dials-seed1/episodes.csv", Shown::Numbers);
-file_of_runs!(aip_loss, aip_loss_seeds, "traffic_4-dials-seed1/aip_loss.csv", Shown::Numbers);
-file_of_runs!(timing, timing_seeds, "traffic_4-dials-seed1/timing.csv", Shown::Numbers);
-file_of_runs!(memory, memory_seeds, "traffic_4-dials-seed1/memory.csv", Shown::Numbers);
-file_of_runs!(config, config_seeds, "traffic_4-dials-seed1/config.toml", Shown::Names);
-file_of_runs!(plan, plan_seeds, "plan.json", Shown::Names);
-file_of_runs!(baseline, baseline_seeds, "baselines/traffic_4-actuated.json", Shown::Names);
-
-const DRIFT: &str = "steps,agent,after,loss,marginals
-0,all,evaluation,0.69,0.31
-0,0,evaluation,0.69,0.31
-0,all,training,0.30,0.31
-2000000,all,evaluation,0.32,0.312
-";
-
-pub fn aip_drift_seeds() -> Vec<Vec<u8>> {
-    vec![DRIFT.into()]
-}
-
-pub fn aip_drift(bytes: &[u8]) -> Verdict {
-    with_file("traffic_4-dials-seed1/aip_drift.csv", bytes, Shown::Numbers)
-}
-
-const SCENARIO: &str = "{
-  \"command\": [\"dials-traffic\", \"train\", \"configs/traffic_4.toml\"],
-  \"resumed_with\": [{\"steps\": 2000000, \"versions\": {\"git_commit\": \"0123456789ab\"}}],
-  \"scenario\": {
-    \"domain\": \"traffic\",
-    \"agents\": 4,
-    \"episode\": {\"length\": 300, \"unit\": \"steps\"},
-    \"checksum\": \"0123abcd\",
-    \"files\": {\"traffic.local_network\": \"0123abcd\"},
-    \"map\": {\"rows\": 2, \"columns\": 2, \"first_row\": \"bottom\"}
-  },
-  \"seed\": 1,
-  \"versions\": {\"git_commit\": \"0123456789ab\"},
-  \"later\": 1.5
-}
-";
-
-pub fn run_json_seeds() -> Vec<Vec<u8>> {
-    read_all(&["tests/report/runs/traffic_4-dials-seed1/run.json"]).into_iter().chain([SCENARIO.into()]).collect()
-}
-
-/// What is accepted comes back equal when it is written and read again, as a resume does.
-pub fn run_json(bytes: &[u8]) -> Verdict {
-    let verdict = with_file("traffic_4-dials-seed1/run.json", bytes, Shown::Names);
-    let dir = empty("again");
-    fs::write(dir.join("run.json"), bytes).expect("a file to work with");
-    if let Ok(read) = RunJson::read(&dir) {
-        read.write(&Directory::open(&dir).expect("a directory")).expect("what was read can be written");
-        let again = RunJson::read(&dir).expect("it was written by us");
-        assert!(again == read, "it is read again as {again:?}");
-    }
-    verdict
-}
 
 /// What of a file a report shows.
 #[derive(PartialEq)]
@@ -94,25 +22,93 @@ enum Shown {
     Names,
 }
 
+/// Names the file of a target, relative to the folder of runs.
+macro_rules! files_of_runs {
+    ($($call:ident, $seeds:ident, $file:literal, $shown:ident;)*) => {
+        $(pub fn $seeds(_: &Place) -> Vec<Vec<u8>> {
+            read_all(&[concat!("tests/report/runs/", $file)])
+        }
+
+        pub fn $call(place: &Place, bytes: &[u8]) -> Result<()> {
+            with_file(place, $file, bytes, Shown::$shown)
+        })*
+    };
+}
+
+files_of_runs! {
+    returns_csv, returns_csv_seeds, "traffic_4-dials-seed1/returns.csv", Numbers;
+    episodes_csv, episodes_csv_seeds, "traffic_4-dials-seed1/episodes.csv", Numbers;
+    aip_loss_csv, aip_loss_csv_seeds, "traffic_4-dials-seed1/aip_loss.csv", Numbers;
+    timing_csv, timing_csv_seeds, "traffic_4-dials-seed1/timing.csv", Numbers;
+    memory_csv, memory_csv_seeds, "traffic_4-dials-seed1/memory.csv", Numbers;
+    kept_config, kept_config_seeds, "traffic_4-dials-seed1/config.toml", Names;
+    plan_json, plan_json_seeds, "plan.json", Names;
+    baseline_json, baseline_json_seeds, "baselines/traffic_4-actuated.json", Names;
+}
+
+const DRIFT: &str = "steps,agent,after,loss,marginals
+0,all,evaluation,0.69,0.31
+0,0,evaluation,0.69,0.31
+0,all,training,0.30,0.31
+2000000,all,evaluation,0.32,0.312
+";
+
+pub fn aip_drift_csv_seeds(_: &Place) -> Vec<Vec<u8>> {
+    vec![DRIFT.into()]
+}
+
+pub fn aip_drift_csv(place: &Place, bytes: &[u8]) -> Result<()> {
+    with_file(place, "traffic_4-dials-seed1/aip_drift.csv", bytes, Shown::Numbers)
+}
+
+const SCENARIO: &str = r#"{
+  "command": ["dials-traffic", "train", "configs/traffic_4.toml"],
+  "resumed_with": [{"steps": 2000000, "versions": {"git_commit": "0123456789ab"}}],
+  "scenario": {
+    "domain": "traffic",
+    "agents": 4,
+    "episode": {"length": 300, "unit": "steps"},
+    "checksum": "0123abcd",
+    "files": {"traffic.local_network": "0123abcd"},
+    "map": {"rows": 2, "columns": 2, "first_row": "bottom"}
+  },
+  "seed": 1,
+  "versions": {"git_commit": "0123456789ab"},
+  "later": 1.5
+}
+"#;
+
+pub fn run_json_seeds(_: &Place) -> Vec<Vec<u8>> {
+    [read_all(&["tests/report/runs/traffic_4-dials-seed1/run.json"]), vec![SCENARIO.into()]].concat()
+}
+
+/// What is accepted comes back equal when it is written and read again, as a resume does.
+pub fn run_json(place: &Place, bytes: &[u8]) -> Result<()> {
+    let outcome = with_file(place, "traffic_4-dials-seed1/run.json", bytes, Shown::Names);
+    let dir = place.empty("again");
+    place.file("again/run.json", bytes);
+    if let Ok(read) = RunJson::read(&dir) {
+        read.write(&Directory::open(&dir).expect("a directory")).expect("what was read can be written");
+        let again = RunJson::read(&dir).expect("it was written by us");
+        assert!(again == read, "it is read again as {again:?}");
+    }
+    outcome
+}
+
 /// Makes a report with one file replaced.
-fn with_file(file: &str, bytes: &[u8], shown: Shown) -> Verdict {
-    let runs = empty("runs");
+fn with_file(place: &Place, file: &str, bytes: &[u8], shown: Shown) -> Result<()> {
+    let runs = place.empty("runs");
     RUNS.iter().for_each(|run| copy(&of_project(SAVED).join(run), &runs.join(run)));
     copy(&of_project(SAVED).join("baselines"), &runs.join("baselines"));
     fs::write(runs.join(file), bytes).expect("a file to work with");
-    let first = runs.join(RUNS[0]);
-    if let Ok(record) = RunRecord::read(&first) {
+    if let Ok(record) = RunRecord::read(&runs.join(RUNS[0])) {
         check_finite(&record);
     }
-    match dials_report::report(&[runs]) {
-        Err(error) => Verdict::refused(error),
-        Ok(report) => {
-            check_files(&report, &shown);
-            match report.warnings.iter().find(|warning| warning.contains("left out")) {
-                Some(warning) => Verdict::Refused(warning.clone()),
-                None => Verdict::Accepted,
-            }
-        }
+    let report = dials_report::report(&[runs])?;
+    check_files(&report, &shown);
+    match report.warnings.iter().find(|warning| warning.contains("left out")) {
+        Some(warning) => bail!(warning.clone()),
+        None => Ok(()),
     }
 }
 

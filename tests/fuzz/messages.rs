@@ -1,5 +1,6 @@
 //! What coordinator and workers say to each other.
 
+use anyhow::Result;
 use dials_core::base::{AgentId, Ragged, Seed};
 use dials_learn::training::answers::WorkerLoad;
 use dials_learn::training::state::{AgentsState, JointMoments};
@@ -8,7 +9,7 @@ use dials_session::fleet::{Answer, Order, WorkerReport, encode, receive};
 use serde::Serialize;
 use serde::de::DeserializeOwned;
 
-use crate::verdict::Verdict;
+use super::place::Place;
 
 fn state() -> AgentsState {
     let rows = |from: u8| Ragged::from_vec((from..from + 6).map(f32::from).collect(), [2, 3, 1]).expect("it fits");
@@ -30,67 +31,50 @@ fn encoded<T: Serialize>(messages: &[T]) -> Vec<Vec<u8>> {
     messages.iter().map(|message| encode(message).expect("a message can be encoded")).collect()
 }
 
-pub fn orders_seeds() -> Vec<Vec<u8>> {
+pub fn orders_seeds(_: &Place) -> Vec<Vec<u8>> {
     let config_json = "{\"warehouse\": {\"agents_per_side\": 2}}".to_owned();
     let begin = Order::Begin { config_json, agents: AgentId::all(3), threads: 1, prepared: Some(vec![1, 2]) };
-    let state = state();
-    encoded(&[
-        begin,
-        Order::TellState,
-        Order::TakePolicies(state.policies.clone()),
-        Order::Restore(state),
-        Order::Evaluate { episodes: 3..7 },
-    ])
+    let take = Order::TakePolicies(state().policies);
+    encoded(&[begin, Order::TellState, take, Order::Restore(state()), Order::Evaluate { episodes: 3..7 }])
 }
 
-pub fn reports_seeds() -> Vec<Vec<u8>> {
+pub fn reports_seeds(_: &Place) -> Vec<Vec<u8>> {
     let load = Box::<WorkerLoad>::default;
     let done = |answer| WorkerReport::Done { answer: Box::new(answer), load: load(), resident_kib: 200_000 };
-    encoded(&[
-        WorkerReport::Trained { steps: 128 },
-        WorkerReport::Failed { reason: "the disk is full".to_owned() },
-        done(Answer::Ready),
-        done(Answer::State(state())),
-    ])
+    let failed = WorkerReport::Failed { reason: "the disk is full".to_owned() };
+    encoded(&[WorkerReport::Trained { steps: 128 }, failed, done(Answer::Ready), done(Answer::State(state()))])
 }
 
-pub fn orders(bytes: &[u8]) -> Verdict {
-    read_all::<Order>(bytes, |order| match order {
-        Order::Restore(state) => check(state),
-        Order::TakePolicies(policies) => drop(policies.iter().count()),
+pub fn orders(_: &Place, bytes: &[u8]) -> Result<()> {
+    same_when_sent_on::<Order>(bytes, |order| match order {
+        Order::Restore(state) => check(&[&state.policies, &state.moments.first, &state.moments.second, &state.aips]),
+        Order::TakePolicies(policies) => check(&[policies]),
         _ => {}
     })
 }
 
-pub fn reports(bytes: &[u8]) -> Verdict {
-    read_all::<WorkerReport>(bytes, |report| {
+pub fn reports(_: &Place, bytes: &[u8]) -> Result<()> {
+    same_when_sent_on::<WorkerReport>(bytes, |report| {
         if let WorkerReport::Done { answer, .. } = report
             && let Answer::State(state) = &**answer
         {
-            check(state);
+            check(&[&state.policies, &state.moments.first, &state.moments.second, &state.aips]);
         }
     })
 }
 
 /// Reads messages until the stream ends. Each one that is accepted means the same when it is sent on.
-fn read_all<T: Serialize + DeserializeOwned>(mut bytes: &[u8], check: impl Fn(&T)) -> Verdict {
-    loop {
-        match receive::<T>(&mut bytes) {
-            Err(error) => return Verdict::refused(error),
-            Ok(None) => return Verdict::Accepted,
-            Ok(Some(message)) => {
-                check(&message);
-                let sent = encode(&message).expect("an accepted message can be sent on");
-                let again = receive::<T>(&mut &sent[..]).expect("it was sent by us").expect("it is there");
-                assert!(encode(&again).expect("it was sent once") == sent, "it changes on its way");
-            }
-        }
+fn same_when_sent_on<T: Serialize + DeserializeOwned>(mut bytes: &[u8], check: impl Fn(&T)) -> Result<()> {
+    while let Some(message) = receive::<T>(&mut bytes)? {
+        check(&message);
+        let sent = encode(&message).expect("an accepted message can be sent on");
+        let again = receive::<T>(&mut &sent[..]).expect("it was sent by us").expect("it is there");
+        assert!(encode(&again).expect("it was sent once") == sent, "it changes on its way");
     }
+    Ok(())
 }
 
 /// Tables that contradict themselves would panic here, as they would in a worker.
-fn check(state: &AgentsState) {
-    for table in [&state.policies, &state.moments.first, &state.moments.second, &state.aips] {
-        std::hint::black_box(table.iter().map(<[f32]>::len).sum::<usize>());
-    }
+fn check(tables: &[&Ragged<f32>]) {
+    std::hint::black_box(tables.iter().flat_map(|table| table.iter()).map(<[f32]>::len).sum::<usize>());
 }
