@@ -1,11 +1,13 @@
 //! What a newcomer asks first: what is this config, what is missing here, what does the shell know?
 
 use std::fs;
+use std::os::unix::fs::symlink;
 use std::path::{Path, PathBuf};
 use std::process::Output;
 
 use assert_cmd::Command;
 use serde_json::Value;
+use tempfile::TempDir;
 
 fn root() -> &'static Path {
     Path::new(env!("CARGO_MANIFEST_DIR"))
@@ -21,9 +23,19 @@ fn said(output: &Output) -> [String; 2] {
     [&output.stdout, &output.stderr].map(|bytes| String::from_utf8(bytes.clone()).unwrap())
 }
 
-/// Returns what a command prints on standard output.
+/// Makes a folder like a new clone: without the runs and results that its user may have made in this one.
+fn clone() -> TempDir {
+    let folder = tempfile::tempdir().unwrap();
+    for name in ["configs", "experiments", "sumo_nets"] {
+        symlink(root().join(name), folder.path().join(name)).unwrap();
+    }
+    folder
+}
+
+/// Returns what a command prints on standard output, in a new clone.
 fn answer(args: &[&str]) -> String {
-    let [out, _] = said(program(args).current_dir(root()).assert().success().get_output());
+    let clone = clone();
+    let [out, _] = said(program(args).current_dir(clone.path()).assert().success().get_output());
     out
 }
 
@@ -61,7 +73,8 @@ fn a_config_is_described_with_all_that_its_agents_see_do_and_are_paid_for() {
 fn assert_fits_a_terminal(args: &[&str]) {
     let folder = Path::new(env!("CARGO_BIN_EXE_dials-traffic")).parent().unwrap();
     let path = format!("{}:{}", folder.display(), std::env::var("PATH").unwrap());
-    let output = program(args).current_dir(root()).env("PATH", path).assert().success().get_output().clone();
+    let clone = clone();
+    let output = program(args).current_dir(clone.path()).env("PATH", path).assert().success().get_output().clone();
     let [out, err] = said(&output);
     for line in out.lines().chain(err.lines()) {
         assert!(line.chars().count() <= 80, "{args:?}: {line}");
@@ -75,11 +88,9 @@ fn what_describes_configs_and_experiments_fits_a_terminal() {
             assert_fits_a_terminal(&["describe", config, "--simulator", simulator]);
         }
     }
-    let out = tempfile::tempdir().unwrap();
-    let out = out.path().join("runs");
     // Their names have up to 43 characters.
     for experiment in ["experiments/clock_aips.toml", "experiments/scenarios.toml"] {
-        assert_fits_a_terminal(&["experiment", experiment, "--dry-run", "--out", out.to_str().unwrap()]);
+        assert_fits_a_terminal(&["experiment", experiment, "--dry-run"]);
     }
 }
 
@@ -144,11 +155,11 @@ fn the_doctor_trains_and_says_what_is_missing_and_how_to_get_it() {
 
 #[test]
 fn only_what_simulates_needs_sumo_and_a_missing_sumo_is_one_error_with_its_cure() {
-    let room = tempfile::tempdir().unwrap();
+    let room = clone();
     fs::write(room.path().join("libsumocpp.so"), "no library").unwrap();
     let without_sumo = |args: &[&str]| {
         let mut command = program(args);
-        command.env("LD_LIBRARY_PATH", room.path()).current_dir(root());
+        command.env("LD_LIBRARY_PATH", room.path()).current_dir(room.path());
         command
     };
     for args in [&["--version"][..], &["--help"], &["schema"], &["completions", "bash"], &["report", "--help"]] {
