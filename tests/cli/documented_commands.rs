@@ -75,10 +75,10 @@ const NOT_TYPED: &[(&str, &str)] = &[
 /// Settings of every config, so that a run has two updates and one training of its predictors.
 const SHORT_SETTINGS: &[(&str, &str, i64)] = &[
     ("", "stop_at_steps", 256),
-    ("aip", "dataset_steps", 600),
+    ("aip", "dataset_steps", 160),
     ("aip", "epochs", 1),
     ("aip", "batch", 4),
-    ("imitation", "dataset_steps", 600),
+    ("imitation", "dataset_steps", 160),
     ("imitation", "epochs", 1),
     ("evaluation", "episodes", 1),
     ("evaluation", "final_episodes", 1),
@@ -143,7 +143,13 @@ fn rewrite(folder: &Path, change: &dyn Fn(&mut Table)) {
     }
 }
 
+/// Steps of an episode on a grid. Films of the docs show the 60th to the 64th.
+const HORIZON: i64 = 80;
+
 fn shorten_config(config: &mut Table) {
+    if let Some(grid) = config.get_mut("traffic").and_then(Value::as_table_mut).filter(|t| t.contains_key("network")) {
+        grid.insert("horizon".to_owned(), HORIZON.into());
+    }
     for &(table, key, value) in SHORT_SETTINGS {
         let table = match table {
             "" => &mut *config,

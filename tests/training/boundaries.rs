@@ -68,45 +68,54 @@ fn finish(mut command: Command) {
     assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
 }
 
-/// Asserts equal policies whether a run is evaluated once, at periods that fit nothing, or at every update.
-fn assert_that_looking_leaves_no_trace(domain: &str, recurrent: bool) {
+/// Asserts equal policies whether a run is evaluated once, or at periods that fit nothing.
+fn assert_that_looking_leaves_no_trace(domain: &str, recurrent: bool, simulators: &[&str]) -> Vec<u8> {
     let config = config(domain, recurrent);
-    for simulator in ["gs", "dials", "marginal-dials", "untrained-dials"] {
+    let of_all = simulators.iter().map(|simulator| {
         let once = Run::new(&config).train(simulator, STEPS, &["--workers", "0"]);
         let often = Run::new(&config).train(simulator, 400, &["--workers", "2"]);
         assert!(once == often, "{domain}, {simulator}, recurrent {recurrent}: evaluated every 400 steps by 2 workers");
-    }
-    let once = Run::new(&config).train("dials", STEPS, &["--workers", "1"]);
-    let always = Run::new(&config).train("dials", STEPS, &["--workers", "0", "--set", "checkpoints.every_steps=256"]);
-    assert!(once == always, "{domain}, recurrent {recurrent}: written down at every second update");
-    // The test can fail: the file depends on what is learned.
-    let other = Run::new(&config).train("dials", STEPS, &["--workers", "0", "--set", "aip.retrain_every_steps=500"]);
-    assert!(once != other, "{domain}, recurrent {recurrent}: F changes what is learned");
+        once
+    });
+    of_all.last().unwrap()
 }
+
+/// Asserts the same for agents with memory, and that checkpoints leave no trace either.
+fn assert_that_looking_at_memories_leaves_no_trace(domain: &str) {
+    let once = assert_that_looking_leaves_no_trace(domain, true, &["gs", "dials"]);
+    let run = || Run::new(&config(domain, true));
+    let always = run().train("dials", STEPS, &["--workers", "1", "--set", "checkpoints.every_steps=256"]);
+    assert!(once == always, "{domain}: written down at every second update");
+    // The test can fail: the file depends on what is learned.
+    let other = run().train("dials", STEPS, &["--workers", "0", "--set", "aip.retrain_every_steps=500"]);
+    assert!(once != other, "{domain}: F changes what is learned");
+}
+
+const SIMULATORS: [&str; 4] = ["gs", "dials", "marginal-dials", "untrained-dials"];
 
 #[test]
 fn looking_at_traffic_leaves_no_trace() {
-    assert_that_looking_leaves_no_trace("traffic", false);
+    assert_that_looking_leaves_no_trace("traffic", false, &SIMULATORS);
 }
 
 #[test]
 fn looking_at_traffic_with_memory_leaves_no_trace() {
-    assert_that_looking_leaves_no_trace("traffic", true);
+    assert_that_looking_at_memories_leaves_no_trace("traffic");
 }
 
 #[test]
 fn looking_at_the_warehouse_leaves_no_trace() {
-    assert_that_looking_leaves_no_trace("warehouse", false);
+    assert_that_looking_leaves_no_trace("warehouse", false, &SIMULATORS);
 }
 
 #[test]
 fn looking_at_the_warehouse_with_memory_leaves_no_trace() {
-    assert_that_looking_leaves_no_trace("warehouse", true);
+    assert_that_looking_at_memories_leaves_no_trace("warehouse");
 }
 
 #[test]
 fn a_run_that_is_killed_in_the_middle_of_its_episodes_goes_on_as_if_it_had_not_been() {
-    for (domain, simulator) in [("traffic", "gs"), ("traffic", "dials"), ("warehouse", "dials")] {
+    for (domain, simulator) in [("traffic", "gs"), ("traffic", "dials")] {
         let config = config(domain, true);
         let undisturbed = Run::new(&config).train(simulator, STEPS, &["--workers", "0"]);
         let run = Run::new(&config);

@@ -21,7 +21,7 @@ enum Domain {
     Warehouse,
 }
 
-/// Writes a config of three periods of about a second, with an AIP training before the first and the last.
+/// Writes a config of three periods of about half a second, with an AIP training before the first and the last.
 fn write_config(dir: &Path, domain: Domain) -> PathBuf {
     let text = match domain {
         Domain::Traffic => traffic_config(),
@@ -32,22 +32,22 @@ fn write_config(dir: &Path, domain: Domain) -> PathBuf {
     path
 }
 
-const WAREHOUSE_CONFIG: &str = "total_steps = 9_000\n\
+const WAREHOUSE_CONFIG: &str = "total_steps = 4_500\n\
     [warehouse]\nagents_per_side = 2\nhorizon = 50\n\
     [local_simulators]\ncopies = 8\nstagger = true\n[policy]\nrecurrent = 24\nhidden = [16]\nsequence_length = 8\n\
     [ppo]\nrollout_steps = 8\ntime_limit = 'bootstrap'\n\
-    [aip]\nrecurrent = 8\nhidden = [8]\nretrain_every_steps = 6_000\ndataset_steps = 500\nbatch = 4\nepochs = 5\n\
-    [evaluation]\nevery_steps = 3_000\nepisodes = 5\nfinal_episodes = 5\naip_loss_episodes = 4\n";
+    [aip]\nrecurrent = 8\nhidden = [8]\nretrain_every_steps = 3_000\ndataset_steps = 500\nbatch = 4\nepochs = 5\n\
+    [evaluation]\nevery_steps = 1_500\nepisodes = 5\nfinal_episodes = 5\naip_loss_episodes = 4\n";
 
 fn traffic_config() -> String {
     let nets = Path::new(env!("CARGO_MANIFEST_DIR")).join("sumo_nets").display().to_string();
     format!(
-        "total_steps = 6_000\n\
+        "total_steps = 3_000\n\
          [traffic]\nnetwork = '{nets}/grid_2x2'\nlocal_network = '{nets}/local'\nhorizon = 60\n\
          [local_simulators]\ncopies = 8\nstagger = true\n[policy]\nhidden = [32, 16]\n\
          [ppo]\ntime_limit = 'bootstrap'\n\
-         [aip]\nhidden = [8]\nretrain_every_steps = 4_000\ndataset_steps = 300\nbatch = 32\nepochs = 2\n\
-         [evaluation]\nevery_steps = 2_000\nepisodes = 5\nfinal_episodes = 5\naip_loss_episodes = 4\n"
+         [aip]\nhidden = [8]\nretrain_every_steps = 2_000\ndataset_steps = 300\nbatch = 32\nepochs = 2\n\
+         [evaluation]\nevery_steps = 1_000\nepisodes = 5\nfinal_episodes = 5\naip_loss_episodes = 4\n"
     )
 }
 
@@ -207,11 +207,9 @@ fn aips_that_are_trained_again_on_drift_are_the_same_for_any_fleet_and_after_a_k
 fn assert_the_same_for_any_fleet_and_after_a_kill(domain: Domain, settings: &[&str]) -> Run {
     let alone = Run::of(domain);
     alone.train(&[settings, &["--workers", "0", "--tensorboard"]].concat());
-    for workers in ["1", "3"] {
-        let run = Run::of(domain);
-        run.train(&[settings, &["--workers", workers]].concat());
-        assert!(run.results() == alone.results(), "{workers} workers");
-    }
+    let run = Run::of(domain);
+    run.train(&[settings, &["--workers", "3"]].concat());
+    assert!(run.results() == alone.results(), "3 workers");
     let run = Run::of(domain);
     let mut coordinator = run.start(&[settings, &["--workers", "2", "--tensorboard"]].concat());
     run.wait_for_checkpoints(1);
@@ -228,7 +226,7 @@ fn assert_the_same_for_any_fleet_and_after_a_kill(domain: Domain, settings: &[&s
 
 #[test]
 fn an_imitation_is_the_same_for_any_fleet_and_after_a_kill() {
-    let small = ["imitation.dataset_steps=300", "imitation.minibatch=32", "imitation.critic_steps=2500"];
+    let small = ["imitation.dataset_steps=300", "imitation.minibatch=32", "imitation.critic_steps=1250"];
     for (domain, more) in [
         (Domain::Traffic, ["policy.imitate=actuated", "policy.separate_critic=false", "imitation.epochs=2"]),
         (Domain::Warehouse, ["policy.imitate=closest-item", "policy.separate_critic=true", "imitation.minibatch=2"]),
@@ -247,7 +245,7 @@ fn an_imitation_is_the_same_for_any_fleet_and_after_a_kill() {
 #[test]
 fn means_of_policies_and_a_clock_are_the_same_for_any_fleet_and_after_a_kill() {
     let settings = [
-        "policy.average_every_steps=2000",
+        "policy.average_every_steps=1000",
         "traffic.clock=26",
         "traffic.clock_offsets=checkerboard",
         "traffic.reward={mean-speed=1,exit-speed=1}",
@@ -258,12 +256,12 @@ fn means_of_policies_and_a_clock_are_the_same_for_any_fleet_and_after_a_kill() {
 
 #[test]
 fn training_on_the_global_simulator_is_the_same_for_any_fleet() {
-    let results = ["0", "1", "3"].map(|workers| {
+    let results = ["0", "3"].map(|workers| {
         let run = Run::new();
-        run.train(&["--workers", workers, "--simulator", "gs", "--steps", "3000"]);
+        run.train(&["--workers", workers, "--simulator", "gs", "--steps", "1500"]);
         ["returns.csv", "training.csv", "policies.safetensors"].map(|file| fs::read(run.out.join(file)).unwrap())
     });
-    assert!(results[0] == results[1] && results[0] == results[2]);
+    assert!(results[0] == results[1]);
 }
 
 #[test]
@@ -321,7 +319,7 @@ fn three_deaths_in_a_row_end_the_run_with_a_checkpoint_to_resume_from() {
 #[test]
 fn a_coordinator_killed_at_any_moment_leaves_no_orphan_and_resumes_to_the_same_files() {
     // Before the first checkpoint, right after one, and during the periods that follow.
-    for (checkpoints, delay_ms) in [(0, 700), (1, 0), (1, 250), (2, 150)] {
+    for (checkpoints, delay_ms) in [(0, 700), (1, 0), (2, 75)] {
         let run = Run::new();
         let mut coordinator = run.start(&["--workers", "2"]);
         let workers = wait_for_workers(&coordinator, 2);

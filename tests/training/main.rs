@@ -1,6 +1,7 @@
 //! Training: what is learned, by which fleet, through every accident, and what a run directory then holds.
 
 mod boundaries;
+mod chaos;
 mod checkpoints;
 mod durability;
 mod fleet;

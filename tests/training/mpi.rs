@@ -22,12 +22,12 @@ const RANK: &str = "if [ \"$OMPI_COMM_WORLD_RANK\" != 0 ]; then cd / && exec \"$
 fn configs() -> [(&'static str, String); 2] {
     let nets = Path::new(env!("CARGO_MANIFEST_DIR")).join("sumo_nets").display().to_string();
     let traffic = format!(
-        "total_steps = 6_000\n\
+        "total_steps = 3_000\n\
          [traffic]\nnetwork = '{nets}/grid_2x2'\nlocal_network = '{nets}/local'\nhorizon = 60\n\
          [local_simulators]\ncopies = 8\nstagger = true\n[policy]\nhidden = [32, 16]\n\
          [ppo]\ntime_limit = 'bootstrap'\n\
-         [aip]\nhidden = [8]\nretrain_every_steps = 4_000\ndataset_steps = 300\nbatch = 32\nepochs = 2\n\
-         [evaluation]\nevery_steps = 2_000\nepisodes = 5\nfinal_episodes = 6\naip_loss_episodes = 4\n"
+         [aip]\nhidden = [8]\nretrain_every_steps = 2_000\ndataset_steps = 300\nbatch = 32\nepochs = 2\n\
+         [evaluation]\nevery_steps = 1_000\nepisodes = 5\nfinal_episodes = 6\naip_loss_episodes = 4\n"
     );
     let warehouse = "total_steps = 3_000\n\
          [warehouse]\nagents_per_side = 2\nhorizon = 50\n\

@@ -8,8 +8,8 @@ use dials_session::records::files;
 use safetensors::SafeTensors;
 use serde_json::Value;
 
-use crate::book::Fault;
-use crate::stage::Stage;
+use super::book::Fault;
+use super::stage::Stage;
 
 /// Keys of a checkpoint's metadata that depend on wall time or on the number of workers, and what sums over them.
 const UNDETERMINED: [&str; 5] = ["elapsed_s", files::TIMING, files::MEMORY, files::EVENTS, "digest"];

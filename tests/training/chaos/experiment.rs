@@ -6,14 +6,14 @@ use rand::Rng;
 use rand_xoshiro::Xoshiro256PlusPlus as Dice;
 use rustix::process::Signal;
 
-use crate::compare::compare;
-use crate::play::SPAN;
-use crate::stage::{Domain, FOR_EVER, Process, Stage, path};
+use super::compare::compare;
+use super::play::SPAN;
+use super::stage::{Domain, FOR_EVER, Process, Stage, path};
 
 /// Most kills of one experiment.
 const KILLS_OF_ONE: u64 = 4;
 /// Timesteps per agent of each run: two periods.
-const STEPS: u64 = 8_000;
+const STEPS: u64 = 4_000;
 const EXPERIMENT: &str = "seeds = [1]\ncontrollers = ['random']\ncontroller_episodes = 20\n\
                           [[grid]]\nconfigs = ['config.toml']\nsimulators = ['dials', 'gs']\n";
 

@@ -13,10 +13,10 @@ use rand::seq::IndexedRandom;
 use rand_xoshiro::Xoshiro256PlusPlus as Dice;
 use rustix::process::Signal;
 
-use crate::book::{Book, Fault};
-use crate::cards::Card;
-use crate::compare::compare;
-use crate::stage::{Domain, FOR_EVER, Process, Stage, path};
+use super::book::{Book, Fault};
+use super::cards::Card;
+use super::compare::compare;
+use super::stage::{Domain, FOR_EVER, Process, Stage, path};
 
 /// Seconds that a worker may be silent. One that is only slow and replaced for it changes no file, but three in a row
 /// end a run, and a machine under load is slow.

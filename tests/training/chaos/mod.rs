@@ -3,8 +3,8 @@
 //! `chaos` takes a fraction of a minute. For longer, with a line for every disturbance and a table at the end:
 //!
 //! ```text
-//! CHAOS_KILLS=200 cargo test --release --test chaos -- --nocapture
-//! SOAK_SECONDS=7200 cargo test --release --test chaos -- --ignored --nocapture soak
+//! CHAOS_KILLS=200 cargo test --release --test training chaos -- --nocapture
+//! SOAK_SECONDS=7200 cargo test --release --test training soak -- --ignored --nocapture
 //! ```
 //!
 //! `CHAOS_SEED` draws other disturbances. The moments are drawn, too, but what a process does at that moment depends on
@@ -37,13 +37,13 @@ use std::time::Instant;
 use rand::SeedableRng;
 use rand_xoshiro::Xoshiro256PlusPlus as Dice;
 
-use book::Book;
-use cards::Card;
-use play::{Play, Undisturbed};
-use stage::Domain;
+use self::book::Book;
+use self::cards::Card;
+use self::play::{Play, Undisturbed};
+use self::stage::Domain;
 
 /// Number of disturbances that end or stop a process, unless `CHAOS_KILLS` says otherwise.
-const KILLS: u64 = 20;
+const KILLS: u64 = 12;
 /// Seed of the disturbances, unless `CHAOS_SEED` says otherwise.
 const SEED: u64 = 15;
 

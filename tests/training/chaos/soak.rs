@@ -11,9 +11,9 @@ use rand::{Rng, SeedableRng};
 use rand_xoshiro::Xoshiro256PlusPlus as Dice;
 use rustix::process::{Pid, Signal, kill_process};
 
-use crate::compare::compare;
-use crate::number;
-use crate::stage::{Domain, Process, Stage, proc};
+use super::compare::compare;
+use super::number;
+use super::stage::{Domain, Process, Stage, proc};
 
 /// Seconds of training, unless `SOAK_SECONDS` says otherwise.
 const SECONDS: u64 = 120;
@@ -47,7 +47,7 @@ struct Sample {
 #[test]
 #[ignore = "takes SOAK_SECONDS"]
 fn soak() {
-    let (seconds, seed) = (number("SOAK_SECONDS", SECONDS), number("CHAOS_SEED", crate::SEED));
+    let (seconds, seed) = (number("SOAK_SECONDS", SECONDS), number("CHAOS_SEED", super::SEED));
     println!("{seconds} s, seed {seed}");
     let [mut calm, mut disturbed] = [(); 2].map(|()| Stage::new(&Domain::Traffic.config(WITHOUT_END)));
     let mut watch = Watch::new();
@@ -105,7 +105,7 @@ fn train_both(calm: &Stage, disturbed: &Stage, watch: &mut Watch, seconds: u64, 
 /// Asks a run to stop at the end of its period, and waits for it.
 fn stop(stage: &Stage, process: &mut Process) {
     process.signal(Signal::INT);
-    assert!(process.ended_within(crate::stage::FOR_EVER).is_some(), "it does not stop: {}", process.said());
+    assert!(process.ended_within(super::stage::FOR_EVER).is_some(), "it does not stop: {}", process.said());
     assert_eq!(stage.orphans(), 0);
 }
 

@@ -24,19 +24,19 @@ pub enum Card {
 }
 
 impl Card {
-    /// All cards, and how many of each are in a deck. A deck has twenty that end a process.
+    /// All cards, and how many of each are in a deck. A deck has twelve that end a process.
     pub const DECK: [(Card, usize); 13] = [
-        (Card::Kill, 5),
-        (Card::KillAtStart, 2),
+        (Card::Kill, 3),
+        (Card::KillAtStart, 1),
         (Card::KillAtFirstWrite, 1),
-        (Card::KillAtCheckpoint, 3),
-        (Card::Terminate, 2),
-        (Card::Interrupt, 2),
+        (Card::KillAtCheckpoint, 2),
+        (Card::Terminate, 1),
+        (Card::Interrupt, 1),
         (Card::InterruptTwice, 1),
-        (Card::KillWorker, 3),
+        (Card::KillWorker, 1),
         (Card::StopWorker, 1),
         (Card::Pause, 1),
-        (Card::SecondResume, 2),
+        (Card::SecondResume, 1),
         (Card::Evaluate, 1),
         (Card::Report, 1),
     ];

@@ -33,8 +33,8 @@ impl Domain {
     /// Number of timesteps per agent of a run of [`Domain::config`].
     pub fn steps(self) -> u64 {
         match self {
-            Domain::Traffic => 15_000,
-            Domain::Warehouse => 24_000,
+            Domain::Traffic => 7_500,
+            Domain::Warehouse => 12_000,
         }
     }
 
@@ -44,22 +44,22 @@ impl Domain {
         let nets = Path::new(env!("CARGO_MANIFEST_DIR")).join("sumo_nets").display().to_string();
         match self {
             Domain::Traffic => format!(
-                "total_steps = {steps}\ncheckpoints.every_steps = 2_500\n\
+                "total_steps = {steps}\ncheckpoints.every_steps = 1_250\n\
                  [traffic]\nnetwork = '{nets}/grid_2x2'\nlocal_network = '{nets}/local'\nhorizon = 60\n\
                  [local_simulators]\ncopies = 8\nstagger = true\n[policy]\nhidden = [32, 16]\n\
                  [ppo]\ntime_limit = 'bootstrap'\n\
-                 [aip]\nhidden = [8]\nretrain_every_steps = 10_000\ndataset_steps = 300\nbatch = 32\nepochs = 2\n\
-                 [evaluation]\nevery_steps = 5_000\nepisodes = 5\nfinal_episodes = 10\naip_loss_episodes = 4\n"
+                 [aip]\nhidden = [8]\nretrain_every_steps = 5_000\ndataset_steps = 300\nbatch = 32\nepochs = 2\n\
+                 [evaluation]\nevery_steps = 2_500\nepisodes = 5\nfinal_episodes = 10\naip_loss_episodes = 4\n"
             ),
             Domain::Warehouse => format!(
-                "total_steps = {steps}\ncheckpoints.every_steps = 4_000\nlogging.tensorboard = true\n\
+                "total_steps = {steps}\ncheckpoints.every_steps = 2_000\nlogging.tensorboard = true\n\
                  [warehouse]\nagents_per_side = 2\nhorizon = 50\n\
                  [local_simulators]\ncopies = 8\nstagger = true\n\
                  [policy]\nrecurrent = 24\nhidden = [16]\nsequence_length = 8\n\
                  [ppo]\nrollout_steps = 8\ntime_limit = 'bootstrap'\n\
-                 [aip]\nrecurrent = 8\nhidden = [8]\nretrain_every_steps = 16_000\ndataset_steps = 500\nbatch = 4\n\
+                 [aip]\nrecurrent = 8\nhidden = [8]\nretrain_every_steps = 8_000\ndataset_steps = 500\nbatch = 4\n\
                  epochs = 5\n\
-                 [evaluation]\nevery_steps = 8_000\nepisodes = 5\nfinal_episodes = 10\naip_loss_episodes = 4\n"
+                 [evaluation]\nevery_steps = 4_000\nepisodes = 5\nfinal_episodes = 10\naip_loss_episodes = 4\n"
             ),
         }
     }

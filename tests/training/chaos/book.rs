@@ -4,8 +4,8 @@ use std::collections::BTreeMap;
 use std::fmt::Write;
 use std::time::Duration;
 
-use crate::cards::Card;
-use crate::stage::Domain;
+use super::cards::Card;
+use super::stage::Domain;
 
 /// What is wrong with a run after its disturbances.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
