@@ -75,10 +75,10 @@ const NOT_TYPED: &[(&str, &str)] = &[
 /// Settings of every config, so that a run has two updates and one training of its predictors.
 const SHORT_SETTINGS: &[(&str, &str, i64)] = &[
     ("", "stop_at_steps", 256),
-    ("aip", "dataset_steps", 160),
+    ("aip", "dataset_steps", 500),
     ("aip", "epochs", 1),
     ("aip", "batch", 4),
-    ("imitation", "dataset_steps", 160),
+    ("imitation", "dataset_steps", 300),
     ("imitation", "epochs", 1),
     ("evaluation", "episodes", 1),
     ("evaluation", "final_episodes", 1),
