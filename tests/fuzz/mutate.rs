@@ -7,7 +7,7 @@ use std::ops::Range;
 use std::sync::LazyLock;
 
 use proptest::collection::vec;
-use proptest::prelude::{Strategy, any};
+use proptest::prelude::{Strategy, any, prop_oneof};
 use proptest::sample::{Index, select};
 
 /// Longest input, but for XML, whose nests are deep.
@@ -62,6 +62,8 @@ type Row = (Find, Act);
 const TEXT: &[Row] = &[
     (numbers, Act::Hostile("numbers")),
     (numbers, Act::Hostile("numbers")),
+    (numbers, Act::Hostile("numbers")),
+    (numbers, Act::Copy),
     (bytes, Act::With(&[b"0", b"1", b"7", b"a", b"z"])),
     (quoted, Act::Hostile("names")),
     (values, Act::Hostile("values")),
@@ -122,14 +124,16 @@ pub struct Case {
 pub fn cases(form: Form) -> impl Strategy<Value = Case> {
     let of = |part: Part, rows: &[Row]| rows.iter().map(|&(find, act)| (part, find, act)).collect::<Vec<_>>();
     let rows = match form {
-        Form::Text => [of(Part::All, TEXT), of(Part::All, TEXT), of(Part::All, BYTES)],
-        Form::Xml => [of(Part::All, XML), of(Part::All, XML), of(Part::All, BYTES)],
-        Form::Tensors => [of(Part::Counted, TEXT), of(Part::Rest, BYTES), of(Part::All, BYTES)],
-        Form::Messages => [of(Part::Counted, BYTES), of(Part::Counted, BYTES), of(Part::All, BYTES)],
+        Form::Text => [of(Part::All, TEXT).repeat(4), of(Part::All, BYTES)],
+        Form::Xml => [of(Part::All, XML).repeat(4), of(Part::All, BYTES)],
+        Form::Tensors => [of(Part::Counted, TEXT).repeat(2), [of(Part::Rest, BYTES), of(Part::All, BYTES)].concat()],
+        Form::Messages => [of(Part::Counted, BYTES).repeat(4), of(Part::All, BYTES)],
     };
     let change = (select(rows.concat()), any::<[Index; 2]>());
     let change = change.prop_map(|((part, find, act), at)| Change { part, find, act, at });
-    (any::<Index>(), vec(change, 1..=4)).prop_map(|(from, changes)| Case { from, changes })
+    // Many changes at once are refused for the first of them.
+    let changes = prop_oneof![3 => vec(change.clone(), 1), 2 => vec(change, 2..=4)];
+    (any::<Index>(), changes).prop_map(|(from, changes)| Case { from, changes })
 }
 
 impl Case {

@@ -374,8 +374,8 @@ fn ctrl_c_stops_at_the_next_exchange_and_a_second_one_at_once() {
 const REAL_SIZE: [&str; 10] = [
     "--simulator",
     "gs",
-    "--steps",
-    "5000",
+    "--set",
+    "total_steps=5000",
     "--set",
     "evaluation.every_steps=2500",
     "--set",
