@@ -5,20 +5,21 @@
 use std::path::Path;
 
 use criterion::{BenchmarkId, Criterion, Throughput, criterion_group, criterion_main};
-use dials_config::{Config, load};
 use dials_core::base::{AgentId, Dice, Rows, Seed, Stopwatch};
 use dials_core::domain::{RegionSpec, SourceSpec};
+use dials_learn::algorithms::ppo::gae::advantages;
+use dials_learn::algorithms::ppo::update::{Decayed, Learns, Settings, update};
+use dials_learn::algorithms::ppo::{Memory, Sample};
 use dials_learn::influence::{AipStack, InfluencePredictor};
-use dials_learn::policy::{Memory, PolicyStack, Sample, sampling};
-use dials_learn::training::gae::advantages;
-use dials_learn::training::ppo::{Decayed, Learns, Settings, update};
+use dials_learn::policy::{PolicyStack, sampling};
+use dials_session::config::{RunConfig, load};
 use rand::Rng;
 use stacknets::Adam;
 
 /// Networks and training settings of a domain.
 struct Setting {
     name: &'static str,
-    config: Config,
+    config: RunConfig,
     spec: RegionSpec,
 }
 
@@ -63,13 +64,14 @@ fn settings() -> [Setting; 2] {
 impl Setting {
     fn policies(&self, agents: usize) -> PolicyStack {
         let bias = vec![0.0; self.spec.n_actions];
-        PolicyStack::new(&AgentId::all(agents), &self.spec, &self.config.policy, &bias, Seed::new(1))
+        PolicyStack::new(&AgentId::all(agents), &self.spec, &self.config.learning.policy, &bias, Seed::new(1))
     }
 
     /// Makes a memory of random decisions.
     fn memory(&self, agents: usize, dice: &mut Dice) -> Memory {
-        let (capacity, state_width) = (self.config.ppo.memory, self.config.policy.recurrent.unwrap_or(0));
-        let length = self.config.sequence_length();
+        let (capacity, state_width) =
+            (self.config.learning.ppo.memory, self.config.learning.policy.recurrent.unwrap_or(0));
+        let length = self.config.learning.sequence_length();
         let mut memory = Memory::new(agents, capacity, length, &self.spec, state_width);
         for agent in 0..agents {
             for slot in 0..capacity {
@@ -121,7 +123,7 @@ fn ppo(criterion: &mut Criterion) {
             let mut adam = Adam::new(policies.parameters());
             let memory = setting.memory(agents, &mut Seed::new(4).dice());
             let mut dice = streams(agents);
-            let (config, watch) = (&setting.config.ppo, &mut Stopwatch::default());
+            let (config, watch) = (&setting.config.learning.ppo, &mut Stopwatch::default());
             // The rate is so small that the policies do not change, however long this runs.
             let decayed = Decayed { learning_rate: 1e-12, clip: config.clip };
             let settings = Settings { ppo: config, decayed, learns: Learns::Everything, shared: false };
@@ -166,7 +168,7 @@ fn aip_sampling(criterion: &mut Criterion) {
     for setting in settings() {
         let (agents, copies) = (4, 8);
         let rows = agents * copies;
-        let mut aips = AipStack::new(&AgentId::all(agents), &setting.spec, &setting.config.aip, Seed::new(6));
+        let mut aips = AipStack::new(&AgentId::all(agents), &setting.spec, &setting.config.learning.aip, Seed::new(6));
         aips.begin(rows);
         let width = setting.spec.d_set_dim;
         let d_set = Rows::from_vec(bits(rows * width, &mut Seed::new(7).dice()), width);

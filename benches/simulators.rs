@@ -9,23 +9,27 @@ use std::sync::Arc;
 use criterion::{
     BenchmarkGroup, BenchmarkId, Criterion, Throughput, criterion_group, criterion_main, measurement::WallTime,
 };
-use dials_config::{Config, DomainConfig, load};
 use dials_core::base::{AgentId, Dice, Rows, Seed};
 use dials_core::domain::{Action, Beginning, Domain, GlobalSimulator, LocalSimulator, RegionSpec};
+use dials_session::config::{RunConfig, load};
+use dials_session::domains::DomainConfig;
 use dials_traffic::Traffic;
+use dials_traffic::config::TrafficTable;
 use dials_warehouse::Warehouse;
 use rand::Rng;
 
 /// Probability of an arrival per edge and step, as at the boundary of the paper's grids.
 const ARRIVALS: f64 = 0.1;
 
-fn config(name: &str) -> Config {
+fn config(name: &str) -> RunConfig {
     load(&Path::new(env!("CARGO_MANIFEST_DIR")).join("configs").join(name), &[]).unwrap()
 }
 
 fn traffic(name: &str) -> Arc<dyn Domain> {
     let config = config(name);
-    let Some(DomainConfig::Traffic(table)) = &config.domain else { panic!("{name}: not of traffic") };
+    let Some(DomainConfig::Traffic(TrafficTable::Grid(table))) = &config.domain else {
+        panic!("{name}: not of traffic")
+    };
     Arc::new(Traffic::open(table).unwrap())
 }
 

@@ -7,12 +7,12 @@
 use std::path::Path;
 
 use anyhow::Result;
-use dials_config::TrafficConfig;
 use dials_core::base::Seed;
 use dials_core::base::statistics::Interval;
 use dials_core::domain::{Bystander, Domain, GlobalSimulator};
 use dials_learn::evaluation::{Evaluation, play_episodes};
 use dials_traffic::Traffic;
+use dials_traffic::config::TrafficConfig;
 use dials_traffic::controllers::{Each, HandCoded, Intersection};
 
 const EPISODES: usize = 10;

@@ -13,15 +13,15 @@ use std::rc::Rc;
 use std::sync::Arc;
 
 use anyhow::Result;
-use dials_config::*;
 use dials_core::base::{AgentId, Dice, Ragged, Rows, Seed};
 use dials_core::domain::*;
+use dials_learn::config::*;
 use dials_learn::evaluation::Evaluation;
 use dials_learn::training::dials;
 use dials_learn::training::journal::Unrecorded;
 use dials_learn::training::observer::Observer;
 use dials_learn::training::standing::Standing;
-use dials_session::fleet::inline::InlineFleet;
+use dials_session::fleet::in_process;
 use dials_testkit::conformance;
 use rand::Rng;
 
@@ -222,6 +222,6 @@ pub fn main() -> Result<()> {
         evaluation: EvaluationConfig { every_steps: 10_000, ..EvaluationConfig::default() },
         ..Config::default()
     };
-    let mut fleet = InlineFleet::new(brigade, &config, Rc::new(Printer));
+    let mut fleet = in_process(brigade, config.clone(), Rc::new(Printer))?;
     dials::train(&config, &mut fleet, Standing::default(), &mut Unrecorded, &Printer)
 }

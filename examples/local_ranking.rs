@@ -12,13 +12,15 @@
 use std::path::Path;
 
 use anyhow::{Context, Result, bail, ensure};
-use dials_config::{AipConfig, DomainConfig, Predictor};
 use dials_core::base::{AgentId, Dice, Rows, Seed, Stopwatch, Work};
 use dials_core::domain::{Action, Beginning, Domain, GlobalSimulator, LocalSimulator};
+use dials_learn::config::{AipConfig, Predictor};
 use dials_learn::influence::{Dataset, InfluencePredictor, TrainablePredictor, initial_predictor, train};
+use dials_session::domains::DomainConfig;
 use dials_traffic::Traffic;
 use dials_traffic::agents::phases::Light;
 use dials_traffic::agents::region::{CELLS, OCCUPANCY};
+use dials_traffic::config::TrafficTable;
 use dials_traffic::light::{KEEP, SWITCH};
 use dials_traffic::side::Side;
 use dials_traffic::sim::control::SignalControl;
@@ -70,17 +72,19 @@ pub struct Returns {
 pub fn run(config: &str, episodes: usize, behaviours: &[Behaviour]) -> Result<Vec<Returns>> {
     ensure!(episodes >= 2, "a dataset needs two episodes or more: one of them is held out");
     let file = Path::new(env!("CARGO_MANIFEST_DIR")).join("configs").join(config).with_extension("toml");
-    let config = dials_config::load(&file, &["seed=101".to_owned()])?;
-    let Some(DomainConfig::Traffic(table)) = &config.domain else { bail!("{}: no grid", file.display()) };
+    let config = dials_session::config::load(&file, &["seed=101".to_owned()])?;
+    let Some(DomainConfig::Traffic(TrafficTable::Grid(table))) = &config.domain else {
+        bail!("{}: no grid", file.display())
+    };
     let traffic = Traffic::open(table)?;
     println!("{:<22} {:>8} {:>15} {:>17}", "lights", "GS", "LS, their AIPs", "LS, random AIPs");
     let mut all = Vec::with_capacity(behaviours.len());
     for &behaviour in behaviours {
         let (gs, datasets) = play(&traffic, behaviour, episodes)?;
-        let mut trained = predictor(&traffic, &config.aip, Predictor::Network);
+        let mut trained = predictor(&traffic, &config.learning.aip, Predictor::Network);
         let work = Work { watch: &mut Stopwatch::default(), progress: &mut |_| () };
-        train(&mut *trained, &AgentId::all(traffic.agents()), &datasets, &config.aip, Seed::new(4), work);
-        let mut untrained = predictor(&traffic, &config.aip, Predictor::Untrained);
+        train(&mut *trained, &AgentId::all(traffic.agents()), &datasets, &config.learning.aip, Seed::new(4), work);
+        let mut untrained = predictor(&traffic, &config.learning.aip, Predictor::Untrained);
         let [trained, untrained] =
             [&mut trained, &mut untrained].map(|predictor| meet(&traffic, behaviour, &mut **predictor));
         let returns = Returns { gs, trained: trained?, untrained: untrained? };

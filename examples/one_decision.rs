@@ -14,12 +14,12 @@ use std::collections::HashMap;
 use std::path::Path;
 
 use anyhow::{Context, Result, ensure};
-use dials_config::{EntryRule, TrafficConfig};
 use dials_core::base::statistics::Interval;
 use dials_core::base::{Dice, Seed};
 use dials_core::domain::{Action, GlobalSimulator};
 use dials_traffic::agents::phases::Light;
 use dials_traffic::agents::region::{CELLS, OCCUPANCY};
+use dials_traffic::config::{EntryRule, TrafficConfig};
 use dials_traffic::side::Side;
 use dials_traffic::sim::global::GlobalTraffic;
 use dials_traffic::{Traffic, controllers};

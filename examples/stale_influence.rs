@@ -14,17 +14,20 @@ use std::rc::Rc;
 use std::sync::Arc;
 
 use anyhow::{Context, Result, bail, ensure};
-use dials_config::{Config, DomainConfig, Predictor};
 use dials_core::base::{AgentId, Dice, Rows, Seed, Stopwatch, Work};
 use dials_core::domain::{Action, Beginning, Controller, Domain, GlobalSimulator, JointPercept, LocalSimulator};
+use dials_learn::config::Predictor;
 use dials_learn::influence::{Dataset, initial_predictor, train};
 use dials_learn::policy::{JointPolicyController, Selection};
 use dials_learn::training::fleet::Fleet;
 use dials_learn::training::observer::Silent;
-use dials_session::fleet::inline::InlineFleet;
+use dials_session::config::RunConfig;
+use dials_session::domains::DomainConfig;
+use dials_session::fleet::in_process;
 use dials_traffic::Traffic;
 use dials_traffic::agents::phases::Light;
 use dials_traffic::agents::region::{CELLS, OCCUPANCY};
+use dials_traffic::config::TrafficTable;
 use dials_traffic::light::{KEEP, SWITCH};
 use dials_traffic::side::Side;
 use dials_traffic::sim::control::SignalControl;
@@ -61,11 +64,13 @@ pub struct Met {
 pub fn run(config: &str, episodes: usize) -> Result<[Met; 5]> {
     ensure!(episodes >= 2, "a dataset needs two episodes or more: one of them is held out");
     let file = Path::new(env!("CARGO_MANIFEST_DIR")).join("configs").join(config).with_extension("toml");
-    let config = dials_config::load(&file, &["seed=101".to_owned()])?;
-    let Some(DomainConfig::Traffic(table)) = &config.domain else { bail!("{}: no grid", file.display()) };
+    let config = dials_session::config::load(&file, &["seed=101".to_owned()])?;
+    let Some(DomainConfig::Traffic(TrafficTable::Grid(table))) = &config.domain else {
+        bail!("{}: no grid", file.display())
+    };
     let traffic = Traffic::open(table)?;
-    let untrained = InlineFleet::new(Arc::new(traffic.clone()), &config, Rc::new(Silent)).agents().policies.clone();
-    let mut untrained = JointPolicyController::new(traffic.kinds(), &config.policy, &untrained, Selection::Sampled);
+    let untrained = in_process(Arc::new(traffic.clone()), config.clone(), Rc::new(Silent))?.agents().policies.clone();
+    let mut untrained = JointPolicyController::new(traffic.kinds(), &config.learning, &untrained, Selection::Sampled);
     let (_, stale) = play(&traffic, &mut untrained, Seed::new(1), episodes)?;
     let (truth, fresh) = play(&traffic, &mut GapOut, Seed::new(2), episodes)?;
     println!("{:<32} {:>8} {:>9} {:>11} {:>8}", "", "return", "arrivals", "dispersion", "nobody");
@@ -115,11 +120,11 @@ fn play(traffic: &Traffic, by: &mut dyn Controller, seed: Seed, episodes: usize)
 }
 
 /// Trains a predictor on datasets, and lets lights that follow gap-out meet it in local simulators.
-fn meet(traffic: &Traffic, config: &Config, choice: Predictor, datasets: &[Dataset]) -> Result<Met> {
+fn meet(traffic: &Traffic, config: &RunConfig, choice: Predictor, datasets: &[Dataset]) -> Result<Met> {
     let (agents, spec) = (AgentId::all(traffic.agents()), &traffic.kinds()[0].spec);
-    let mut predictor = initial_predictor(choice, &agents, spec, &config.aip, Seed::new(3));
+    let mut predictor = initial_predictor(choice, &agents, spec, &config.learning.aip, Seed::new(3));
     let work = Work { watch: &mut Stopwatch::default(), progress: &mut |_| () };
-    train(&mut *predictor, &agents, datasets, &config.aip, Seed::new(4), work);
+    train(&mut *predictor, &agents, datasets, &config.learning.aip, Seed::new(4), work);
 
     let rows = agents.len() * COPIES;
     let mut dice: Vec<Dice> = (0..rows).map(|row| Seed::new(5).for_copy(row).dice()).collect();

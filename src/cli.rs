@@ -6,7 +6,7 @@ mod values;
 use std::ops::Range;
 use std::path::PathBuf;
 
-use clap::{Args, Parser, Subcommand, ValueEnum};
+use clap::{Args, Parser, Subcommand};
 use clap_complete::Shell;
 
 /// Largest number of processes that may be asked for. More must be a typing error.
@@ -134,8 +134,8 @@ pub struct TrainArgs {
     #[arg(long, value_parser = values::number_of_steps)]
     pub steps: Option<u64>,
     /// Simulator and predictor that the policies train with; overrides the config
-    #[arg(long, value_enum)]
-    pub simulator: Option<SimulatorName>,
+    #[arg(long, value_parser = values::short_form())]
+    pub simulator: Option<String>,
     /// Also write the numbers of the CSV files to a TensorBoard event file
     #[arg(long)]
     pub tensorboard: bool,
@@ -151,18 +151,6 @@ pub struct TrainArgs {
     /// If the run directory exists, move it aside instead of refusing
     #[arg(long)]
     pub force: bool,
-}
-
-#[derive(Clone, Copy, Debug, ValueEnum)]
-pub enum SimulatorName {
-    /// Local simulators with influence predictors (AIPs) that are retrained every F steps
-    Dials,
-    /// The global simulator
-    Gs,
-    /// Local simulators with random predictors that are never trained
-    UntrainedDials,
-    /// Local simulators with constant arrival probabilities, measured on the global simulator
-    MarginalDials,
 }
 
 #[derive(Debug, Args)]
@@ -260,8 +248,8 @@ pub struct BenchArgs {
     #[arg(long, value_name = "SECONDS", default_value_t = 20, value_parser = values::whole::<u64>(1..=86_400))]
     pub seconds: u64,
     /// Simulator and predictor that the policies train with; overrides the config
-    #[arg(long, value_enum)]
-    pub simulator: Option<SimulatorName>,
+    #[arg(long, value_parser = values::short_form())]
+    pub simulator: Option<String>,
     /// Override a key of the config, such as local_simulators.copies=4; can be repeated
     #[arg(long = "set", value_name = "KEY=VALUE")]
     pub settings: Vec<String>,
@@ -278,8 +266,8 @@ pub struct DescribeArgs {
     #[arg(long, value_parser = values::whole::<usize>(1..=MOST_WORKERS))]
     pub workers: Option<usize>,
     /// Simulator and predictor that the policies train with; overrides the config
-    #[arg(long, value_enum)]
-    pub simulator: Option<SimulatorName>,
+    #[arg(long, value_parser = values::short_form())]
+    pub simulator: Option<String>,
     /// Override a key of the config, such as traffic.clock=26; can be repeated
     #[arg(long = "set", value_name = "KEY=VALUE")]
     pub settings: Vec<String>,

@@ -3,19 +3,23 @@
 use std::sync::Arc;
 
 use anyhow::{Context, Result, bail, ensure};
-use dials_config::{AipTraining, Config, Period, Predictor, Simulator};
 use dials_core::base::{AgentId, Stopwatch};
 use dials_core::domain::{Action, Domain, Percept};
+use dials_learn::config::{AipTraining, Period, Predictor, Simulator};
 use dials_learn::influence::TrainablePredictor;
-use dials_learn::training::block::{initial_aips, initial_policies, training_episodes};
+use dials_learn::steps::Step;
+use dials_learn::steps::collect::Collect;
+use dials_learn::steps::train_aips::TrainAips;
+use dials_learn::training::block::{initial_aips, training_episodes};
 use dials_learn::training::collect::Purpose;
 use dials_learn::training::environment::{Environment, Experience};
 use dials_learn::training::ials::Ials;
 use dials_learn::training::observer::Silent;
 use dials_learn::training::stream::AgentStream;
+use dials_learn::worker::Worker;
+use dials_session::config::RunConfig;
 use dials_session::directory;
 use dials_session::domains::open_tried;
-use dials_session::fleet::worker::Worker;
 use serde_json::{Value, json};
 use stacknets::Threads;
 
@@ -24,7 +28,7 @@ use crate::request::{LocalRequest, Opened, PredictorRequest, ResetRequest};
 
 /// The local simulators of some agents of one kind: rows ordered by agent, then by copy.
 pub struct Local {
-    config: Config,
+    config: RunConfig,
     domain: Arc<dyn Domain>,
     agents: Vec<AgentId>,
     names: Vec<String>,
@@ -57,8 +61,8 @@ impl Local {
         let agents = opened.agents_of_one_kind(names)?;
         let Opened { mut config, domain, names } = opened;
         ensure!(request.copies > 0, "copies: 0, but an agent has at least one local simulator");
-        config.local_simulators.copies = request.copies;
-        config.local_simulators.stagger = request.stagger;
+        config.learning.local_simulators.copies = request.copies;
+        config.learning.local_simulators.stagger = request.stagger;
         let predictor = match request.predictor {
             PredictorRequest::Run(path) => {
                 let (of_run, domain_of_run) = directory::open_unchanged(&path, open_tried)?;
@@ -68,16 +72,17 @@ impl Local {
                     path.display()
                 );
                 let predictor = directory::read_aips(&path, &of_run, &*domain, &agents)?;
-                config.simulator = of_run.simulator;
-                config.aip = of_run.aip;
+                config.learning.simulator = of_run.learning.simulator;
+                config.learning.predictor = of_run.learning.predictor;
+                config.learning.aip = of_run.learning.aip;
                 predictor
             }
             PredictorRequest::Untrained => {
-                config.simulator = Simulator::Local(Predictor::Untrained);
-                initial_aips(&*domain, &config, &agents)
+                (config.learning.simulator, config.learning.predictor) = (Simulator::Local, Predictor::Untrained);
+                initial_aips(&*domain, &config.learning, &agents)
             }
             PredictorRequest::Marginals => {
-                config.simulator = Simulator::Local(Predictor::Marginals);
+                (config.learning.simulator, config.learning.predictor) = (Simulator::Local, Predictor::Marginals);
                 fitted(&domain, &config, &agents)?
             }
         };
@@ -102,12 +107,13 @@ impl Local {
     /// Makes new simulators, in which the first episodes of a seed begin: those of a run with this `seed`.
     pub fn reset(&mut self, request: &ResetRequest) -> Result<Running<'_>> {
         let Local { config, domain, agents, predictor, view, .. } = self;
-        config.seed = request.seed;
-        let simulators = domain.local_simulator(agents, config.copies(), training_episodes(config))?;
-        let policies = initial_policies(&**domain, config, &agents[..1]);
+        config.learning.seed = request.seed;
+        let simulators =
+            domain.local_simulator(agents, config.learning.copies(), training_episodes(&config.learning))?;
         let streams: Vec<AgentStream> =
-            agents.iter().map(|&agent| AgentStream::begin(config, &policies, agent)).collect();
-        let ials = Ials::resume(simulators, &mut **predictor, &streams, config.local_simulators.stagger, &mut || ())?;
+            agents.iter().map(|&agent| AgentStream::begin(&config.learning, agent)).collect();
+        let ials =
+            Ials::resume(simulators, &mut **predictor, &streams, config.learning.local_simulators.stagger, &mut || ())?;
         view.put(&ials.percepts()[0]);
         view.memory.show()?;
         Ok(Running { ials, view })
@@ -116,16 +122,17 @@ impl Local {
 
 /// Fits predictors of `agents` to episodes on the global simulator, in which policies that were not trained act. That is
 /// what a run does before its first step.
-fn fitted(domain: &Arc<dyn Domain>, config: &Config, agents: &[AgentId]) -> Result<Box<dyn TrainablePredictor>> {
+fn fitted(domain: &Arc<dyn Domain>, config: &RunConfig, agents: &[AgentId]) -> Result<Box<dyn TrainablePredictor>> {
     let all = AgentId::all(domain.agents());
-    let mut worker = Worker::new(domain.clone(), config, all, &Threads::one());
+    let mut worker = Worker::new(domain.clone(), &config.learning, all, &Threads::one());
     let purpose = Purpose::Training { steps: 0 };
-    let episodes = purpose.episodes(config, domain.kinds().horizon());
-    let datasets = worker.collect(&worker.policies(), purpose, 0..episodes, &Silent)?;
+    let episodes = purpose.episodes(&config.learning, domain.kinds().horizon());
+    worker.take_policies(worker.policies());
+    let datasets = Collect { purpose, episodes: 0..episodes }.run(&mut worker, &Silent)?;
     let period = Period { start: 0, end: 0, average: false, evaluate: false, train_aips: AipTraining::Yes };
-    worker.train_aips(datasets, &period, &Silent);
-    let mut predictor = initial_aips(&**domain, config, agents);
-    predictor.load(&worker.aips().pick(agents.iter().map(|agent| agent.0)).into_rows());
+    let (_, aips) = TrainAips { datasets, period }.run(&mut worker, &Silent)?;
+    let mut predictor = initial_aips(&**domain, &config.learning, agents);
+    predictor.load(&aips.pick(agents.iter().map(|agent| agent.0)).into_rows());
     Ok(predictor)
 }
 
@@ -177,7 +184,8 @@ impl Running<'_> {
         {
             bail!("row {row}: action {action}; its actions are 0 to {}", view.n_actions - 1);
         }
-        let experience = &ials.step(std::slice::from_ref(&view.actions), &mut Stopwatch::default())?[0];
+        ials.step(std::slice::from_ref(&view.actions), &mut Stopwatch::default())?;
+        let experience = &ials.experiences()[0];
         view.put_experience(experience);
         view.put(&ials.percepts()[0]);
         view.memory.show()

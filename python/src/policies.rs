@@ -49,7 +49,7 @@ impl Policies {
         let names = self.run.domain.names();
         let agents = names.iter().zip(AgentId::all(names.len())).map(|(name, id)| {
             let kind = kinds.of(id);
-            let layout = PolicyStack::shape(&kind.spec, &self.run.config.policy).layout();
+            let layout = PolicyStack::shape(&kind.spec, &self.run.config.learning.policy).layout();
             // Shapes begin with the number of agents, which is one.
             let tensors = layout.blocks(1).map(|(name, shape, _)| json!([name, &shape[1..]]));
             let mut about = agent::describe(name, kind);

@@ -5,9 +5,9 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use anyhow::{Context, Result, bail, ensure};
-use dials_config::Config;
 use dials_core::base::AgentId;
 use dials_core::domain::Domain;
+use dials_session::config::RunConfig;
 use dials_session::domains::open_tried;
 use dials_session::records::files;
 use serde::Deserialize;
@@ -91,7 +91,7 @@ pub struct KeepRequest {
 
 /// A config with its domain and the names of its agents.
 pub struct Opened {
-    pub config: Config,
+    pub config: RunConfig,
     pub domain: Arc<dyn Domain>,
     pub names: Vec<String>,
 }
@@ -105,7 +105,7 @@ impl Opened {
             "{}: neither a config nor a run directory; name a .toml, a .sumocfg or a directory that `train` made",
             path.display()
         );
-        let config = dials_config::load(&file, settings)?;
+        let config = dials_session::config::load(&file, settings)?;
         let domain = open_tried(&config)?;
         let names = domain.names();
         Ok(Opened { config, domain, names })

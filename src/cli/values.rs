@@ -2,6 +2,15 @@
 
 use std::ops::{Range, RangeInclusive};
 
+use clap::builder::{PossibleValue, PossibleValuesParser};
+use dials_learn::config::SHORT_FORMS;
+
+/// Returns a reader of the ways to train in one word.
+pub(super) fn short_form() -> PossibleValuesParser {
+    let capital = |text: &str| format!("{}{}", text[..1].to_uppercase(), &text[1..]);
+    SHORT_FORMS.map(|form| PossibleValue::new(form.name).help(capital(form.help))).into()
+}
+
 /// Reads the first second and the one after the last.
 pub(super) fn seconds(text: &str) -> Result<Range<usize>, String> {
     let ends = text.split_once(',').and_then(|(from, to)| Some(from.trim().parse().ok()?..to.trim().parse().ok()?));

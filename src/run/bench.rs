@@ -11,15 +11,16 @@ use super::train::{cores, settings_with};
 use crate::cli;
 use crate::features::command_for_feature;
 use crate::program::PROGRAM;
-use dials_config::{Config, Predictor, Simulator, load};
 use dials_core::base::counted;
 use dials_core::domain::Domain;
 use dials_core::outside::{Directory, temporary_dir};
+use dials_learn::config::Predictor;
 use dials_learn::training::observer::Interrupted;
 use dials_session::bench::costs::{Costs, Steps};
 use dials_session::bench::measure::{MeasurePlan, expected, measure, short_orders};
 use dials_session::bench::table;
 use dials_session::build;
+use dials_session::config::{RunConfig, load};
 use dials_session::domains;
 use dials_session::error::{Error, Result};
 use dials_session::fleet::children::{Children, FILES_PER_WORKER};
@@ -40,8 +41,8 @@ const PATIENCE: Duration = Duration::from_secs(600);
 pub fn bench(args: &cli::BenchArgs) -> Result<()> {
     #[cfg(feature = "torch")]
     super::blas::keep_to_one_thread();
-    let config = load(&args.config, &settings_with(&args.settings, args.simulator)).map_err(Error::Usage)?;
-    if config.simulator == Simulator::Local(Predictor::Marginals) {
+    let config = load(&args.config, &settings_with(&args.settings, args.simulator.as_deref())).map_err(Error::Usage)?;
+    if config.learning.predictor_in_use() == Some(Predictor::Marginals) {
         let reason = "marginal-dials costs the same as dials without the training of AIPs; measure dials instead";
         return Err(Error::Usage(anyhow!("{}: {reason}", args.config.display())));
     }
@@ -89,7 +90,7 @@ pub fn bench(args: &cli::BenchArgs) -> Result<()> {
 
 /// Measures one fleet in a temporary directory.
 fn run(
-    config: &Config,
+    config: &RunConfig,
     domain: &Arc<dyn Domain>,
     workers: usize,
     time: Duration,
@@ -101,8 +102,9 @@ fn run(
     let directory = Directory::lock(dir.path())?;
     let crew = Children::new(&directory);
     let options = Options { workers, threads: workers, patience: PATIENCE, most_growth: MostGrowth::default() };
-    let mut log = RunLog::begin(directory, Owner::of(config, &**domain)?, Layouts::of(config, domain.kinds()));
-    let mut fleet = Coordinator::start(domain.clone(), &short, crew, options, progress.clone())?;
+    let mut log =
+        RunLog::begin(directory, Owner::of(config, &**domain)?, Layouts::of(&config.learning, domain.kinds()));
+    let mut fleet = Coordinator::start(domain.clone(), &short, Box::new(crew), options, progress.clone())?;
     let plan = MeasurePlan { config: &short, kinds: domain.kinds(), workers, time, peak_flops };
     let measured = measure(&plan, &mut fleet, &mut log)?;
     let share = measured.share_of_an_episode(config, domain.agents());
@@ -124,13 +126,13 @@ fn doubling(most: usize) -> Vec<usize> {
     powers.chain([most]).collect()
 }
 
-fn as_text(args: &cli::BenchArgs, config: &Config, domain: &dyn Domain, peak: Peak, costs: &[Costs]) -> String {
+fn as_text(args: &cli::BenchArgs, config: &RunConfig, domain: &dyn Domain, peak: Peak, costs: &[Costs]) -> String {
     format!(
         "{}: {}, {} timesteps each; about {} s per column\n\
          one core: {:.0} GFLOP/s in matrix products at peak (1024 x 1024 x 1024, f32{}\n\n{}",
         args.config.display(),
         counted(domain.agents(), "agent"),
-        config.last_step(),
+        config.learning.last_step(),
         args.seconds,
         peak.ours / 1e9,
         by_libtorch(peak),
@@ -151,16 +153,16 @@ fn by_libtorch(peak: Peak) -> String {
 
 fn as_json(
     args: &cli::BenchArgs,
-    config: &Config,
+    config: &RunConfig,
     domain: &dyn Domain,
     peak: Peak,
     costs: &[Costs],
 ) -> anyhow::Result<String> {
     let object = json!({
         "config": dials_core::outside::path_as_text(&args.config),
-        "simulator": config.simulator,
+        "simulator": config.learning.short_form().name,
         "agents": domain.agents(),
-        "timesteps_per_agent": config.last_step(),
+        "timesteps_per_agent": config.learning.last_step(),
         "seconds_per_fleet": args.seconds,
         "cores": cores(),
         "peak_gflops_of_a_core": peak.ours / 1e9,

@@ -4,7 +4,6 @@ use anyhow::{Context, Result, bail};
 
 use super::subject::{Subject, agent_called};
 use crate::cli;
-use dials_config::{Config, load};
 use dials_core::base::{AgentId, RandomPurpose, Seed, Stopwatch};
 use dials_core::domain::Domain;
 use dials_learn::evaluation::{episode_seed, play};
@@ -13,6 +12,7 @@ use dials_learn::policy::{JointPolicyController, Selection, StackController};
 use dials_learn::training::environment::Environment;
 use dials_learn::training::ials::Ials;
 use dials_learn::training::stream::{AgentStream, RowStream};
+use dials_session::config::{RunConfig, load};
 use dials_session::directory;
 use dials_session::domains;
 use dials_session::outputs::check_seconds;
@@ -42,8 +42,8 @@ impl ReplayedEpisode {
     pub fn choose(args: &cli::ReplayArgs) -> Result<ReplayedEpisode> {
         let tape = Tape::default();
         let subject = &args.subject;
-        let with = |config: &Config, cast: Cast| -> Result<ReplayedEpisode> {
-            let run = args.episode_seed.unwrap_or(config.evaluation.seed);
+        let with = |config: &RunConfig, cast: Cast| -> Result<ReplayedEpisode> {
+            let run = args.episode_seed.unwrap_or(config.learning.evaluation.seed);
             let traffic =
                 domains::open_recorded(config, &tape).context("only episodes that SUMO simulates can be replayed")?;
             let length_s = if args.local.is_some() { traffic.local_seconds() } else { traffic.seconds() };
@@ -72,7 +72,7 @@ impl ReplayedEpisode {
             Some(word) => {
                 let agent = agent_called(&*run.domain, word, "--local")?;
                 let (spec, policy) = (&run.domain.kinds().of(agent).spec, run.policies.pick([agent.0]).into_rows());
-                let policy = StackController::new(spec, &run.config.policy, &policy, selection);
+                let policy = StackController::new(spec, &run.config.learning, &policy, selection);
                 Cast::Local { agent, policy, aip: directory::read_aips(subject, &run.config, &*run.domain, &[agent])? }
             }
         };
@@ -99,8 +99,7 @@ impl ReplayedEpisode {
             Cast::Local { agent, mut policy, mut aip } => {
                 let simulator = self.traffic.local_simulator(&[agent], 1, seed)?;
                 let dice = seed.fork(RandomPurpose::Influence).for_agent(agent).dice();
-                let stream =
-                    AgentStream { minibatches: dice.clone(), rows: vec![RowStream::begin(dice.clone(), dice, &[])] };
+                let stream = AgentStream { rows: vec![RowStream::begin(dice)] };
                 let mut ials = Ials::resume(simulator, &mut *aip, &[stream], false, &mut || ())?;
                 policy.begin(seed.for_agent(agent), &AgentId::all(1));
                 for _ in 0..self.traffic.kinds().of(agent).spec.local_horizon {

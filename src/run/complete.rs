@@ -8,8 +8,8 @@ use clap::CommandFactory;
 use clap_complete::Shell;
 
 use crate::cli::Cli;
-use dials_config::schema;
 use dials_core::outside::{quoted, temporary_dir};
+use dials_session::config::schema;
 use dials_session::error::{Error, Result};
 use dials_session::outputs::check_free;
 use dials_session::places::{self, Existing};

@@ -9,11 +9,11 @@ use super::render::render;
 use super::subject::{Background, Subject, agent_called};
 use super::tune::tune;
 use crate::cli;
-use dials_config::{Config, load};
 use dials_core::base::{AgentId, Seed, repeated};
 use dials_core::domain::{Baseline, Domain};
 use dials_learn::evaluation::{Evaluation, Finding, comparison, json, play_episodes, table};
 use dials_report::plot::About;
+use dials_session::config::{RunConfig, load};
 use dials_session::directory;
 use dials_session::domains;
 use dials_session::error::{Error, Result};
@@ -85,16 +85,16 @@ struct Session<'a> {
 impl<'a> Session<'a> {
     fn new(
         domain: &'a dyn Domain,
-        config: &Config,
+        config: &RunConfig,
         episodes: &cli::EpisodesArgs,
         output: &'a cli::OutputArgs,
     ) -> Result<Session<'a>> {
-        let count = episodes.episodes.map_or(config.evaluation.final_episodes, |count| count as usize);
+        let count = episodes.episodes.map_or(config.learning.evaluation.final_episodes, |count| count as usize);
         let places = [("--csv", &output.csv), ("--plot", &output.plot), ("--render", &output.render)];
         outputs::check_apart(&places.map(|(option, dir)| (option, dir.as_deref()))).map_err(Error::Usage)?;
         let scenario = domain.scenario().map_err(Error::Run)?.id.word();
         domains::tell_left_out(domain);
-        let seed = episodes.seed.unwrap_or(config.evaluation.seed);
+        let seed = episodes.seed.unwrap_or(config.learning.evaluation.seed);
         Ok(Session { domain, episodes: count, seed, scenario, output })
     }
 

@@ -7,9 +7,9 @@ use anyhow::{Context, ensure};
 
 use super::python::to_load;
 use crate::cli;
-use dials_config::PolicyConfig;
 use dials_core::domain::{Kind, Kinds};
 use dials_core::outside::{Printable, folder_of};
+use dials_learn::config::PolicyConfig;
 use dials_learn::policy::{JointPolicy, PolicyStack};
 use dials_session::directory;
 use dials_session::error::{Error, Result};
@@ -25,9 +25,10 @@ pub fn export(args: &cli::ExportArgs) -> Result<()> {
     let existing = Existing::of_named(args.force);
     let files = files_of(&args.out, run.domain.kinds());
     files.iter().try_for_each(|file| check_free(file, existing)).map_err(Error::Usage)?;
-    write_scripts(run.domain.kinds(), &run.config.policy, &run.policies, &files, existing).map_err(Error::Run)?;
+    write_scripts(run.domain.kinds(), &run.config.learning.policy, &run.policies, &files, existing)
+        .map_err(Error::Run)?;
     let of_kinds = run.domain.kinds().iter().zip(&files);
-    let told: Vec<String> = of_kinds.map(|(kind, file)| how_to_use(file, kind, &run.config.policy)).collect();
+    let told: Vec<String> = of_kinds.map(|(kind, file)| how_to_use(file, kind, &run.config.learning.policy)).collect();
     answer(told.join("\n")).map_err(Error::Run)
 }
 
@@ -122,8 +123,8 @@ mod tests {
 
     #[test]
     fn the_module_of_a_kind_says_what_its_policies_say() {
-        let (domain, config) = (CoinsAndDice::new(1), dials_config::Config::default());
-        let stacks = domain.kinds().iter().map(|kind| initial_policies(&domain, &config, &kind.agents));
+        let (domain, config) = (CoinsAndDice::new(1), dials_session::config::RunConfig::default());
+        let stacks = domain.kinds().iter().map(|kind| initial_policies(&domain, &config.learning, &kind.agents));
         let stacks: Vec<PolicyStack> = stacks.collect();
         let row = |agent: usize| {
             let place = domain.kinds().place(AgentId(agent));
@@ -133,7 +134,7 @@ mod tests {
         (0..4).for_each(|agent| policies.push(row(agent)));
         let dir = tempfile::tempdir().unwrap();
         let files = files_of(&dir.path().join("policies.pt"), domain.kinds());
-        write_scripts(domain.kinds(), &config.policy, &policies, &files, Existing::Refuse).unwrap();
+        write_scripts(domain.kinds(), &config.learning.policy, &policies, &files, Existing::Refuse).unwrap();
         let shown = Seed::new(1);
         for ((kind, stack), file) in domain.kinds().iter().zip(&stacks).zip(&files) {
             let mut gs = domain.global_simulator().unwrap();

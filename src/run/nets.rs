@@ -7,7 +7,6 @@ use anyhow::{Result, bail};
 
 use super::inspect::inspect;
 use crate::cli::NetsCommand;
-use dials_config::ScenarioConfig;
 use dials_core::base::repeated;
 use dials_core::outside::{quoted, temporary_dir, write_together};
 use dials_session::error::{Error, Result as CommandResult};
@@ -15,6 +14,7 @@ use dials_session::outputs::{check_free, check_not_of_a_run};
 use dials_session::places::{Existing, clear};
 use dials_session::terminal::answer;
 use dials_traffic::agents::derive::Rules;
+use dials_traffic::config::ScenarioConfig;
 use dials_traffic::cut::beyond::Reach;
 use dials_traffic::cut::of_scenario::{cut_light, write};
 use dials_traffic::network::files::NetworkFiles;

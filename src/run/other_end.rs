@@ -4,9 +4,10 @@ use std::path::Path;
 
 use anyhow::{Result, ensure};
 
-use dials_config::resume::with_end;
-use dials_config::{Config, LARGEST_FILE as LARGEST_CONFIG, load, rest_of_schedule};
 use dials_core::outside::{Directory, quoted, read_text};
+use dials_learn::config::rest_of_schedule;
+use dials_session::config::resume::with_end;
+use dials_session::config::{LARGEST_FILE as LARGEST_CONFIG, RunConfig, load};
 use dials_session::records::files;
 use dials_session::records::resume_point::ResumePoint;
 use dials_session::records::run_record::RunRecord;
@@ -17,10 +18,10 @@ pub fn end_at(directory: &Directory, steps: u64) -> Result<String> {
     let path = directory.path().join(files::CONFIG);
     let config = load(&path, &[])?;
     ensure!(
-        steps <= config.total_steps,
+        steps <= config.learning.total_steps,
         "--steps {steps}: this run can go to step {0} only, because its learning rate and clip range have decayed to \
          nothing there (total_steps = {0}); for a longer one begin a new run with --set total_steps={steps}",
-        config.total_steps
+        config.learning.total_steps
     );
     let text = read_text(&path, LARGEST_CONFIG)?;
     directory.write(files::CONFIG, with_end(&text, steps).as_bytes())?;
@@ -28,18 +29,23 @@ pub fn end_at(directory: &Directory, steps: u64) -> Result<String> {
 }
 
 /// Returns whether nothing is left to do, and then says how to train further.
-pub fn has_ended(directory: &Directory, config: &Config, point: &ResumePoint) -> bool {
+pub fn has_ended(directory: &Directory, config: &RunConfig, point: &ResumePoint) -> bool {
     let Some(checkpoint) = &point.checkpoint else { return false };
     let dir = directory.path();
     let (steps, until) = (checkpoint.agents.steps, checkpoint.progress.standing.until);
-    let final_episodes = Some(config.evaluation.final_episodes);
+    let final_episodes = Some(config.learning.evaluation.final_episodes);
     let all_is_there =
         |run: RunRecord| run.evaluation_at(steps).is_some_and(|last| last.episodes == final_episodes) && run.is_whole();
-    if !rest_of_schedule(config, until).is_empty() || !RunRecord::read(dir).is_ok_and(all_is_there) {
+    if !rest_of_schedule(&config.learning, until).is_empty() || !RunRecord::read(dir).is_ok_and(all_is_there) {
         return false;
     }
-    let further = if steps < config.total_steps {
-        format!("train it further with: {} train --resume {} --steps {}", program(), quoted(dir), config.total_steps)
+    let further = if steps < config.learning.total_steps {
+        format!(
+            "train it further with: {} train --resume {} --steps {}",
+            program(),
+            quoted(dir),
+            config.learning.total_steps
+        )
     } else {
         "for a longer one begin a new run with a larger total_steps".to_owned()
     };
@@ -49,10 +55,10 @@ pub fn has_ended(directory: &Directory, config: &Config, point: &ResumePoint) ->
 
 /// Says so if the resumed run loses an evaluation: that of an earlier end at which the longer run is not evaluated. The
 /// files of a resumed run are those of a run that was never stopped.
-pub fn tell_of_lost_evaluation(dir: &Path, config: &Config, point: &ResumePoint) {
+pub fn tell_of_lost_evaluation(dir: &Path, config: &RunConfig, point: &ResumePoint) {
     let Some(checkpoint) = &point.checkpoint else { return };
     let (steps, standing) = (checkpoint.agents.steps, &checkpoint.progress.standing);
-    let rest = rest_of_schedule(config, standing.until);
+    let rest = rest_of_schedule(&config.learning, standing.until);
     // Without a rest the run ends here, with an evaluation.
     let comes_again = rest.first().is_none_or(|next| next.evaluate) || standing.evaluated_at == Some(steps);
     let was_evaluated = || RunRecord::read(dir).is_ok_and(|run| run.evaluation_at(steps).is_some());
@@ -61,7 +67,7 @@ pub fn tell_of_lost_evaluation(dir: &Path, config: &Config, point: &ResumePoint)
             "note: {} loses the evaluation at step {steps}, the earlier end of this run.\n  A run that goes on is not \
              evaluated there (evaluation.every_steps = {}).",
             files::RETURNS,
-            config.evaluation.every_steps
+            config.learning.evaluation.every_steps
         ));
     }
 }

@@ -6,13 +6,13 @@ use std::path::{Path, PathBuf};
 use anyhow::{Context, Result};
 
 use crate::cli::OutputArgs;
-use dials_config::Config;
 use dials_core::domain::Domain;
 use dials_core::domain::road_trace::RoadTrace;
 use dials_core::outside::folder_of;
 use dials_learn::evaluation::Evaluation;
 use dials_report::drawing::Svg;
 use dials_report::plot::{self, About};
+use dials_session::config::RunConfig;
 use dials_session::domains;
 use dials_session::outputs::{self, check_seconds};
 use dials_session::places::{self, Existing};
@@ -37,7 +37,7 @@ pub struct Plots {
 
 impl Plots {
     /// Checks that pictures can be made, before long work begins. `None`: the option was not given.
-    pub fn asked_for(output: &OutputArgs, config: &Config) -> Result<Option<Plots>> {
+    pub fn asked_for(output: &OutputArgs, config: &RunConfig) -> Result<Option<Plots>> {
         let Some(dir) = &output.plot else { return Ok(None) };
         let existing = Existing::of_named(output.force);
         outputs::check_free(dir, "--plot", existing)?;

@@ -2,7 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
-use dials_config::{CHANGEABLE, Config};
+use dials_session::config::{CHANGEABLE, RunConfig};
 
 /// Folder whose name says nothing about its configs.
 const CONFIGS: &str = "configs";
@@ -13,11 +13,15 @@ const LONGEST_SETTINGS: usize = 120;
 ///
 /// `FOLDER` is the folder of the config, unless that is `configs`, the current folder, or named like the config.
 /// `settings`: those of `--set`. Only keys that the trained policies depend on are in the name.
-pub fn default_dir(config_path: &Path, config: &Config, settings: &[String]) -> PathBuf {
+pub fn default_dir(config_path: &Path, config: &RunConfig, settings: &[String]) -> PathBuf {
     let name = config_path.file_stem().unwrap_or_default().to_string_lossy();
     let folder = folder(config_path).filter(|folder| *folder != name).map_or(String::new(), |folder| folder + "-");
     let settings = listed(settings);
-    Path::new("runs").join(format!("{folder}{name}-{}{settings}-seed{}", config.simulator.name(), config.seed))
+    Path::new("runs").join(format!(
+        "{folder}{name}-{}{settings}-seed{}",
+        config.learning.short_form().name,
+        config.learning.seed
+    ))
 }
 
 /// Returns the name of the config's folder, if it says something.
@@ -37,8 +41,9 @@ fn listed(settings: &[String]) -> String {
     let mut kept: Vec<(&str, &str)> = Vec::new();
     for (key, value) in settings.iter().filter_map(|setting| setting.split_once('=')) {
         let (key, value) = (key.trim(), value.trim());
-        // The name says the first two elsewhere.
-        let said = ["seed", "simulator"].contains(&key) || CHANGEABLE.iter().any(|changeable| changeable.key == key);
+        // The name says the first three elsewhere.
+        let said = ["seed", "simulator", "predictor"].contains(&key)
+            || CHANGEABLE.iter().any(|changeable| changeable.key == key);
         kept.retain(|(other, _)| *other != key);
         if !said {
             kept.push((key, value));
@@ -67,7 +72,7 @@ mod tests {
     use super::*;
     use std::collections::BTreeMap;
 
-    use dials_config::load;
+    use dials_session::config::load;
 
     fn root() -> &'static Path {
         Path::new(env!("CARGO_MANIFEST_DIR"))

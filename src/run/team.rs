@@ -12,16 +12,14 @@ use anyhow::{anyhow, ensure};
 use crate::cli;
 #[cfg(feature = "mpi")]
 use crate::program::PROGRAM;
-use dials_config::Config;
 use dials_core::domain::Domain;
 use dials_core::outside::Directory;
-use dials_learn::training::fleet::Fleet;
 use dials_learn::training::observer::Observer;
 #[cfg(feature = "mpi")]
 use dials_session::build;
+use dials_session::config::RunConfig;
 use dials_session::error::{Error, Result};
 use dials_session::fleet::children::Children;
-use dials_session::fleet::inline::InlineFleet;
 use dials_session::fleet::{self, Coordinator, MostGrowth, Options};
 #[cfg(feature = "mpi")]
 use dials_session::fleet::{End, Job, Part, Prepared, Ranks, Relay};
@@ -42,7 +40,7 @@ pub enum Team {
 /// The run that a fleet is for.
 pub struct Plan<'a> {
     pub domain: &'a Arc<dyn Domain>,
-    pub config: &'a Config,
+    pub config: &'a RunConfig,
     pub directory: &'a Directory,
     /// Number of workers; 0: this process.
     pub workers: usize,
@@ -81,20 +79,21 @@ impl Team {
     }
 
     /// Starts the workers of a run.
-    pub fn fleet(self, plan: &Plan, observer: Rc<dyn Observer>) -> anyhow::Result<Box<dyn Fleet>> {
+    pub fn fleet(self, plan: &Plan, observer: Rc<dyn Observer>) -> anyhow::Result<Coordinator> {
         let Plan { domain, config, directory, workers, patience } = *plan;
         let most_growth = MostGrowth::default();
         match self {
-            Team::Here if workers == 0 => Ok(Box::new(InlineFleet::new(domain.clone(), config, observer))),
+            Team::Here if workers == 0 => fleet::in_process(domain.clone(), config.clone(), observer),
             Team::Here => {
                 let options = Options { workers, threads: workers, patience, most_growth };
-                Ok(Box::new(Coordinator::start(domain.clone(), config, Children::new(directory), options, observer)?))
+                let crew = Box::new(Children::new(directory));
+                Coordinator::start(domain.clone(), config, crew, options, observer)
             }
             #[cfg(feature = "mpi")]
             Team::Ranks(mut ranks, each) => {
                 let config = prepare(&mut ranks, plan)?;
                 let options = Options { workers, threads: each, patience, most_growth };
-                Ok(Box::new(Coordinator::start(domain.clone(), &config, ranks, options, observer)?))
+                Coordinator::start(domain.clone(), &config, Box::new(ranks), options, observer)
             }
         }
     }
@@ -133,7 +132,7 @@ fn serve(relay: Relay) -> Result<()> {
     // mpirun and srun pass Ctrl-C on to all ranks. Rank 0 stops the run where nothing is lost.
     leave_signals_to_another().map_err(Error::Run)?;
     let describe = |config_json: &str| {
-        let config: Config = serde_json::from_str(config_json)?;
+        let config: RunConfig = serde_json::from_str(config_json)?;
         Ok(serde_json::to_string(&build::here(PROGRAM, config.numerics.vector_width)?)?)
     };
     match relay.serve(describe) {
@@ -145,10 +144,10 @@ fn serve(relay: Relay) -> Result<()> {
 
 /// Prepares the ranks for a run. Returns the config that their workers need.
 #[cfg(feature = "mpi")]
-fn prepare(ranks: &mut Ranks, plan: &Plan) -> anyhow::Result<Config> {
+fn prepare(ranks: &mut Ranks, plan: &Plan) -> anyhow::Result<RunConfig> {
     let Plan { domain, config, directory, workers, patience } = *plan;
     let here = build::here(PROGRAM, config.numerics.vector_width)?;
-    let agents = fleet::agents_of_workers(config, domain.agents(), workers);
+    let agents = fleet::agents_of_workers(&config.learning, domain.agents(), workers);
     let (prepared, config) = ranks.prepare(Job { config, directory, networks: files::NETWORKS, agents, patience })?;
     prepared.iter().try_for_each(|rank| check_build(rank, &here))?;
     Ok(config)

@@ -6,7 +6,6 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use anyhow::anyhow;
-use clap::ValueEnum;
 
 use super::other_end::{end_at, has_ended, tell_of_lost_evaluation};
 use super::run_name::default_dir;
@@ -14,14 +13,15 @@ use super::team::{Plan, Team};
 use super::watch::Beside;
 use crate::cli;
 use crate::program::PROGRAM;
-use dials_config::{Config, load};
 use dials_core::base::{counted, for_terminal};
 use dials_core::domain::Domain;
 use dials_core::outside::{Directory, Whereabouts, folder_of, quoted};
 use dials_learn::training::dials;
+use dials_learn::training::fleet::Fleet;
 use dials_learn::training::observer::Interrupted;
 use dials_learn::training::standing::Standing;
 use dials_session::build::{other_build, record_resume};
+use dials_session::config::{RunConfig, load};
 use dials_session::directory;
 use dials_session::domains;
 use dials_session::error::{Error, Result};
@@ -77,7 +77,7 @@ pub fn train(args: &cli::TrainArgs) -> Result<()> {
             Err(Error::Run(anyhow!("{path}: was removed while this run was written")))
         }
         (Err(error), place) if error.is::<Interrupted>() => {
-            let last_words = |place: PathBuf| stopped(&directory, &place, config.end());
+            let last_words = |place: PathBuf| stopped(&directory, &place, config.learning.end());
             Err(Error::Interrupted(place.map_or("stopped".to_owned(), last_words)))
         }
         (Err(error), place) => {
@@ -94,7 +94,7 @@ pub fn train(args: &cli::TrainArgs) -> Result<()> {
 struct Run {
     /// Run directory, which this process has locked.
     directory: Directory,
-    config: Config,
+    config: RunConfig,
     domain: Arc<dyn Domain>,
     /// What of the run its checkpoints carry.
     owner: Owner,
@@ -155,7 +155,7 @@ fn resume_locked(args: &cli::TrainArgs, dir: &Path, directory: Directory, wanted
         Error::Run(error)
     })?;
     point.warning.iter().for_each(warn);
-    let layouts = Layouts::of(&run.config, run.domain.kinds());
+    let layouts = Layouts::of(&run.config.learning, run.domain.kinds());
     for name in layouts.restore(&run.directory, &run.config, &point).map_err(Error::Run)? {
         let file = run.directory.path_of(name);
         tell(format_args!("note: {}: was lost or damaged; made again from the checkpoint", file.display()));
@@ -168,7 +168,7 @@ fn resume_locked(args: &cli::TrainArgs, dir: &Path, directory: Directory, wanted
 }
 
 /// Reads the config and the networks of a run directory. `opened`: how its domain is opened.
-fn open(directory: Directory, opened: fn(&Config) -> anyhow::Result<Arc<dyn Domain>>) -> Result<Run> {
+fn open(directory: Directory, opened: fn(&RunConfig) -> anyhow::Result<Arc<dyn Domain>>) -> Result<Run> {
     let (config, domain) = directory::open_config(directory.path(), opened).map_err(Error::Usage)?;
     let owner = Owner::of(&config, &*domain).map_err(Error::Usage)?;
     Ok(Run { directory, config, domain, owner, resumed: None, has_ended: false, other_build: None })
@@ -199,8 +199,8 @@ impl Run {
              sampled policies; +-: half of a 95 % interval over an evaluation's episodes",
             domain.scenario()?.id.word(),
             counted(domain.agents(), "agent"),
-            config.simulator.name(),
-            config.end(),
+            config.learning.short_form().name,
+            config.learning.end(),
             directory.path().display()
         ))
     }
@@ -208,10 +208,10 @@ impl Run {
     fn train(self, team: Team, workers: usize, patience: Duration) -> anyhow::Result<()> {
         let Run { directory, config, domain, owner, resumed, other_build, .. } = self;
         let config = &config;
-        let (kept, end) = (directory.clone(), config.end());
+        let (kept, end) = (directory.clone(), config.learning.end());
         let last_words = move || stopped(&kept, kept.path(), end);
         let progress = Rc::new(Progress::new(config, domain.agents(), last_words)?);
-        let layouts = Layouts::of(config, domain.kinds());
+        let layouts = Layouts::of(&config.learning, domain.kinds());
         let (mut log, checkpoint) = match resumed {
             None => (RunLog::begin(directory.clone(), owner, layouts), None),
             Some(point) => RunLog::resume(directory.clone(), point, owner, layouts)?,
@@ -225,7 +225,7 @@ impl Run {
             standing = checkpoint.progress.standing;
             fleet.restore(checkpoint.agents)?;
         }
-        let outcome = dials::train(config, &mut *fleet, standing, &mut log, &*progress);
+        let outcome = dials::train(&config.learning, &mut fleet, standing, &mut log, &*progress);
         progress.finish(outcome.is_ok());
         outcome
     }
@@ -245,7 +245,7 @@ fn remember(directory: &Directory, workers: Option<usize>) -> anyhow::Result<()>
 }
 
 /// Returns how many workers to start: not more than have work.
-fn workers(asked: Option<usize>, config: &Config, agents: usize) -> usize {
+fn workers(asked: Option<usize>, config: &RunConfig, agents: usize) -> usize {
     asked.unwrap_or_else(cores).min(most_workers(config, agents))
 }
 
@@ -255,16 +255,17 @@ fn allow_workers(workers: usize) -> Result<()> {
 }
 
 /// Returns the largest number of workers that each have agents or episodes at some time of the run.
-fn most_workers(config: &Config, agents: usize) -> usize {
-    let (evaluation, datasets) = (&config.evaluation, config.dataset_episodes(config.horizon()));
-    let imitated = config.policy.imitate.as_ref().map_or(0, |_| config.imitation.episodes(config.horizon()));
+fn most_workers(config: &RunConfig, agents: usize) -> usize {
+    let (evaluation, datasets) = (&config.learning.evaluation, config.learning.dataset_episodes(config.horizon()));
+    let imitated =
+        config.learning.policy.imitate.as_ref().map_or(0, |_| config.learning.imitation.episodes(config.horizon()));
     let shared = [evaluation.episodes, evaluation.final_episodes, evaluation.aip_loss_episodes, datasets, imitated];
     shared.into_iter().fold(agents, usize::max)
 }
 
 /// Returns the flags that override keys of the config, as `KEY=VALUE` settings.
 fn settings(args: &cli::TrainArgs) -> Vec<String> {
-    let mut settings = settings_with(&args.settings, args.simulator);
+    let mut settings = settings_with(&args.settings, args.simulator.as_deref());
     settings.extend(args.seed.map(|seed| format!("seed={seed}")));
     settings.extend(args.steps.map(|steps| format!("stop_at_steps={steps}")));
     settings.extend(args.tensorboard.then(|| "logging.tensorboard=true".to_owned()));
@@ -272,10 +273,8 @@ fn settings(args: &cli::TrainArgs) -> Vec<String> {
 }
 
 /// Returns the settings of `--set`, and `--simulator` as a setting.
-pub fn settings_with(settings: &[String], simulator: Option<cli::SimulatorName>) -> Vec<String> {
-    let simulator = simulator.and_then(|kind| kind.to_possible_value());
-    let simulator = simulator.map(|kind| format!("simulator={}", kind.get_name()));
-    settings.iter().cloned().chain(simulator).collect()
+pub fn settings_with(settings: &[String], simulator: Option<&str>) -> Vec<String> {
+    settings.iter().cloned().chain(simulator.map(|name| format!("simulator={name}"))).collect()
 }
 
 /// Returns the default number of workers: one per core.
@@ -299,8 +298,8 @@ fn resume_command(dir: &Path) -> String {
 }
 
 /// Returns the commands to try next. They use the run's copy of the config, which includes the command-line flags.
-fn how_to_go_on(dir: &Path, config: &Config, domain: &dyn Domain) -> String {
-    let episodes = config.evaluation.final_episodes;
+fn how_to_go_on(dir: &Path, config: &RunConfig, domain: &dyn Domain) -> String {
+    let episodes = config.learning.evaluation.final_episodes;
     let (program, place, run) = (program(), dir.display(), quoted(dir));
     let kept = quoted(&dir.join(files::CONFIG));
     let watch = if config.logging.tensorboard {

@@ -5,9 +5,9 @@ use std::path::{Path, PathBuf};
 use anyhow::{anyhow, ensure};
 
 use super::subject::Subject;
-use dials_config::Config;
 use dials_core::base::counted;
 use dials_core::outside::{FileName, write_whole};
+use dials_session::config::RunConfig;
 use dials_session::domains;
 use dials_session::error::{Error, Result};
 use dials_session::outputs;
@@ -23,7 +23,7 @@ const FOLDER: &str = "tuned";
 const TUNED: [&str; 2] = [FIXED_TIME, COORDINATED];
 
 /// Replaces every `fixed-time` and `coordinated` without parameters by the best timings that the search finds.
-pub fn tune(config: &Config, episodes: usize, subjects: &mut [Subject]) -> Result<()> {
+pub fn tune(config: &RunConfig, episodes: usize, subjects: &mut [Subject]) -> Result<()> {
     let is = |subject: &Subject, name: &str| *subject == Subject::Controller(name.to_owned());
     let untuned = TUNED.into_iter().filter(|name| subjects.iter().any(|subject| is(subject, name)));
     let untuned: Vec<&str> = untuned.collect();
@@ -49,11 +49,11 @@ pub fn tune(config: &Config, episodes: usize, subjects: &mut [Subject]) -> Resul
 
 /// Returns the file of a controller's timings for this network, horizon, seed, search and SUMO. If there is none, makes
 /// it.
-fn tuned_file(config: &Config, controller: &str, episodes: usize) -> Result<PathBuf> {
+fn tuned_file(config: &RunConfig, controller: &str, episodes: usize) -> Result<PathBuf> {
     let Some(traffic) = domains::traffic(config).map_err(Error::Usage)? else {
         return Err(Error::Usage(anyhow!("--tune: only traffic lights can be tuned")));
     };
-    let wanted = TunedOn::of(&traffic, controller, episodes, config.seed).map_err(Error::Usage)?;
+    let wanted = TunedOn::of(&traffic, controller, episodes, config.learning.seed).map_err(Error::Usage)?;
     let key = crc32fast::hash(&serde_json::to_vec(&wanted).expect("names and numbers are JSON"));
     // A comma in a path would end the parameter of the controller that reads the file.
     let name = format!("{}-{controller}-{key:08x}.toml", wanted.network.replace(',', "_"));
@@ -69,7 +69,7 @@ fn tuned_file(config: &Config, controller: &str, episodes: usize) -> Result<Path
          them"
     ));
     let bar = EpisodeBar::new(1);
-    let found = tuning::tune(&traffic, wanted, config.seed, &mut |standing| {
+    let found = tuning::tune(&traffic, wanted, config.learning.seed, &mut |standing| {
         bar.set_length(standing.at_most);
         bar.set(standing.played);
         bar.tell(format_args!("(at most); best {} so far", standing.best));

@@ -5,11 +5,10 @@ use std::fs;
 use std::path::Path;
 
 /// All crates, the lowest first. A crate may depend on those before it.
-const ORDER: [&str; 11] = [
+const ORDER: [&str; 10] = [
     "libsumo",
     "stacknets",
     "dials-core",
-    "dials-config",
     "dials-learn",
     "dials-traffic-domain",
     "dials-warehouse-domain",

@@ -9,7 +9,6 @@ use assert_cmd::cargo::CommandCargoExt;
 use clap::Parser;
 use dials_cli::cli::{self, Cli};
 use dials_session::experiment::file::ExperimentFile;
-use toml::{Table, Value};
 
 fn root() -> &'static Path {
     Path::new(env!("CARGO_MANIFEST_DIR"))
@@ -453,79 +452,10 @@ fn what_the_commands_of_the_docs_leave_behind_is_not_taken_for_sources() {
     assert!(checked > 15, "only {checked} outputs were found");
 }
 
-/// A config for each domain, and for both ways of traffic, with only the required keys.
-const DOMAINS: [&str; 3] = [
-    "[traffic]\nnetwork = 'n'\nlocal_network = 'l'\n",
-    "[traffic]\nscenario = 's.sumocfg'\nbegin_s = 0\nend_s = 60\n",
-    "[warehouse]\nagents_per_side = 2\n",
-];
-
 /// Returns the keys that an error about an unknown key lists.
 fn expected_keys(error: &str) -> Vec<String> {
     let (_, known) = error.split_once("expected ").unwrap_or_else(|| panic!("{error}"));
     code_words(known.lines().next().unwrap()).into_iter().map(str::to_owned).collect()
-}
-
-/// Returns every key that the program knows, with its default. Keys without a default come from the error about an
-/// unknown key.
-fn config_keys() -> BTreeMap<String, Option<Value>> {
-    let folder = tempfile::tempdir().unwrap();
-    let path = folder.path().join("c.toml");
-    let mut keys = BTreeMap::new();
-    for text in DOMAINS {
-        fs::write(&path, text).unwrap();
-        let required: Table = text.parse().unwrap();
-        // Not loaded: a scenario has other defaults, in a file of their own.
-        let config: dials_config::Config = toml::from_str(text).unwrap();
-        let defaults: Table = dials_config::to_toml(&config).unwrap().parse().unwrap();
-        let known = |table: &str| {
-            let error = dials_config::load(&path, &[format!("{table}no_such_key=1")]).unwrap_err();
-            expected_keys(&error.to_string())
-        };
-        let mut note = |key: String, default: Option<&Value>, required: bool| {
-            // The keys of one way of traffic have no default in a config of the other.
-            let known: &mut Option<Value> = keys.entry(key).or_default();
-            *known = known.take().or(default.filter(|_| !required).cloned());
-        };
-        for key in known("").iter().chain(defaults.keys()) {
-            match defaults.get(key) {
-                Some(Value::Table(table)) => {
-                    for inner in known(&format!("{key}.")).iter().chain(table.keys()) {
-                        let required = required.get(key).is_some_and(|table| table.get(inner).is_some());
-                        note(format!("{key}.{inner}"), table.get(inner), required);
-                    }
-                }
-                // The table of a domain, whose keys are read with its own config.
-                None if key == "traffic" || key == "warehouse" => {}
-                default => note(key.clone(), default, false),
-            }
-        }
-    }
-    keys
-}
-
-#[test]
-fn every_key_of_a_config_is_explained_with_its_default_and_no_other() {
-    let page = read("docs/configuration.md");
-    let rows = page.lines().filter_map(|line| line.strip_prefix("| `")?.split_once("` | "));
-    let explained: BTreeMap<&str, &str> =
-        rows.map(|(key, rest)| (key, rest.split(" | ").next().unwrap().trim_matches('`'))).collect();
-    let known = config_keys();
-    assert_eq!(explained.keys().copied().collect::<Vec<_>>(), known.keys().collect::<Vec<_>>());
-    for (key, default) in known {
-        let written = explained[key.as_str()];
-        match default {
-            // Their defaults are words that a config leaves out.
-            None if key == "traffic.clock_offsets" => assert_eq!(written, "\"none\"", "{key}"),
-            None if key == "traffic.until_first_switch" => assert_eq!(written, "\"agent\"", "{key}"),
-            None => assert!(["none", "required"].contains(&written), "{key}: has no default, but {written} is written"),
-            Some(default) => {
-                let value =
-                    format!("value = {written}").parse::<Table>().unwrap_or_else(|_| panic!("{key}: {written}"));
-                assert_eq!(value["value"], default, "{key}");
-            }
-        }
-    }
 }
 
 #[test]

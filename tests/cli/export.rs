@@ -6,9 +6,9 @@ use std::io::Write;
 use std::path::Path;
 use std::process::Command;
 
-use dials_config::PolicyConfig;
 use dials_core::base::{AgentId, Rows, Seed};
 use dials_core::domain::{RegionSpec, SourceSpec};
+use dials_learn::config::PolicyConfig;
 use dials_learn::policy::PolicyStack;
 use rand::Rng;
 use safetensors::tensor::{Dtype, TensorView};

@@ -4,8 +4,9 @@ use std::fs;
 use std::sync::OnceLock;
 
 use anyhow::{Result, bail};
-use dials_config::DomainConfig;
+use dials_session::domains::DomainConfig;
 use dials_traffic::Traffic;
+use dials_traffic::config::TrafficTable;
 use serde_json::Value;
 
 use super::place::Place;
@@ -53,7 +54,8 @@ fn with_file(place: &Place, file: &str, bytes: &[u8], may_change: bool) -> Resul
     let config = place.file("config.toml", CONFIG.as_bytes());
     let original = ORIGINAL.get_or_init(|| play(place).expect("our own network can be played"));
     place.file(file, bytes);
-    let Some(DomainConfig::Traffic(table)) = dials_config::load(&config, &[])?.domain else { unreachable!("traffic") };
+    let domain = dials_session::config::load(&config, &[])?.domain;
+    let Some(DomainConfig::Traffic(TrafficTable::Grid(table))) = domain else { unreachable!("it is a grid") };
     Traffic::open(&table)?;
     // It would be loaded in SUMO before the folder is found to be taken.
     place.empty("taken");

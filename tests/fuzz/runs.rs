@@ -1,16 +1,19 @@
 //! Run directories: checkpoints, networks and CSV files of small trained runs. Only this file opens checkpoints.
 
+use std::collections::BTreeMap;
 use std::fs;
 use std::path::{Path, PathBuf};
 use std::sync::OnceLock;
 
-use anyhow::{Result, bail, ensure};
-use dials_config::{Config, DomainConfig};
-use dials_core::base::Ragged;
+use anyhow::{Context, Result, bail, ensure};
+use dials_core::base::{Dice, Ragged};
 use dials_core::domain::Domain;
 use dials_core::outside::Directory;
-use dials_learn::training::state::{AgentsState, JointMoments};
+use dials_learn::algorithms::Tables;
+use dials_learn::training::state::AgentsState;
 use dials_learn::training::stream::AgentStream;
+use dials_session::config::RunConfig;
+use dials_session::domains::DomainConfig;
 use dials_session::records::checkpoint::owner::Owner;
 use dials_session::records::checkpoint::{self, Checkpoint, RunProgress};
 use dials_session::records::files::{AIPS, CONFIG, GROWING, POLICIES};
@@ -36,7 +39,7 @@ const LARGEST: usize = 1 << 20;
 /// Runs of the warehouse: `whole`; `half`, the same run after its first period; `other`, the same with another seed.
 pub struct Runs {
     folder: TempDir,
-    config: Config,
+    config: RunConfig,
     domain: Warehouse,
     owner: Owner,
 }
@@ -53,7 +56,8 @@ impl Runs {
         for later in &checkpoints(&folder.path().join("half"))[1..] {
             fs::remove_file(later).expect("a checkpoint");
         }
-        let config = dials_config::load(&folder.path().join("whole").join(CONFIG), &[]).expect("the config of a run");
+        let config =
+            dials_session::config::load(&folder.path().join("whole").join(CONFIG), &[]).expect("the config of a run");
         let Some(DomainConfig::Warehouse(table)) = &config.domain else { panic!("the run is of the warehouse") };
         let domain = Warehouse::new(table);
         let owner = Owner::of(&config, &domain).expect("the warehouse has a scenario");
@@ -116,7 +120,7 @@ pub fn policies_seeds(place: &Place) -> Vec<Vec<u8>> {
 
 pub fn policies(place: &Place, bytes: &[u8]) -> Result<()> {
     let Runs { config, domain, .. } = place.runs();
-    networks(place, bytes, &JointLayout::of_policies(domain.kinds(), &config.policy))
+    networks(place, bytes, &JointLayout::of_policies(domain.kinds(), &config.learning.policy))
 }
 
 pub fn aips_seeds(place: &Place) -> Vec<Vec<u8>> {
@@ -125,7 +129,7 @@ pub fn aips_seeds(place: &Place) -> Vec<Vec<u8>> {
 
 pub fn aips(place: &Place, bytes: &[u8]) -> Result<()> {
     let Runs { config, domain, .. } = place.runs();
-    networks(place, bytes, &JointLayout::of_aips(domain.kinds(), config.predictor(), &config.aip))
+    networks(place, bytes, &JointLayout::of_aips(domain.kinds(), config.learning.predictor(), &config.learning.aip))
 }
 
 /// Accepted networks have finite parameters, one row for each agent.
@@ -162,46 +166,59 @@ fn go_on(place: &Place) -> Result<()> {
     Ok(())
 }
 
-/// The state of a checkpoint as text, which is mutated: all but the thousands of parameters.
+/// The state of a checkpoint as text, which is mutated: all but the thousands of parameters, of which it has the widths.
 #[derive(Serialize, Deserialize)]
 struct State {
     progress: RunProgress,
     steps: u64,
-    gradient_steps: u32,
-    /// Widths of the policies, of their first and second moments, and of the AIPs.
-    tables: [Vec<usize>; 4],
+    policies: Vec<usize>,
+    learners: BTreeMap<String, Vec<usize>>,
+    dice: BTreeMap<String, Vec<Vec<Dice>>>,
+    counts: BTreeMap<String, u64>,
+    aips: Vec<usize>,
     streams: Vec<AgentStream>,
 }
 
 pub fn crafted_seeds(place: &Place) -> Vec<Vec<u8>> {
     let runs = place.runs();
     let Checkpoint { agents, progress } = runs.read(&runs.dir("half/checkpoints")).expect("a whole checkpoint");
-    let JointMoments { first, second, steps: gradient_steps } = &agents.moments;
-    let tables = [&agents.policies, first, second, &agents.aips].map(|table| table.widths().collect());
-    let gradient_steps = *gradient_steps;
-    let state = State { progress, steps: agents.steps, gradient_steps, tables, streams: agents.streams };
+    let widths = |table: &Ragged<f32>| table.widths().collect();
+    let state = State {
+        progress,
+        steps: agents.steps,
+        policies: widths(&agents.policies),
+        learners: agents.learners.numbers.iter().map(|(name, table)| (name.clone(), widths(table))).collect(),
+        dice: agents.learners.dice,
+        counts: agents.learners.counts,
+        aips: widths(&agents.aips),
+        streams: agents.streams,
+    };
     vec![serde_json::to_vec_pretty(&state).expect("numbers can be written")]
 }
 
 /// The program refuses a checkpoint that somebody wrote, whole and with a right checksum, or goes on from it to the end.
 pub fn crafted(place: &Place, bytes: &[u8]) -> Result<()> {
-    let State { progress, steps, gradient_steps, tables, streams } = serde_json::from_slice(bytes)?;
+    let state: State = serde_json::from_slice(bytes)?;
     let runs = place.runs();
     let original = runs.read(&runs.dir("half/checkpoints"))?.agents;
-    let moments = &original.moments;
-    let values = [&original.policies, &moments.first, &moments.second, &original.aips];
-    let mut tables = values.into_iter().zip(tables).map(|(values, widths)| {
-        let sum = widths.iter().try_fold(0_usize, |sum, &width| sum.checked_add(width)).filter(|&sum| sum <= LARGEST);
-        // The parameters of the original one, as often as they fit in.
-        let values = sum.map(|sum| values.as_slice().iter().copied().cycle().take(sum).collect());
-        values.and_then(|values| Ragged::from_vec(values, widths))
-    });
-    let mut next = || tables.next().flatten().ok_or_else(|| anyhow::anyhow!("more parameters than are tried"));
-    let (policies, first, second, aips) = (next()?, next()?, next()?, next()?);
-    let moments = JointMoments { first, second, steps: gradient_steps };
+    // The parameters of the original one, as often as they fit in.
+    let table = |values: &Ragged<f32>, widths: &[usize]| {
+        let sum = widths.iter().try_fold(0_usize, |sum, &width| sum.checked_add(width));
+        let sum = sum.filter(|&sum| sum <= LARGEST).context("more parameters than are tried")?;
+        let values = values.as_slice().iter().copied().cycle().take(sum).collect();
+        Ragged::from_vec(values, widths.iter().copied()).context("widths without an agent")
+    };
+    let one = original.learners.numbers.values().next().context("a learner without numbers")?;
+    let learners = state.learners.iter().map(|(name, widths)| Ok((name.clone(), table(one, widths)?)));
+    let agents = AgentsState {
+        steps: state.steps,
+        policies: table(&original.policies, &state.policies)?,
+        learners: Tables { numbers: learners.collect::<Result<_>>()?, dice: state.dice, counts: state.counts },
+        aips: table(&original.aips, &state.aips)?,
+        streams: state.streams,
+    };
     copy(&runs.dir("half"), &place.empty("run"));
     let folder = place.empty("run/checkpoints");
-    let agents = AgentsState { steps, policies, moments, aips, streams };
-    checkpoint::write(&Directory::open(&folder)?, &runs.owner, &agents, progress)?;
+    checkpoint::write(&Directory::open(&folder)?, &runs.owner, &agents, state.progress)?;
     go_on(place)
 }

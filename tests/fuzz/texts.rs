@@ -4,11 +4,12 @@ use std::collections::BTreeSet;
 use std::path::{Component, Path};
 
 use anyhow::{Result, ensure};
-use dials_config::{Config, TrafficConfig};
 use dials_core::domain::{RoughCosts, Scenario};
 use dials_core::outside::is_printable;
+use dials_session::config::RunConfig;
 use dials_session::experiment::file::{Experiment, Knowledge};
 use dials_session::records::find::MeasuredWith;
+use dials_traffic::config::TrafficConfig;
 use dials_traffic::controllers::timing_file::{Score, TimingFile};
 use dials_traffic::paper_grid::grid::Grid;
 use dials_traffic::paper_grid::plans::plans;
@@ -38,15 +39,15 @@ pub fn config_seeds(_: &Place) -> Vec<Vec<u8>> {
 pub fn config(place: &Place, bytes: &[u8]) -> Result<()> {
     let text = String::from_utf8_lossy(bytes);
     let settings: Vec<String> = text.lines().filter_map(|line| line.strip_prefix(SET)).map(str::to_owned).collect();
-    let config = dials_config::load(&place.file("config.toml", bytes), &settings)?;
-    let text = dials_config::to_toml(&config).expect("an accepted config can be written");
-    let read = dials_config::load(&place.file("again.toml", text.as_bytes()), &[]);
+    let config = dials_session::config::load(&place.file("config.toml", bytes), &settings)?;
+    let text = dials_session::config::to_toml(&config).expect("an accepted config can be written");
+    let read = dials_session::config::load(&place.file("again.toml", text.as_bytes()), &[]);
     assert!(read.expect("it was written by us") == config, "it is read again as another config:\n{text}");
     let json = serde_json::to_string(&config).expect("an accepted config can be sent");
-    let sent: Config = serde_json::from_str(&json).expect("it was written by us");
+    let sent: RunConfig = serde_json::from_str(&json).expect("it was written by us");
     assert!(sent == config, "workers get another config:\n{json}");
-    let last = dials_config::schedule(&config).last().map_or(0, |last| last.end);
-    let ends = [last, config.last_step()].map(|step| config.update_at_or_after(step));
+    let last = dials_learn::config::schedule(&config.learning).last().map_or(0, |last| last.end);
+    let ends = [last, config.learning.last_step()].map(|step| config.learning.update_at_or_after(step));
     assert_eq!(ends[0], ends[1], "its periods end elsewhere:\n{text}");
     Ok(())
 }

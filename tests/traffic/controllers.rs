@@ -3,11 +3,11 @@
 
 use std::path::Path;
 
-use dials_config::{EntryRule, TrafficConfig};
 use dials_core::base::{AgentId, Rows, Seed};
 use dials_core::domain::{Action, Baseline, Beginning, Domain, GlobalSimulator, LocalSimulator};
 use dials_traffic::Traffic;
 use dials_traffic::agents::phases::Light;
+use dials_traffic::config::{EntryRule, TrafficConfig};
 use dials_traffic::controllers::{Each, HandCoded, Intersection, Intersections, LightController};
 use dials_traffic::light::{KEEP, SWITCH};
 use dials_traffic::side::Side;

@@ -6,11 +6,11 @@ use std::io::{Write, stderr};
 use std::ops::RangeInclusive;
 use std::path::{Path, PathBuf};
 
-use dials_config::sumocfg::Sumocfg;
 use dials_traffic::agents::derive::greens::{Change, Greens, is_yellow};
 use dials_traffic::agents::derive::overrides::Overrides;
 use dials_traffic::agents::derive::padding::Padding;
 use dials_traffic::agents::derive::{Agent, Derived, Rules, clearing, derive, safety};
+use dials_traffic::config::sumocfg::Sumocfg;
 use dials_traffic::network::roads::file::read;
 use dials_traffic::network::roads::{Function, Roads};
 use libsumo::SignalState;

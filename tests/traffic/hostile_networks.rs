@@ -10,10 +10,12 @@ use std::process::Stdio;
 use std::time::{Duration, Instant};
 
 use assert_cmd::Command;
-use dials_config::{Config, DomainConfig, load};
 use dials_core::base::Seed;
 use dials_core::domain::Domain;
+use dials_session::config::{RunConfig, load};
+use dials_session::domains::DomainConfig;
 use dials_traffic::Traffic;
+use dials_traffic::config::TrafficTable;
 use rustix::fs::inotify;
 use tempfile::TempDir;
 
@@ -347,8 +349,8 @@ fn a_configuration_for_sumo_is_never_read() {
 #[test]
 fn a_file_that_changes_after_the_check_is_not_loaded() {
     let room = Room::new();
-    let config: Config = load(&room.path("c.toml"), &[]).unwrap();
-    let Some(DomainConfig::Traffic(table)) = &config.domain else { panic!("a config of traffic") };
+    let config: RunConfig = load(&room.path("c.toml"), &[]).unwrap();
+    let Some(DomainConfig::Traffic(TrafficTable::Grid(table))) = &config.domain else { panic!("a config of traffic") };
     let traffic = Traffic::open(table).unwrap();
     room.damage("nets/grid_2x2", &ATTACKS[0].0);
     fs::write(room.path("nets/local.net.xml"), "<net/>").unwrap();

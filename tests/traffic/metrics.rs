@@ -6,11 +6,11 @@ use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
-use dials_config::{EntryRule, TrafficConfig};
 use dials_core::base::Seed;
 use dials_core::domain::{Baseline, Domain};
 use dials_learn::evaluation::{EpisodeReport, play};
 use dials_traffic::Traffic;
+use dials_traffic::config::{EntryRule, TrafficConfig};
 use dials_traffic::paper_grid::grid::Grid;
 
 const STEPS: usize = 300;

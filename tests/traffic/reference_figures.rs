@@ -2,11 +2,11 @@
 
 use std::path::Path;
 
-use dials_config::{EntryRule, TrafficConfig};
 use dials_core::base::Seed;
 use dials_core::domain::Domain;
 use dials_learn::evaluation::{Evaluation, play_episodes};
 use dials_traffic::Traffic;
+use dials_traffic::config::{EntryRule, TrafficConfig};
 
 /// Asserts that the mean return over 40 episodes differs from the reference by less than 4 standard errors of the
 /// difference.

@@ -5,19 +5,22 @@ use std::path::Path;
 use std::rc::Rc;
 use std::sync::Arc;
 
-use dials_config::{AipConfig, ClockOffsets, Config, DSet, EntryRule, Observation, TrafficConfig, UntilFirstSwitch};
 use dials_core::base::{AgentId, Dice, Ragged, Rows, Seed, Stopwatch, Work};
 use dials_core::domain::{Action, Beginning, Bystander, Domain, GlobalSimulator, JointTransition, LocalSimulator};
+use dials_learn::config::AipConfig;
 use dials_learn::influence::{AipStack, Dataset, InfluencePredictor, train};
 use dials_learn::policy::Demonstrations;
+use dials_learn::steps::demonstrate::collect_demonstrations;
+use dials_learn::steps::imitate::imitate;
 use dials_learn::training::block::initial_policies;
 use dials_learn::training::collect::collect_episode;
-use dials_learn::training::fleet::Fleet;
 use dials_learn::training::observer::Silent;
-use dials_session::fleet::inline::InlineFleet;
+use dials_session::config::RunConfig;
+use dials_session::fleet::in_process;
 use dials_testkit::conformance;
 use dials_traffic::Traffic;
 use dials_traffic::agents::phases::Light;
+use dials_traffic::config::{ClockOffsets, DSet, EntryRule, Observation, TrafficConfig, UntilFirstSwitch};
 use dials_traffic::controllers;
 use dials_traffic::cut::forest::{Region, write_forest};
 use dials_traffic::light::{KEEP, SWITCH};
@@ -752,11 +755,11 @@ fn the_closed_loop_has_the_cars_and_the_return_of_the_global_simulator() {
 
 #[test]
 fn the_switch_bias_is_added_to_the_output_bias_of_switching_and_to_nothing_else() {
-    let config: Config = toml::from_str("policy = { hidden = [8, 4] }").unwrap();
+    let config: RunConfig = toml::from_str("policy = { hidden = [8, 4] }").unwrap();
     let policies = |initial_switch_bias: f32| {
         let traffic_config =
             TrafficConfig { initial_switch_bias, ..TrafficConfig::new(saved("grid_2x2"), saved("local")) };
-        initial_policies(&Traffic::open(&traffic_config).unwrap(), &config, &AgentId::all(4))
+        initial_policies(&Traffic::open(&traffic_config).unwrap(), &config.learning, &AgentId::all(4))
     };
     let (plain, biased) = (policies(0.0), policies(-1.5));
     let (_, _, outputs) = plain.parameters().layout().blocks(4).last().unwrap();
@@ -859,21 +862,21 @@ fn advice_that_is_followed_plays_the_episode_of_the_controller_and_other_actions
 fn policies_that_imitate_gap_out_act_as_it_does() {
     // Gap-out looks at nothing but the observation, so a policy can learn it in full.
     let domain: Arc<dyn Domain> = Arc::new(traffic(EntryRule::Max));
-    let config: Config = toml::from_str(
+    let config: RunConfig = toml::from_str(
         "traffic = { network = 'none', local_network = 'none' }\n\
          policy = { hidden = [64], imitate = 'gap-out' }\n\
          imitation = { dataset_steps = 12000, epochs = 10, minibatch = 64, learning_rate = 3e-3 }",
     )
     .unwrap();
-    let mut fleet = InlineFleet::new(domain, &config, Rc::new(Silent));
-    let demonstrations = fleet.collect_demonstrations("gap-out").unwrap();
+    let mut fleet = in_process(domain, config.clone(), Rc::new(Silent)).unwrap();
+    let demonstrations = collect_demonstrations(&mut fleet, "gap-out").unwrap();
     assert!(demonstrations.iter().all(|of_agent| of_agent.episodes() == 40));
     let switches = |of_agent: &Demonstrations| {
         let decisions = || of_agent.actions.iter().flatten();
         decisions().filter(|&&action| action == SWITCH).count() as f64 / decisions().count() as f64
     };
     let switches: Vec<f64> = demonstrations.iter().map(switches).collect();
-    for (agent, loss) in fleet.imitate(demonstrations).unwrap().into_iter().enumerate() {
+    for (agent, loss) in imitate(&mut fleet, demonstrations).unwrap().into_iter().enumerate() {
         // Whoever always keeps is right in the other steps, and wrong in every switch.
         assert!(switches[agent] > 0.08, "{switches:?}");
         assert!(loss.accuracy[1] > 0.985 && loss.cross_entropy[1] < 0.05, "agent {agent}: {loss:?}");

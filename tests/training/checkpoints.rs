@@ -5,10 +5,10 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 use assert_cmd::Command;
-use dials_config::DomainConfig;
 use dials_core::base::{Dice, Ragged};
 use dials_core::outside::Directory;
 use dials_learn::training::stream::{AgentStream, RowStream};
+use dials_session::domains::DomainConfig;
 use dials_session::records::checkpoint::content::{Part, seal};
 use dials_session::records::checkpoint::owner::{NotOfThisRun, Owner};
 use dials_session::records::checkpoint::{self, Checkpoint};
@@ -134,7 +134,7 @@ fn a_key_that_determines_training_cannot_change_on_resume() {
         ("recurrent = 5\n", "", "policy.recurrent: 5 there, not set here"),
         ("hidden = [7]", "hidden = [8]", "aip.hidden: [7] there, [8] here"),
         ("copies = 4", "copies = 2", "local_simulators.copies: 4 there, 2 here"),
-        ("simulator = \"dials\"", "simulator = \"gs\"", "simulator: \"dials\" there, \"gs\" here"),
+        ("simulator = \"local\"", "simulator = \"gs\"", "simulator: \"local\" there, \"gs\" here"),
         ("clip = 0.1", "clip = 0.2", "ppo.clip: 0.1 there, 0.2 here"),
     ] {
         edit(&run, from, to);
@@ -279,7 +279,7 @@ impl Sound {
     fn new(simulator: &str) -> Sound {
         let place = Place::new(WAREHOUSE);
         let run = place.train("run", &["--steps", "300", "--simulator", simulator]);
-        let config = dials_config::load(&run.join("config.toml"), &[]).unwrap();
+        let config = dials_session::config::load(&run.join("config.toml"), &[]).unwrap();
         let Some(DomainConfig::Warehouse(table)) = &config.domain else { panic!("this config is of the warehouse") };
         let owner = Owner::of(&config, &Warehouse::new(table)).unwrap();
         let bytes = fs::read(checkpoint(&run, AT)).unwrap();
@@ -308,16 +308,16 @@ impl Sound {
     fn resealed(
         &self,
         change: impl Fn(&mut Value, &mut Vec<Part<'_>>),
-        after: impl Fn(&mut HashMap<String, String>, &mut Vec<(&str, TensorView<'_>)>),
+        after: impl Fn(&mut HashMap<String, String>, &mut Vec<(String, TensorView<'_>)>),
     ) -> Vec<u8> {
         let (_, header) = SafeTensors::read_metadata(&self.bytes).unwrap();
         let mut text = serde_json::from_str(&header.metadata().as_ref().unwrap()["checkpoint"]).unwrap();
         let file = SafeTensors::deserialize(&self.bytes).unwrap();
         let part = |name: &'static str| {
             let tensor = file.tensor(name).unwrap();
-            Part { name, dtype: tensor.dtype(), shape: tensor.shape().to_vec(), bytes: tensor.data() }
+            Part { name: name.into(), dtype: tensor.dtype(), shape: tensor.shape().to_vec(), bytes: tensor.data() }
         };
-        let mut parts = ["policies", "first_moments", "second_moments", "aips", "streams"].map(part).to_vec();
+        let mut parts = PARTS.map(part).to_vec();
         change(&mut text, &mut parts);
         let (mut views, mut metadata) = seal(text.to_string(), &parts).unwrap();
         after(&mut metadata, &mut views);
@@ -337,8 +337,24 @@ impl Sound {
     }
 }
 
+/// Names of all tensors, in order.
+const PARTS: [&str; 6] =
+    ["aips", "learners.first_moments", "learners.second_moments", "learners.states", "policies", "streams"];
+
 fn row(checkpoint: &mut Checkpoint) -> &mut RowStream {
     &mut checkpoint.agents.streams[2].rows[1]
+}
+
+fn numbers<'a>(checkpoint: &'a mut Checkpoint, name: &str) -> &'a mut Ragged<f32> {
+    checkpoint.agents.learners.numbers.get_mut(name).unwrap()
+}
+
+fn dice<'a>(checkpoint: &'a mut Checkpoint, name: &str) -> &'a mut Vec<Vec<Dice>> {
+    checkpoint.agents.learners.dice.get_mut(name).unwrap()
+}
+
+fn count(checkpoint: &mut Checkpoint) -> &mut u64 {
+    checkpoint.agents.learners.counts.get_mut("gradient_steps").unwrap()
 }
 
 fn zeros() -> Dice {
@@ -376,14 +392,16 @@ fn a_state_that_training_cannot_lead_to_is_refused_with_its_reason() {
     assert_eq!(sound.file_of(|_| ()).len(), sound.bytes.len());
     assert_eq!(Checkpoint::from_bytes(&sound.file_of(|_| ()), &sound.owner).unwrap(), sound.checkpoint);
     type Change = fn(&mut Checkpoint);
-    let cases: [(&str, Change); 42] = [
+    let cases: [(&str, Change); 45] = [
         ("agent 2: its table `policies` holds NaN", |c| c.agents.policies.row_mut(2)[0] = f32::NAN),
         ("agent 0: its table `aips` holds inf", |c| c.agents.aips.row_mut(0)[3] = f32::INFINITY),
-        ("agent 3: its table `first_moments` holds -inf", |c| c.agents.moments.first.row_mut(3)[0] = -f32::INFINITY),
-        ("`second_moments` holds -1, but they are squares", |c| c.agents.moments.second.row_mut(1)[0] = -1.0),
+        ("agent 3: its table `first_moments` holds -inf", |c| {
+            numbers(c, "first_moments").row_mut(3)[0] = -f32::INFINITY
+        }),
+        ("`second_moments` holds -1, but they are squares", |c| numbers(c, "second_moments").row_mut(1)[0] = -1.0),
         ("its table `policies` has", |c| c.agents.policies = c.agents.policies.pick(0..3)),
         ("its table `aips` has 0 values", |c| c.agents.aips = Ragged::default()),
-        ("its table `second_moments` has", |c| c.agents.moments.second.push(&[0.0])),
+        ("its table `learners.second_moments` has", |c| numbers(c, "second_moments").push(&[0.0])),
         ("it has 3 streams for 4 agents", |c| drop(c.agents.streams.pop())),
         ("it has 0 streams for 4 agents", |c| c.agents.streams.clear()),
         ("it has 5 streams for 4 agents", |c| c.agents.streams.push(c.agents.streams[0].clone())),
@@ -402,15 +420,18 @@ fn a_state_that_training_cannot_lead_to_is_refused_with_its_reason() {
         ("100000 steps into episode", |c| row(c).trail.actions = vec![0; 100_000]),
         ("into episode 18446744073709551615", |c| row(c).trail.episode = u64::MAX),
         ("into episode 0", |c| row(c).trail.episode = 0),
-        ("has 4 values, not 5", |c| row(c).state.truncate(4)),
-        ("has 0 values, not 5", |c| row(c).state.clear()),
-        ("is not a finite number", |c| row(c).state[0] = f32::NAN),
+        ("its table `learners.states` has", |c| *numbers(c, "states") = numbers(c, "states").pick(0..3)),
+        ("`states` holds NaN, which is not a finite number", |c| numbers(c, "states").row_mut(2)[0] = f32::NAN),
         ("is not a finite number", |c| row(c).rewards = f64::INFINITY),
-        ("the dice of its actions are all zeros", |c| row(c).acting = zeros()),
+        ("agent 2: the dice `acting` are all zeros", |c| dice(c, "acting")[2][1] = zeros()),
         ("the dice of its influence sources are all zeros", |c| row(c).influence = zeros()),
-        ("the dice of its minibatches are all zeros", |c| c.agents.streams[0].minibatches = zeros()),
-        ("its optimiser has made", |c| c.agents.moments.steps += 1),
-        ("its optimiser has made 4294967295 steps", |c| c.agents.moments.steps = u32::MAX),
+        ("agent 0: the dice `minibatches` are all zeros", |c| dice(c, "minibatches")[0][0] = zeros()),
+        ("agent 1: it has 0 dice `acting`, not 4", |c| dice(c, "acting")[1].clear()),
+        ("its table `acting` is of 3 agents, not of 4", |c| drop(dice(c, "acting").pop())),
+        ("it has the dice [\"minibatches\"]", |c| drop(c.agents.learners.dice.remove("acting"))),
+        ("it has the counts []", |c| c.agents.learners.counts.clear()),
+        ("its count `gradient_steps` is", |c| *count(c) += 1),
+        ("its count `gradient_steps` is 18446744073709551615", |c| *count(c) = u64::MAX),
         ("it is at step 0", |c| c.agents.steps = 0),
         ("it is at step 512", |c| c.agents.steps = 512),
         ("it is at step 18446744073709551615", |c| c.agents.steps = u64::MAX),
@@ -434,7 +455,7 @@ fn a_state_that_training_cannot_lead_to_is_refused_with_its_reason() {
 fn a_file_of_another_form_is_refused_with_its_reason() {
     let sound = Sound::new("dials");
     type ChangeText = fn(&mut Value);
-    let texts: [(&str, ChangeText); 21] = [
+    let texts: [(&str, ChangeText); 20] = [
         ("unknown field `weather`", |text| text["weather"] = json!(1)),
         ("unknown field `weather`", |text| text["progress"]["weather"] = json!(1)),
         ("unknown field `weather`", |text| text["progress"]["standing"]["weather"] = json!(1)),
@@ -448,7 +469,6 @@ fn a_file_of_another_form_is_refused_with_its_reason() {
         ("missing field `steps`", |text| drop(text.as_object_mut().unwrap().remove("steps"))),
         ("invalid type: string", |text| text["steps"] = json!("384")),
         ("invalid value: integer `-1`", |text| text["steps"] = json!(-1)),
-        ("invalid value: integer", |text| text["optimiser_steps"] = json!(1_u64 << 40)),
         ("invalid type: null", |text| text["config"] = json!(null)),
         ("its drift is", |text| text["progress"]["standing"]["drift"]["share_now"] = json!(-1.0)),
         ("invalid type", |text| text["progress"]["elapsed_s"] = json!("1")),
@@ -466,28 +486,28 @@ fn a_file_of_another_form_is_refused_with_its_reason() {
     }
     type ChangeParts = fn(&mut Vec<Part<'_>>);
     let parts: [(&str, ChangeParts); 12] = [
-        ("it has no tensor `policies`", |parts| drop(parts.remove(0))),
+        ("it has no tensor `policies`", |parts| drop(parts.remove(4))),
         ("it has no tensor `streams`", |parts| drop(parts.pop())),
-        ("its digest is wrong", |parts| parts.push(Part::flat("more", Dtype::U8, b"1"))),
-        ("its tensor `policies` is I32", |parts| parts[0].dtype = Dtype::I32),
-        ("not F32 of one dimension", |parts| parts[0].shape = vec![1, parts[0].shape[0]]),
+        ("it has tensors that no checkpoint of this run has", |parts| parts.push(Part::flat("zz", Dtype::U8, b"1"))),
+        ("its tensor `policies` is I32", |parts| parts[4].dtype = Dtype::I32),
+        ("not F32 of one dimension", |parts| parts[4].shape = vec![1, parts[4].shape[0]]),
         ("not F32 of one dimension", |parts| parts[3].shape.push(1)),
-        ("its table `policies` has", |parts| parts[0].bytes = parts[3].bytes),
-        ("its table `first_moments` has 0 values", |parts| parts[1].bytes = b""),
-        ("the state of training cannot be read", |parts| parts[4].bytes = b""),
+        ("its table `policies` has", |parts| parts[4].bytes = parts[0].bytes),
+        ("its table `learners.first_moments` has 0 values", |parts| parts[1].bytes = b""),
+        ("the state of training cannot be read", |parts| parts[5].bytes = b""),
         // Lengths of 2^63 and more, of agents and of copies.
-        ("the state of training cannot be read", |parts| parts[4].bytes = &[0xff; 9]),
+        ("the state of training cannot be read", |parts| parts[5].bytes = &[0xff; 9]),
         ("the state of training cannot be read", |parts| {
-            parts[4].bytes = &[1, 1, 2, 3, 4, 0xff, 0xff, 0xff, 0xff, 0xff, 0xff, 0xff, 0xff, 0xff, 1];
+            parts[5].bytes = &[1, 1, 2, 3, 4, 0xff, 0xff, 0xff, 0xff, 0xff, 0xff, 0xff, 0xff, 0xff, 1];
         }),
-        ("it has 1 bytes after the state of training", |parts| parts[4].bytes = &[0, 0]),
+        ("it has 1 bytes after the state of training", |parts| parts[5].bytes = &[0, 0]),
     ];
     for (told, change) in parts {
         let bytes = sound.crafted(|_, parts| {
             change(parts);
             // The shape follows the bytes where the case is not about shapes.
             for part in parts.iter_mut().filter(|part| part.shape.len() == 1) {
-                part.shape = Part::flat(part.name, part.dtype, part.bytes).shape;
+                part.shape = Part::flat("", part.dtype, part.bytes).shape;
             }
         });
         sound.assert_error(&bytes, told);
@@ -504,7 +524,7 @@ fn a_file_of_another_form_is_refused_with_its_reason() {
         sound.assert_error(&sound.resealed(|_, _| (), |metadata, _| change(metadata)), told);
     }
     let more = TensorView::new(Dtype::U8, vec![1], b"1").unwrap();
-    let bytes = sound.resealed(|_, _| (), |_, views| views.push(("more", more.clone())));
+    let bytes = sound.resealed(|_, _| (), |_, views| views.push(("more".to_owned(), more.clone())));
     sound.assert_error(&bytes, "it has tensors or metadata");
     let older = |text: &mut Value| *text = json!({ "format": 3, "steps": 384, "optimiser_steps": 36, "crc32": 1 });
     let told = "it has format 3, and this program reads format 4: continue with the version that wrote it";

@@ -6,21 +6,28 @@ use std::rc::Rc;
 use std::sync::Arc;
 use std::time::Duration;
 
-use dials_config::{AipTraining, Config, Period, schedule};
 use dials_core::base::{AgentId, Seed};
 use dials_core::domain::{Controller, Domain, Result};
 use dials_core::outside::Directory;
+use dials_learn::config::{AipTraining, Config, Period, ShortForm, schedule};
 use dials_learn::evaluation::play;
+use dials_learn::influence::Dataset;
 use dials_learn::policy::{JointPolicyController, PolicyStack, Selection};
+use dials_learn::steps::Step;
+use dials_learn::steps::collect::Collect;
+use dials_learn::steps::measure_aips::MeasureAips;
+use dials_learn::steps::train_aips::TrainAips;
+use dials_learn::steps::train_policies::TrainPolicies;
 use dials_learn::training::dials;
 use dials_learn::training::fleet::Fleet;
 use dials_learn::training::observer::{Interrupted, Observer, Silent};
 use dials_learn::training::standing::Standing;
 use dials_learn::training::state::AgentsState;
+use dials_learn::worker::Worker;
 use dials_session::bench::costs::{Costs, Steps};
 use dials_session::bench::measure::{MeasurePlan, measure, short_orders};
-use dials_session::fleet::inline::InlineFleet;
-use dials_session::fleet::worker::Worker;
+use dials_session::config::RunConfig;
+use dials_session::fleet::in_process;
 use dials_session::records::checkpoint::owner::Owner;
 use dials_session::records::checkpoint::{self, Checkpoint};
 use dials_session::records::files;
@@ -42,7 +49,7 @@ fn domain() -> Arc<dyn Domain> {
 }
 
 fn config(simulator: &str) -> Config {
-    toml::from_str(&format!("simulator = '{simulator}'\n{CONFIG}")).unwrap()
+    toml::from_str(&format!("{}{CONFIG}", ShortForm::called(simulator).unwrap().keys())).unwrap()
 }
 
 /// Gamma is small because rewards follow at once.
@@ -72,8 +79,9 @@ fn short(simulator: &str) -> Config {
 
 fn train(config: &Config, dir: &Path) -> Result<()> {
     let layouts = Layouts::of(config, domain().kinds());
-    let mut log = RunLog::begin(Directory::lock(dir)?, Owner::of(config, &*domain())?, layouts);
-    let mut fleet = InlineFleet::new(domain(), config, Rc::new(Silent));
+    let mut log =
+        RunLog::begin(Directory::lock(dir)?, Owner::of(&RunConfig::from(config.clone()), &*domain())?, layouts);
+    let mut fleet = in_process(domain(), config.clone(), Rc::new(Silent)).unwrap();
     dials::train(config, &mut fleet, Standing::default(), &mut log, &Silent)
 }
 
@@ -120,7 +128,7 @@ fn the_aips_of_both_kinds_learn_the_closed_form_influence() {
     assert!(column(dir.path(), files::AIP_LOSS, &["0", "1"], "frequency").is_empty(), "a coin has no second source");
 
     // The report can read the run, and other programs can open the tensors.
-    fs::write(dir.path().join(files::CONFIG), format!("simulator = 'dials'\n{CONFIG}")).unwrap();
+    fs::write(dir.path().join(files::CONFIG), format!("simulator = 'local'\n{CONFIG}")).unwrap();
     let about = RunJson { scenario: Some(domain().scenario().unwrap()), ..RunJson::default() };
     about.write(&Directory::open(dir.path()).unwrap()).unwrap();
     let record = RunRecord::read(dir.path()).unwrap();
@@ -144,7 +152,7 @@ fn the_aips_of_both_kinds_learn_the_closed_form_influence() {
 
     // The saved policies play as well as the trained ones.
     for selection in [Selection::Sampled, Selection::Greedy] {
-        let mut acting = JointPolicyController::new(domain.kinds(), &config.policy, &policies, selection);
+        let mut acting = JointPolicyController::new(domain.kinds(), &config, &policies, selection);
         let mut gs = domain.global_simulator().unwrap();
         let returns = play(&mut *gs, &mut acting, Seed::new(9)).unwrap().returns;
         assert!(returns.iter().all(|&total| total > 0.9 * HORIZON as f64), "{returns:?}");
@@ -154,10 +162,10 @@ fn the_aips_of_both_kinds_learn_the_closed_form_influence() {
 #[test]
 fn a_masked_action_is_never_chosen() {
     let (domain, config) = (domain(), config("dials"));
-    let policies = InlineFleet::new(domain.clone(), &config, Rc::new(Silent)).agents().policies.clone();
+    let policies = in_process(domain.clone(), config.clone(), Rc::new(Silent)).unwrap().agents().policies.clone();
     let mut gs = domain.global_simulator().unwrap();
     for selection in [Selection::Sampled, Selection::Greedy] {
-        let mut acting = JointPolicyController::new(domain.kinds(), &config.policy, &policies, selection);
+        let mut acting = JointPolicyController::new(domain.kinds(), &config, &policies, selection);
         let mut actions = [0; 4];
         for episode in 0..20 {
             let seed = Seed::new(5).for_episode(episode);
@@ -194,10 +202,10 @@ fn a_run_that_was_stopped_goes_on_to_the_same_bytes() {
         assert!(periods >= 3);
         let go_on = |observer: &dyn Observer| {
             let directory = Directory::lock(stopped.path()).unwrap();
-            let owner = Owner::of(&config, &*domain()).unwrap();
+            let owner = Owner::of(&RunConfig::from(config.clone()), &*domain()).unwrap();
             let point = ResumePoint::find(&directory, &owner).unwrap();
             let (mut log, checkpoint) = RunLog::resume(directory, point, owner, layouts()).unwrap();
-            let mut fleet = InlineFleet::new(domain(), &config, Rc::new(Silent));
+            let mut fleet = in_process(domain(), config.clone(), Rc::new(Silent)).unwrap();
             let standing = checkpoint.map_or(Standing::default(), |checkpoint| {
                 let standing = checkpoint.progress.standing;
                 fleet.restore(checkpoint.agents).unwrap();
@@ -220,7 +228,7 @@ fn a_run_that_was_stopped_goes_on_to_the_same_bytes() {
 
 /// Asserts that the states of a coin and of a die cannot change places in a checkpoint.
 fn assert_that_agents_of_other_kinds_are_refused(config: &Config, dir: &Path) {
-    let owner = Owner::of(config, &*domain()).unwrap();
+    let owner = Owner::of(&RunConfig::from(config.clone()), &*domain()).unwrap();
     let folder = Directory::open(&dir.join(files::CHECKPOINTS)).unwrap();
     let newest = || Checkpoint::read(&folder, checkpoint::list(&folder).unwrap().last().unwrap(), &owner);
     let Checkpoint { mut agents, progress } = newest().unwrap();
@@ -238,18 +246,29 @@ fn workers_that_share_the_agents_bring_what_one_worker_brings() {
     let mut whole = worker(AgentId::all(4));
     let purpose = dials_learn::training::collect::Purpose::Training { steps: 0 };
     let policies = whole.state().policies;
-    let datasets = whole.collect(&policies, purpose, 0..10, &Silent).unwrap();
-    let losses = whole.train_aips(datasets.clone(), &period, &Silent);
-    let training = whole.train_policies(&period, &Silent).unwrap();
+    whole.take_policies(policies);
+    let datasets = Collect { purpose, episodes: 0..10 }.run(&mut whole, &Silent).unwrap();
+    let train_aips = |worker: &mut Worker, datasets: &[Dataset]| {
+        TrainAips { datasets: datasets.to_vec(), period }.run(worker, &Silent).unwrap().0
+    };
+    let measure_aips = |worker: &mut Worker, datasets: &[Dataset]| {
+        MeasureAips { datasets: datasets.to_vec() }.run(worker, &Silent).unwrap()
+    };
+    let train = |worker: &mut Worker, period| TrainPolicies { period }.run(worker, &Silent).unwrap().0;
+    let losses = train_aips(&mut whole, &datasets);
+    let training = train(&mut whole, period);
 
     // The second worker has agents of both kinds, the first worker of one kind.
     let mut parts = Vec::new();
     for agents in [0..1, 1..4] {
         let mut part = worker(agents.clone().map(AgentId).collect());
-        assert_eq!(part.train_aips(datasets[agents.clone()].to_vec(), &period, &Silent), losses[agents.clone()]);
-        let measured = part.measure_aips(datasets[agents.clone()].to_vec());
-        assert_eq!(measured, whole.measure_aips(datasets.clone())[agents.clone()]);
-        assert_eq!(part.train_policies(&period, &Silent).unwrap().agents, training.agents[agents]);
+        assert_eq!(train_aips(&mut part, &datasets[agents.clone()]), losses[agents.clone()]);
+        let measured = measure_aips(&mut part, &datasets[agents.clone()]);
+        assert_eq!(measured, measure_aips(&mut whole, &datasets)[agents.clone()]);
+        let of_part = train(&mut part, period);
+        assert_eq!(of_part.agents, training.agents[agents.clone()]);
+        let metrics = of_part.metrics.of_agents.iter().zip(&training.metrics.of_agents);
+        metrics.for_each(|((name, part), (_, whole))| assert_eq!(*part, whole[agents.clone()], "{name}"));
         parts.push(part.state());
     }
     let joined = AgentsState::joined(parts);
@@ -260,21 +279,26 @@ fn workers_that_share_the_agents_bring_what_one_worker_brings() {
     other.restore(&joined);
     assert!(other.state() == joined && other.aips() == joined.aips);
     let next = Period { start: 1000, end: 2000, ..period };
-    let [one, two] = [&mut whole, &mut other].map(|worker| worker.train_policies(&next, &Silent).unwrap().agents);
+    let [one, two] = [&mut whole, &mut other].map(|worker| train(worker, next).agents);
     assert_eq!(one, two);
 }
 
 #[test]
 fn the_costs_of_both_kinds_are_measured() {
     let config = short("dials");
-    let (domain, short, dir) = (domain(), short_orders(&config, 1), tempfile::tempdir().unwrap());
+    let (domain, short, dir) =
+        (domain(), short_orders(&RunConfig::from(config.clone()), 1), tempfile::tempdir().unwrap());
     let layouts = Layouts::of(&config, domain.kinds());
-    let mut log = RunLog::begin(Directory::lock(dir.path()).unwrap(), Owner::of(&config, &*domain).unwrap(), layouts);
-    let mut fleet = InlineFleet::new(domain.clone(), &short, Rc::new(Silent));
+    let mut log = RunLog::begin(
+        Directory::lock(dir.path()).unwrap(),
+        Owner::of(&RunConfig::from(config.clone()), &*domain).unwrap(),
+        layouts,
+    );
+    let mut fleet = in_process(domain.clone(), short.clone(), Rc::new(Silent)).unwrap();
     let time = Duration::from_millis(100);
     let plan = MeasurePlan { config: &short, kinds: domain.kinds(), workers: 1, time, peak_flops: 1e9 };
     let measured = measure(&plan, &mut fleet, &mut log).unwrap();
     let steps = Steps { foreign: false, per_timestep: 1 };
-    let costs = Costs::of(&config, domain.kinds(), steps, 1e9, &measured);
+    let costs = Costs::of(&RunConfig::from(config.clone()), domain.kinds(), steps, 1e9, &measured);
     assert!(costs.agent_steps_per_s() > 0.0 && costs.training.products > 0.0 && costs.aip_training.products > 0.0);
 }

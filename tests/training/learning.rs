@@ -4,13 +4,14 @@ use std::path::Path;
 use std::rc::Rc;
 use std::sync::Arc;
 
-use dials_config::Config;
 use dials_core::domain::{Domain, Result};
 use dials_core::outside::Directory;
+use dials_learn::config::{Config, ShortForm};
 use dials_learn::training::dials;
 use dials_learn::training::observer::Silent;
 use dials_learn::training::standing::Standing;
-use dials_session::fleet::inline::InlineFleet;
+use dials_session::config::RunConfig;
+use dials_session::fleet::in_process;
 use dials_session::records::checkpoint::owner::Owner;
 use dials_session::records::files;
 use dials_session::records::networks::Layouts;
@@ -22,9 +23,9 @@ const HORIZON: usize = 50;
 /// Makes a config. Gamma is small because rewards follow at once: long returns would hide them in the shared hidden
 /// layer.
 fn config(simulator: &str) -> Config {
+    let keys = ShortForm::called(simulator).unwrap().keys();
     toml::from_str(&format!(
-        "seed = 3\nsimulator = '{simulator}'\ntotal_steps = 30000\n\
-         traffic = {{ network = 'none', local_network = 'none' }}\n\
+        "{keys}seed = 3\ntotal_steps = 30000\n\
          local_simulators = {{ copies = 4, stagger = true }}\n\
          policy = {{ hidden = [16] }}\n\
          ppo = {{ time_limit = 'bootstrap', learning_rate = 3e-3, gamma = 0.5 }}\n\
@@ -36,8 +37,8 @@ fn config(simulator: &str) -> Config {
 
 fn train(config: &Config, dir: &Path) -> Result<()> {
     let coins: Arc<dyn Domain> = Arc::new(Coins::new(HORIZON));
-    let (owner, layouts) = (Owner::of(config, &*coins)?, Layouts::of(config, coins.kinds()));
-    let mut fleet = InlineFleet::new(coins, config, Rc::new(Silent));
+    let (owner, layouts) = (Owner::of(&RunConfig::from(config.clone()), &*coins)?, Layouts::of(config, coins.kinds()));
+    let mut fleet = in_process(coins, config.clone(), Rc::new(Silent)).unwrap();
     let mut log = RunLog::begin(Directory::lock(dir)?, owner, layouts);
     dials::train(config, &mut fleet, Standing::default(), &mut log, &Silent)
 }

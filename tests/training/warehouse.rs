@@ -1,15 +1,16 @@
 //! The warehouse domain: its conformance, its reference figures, and a few steps in detail.
 
-use dials_config::{AipConfig, WarehouseConfig};
 use dials_core::base::{AgentId, Rows, Seed, Stopwatch, Work};
 use dials_core::domain::{Baseline, Beginning, Domain, GlobalSimulator, LocalSimulator};
+use dials_learn::algorithms::imitation::demonstrate;
+use dials_learn::config::AipConfig;
 use dials_learn::evaluation::{Evaluation, play_episodes};
 use dials_learn::influence::{AipStack, Dataset, train};
 use dials_learn::policy::Demonstrations;
 use dials_learn::training::collect::collect_episode;
-use dials_learn::training::imitation::demonstrate;
 use dials_testkit::conformance;
 use dials_warehouse::Warehouse;
+use dials_warehouse::config::WarehouseConfig;
 use dials_warehouse::global::GlobalWarehouse;
 use dials_warehouse::layout::FloorPlan;
 use dials_warehouse::local::LocalWarehouse;

@@ -41,7 +41,7 @@ impl ByCores {
         let mut seconds: BTreeMap<usize, Vec<f64>> = BTreeMap::new();
         let mut updates = Vec::new();
         // A shared policy has only one learner.
-        let most = if runs.iter().any(|run| run.config.shares_policies()) { 1 } else { agents };
+        let most = if runs.iter().any(|run| run.config.learning.shares_policies()) { 1 } else { agents };
         for run in runs {
             let time = run.time_at(steps)?;
             seconds.entry(run.workers).or_default().push(time.runtime_s());
@@ -129,8 +129,8 @@ fn by_workers(measured: &BTreeMap<usize, f64>) -> String {
 mod tests {
     use super::*;
     use crate::group::sort;
-    use dials_config::Config;
     use dials_core::domain::Scenario;
+    use dials_session::config::RunConfig;
     use dials_session::records::find::Found;
     use dials_session::records::method::Method;
     use dials_session::records::run_record::{CpuTime, EvaluationRecord, PeriodTime, Returns, RunRecord};
@@ -150,8 +150,8 @@ mod tests {
 
     /// Makes a finished run of four robots that took 70 s, and 90 CPU seconds without evaluations.
     fn run(keys: &str, workers: usize) -> RunRecord {
-        let config: Config = toml::from_str(&format!("{keys}\nwarehouse = {{ agents_per_side = 2 }}")).unwrap();
-        let steps = config.total_steps;
+        let config: RunConfig = toml::from_str(&format!("{keys}\nwarehouse = {{ agents_per_side = 2 }}")).unwrap();
+        let steps = config.learning.total_steps;
         let all = Returns { mean: 1.0, median: 1.0, std_error: 0.0, stuck: 0 };
         let evaluation =
             EvaluationRecord { steps, all, agents: vec![all; 4], episodes: None, episode_returns: Vec::new() };

@@ -117,7 +117,7 @@ fn seeds(comparisons: &[Comparison]) -> Result<CsvFile> {
         let lines = group.runs.iter().flat_map(|run| {
             run.evaluations.iter().map(|evaluation| {
                 let episodes = evaluation.episodes.map_or(String::new(), |episodes| episodes.to_string());
-                let mut line = vec![run.config.seed.to_string(), evaluation.steps.to_string(), episodes];
+                let mut line = vec![run.config.learning.seed.to_string(), evaluation.steps.to_string(), episodes];
                 line.extend([evaluation.all.mean, evaluation.all.median].map(number));
                 line.push(optional(run.runtime_at(evaluation.steps)));
                 line

@@ -50,7 +50,7 @@ impl Final {
     pub fn of(group: &Group) -> Option<Final> {
         let (steps, runs) = group.finals()?;
         let agents_of_runs: Vec<(u64, Vec<Returns>)> =
-            runs.iter().map(|run| (run.config.seed, agents_at(run, steps).to_vec())).collect();
+            runs.iter().map(|run| (run.config.learning.seed, agents_at(run, steps).to_vec())).collect();
         let everyone: Vec<(AgentAt, bool)> = agents_of_runs
             .iter()
             .flat_map(|(seed, agents)| {
@@ -60,7 +60,7 @@ impl Final {
             })
             .collect();
         let of_runs: BySeed =
-            runs.iter().filter_map(|run| Some((run.config.seed, played::of_run(run, steps)?))).collect();
+            runs.iter().filter_map(|run| Some((run.config.learning.seed, played::of_run(run, steps)?))).collect();
         let means: Vec<f64> = of_runs.iter().map(|(_, played)| played.mean).collect();
         let medians: Vec<f64> = runs.iter().filter_map(|run| Some(run.evaluation_at(steps)?.all.median)).collect();
         let count = agents_of_runs.first().map_or(0, |(_, agents)| agents.len());

@@ -105,7 +105,7 @@ impl Group {
     }
 
     pub fn seeds(&self) -> Vec<u64> {
-        self.runs.iter().map(|run| run.config.seed).collect()
+        self.runs.iter().map(|run| run.config.learning.seed).collect()
     }
 
     /// Returns the step of the final return and the runs that count for it: the finished runs with the most steps. If
@@ -287,11 +287,11 @@ fn group(method: Method, told_apart: &BTreeMap<String, Option<String>>, runs: Ve
 /// Sorts runs by seed. Of several runs with the same seed, only the one with the most steps stays. Of equal ones it is
 /// one that measured its AIPs on new episodes, if there is one.
 fn without_doubles(mut runs: Vec<RunRecord>, left_out: &mut Vec<LeftOut>) -> Vec<RunRecord> {
-    runs.sort_by_key(|run| (run.config.seed, std::cmp::Reverse(last_step(run)), run.fresh_losses.is_empty()));
+    runs.sort_by_key(|run| (run.config.learning.seed, std::cmp::Reverse(last_step(run)), run.fresh_losses.is_empty()));
     let mut kept: Vec<RunRecord> = Vec::new();
     for run in runs {
         match kept.last() {
-            Some(last) if last.config.seed == run.config.seed => {
+            Some(last) if last.config.learning.seed == run.config.learning.seed => {
                 let reason = format!("is the same training as {}", last.dir.display());
                 left_out.push(LeftOut { dir: run.dir, reason });
             }
@@ -367,7 +367,7 @@ mod tests {
         let short: Vec<String> = comparison.groups.iter().map(|group| comparison.short_label(group)).collect();
         assert_eq!(short, ["DIALS F=1M", "DIALS once", "aip.epochs=1", "copies=2", "ppo.epochs=1"]);
         assert_eq!(ablation(&["", "ppo.clip = 0.2"]).reference, None, "neither is the usual one");
-        assert_eq!(ablation(&["", "simulator = 'gs'", "simulator = 'untrained-dials'"]).reference, None);
+        assert_eq!(ablation(&["", "simulator = 'gs'", "predictor = 'untrained'"]).reference, None);
         assert_eq!(ablation(&[""]).reference, None, "there is nothing to compare it with");
     }
 

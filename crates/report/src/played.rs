@@ -7,7 +7,7 @@ use dials_session::records::run_record::{EvaluationRecord, RunRecord};
 /// Returns what a run played at the evaluation at a step; `None` if there was none.
 pub fn of_run(run: &RunRecord, steps: u64) -> Option<Played> {
     let EvaluationRecord { all, episodes, episode_returns, .. } = run.evaluation_at(steps)?;
-    Some(Played::new(all.mean, *episodes, Some(run.config.evaluation.seed), episode_returns.clone()))
+    Some(Played::new(all.mean, *episodes, Some(run.config.learning.evaluation.seed), episode_returns.clone()))
 }
 
 /// Returns what a controller played.

@@ -177,7 +177,7 @@ fn commands(comparisons: &[Comparison]) -> Vec<String> {
     let commands = runs.filter_map(|run| {
         let words = run.about.command.get(1..)?.iter();
         let mut words: Vec<String> = words.map(|word| quoted_word(&word.as_it_was())).collect();
-        end_at(&mut words, run.config.stop_at_steps);
+        end_at(&mut words, run.config.learning.stop_at_steps);
         Some(format!("dials-traffic {}", words.join(" ")))
     });
     commands.collect()

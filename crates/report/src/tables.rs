@@ -231,7 +231,7 @@ pub fn runs(comparisons: &[Comparison]) -> Table {
                     run.dir.display().to_string(),
                     comparison.title.clone(),
                     group.label(),
-                    run.config.seed.to_string(),
+                    run.config.learning.seed.to_string(),
                     status,
                     last.map_or(NOTHING.to_owned(), |last| steps_text(last.steps)),
                     last.and_then(|last| last.episodes).map_or(NOTHING.to_owned(), |count| count.to_string()),

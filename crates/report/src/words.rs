@@ -110,7 +110,7 @@ pub fn warnings(comparisons: &[Comparison], missing: &[PathBuf], left_out: &[Lef
         for group in &comparison.groups {
             let furthest = group.finals().map_or(0, |(steps, _)| steps);
             for run in &group.runs {
-                let (place, planned) = (Printable(run.dir.display()), steps_text(run.config.last_step()));
+                let (place, planned) = (Printable(run.dir.display()), steps_text(run.config.learning.last_step()));
                 match run.status() {
                     Status::Unfinished { steps } => {
                         warnings.push(format!(

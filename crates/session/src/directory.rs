@@ -10,6 +10,7 @@ use super::domains;
 use super::outputs::check_not_of_a_run;
 use super::parent::END_WITH;
 use super::places::{self, Existing};
+use crate::config::RunConfig;
 use crate::records::checkpoint::newest_step;
 use crate::records::checkpoint::owner::Owner;
 use crate::records::files;
@@ -18,7 +19,6 @@ use crate::records::kept::Kept;
 use crate::records::run_json::RunJson;
 use crate::records::word::Word;
 use crate::terminal::{program, tell};
-use dials_config::Config;
 use dials_core::base::{AgentId, counted};
 use dials_core::domain::Domain;
 use dials_core::outside::{Directory, Whereabouts, quoted};
@@ -29,7 +29,7 @@ use dials_learn::training::block::initial_aips;
 /// Makes the directory of a new run and returns it, locked.
 ///
 /// The directory is self-contained: it holds the config, the networks and the circumstances of the run.
-pub fn create(path: &Path, existing: Existing, config: &Config, program: Program) -> Result<Directory> {
+pub fn create(path: &Path, existing: Existing, config: &RunConfig, program: Program) -> Result<Directory> {
     // The run loads its networks from there later.
     domains::check_place(config, &places::place(path, existing)?)?;
     check_not_of_a_run("--out", path)?;
@@ -37,13 +37,13 @@ pub fn create(path: &Path, existing: Existing, config: &Config, program: Program
 }
 
 /// Writes the config, the networks and `run.json`.
-fn describe(dir: &Directory, config: &Config, program: Program) -> Result<()> {
+fn describe(dir: &Directory, config: &RunConfig, program: Program) -> Result<()> {
     let domain = domains::find(config)?;
     let kept = domains::keep_files(config, &*domain, dir.path())?;
-    dir.put(files::CONFIG, dials_config::to_toml(&kept)?.as_bytes())?;
+    dir.put(files::CONFIG, crate::config::to_toml(&kept)?.as_bytes())?;
     let versions = build::here(program, config.numerics.vector_width)?;
     let run = RunJson {
-        seed: Some(config.seed),
+        seed: Some(config.learning.seed),
         command: command_line(),
         scenario: Some(domain.scenario()?),
         agents: domain.names(),
@@ -70,7 +70,7 @@ fn command_line() -> Vec<Word> {
 
 /// A run with trained policies.
 pub struct TrainedRun {
-    pub config: Config,
+    pub config: RunConfig,
     pub domain: Arc<dyn Domain>,
     pub policies: JointPolicy,
     /// Timesteps per agent of these policies, if somebody is still training the run.
@@ -88,16 +88,22 @@ impl TrainedRun {
 
 /// Reads the config of a run directory and opens its domain. `open`: [`domains::open`], or [`domains::open_tried`] if its
 /// networks were tried already.
-pub fn open_config(path: &Path, open: fn(&Config) -> Result<Arc<dyn Domain>>) -> Result<(Config, Arc<dyn Domain>)> {
+pub fn open_config(
+    path: &Path,
+    open: fn(&RunConfig) -> Result<Arc<dyn Domain>>,
+) -> Result<(RunConfig, Arc<dyn Domain>)> {
     check(path)?;
-    let config = dials_config::load(&path.join(files::CONFIG), &[])?;
+    let config = crate::config::load(&path.join(files::CONFIG), &[])?;
     let domain = open(&config)?;
     Ok((config, domain))
 }
 
 /// Reads the config of a run directory and opens its domain, like [`open_config`]. It is an error if the networks or the
 /// domain's keys are other ones than when the run began.
-pub fn open_unchanged(path: &Path, open: fn(&Config) -> Result<Arc<dyn Domain>>) -> Result<(Config, Arc<dyn Domain>)> {
+pub fn open_unchanged(
+    path: &Path,
+    open: fn(&RunConfig) -> Result<Arc<dyn Domain>>,
+) -> Result<(RunConfig, Arc<dyn Domain>)> {
     let (config, domain) = open_config(path, open)?;
     Owner::of(&config, &*domain)?.check_unchanged(path)?;
     Ok((config, domain))
@@ -109,7 +115,7 @@ pub fn open(path: &Path) -> Result<TrainedRun> {
 }
 
 /// Reads a run directory like [`open`]. `open`: how its domain is opened, as for [`open_config`].
-pub fn open_with(path: &Path, open: fn(&Config) -> Result<Arc<dyn Domain>>) -> Result<TrainedRun> {
+pub fn open_with(path: &Path, open: fn(&RunConfig) -> Result<Arc<dyn Domain>>) -> Result<TrainedRun> {
     check(path)?;
     let directory = Directory::open(path)?;
     let (config, domain) = open_unchanged(path, open)?;
@@ -119,7 +125,7 @@ pub fn open_with(path: &Path, open: fn(&Config) -> Result<Arc<dyn Domain>>) -> R
         "{}: has no policies yet; they are written at the end of the first period",
         path.display()
     );
-    let layout = JointLayout::of_policies(domain.kinds(), &config.policy);
+    let layout = JointLayout::of_policies(domain.kinds(), &config.learning.policy);
     let (policies, steps) = layout.read_with_steps(&saved).map_err(|error| with_way_out(error, path))?;
     ensure!(
         directory.whereabouts() == Whereabouts::InPlace,
@@ -135,17 +141,17 @@ pub fn open_with(path: &Path, open: fn(&Config) -> Result<Arc<dyn Domain>>) -> R
 /// `config`: that of the run; `domain`: one with the same agents.
 pub fn read_aips(
     path: &Path,
-    config: &Config,
+    config: &RunConfig,
     domain: &dyn Domain,
     agents: &[AgentId],
 ) -> Result<Box<dyn TrainablePredictor>> {
-    let choice = config.simulator.predictor().with_context(|| {
+    let choice = config.learning.predictor_in_use().with_context(|| {
         format!("{}: was trained on the GS and has no AIPs, so its local simulators cannot be played", path.display())
     })?;
-    let mut aips = initial_aips(domain, config, agents);
+    let mut aips = initial_aips(domain, &config.learning, agents);
     // A predictor that is never trained is never written.
     if choice.learns() {
-        let layout = JointLayout::of_aips(domain.kinds(), choice, &config.aip);
+        let layout = JointLayout::of_aips(domain.kinds(), choice, &config.learning.aip);
         let of_all = layout.read(&path.join(files::AIPS)).map_err(|error| with_way_out(error, path))?;
         aips.load(&of_all.pick(agents.iter().map(|agent| agent.0)).into_rows());
     }
@@ -186,7 +192,7 @@ pub fn check(path: &Path) -> Result<()> {
 impl TrainedRun {
     /// Returns the policies as a controller for the global simulator (GS).
     pub fn controller(&self, selection: Selection) -> JointPolicyController {
-        JointPolicyController::new(self.domain.kinds(), &self.config.policy, &self.policies, selection)
+        JointPolicyController::new(self.domain.kinds(), &self.config.learning, &self.policies, selection)
     }
 }
 
@@ -195,7 +201,8 @@ mod tests {
     use super::*;
     use std::fs;
 
-    use dials_config::{DomainConfig, TrafficConfig};
+    use crate::domains::DomainConfig;
+    use dials_traffic::config::{TrafficConfig, TrafficTable};
     use dials_traffic::network::contents::Network;
     use dials_traffic::network::files::NetworkFiles;
     use dials_traffic::network::way_out::Role;
@@ -203,19 +210,21 @@ mod tests {
     const PROGRAM: Program = Program { version: "0", git_commit: "test", libtorch: "none" };
 
     /// A config that is loaded from `dir`, with the networks of this project.
-    fn config_in(dir: &Path) -> Config {
+    fn config_in(dir: &Path) -> RunConfig {
         let nets = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../sumo_nets");
         let text = format!("[traffic]\nnetwork = '{0}/grid_2x2'\nlocal_network = '{0}/local'\n", nets.display());
         fs::write(dir.join("c.toml"), text).unwrap();
-        dials_config::load(&dir.join("c.toml"), &[]).unwrap()
+        crate::config::load(&dir.join("c.toml"), &[]).unwrap()
     }
 
-    fn traffic_in(config: &mut Config) -> &mut TrafficConfig {
-        let Some(DomainConfig::Traffic(table)) = &mut config.domain else { panic!("this config is of traffic") };
+    fn traffic_in(config: &mut RunConfig) -> &mut TrafficConfig {
+        let Some(DomainConfig::Traffic(TrafficTable::Grid(table))) = &mut config.domain else {
+            panic!("this config is of traffic")
+        };
         table
     }
 
-    fn networks_of(config: &Config) -> [NetworkFiles; 2] {
+    fn networks_of(config: &RunConfig) -> [NetworkFiles; 2] {
         let traffic = traffic_in(&mut config.clone()).clone();
         [&traffic.network, &traffic.local_network].map(|network| NetworkFiles::of(network))
     }
@@ -267,9 +276,9 @@ mod tests {
         let dir = tempfile::tempdir().unwrap();
         let path = dir.path().join("run");
         create(&path, Existing::Refuse, &config_in(dir.path()), PROGRAM).unwrap();
-        let kept = dials_config::load(&path.join(files::CONFIG), &[]).unwrap();
+        let kept = crate::config::load(&path.join(files::CONFIG), &[]).unwrap();
         create(&path, Existing::MoveAside, &kept, PROGRAM).unwrap();
-        let again = dials_config::load(&path.join(files::CONFIG), &[]).unwrap();
+        let again = crate::config::load(&path.join(files::CONFIG), &[]).unwrap();
         networks_of(&again).iter().for_each(|network| network.check().unwrap());
     }
 
@@ -286,7 +295,7 @@ mod tests {
         traffic.local_network = dir.path().join("l/same");
         let path = dir.path().join("run");
         create(&path, Existing::Refuse, &config, PROGRAM).unwrap();
-        let kept = networks_of(&dials_config::load(&path.join(files::CONFIG), &[]).unwrap());
+        let kept = networks_of(&crate::config::load(&path.join(files::CONFIG), &[]).unwrap());
         for (kept, original) in kept.iter().zip([&global, &local]) {
             assert_eq!(fs::read(&kept.net).unwrap(), fs::read(&original.net).unwrap());
             assert_eq!(fs::read(&kept.routes).unwrap(), fs::read(&original.routes).unwrap());

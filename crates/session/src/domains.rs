@@ -1,4 +1,4 @@
-//! Finds the domain that a config names. Only this file knows all domains.
+//! The domains. Only this file knows all of them: a new one needs its crate and a line in [`DomainConfig`].
 
 use std::path::Path;
 use std::sync::Arc;
@@ -6,15 +6,80 @@ use std::sync::Arc;
 use anyhow::{Context, Result, bail, ensure};
 
 use super::trial;
+use crate::config::RunConfig;
 use crate::records::files;
 use crate::terminal::tell;
-use dials_config::{Config, DomainConfig, Simulator};
+use schemars::{Schema, SchemaGenerator};
+use serde::Serialize;
+use serde::de::MapAccess;
+
 use dials_core::base::for_terminal;
-use dials_core::domain::Domain;
+use dials_core::domain::{Domain, DomainTable};
+use dials_learn::config::Simulator;
 use dials_traffic::Traffic;
+use dials_traffic::config::TrafficTable;
 use dials_traffic::sim::recording::Tape;
-use dials_warehouse::Warehouse;
+use dials_warehouse::config::WarehouseConfig;
 use stacknets::use_vectors;
+
+macro_rules! domains {
+    ($($name:literal: $variant:ident($table:ty),)*) => {
+        /// The table of a domain.
+        #[derive(Clone, Debug, PartialEq, Serialize)]
+        pub enum DomainConfig {
+            $(#[serde(rename = $name)] $variant($table),)*
+        }
+
+        impl DomainConfig {
+            /// Names of all domains, which are the names of their tables.
+            pub(crate) const NAMES: &[&str] = &[$($name),*];
+
+            /// Returns the name of the table in a config, which is the domain's name.
+            pub fn name(&self) -> &'static str {
+                match self {
+                    $(DomainConfig::$variant(_) => $name,)*
+                }
+            }
+
+            pub fn table(&self) -> &dyn DomainTable {
+                match self {
+                    $(DomainConfig::$variant(table) => table,)*
+                }
+            }
+
+            pub fn table_mut(&mut self) -> &mut dyn DomainTable {
+                match self {
+                    $(DomainConfig::$variant(table) => table,)*
+                }
+            }
+
+            /// Returns the schema of each table, in the order of the names.
+            pub(crate) fn schemas(generator: &mut SchemaGenerator) -> Vec<Schema> {
+                vec![$(generator.subschema_for::<$table>()),*]
+            }
+
+            /// Reads the table of this name.
+            pub(crate) fn read<'de, M: MapAccess<'de>>(name: &str, map: &mut M) -> Result<DomainConfig, M::Error> {
+                match name {
+                    $($name => map.next_value().map(DomainConfig::$variant),)*
+                    _ => unreachable!("`{name}` is no domain"),
+                }
+            }
+        }
+    };
+}
+
+domains! {
+    "traffic": Traffic(TrafficTable),
+    "warehouse": Warehouse(WarehouseConfig),
+}
+
+impl DomainConfig {
+    /// Returns a key of this table with the table's name before it, as `--set` takes it.
+    pub fn key(&self, key: &str) -> String {
+        format!("{}.{key}", self.name())
+    }
+}
 
 /// Error if a machine cannot compute as a config says. Only the fixed width can be missing.
 pub const NO_SUCH_VECTORS: &str =
@@ -24,7 +89,7 @@ pub const NO_SUCH_VECTORS: &str =
 ///
 /// Also sets the vector width of this process's networks as the config says. So every process must call this before it
 /// computes with networks.
-pub fn open(config: &Config) -> Result<Arc<dyn Domain>> {
+pub fn open(config: &RunConfig) -> Result<Arc<dyn Domain>> {
     let domain = open_tried(config)?;
     trial::survive(config, &*domain)?;
     Ok(domain)
@@ -32,47 +97,43 @@ pub fn open(config: &Config) -> Result<Arc<dyn Domain>> {
 
 /// Opens the domain of a config, like [`open`], but tries nothing first: in a process that may end with it, or after
 /// the same files were tried elsewhere.
-pub fn open_tried(config: &Config) -> Result<Arc<dyn Domain>> {
+pub fn open_tried(config: &RunConfig) -> Result<Arc<dyn Domain>> {
     use_vectors(config.numerics.vector_width).context(NO_SUCH_VECTORS)?;
     find(config)
 }
 
 /// Opens the domain of a config only to ask it something. Leaves the vector width as it is.
-pub fn find(config: &Config) -> Result<Arc<dyn Domain>> {
-    Ok(match table(config) {
-        DomainConfig::Traffic(table) => Arc::new(Traffic::open(table)?),
-        DomainConfig::Scenario(table) => Arc::new(Traffic::open_scenario(table)?),
-        DomainConfig::Warehouse(table) => Arc::new(Warehouse::new(table)),
-    })
+pub fn find(config: &RunConfig) -> Result<Arc<dyn Domain>> {
+    domain(config).table().open()
 }
 
-fn table(config: &Config) -> &DomainConfig {
+fn domain(config: &RunConfig) -> &DomainConfig {
     config.domain.as_ref().expect("a config that was loaded has a domain")
 }
 
 /// Returns the version of SUMO if the domain of a config needs it. If it does not, or SUMO cannot be loaded: `None`.
-pub fn sumo_version(config: &Config) -> Option<String> {
-    match table(config) {
-        DomainConfig::Traffic(_) | DomainConfig::Scenario(_) => dials_traffic::sumo_version().ok(),
-        DomainConfig::Warehouse(_) => None,
+pub fn sumo_version(config: &RunConfig) -> Option<String> {
+    match domain(config) {
+        DomainConfig::Traffic(_) => dials_traffic::sumo_version().ok(),
+        _ => None,
     }
 }
 
 /// Returns the traffic domain of a config, or `None` if the config names another domain.
-pub fn traffic(config: &Config) -> Result<Option<Traffic>> {
-    match table(config) {
-        DomainConfig::Traffic(table) => Traffic::open(table).map(Some),
-        DomainConfig::Scenario(table) => Traffic::open_scenario(table).map(Some),
-        DomainConfig::Warehouse(_) => Ok(None),
+pub fn traffic(config: &RunConfig) -> Result<Option<Traffic>> {
+    match domain(config) {
+        DomainConfig::Traffic(TrafficTable::Grid(table)) => Traffic::open(table).map(Some),
+        DomainConfig::Traffic(TrafficTable::Scenario(table)) => Traffic::open_scenario(table).map(Some),
+        _ => Ok(None),
     }
 }
 
 /// Returns the traffic domain of a config, like [`traffic`], in which all cars dawdle as much as `sigma` says. Only a
 /// scenario has cars that may.
-pub fn dawdling(config: &Config, sigma: f64) -> Result<Option<Traffic>> {
-    match table(config) {
-        DomainConfig::Scenario(table) => Traffic::open_dawdling(table, sigma).map(Some),
-        DomainConfig::Traffic(_) if sigma != 0.0 => {
+pub fn dawdling(config: &RunConfig, sigma: f64) -> Result<Option<Traffic>> {
+    match domain(config) {
+        DomainConfig::Traffic(TrafficTable::Scenario(table)) => Traffic::open_dawdling(table, sigma).map(Some),
+        DomainConfig::Traffic(TrafficTable::Grid(_)) if sigma != 0.0 => {
             bail!("--sigma {sigma}: the cars of the paper's grids never dawdle; leave the option out")
         }
         _ => traffic(config),
@@ -80,14 +141,14 @@ pub fn dawdling(config: &Config, sigma: f64) -> Result<Option<Traffic>> {
 }
 
 /// Opens the traffic domain of a config. The first episode that its simulators play is recorded on `tape`.
-pub fn open_recorded(config: &Config, tape: &Tape) -> Result<Traffic> {
+pub fn open_recorded(config: &RunConfig, tape: &Tape) -> Result<Traffic> {
     match traffic(config)? {
         Some(traffic) => {
             trial::survive(config, &traffic)?;
             Ok(traffic.record_on(tape))
         }
         None => {
-            let name = table(config).name();
+            let name = domain(config).name();
             bail!("only traffic can be recorded, and this is {name}; draw its episodes with `evaluate --render DIR`")
         }
     }
@@ -95,13 +156,13 @@ pub fn open_recorded(config: &Config, tape: &Tape) -> Result<Traffic> {
 
 /// Tries the domain's files in its simulator, so that errors in them are reported before a run begins. The same for
 /// the name of a controller to imitate. Returns the domain. Leaves the vector width as it is.
-pub fn check(config: &Config) -> Result<Arc<dyn Domain>> {
+pub fn check(config: &RunConfig) -> Result<Arc<dyn Domain>> {
     let domain = find(config)?;
-    if let Some(name) = &config.policy.imitate {
+    if let Some(name) = &config.learning.policy.imitate {
         domain.check_baseline(name).context("policy.imitate: not a controller of this domain")?;
     }
     ensure!(
-        !config.shares_policies() || domain.kinds().count() == 1,
+        !config.learning.shares_policies() || domain.kinds().count() == 1,
         "gs.shared_policy = true: the agents of this domain are of {} kinds, and only agents of one kind can share a \
          policy",
         domain.kinds().count()
@@ -112,30 +173,30 @@ pub fn check(config: &Config) -> Result<Arc<dyn Domain>> {
 }
 
 /// Tries what training needs: the files, like [`check`], and the local simulators if the policies train on them.
-pub fn check_for_training(config: &Config) -> Result<Arc<dyn Domain>> {
+pub fn check_for_training(config: &RunConfig) -> Result<Arc<dyn Domain>> {
     ensure!(
-        !config.gs.shared_policy || config.simulator == Simulator::Global,
+        !config.learning.gs.shared_policy || config.learning.simulator == Simulator::Global,
         "gs.shared_policy = true: is for training on the GS, and here simulator = \"{}\"; remove it, or train with \
          --simulator gs (in local simulators policy.average_every_steps gives all agents the mean of their policies)",
-        config.simulator.name()
+        config.learning.short_form().name
     );
     let domain = check(config)?;
-    if config.simulator != Simulator::Global {
+    if config.learning.simulator != Simulator::Global {
         domain.try_local()?;
     }
     Ok(domain)
 }
 
 /// Checks that the domain's files could be loaded from a run directory at `path`.
-pub fn check_place(config: &Config, path: &Path) -> Result<()> {
+pub fn check_place(config: &RunConfig, path: &Path) -> Result<()> {
     find(config)?.check_place(&path.join(files::NETWORKS))
 }
 
 /// Copies the domain's files into the run directory `dir` and returns a config with the paths of the copies.
-pub fn keep_files(config: &Config, domain: &dyn Domain, dir: &Path) -> Result<Config> {
+pub fn keep_files(config: &RunConfig, domain: &dyn Domain, dir: &Path) -> Result<RunConfig> {
     let places = domain.keep_files(&dir.join(files::NETWORKS))?;
     let mut kept = config.clone();
-    let paths = kept.domain.iter_mut().flat_map(DomainConfig::paths);
+    let paths = kept.domain.iter_mut().flat_map(|domain| domain.table_mut().paths());
     paths.zip(places).for_each(|((_, path), place)| *path = Path::new(files::NETWORKS).join(place));
     Ok(kept)
 }

@@ -1,5 +1,6 @@
 //! Runs: what the command line and the Python package stand on.
 //!
+//! - [`config`]: the config of a run; [`domains`]: the domains that it can name.
 //! - [`fleet`]: workers and their coordinator.
 //! - [`records`]: run directories, written and read.
 //! - [`cost`], [`mod@bench`]: how often a run does what, and what that costs.
@@ -7,6 +8,7 @@
 
 pub mod bench;
 pub mod build;
+pub mod config;
 pub mod cost;
 pub mod directory;
 pub mod domains;

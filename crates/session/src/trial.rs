@@ -17,9 +17,9 @@ use anyhow::{Context, Result, anyhow};
 
 use super::domains;
 use super::parent::END_WITH;
+use crate::config::RunConfig;
 use crate::error;
 use crate::machine::{limit_memory, ran_out_of_memory};
-use dials_config::Config;
 use dials_core::domain::Domain;
 use dials_core::outside::Printable;
 
@@ -40,7 +40,7 @@ static SURVIVED: Mutex<BTreeSet<String>> = Mutex::new(BTreeSet::new());
 /// The hidden command: tries the files of the config on standard input.
 pub fn try_out() -> error::Result<()> {
     limit_memory(MEMORY_GIB << 30).map_err(error::Error::Run)?;
-    let config = || -> Result<Config> {
+    let config = || -> Result<RunConfig> {
         let mut json = String::new();
         std::io::stdin().read_to_string(&mut json).context("no config on standard input")?;
         serde_json::from_str(&json).context("this command is for the program itself, not for people")
@@ -52,7 +52,7 @@ pub fn try_out() -> error::Result<()> {
 /// Lets a child try the files of a domain, if it is not known that the simulator survives them. Does so once per config.
 ///
 /// The error names the files, says how the child ended and what it said last.
-pub fn survive(config: &Config, domain: &dyn Domain) -> Result<()> {
+pub fn survive(config: &RunConfig, domain: &dyn Domain) -> Result<()> {
     let files = domain.strange_files();
     if files.is_empty() {
         return Ok(());

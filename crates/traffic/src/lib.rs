@@ -35,6 +35,7 @@
 pub mod agents;
 pub mod arrivals;
 pub mod cars_at;
+pub mod config;
 pub mod controllers;
 pub mod cut;
 pub mod d_set;
@@ -57,10 +58,10 @@ use std::sync::{Arc, OnceLock};
 
 use anyhow::{Context, Error, ensure};
 
+use crate::config::{ScenarioConfig, TrafficConfig};
 use agents::plan::{AgentPlan, Border, JointPlan};
 use controllers::timing_file::TimingFile;
 use controllers::{HandCoded, Trials};
-use dials_config::{ScenarioConfig, TrafficConfig};
 use dials_core::base::{AgentId, RandomPurpose, Rows, Seed};
 use dials_core::domain::road_trace::RoadMap;
 use dials_core::domain::{

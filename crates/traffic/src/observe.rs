@@ -8,7 +8,7 @@ use super::agents::region_plan::{Approach, RegionPlan};
 use super::agents::sensor::{CarColumns, LightColumns};
 use super::cars_at::CarsAt;
 use super::reward::Waiting;
-use dials_config::DSet;
+use crate::config::DSet;
 use dials_core::domain::{ApproachView, CarView, RoadView};
 use libsumo::{Car, LaneCars};
 
@@ -169,9 +169,9 @@ pub fn cars_lost(region: &RegionPlan, cars: CarsAt<'_>) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::config::{Observation, TrafficConfig};
     use crate::paper_grid::grid::Grid;
     use crate::paper_grid::plans::plans;
-    use dials_config::{Observation, TrafficConfig};
     use libsumo::{CarId, CarTable};
 
     /// Cars on one lane, the rearmost first: position and speed.

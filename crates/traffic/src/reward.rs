@@ -5,7 +5,7 @@ use std::collections::HashMap;
 use super::agents::region_plan::RegionPlan;
 use super::cars_at::CarsAt;
 use super::observe;
-use dials_config::{Reward, RewardTerm};
+use crate::config::{Reward, RewardTerm};
 use libsumo::CarId;
 
 /// Number of cars that count 1 in the terms `queue`, `lost-time` and `pressure`.
@@ -77,9 +77,9 @@ pub fn reward(reward: &Reward, region: &RegionPlan, cars: CarsAt<'_>, exits: Car
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::config::TrafficConfig;
     use crate::paper_grid::grid::Grid;
     use crate::paper_grid::plans::plans;
-    use dials_config::TrafficConfig;
     use libsumo::CarTable;
 
     /// Returns a read of four lanes; the first one holds these cars, as (number, speed).

@@ -4,7 +4,7 @@ use super::agents::phase_plan::Choice;
 use super::agents::plan::{AgentPlan, Border, JointPlan};
 use super::agents::region;
 use super::agents::sensor::{CarColumns, LightColumns, Sensor};
-use dials_config::{DSet, Reward, RewardTerm};
+use crate::config::{DSet, Reward, RewardTerm};
 use dials_core::base::AgentId;
 use dials_core::domain::{Rules, Task};
 
@@ -80,9 +80,9 @@ fn reward(reward: &Reward) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::config::TrafficConfig;
     use crate::paper_grid::grid::Grid;
     use crate::paper_grid::plans::joint_plan;
-    use dials_config::TrafficConfig;
 
     #[test]
     fn a_light_of_a_grid_has_a_name_for_everything_that_it_has() {

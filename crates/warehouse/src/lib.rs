@@ -6,8 +6,9 @@
 //!
 //! - [`layout`]: the floor; [`region`]: one robot's region (pure); [`items`]: where and when items appear.
 //! - [`global`]: the GS (global simulator), the whole warehouse; [`local`]: the LS (local simulator), single regions.
-//! - [`hand_coded`]: robots without a policy; `scene`: a picture of the warehouse.
+//! - [`config`]: the table of a config. [`hand_coded`]: robots without a policy; `scene`: a picture of the warehouse.
 
+pub mod config;
 pub mod global;
 pub mod hand_coded;
 pub mod items;
@@ -18,7 +19,7 @@ mod scene;
 
 use anyhow::bail;
 
-use dials_config::WarehouseConfig;
+use config::WarehouseConfig;
 use dials_core::base::{AgentId, Seed};
 use dials_core::domain::{
     Baseline, Bystander, Domain, FirstRow, GlobalSimulator, Kind, Kinds, LocalSimulator, Map, Measures, Result,

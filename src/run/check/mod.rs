@@ -11,10 +11,10 @@ use std::ops::Range;
 use anyhow::{Result, anyhow, bail, ensure};
 
 use crate::cli::CheckArgs;
-use dials_config::{Config, load};
 use dials_core::base::{AgentId, Seed};
 use dials_core::domain::Domain;
 use dials_core::outside::{did_you_mean, excerpt, folder_of, quoted};
+use dials_session::config::{RunConfig, load};
 use dials_session::error::{Error, Result as CommandResult};
 use dials_session::records::files::CONFIG;
 use dials_session::terminal::counting::EpisodeBar;
@@ -57,7 +57,7 @@ pub fn check(args: &CheckArgs) -> CommandResult<()> {
     answer(told).map_err(Error::Run)
 }
 
-fn opened(config: &Config, args: &CheckArgs) -> Result<Traffic> {
+fn opened(config: &RunConfig, args: &CheckArgs) -> Result<Traffic> {
     domains::check(config)?;
     let traffic = match args.sigma {
         None => domains::traffic(config)?,

@@ -20,7 +20,7 @@ pub fn described(described: &Described) -> Value {
     });
     json!({
         "config": path_as_text(path),
-        "simulator": config.simulator,
+        "simulator": config.learning.short_form().name,
         "episode_steps": domain.kinds().horizon(),
         "not_simulated": domain.left_out(),
         "kinds": kinds.collect::<Vec<_>>(),

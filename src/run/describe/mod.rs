@@ -10,10 +10,10 @@ use std::sync::Arc;
 
 use super::train::{cores, settings_with};
 use crate::cli;
-use dials_config::{Config, load};
 use dials_core::base::AgentId;
 use dials_core::domain::{Domain, Task};
 use dials_core::outside::FileName;
+use dials_session::config::{RunConfig, load};
 use dials_session::cost::Workload;
 use dials_session::error::{Error, Result};
 use dials_session::experiment::estimate::{Estimate, estimate};
@@ -29,7 +29,7 @@ const RUNS: &str = "runs";
 /// Everything that is shown of a config.
 struct Described {
     path: PathBuf,
-    config: Config,
+    config: RunConfig,
     domain: Arc<dyn Domain>,
     tasks: Vec<AgentTask>,
     work: Workload,
@@ -55,7 +55,7 @@ pub fn describe(args: &cli::DescribeArgs) -> Result<()> {
 
 impl Described {
     fn of(args: &cli::DescribeArgs) -> anyhow::Result<Described> {
-        let config = load(&args.config, &settings_with(&args.settings, args.simulator))?;
+        let config = load(&args.config, &settings_with(&args.settings, args.simulator.as_deref()))?;
         let domain = domains::find(&config)?;
         let tasks = AgentId::all(domain.agents()).into_iter().map(|agent| AgentTask {
             agent,
@@ -73,7 +73,7 @@ impl Described {
         };
         let workers = args.workers.unwrap_or_else(cores);
         let estimate = estimate(&run, workers, &runs_of_this_cpu(Path::new(RUNS)));
-        let work = Workload::of(&config, domain.agents(), config.last_step());
+        let work = Workload::of(&config, domain.agents(), config.learning.last_step());
         Ok(Described { path: args.config.clone(), config, domain, tasks, work, workers, estimate })
     }
 }

@@ -3,10 +3,11 @@
 use super::{AgentTask, Described};
 use crate::features::command_for_feature;
 use crate::run::listing::{line, list_columns, paragraph};
-use dials_config::Simulator;
 use dials_core::base::counted;
 use dials_core::domain::RegionSpec;
 use dials_core::outside::quoted;
+use dials_learn::algorithms;
+use dials_learn::config::Simulator;
 use dials_report::words::duration;
 use dials_session::experiment::estimate::Source;
 use dials_session::terminal::program;
@@ -28,7 +29,8 @@ fn agents(text: &mut String, Described { path, config, domain, tasks, .. }: &Des
     let horizon = domain.kinds().horizon();
     let count = counted(tasks.len(), "agent");
     paragraph(text, format_args!("{}: {count}, episodes of {horizon} steps", path.display()));
-    paragraph(text, format_args!("simulator: {}", simulator(config.simulator)));
+    let form = config.learning.short_form();
+    paragraph(text, format_args!("simulator: {}: policies train on {}", form.name, form.help));
     let mut names: Vec<&str> = tasks.iter().map(|agent| agent.name.as_str()).take(MOST_NAMES).collect();
     let more = tasks.len() - names.len();
     let more = format!("and {more} more");
@@ -38,16 +40,6 @@ fn agents(text: &mut String, Described { path, config, domain, tasks, .. }: &Des
     paragraph(text, format_args!("agents: {}", names.join(", ")));
     for what in domain.left_out() {
         paragraph(text, format_args!("note: {what}"));
-    }
-}
-
-fn simulator(simulator: Simulator) -> &'static str {
-    use dials_config::Predictor::{Marginals, Network, Untrained};
-    match simulator {
-        Simulator::Global => "gs: policies train on the global simulator",
-        Simulator::Local(Network) => "dials: policies train on local simulators with trained influence predictors",
-        Simulator::Local(Untrained) => "untrained-dials: policies train on local simulators with random predictors",
-        Simulator::Local(Marginals) => "marginal-dials: policies train on local simulators with constant predictors",
     }
 }
 
@@ -75,7 +67,7 @@ fn task(text: &mut String, Described { domain, tasks, config, .. }: &Described) 
     };
     list("observation column", &task.observation);
     list("action", &task.actions);
-    if config.simulator != Simulator::Global {
+    if config.learning.simulator != Simulator::Global {
         list("influence source", &task.sources);
         list("d-set column", &task.d_set);
     }
@@ -93,11 +85,11 @@ fn run(text: &mut String, Described { config, work, .. }: &Described) {
         format_args!(
             "  {} steps per agent, {} updates of the policies",
             work.steps,
-            updates(work.steps, config.ppo.memory)
+            updates(work.steps, algorithms::of(&config.learning).steps_per_update())
         ),
     );
-    if let Some(controller) = &config.policy.imitate {
-        let imitation = &config.imitation;
+    if let Some(controller) = &config.learning.policy.imitate {
+        let imitation = &config.learning.imitation;
         let (played, epochs) = (imitation.episodes(work.horizon), imitation.epochs);
         paragraph(
             text,
@@ -110,10 +102,10 @@ fn run(text: &mut String, Described { config, work, .. }: &Described) {
             ),
         );
     }
-    if config.shares_policies() {
+    if config.learning.shares_policies() {
         line(text, "  all agents of a kind have one policy");
     }
-    if let Some(every) = config.policy.average_every_steps {
+    if let Some(every) = config.learning.policy.average_every_steps {
         line(text, format_args!("  all agents of a kind get the mean of their policies every {every} steps"));
     }
     let episodes = [work.evaluation_episodes, work.final_episodes].map(|episodes| counted(episodes, "episode"));

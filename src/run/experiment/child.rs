@@ -14,8 +14,8 @@ use anyhow::{Context, Result};
 use rustix::process::{Pid, Signal, kill_process};
 
 use super::plan::PlannedWork;
-use dials_config::{Config, DomainConfig, to_toml};
 use dials_core::outside::Directory;
+use dials_session::config::{RunConfig, to_toml};
 use dials_session::experiment::LOGS;
 use dials_session::fleet::Log;
 use dials_session::machine::why_aborted;
@@ -145,9 +145,9 @@ fn name_of(file: &Path) -> Result<&str> {
 }
 
 /// Returns the config with absolute paths, so that it can be read from another folder.
-fn with_absolute_paths(config: &Config) -> Result<Config> {
+fn with_absolute_paths(config: &RunConfig) -> Result<RunConfig> {
     let mut config = config.clone();
-    for (_, path) in config.domain.iter_mut().flat_map(DomainConfig::paths) {
+    for (_, path) in config.domain.iter_mut().flat_map(|domain| domain.table_mut().paths()) {
         *path = std::path::absolute(&path)?;
     }
     Ok(config)

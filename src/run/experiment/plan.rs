@@ -5,9 +5,10 @@ use std::path::{Path, PathBuf};
 
 use anyhow::Result;
 
-use dials_config::{Config, Simulator};
 use dials_core::base::{TERMINAL_COLUMNS, for_terminal};
+use dials_learn::config::Simulator;
 use dials_report::words::duration;
+use dials_session::config::RunConfig;
 use dials_session::experiment::estimate::{Estimate, Source, estimate, estimate_controller};
 use dials_session::experiment::file::{Experiment, PlannedBaseline, PlannedRun};
 use dials_session::experiment::progress::{Stage, directory, stage, stage_of_baseline};
@@ -25,7 +26,7 @@ pub struct PlannedWork {
     /// File for its standard output, if that is its result.
     pub result: Option<PathBuf>,
     /// Config to write before it begins, with its path.
-    pub config: Option<(PathBuf, Config)>,
+    pub config: Option<(PathBuf, RunConfig)>,
     /// Number of cores that it uses.
     pub width: usize,
     /// Timesteps per agent of the whole run; 0 for a baseline.
@@ -66,7 +67,7 @@ impl PlannedWork {
             result: None,
             config: None,
             width,
-            steps: run.config.last_step(),
+            steps: run.config.learning.last_step(),
             share: stage.share(run),
             stage,
             agents: run.agents(),
@@ -132,7 +133,7 @@ impl Tasks {
         let baselines = experiment.baselines.iter().map(|baseline| PlannedWork::of_baseline(baseline, folder));
         let mut tasks = baselines.collect::<Result<Vec<PlannedWork>>>()?;
         for run in &experiment.runs {
-            let gs = run.config.simulator == Simulator::Global;
+            let gs = run.config.learning.simulator == Simulator::Global;
             let width = width(run.agents(), gs, experiment.all_cores_from_agents, cores);
             tasks.push(PlannedWork::of_run(run, folder, width, &measured, accept_other_build)?);
         }

@@ -14,7 +14,6 @@ use std::path::{Path, PathBuf};
 use anyhow::{Context, Result, anyhow, ensure};
 
 use crate::cli::InspectArgs;
-use dials_config::{ScenarioConfig, TrafficConfig};
 use dials_core::base::for_terminal;
 use dials_core::outside::{did_you_mean, excerpt, read_text};
 use dials_session::error::{Error, Result as CommandResult};
@@ -27,6 +26,7 @@ use dials_traffic::agents::derive::padding::{InfluencePadding, Padding};
 use dials_traffic::agents::derive::{Derived, Rules, derive};
 use dials_traffic::agents::plan::Border;
 use dials_traffic::agents::region::spec;
+use dials_traffic::config::{ScenarioConfig, TrafficConfig};
 use dials_traffic::network::files::NetworkFiles;
 use dials_traffic::network::roads::{EdgeNo, Roads, file};
 use dials_traffic::paper_grid::recognise::recognise_grid;

@@ -6,7 +6,7 @@ use std::fs;
 use std::io::{Write, stderr};
 use std::path::{Path, PathBuf};
 
-use dials_config::ScenarioConfig;
+use dials_traffic::config::ScenarioConfig;
 use dials_traffic::cut::beyond::Reach;
 use dials_traffic::cut::mixed::{MixedForest, prefix};
 use dials_traffic::cut::of_scenario::{cut_light, write};

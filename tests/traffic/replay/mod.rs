@@ -15,14 +15,16 @@ use std::process::Command as Program;
 use std::sync::{Mutex, PoisonError};
 
 use assert_cmd::Command;
-use dials_config::{Config, DomainConfig, load};
 use dials_core::base::{Rows, Seed};
 use dials_core::domain::{Beginning, Domain, LocalSimulator};
 use dials_learn::evaluation::{episode_seed, play};
 use dials_learn::policy::{JointPolicyController, Selection};
+use dials_session::config::{RunConfig, load};
+use dials_session::domains::DomainConfig;
 use dials_session::records::joint_layout::JointLayout;
 use dials_traffic::Traffic;
 use dials_traffic::agents::phases::Light;
+use dials_traffic::config::TrafficTable;
 use dials_traffic::controllers::NAMES;
 use dials_traffic::sim::recording::{Recording, Tape};
 use dials_traffic::sim::replay;
@@ -69,13 +71,17 @@ fn train(dir: &Path, more: &[&str]) -> PathBuf {
     run
 }
 
-fn open(config: &Config) -> Traffic {
-    let Some(DomainConfig::Traffic(table)) = &config.domain else { panic!("a config of traffic") };
+fn open(config: &RunConfig) -> Traffic {
+    let Some(DomainConfig::Traffic(TrafficTable::Grid(table))) = &config.domain else { panic!("a config of traffic") };
     Traffic::open(table).unwrap()
 }
 
 /// Plays the first episode of [`SEED`] in this process, to compare it with the program under test.
-fn record(config: &Config, cast: impl FnOnce(&Traffic) -> Option<JointPolicyController>, baseline: &str) -> Recording {
+fn record(
+    config: &RunConfig,
+    cast: impl FnOnce(&Traffic) -> Option<JointPolicyController>,
+    baseline: &str,
+) -> Recording {
     let tape = Tape::default();
     let traffic = open(config).record_on(&tape);
     let episode = episode_seed(Seed::new(SEED), 0);
@@ -104,9 +110,9 @@ fn sumo_plays_the_replay_of_trained_policies_as_the_episode_was() {
     let recording = record(
         &config,
         |traffic| {
-            let layout = JointLayout::of_policies(traffic.kinds(), &config.policy);
+            let layout = JointLayout::of_policies(traffic.kinds(), &config.learning.policy);
             let policies = layout.read(&run.join("policies.safetensors")).unwrap();
-            Some(JointPolicyController::new(traffic.kinds(), &config.policy, &policies, Selection::Sampled))
+            Some(JointPolicyController::new(traffic.kinds(), &config.learning, &policies, Selection::Sampled))
         },
         "",
     );

@@ -4,11 +4,13 @@ use std::collections::BTreeSet;
 use std::fs;
 use std::path::{Path, PathBuf};
 
-use dials_config::{DomainConfig, ScenarioConfig, load};
 use dials_core::base::{AgentId, Rows, Seed};
 use dials_core::domain::{Action, Beginning, Domain};
 use dials_learn::evaluation::{episode_seed, play};
+use dials_session::config::load;
+use dials_session::domains::DomainConfig;
 use dials_traffic::Traffic;
+use dials_traffic::config::{ScenarioConfig, TrafficTable};
 use dials_traffic::sim::recording::{Recording, Tape};
 use dials_traffic::sim::replay;
 use rand::Rng;
@@ -234,7 +236,11 @@ fn the_command_replays_controllers_and_runs_on_a_scenario_from_any_folder() {
     dials_traffic(["replay", text(&run), "--out", text(&folder)]).assert().success();
     let played = sumo_plays(&folder);
     assert_eq!(played.len(), 300);
-    let Some(DomainConfig::Scenario(table)) = load(&run.join("config.toml"), &[]).unwrap().domain else { panic!() };
+    let Some(DomainConfig::Traffic(TrafficTable::Scenario(table))) =
+        load(&run.join("config.toml"), &[]).unwrap().domain
+    else {
+        panic!()
+    };
     assert!(table.scenario.starts_with(&run));
     assert!(played.iter().map(BTreeSet::len).sum::<usize>() > 3000);
     let out = dir.path().join("local");

@@ -2,7 +2,7 @@
 
 use std::fs;
 
-use dials_config::ScenarioConfig;
+use dials_traffic::config::ScenarioConfig;
 use dials_traffic::scenario::SumoScenario;
 
 use super::room::{BUSES, CARS, MORE, NET, Room, SUMOCFG, names, table};

@@ -4,7 +4,8 @@ use std::fs;
 use std::path::PathBuf;
 use std::process::Command;
 
-use dials_config::{Simulator, load};
+use dials_learn::config::Simulator;
+use dials_session::config::load;
 use dials_traffic::scenario::SumoScenario;
 
 use super::room::{Room, SUMOCFG, table};
@@ -13,8 +14,8 @@ use super::room::{Room, SUMOCFG, table};
 fn a_sumocfg_stands_for_a_config_with_default_settings() {
     let room = Room::new();
     let config = room.config(&["traffic.decision_s=10", "ppo.clip=0.3", "total_steps=40000"]).unwrap();
-    assert_eq!((config.simulator, config.horizon()), (Simulator::default(), 30));
-    assert_eq!((config.ppo.clip, config.ppo.memory, config.total_steps), (0.3, 720, 40_000));
+    assert_eq!((config.learning.simulator, config.horizon()), (Simulator::default(), 30));
+    assert_eq!((config.learning.ppo.clip, config.learning.ppo.memory, config.learning.total_steps), (0.3, 720, 40_000));
     let table = table(config);
     assert_eq!((table.scenario, table.begin_s, table.end_s), (room.path(SUMOCFG), Some(100), Some(400)));
 }
@@ -26,7 +27,7 @@ fn a_config_names_a_scenario_beside_it_and_may_narrow_its_time() {
         .unwrap();
     let config = load(&room.path("c.toml"), &[]).unwrap();
     assert_eq!(config.horizon(), 20);
-    let kept = dials_config::to_toml(&config).unwrap();
+    let kept = dials_session::config::to_toml(&config).unwrap();
     fs::write(room.path("kept.toml"), kept).unwrap();
     assert_eq!(load(&room.path("kept.toml"), &[]).unwrap(), config);
     assert_eq!(SumoScenario::read(&table(config)).unwrap().window_s(), (100, 200));
@@ -42,19 +43,25 @@ fn a_config_that_names_nothing_but_a_scenario_is_a_sumocfg_in_other_words() {
     let bare = "[traffic]\nscenario = 'x.sumocfg'\n";
     let config = written(bare, &[]);
     assert_eq!(config, room.config(&[]).unwrap());
-    assert_eq!((config.total_steps, config.ppo.memory, config.aip.patience), (216_000, 720, Some(3)));
+    assert_eq!(
+        (config.learning.total_steps, config.learning.ppo.memory, config.learning.aip.patience),
+        (216_000, 720, Some(3))
+    );
     // Every key that is left out has the default of a scenario, also beside others of its table.
     let longer = written(&format!("{bare}[ppo]\nclip = 0.3\n"), &["ppo.epochs=4"]);
-    assert_eq!((longer.ppo.clip, longer.ppo.epochs, longer.ppo.memory), (0.3, 4, 720));
+    assert_eq!((longer.learning.ppo.clip, longer.learning.ppo.epochs, longer.learning.ppo.memory), (0.3, 4, 720));
     // Who names the epochs and no patience wants all of them. So does the kept config of such a run.
     let patient = written(&format!("{bare}[aip]\nepochs = 9\n"), &[]);
-    assert_eq!((patient.aip.epochs, patient.aip.patience, patient.aip.held_out), (9, None, 0.2));
-    assert_eq!(written(&dials_config::to_toml(&patient).unwrap(), &[]), patient);
-    assert_eq!(room.config(&["aip.epochs=9"]).unwrap().aip.patience, None);
-    assert_eq!(room.config(&["aip.epochs=9", "aip.patience=2"]).unwrap().aip.patience, Some(2));
+    assert_eq!(
+        (patient.learning.aip.epochs, patient.learning.aip.patience, patient.learning.aip.held_out),
+        (9, None, 0.2)
+    );
+    assert_eq!(written(&dials_session::config::to_toml(&patient).unwrap(), &[]), patient);
+    assert_eq!(room.config(&["aip.epochs=9"]).unwrap().learning.aip.patience, None);
+    assert_eq!(room.config(&["aip.epochs=9", "aip.patience=2"]).unwrap().learning.aip.patience, Some(2));
     // A grid has the defaults of the paper.
     let grid = written("[traffic]\nnetwork = 'n'\nlocal_network = 'l'\n", &[]);
-    assert_eq!((grid.total_steps, grid.aip.patience), (4_000_000, None));
+    assert_eq!((grid.learning.total_steps, grid.learning.aip.patience), (4_000_000, None));
 }
 
 #[test]

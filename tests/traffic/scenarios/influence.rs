@@ -5,7 +5,6 @@ use std::fs;
 use std::path::Path;
 use std::process::Command;
 
-use dials_config::ScenarioConfig;
 use dials_core::base::{RandomPurpose, Seed};
 use dials_core::domain::{Action, Controller, Domain, GlobalSimulator, JointPercept};
 use dials_learn::influence::Dataset;
@@ -13,6 +12,7 @@ use dials_learn::training::collect::collect_episode;
 use dials_traffic::Traffic;
 use dials_traffic::agents::border_plan::{BLOCK_M, BLOCK_MPS, BorderPlan};
 use dials_traffic::agents::plan::Border;
+use dials_traffic::config::ScenarioConfig;
 use dials_traffic::controllers::HandCoded;
 use rand::Rng;
 

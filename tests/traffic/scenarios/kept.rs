@@ -4,7 +4,7 @@ use std::fs;
 use std::path::Path;
 use std::process::Command;
 
-use dials_config::ScenarioConfig;
+use dials_traffic::config::ScenarioConfig;
 use dials_traffic::scenario::SumoScenario;
 use libsumo::Simulation;
 

@@ -4,11 +4,11 @@ use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Stdio};
 
-use dials_config::ScenarioConfig;
 use dials_core::base::{AgentId, Rows, Seed};
 use dials_core::domain::{Action, Beginning, Domain, LocalSimulator};
 use dials_testkit::conformance;
 use dials_traffic::Traffic;
+use dials_traffic::config::ScenarioConfig;
 use rand::Rng;
 
 use super::play::shipped;

@@ -6,12 +6,12 @@ use std::path::{Path, PathBuf};
 use std::process::Command as Program;
 
 use assert_cmd::Command;
-use dials_config::ScenarioConfig;
-use dials_config::sumocfg::Sumocfg;
 use dials_core::base::{RandomPurpose, Seed};
 use dials_core::domain::{Action, Domain};
 use dials_learn::evaluation::episode_seed;
 use dials_traffic::Traffic;
+use dials_traffic::config::ScenarioConfig;
+use dials_traffic::config::sumocfg::Sumocfg;
 use rand::Rng;
 use serde_json::Value;
 

@@ -3,7 +3,9 @@
 use std::fs;
 use std::path::{Path, PathBuf};
 
-use dials_config::{Config, DomainConfig, ScenarioConfig, load};
+use dials_session::config::{RunConfig, load};
+use dials_session::domains::DomainConfig;
+use dials_traffic::config::{ScenarioConfig, TrafficTable};
 use dials_traffic::scenario::SumoScenario;
 use tempfile::TempDir;
 
@@ -78,7 +80,7 @@ impl Room {
         fs::write(self.path(file), text.replacen(from, to, 1)).unwrap();
     }
 
-    pub fn config(&self, settings: &[&str]) -> anyhow::Result<Config> {
+    pub fn config(&self, settings: &[&str]) -> anyhow::Result<RunConfig> {
         load(&self.path(SUMOCFG), &settings.iter().map(|&setting| setting.to_owned()).collect::<Vec<_>>())
     }
 
@@ -93,8 +95,10 @@ impl Room {
     }
 }
 
-pub fn table(config: Config) -> ScenarioConfig {
-    let Some(DomainConfig::Scenario(table)) = config.domain else { panic!("the config is of a scenario") };
+pub fn table(config: RunConfig) -> ScenarioConfig {
+    let Some(DomainConfig::Traffic(TrafficTable::Scenario(table))) = config.domain else {
+        panic!("the config is of a scenario")
+    };
     table
 }
 

@@ -6,12 +6,13 @@
 //! - `units`: ids of agents and other units.
 //! - `stopwatch`: time by activity and phase; `work`: where a long computation reports its times and its progress.
 //! - `counted`: numbers of things, in the singular or the plural. `decimals`: how many digits a figure needs. `wrapped`:
-//!   text in lines of a limited width. `repeated`: what stands twice in a list.
+//!   text in lines of a limited width. `repeated`: what stands twice in a list. `keys`: the keys of a table.
 //! - [`statistics`]: means, intervals and differences.
 
 mod compact;
 mod counted;
 mod decimals;
+mod keys;
 mod purpose;
 mod ragged;
 mod repeated;
@@ -25,6 +26,7 @@ mod wrapped;
 pub use compact::CompactRows;
 pub use counted::counted;
 pub use decimals::decimals;
+pub use keys::keys_of;
 pub use purpose::RandomPurpose;
 pub use ragged::Ragged;
 pub use repeated::repeated;

@@ -113,6 +113,18 @@ impl<T: Copy + Default> Ragged<T> {
         }
     }
 
+    /// Replaces the rows from `first` on. Unlike in [`Ragged::replace`], they may have other widths.
+    pub fn splice(&mut self, first: usize, rows: &Ragged<T>) {
+        let after = first + rows.len();
+        if rows.widths().eq((first..after).map(|row| self.row(row).len())) {
+            return self.replace(first, rows);
+        }
+        let all = self.iter().take(first).chain(rows.iter()).chain(self.iter().skip(after));
+        let mut spliced = Ragged { data: Vec::with_capacity(self.data.len() + rows.data.len()), ends: Vec::new() };
+        all.for_each(|row| spliced.push(row));
+        *self = spliced;
+    }
+
     pub fn copy_from(&mut self, other: &Ragged<T>) {
         assert_eq!(self.ends, other.ends, "tables of different shapes");
         self.data.copy_from_slice(&other.data);

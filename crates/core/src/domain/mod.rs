@@ -14,6 +14,7 @@
 //!
 //! - `spec`: the shape of a region; `kinds`: the agents that have it; `percept`: what simulators show to agents.
 //! - `scenario`: what a run simulates, for its files; `rough_costs`: a guess of how long a run takes.
+//! - `table`: what the config of a domain must provide.
 //! - `task`: what an agent sees, does and is paid for, in words.
 //! - `road_view`: what is on the roads of a light now. `scene`: a picture of the state.
 //!   [`road_trace`]: an episode of traffic, for pictures.
@@ -27,6 +28,7 @@ mod rough_costs;
 mod scenario;
 mod scene;
 mod spec;
+mod table;
 mod task;
 
 use std::path::{Path, PathBuf};
@@ -43,6 +45,7 @@ pub use rough_costs::RoughCosts;
 pub use scenario::{Episode, FirstRow, Map, Rules, Scenario, ScenarioId};
 pub use scene::{Colour, Scene};
 pub use spec::{Action, RegionSpec, SourceSpec, logits_of};
+pub use table::DomainTable;
 pub use task::Task;
 
 /// Result of a simulator. Its failures have many reasons (SUMO, files), and no room above distinguishes them.

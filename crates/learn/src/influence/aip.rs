@@ -1,7 +1,7 @@
 //! The approximate influence predictors (AIPs) of many agents as one stack.
 
 use super::{InfluencePredictor, sources};
-use dials_config::AipConfig;
+use crate::config::AipConfig;
 use dials_core::base::{AgentId, Dice, Rows, Seed};
 use dials_core::domain::{RegionSpec, SourceSpec};
 use stacknets::{Adam, Learner, Parameters, Shape, Stack, States};

@@ -8,7 +8,7 @@ use super::aip::scaled;
 use super::best::BestSoFar;
 use super::parts::part_of;
 use super::{AipStack, CrossEntropies, Dataset, TrainablePredictor, sources};
-use dials_config::AipConfig;
+use crate::config::AipConfig;
 use dials_core::base::{Dice, Phase, Rows, Stopwatch, Work};
 use dials_core::domain::{SourceSpec, logits_of};
 use stacknets::{Adam, Network, Sequences, Trace};

@@ -14,7 +14,7 @@ use rand::Rng;
 use super::parts::{PartFrequencies, part_of};
 use super::sources::of_sources;
 use super::{CrossEntropies, Dataset, InfluencePredictor, TrainablePredictor};
-use dials_config::AipConfig;
+use crate::config::AipConfig;
 use dials_core::base::{Dice, Rows, Stopwatch, Work};
 use dials_core::domain::{RegionSpec, Result, SourceSpec};
 use stacknets::Layout;

@@ -24,7 +24,7 @@ mod train;
 
 use std::ops::Range;
 
-use dials_config::{AipConfig, Predictor};
+use crate::config::{AipConfig, Predictor};
 use dials_core::base::statistics::mean;
 use dials_core::base::{AgentId, Dice, Rows, Seed, Stopwatch, Work};
 use dials_core::domain::{RegionSpec, Result, SourceSpec};

@@ -4,7 +4,7 @@ use serde::{Deserialize, Serialize};
 
 use super::parts::PartFrequencies;
 use super::{CrossEntropies, Dataset, TrainablePredictor};
-use dials_config::{AipConfig, held_out_episodes};
+use crate::config::{AipConfig, held_out_episodes};
 use dials_core::base::{AgentId, Dice, Seed, Stopwatch, Work};
 
 /// Effect of one training on one agent's predictor, for each source that the agent has.

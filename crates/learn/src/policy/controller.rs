@@ -2,7 +2,8 @@
 //! in the collection of datasets.
 
 use super::{JointPolicy, PolicyStack, sampling};
-use dials_config::PolicyConfig;
+use crate::algorithms;
+use crate::config::Config;
 use dials_core::base::{AgentId, Dice, RandomPurpose, Rows, Seed};
 use dials_core::domain::{Action, Controller, JointPercept, Kind, Kinds, Percept, RegionSpec, Result};
 use stacknets::States;
@@ -26,8 +27,9 @@ pub struct StackController {
 
 impl StackController {
     /// Makes a controller. `policies`: one row per agent.
-    pub fn new(spec: &RegionSpec, config: &PolicyConfig, policies: &Rows<f32>, selection: Selection) -> Self {
-        let mut stack = PolicyStack::blank(policies.len(), spec, config);
+    pub fn new(spec: &RegionSpec, config: &Config, policies: &Rows<f32>, selection: Selection) -> Self {
+        let stack = PolicyStack::blank(policies.len(), spec, &config.policy);
+        let mut stack = stack.read_as(algorithms::of(config).reading());
         stack.load(policies);
         let states = stack.states(stack.agents());
         StackController { stack, selection, dice: Vec::new(), states }
@@ -64,7 +66,7 @@ pub struct JointPolicyController {
 
 impl JointPolicyController {
     /// Makes a controller. `policies`: one row per agent of `kinds`.
-    pub fn new(kinds: &Kinds, config: &PolicyConfig, policies: &JointPolicy, selection: Selection) -> Self {
+    pub fn new(kinds: &Kinds, config: &Config, policies: &JointPolicy, selection: Selection) -> Self {
         let of_kind = |kind: &Kind| {
             let policies = policies.pick(kind.agents.iter().map(|agent| agent.0)).into_rows();
             let stack = StackController::new(&kind.spec, config, &policies, selection);

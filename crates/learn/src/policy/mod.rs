@@ -2,21 +2,19 @@
 //!
 //! - `controller`: policies that act, in evaluation and in the collection of datasets.
 //! - [`sampling`]: how actions are drawn.
-//! - `memory`: the samples that policies learn from; `demonstrations`: what a controller did, to be imitated.
+//! - `demonstrations`: what a controller did, to be imitated.
 
 mod controller;
 mod demonstrations;
-mod memory;
 pub mod sampling;
 
-use dials_config::PolicyConfig;
+use crate::config::PolicyConfig;
 use dials_core::base::{AgentId, Ragged, Rows, Seed};
 use dials_core::domain::{Percept, RegionSpec, Result};
-use stacknets::{Adam, Learner, Parameters, Shape, Stack, States, Threads, script};
+use stacknets::{Adam, Learner, Network, Parameters, Shape, Stack, States, Threads, script};
 
 pub use controller::{JointPolicyController, Selection, StackController};
 pub use demonstrations::Demonstrations;
-pub use memory::{Memory, Sample};
 
 /// Parameters of all agents' policies, one row per agent, as wide as its kind has it. They are exchanged, saved and
 /// evaluated.
@@ -29,6 +27,16 @@ pub type JointPolicy = Ragged<f32>;
 pub struct PolicyStack {
     n_actions: usize,
     net: Stack,
+    reading: Reading,
+}
+
+/// How decisions are read from the outputs of a network.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Reading {
+    /// The outputs are logits of probabilities.
+    Probabilities,
+    /// The best action is certain: outputs are values of actions, up to a number that is the same for all.
+    Greedy,
 }
 
 /// Outputs of the networks for a batch of observations, one row per observation.
@@ -64,16 +72,28 @@ impl PolicyStack {
     pub fn new(agents: &[AgentId], spec: &RegionSpec, config: &PolicyConfig, action_bias: &[f32], seed: Seed) -> Self {
         let mut net = Stack::new(PolicyStack::shape(spec, config), seed.for_agents(agents));
         net.shift_output(action_bias);
-        PolicyStack { n_actions: spec.n_actions, net }
+        PolicyStack { n_actions: spec.n_actions, net, reading: Reading::Probabilities }
     }
 
     /// Makes policies whose parameters are still to be loaded.
     pub fn blank(agents: usize, spec: &RegionSpec, config: &PolicyConfig) -> Self {
-        PolicyStack { n_actions: spec.n_actions, net: Stack::blank(agents, PolicyStack::shape(spec, config)) }
+        let net = Stack::blank(agents, PolicyStack::shape(spec, config));
+        PolicyStack { n_actions: spec.n_actions, net, reading: Reading::Probabilities }
+    }
+
+    /// Reads the outputs of the networks in this way from now on.
+    pub fn read_as(mut self, reading: Reading) -> Self {
+        self.reading = reading;
+        self
     }
 
     pub fn agents(&self) -> usize {
         self.net.parameters().networks()
+    }
+
+    /// Returns the network of one agent.
+    pub(crate) fn network(&self, agent: usize) -> Network<'_> {
+        self.net.network(agent)
     }
 
     pub fn n_actions(&self) -> usize {
@@ -107,6 +127,11 @@ impl PolicyStack {
             let width = judgement.outputs.width();
             let rows = judgement.outputs.as_mut_slice().chunks_exact_mut(width).zip(masks.iter());
             rows.for_each(|(outputs, mask)| sampling::forbid(outputs, mask));
+        }
+        if self.reading == Reading::Greedy {
+            let width = judgement.outputs.width();
+            let rows = judgement.outputs.as_mut_slice().chunks_exact_mut(width);
+            rows.for_each(|row| sampling::make_certain(&mut row[..width - 1]));
         }
         judgement
     }

@@ -13,6 +13,14 @@ pub fn forbid(logits: &mut [f32], allowed: &[bool]) {
     forbidden.for_each(|(logit, _)| *logit = f32::NEG_INFINITY);
 }
 
+/// Makes the best action certain: its logit becomes 0, and the others minus infinity.
+pub fn make_certain(logits: &mut [f32]) {
+    let best = usize::from(most_probable(logits));
+    logits.iter_mut().enumerate().for_each(|(action, logit)| {
+        *logit = if action == best { 0.0 } else { f32::NEG_INFINITY };
+    });
+}
+
 /// Computes `-sum p ln p` of log-probabilities, without the forbidden ones.
 pub fn entropy(log_probs: &[f32]) -> f32 {
     let term = |&log_prob: &f32| if log_prob == f32::NEG_INFINITY { 0.0 } else { log_prob.exp() * log_prob };

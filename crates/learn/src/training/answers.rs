@@ -4,18 +4,19 @@ use std::time::Duration;
 
 use serde::{Deserialize, Serialize};
 
-use super::ppo::Decayed;
-use super::ppo_loss::Losses;
+use crate::algorithms::Metrics;
 use dials_core::base::Timesheet;
 
 /// Results of one period of training.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct PolicyTraining {
     pub agents: Vec<AgentTraining>,
+    /// Means over the period's updates.
+    pub metrics: Metrics,
+    /// Number of updates of every agent. Without any, the metrics mean nothing.
+    pub updates: usize,
     /// Totals that the local simulators counted in the period.
     pub counters: Vec<(String, u64)>,
-    /// Settings of the period's last update, the same for all agents.
-    pub decayed: Decayed,
 }
 
 impl PolicyTraining {
@@ -23,6 +24,7 @@ impl PolicyTraining {
     pub fn joined(parts: Vec<PolicyTraining>) -> PolicyTraining {
         let join = |mut whole: PolicyTraining, next: PolicyTraining| {
             whole.agents.extend(next.agents);
+            whole.metrics.extend(next.metrics);
             for (name, more) in next.counters {
                 match whole.counters.iter_mut().find(|(known, _)| *known == name) {
                     Some((_, count)) => *count = count.saturating_add(more),
@@ -35,14 +37,12 @@ impl PolicyTraining {
     }
 }
 
-/// One agent's results of a period.
+/// One agent's episodes of a period.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct AgentTraining {
     /// Mean return of the episodes that ended in the period, on the simulator that the agent trained on.
     pub mean_return: Option<f64>,
     pub episodes: u64,
-    /// Means over the period's updates.
-    pub losses: Losses,
 }
 
 /// What a fleet has spent.

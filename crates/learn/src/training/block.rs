@@ -10,18 +10,17 @@ use super::answers::{AgentTraining, PolicyTraining};
 use super::environment::Environment;
 use super::global::GlobalEnvironment;
 use super::ials::Ials;
-use super::imitation::{ImitationLoss, imitate};
-use super::ppo::{self, Decayed, Learns, Settings};
-use super::ppo_loss::Losses;
-use super::rollout::{Actor, KindAtPlay, roll_out};
-use super::state::{AgentsState, JointMoments};
+use super::returns::EpisodeReturns;
+use super::state::AgentsState;
 use super::stream::AgentStream;
+use crate::algorithms::imitation::{ImitationLoss, imitate};
+use crate::algorithms::{self, Learner, Metrics};
+use crate::config::{Config, Period, Simulator};
 use crate::influence::{AipLoss, Dataset, FreshLoss, TrainablePredictor, initial_predictor, measure, train};
-use crate::policy::{Demonstrations, JointPolicy, Memory, PolicyStack};
-use dials_config::{Config, Period, Simulator};
-use dials_core::base::{AgentId, Dice, Phase, Ragged, RandomPurpose, Seed, Stopwatch, Work};
-use dials_core::domain::{Domain, RegionSpec, Result};
-use stacknets::{Adam, Moments, Threads};
+use crate::policy::{Demonstrations, JointPolicy, PolicyStack};
+use dials_core::base::{AgentId, Phase, Ragged, RandomPurpose, Seed, Stopwatch, Work};
+use dials_core::domain::{Action, Domain, RegionSpec, Result};
+use stacknets::Threads;
 
 /// Number of local simulators per block. The cars of a larger forest leave the cache between two steps. Measured on
 /// traffic, SUMO costs the same per intersection with 8 and 16, 10 % more with 32, 15 % more with 64 and 60 % more with
@@ -37,11 +36,10 @@ pub struct AgentBlock {
     predictor: Box<dyn TrainablePredictor>,
 }
 
-/// The part that PPO changes.
+/// The learner of some agents of one kind, and how far it has come.
 struct KindLearner {
     spec: RegionSpec,
-    policies: PolicyStack,
-    adam: Adam,
+    learner: Box<dyn Learner>,
     /// Timesteps per agent so far.
     steps: u64,
     /// One stream per agent.
@@ -56,7 +54,8 @@ pub fn initial_policies(domain: &dyn Domain, config: &Config, agents: &[AgentId]
     let kind = domain.kinds().of(agents[0]);
     let alike = config.begins_with_one_policy().then(|| vec![kind.agents[0]; agents.len()]);
     let agents = alike.as_deref().unwrap_or(agents);
-    PolicyStack::new(agents, &kind.spec, &config.policy, &domain.initial_action_bias(kind), seed)
+    let policies = PolicyStack::new(agents, &kind.spec, &config.policy, &domain.initial_action_bias(kind), seed);
+    policies.read_as(algorithms::of(config).reading())
 }
 
 /// Makes the first influence predictors of `agents`, which are of one kind.
@@ -76,12 +75,12 @@ impl AgentBlock {
     pub fn new(domain: Arc<dyn Domain>, config: &Config, agents: &[AgentId], threads: Threads) -> Self {
         let mut policies = initial_policies(&*domain, config, agents);
         policies.use_threads(threads);
+        let spec = domain.kinds().of(agents[0]).spec.clone();
         let learner = KindLearner {
-            spec: domain.kinds().of(agents[0]).spec.clone(),
-            adam: Adam::new(policies.parameters()),
-            streams: agents.iter().map(|&agent| AgentStream::begin(config, &policies, agent)).collect(),
-            policies,
+            learner: algorithms::of(config).learner(config, &spec, agents, policies),
+            spec,
             steps: 0,
+            streams: agents.iter().map(|&agent| AgentStream::begin(config, agent)).collect(),
         };
         AgentBlock {
             learner,
@@ -94,12 +93,11 @@ impl AgentBlock {
 
     /// Returns the state of the agents.
     pub fn state(&self) -> AgentsState {
-        let KindLearner { policies, adam, steps, streams, .. } = &self.learner;
-        let Moments { first, second, steps: optimiser_steps } = adam.moments().clone();
+        let KindLearner { learner, steps, streams, .. } = &self.learner;
         AgentsState {
             steps: *steps,
-            policies: policies.parameters().values().clone().into(),
-            moments: JointMoments { first: first.into(), second: second.into(), steps: optimiser_steps },
+            policies: self.policies(),
+            learners: learner.tables(),
             aips: self.aips(),
             streams: streams.clone(),
         }
@@ -107,11 +105,10 @@ impl AgentBlock {
 
     /// Continues from a state of the same agents.
     pub fn restore(&mut self, state: AgentsState) {
-        let JointMoments { first, second, steps } = state.moments;
         self.learner.steps = state.steps;
         self.learner.streams = state.streams;
-        self.learner.policies.load(&state.policies.into_rows());
-        self.learner.adam.restore(Moments { first: first.into_rows(), second: second.into_rows(), steps });
+        self.learner.learner.policies_mut().load(&state.policies.into_rows());
+        self.learner.learner.load(state.learners);
         self.predictor.load(&state.aips.into_rows());
     }
 
@@ -124,12 +121,12 @@ impl AgentBlock {
     /// Makes the policies imitate `demonstrations`, one per agent. `work`: progress is the share that is done.
     pub fn imitate(&mut self, demonstrations: &[Demonstrations], work: Work<'_, f64>) -> Vec<ImitationLoss> {
         let seed = Seed::new(self.config.seed).fork(RandomPurpose::ImitationMinibatches);
-        imitate(&mut self.learner.policies, &self.agents, demonstrations, &self.config.imitation, seed, work)
+        imitate(self.learner.learner.policies_mut(), &self.agents, demonstrations, &self.config.imitation, seed, work)
     }
 
     /// Returns the policies, one row per agent.
     pub fn policies(&self) -> JointPolicy {
-        self.learner.policies.parameters().values().clone().into()
+        self.learner.learner.policies().parameters().values().clone().into()
     }
 
     /// Measures the loss of the influence predictors; `datasets`: one per agent.
@@ -185,35 +182,8 @@ pub(super) fn episode_steps(spec: &RegionSpec, config: &Config) -> usize {
     if config.simulator == Simulator::Global { spec.horizon } else { spec.local_horizon }
 }
 
-/// A learner's working memory for a period.
-struct Desk {
-    memory: Memory,
-    actor: Actor,
-    minibatches: Vec<Dice>,
-    /// Means over the updates, one per agent.
-    losses: Vec<Losses>,
-}
-
-impl Desk {
-    fn of(learner: &KindLearner, config: &Config) -> Desk {
-        let KindLearner { spec, policies, streams, .. } = learner;
-        let (agents, state_width) = (policies.agents(), policies.state_width());
-        Desk {
-            memory: Memory::new(agents, config.ppo.memory, config.sequence_length(), spec, state_width),
-            actor: Actor::resume(policies, streams, episode_steps(spec, config)),
-            minibatches: streams.iter().map(|stream| stream.minibatches.clone()).collect(),
-            losses: vec![Losses::default(); agents],
-        }
-    }
-}
-
-/// Returns what learns in an update after this number of timesteps per agent.
-fn learns_at(config: &Config, steps: u64) -> Learns {
-    if steps < config.critic_steps() { Learns::Critic } else { Learns::Everything }
-}
-
-/// Alternates rollouts and updates until the first multiple of the memory at or after the end of the period.
-/// `learners`: one per kind of the environment, all after the same number of steps.
+/// Lets the learners act and learn until the first update at or after the end of the period. `learners`: one per kind of
+/// the environment, all after the same number of steps.
 fn learn(
     learners: &mut [&mut KindLearner],
     environment: &mut dyn Environment,
@@ -222,56 +192,39 @@ fn learn(
     work: Work<'_, u64>,
 ) -> Result<Vec<PolicyTraining>> {
     let Work { watch, progress } = work;
-    let ppo = &config.ppo;
-    let copies = environment.percepts()[0].obs.len() / learners[0].policies.agents();
-    let mut desks: Vec<Desk> = learners.iter().map(|learner| Desk::of(learner, config)).collect();
+    let copies = environment.percepts()[0].obs.len() / learners[0].streams.len();
+    let per_update = algorithms::of(config).steps_per_update() as u64;
     let mut steps = learners[0].steps;
-    let updates = period.end.saturating_sub(steps).div_ceil(ppo.memory as u64);
-    let shared = config.shares_policies();
-    let decayed_at = |steps: u64| {
-        let decayed = Decayed::at(ppo, steps as f64 / config.total_steps as f64);
-        match learns_at(config, steps) {
-            Learns::Everything => decayed,
-            // Alone, a critic that begins at random learns as fast as the policy has imitated.
-            Learns::Critic => Decayed { learning_rate: config.imitation.learning_rate, ..decayed },
+    let end = config.update_at_or_after(period.end);
+    let returns = |kind: &&mut KindLearner| EpisodeReturns::resume(&kind.streams, episode_steps(&kind.spec, config));
+    let mut returns: Vec<EpisodeReturns> = learners.iter().map(returns).collect();
+    let mut updates: Vec<Vec<Metrics>> = vec![Vec::new(); learners.len()];
+    while steps < end {
+        let actions: Vec<Vec<Action>> = watch.time(Phase::Acting, || {
+            learners.iter_mut().zip(environment.percepts()).map(|(kind, percept)| kind.learner.act(percept)).collect()
+        });
+        environment.step(&actions, watch)?;
+        steps += copies as u64;
+        let brought = environment.experiences().iter().zip(environment.percepts());
+        for (index, (kind, (experience, next))) in learners.iter_mut().zip(brought).enumerate() {
+            returns[index].add(experience);
+            updates[index].extend(kind.learner.learn(experience, next, steps, watch));
         }
-    };
-    let mut decayed = decayed_at(steps);
-    for _ in 0..updates {
-        let player = |(learner, desk)| -> KindAtPlay<'_> {
-            let (KindLearner { policies, .. }, Desk { actor, memory, .. }): (&&mut KindLearner, &mut Desk) =
-                (learner, desk);
-            KindAtPlay { policies, actor, memory, shared_bootstrap: shared }
-        };
-        let mut players: Vec<KindAtPlay> = learners.iter().zip(&mut desks).map(player).collect();
-        for slot in (0..ppo.memory).step_by(ppo.rollout_steps * copies) {
-            roll_out(environment, &mut players, slot, ppo, watch)?;
+        if steps.is_multiple_of(per_update) {
+            progress(steps);
         }
-        decayed = decayed_at(steps);
-        let settings = Settings { ppo, decayed, learns: learns_at(config, steps), shared };
-        let before = steps.checked_sub(ppo.memory as u64).map(|before| learns_at(config, before));
-        for (learner, desk) in learners.iter_mut().zip(&mut desks) {
-            let KindLearner { policies, adam, .. } = &mut **learner;
-            if before.is_some_and(|before| before != settings.learns) {
-                // The actor's first steps would be far too long with the step count of the critic.
-                adam.begin_again();
-            }
-            let of_update = ppo::update(policies, adam, &desk.memory, &mut desk.minibatches, settings, watch);
-            let weight = 1.0 / updates as f64;
-            desk.losses.iter_mut().zip(&of_update).for_each(|(mean, of_update)| mean.add(of_update, weight));
-        }
-        steps += ppo.memory as u64;
-        progress(steps);
     }
-    environment.leave(&mut learners.iter_mut().map(|learner| &mut learner.streams[..]).collect::<Vec<_>>());
-    let done = learners.iter_mut().zip(desks).map(|(learner, desk)| {
-        learner.steps = steps;
-        desk.actor.leave(&mut learner.streams);
-        let streams = learner.streams.iter_mut().zip(desk.minibatches);
-        streams.for_each(|(stream, dice)| stream.minibatches = dice);
-        let agents = desk.actor.returns.means().into_iter().zip(desk.losses);
-        let agents = agents.map(|((mean_return, episodes), losses)| AgentTraining { mean_return, episodes, losses });
-        PolicyTraining { agents: agents.collect(), counters: Vec::new(), decayed }
+    environment.leave(&mut learners.iter_mut().map(|kind| &mut kind.streams[..]).collect::<Vec<_>>());
+    let done = learners.iter_mut().zip(returns).zip(updates).map(|((kind, returns), updates)| {
+        kind.steps = steps;
+        returns.leave(&mut kind.streams);
+        let agents = returns.means().into_iter();
+        PolicyTraining {
+            agents: agents.map(|(mean_return, episodes)| AgentTraining { mean_return, episodes }).collect(),
+            metrics: Metrics::mean(&updates, kind.learner.no_metrics()),
+            updates: updates.len(),
+            counters: Vec::new(),
+        }
     });
     Ok(done.collect())
 }

@@ -3,8 +3,8 @@
 
 use serde::{Deserialize, Serialize};
 
+use crate::config::{Config, Retrain};
 use crate::influence::Dataset;
-use dials_config::{Config, Retrain};
 use dials_core::base::{Activity, RandomPurpose, Seed};
 use dials_core::domain::{Controller, GlobalSimulator, Result};
 

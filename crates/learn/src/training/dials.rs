@@ -6,7 +6,15 @@ use super::fleet::Fleet;
 use super::journal::Journal;
 use super::observer::{Interrupted, Observer};
 use super::standing::Standing;
-use dials_config::{Config, rest_of_schedule};
+use crate::algorithms::averaging::average;
+use crate::config::{Config, rest_of_schedule};
+use crate::steps::collect::collect_datasets;
+use crate::steps::demonstrate::collect_demonstrations;
+use crate::steps::evaluate::evaluate;
+use crate::steps::imitate::imitate;
+use crate::steps::measure_aips::measure_aips;
+use crate::steps::train_aips::train_aips;
+use crate::steps::train_policies::train_policies;
 use dials_core::domain::Result;
 
 /// Trains the policies of all agents as the config says, from their current state.
@@ -16,11 +24,12 @@ use dials_core::domain::Result;
 /// training AIPs.
 pub fn train(
     config: &Config,
-    fleet: &mut dyn Fleet,
+    fleet: &mut impl Fleet,
     standing: Standing,
     journal: &mut dyn Journal,
     observer: &dyn Observer,
 ) -> Result<()> {
+    let kinds = &fleet.domain().kinds().clone();
     let mut run = Training { config, fleet, standing, journal, observer };
     run.journal.begun(run.fleet.agents())?; // 1: policies and AIPs, new or from a checkpoint
     run.imitate_at_the_beginning()?; // if the config names a controller; not in the paper
@@ -30,8 +39,8 @@ pub fn train(
             run.evaluate(config.evaluation.episodes)?;
         }
         if run.standing.trains_aips(period, config) {
-            let datasets = run.fleet.collect_datasets(Purpose::Training { steps: period.start })?; // 3
-            let losses = run.fleet.train_aips(datasets, period)?; // 4-6: in parallel, for every agent
+            let datasets = collect_datasets(run.fleet, Purpose::Training { steps: period.start })?; // 3
+            let losses = train_aips(run.fleet, datasets, period)?; // 4-6: in parallel, for every agent
             run.journal.aips_trained(run.fleet.agents(), &losses)?;
             observer.aips_trained(run.fleet.agents().steps, &losses);
             run.measure_aips(Moment::Training)?;
@@ -39,10 +48,10 @@ pub fn train(
         if run.fleet.agents().steps >= period.end {
             continue; // The last update has already passed this period.
         }
-        let training = run.fleet.train_policies(period)?; // 7-12: in parallel, for every agent, F steps
+        let training = train_policies(run.fleet, period)?; // 7-12: in parallel, for every agent, F steps
         run.standing.until = period.end;
         if period.average {
-            run.fleet.average_policies()?; // if the config asks for it; not in the paper
+            run.fleet.change(|agents| average(agents, config, kinds))?; // if the config asks for it; not in the paper
         }
         let load = run.fleet.take_load();
         run.journal.period_done(run.fleet.agents(), &run.standing, &training, load)?;
@@ -56,20 +65,20 @@ pub fn train(
 }
 
 /// Algorithm 1 in progress.
-struct Training<'a> {
+struct Training<'a, F> {
     config: &'a Config,
-    fleet: &'a mut dyn Fleet,
+    fleet: &'a mut F,
     standing: Standing,
     journal: &'a mut dyn Journal,
     observer: &'a dyn Observer,
 }
 
-impl Training<'_> {
+impl<F: Fleet> Training<'_, F> {
     /// Makes new policies imitate the controller that the config names, if it names one.
     fn imitate_at_the_beginning(&mut self) -> Result<()> {
         let (0, Some(controller)) = (self.standing.until, &self.config.policy.imitate) else { return Ok(()) };
-        let demonstrations = self.fleet.collect_demonstrations(controller)?;
-        let losses = self.fleet.imitate(demonstrations)?;
+        let demonstrations = collect_demonstrations(self.fleet, controller)?;
+        let losses = imitate(self.fleet, demonstrations)?;
         self.journal.imitated(self.fleet.agents(), &losses)?;
         self.observer.imitated(controller, &losses);
         Ok(())
@@ -77,7 +86,7 @@ impl Training<'_> {
 
     /// Evaluates the joint policy on the first `episodes` evaluation episodes, and the AIPs if the config asks for it.
     fn evaluate(&mut self, episodes: usize) -> Result<()> {
-        let evaluation = self.fleet.evaluate(episodes)?;
+        let evaluation = evaluate(self.fleet, episodes)?;
         self.journal.evaluated(self.fleet.agents(), &evaluation)?;
         self.standing.evaluated_at = Some(self.fleet.agents().steps);
         self.observer.evaluated(self.fleet.agents().steps, &evaluation);
@@ -89,8 +98,8 @@ impl Training<'_> {
         if !self.config.measures_aips() {
             return Ok(());
         }
-        let datasets = self.fleet.collect_datasets(Purpose::Measuring)?;
-        let losses = self.fleet.measure_aips(datasets)?;
+        let datasets = collect_datasets(self.fleet, Purpose::Measuring)?;
+        let losses = measure_aips(self.fleet, datasets)?;
         self.journal.aips_measured(self.fleet.agents(), after, &losses)?;
         self.standing.drift.note(after, &losses);
         self.observer.aips_measured(&losses, &self.standing.drift);

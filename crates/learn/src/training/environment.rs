@@ -13,8 +13,11 @@ pub trait Environment {
     /// Returns what the rows of each kind show at the next decision.
     fn percepts(&self) -> &[Percept];
 
-    /// Makes one decision in every row of every kind, and returns what it brought the rows of each kind.
-    fn step(&mut self, actions: &[Vec<Action>], watch: &mut Stopwatch) -> Result<&[Experience]>;
+    /// Makes one decision in every row of every kind.
+    fn step(&mut self, actions: &[Vec<Action>], watch: &mut Stopwatch) -> Result<()>;
+
+    /// Returns what the last decision brought the rows of each kind.
+    fn experiences(&self) -> &[Experience];
 
     /// Writes down how far the rows of each kind have come, so that another environment can continue from there.
     fn leave(&mut self, streams: &mut [&mut [AgentStream]]);
@@ -31,12 +34,12 @@ pub struct Experience {
     /// `ends` is set.
     pub last_obs: Rows<f32>,
     /// `[rows, n_actions]`: the actions that were allowed then, written for the same rows. `None` if the kind has no
-    /// masks. PPO needs none of it.
+    /// masks.
     pub last_masks: Option<Rows<bool>>,
 }
 
 impl Experience {
-    pub(super) fn new(rows: usize, spec: &RegionSpec) -> Self {
+    pub(crate) fn new(rows: usize, spec: &RegionSpec) -> Self {
         Experience {
             rewards: vec![0.0; rows],
             ends: vec![false; rows],

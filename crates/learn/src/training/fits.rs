@@ -13,10 +13,11 @@ use super::ials::head_start;
 use super::standing::Standing;
 use super::state::AgentsState;
 use super::stream::{AgentStream, RowStream};
+use crate::algorithms::{self, Layout, Tables};
+use crate::config::{Config, Simulator, may_end_at};
 use crate::influence;
 use crate::policy::PolicyStack;
-use dials_config::{Config, Simulator, may_end_at};
-use dials_core::base::{AgentId, Dice, Ragged, is_stuck};
+use dials_core::base::{AgentId, Ragged, is_stuck};
 use dials_core::domain::{Kinds, RegionSpec, Result};
 
 /// Longest wall time of a run that is believed, in seconds: three hundred years.
@@ -47,7 +48,7 @@ impl Widths {
 pub fn check_standing(standing: &Standing, state: &AgentsState, elapsed_s: f64, config: &Config) -> Result<()> {
     let Standing { until, evaluated_at, drift } = *standing;
     ensure!(may_end_at(config, until), "it ends a period at step {until}, where its own schedule has none");
-    let steps = until.next_multiple_of(config.ppo.memory as u64);
+    let steps = config.update_at_or_after(until);
     ensure!(
         state.steps == steps,
         "its period ends at step {until}, so training is at step {steps}, but it is at step {}",
@@ -66,7 +67,7 @@ pub fn check_standing(standing: &Standing, state: &AgentsState, elapsed_s: f64, 
         "its drift is {drift:?}, but a loss is a positive number"
     );
     ensure!(
-        drift.share_after_training.is_none() || config.simulator.trains_predictors(),
+        drift.share_after_training.is_none() || config.trains_predictors(),
         "its drift counts from a training of influence predictors, and this run trains none"
     );
     Ok(())
@@ -102,10 +103,8 @@ impl Fit<'_> {
     /// Networks and hidden states may hold any number: a policy that has diverged is not a damaged state. See
     /// [`Fit::check_numbers`].
     pub fn check(&self, state: &AgentsState) -> Result<()> {
-        let AgentsState { steps, policies, moments, aips, streams } = state;
+        let AgentsState { steps, policies, learners, aips, streams } = state;
         self.check_policies("policies", policies)?;
-        self.check_policies("first_moments", &moments.first)?;
-        self.check_policies("second_moments", &moments.second)?;
         self.check_aips("aips", aips)?;
         ensure!(
             streams.len() == self.agents.len(),
@@ -113,25 +112,55 @@ impl Fit<'_> {
             streams.len(),
             self.agents.len()
         );
-        let memory = self.config.ppo.memory as u64;
-        ensure!(steps.is_multiple_of(memory), "its step {steps} is not a multiple of ppo.memory = {memory}");
-        let gradient_steps = gradient_steps(*steps, self.config, self.kinds);
-        ensure!(
-            u64::from(moments.steps) == gradient_steps,
-            "its optimiser has made {} steps, but {gradient_steps} until step {steps}",
-            moments.steps
-        );
-        for ((agent, stream), spec) in self.agents.clone().zip(streams).zip(self.specs()) {
+        let per_update = algorithms::of(self.config).steps_per_update() as u64;
+        ensure!(steps.is_multiple_of(per_update), "its step {steps} is not a multiple of {per_update}");
+        let layouts = self.layouts(*steps);
+        for layout in &layouts {
+            self.check_learners(learners, layout)?;
+        }
+        for ((index, agent), (stream, spec)) in self.agents.clone().enumerate().zip(streams.iter().zip(self.specs())) {
+            learners.check_agent(index, &layouts[self.kind_of(agent)]).with_context(|| format!("agent {agent}"))?;
             check_stream(stream, *steps, self.config, spec).with_context(|| format!("agent {agent}"))?;
+        }
+        Ok(())
+    }
+
+    fn kind_of(&self, agent: usize) -> usize {
+        self.kinds.place(AgentId(agent)).kind
+    }
+
+    /// Returns the layouts of the learners' tables, one per kind, after this number of timesteps per agent.
+    fn layouts(&self, steps: u64) -> Vec<Layout> {
+        self.kinds.iter().map(|kind| algorithms::of(self.config).layout(self.config, kind, steps)).collect()
+    }
+
+    /// Checks names, numbers of rows and counts of the learners' tables.
+    fn check_learners(&self, learners: &Tables, layout: &Layout) -> Result<()> {
+        learners.check_names(layout)?;
+        let count = self.agents.len();
+        for (name, rows) in learners
+            .numbers
+            .iter()
+            .map(|(name, table)| (name, table.len()))
+            .chain(learners.dice.iter().map(|(name, dice)| (name, dice.len())))
+        {
+            ensure!(rows == count, "its table `{name}` is of {rows} agents, not of {count}");
+        }
+        for (name, expected) in &layout.counts {
+            let found = learners.counts[*name];
+            ensure!(found == *expected, "its count `{name}` is {found}, but {expected} at this step");
         }
         Ok(())
     }
 
     /// Returns an error that names the first agent with a number that training cannot continue from. The state fits.
     pub fn check_numbers(&self, state: &AgentsState) -> Result<()> {
+        let layouts = self.layouts(state.steps);
         for (index, (agent, spec)) in self.agents.clone().zip(self.specs()).enumerate() {
             let check = || {
-                check_tables(state, index)?;
+                check_finite("policies", state.policies.row(index))?;
+                check_finite("aips", state.aips.row(index))?;
+                state.learners.check_numbers(index, &layouts[self.kind_of(agent)])?;
                 influence::check_values(self.config.predictor(), spec, &self.config.aip, state.aips.row(index))?;
                 check_rows(&state.streams[index])
             };
@@ -151,49 +180,23 @@ impl Fit<'_> {
     }
 }
 
-/// Returns how many steps the optimiser of a policy has made after this number of timesteps per agent.
-fn gradient_steps(steps: u64, config: &Config, kinds: &Kinds) -> u64 {
-    let memory = config.ppo.memory as u64;
-    let updates = steps / memory;
-    // When the actor joins the critic, the optimiser begins again.
-    let of_critic = config.critic_steps().div_ceil(memory);
-    let since = if updates > of_critic { updates - of_critic } else { updates };
-    // A shared policy learns from the samples of all agents of its kind.
-    let memories = if config.shares_policies() { kinds.of(AgentId(0)).agents.len() } else { 1 };
-    let per_update = config.ppo.epochs * memories * (config.ppo.memory / config.ppo.minibatch);
-    since.saturating_mul(per_update as u64)
-}
-
-/// Checks the numbers in the row of this index of each table.
-fn check_tables(state: &AgentsState, index: usize) -> Result<()> {
-    let tables = [
-        ("policies", &state.policies),
-        ("first_moments", &state.moments.first),
-        ("second_moments", &state.moments.second),
-        ("aips", &state.aips),
-    ];
-    for (name, table) in tables {
-        if let Some(bad) = table.row(index).iter().find(|value| !value.is_finite()) {
-            anyhow::bail!("its table `{name}` holds {bad}, which is not a finite number");
-        }
+/// Returns an error if an agent's row of a table holds what is no finite number.
+fn check_finite(name: &str, row: &[f32]) -> Result<()> {
+    match row.iter().find(|value| !value.is_finite()) {
+        Some(bad) => anyhow::bail!("its table `{name}` holds {bad}, which is not a finite number"),
+        None => Ok(()),
     }
-    let negative = state.moments.second.row(index).iter().find(|&&value| value < 0.0);
-    negative.map_or(Ok(()), |bad| Err(anyhow::anyhow!("its table `second_moments` holds {bad}, but they are squares")))
 }
 
 /// Checks the numbers that the rows of an agent carry on.
 fn check_rows(stream: &AgentStream) -> Result<()> {
-    for (copy, RowStream { state, rewards, .. }) in stream.rows.iter().enumerate() {
-        ensure!(
-            state.iter().all(|value| value.is_finite()) && rewards.is_finite(),
-            "copy {copy} of its region: the hidden state of its policy or its sum of rewards is not a finite number"
-        );
+    for (copy, RowStream { rewards, .. }) in stream.rows.iter().enumerate() {
+        ensure!(rewards.is_finite(), "copy {copy} of its region: its sum of rewards is not a finite number");
     }
     Ok(())
 }
 
 fn check_stream(stream: &AgentStream, steps: u64, config: &Config, spec: &RegionSpec) -> Result<()> {
-    check_dice("minibatches", &stream.minibatches)?;
     let copies = config.copies();
     ensure!(stream.rows.len() == copies, "it has {} copies of its region, not {copies}", stream.rows.len());
     for (copy, row) in stream.rows.iter().enumerate() {
@@ -204,9 +207,11 @@ fn check_stream(stream: &AgentStream, steps: u64, config: &Config, spec: &Region
 
 fn check_row(row: &RowStream, copy: usize, steps: u64, config: &Config, spec: &RegionSpec) -> Result<()> {
     let (on_gs, copies) = (config.simulator == Simulator::Global, config.copies());
-    let RowStream { trail, acting, influence, state, rewards: _ } = row;
-    check_dice("actions", acting)?;
-    check_dice("influence sources", influence)?;
+    let RowStream { trail, influence, rewards: _ } = row;
+    ensure!(
+        !is_stuck(influence),
+        "the dice of its influence sources are all zeros, and would show the same number for ever"
+    );
     let staggered = config.local_simulators.stagger && !on_gs;
     let horizon = episode_steps(spec, config);
     let head_start = if staggered { head_start(copy, copies, horizon) as u64 } else { 0 };
@@ -236,30 +241,19 @@ fn check_row(row: &RowStream, copy: usize, steps: u64, config: &Config, spec: &R
             anyhow::bail!("an influence source has the value {bad}, but it has {classes} classes");
         }
     }
-    let width = PolicyStack::shape(spec, &config.policy).state_width();
-    ensure!(state.len() == width, "the hidden state of its policy has {} values, not {width}", state.len());
-    Ok(())
-}
-
-/// Rejects the one state that a generator never leaves and never comes to.
-fn check_dice(of: &str, dice: &Dice) -> Result<()> {
-    ensure!(!is_stuck(dice), "the dice of its {of} are all zeros, and would show the same number for ever");
     Ok(())
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::training::state::JointMoments;
 
     #[test]
     fn a_checkpoint_may_end_a_period_that_only_earlier_versions_had() {
         let mut config = Config { total_steps: 250, ..Config::default() };
         (config.ppo.memory, config.evaluation.every_steps, config.aip.retrain_every_steps) = (128, 100, 1000);
-        let table = || Ragged::from_vec(Vec::new(), []).unwrap();
         let checked = |until: u64, steps: u64| {
-            let moments = JointMoments { first: table(), second: table(), steps: 0 };
-            let state = AgentsState { steps, policies: table(), moments, aips: table(), streams: Vec::new() };
+            let state = AgentsState { steps, ..AgentsState::nobody() };
             let standing = Standing { until, ..Standing::default() };
             check_standing(&standing, &state, 0.0, &config).map_err(|error| error.to_string())
         };

@@ -1,47 +1,68 @@
-//! The fleet of workers, as Algorithm 1 sees it.
+//! The fleet of workers, as the steps of Algorithm 1 see it.
 
-use super::answers::{FleetLoad, PolicyTraining};
-use super::collect::Purpose;
-use super::imitation::ImitationLoss;
+use std::ops::Range;
+
+use super::answers::FleetLoad;
 use super::state::AgentsState;
-use crate::evaluation::Evaluation;
-use crate::influence::{AipLoss, Dataset, FreshLoss};
-use crate::policy::Demonstrations;
-use dials_config::Period;
-use dials_core::domain::Result;
+use crate::config::Config;
+use crate::steps::Step;
+use dials_core::base::Activity;
+use dials_core::domain::{Domain, Result};
 
-/// Workers that together own all agents. Results do not depend on the number of workers.
+/// When a request to stop takes effect.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Stop {
+    /// At once, because nothing is lost.
+    AtOnce,
+    /// Later, because a period's work would be lost.
+    Later,
+}
+
+/// Workers that together own all agents. Results do not depend on their number.
 pub trait Fleet {
+    fn config(&self) -> &Config;
+
+    fn domain(&self) -> &dyn Domain;
+
     /// Returns the agents after the last training, or as the run began.
     fn agents(&self) -> &AgentsState;
 
     /// Continues from a state of all agents.
     fn restore(&mut self, agents: AgentsState) -> Result<()>;
 
-    /// Evaluates the joint policy on the GS, on the first `episodes` evaluation episodes.
-    fn evaluate(&mut self, episodes: usize) -> Result<Evaluation>;
+    /// Changes the state of all agents, here and at the workers.
+    fn change(&mut self, change: impl FnOnce(&mut AgentsState)) -> Result<()>;
 
-    /// Lets a controller play on the GS. Returns what every agent saw and did.
-    fn collect_demonstrations(&mut self, controller: &str) -> Result<Vec<Demonstrations>>;
+    /// Shares episodes out among all workers. Returns their replies, in the order of the episodes. A request to stop takes
+    /// effect at once.
+    ///
+    /// `with_policies`: whether the workers need the joint policy.
+    fn ask_all<S: Step>(
+        &mut self,
+        activity: Activity,
+        episodes: usize,
+        with_policies: bool,
+        step: impl FnMut(Range<usize>) -> S,
+    ) -> Result<Vec<S::Reply>>;
 
-    /// Makes every agent's policy imitate its demonstrations, and returns how well it does.
-    fn imitate(&mut self, demonstrations: Vec<Demonstrations>) -> Result<Vec<ImitationLoss>>;
+    /// Asks every worker that owns agents; `step` gets its agents, in order. `take` gets every reply with the state of all
+    /// agents and the agents of the worker, in any order. Returns what it returned, in the order of the agents.
+    fn ask_owners<S: Step, T>(
+        &mut self,
+        activity: Activity,
+        stop: Stop,
+        step: impl FnMut(Range<usize>) -> S,
+        take: impl FnMut(&mut AgentsState, Range<usize>, S::Reply) -> T,
+    ) -> Result<Vec<T>>;
 
-    /// Runs Algorithm 2: one dataset per agent, under the joint policy.
-    fn collect_datasets(&mut self, purpose: Purpose) -> Result<Vec<Dataset>>;
-
-    /// Trains every agent's AIP (approximate influence predictor) on its dataset and returns the losses.
-    fn train_aips(&mut self, datasets: Vec<Dataset>, period: &Period) -> Result<Vec<AipLoss>>;
-
-    /// Measures the loss of every agent's AIP on its dataset.
-    fn measure_aips(&mut self, datasets: Vec<Dataset>) -> Result<Vec<FreshLoss>>;
-
-    /// Trains all policies until the end of the period.
-    fn train_policies(&mut self, period: &Period) -> Result<PolicyTraining>;
-
-    /// Gives all agents of a kind the mean of their policies.
-    fn average_policies(&mut self) -> Result<()>;
+    /// Notes that a period of training is over.
+    fn period_done(&mut self) {}
 
     /// Returns what the fleet has spent since the last call.
     fn take_load(&mut self) -> FleetLoad;
+}
+
+/// Takes the items of some agents from the front of a list with one item per agent. Owners are asked in order.
+pub(crate) fn of_owners<T>(items: &mut Vec<T>, agents: &Range<usize>) -> Vec<T> {
+    items.drain(..agents.len()).collect()
 }

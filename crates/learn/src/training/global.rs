@@ -2,7 +2,7 @@
 //!
 //! DEVIATION 6: every agent has its own policy and bootstraps with its own value. The authors' code shares one policy
 //! object among the agents and bootstraps all of them with the last agent's observation, so its GS curves are not a
-//! fair baseline. `gs.shared_policy` does the same: all rows of a kind hold one policy, see [`super::ppo::update`].
+//! fair baseline. `gs.shared_policy` does the same: all rows of a kind hold one policy, see [`crate::algorithms::ppo`].
 
 use anyhow::ensure;
 
@@ -97,7 +97,7 @@ impl Environment for GlobalEnvironment {
         &self.percepts
     }
 
-    fn step(&mut self, actions: &[Vec<Action>], watch: &mut Stopwatch) -> Result<&[Experience]> {
+    fn step(&mut self, actions: &[Vec<Action>], watch: &mut Stopwatch) -> Result<()> {
         for ((kind, actions), trails) in self.kinds.iter().zip(actions).zip(&mut self.trails) {
             for ((agent, &action), trail) in kind.agents.iter().zip(actions).zip(trails) {
                 self.actions[agent.0] = action;
@@ -125,7 +125,11 @@ impl Environment for GlobalEnvironment {
         };
         show(percept, &self.kinds, &mut self.percepts);
         watch.add(&self.simulator.take_watch());
-        Ok(&self.experiences)
+        Ok(())
+    }
+
+    fn experiences(&self) -> &[Experience] {
+        &self.experiences
     }
 
     fn leave(&mut self, streams: &mut [&mut [AgentStream]]) {

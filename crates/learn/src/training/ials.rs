@@ -133,7 +133,7 @@ impl Environment for Ials<'_> {
         from_ref(&self.percept)
     }
 
-    fn step(&mut self, actions: &[Vec<Action>], watch: &mut Stopwatch) -> Result<&[Experience]> {
+    fn step(&mut self, actions: &[Vec<Action>], watch: &mut Stopwatch) -> Result<()> {
         let actions = &actions[0];
         // u_t ~ I(. | l_t): the AIP sees the d-set from before the step.
         watch.time(Phase::AipSampling, || {
@@ -165,7 +165,11 @@ impl Environment for Ials<'_> {
         };
         self.percept.copy_from(percept);
         watch.add(&self.simulator.take_watch());
-        Ok(from_ref(&self.experience))
+        Ok(())
+    }
+
+    fn experiences(&self) -> &[Experience] {
+        from_ref(&self.experience)
     }
 
     fn leave(&mut self, streams: &mut [&mut [AgentStream]]) {
@@ -214,7 +218,7 @@ mod tests {
     /// Returns the stream of an agent with two copies at the beginning of its training.
     fn fresh() -> AgentStream {
         let dice = Seed::new(0).dice();
-        AgentStream { minibatches: dice.clone(), rows: vec![RowStream::begin(dice.clone(), dice, &[]); 2] }
+        AgentStream { rows: vec![RowStream::begin(dice); 2] }
     }
 
     fn run(stagger: bool, steps: usize) -> (Spy, Vec<Vec<bool>>, Vec<Rows<f32>>) {
@@ -223,7 +227,8 @@ mod tests {
         let mut ials = Ials::resume(simulator, &mut spy, &[fresh()], stagger, &mut || ()).unwrap();
         let (mut ends, mut shown) = (Vec::new(), Vec::new());
         for _ in 0..steps {
-            ends.push(ials.step(&[vec![1, 1]], &mut Stopwatch::default()).unwrap()[0].ends.clone());
+            ials.step(&[vec![1, 1]], &mut Stopwatch::default()).unwrap();
+            ends.push(ials.experiences()[0].ends.clone());
             shown.push(ials.percepts()[0].obs.clone());
         }
         (spy, ends, shown)
@@ -238,14 +243,16 @@ mod tests {
         let mut spy = Spy { seen: vec![], forgotten: vec![] };
         let mut ials = Ials::resume(coins(), &mut spy, &[fresh()], true, &mut || ()).unwrap();
         for step in 0..12 {
-            whole.0.push(ials.step(&actions(step), watch).unwrap()[0].ends.clone());
+            ials.step(&actions(step), watch).unwrap();
+            whole.0.push(ials.experiences()[0].ends.clone());
             whole.1.push(ials.percepts()[0].clone());
         }
         let mut stream = [fresh()];
         for step in 0..12 {
             let mut spy = Spy { seen: vec![], forgotten: vec![] };
             let mut ials = Ials::resume(coins(), &mut spy, &stream, true, &mut || ()).unwrap();
-            parts.0.push(ials.step(&actions(step), watch).unwrap()[0].ends.clone());
+            ials.step(&actions(step), watch).unwrap();
+            parts.0.push(ials.experiences()[0].ends.clone());
             parts.1.push(ials.percepts()[0].clone());
             ials.leave(&mut [&mut stream]);
         }

@@ -2,9 +2,9 @@
 
 use super::answers::{FleetLoad, PolicyTraining};
 use super::drift::Moment;
-use super::imitation::ImitationLoss;
 use super::standing::Standing;
 use super::state::AgentsState;
+use crate::algorithms::imitation::ImitationLoss;
 use crate::evaluation::Evaluation;
 use crate::influence::{AipLoss, FreshLoss};
 use dials_core::domain::Result;

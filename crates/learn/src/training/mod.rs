@@ -19,7 +19,6 @@
 //! - [`stream`]: what continues from one period to the next, so that evaluations do not change the training.
 
 pub mod answers;
-pub mod averaging;
 pub mod block;
 pub mod collect;
 pub mod dials;
@@ -27,15 +26,12 @@ pub mod drift;
 pub mod environment;
 pub mod fits;
 pub mod fleet;
-pub mod gae;
 pub mod global;
 pub mod ials;
-pub mod imitation;
 pub mod journal;
 pub mod observer;
-pub mod ppo;
-pub mod ppo_loss;
-pub mod rollout;
+pub mod progress;
+mod returns;
 pub mod standing;
 pub mod state;
 pub mod stream;

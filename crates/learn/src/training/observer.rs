@@ -1,7 +1,7 @@
 //! Observers of a run, which may also ask it to stop.
 
 use super::drift::Drift;
-use super::imitation::ImitationLoss;
+use crate::algorithms::imitation::ImitationLoss;
 use crate::evaluation::Evaluation;
 use crate::influence::{AipLoss, FreshLoss};
 use dials_core::base::Activity;

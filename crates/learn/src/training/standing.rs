@@ -3,7 +3,7 @@
 use serde::{Deserialize, Serialize};
 
 use super::drift::Drift;
-use dials_config::{AipTraining, Config, Period};
+use crate::config::{AipTraining, Config, Period};
 
 /// How far training has come. The default is its beginning.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]

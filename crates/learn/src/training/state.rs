@@ -3,6 +3,7 @@
 use serde::{Deserialize, Serialize};
 
 use super::stream::AgentStream;
+use crate::algorithms::Tables;
 use crate::policy::JointPolicy;
 use dials_core::base::Ragged;
 
@@ -12,21 +13,12 @@ pub struct AgentsState {
     /// Timesteps per agent so far.
     pub steps: u64,
     pub policies: JointPolicy,
-    /// Moments of the policies' optimiser. (The optimiser of the AIPs starts from zero at each training.)
-    pub moments: JointMoments,
+    /// What the learners keep beside the policies. (The optimiser of the AIPs starts from zero at each training.)
+    pub learners: Tables,
     /// What the influence predictors have learnt: weights of AIPs (approximate influence predictors), or constants.
     pub aips: Ragged<f32>,
-    /// Unfinished episodes, and dice.
+    /// Unfinished episodes.
     pub streams: Vec<AgentStream>,
-}
-
-/// Moments of the policies' optimisers: see [`stacknets::Moments`].
-#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
-pub struct JointMoments {
-    pub first: Ragged<f32>,
-    pub second: Ragged<f32>,
-    /// Number of gradient steps of every agent.
-    pub steps: u32,
 }
 
 impl AgentsState {
@@ -35,7 +27,7 @@ impl AgentsState {
         AgentsState {
             steps: 0,
             policies: Ragged::default(),
-            moments: JointMoments::default(),
+            learners: Tables::default(),
             aips: Ragged::default(),
             streams: Vec::new(),
         }
@@ -50,11 +42,7 @@ impl AgentsState {
         AgentsState {
             steps: self.steps,
             policies: self.policies.pick(agents.clone()),
-            moments: JointMoments {
-                first: self.moments.first.pick(agents.clone()),
-                second: self.moments.second.pick(agents.clone()),
-                steps: self.moments.steps,
-            },
+            learners: self.learners.share(agents.clone()),
             aips: self.aips.pick(agents.clone()),
             streams: agents.into_iter().map(|agent| self.streams[agent].clone()).collect(),
         }
@@ -63,10 +51,8 @@ impl AgentsState {
     /// Overwrites the state of the agents from `first` on.
     pub fn replace(&mut self, first: usize, part: &AgentsState) {
         self.steps = part.steps;
-        self.moments.steps = part.moments.steps;
         self.policies.replace(first, &part.policies);
-        self.moments.first.replace(first, &part.moments.first);
-        self.moments.second.replace(first, &part.moments.second);
+        self.learners.replace(first, &part.learners);
         self.aips.replace(first, &part.aips);
         self.streams[first..][..part.streams.len()].clone_from_slice(&part.streams);
     }
@@ -74,10 +60,9 @@ impl AgentsState {
     /// Joins the states of groups of agents, in order, into the state of all.
     pub fn joined(parts: Vec<AgentsState>) -> AgentsState {
         let join = |mut whole: AgentsState, next: AgentsState| {
-            debug_assert_eq!((whole.steps, whole.moments.steps), (next.steps, next.moments.steps));
+            debug_assert_eq!(whole.steps, next.steps);
             whole.policies.extend(&next.policies);
-            whole.moments.first.extend(&next.moments.first);
-            whole.moments.second.extend(&next.moments.second);
+            whole.learners.extend(next.learners);
             whole.aips.extend(&next.aips);
             whole.streams.extend(next.streams);
             whole
@@ -93,17 +78,22 @@ mod tests {
 
     #[test]
     fn shares_join_to_the_whole() {
-        let stream = |agent| AgentStream { minibatches: Seed::new(agent).dice(), rows: vec![] };
+        let stream = |_| AgentStream { rows: vec![] };
+        let dice = |agent| vec![Seed::new(agent).dice()];
         let rows = |from: u8| Ragged::from_vec((from..from + 6).map(f32::from).collect(), [2, 3, 1]).unwrap();
         let whole = AgentsState {
             steps: 128,
             policies: rows(0),
-            moments: JointMoments { first: rows(10), second: rows(20), steps: 12 },
+            learners: Tables {
+                numbers: [("moments".to_owned(), rows(10)), ("squares".to_owned(), rows(20))].into(),
+                dice: [("acting".to_owned(), (0..3).map(dice).collect())].into(),
+                counts: [("steps".to_owned(), 12)].into(),
+            },
             aips: rows(30),
             streams: (0..3).map(stream).collect(),
         };
         let first = whole.share(0..1);
-        assert_eq!((first.agents(), first.moments.second.row(0)), (1, &[20.0, 21.0][..]));
+        assert_eq!((first.agents(), first.learners.numbers["squares"].row(0)), (1, &[20.0, 21.0][..]));
         assert_eq!(AgentsState::joined(vec![first, whole.share(1..3)]), whole);
         assert_eq!(AgentsState::joined(vec![]).agents(), 0);
         let mut replaced = whole.clone();

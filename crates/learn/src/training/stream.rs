@@ -1,4 +1,4 @@
-//! The stream of training: what continues from one period to the next besides networks and optimisers.
+//! The stream of training: the episodes that continue from one period to the next.
 //!
 //! Evaluations, datasets and checkpoints cut training into periods, and at each cut the simulators are lost. SUMO holds
 //! one simulation per process, and cannot save the middle of one exactly. But a local region follows from its actions
@@ -8,31 +8,23 @@
 
 use serde::{Deserialize, Serialize};
 
-use crate::policy::PolicyStack;
-use dials_config::Config;
+use crate::config::Config;
 use dials_core::base::{AgentId, Dice, RandomPurpose, Rows, Seed, scramble};
 use dials_core::domain::{Action, Percept};
 
-/// State of one agent's training between two rollouts.
+/// State of one agent's episodes between two periods.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct AgentStream {
-    /// Dice for the order of its minibatches.
-    pub minibatches: Dice,
     /// One stream per copy of the agent's region.
     pub rows: Vec<RowStream>,
 }
 
-/// State of one copy of an agent's region between two rollouts.
+/// State of one copy of an agent's region between two periods.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct RowStream {
     pub trail: Trail,
-    /// Dice for the actions.
-    pub acting: Dice,
     /// Dice for the influence sources; unused on the GS.
     pub influence: Dice,
-    /// Hidden state of the policy; empty without memory. It cannot be recomputed, because earlier policies took part in
-    /// it.
-    pub state: Vec<f32>,
     /// Sum of the rewards since the episode began.
     pub rewards: f64,
 }
@@ -52,25 +44,18 @@ pub struct Trail {
 }
 
 impl RowStream {
-    /// Makes a row whose first episode begins. `state`: the hidden state of its policy.
-    pub fn begin(acting: Dice, influence: Dice, state: &[f32]) -> RowStream {
-        RowStream { trail: Trail::default(), acting, influence, state: state.to_vec(), rewards: 0.0 }
+    /// Makes a row whose first episode begins.
+    pub fn begin(influence: Dice) -> RowStream {
+        RowStream { trail: Trail::default(), influence, rewards: 0.0 }
     }
 }
 
 impl AgentStream {
     /// Makes the stream of an agent at the beginning of training.
-    pub fn begin(config: &Config, policies: &PolicyStack, agent: AgentId) -> AgentStream {
-        let stream = |purpose: RandomPurpose| Seed::new(config.seed).fork(purpose).for_agent(agent);
-        let dice = |purpose: RandomPurpose, copy: usize| stream(purpose).for_copy(copy).dice();
-        let states = policies.states(1);
-        let row = |copy: usize| {
-            RowStream::begin(dice(RandomPurpose::Acting, copy), dice(RandomPurpose::Influence, copy), states.row(0))
-        };
-        AgentStream {
-            minibatches: stream(RandomPurpose::PolicyMinibatches).dice(),
-            rows: (0..config.copies()).map(row).collect(),
-        }
+    pub fn begin(config: &Config, agent: AgentId) -> AgentStream {
+        let influence = Seed::new(config.seed).fork(RandomPurpose::Influence).for_agent(agent);
+        let row = |copy: usize| RowStream::begin(influence.for_copy(copy).dice());
+        AgentStream { rows: (0..config.copies()).map(row).collect() }
     }
 }
 

@@ -87,7 +87,7 @@ impl Reached {
     fn of(runs: &[&RunRecord], target: f64) -> Reached {
         let first = |run: &&RunRecord| {
             let steps = run.evaluations.iter().find(|evaluation| evaluation.all.mean >= target)?.steps;
-            Some((run.config.seed, steps, run.runtime_at(steps)))
+            Some((run.config.learning.seed, steps, run.runtime_at(steps)))
         };
         Reached { runs: runs.iter().filter_map(first).collect(), of: runs.len() }
     }
@@ -139,7 +139,7 @@ pub fn compare(a: &ComparedSide, b: &ComparedSide, target: Option<f64>) -> Resul
     let steps = compared_at(&evaluated[0], &evaluated[1]).expect("a side was evaluated");
     let both = [0, 1].map(|side| (&runs[side], steps[side]));
     let played = both.map(|(runs, steps)| {
-        let played = runs.iter().filter_map(|run| Some((run.config.seed, played::of_run(run, steps)?)));
+        let played = runs.iter().filter_map(|run| Some((run.config.learning.seed, played::of_run(run, steps)?)));
         played.collect::<BySeed>()
     });
     let shared = shared_episodes(played.iter().flatten().map(|(_, played)| played));

@@ -44,7 +44,7 @@ impl RunStatus {
 
 /// `locked`: whether a process is writing the run. `idle`: time since the end of the last period was written.
 fn of(run: &RunRecord, locked: bool, idle: Duration) -> RunStatus {
-    let last_step = run.config.last_step();
+    let last_step = run.config.learning.last_step();
     let state = match (run.status(), locked) {
         (_, true) => State::Running,
         (Status::Finished, false) => State::Finished,
@@ -83,7 +83,7 @@ fn last_period(run: &RunRecord) -> Option<f64> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use dials_config::Config;
+    use dials_session::config::RunConfig;
     use dials_session::records::run_record::{
         AipTrainingRecord, EvaluationRecord, FreshLossRecord, PeriodTime, Returns,
     };
@@ -98,6 +98,8 @@ mod tests {
             episodes: None,
             episode_returns: Vec::new(),
         };
+        let mut config = RunConfig::default();
+        config.learning.total_steps = 1000;
         RunRecord {
             dir: "run".into(),
             evaluations: ends.iter().map(evaluation).collect(),
@@ -105,7 +107,7 @@ mod tests {
                 .iter()
                 .map(|&(steps, elapsed_s)| PeriodTime { steps, elapsed_s, ..PeriodTime::default() })
                 .collect(),
-            ..RunRecord::empty(Config { total_steps: 1000, ..Config::default() }, None)
+            ..RunRecord::empty(config, None)
         }
     }
 

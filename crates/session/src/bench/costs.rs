@@ -10,8 +10,8 @@ use std::ops::{Add, Mul};
 use super::floor::{Flops, aip_trainings_flops};
 use super::measure::{Measured, Orders};
 use super::simulators::SimulatorCosts;
+use crate::config::RunConfig;
 use crate::cost::{Prices, Workload};
-use dials_config::Config;
 use dials_core::base::Phase;
 use dials_core::domain::Kinds;
 
@@ -102,8 +102,8 @@ pub struct Costs {
 
 impl Costs {
     /// Computes the costs. `config`: that of the run, not that of the short orders in `measured`.
-    pub fn of(config: &Config, kinds: &Kinds, steps: Steps, peak_flops: f64, measured: &Measured) -> Costs {
-        let work = Workload::of(config, kinds.agents(), config.last_step());
+    pub fn of(config: &RunConfig, kinds: &Kinds, steps: Steps, peak_flops: f64, measured: &Measured) -> Costs {
+        let work = Workload::of(config, kinds.agents(), config.learning.last_step());
         let machine = Machine { workers: measured.workers as f64, sumo: steps.foreign, peak_flops };
         let Measured { training, evaluation, collection, aip_training, .. } = measured;
 
@@ -290,7 +290,7 @@ mod tests {
     /// Returns a run of one agent, 1000 timesteps in ten periods, each with an evaluation of 3 episodes, and one of 5
     /// at the end. AIPs are trained twice on 2 episodes of 10 steps. Networks as in the tests of the floor, and a
     /// machine of 1e6 operations per second.
-    fn setting() -> (Config, Kinds) {
+    fn setting() -> (RunConfig, Kinds) {
         let config = "total_steps = 1000\ntraffic = { network = 'n', local_network = 'l', horizon = 10 }\n\
                       policy = { hidden = [3] }\nppo = { memory = 100, rollout_steps = 4, epochs = 3, time_limit = 'bootstrap' }\n\
                       aip = { hidden = [5], batch = 8, epochs = 2, held_out = 0.5, dataset_steps = 40, \

@@ -1,7 +1,9 @@
 //! The floor under a run's cost: its matrix products, in floating-point operations.
 
-use dials_config::{Config, TimeLimit, held_out_episodes};
+use crate::config::RunConfig;
 use dials_core::domain::{Kinds, RegionSpec};
+use dials_learn::algorithms;
+use dials_learn::config::held_out_episodes;
 use dials_learn::influence::{AipStack, sampling_flops};
 use dials_learn::policy::PolicyStack;
 use stacknets::Shape;
@@ -17,7 +19,7 @@ pub struct Flops {
 
 impl Flops {
     /// Returns the means over the agents of all kinds.
-    pub fn of_all(config: &Config, kinds: &Kinds) -> Flops {
+    pub fn of_all(config: &RunConfig, kinds: &Kinds) -> Flops {
         let mean = |pick: fn(Flops) -> f64| {
             let sums = kinds.iter().map(|kind| kind.agents.len() as f64 * pick(Flops::of(config, &kind.spec)));
             sums.sum::<f64>() / kinds.agents() as f64
@@ -26,49 +28,47 @@ impl Flops {
     }
 
     /// Returns the operations of an agent of one kind.
-    fn of(config: &Config, spec: &RegionSpec) -> Flops {
-        let (ppo, policy) = (&config.ppo, PolicyStack::shape(spec, &config.policy));
-        let acting = policy.forward_flops();
-        let update = ppo.epochs as f64 * (acting + policy.backward_flops(config.sequence_length()));
-        // Besides every decision: the value after the last step of a rollout and, if it counts, of an episode.
-        let last_values = 1.0 / ppo.rollout_steps as f64
-            + if ppo.time_limit == TimeLimit::Bootstrap { 1.0 / config.training_horizon() as f64 } else { 0.0 };
-        let predictor = config.simulator.predictor();
-        let sampling = predictor.map_or(0.0, |choice| sampling_flops(choice, spec, &config.aip));
-        Flops { training: update + (1.0 + last_values) * acting + sampling, acting }
+    fn of(config: &RunConfig, spec: &RegionSpec) -> Flops {
+        let policy = PolicyStack::shape(spec, &config.learning.policy);
+        let learning =
+            algorithms::of(&config.learning).flops_per_step(&config.learning, &policy, config.training_horizon());
+        let predictor = config.learning.predictor_in_use();
+        let sampling = predictor.map_or(0.0, |choice| sampling_flops(choice, spec, &config.learning.aip));
+        Flops { training: learning + sampling, acting: policy.forward_flops() }
     }
 }
 
 /// Returns the operations of all agents' AIP trainings on datasets of N episodes.
-pub fn aip_trainings_flops(config: &Config, kinds: &Kinds, episodes: usize) -> f64 {
+pub fn aip_trainings_flops(config: &RunConfig, kinds: &Kinds, episodes: usize) -> f64 {
     kinds.iter().map(|kind| kind.agents.len() as f64 * aip_training_flops(config, &kind.spec, episodes)).sum()
 }
 
 /// Returns the operations of one agent: the gradient steps, and the loss before and after on all samples.
-fn aip_training_flops(config: &Config, spec: &RegionSpec, episodes: usize) -> f64 {
-    let aip: Shape = AipStack::shape(spec, &config.aip);
+fn aip_training_flops(config: &RunConfig, spec: &RegionSpec, episodes: usize) -> f64 {
+    let aip: Shape = AipStack::shape(spec, &config.learning.aip);
     let steps = if aip.recurrent.is_some() { spec.horizon } else { 1 };
-    let visits = config.aip.epochs * gradient_steps(config, spec.horizon, episodes) * config.aip.batch * steps;
+    let visits =
+        config.learning.aip.epochs * gradient_steps(config, spec.horizon, episodes) * config.learning.aip.batch * steps;
     visits as f64 * (aip.forward_flops() + aip.backward_flops(steps))
         + 2.0 * (episodes * spec.horizon) as f64 * aip.forward_flops()
 }
 
 /// Returns the gradient steps of an AIP per pass over such a dataset.
-pub fn gradient_steps(config: &Config, horizon: usize, episodes: usize) -> usize {
-    let sequences_per_episode = if config.aip.recurrent.is_some() { 1 } else { horizon };
-    let training = episodes - held_out_episodes(episodes, config.aip.held_out);
-    training * sequences_per_episode / config.aip.batch
+pub fn gradient_steps(config: &RunConfig, horizon: usize, episodes: usize) -> usize {
+    let sequences_per_episode = if config.learning.aip.recurrent.is_some() { 1 } else { horizon };
+    let training = episodes - held_out_episodes(episodes, config.learning.aip.held_out);
+    training * sequences_per_episode / config.learning.aip.batch
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use dials_config::Simulator;
     use dials_core::base::AgentId;
     use dials_core::domain::{Kind, SourceSpec};
+    use dials_learn::config::Simulator;
 
     /// Returns small networks. Policy 4 -> 3 -> (2 + 1): 21 weights; AIP 2 -> 5 -> 2: 20 weights.
-    fn small() -> (Config, RegionSpec) {
+    fn small() -> (RunConfig, RegionSpec) {
         let config = "warehouse = { agents_per_side = 1, horizon = 10 }\npolicy = { hidden = [3] }\n\
                       ppo = { rollout_steps = 4, epochs = 3, time_limit = 'bootstrap' }\n\
                       aip = { hidden = [5], batch = 8, epochs = 2, held_out = 0.5 }";
@@ -94,7 +94,7 @@ mod tests {
         let flops = Flops::of(&config, &spec);
         assert!((flops.training - 402.7).abs() < 1e-9, "{flops:?}");
         assert_eq!(flops.acting, 42.0);
-        config.simulator = Simulator::Global;
+        config.learning.simulator = Simulator::Global;
         assert!((Flops::of(&config, &spec).training - 362.7).abs() < 1e-9);
     }
 

@@ -4,8 +4,8 @@
 //! steps then take many times too long. Constant AIPs send as many cars as the GS (global simulator), at the same cost
 //! per sample.
 
-use dials_config::AipConfig;
 use dials_core::domain::{RegionSpec, SourceSpec};
+use dials_learn::config::AipConfig;
 use dials_learn::influence::{AipStack, Dataset, frequencies};
 
 /// Half an event, so that an unseen event is not impossible.
@@ -44,8 +44,8 @@ fn logits(spec: &SourceSpec, dataset: &Dataset) -> Vec<f32> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use dials_config::Predictor;
     use dials_core::base::{AgentId, Dice, Rows, Seed};
+    use dials_learn::config::Predictor;
     use dials_learn::influence::initial_predictor;
 
     /// Draws from AIPs that predict the marginals of a dataset in which a quarter of the samples have class 1.

@@ -4,10 +4,16 @@ use std::time::{Duration, Instant};
 
 use super::floor::{aip_trainings_flops, gradient_steps};
 use super::marginals::predict_marginals;
-use dials_config::{AipTraining, Config, Period, Simulator};
+use crate::config::RunConfig;
 use dials_core::base::{Activity, Phase, Stopwatch};
 use dials_core::domain::{Kinds, Result, RoughCosts};
+use dials_learn::algorithms;
+use dials_learn::config::{AipTraining, Period, Simulator};
 use dials_learn::influence::Dataset;
+use dials_learn::steps::collect::collect_datasets;
+use dials_learn::steps::evaluate::evaluate;
+use dials_learn::steps::train_aips::train_aips;
+use dials_learn::steps::train_policies::train_policies;
 use dials_learn::training::answers::FleetLoad;
 use dials_learn::training::collect::Purpose;
 use dials_learn::training::fleet::Fleet;
@@ -28,25 +34,25 @@ const AIP_EPOCHS: usize = 8;
 const OF_PEAK: f64 = 0.4;
 
 /// Returns a config with which every order to a fleet of N workers is short, and each worker has a share of it.
-pub fn short_orders(config: &Config, workers: usize) -> Config {
+pub fn short_orders(config: &RunConfig, workers: usize) -> RunConfig {
     let mut short = config.clone();
-    short.evaluation.episodes = workers;
-    short.evaluation.final_episodes = workers;
-    short.aip.dataset_steps = workers * config.horizon();
-    short.aip.epochs = config.aip.epochs.min(AIP_EPOCHS);
+    short.learning.evaluation.episodes = workers;
+    short.learning.evaluation.final_episodes = workers;
+    short.learning.aip.dataset_steps = workers * config.horizon();
+    short.learning.aip.epochs = config.learning.aip.epochs.min(AIP_EPOCHS);
     short
 }
 
 /// Returns about how long the measurement of a fleet of N workers takes. Every kind of order is given at least once, so
 /// that can be far longer than `time`. `rough`: costs of the domain.
-pub fn expected(config: &Config, agents: usize, rough: &RoughCosts, workers: usize, time: Duration) -> Duration {
+pub fn expected(config: &RunConfig, agents: usize, rough: &RoughCosts, workers: usize, time: Duration) -> Duration {
     let part = |share: f64, least_s: f64| time.mul_f64(share).max(Duration::from_secs_f64(least_s));
     // Each worker plays whole episodes.
     let episode_s = (agents * config.horizon()) as f64 * rough.evaluation_s;
-    let dataset_s = episode_s * config.dataset_episodes(config.horizon()).div_ceil(workers) as f64;
-    let step_s = if config.simulator == Simulator::Global { rough.training_on_gs_s } else { rough.training_s };
-    let update_s = (agents * config.ppo.memory) as f64 * step_s / workers as f64;
-    let of_predictors = match config.simulator.trains_predictors() {
+    let dataset_s = episode_s * config.learning.dataset_episodes(config.horizon()).div_ceil(workers) as f64;
+    let step_s = if config.learning.simulator == Simulator::Global { rough.training_on_gs_s } else { rough.training_s };
+    let update_s = (agents * algorithms::of(&config.learning).steps_per_update()) as f64 * step_s / workers as f64;
+    let of_predictors = match config.learning.trains_predictors() {
         true => part(COLLECTION, dataset_s) + part(AIP_TRAINING, 0.0),
         false => Duration::ZERO,
     };
@@ -90,15 +96,15 @@ pub struct Measured {
 impl Measured {
     /// Returns the part of an episode that every local simulator, or the GS (global simulator), played while the
     /// policies trained.
-    pub fn share_of_an_episode(&self, config: &Config, agents: usize) -> f64 {
-        self.training.units / (agents * config.copies() * config.training_horizon()) as f64
+    pub fn share_of_an_episode(&self, config: &RunConfig, agents: usize) -> f64 {
+        self.training.units / (agents * config.learning.copies() * config.training_horizon()) as f64
     }
 }
 
 /// Settings of a measurement.
 pub struct MeasurePlan<'a> {
     /// Config that [`short_orders`] made.
-    pub config: &'a Config,
+    pub config: &'a RunConfig,
     pub kinds: &'a Kinds,
     pub workers: usize,
     pub time: Duration,
@@ -107,13 +113,13 @@ pub struct MeasurePlan<'a> {
 }
 
 /// Gives orders of every kind to `fleet`, which was made for `plan.config`.
-pub fn measure(plan: &MeasurePlan<'_>, fleet: &mut dyn Fleet, journal: &mut dyn Journal) -> Result<Measured> {
+pub fn measure(plan: &MeasurePlan<'_>, fleet: &mut impl Fleet, journal: &mut dyn Journal) -> Result<Measured> {
     let agents = fleet.agents().agents();
     let mut bench = Bench {
         fleet,
         journal,
         standing: Standing::default(),
-        evaluation_episodes: plan.config.evaluation.episodes,
+        evaluation_episodes: plan.config.learning.evaluation.episodes,
         collection_rounds: rounds_of_a_collection(plan),
         period: Period { start: 0, end: 0, train_aips: AipTraining::No, evaluate: false, average: false },
     };
@@ -121,7 +127,7 @@ pub fn measure(plan: &MeasurePlan<'_>, fleet: &mut dyn Fleet, journal: &mut dyn 
 
     let evaluation = repeat(part(EVALUATION), |orders| bench.evaluate(orders))?;
     let (mut collection, mut aip_training) = (Orders::default(), Orders::default());
-    if plan.config.simulator.trains_predictors() {
+    if plan.config.learning.trains_predictors() {
         let (mut datasets, mut seen) = (Vec::new(), Dataset::of_all(plan.kinds));
         collection = repeat(part(COLLECTION), |orders| {
             datasets = bench.collect(orders)?;
@@ -135,12 +141,12 @@ pub fn measure(plan: &MeasurePlan<'_>, fleet: &mut dyn Fleet, journal: &mut dyn 
         aip_training = repeat(part(AIP_TRAINING), |orders| bench.train_aips(orders, &datasets, flops))?;
         let mut state = bench.fleet.agents().clone();
         for (agent, (spec, seen)) in plan.kinds.specs().zip(&seen).enumerate() {
-            predict_marginals(state.aips.row_mut(agent), spec, &plan.config.aip, seen);
+            predict_marginals(state.aips.row_mut(agent), spec, &plan.config.learning.aip, seen);
         }
         bench.fleet.restore(state)?;
     }
     // The first update only shows how long one takes. The measurement starts again where it did.
-    let memory = plan.config.ppo.memory as u64;
+    let memory = algorithms::of(&plan.config.learning).steps_per_update() as u64;
     let mut guess = Orders::default();
     let beginning = bench.fleet.agents().clone();
     bench.train(&mut guess, memory, agents)?;
@@ -166,7 +172,7 @@ pub fn measure(plan: &MeasurePlan<'_>, fleet: &mut dyn Fleet, journal: &mut dyn 
 /// Returns the number of episodes of each worker in a collection. A single worker plays two, because one of a dataset is
 /// held out.
 fn rounds_of_a_collection(plan: &MeasurePlan<'_>) -> f64 {
-    plan.config.dataset_episodes(plan.kinds.horizon()) as f64 / plan.workers as f64
+    plan.config.learning.dataset_episodes(plan.kinds.horizon()) as f64 / plan.workers as f64
 }
 
 /// Repeats orders until the time is over, at least one.
@@ -182,7 +188,7 @@ fn repeat(time: Duration, mut order: impl FnMut(&mut Orders) -> Result<()>) -> R
 /// at most a whole dataset, and always enough for a gradient step.
 fn episodes_for(plan: &MeasurePlan<'_>, flops: f64) -> usize {
     let horizon = plan.kinds.horizon();
-    let whole = plan.config.dataset_episodes(horizon);
+    let whole = plan.config.learning.dataset_episodes(horizon);
     let mut episodes = 2;
     let too_few = |episodes| gradient_steps(plan.config, horizon, episodes) == 0;
     while too_few(episodes) || (episodes < whole && aip_trainings_flops(plan.config, plan.kinds, episodes) < flops) {
@@ -200,8 +206,8 @@ fn repeated(dataset: &Dataset, episodes: usize) -> Dataset {
     longer
 }
 
-struct Bench<'a> {
-    fleet: &'a mut dyn Fleet,
+struct Bench<'a, F> {
+    fleet: &'a mut F,
     journal: &'a mut dyn Journal,
     standing: Standing,
     evaluation_episodes: usize,
@@ -210,10 +216,10 @@ struct Bench<'a> {
     period: Period,
 }
 
-impl Bench<'_> {
+impl<F: Fleet> Bench<'_, F> {
     fn evaluate(&mut self, orders: &mut Orders) -> Result<()> {
         self.order(orders, Activity::Evaluation, 1.0, |bench| {
-            let evaluation = bench.fleet.evaluate(bench.evaluation_episodes)?;
+            let evaluation = evaluate(bench.fleet, bench.evaluation_episodes)?;
             let load = bench.fleet.take_load();
             bench.journal.evaluated(bench.fleet.agents(), &evaluation)?;
             Ok(load)
@@ -225,7 +231,7 @@ impl Bench<'_> {
         // Different episodes each time: the traffic of one varies by several percent, and the marginals come from them.
         let order = orders.count as u64;
         self.order(orders, Activity::Collection, self.collection_rounds, |bench| {
-            datasets = bench.fleet.collect_datasets(Purpose::Training { steps: order })?;
+            datasets = collect_datasets(bench.fleet, Purpose::Training { steps: order })?;
             Ok(bench.fleet.take_load())
         })?;
         Ok(datasets)
@@ -234,7 +240,7 @@ impl Bench<'_> {
     fn train_aips(&mut self, orders: &mut Orders, datasets: &[Dataset], flops: f64) -> Result<()> {
         let datasets = datasets.to_vec();
         self.order(orders, Activity::AipTraining, flops, |bench| {
-            let losses = bench.fleet.train_aips(datasets, &bench.period)?;
+            let losses = train_aips(bench.fleet, datasets, &bench.period)?;
             let load = bench.fleet.take_load();
             bench.journal.aips_trained(bench.fleet.agents(), &losses)?;
             Ok(load)
@@ -244,7 +250,7 @@ impl Bench<'_> {
     fn train(&mut self, orders: &mut Orders, steps: u64, agents: usize) -> Result<()> {
         (self.period.start, self.period.end) = (self.period.end, self.period.end + steps);
         self.order(orders, Activity::Training, steps as f64 * agents as f64, |bench| {
-            let training = bench.fleet.train_policies(&bench.period)?;
+            let training = train_policies(bench.fleet, &bench.period)?;
             let load = bench.fleet.take_load();
             bench.standing.until = bench.period.end;
             bench.journal.period_done(bench.fleet.agents(), &bench.standing, &training, load.clone())?;

@@ -5,9 +5,10 @@ use serde_json::{Value, json};
 
 use super::costs::per_unit;
 use super::measure::{Measured, Orders};
-use dials_config::{Config, Simulator};
+use crate::config::RunConfig;
 use dials_core::base::Phase;
 use dials_core::domain::Kinds;
+use dials_learn::config::Simulator;
 
 /// Unit of all costs of steps, for people and programs.
 pub const UNIT: &str = "core-microseconds per agent and step of the simulator";
@@ -46,7 +47,7 @@ pub struct SimulatorCosts {
 
 impl SimulatorCosts {
     /// `steps_per_timestep`: number of the simulator's steps in a timestep.
-    pub fn of(config: &Config, kinds: &Kinds, steps_per_timestep: usize, measured: &Measured) -> SimulatorCosts {
+    pub fn of(config: &RunConfig, kinds: &Kinds, steps_per_timestep: usize, measured: &Measured) -> SimulatorCosts {
         let steps = steps_per_timestep as f64;
         // An episode of each worker is that many steps of agents.
         let of_episode = (measured.workers * kinds.horizon() * kinds.agents()) as f64 * steps;
@@ -60,7 +61,7 @@ impl SimulatorCosts {
             gs: cost(&measured.evaluation, of_episode),
             gs_collecting: (collection.count > 0).then(|| cost(collection, of_episode)),
             training: cost(&measured.training, steps),
-            trains_on_gs: config.simulator == Simulator::Global,
+            trains_on_gs: config.learning.simulator == Simulator::Global,
             learning_us: LEARNING.iter().map(|&phase| per_unit(&measured.training, phase)).sum(),
         }
     }

@@ -1,6 +1,7 @@
 //! The amounts of work in a run.
 
-use dials_config::{AipTraining, Config, schedule};
+use crate::config::RunConfig;
+use dials_learn::config::{AipTraining, schedule};
 
 /// Work of a run of `agents` agents. AIPs: approximate influence predictors.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -33,8 +34,8 @@ impl Workload {
     /// Computes the work until the timestep `until` per agent, with the evaluation at the end.
     ///
     /// With `aip.retrain = "drift"` only the certain trainings count, because drift cannot be foreseen.
-    pub fn of(config: &Config, agents: usize, until: u64) -> Workload {
-        let periods = schedule(config);
+    pub fn of(config: &RunConfig, agents: usize, until: u64) -> Workload {
+        let periods = schedule(&config.learning);
         let begun = || periods.iter().filter(|period| period.start < until);
         let horizon = config.horizon();
         Workload {
@@ -42,14 +43,14 @@ impl Workload {
             steps: until,
             horizon,
             training_horizon: config.training_horizon(),
-            copies: config.copies(),
+            copies: config.learning.copies(),
             periods: begun().count(),
             evaluations: begun().filter(|period| period.evaluate).count(),
-            evaluation_episodes: config.evaluation.episodes,
-            final_episodes: config.evaluation.final_episodes,
+            evaluation_episodes: config.learning.evaluation.episodes,
+            final_episodes: config.learning.evaluation.final_episodes,
             retrainings: begun().filter(|period| period.train_aips == AipTraining::Yes).count(),
-            dataset_episodes: config.dataset_episodes(horizon),
-            epochs: config.aip.epochs,
+            dataset_episodes: config.learning.dataset_episodes(horizon),
+            epochs: config.learning.aip.epochs,
         }
     }
 
@@ -83,11 +84,12 @@ impl Workload {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use dials_learn::config::ShortForm;
 
     #[test]
     fn the_work_of_a_run_is_counted_by_hand() {
         // Periods of 100 steps, an evaluation at the beginning of each, AIPs trained at 0 and at 500.
-        let config: Config = toml::from_str(
+        let config: RunConfig = toml::from_str(
             "total_steps = 1000\nwarehouse = { agents_per_side = 2, horizon = 10 }\nlocal_simulators = { copies = 3 }\n\
              ppo = { memory = 100 }\n\
              aip = { epochs = 7, dataset_steps = 40, retrain_every_steps = 500 }\n\
@@ -113,7 +115,8 @@ mod tests {
                     aip = { retrain_every_steps = 500 }\nevaluation = { every_steps = 500 }\n\
                     traffic = { scenario = 's.sumocfg', begin_s = 0, end_s = 3600 }\n";
         let retraced = |simulator: &str| {
-            let config: Config = toml::from_str(&format!("simulator = '{simulator}'\n{text}")).unwrap();
+            let config: RunConfig =
+                toml::from_str(&format!("{}{text}", ShortForm::called(simulator).unwrap().keys())).unwrap();
             let work = Workload::of(&config, 4, 1000);
             (work.horizon, work.retraced_steps())
         };

@@ -7,10 +7,13 @@
 //! cores of a cloud machine with the configs of this project.
 
 use super::file::{PlannedBaseline, PlannedRun};
+use crate::config::RunConfig;
 use crate::cost::{Prices, Workload};
+use crate::domains::DomainConfig;
 use crate::records::run_record::{RunRecord, Status};
-use dials_config::{Config, Simulator};
 use dials_core::domain::RoughCosts;
+use dials_learn::config::Simulator;
+use dials_traffic::config::TrafficTable;
 
 /// Core-seconds and memory of one kind of run.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -44,8 +47,8 @@ impl UnitCosts {
 }
 
 /// Returns the number of cores that train. A core has whole agents. With the GS it is one: an experiment gives it no more.
-fn training_cores(config: &Config, agents: usize, cores: usize) -> usize {
-    if config.simulator == Simulator::Global { 1 } else { cores.min(agents) }
+fn training_cores(config: &RunConfig, agents: usize, cores: usize) -> usize {
+    if config.learning.simulator == Simulator::Global { 1 } else { cores.min(agents) }
 }
 
 /// The source of an estimate.
@@ -76,7 +79,7 @@ pub fn estimate(run: &PlannedRun, cores: usize, measured: &[RunRecord]) -> Estim
         Some(costs) => (costs, Source::Measured(nearest.len())),
         None => (rough, Source::Constants),
     };
-    let work = Workload::of(&run.config, run.agents(), run.config.last_step());
+    let work = Workload::of(&run.config, run.agents(), run.config.learning.last_step());
     let seconds = costs.prices(&work, training_cores(&run.config, run.agents(), cores), cores).of_run(&work).sum();
     let memory_mb = (cores + 1) as f64 * costs.process_mb + run.agents() as f64 * costs.agent_mb;
     Estimate { seconds, memory_mb, source }
@@ -95,19 +98,21 @@ pub fn estimate_controller(baseline: &PlannedBaseline) -> Estimate {
 
 fn costs_without_runs(run: &PlannedRun) -> UnitCosts {
     let RoughCosts { training_s, training_on_gs_s, influence_s, evaluation_s, process_mb, agent_mb } = run.rough_costs;
-    let training_s = if run.config.simulator == Simulator::Global { training_on_gs_s } else { training_s };
+    let training_s = if run.config.learning.simulator == Simulator::Global { training_on_gs_s } else { training_s };
     UnitCosts { training_s, influence_s, evaluation_s, process_mb, agent_mb }
 }
 
 /// Returns the measured runs of the same scenario and simulator. If there are none: those of the same domain with the
 /// nearest number of agents. If some of them are finished, only those.
 fn nearest<'a>(run: &PlannedRun, measured: &'a [RunRecord]) -> Vec<&'a RunRecord> {
-    let way = |config: &Config| config.domain.as_ref().map(std::mem::discriminant);
+    // A step on a grid costs other than one of a scenario.
+    let is_scenario = |domain: &DomainConfig| matches!(domain, DomainConfig::Traffic(TrafficTable::Scenario(_)));
+    let way = |config: &RunConfig| {
+        let domain = config.domain.as_ref().map(|domain| (domain.name(), is_scenario(domain)));
+        (domain, config.learning.short_form().name)
+    };
     let alike = |other: &&RunRecord| {
-        other.scenario.is_some()
-            && way(&other.config) == way(&run.config)
-            && other.config.simulator == run.config.simulator
-            && other.total_time().is_some()
+        other.scenario.is_some() && way(&other.config) == way(&run.config) && other.total_time().is_some()
     };
     let is_same = |other: &RunRecord| other.scenario.as_ref().is_some_and(|scenario| scenario.id == run.scenario.id);
     let ratio = |other: &RunRecord| {
@@ -137,7 +142,7 @@ fn costs_of(runs: &[&RunRecord], fallback: UnitCosts) -> Option<UnitCosts> {
     for run in runs {
         let (time, agents) = (run.total_time()?, run.scenario.as_ref()?.id.agents);
         let training_cores = training_cores(&run.config, agents, run.workers) as f64;
-        let evaluating_cores = run.workers.min(run.config.evaluation.episodes).max(1) as f64;
+        let evaluating_cores = run.workers.min(run.config.learning.evaluation.episodes).max(1) as f64;
         let mut work = Workload::of(&run.config, agents, time.steps);
         if run.status() != Status::Finished {
             // The times of a period have the evaluation before it, so the last evaluation is not among them yet.
@@ -175,12 +180,14 @@ mod tests {
     use crate::records::run_record::{EvaluationRecord, MemoryRecord, PeriodTime, Returns};
     use dials_core::domain::Scenario;
     use dials_core::outside::FileName;
+    use dials_learn::config::ShortForm;
     use std::path::PathBuf;
 
     /// Episodes of 10 steps, 2 per evaluation and 8 per dataset.
-    fn config(simulator: &str, total_steps: u64) -> Config {
+    fn config(simulator: &str, total_steps: u64) -> RunConfig {
+        let keys = ShortForm::called(simulator).unwrap().keys();
         let text = format!(
-            "simulator = '{simulator}'\ntotal_steps = {total_steps}\n[warehouse]\nagents_per_side = 2\nhorizon = 10\n\
+            "{keys}total_steps = {total_steps}\n[warehouse]\nagents_per_side = 2\nhorizon = 10\n\
              [aip]\nretrain_every_steps = 1000\ndataset_steps = 80\n[evaluation]\nevery_steps = 1000\nepisodes = 2\nfinal_episodes = 2"
         );
         toml::from_str(&text).unwrap()
@@ -238,7 +245,7 @@ mod tests {
     #[test]
     fn an_unfinished_run_counts_only_where_none_is_finished() {
         let mut half = measured("dials", 4, 1, [44.0, 0.8, 3.2]);
-        half.config.total_steps = 2000;
+        half.config.learning.total_steps = 2000;
         let run = planned("dials", 2000, 4);
         // It has played one evaluation: 0.8 / (4 x 20) = 0.01 as above. In all: 80 s of training, 6.4 s for two datasets
         // and 2.4 s for three evaluations.
@@ -288,7 +295,8 @@ mod tests {
 
     #[test]
     fn runs_of_a_grid_say_nothing_of_a_scenario() {
-        let text = |table: &str| toml::from_str::<Config>(&format!("simulator = 'gs'\n[traffic]\n{table}\n")).unwrap();
+        let text =
+            |table: &str| toml::from_str::<RunConfig>(&format!("simulator = 'gs'\n[traffic]\n{table}\n")).unwrap();
         let mut grid = measured("gs", 4, 1, [40.0, 0.0, 0.0]);
         grid.config = text("network = 'n'\nlocal_network = 'l'");
         let mut run = planned("gs", 1000, 4);

@@ -7,12 +7,13 @@ use std::path::{Path, PathBuf};
 use anyhow::{Context, Result, anyhow, bail, ensure};
 use serde::Deserialize;
 
+use crate::config::RunConfig;
 use crate::records::find::MeasuredWith;
 use crate::records::method::steps_text;
 use crate::records::method::{Method, Retraining};
-use dials_config::{Config, Simulator};
 use dials_core::domain::{RoughCosts, Scenario};
 use dials_core::outside::{FileName, in_plain_words, quoted, read_text};
+use dials_learn::config::ShortForm;
 
 /// Largest file. That of the largest experiment here has two kibibytes.
 const LARGEST_FILE: u64 = 1 << 20;
@@ -52,7 +53,7 @@ pub struct RunGrid {
     pub configs: Vec<PathBuf>,
     /// Simulators. Default: the one in each config.
     #[serde(default)]
-    pub simulators: Vec<Simulator>,
+    pub simulators: Vec<ShortForm>,
     /// Values of F, the steps between two trainings of the AIPs (approximate influence predictors). Only for simulators
     /// with trained AIPs. Default: the one in each config.
     #[serde(default)]
@@ -80,7 +81,7 @@ pub struct PlannedRun {
     pub config_path: PathBuf,
     /// Settings that override the config file.
     pub settings: Vec<String>,
-    pub config: Config,
+    pub config: RunConfig,
     pub scenario: Scenario,
     pub rough_costs: RoughCosts,
 }
@@ -97,7 +98,7 @@ pub struct PlannedBaseline {
     /// Name of its file, without extension.
     pub name: FileName,
     /// Config of the first run on its scenario, with its settings.
-    pub config: Config,
+    pub config: RunConfig,
     /// Id of the scenario: [`dials_core::domain::ScenarioId::word`].
     pub scenario: String,
     pub controller: String,
@@ -117,10 +118,10 @@ pub struct Experiment {
 
 /// Facts that only the domain of a config knows.
 pub struct Knowledge<'a> {
-    pub simulated: &'a dyn Fn(&Config) -> Result<(Scenario, RoughCosts)>,
+    pub simulated: &'a dyn Fn(&RunConfig) -> Result<(Scenario, RoughCosts)>,
     /// Returns what a controller would be measured with now. Errors: there is no such controller, or its file cannot be
     /// read.
-    pub controller: &'a dyn Fn(&Config, &str) -> Result<MeasuredWith>,
+    pub controller: &'a dyn Fn(&RunConfig, &str) -> Result<MeasuredWith>,
 }
 
 impl Experiment {
@@ -129,7 +130,7 @@ impl Experiment {
         let failed = || format!("{}: cannot be read", path.display());
         let text = read_text(path, LARGEST_FILE).with_context(failed)?;
         let shown = path.display();
-        let is_config = toml::from_str::<Config>(&text).is_ok_and(|config| config.domain.is_some());
+        let is_config = toml::from_str::<RunConfig>(&text).is_ok_and(|config| config.domain.is_some());
         ensure!(!is_config, "{shown}: is a config, not an experiment file; use: dials-traffic train {}", quoted(path));
         let file: ExperimentFile = toml::from_str(&text)
             .map_err(|error: toml::de::Error| anyhow!("{shown}: {}", in_plain_words(&error.to_string())))?;
@@ -197,7 +198,7 @@ impl Experiment {
                     controller: controller.clone(),
                     episodes: file
                         .controller_episodes
-                        .map_or(run.config.evaluation.final_episodes, |count| count as usize),
+                        .map_or(run.config.learning.evaluation.final_episodes, |count| count as usize),
                     agents: run.agents(),
                     rough_costs: run.rough_costs,
                     measured_with,
@@ -209,17 +210,17 @@ impl Experiment {
 
     fn add_run(&mut self, combination: Combination, knowledge: &Knowledge) -> Result<()> {
         let Combination { config_path, config_name, settings, every, words, seed } = combination;
-        let config = dials_config::load(&config_path, &settings)?;
+        let config = crate::config::load(&config_path, &settings)?;
         let (scenario, rough_costs) = (knowledge.simulated)(&config)?;
         let retraining = Method::of(&config, &scenario).retraining;
         ensure!(
             every.is_none() || matches!(retraining, Retraining::Every(_)),
             "retrain_every_steps: has no effect with simulator = {} and aip.retrain = {}: leave it out, or give these runs a \
              [[grid]] of their own",
-            config.simulator.name(),
-            toml::Value::try_from(config.aip.retrain)?.as_str().unwrap_or_default()
+            config.learning.short_form().name,
+            toml::Value::try_from(config.learning.aip.retrain)?.as_str().unwrap_or_default()
         );
-        let name = FileName::new(format!("{config_name}-{}{words}-seed{seed}", config.simulator.name()))?;
+        let name = FileName::new(format!("{config_name}-{}{words}-seed{seed}", config.learning.short_form().name))?;
         // Two combinations give the same run if F is the config's own, or if grids overlap.
         if self.runs.iter().any(|run| run.config_path == config_path && run.config == config) {
             return Ok(());
@@ -268,11 +269,11 @@ fn combinations(file: &ExperimentFile, grid: &RunGrid, config_path: &Path, name:
     }
     let mut combinations = Vec::new();
     for kind in one_of(&grid.simulators) {
-        let trained = kind.is_none_or(Simulator::trains_predictors);
+        let trained = kind.is_none_or(|kind: ShortForm| kind.trains_predictors());
         for every in one_of(if trained { &grid.retrain_every_steps[..] } else { &[] }) {
             for &seed in grid.seeds.as_ref().unwrap_or(&file.seeds) {
                 let mut settings: Vec<String> = file.set.iter().chain(&grid.set).cloned().collect();
-                settings.extend(kind.map(|kind| format!("simulator={}", kind.name())));
+                settings.extend(kind.map(|kind| format!("simulator={}", kind.name)));
                 settings.extend(every.map(|every| format!("aip.retrain_every_steps={every}")));
                 settings.push(format!("seed={seed}"));
                 let mut words = every.map_or(String::new(), |every| format!("-F{}", grid.text_of(every)));
@@ -374,8 +375,11 @@ mod tests {
         let experiment =
             read(&format!("seeds = [7]\nset = ['total_steps=1000']\n{grid}{changed}name = 'clip'")).unwrap();
         let [base, clip] = [0, 1].map(|run| &experiment.runs[run]);
-        assert_eq!((base.config.total_steps, base.config.ppo.clip, base.config.seed), (1000, 0.1, 7));
-        assert_eq!((&*clip.name, clip.config.ppo.clip), ("small-dials-clip-seed7", 0.2));
+        assert_eq!(
+            (base.config.learning.total_steps, base.config.learning.ppo.clip, base.config.learning.seed),
+            (1000, 0.1, 7)
+        );
+        assert_eq!((&*clip.name, clip.config.learning.ppo.clip), ("small-dials-clip-seed7", 0.2));
         let error = format!("{:#}", read(&format!("seeds = [7]\n{grid}{changed}")).unwrap_err());
         assert!(error.contains("two runs would be called small-dials-seed7: give a [[grid]] a `name`"), "{error}");
     }

@@ -52,7 +52,7 @@ impl Stage {
     pub fn share(&self, run: &PlannedRun) -> f64 {
         match self {
             Stage::New | Stage::Outdated | Stage::Unreadable { .. } => 0.0,
-            Stage::Begun { steps } | Stage::Running { steps } => *steps as f64 / run.config.last_step() as f64,
+            Stage::Begun { steps } | Stage::Running { steps } => *steps as f64 / run.config.learning.last_step() as f64,
             Stage::Finished => 1.0,
         }
     }
@@ -87,7 +87,7 @@ pub fn stage(folder: &Path, run: &PlannedRun) -> Result<Stage> {
     Ok(match read {
         Ok(record) => match record.status() {
             Status::Finished if record.is_whole() => Stage::Finished,
-            Status::Finished => unfinished(run.config.last_step()),
+            Status::Finished => unfinished(run.config.learning.last_step()),
             Status::Unfinished { steps } => unfinished(steps),
             Status::Empty => unfinished(0),
         },
@@ -129,7 +129,7 @@ pub fn stage_of_baseline(folder: &Path, planned: &PlannedBaseline) -> Result<Sta
     }
     let as_planned = |there: &BaselineRecord| {
         there.episodes == planned.episodes
-            && there.seed == Some(planned.config.evaluation.seed)
+            && there.seed == Some(planned.config.learning.evaluation.seed)
             // Older versions did not write the returns of single episodes.
             && there.episode_returns.len() == planned.episodes
             && is_measured_with(&there.measured_with, &planned.measured_with)
@@ -147,24 +147,26 @@ fn is_measured_with(then: &MeasuredWith, now: &MeasuredWith) -> bool {
 
 /// Describes the first difference between the run in `dir` and the plan; `None` if there is none.
 fn difference(dir: &Path, planned: &PlannedRun) -> Result<Option<String>> {
-    let there = dials_config::load_kept(&dir.join(CONFIG))?;
+    let there = crate::config::load_kept(&dir.join(CONFIG))?;
     let scenario = scenario_of(dir, &there, planned.agents())?;
     let planned_keys = Method::of(&planned.config, &planned.scenario).keys;
     let (keys, planned_scenario, planned) = (Method::of(&there, &scenario).keys, &planned.scenario, &planned.config);
     let value = |value: Option<String>| value.unwrap_or("nothing".to_owned());
-    let loss_episodes = |config: &dials_config::Config| config.evaluation.aip_loss_episodes;
+    let loss_episodes = |config: &crate::config::RunConfig| config.learning.evaluation.aip_loss_episodes;
     Ok(match differing(&keys, &planned_keys).into_iter().next() {
         Some((key, [a, b])) => Some(format!("{key}: {} there, {} planned", value(a), value(b))),
-        None if there.last_step() != planned.last_step() => {
-            Some(format!("steps: {} there, {} planned", there.last_step(), planned.last_step()))
+        None if there.learning.last_step() != planned.learning.last_step() => {
+            Some(format!("steps: {} there, {} planned", there.learning.last_step(), planned.learning.last_step()))
         }
         // This is no key of the method, because it moves no policy. But what it measures would be missing.
-        None if planned.measures_aips() && loss_episodes(&there) != loss_episodes(planned) => Some(format!(
+        None if planned.learning.measures_aips() && loss_episodes(&there) != loss_episodes(planned) => Some(format!(
             "evaluation.aip_loss_episodes: {} there, {} planned",
             loss_episodes(&there),
             loss_episodes(planned)
         )),
-        None if there.seed != planned.seed => Some(format!("seed: {} there, {} planned", there.seed, planned.seed)),
+        None if there.learning.seed != planned.learning.seed => {
+            Some(format!("seed: {} there, {} planned", there.learning.seed, planned.learning.seed))
+        }
         None if scenario.id != planned_scenario.id => {
             Some(format!("scenario: {} there, {} planned", scenario.id.word(), planned_scenario.id.word()))
         }
@@ -175,10 +177,11 @@ fn difference(dir: &Path, planned: &PlannedRun) -> Result<Option<String>> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::config::{RunConfig, to_toml};
     use crate::records::files::{EPISODES, NETWORKS, RETURNS, RUN, TIMING};
-    use dials_config::{Config, Simulator, to_toml};
     use dials_core::domain::{RoughCosts, Scenario};
     use dials_core::outside::FileName;
+    use dials_learn::config::Simulator;
 
     const FIRST: &str = "0,all,1,1,0,1\n0,0,1,1,0,1\n0,1,1,1,0,1\n0,2,1,1,0,1\n0,3,1,1,0,1\n";
     const RETURNS_HEADER: &str = "steps,agent,mean,median,std_error,episodes\n";
@@ -188,7 +191,7 @@ mod tests {
     /// Returns a planned run of 1000 timesteps with four agents, in the folder of a run whose files it is compared with.
     fn planned(folder: &Path) -> PlannedRun {
         let text = "total_steps = 1000\n[warehouse]\nagents_per_side = 2\n[evaluation]\nfinal_episodes = 1\n";
-        let config: Config = toml::from_str(text).unwrap();
+        let config: RunConfig = toml::from_str(text).unwrap();
         let scenario = Scenario::new("warehouse", 4, 10);
         let run = PlannedRun {
             name: FileName::new("a run").unwrap(),
@@ -266,13 +269,13 @@ mod tests {
     fn a_run_that_did_not_measure_what_is_planned_now_is_another_one() {
         let folder = tempfile::tempdir().unwrap();
         let mut run = planned(folder.path());
-        run.config.evaluation.aip_loss_episodes = 4;
+        run.config.learning.evaluation.aip_loss_episodes = 4;
         let error = format!("{:#}", stage(folder.path(), &run).unwrap_err());
         assert!(error.contains("evaluation.aip_loss_episodes: 0 there, 4 planned"), "{error}");
         // On the GS there are no AIPs, so nothing is missing.
-        run.config.simulator = Simulator::Global;
+        run.config.learning.simulator = Simulator::Global;
         write(folder.path(), &run, CONFIG, &to_toml(&run.config).unwrap());
-        run.config.evaluation.aip_loss_episodes = 8;
+        run.config.learning.evaluation.aip_loss_episodes = 8;
         assert_eq!(stage(folder.path(), &run).unwrap(), Stage::Begun { steps: 0 });
     }
 
@@ -290,7 +293,7 @@ mod tests {
         let mut stage_of = |then: MeasuredWith, now: MeasuredWith| {
             let mut record = serde_json::json!({
                 "scenario": baseline.scenario, "controller": baseline.controller, "mean_return": 1.0, "std_error": 0.0,
-                "episodes": 1, "seed": baseline.config.evaluation.seed, "episode_returns": [1.0],
+                "episodes": 1, "seed": baseline.config.learning.evaluation.seed, "episode_returns": [1.0],
             });
             // A file of an older version lacks the keys.
             if let Some(checksum) = then.controller_file_crc32 {
@@ -331,7 +334,7 @@ mod tests {
         std::fs::create_dir(path.parent().unwrap()).unwrap();
         let record = serde_json::json!({
             "scenario": baseline.scenario, "controller": "random", "mean_return": 1.0, "std_error": 0.0, "episodes": 1,
-            "seed": run.config.evaluation.seed, "episode_returns": [1.0],
+            "seed": run.config.learning.evaluation.seed, "episode_returns": [1.0],
         });
         std::fs::write(&path, record.to_string()).unwrap();
         assert_eq!(stage_of_baseline(folder.path(), &baseline).unwrap(), Stage::Finished);

@@ -88,7 +88,6 @@ pub fn receive_frame(stream: &mut impl Read) -> Result<Option<Vec<u8>>> {
 }
 
 /// Decodes a whole message with its header.
-#[cfg(feature = "mpi")]
 pub fn decode<T: DeserializeOwned>(frame: &[u8]) -> Result<T> {
     let (header, payload) = frame.split_first_chunk().context("a message ended within its header")?;
     let length = length_in(*header)?;

@@ -25,8 +25,8 @@ use super::link::{Crew, Frame, Link, News};
 use super::log::Log;
 use super::message::WorkerReport;
 use super::serve::serve;
+use crate::config::RunConfig;
 use crate::machine::why_aborted;
-use dials_config::Config;
 use dials_core::domain::Domain;
 use dials_core::outside::Directory;
 
@@ -44,7 +44,7 @@ const DYING: Duration = Duration::from_secs(2);
 /// input.
 ///
 /// `open_domain` makes the domain of a config, because this room does not know which domains there are.
-pub fn serve_the_parent(open_domain: impl FnOnce(&Config) -> Result<Arc<dyn Domain>>) -> Result<()> {
+pub fn serve_the_parent(open_domain: impl FnOnce(&RunConfig) -> Result<Arc<dyn Domain>>) -> Result<()> {
     // However the coordinator ends, this process must end with it, because nothing else would end it.
     set_parent_process_death_signal(Some(Signal::KILL)).context("cannot make this worker end with its coordinator")?;
     let stdin = std::io::stdin().as_fd().try_clone_to_owned().context("no standard input")?;
@@ -65,12 +65,10 @@ impl Children {
 }
 
 impl Crew for Children {
-    type Link = ChildProcess;
-
-    fn start(&mut self, worker: usize) -> Result<ChildProcess> {
+    fn start(&mut self, worker: usize) -> Result<Box<dyn Link>> {
         let log = Log::open(&self.logs, log_of(worker))?;
         let place = Place { worker, log, cord: self.bell.cord(), paths_from: None };
-        ChildProcess::spawn(place, |stream| receive(stream))
+        Ok(Box::new(ChildProcess::spawn(place, |stream| receive(stream))?))
     }
 
     fn can_replace(&self) -> bool {
@@ -205,11 +203,11 @@ impl Link for ChildProcess {
         Some(status.lines().find_map(|line| line.strip_prefix("State:"))?.trim().to_owned())
     }
 
-    fn end(self) -> String {
-        ChildProcess::end(self)
+    fn end(self: Box<Self>) -> String {
+        ChildProcess::end(*self)
     }
 
-    fn end_by_force(mut self) -> String {
+    fn end_by_force(mut self: Box<Self>) -> String {
         match self.kill() {
             Some(_) => self.log.tail(),
             None => format!("process {} does not end; {}", self.process.id(), self.log.tail()),

@@ -6,22 +6,25 @@ use std::rc::Rc;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
-use anyhow::{Result, bail};
+use anyhow::{Result, anyhow, bail};
 
 use super::channel::encode;
-use super::expected::Speaker;
-use super::footprint::CpuClock;
+use super::check::check_report;
+use super::footprint::{CpuClock, footprint};
 use super::growth::{Growth, MostGrowth};
-use super::link::{Crew, Link, News};
+use super::link::{Crew, Frame, Link, News};
 use super::loss::Loss;
-use super::message::{Answer, Order, WorkerReport};
-use super::shares::{agents_of_workers, names_of};
-use super::task::{Frames, Task, tell_progress};
-use dials_config::{Config, Simulator};
-use dials_core::base::AgentId;
+use super::message::{Order, WorkerReport};
+use super::shares::{agents_of_workers, names_of, share};
+use super::task::{Task, report_progress};
+use crate::config::RunConfig;
+use dials_core::base::{Activity, AgentId};
 use dials_core::domain::Domain;
-use dials_learn::training::answers::WorkerLoad;
+use dials_learn::config::{Config, Simulator};
+use dials_learn::steps::{ReportState, Step};
+use dials_learn::training::answers::{FleetLoad, WorkerLoad};
 use dials_learn::training::fits::{Fit, Widths};
+use dials_learn::training::fleet::{Fleet, Stop};
 use dials_learn::training::observer::{Interrupted, Observer};
 use dials_learn::training::state::AgentsState;
 
@@ -48,48 +51,51 @@ pub struct Options {
 ///
 /// Training on the global simulator (GS) is one simulation. So there the first worker owns all agents and trains them
 /// with several threads; the others help with evaluation.
-pub struct Coordinator<C: Crew> {
-    pub(super) domain: Arc<dyn Domain>,
-    pub(super) config: Config,
+pub struct Coordinator {
+    domain: Arc<dyn Domain>,
+    config: RunConfig,
     /// Sizes of what the workers say.
     widths: Widths,
-    crew: C,
+    crew: Box<dyn Crew>,
     options: Options,
-    pub(super) observer: Rc<dyn Observer>,
-    pub(super) workers: Vec<Slot<C::Link>>,
+    observer: Rc<dyn Observer>,
+    workers: Vec<Slot>,
     /// Agents at the last exchange, from which a lost worker continues.
-    pub(super) agents: AgentsState,
-    pub(super) at_work: Duration,
-    pub(super) clock: CpuClock,
+    agents: AgentsState,
+    at_work: Duration,
+    clock: CpuClock,
     /// What the workers need to make local simulators, made once for all of them.
     prepared: Option<Vec<u8>>,
 }
 
 /// A worker, whichever process it is at the moment.
-pub(super) struct Slot<L> {
+struct Slot {
     pub agents: Range<usize>,
-    link: Option<L>,
+    link: Option<Box<dyn Link>>,
     /// Growth of this process.
     growth: Growth,
     pub load: WorkerLoad,
 }
 
-impl<C: Crew> Coordinator<C> {
+impl Coordinator {
     /// Starts the workers.
     pub fn start(
         domain: Arc<dyn Domain>,
-        config: &Config,
-        crew: C,
+        config: &RunConfig,
+        crew: Box<dyn Crew>,
         options: Options,
         observer: Rc<dyn Observer>,
-    ) -> Result<Coordinator<C>> {
+    ) -> Result<Coordinator> {
         let slot = |agents| Slot { agents, link: None, growth: Growth::default(), load: WorkerLoad::default() };
-        let prepared = if config.simulator == Simulator::Global { None } else { domain.prepare()? };
+        let prepared = if config.learning.simulator == Simulator::Global { None } else { domain.prepare()? };
         let mut fleet = Coordinator {
             prepared,
-            workers: agents_of_workers(config, domain.agents(), options.workers).into_iter().map(slot).collect(),
+            workers: agents_of_workers(&config.learning, domain.agents(), options.workers)
+                .into_iter()
+                .map(slot)
+                .collect(),
             agents: AgentsState::nobody(),
-            widths: Widths::of(config, domain.kinds()),
+            widths: Widths::of(&config.learning, domain.kinds()),
             domain,
             config: config.clone(),
             crew,
@@ -98,61 +104,58 @@ impl<C: Crew> Coordinator<C> {
             at_work: Duration::ZERO,
             clock: CpuClock::from_now(),
         };
-        let order = Frames::of(&Order::TellState)?;
-        let orders = fleet.owners().into_iter().map(|worker| (worker, order.clone())).collect();
-        let parts = fleet.ask(orders, Stop::AtOnce, |_, _, answer| match answer {
-            Answer::State(state) => state,
-            other => unreachable!("`expected` lets only a state pass, not {other:?}"),
-        })?;
+        let parts = fleet.ask_owners(Activity::Training, Stop::AtOnce, |_| ReportState, |_, _, state| state)?;
         fleet.agents = AgentsState::joined(parts);
         Ok(fleet)
     }
 
     /// Returns the workers that own agents.
-    pub(super) fn owners(&self) -> Vec<usize> {
+    fn owners(&self) -> Vec<usize> {
         (0..self.workers.len()).filter(|&worker| !self.workers[worker].agents.is_empty()).collect()
     }
 
-    /// Gives the orders and waits for all answers. Lost workers are started again.
+    /// Gives the tasks to their workers and waits for all replies. Lost workers are started again.
     ///
-    /// `take` gets every answer with the state of all agents and the agents of the worker, in any order. Returns what it
+    /// `take` gets every reply with the state of all agents and the agents of the worker, in any order. Returns what it
     /// returned, in the order of the workers.
-    pub(super) fn ask<T>(
+    fn ask<S: Step, T>(
         &mut self,
-        orders: Vec<(usize, Frames)>,
+        tasks: Vec<(usize, Task<S::Reply>)>,
         stop: Stop,
-        mut take: impl FnMut(&mut AgentsState, Range<usize>, Answer) -> T,
+        mut take: impl FnMut(&mut AgentsState, Range<usize>, S::Reply) -> T,
     ) -> Result<Vec<T>> {
+        if self.observer.stop_requested() {
+            return Err(Interrupted.into()); // Nothing has begun.
+        }
         let begun = Instant::now();
         let mut taken = BTreeMap::new();
-        let mut take = |fleet: &mut Self, worker: usize, answer| {
+        let mut take = |fleet: &mut Self, worker: usize, reply| {
             let agents = fleet.workers[worker].agents.clone();
-            taken.insert(worker, take(&mut fleet.agents, agents, answer));
+            taken.insert(worker, take(&mut fleet.agents, agents, reply));
         };
-        let answers = self.ask_and_wait(orders, stop, &mut take);
+        let replies = self.ask_and_wait::<S>(tasks, stop, &mut take);
         self.at_work += begun.elapsed();
         // One by one, so that each is freed before the next is processed.
-        for (worker, answer) in answers? {
-            take(self, worker, answer);
+        for (worker, reply) in replies? {
+            take(self, worker, reply);
         }
         Ok(taken.into_values().collect())
     }
 
-    /// Returns the answers that `take` has not got yet.
-    fn ask_and_wait(
+    /// Returns the replies that `take` has not got yet.
+    fn ask_and_wait<S: Step>(
         &mut self,
-        orders: Vec<(usize, Frames)>,
+        tasks: Vec<(usize, Task<S::Reply>)>,
         stop: Stop,
-        take: &mut impl FnMut(&mut Self, usize, Answer),
-    ) -> Result<BTreeMap<usize, Answer>> {
+        take: &mut impl FnMut(&mut Self, usize, S::Reply),
+    ) -> Result<BTreeMap<usize, S::Reply>> {
         let mut open = BTreeMap::new();
-        let asked = orders.len();
-        for (worker, frames) in orders {
-            let mut task = Task::new(frames);
+        let asked = tasks.len();
+        for (worker, mut task) in tasks {
             self.deliver(worker, &mut task)?;
             open.insert(worker, task);
         }
-        let mut answers = BTreeMap::new();
+        let mut replies = BTreeMap::new();
         let mut looked = Instant::now();
         while !open.is_empty() {
             self.crew.wait(LOOK_UP);
@@ -161,16 +164,16 @@ impl<C: Crew> Coordinator<C> {
             open.values_mut().for_each(|task| task.silence += silence);
             // All messages are read before any worker counts as silent.
             for worker in 0..self.workers.len() {
-                while let Some(news) = self.workers[worker].link.as_mut().and_then(Link::next) {
+                while let Some(news) = self.workers[worker].link.as_mut().and_then(|link| link.next()) {
                     let done = asked - open.len();
-                    if let Some(answer) = self.take_in(worker, news, &mut open, done)? {
-                        answers.insert(worker, answer);
+                    if let Some(reply) = self.take_in::<S>(worker, news, &mut open, done)? {
+                        replies.insert(worker, reply);
                     }
                 }
                 // A worker that can be replaced continues from the state of the last exchange, so that must stay. Without
-                // that, no answer has to wait for the others, and memory holds only one of them.
+                // that, no reply has to wait for the others, and memory holds only one of them.
                 if !self.crew.can_replace() {
-                    answers.remove(&worker).into_iter().for_each(|answer| take(self, worker, answer));
+                    replies.remove(&worker).into_iter().for_each(|reply| take(self, worker, reply));
                 }
             }
             for (&worker, task) in &mut open {
@@ -184,78 +187,83 @@ impl<C: Crew> Coordinator<C> {
                 return Err(Interrupted.into());
             }
         }
-        Ok(answers)
+        Ok(replies)
     }
 
-    /// Processes news of a worker. Returns its answer if that is complete.
-    fn take_in(
+    /// Processes news of a worker. Returns its reply if that is complete.
+    fn take_in<S: Step>(
         &mut self,
         worker: usize,
         news: News,
-        open: &mut BTreeMap<usize, Task>,
+        open: &mut BTreeMap<usize, Task<S::Reply>>,
         done: usize,
-    ) -> Result<Option<Answer>> {
+    ) -> Result<Option<S::Reply>> {
         let lost = match news {
-            News::Said(report) => match self.check(worker, &report, open) {
-                Ok(()) => {
-                    let answer = self.hear(worker, report, open, done)?;
-                    if answer.is_some() {
-                        open.remove(&worker);
-                    }
-                    return Ok(answer);
+            News::Said(report) => match self.hear::<S>(worker, report, open, done) {
+                Ok(Some(reply)) => {
+                    open.remove(&worker);
+                    return Ok(Some(reply));
                 }
-                Err(reason) => Loss::Nonsense(reason),
+                Ok(None) => return Ok(None),
+                Err(Heard::Failed(reason)) => bail!("{}{reason}", self.prefix(worker)),
+                Err(Heard::Nonsense(reason)) => Loss::Nonsense(reason),
             },
             News::Gone(reason) => Loss::Gone(reason),
         };
         self.lose(worker, lost, open.get_mut(&worker)).map(|()| None)
     }
 
-    /// Returns an error if a message of a worker cannot be right.
-    fn check(&self, worker: usize, report: &WorkerReport, open: &BTreeMap<usize, Task>) -> Result<()> {
-        let agents = self.workers[worker].agents.clone();
-        let fit = Fit { config: &self.config, kinds: self.domain.kinds(), widths: &self.widths, agents };
-        Speaker(fit).check(report, open.get(&worker).map(|task| task.frames.expected))
-    }
-
-    /// Processes a message of a worker; returns its answer if it is one.
-    fn hear(
+    /// Processes a message of a worker; returns its reply if it is one.
+    fn hear<S: Step>(
         &mut self,
         worker: usize,
         report: WorkerReport,
-        open: &mut BTreeMap<usize, Task>,
+        open: &mut BTreeMap<usize, Task<S::Reply>>,
         done: usize,
-    ) -> Result<Option<Answer>> {
-        if let Some(task) = open.get_mut(&worker) {
-            task.silence = Duration::ZERO;
-        }
+    ) -> Result<Option<S::Reply>, Heard> {
+        let task = open.get_mut(&worker);
+        let most_steps =
+            task.as_ref().and_then(|task| task.trains_until).map(|end| self.config.learning.update_at_or_after(end));
+        check_report(&report, most_steps)?;
         match report {
-            WorkerReport::Failed { reason } => bail!("{}: {reason}", self.name(worker)),
-            WorkerReport::Done { answer, load, resident_kib } => {
+            WorkerReport::Failed { reason } => Err(Heard::Failed(reason)),
+            WorkerReport::Done { reply, load, resident_kib } => {
+                let Some(task) = task else { return Err(anyhow!("it answered without an order").into()) };
+                let reply = S::reply(*reply).ok_or_else(|| anyhow!("it answered another order than the one it has"))?;
+                (task.check)(&reply, &self.fit(worker))?;
                 let Slot { load: mine, growth, .. } = &mut self.workers[worker];
                 growth.note(resident_kib);
                 mine.timesheet.add(&load.timesheet);
                 mine.footprint = mine.footprint.max(load.footprint);
-                // A worker that has begun or was restored says so before it starts its order.
-                Ok(Some(*answer).filter(|answer| !matches!(answer, Answer::Ready)))
+                Ok(Some(reply))
+            }
+            WorkerReport::Begun => {
+                task.into_iter().for_each(|task| task.silence = Duration::ZERO);
+                Ok(None)
             }
             progress => {
-                if let Some(task) = open.get_mut(&worker) {
-                    task.progress = Some(progress);
-                    tell_progress(open.values(), done, &*self.observer);
+                if let Some(task) = task {
+                    (task.silence, task.progress) = (Duration::ZERO, Some(progress));
+                    report_progress(open.values(), done, &*self.observer);
                 }
                 Ok(None)
             }
         }
     }
 
+    /// Returns what the replies of a worker are checked by.
+    fn fit(&self, worker: usize) -> Fit<'_> {
+        let agents = self.workers[worker].agents.clone();
+        Fit { config: &self.config.learning, kinds: self.domain.kinds(), widths: &self.widths, agents }
+    }
+
     /// Sends a task to its worker, which is started first if it is not running. Does not wait for the worker.
-    fn deliver(&mut self, worker: usize, task: &mut Task) -> Result<()> {
+    fn deliver<Reply>(&mut self, worker: usize, task: &mut Task<Reply>) -> Result<()> {
         if self.workers[worker].link.is_none() {
             self.start_worker(worker)?;
         }
         task.silence = Duration::ZERO;
-        task.frames.send(self.workers[worker].link.as_ref().expect("it was just started"));
+        task.send(&**self.workers[worker].link.as_ref().expect("it was just started"));
         Ok(())
     }
 
@@ -266,18 +274,18 @@ impl<C: Crew> Coordinator<C> {
         let begin = Order::Begin {
             config_json: serde_json::to_string(&self.config)?,
             agents: agents.map(AgentId).collect(),
-            threads: if self.config.simulator == Simulator::Global { self.options.threads } else { 1 },
+            threads: if self.config.learning.simulator == Simulator::Global { self.options.threads } else { 1 },
             prepared: self.prepared.clone(),
         };
         link.send(encode(&begin)?.into());
-        self.send_state(worker, &link)?;
+        self.send_state(worker, &*link)?;
         let slot = &mut self.workers[worker];
         (slot.link, slot.growth) = (Some(link), Growth::default());
         Ok(())
     }
 
     /// Sends a worker the state of its agents, if there is one.
-    fn send_state(&self, worker: usize, link: &C::Link) -> Result<()> {
+    fn send_state(&self, worker: usize, link: &dyn Link) -> Result<()> {
         let agents = self.workers[worker].agents.clone();
         if self.agents.agents() > 0 && !agents.is_empty() {
             link.send(encode(&Order::Restore(self.agents.share(agents)))?.into());
@@ -285,29 +293,18 @@ impl<C: Crew> Coordinator<C> {
         Ok(())
     }
 
-    /// Makes all workers continue from a state of all agents.
-    pub(super) fn put_back(&mut self, agents: AgentsState) -> Result<()> {
-        self.agents = agents;
-        if !self.crew.can_replace() {
-            return self.send_states();
-        }
-        // The next order starts them again, in this state.
-        self.owners().into_iter().for_each(|worker| self.workers[worker].link = None);
-        Ok(())
-    }
-
     /// Makes the workers that run continue from the present state of their agents.
-    pub(super) fn send_states(&self) -> Result<()> {
+    fn send_states(&self) -> Result<()> {
         for worker in self.owners() {
             if let Some(link) = &self.workers[worker].link {
-                self.send_state(worker, link)?;
+                self.send_state(worker, &**link)?;
             }
         }
         Ok(())
     }
 
     /// Ends the workers that have grown too much in a period whose end this is. The next order starts them again.
-    pub(super) fn end_those_that_grew(&mut self) {
+    fn end_those_that_grew(&mut self) {
         if self.crew.can_replace() {
             let most = self.options.most_growth;
             let grown = self.workers.iter_mut().filter_map(|slot| slot.growth.is_too_much(most).then_some(slot));
@@ -317,7 +314,7 @@ impl<C: Crew> Coordinator<C> {
 
     /// Handles the loss of a worker, or ends a worker. With a task it is started again, if it can be, and gets the task
     /// again.
-    fn lose(&mut self, worker: usize, loss: Loss, task: Option<&mut Task>) -> Result<()> {
+    fn lose<Reply>(&mut self, worker: usize, loss: Loss, task: Option<&mut Task<Reply>>) -> Result<()> {
         let Some(link) = self.workers[worker].link.take() else { return Ok(()) };
         let message = format!("{} {}", self.name(worker), loss.describe(link, self.options.patience));
         if !self.crew.can_replace() {
@@ -339,13 +336,112 @@ impl<C: Crew> Coordinator<C> {
     fn name(&self, worker: usize) -> String {
         names_of(worker, &self.workers[worker].agents)
     }
+
+    /// Returns the beginning of an error of a worker: its name, if there are others.
+    fn prefix(&self, worker: usize) -> String {
+        if self.crew.is_this_process() { String::new() } else { format!("{}: ", self.name(worker)) }
+    }
+
+    /// Shares `episodes` out among the workers. Returns the workers that get some.
+    fn shares(&self, episodes: usize) -> Vec<(usize, Range<usize>)> {
+        let shares = (0..self.workers.len()).map(|worker| (worker, share(episodes, self.workers.len(), worker)));
+        shares.filter(|(_, share)| !share.is_empty()).collect()
+    }
+
+    /// Returns the policies of all agents as a message.
+    fn encoded_policies(&mut self) -> Result<Frame> {
+        // Lent and not copied: with a thousand agents the copy would be a fifth of this process.
+        let order = Order::TakePolicies(std::mem::take(&mut self.agents.policies));
+        let encoded = encode(&order);
+        if let Order::TakePolicies(policies) = order {
+            self.agents.policies = policies;
+        }
+        Ok(encoded?.into())
+    }
 }
 
-/// When a request to stop takes effect.
-#[derive(Clone, Copy, PartialEq)]
-pub(super) enum Stop {
-    /// At once, because nothing is lost.
-    AtOnce,
-    /// Later, because a period's work would be lost.
-    Later,
+/// Why a message of a worker is no news and no reply.
+enum Heard {
+    /// Its step failed, for this reason.
+    Failed(String),
+    /// It cannot be right.
+    Nonsense(anyhow::Error),
+}
+
+impl From<anyhow::Error> for Heard {
+    fn from(reason: anyhow::Error) -> Heard {
+        Heard::Nonsense(reason)
+    }
+}
+
+impl Fleet for Coordinator {
+    fn config(&self) -> &Config {
+        &self.config.learning
+    }
+
+    fn domain(&self) -> &dyn Domain {
+        &*self.domain
+    }
+
+    fn agents(&self) -> &AgentsState {
+        &self.agents
+    }
+
+    fn restore(&mut self, agents: AgentsState) -> Result<()> {
+        self.agents = agents;
+        if !self.crew.can_replace() {
+            return self.send_states();
+        }
+        // The next step starts them again, in this state.
+        self.owners().into_iter().for_each(|worker| self.workers[worker].link = None);
+        Ok(())
+    }
+
+    fn change(&mut self, change: impl FnOnce(&mut AgentsState)) -> Result<()> {
+        change(&mut self.agents);
+        self.send_states()
+    }
+
+    fn ask_all<S: Step>(
+        &mut self,
+        activity: Activity,
+        episodes: usize,
+        with_policies: bool,
+        mut step: impl FnMut(Range<usize>) -> S,
+    ) -> Result<Vec<S::Reply>> {
+        self.observer.busy(activity, 0.0);
+        let policies = if with_policies { Some(self.encoded_policies()?) } else { None };
+        let task = |(worker, share)| Ok((worker, Task::of(step(share), policies.clone())?));
+        let tasks = self.shares(episodes).into_iter().map(task).collect::<Result<_>>()?;
+        self.ask::<S, _>(tasks, Stop::AtOnce, |_, _, reply| reply)
+    }
+
+    fn ask_owners<S: Step, T>(
+        &mut self,
+        activity: Activity,
+        stop: Stop,
+        mut step: impl FnMut(Range<usize>) -> S,
+        take: impl FnMut(&mut AgentsState, Range<usize>, S::Reply) -> T,
+    ) -> Result<Vec<T>> {
+        self.observer.busy(activity, 0.0);
+        let task = |worker: usize| Ok((worker, Task::of(step(self.workers[worker].agents.clone()), None)?));
+        let tasks = self.owners().into_iter().map(task).collect::<Result<_>>()?;
+        self.ask::<S, _>(tasks, stop, take)
+    }
+
+    fn period_done(&mut self) {
+        self.end_those_that_grew();
+    }
+
+    fn take_load(&mut self) -> FleetLoad {
+        let workers = self
+            .workers
+            .iter_mut()
+            .map(|slot| WorkerLoad { timesheet: slot.load.timesheet.take(), footprint: slot.load.footprint });
+        let (workers, at_work) = (workers.collect(), std::mem::take(&mut self.at_work));
+        if self.crew.is_this_process() {
+            return FleetLoad { workers, at_work, ..FleetLoad::default() };
+        }
+        FleetLoad { workers, at_work, coordinator: Some(footprint()), coordinator_cpu: self.clock.lap() }
+    }
 }

@@ -33,22 +33,25 @@ pub trait Link {
     fn state(&self) -> Option<String>;
 
     /// Ends a worker whose stream has ended. Returns how it ended and where to read more.
-    fn end(self) -> String;
+    fn end(self: Box<Self>) -> String;
 
     /// Ends a worker that hangs. Returns where to read more.
-    fn end_by_force(self) -> String;
+    fn end_by_force(self: Box<Self>) -> String;
 }
 
 /// The workers of a coordinator, numbered from 0.
 pub trait Crew {
-    type Link: Link;
-
     /// Starts a worker that waits for its first order. A worker that was lost is started again if [`Crew::can_replace`]
     /// allows it.
-    fn start(&mut self, worker: usize) -> Result<Self::Link>;
+    fn start(&mut self, worker: usize) -> Result<Box<dyn Link>>;
 
     /// Returns whether a worker that was lost can be started again. If not, its loss is the end of the run.
     fn can_replace(&self) -> bool;
+
+    /// Returns whether the only worker is this process itself.
+    fn is_this_process(&self) -> bool {
+        false
+    }
 
     /// Waits until a link has news, but not longer than `at_most`.
     fn wait(&mut self, at_most: Duration);

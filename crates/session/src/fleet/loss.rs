@@ -16,7 +16,7 @@ pub enum Loss {
 
 impl Loss {
     /// Ends the worker and returns what happened to it.
-    pub fn describe(self, link: impl Link, patience: Duration) -> String {
+    pub fn describe(self, link: Box<dyn Link>, patience: Duration) -> String {
         match self {
             Loss::Gone(Some(reason)) => format!("died: {reason:#}; {}", link.end()),
             Loss::Gone(None) => format!("died: {}", link.end()),

@@ -6,12 +6,9 @@
 //! last exchange and gets its order again, so the run ends with the same numbers. Nothing that a worker does or fails
 //! to do blocks the coordinator, and one clock measures its patience.
 //!
-//! - [`worker`]: a share of the agents for the whole run, and the work that can be ordered. `telling`: how it speaks
-//!   during long episodes.
-//! - [`inline`]: the smallest fleet, one worker in this process.
-//! - `coordinator`: orders, deaths and patience. `shares`: which worker owns which agents. `orders`: the steps of
-//!   Algorithm 1 as orders to workers. `task`: an order in progress. `expected`: what a worker may say. `loss`: why it is
-//!   given up.
+//! - `coordinator`: orders, deaths and patience. `shares`: which worker owns which agents. `task`: an order in progress.
+//!   `check`: what a worker may say. `loss`: why it is given up.
+//! - [`fn@in_process`]: the smallest crew, one worker in this process.
 //! - [`link`]: the worker's stream as the coordinator sees it. [`children`]: child processes; `bell` wakes the
 //!   coordinator, `log` is what a worker printed.
 //! - `mpi`: workers on the ranks of an MPI job, with the feature of that name. `launcher`: whether there is such a job.
@@ -23,12 +20,12 @@
 
 mod bell;
 mod channel;
+mod check;
 pub mod children;
 mod coordinator;
-mod expected;
 mod footprint;
 mod growth;
-pub mod inline;
+mod in_process;
 mod launcher;
 pub mod link;
 mod log;
@@ -36,14 +33,11 @@ mod loss;
 mod message;
 #[cfg(feature = "mpi")]
 mod mpi;
-mod orders;
 mod serve;
 mod shares;
 mod task;
-mod telling;
 #[cfg(test)]
 mod threads;
-pub mod worker;
 
 // The ends of the channel, for tests that send nonsense through it.
 #[cfg(feature = "mpi")]
@@ -52,10 +46,11 @@ pub use self::mpi::{End, Job, Part, Prepared, Ranks, Relay, join_the_job};
 pub use channel::{encode, receive};
 pub use coordinator::{Coordinator, Options};
 pub use growth::MostGrowth;
+pub use in_process::in_process;
 pub use launcher::ranks;
 pub use log::Log;
-pub use message::WorkerReport;
 #[doc(hidden)]
-pub use message::{Answer, Order};
+pub use message::Order;
+pub use message::WorkerReport;
 pub use serve::serve;
 pub use shares::agents_of_workers;

@@ -2,7 +2,7 @@
 
 use std::ops::Range;
 
-use dials_config::{Config, Simulator};
+use dials_learn::config::{Config, Simulator};
 
 /// Returns a worker and its agents, for people.
 pub fn names_of(worker: usize, agents: &Range<usize>) -> String {

@@ -1,61 +1,58 @@
-//! An order in progress: what a worker was sent, and what it has reported since then.
+//! A step in progress: what a worker was sent, and what it has reported since then.
 
 use std::time::Duration;
 
 use anyhow::Result;
 
 use super::channel::encode;
-use super::expected::Expected;
 use super::link::{Frame, Link};
 use super::message::{Order, WorkerReport};
 use dials_core::base::Activity;
+use dials_learn::steps::{Check, Step};
 use dials_learn::training::observer::Observer;
 
-/// An encoded order that can be sent any number of times.
-#[derive(Clone)]
-pub struct Frames {
+/// A step that a worker has not answered yet.
+pub struct Task<Reply> {
     /// Message that the worker needs first.
     before: Option<Frame>,
-    order: Frame,
-    /// Answer that the order must get.
-    pub expected: Expected,
-}
-
-impl Frames {
-    pub fn of(order: &Order) -> Result<Frames> {
-        Ok(Frames { before: None, order: encode(order)?.into(), expected: Expected::of(order) })
-    }
-
-    /// Makes an order with a frame that is sent before it.
-    pub fn after(before: Frame, order: &Order) -> Result<Frames> {
-        Ok(Frames { before: Some(before), ..Frames::of(order)? })
-    }
-
-    pub fn send(&self, link: &impl Link) {
-        self.before.iter().chain([&self.order]).for_each(|frame| link.send(frame.clone()));
-    }
-}
-
-/// An order that a worker has not answered yet.
-pub struct Task {
-    pub frames: Frames,
+    step: Frame,
+    /// Up to which timestep per agent it trains, if it does.
+    pub trains_until: Option<u64>,
+    pub check: Check<Reply>,
     /// Number of times that a worker was lost at it.
     pub deaths: usize,
-    /// Time since the worker got the order or last reported, as far as the coordinator was listening.
+    /// Time since the worker got the step or last reported, as far as the coordinator was listening.
     pub silence: Duration,
     pub progress: Option<WorkerReport>,
 }
 
-impl Task {
-    pub fn new(frames: Frames) -> Task {
-        Task { frames, deaths: 0, silence: Duration::ZERO, progress: None }
+impl<Reply> Task<Reply> {
+    /// Encodes a step once, so that it can be sent any number of times.
+    pub fn of<S: Step<Reply = Reply>>(step: S, before: Option<Frame>) -> Result<Task<Reply>> {
+        Ok(Task {
+            before,
+            check: step.check(),
+            trains_until: step.trains_until(),
+            step: encode(&Order::Step(step.request()))?.into(),
+            deaths: 0,
+            silence: Duration::ZERO,
+            progress: None,
+        })
+    }
+
+    pub fn send(&self, link: &dyn Link) {
+        self.before.iter().chain([&self.step]).for_each(|frame| link.send(frame.clone()));
     }
 }
 
 /// Reports the progress of the workers that have the same order; `done`: how many have finished it.
 ///
 /// In training, the slowest worker counts; in all other activities, the mean.
-pub fn tell_progress<'a>(open: impl Iterator<Item = &'a Task> + Clone, done: usize, observer: &dyn Observer) {
+pub fn report_progress<'a, Reply: 'a>(
+    open: impl Iterator<Item = &'a Task<Reply>> + Clone,
+    done: usize,
+    observer: &dyn Observer,
+) {
     let reports = || open.clone().filter_map(|task| task.progress.as_ref());
     let slowest = reports().filter_map(|report| match report {
         WorkerReport::Trained { steps } => Some(*steps),

@@ -8,7 +8,7 @@ use std::path::{Path, PathBuf};
 use anyhow::{Context, Result};
 use toml::{Table, Value};
 
-use dials_config::Config;
+use crate::config::RunConfig;
 use dials_core::domain::{FirstRow, Map, Scenario};
 use dials_core::outside::{LARGEST_NETWORK, read_bytes, read_text};
 
@@ -16,7 +16,7 @@ use dials_core::outside::{LARGEST_NETWORK, read_bytes, read_text};
 const LONGEST_SIDE: usize = 1000;
 
 /// Works out the scenario of a run. `agents`: their number, if an evaluation shows it. If nothing shows it: `None`.
-pub fn scenario(config: &Config, agents: Option<usize>) -> Result<Option<Scenario>> {
+pub fn scenario(config: &RunConfig, agents: Option<usize>) -> Result<Option<Scenario>> {
     let domain = config.domain.as_ref().context("it has no domain, and its run.json no scenario")?;
     let config = Table::try_from(config)?;
     let table = config[domain.name()].as_table().context("a domain has a table")?;
@@ -24,7 +24,7 @@ pub fn scenario(config: &Config, agents: Option<usize>) -> Result<Option<Scenari
     let side = side.map(|side| usize::try_from(side).ok().filter(|side| (1..=LONGEST_SIDE).contains(side)));
     let side = side.map(|side| side.context("agents_per_side: must be a number from 1 to 1000")).transpose()?;
     let Some(agents) = agents.or(side.map(|side| side * side)) else { return Ok(None) };
-    let mut scenario = Scenario::new(domain.name(), agents, domain.horizon());
+    let mut scenario = Scenario::new(domain.name(), agents, domain.table().horizon());
     if let Some(side) = side {
         scenario = scenario.with_map(Map { rows: side, columns: side, first_row: FirstRow::Top });
     }
@@ -84,13 +84,14 @@ mod tests {
     use super::*;
     use dials_core::domain::Domain;
     use dials_traffic::Traffic;
+    use dials_traffic::config::TrafficTable;
     use dials_warehouse::Warehouse;
 
     fn nets(name: &str) -> String {
         format!("{}/../../sumo_nets/{name}", env!("CARGO_MANIFEST_DIR"))
     }
 
-    fn config(text: &str) -> Config {
+    fn config(text: &str) -> RunConfig {
         toml::from_str(text).unwrap()
     }
 
@@ -101,12 +102,15 @@ mod tests {
 
     #[test]
     fn an_older_run_has_the_scenario_that_the_domain_would_write_today() {
-        let traffic = dials_config::TrafficConfig {
+        let traffic = dials_traffic::config::TrafficConfig {
             horizon: 50,
-            ..dials_config::TrafficConfig::new(nets("grid_2x2"), nets("local"))
+            ..dials_traffic::config::TrafficConfig::new(nets("grid_2x2"), nets("local"))
         };
         let domain = Traffic::open(&traffic).unwrap();
-        let older = Config { domain: Some(dials_config::DomainConfig::Traffic(traffic)), ..Config::default() };
+        let older = RunConfig {
+            domain: Some(crate::domains::DomainConfig::Traffic(TrafficTable::Grid(traffic))),
+            ..RunConfig::default()
+        };
         assert_eq!(scenario(&older, Some(4)).unwrap().unwrap(), without_rules(domain.scenario().unwrap()));
         assert_eq!(
             scenario(&older, None).unwrap(),
@@ -114,9 +118,10 @@ mod tests {
             "it was never evaluated, so the number of its agents is unknown"
         );
 
-        let warehouse = dials_config::WarehouseConfig { agents_per_side: 3, horizon: 50 };
+        let warehouse = dials_warehouse::config::WarehouseConfig { agents_per_side: 3, horizon: 50 };
         let domain = Warehouse::new(&warehouse);
-        let older = Config { domain: Some(dials_config::DomainConfig::Warehouse(warehouse)), ..Config::default() };
+        let older =
+            RunConfig { domain: Some(crate::domains::DomainConfig::Warehouse(warehouse)), ..RunConfig::default() };
         assert_eq!(scenario(&older, None).unwrap().unwrap(), without_rules(domain.scenario().unwrap()));
     }
 
@@ -130,7 +135,7 @@ mod tests {
 
     #[test]
     fn a_run_of_which_nothing_is_known_is_an_error() {
-        let error = scenario(&Config::default(), Some(4)).unwrap_err().to_string();
+        let error = scenario(&RunConfig::default(), Some(4)).unwrap_err().to_string();
         assert!(error.contains("no domain"), "{error}");
     }
 }

@@ -28,20 +28,8 @@ pub const OF_EPISODES: [&str; 3] = [STEPS, EPISODE, RETURN];
 pub const OF_IMITATION: [&str; 6] =
     [STEPS, AGENT, "cross_entropy_before", "cross_entropy_after", "accuracy_before", "accuracy_after"];
 
-/// `training.csv`, before the counters of the simulators.
-pub const OF_TRAINING: [&str; 11] = [
-    STEPS,
-    AGENT,
-    "mean_return",
-    EPISODES,
-    "surrogate",
-    "value_loss",
-    "entropy",
-    "kl",
-    "clipped",
-    "learning_rate",
-    "clip",
-];
+/// `training.csv`, before the metrics of the algorithm and the counters of the simulators.
+pub const OF_TRAINING: [&str; 4] = [STEPS, AGENT, "mean_return", EPISODES];
 
 /// Counters of `training.csv` with which local simulators are compared with the global one, if the domain has them.
 pub const LOCAL_DECISIONS: &str = "local_decisions";

@@ -2,11 +2,13 @@
 
 use anyhow::Result;
 
-use dials_config::Config;
 use dials_core::base::Ragged;
+use dials_core::domain::Kinds;
+use dials_learn::algorithms;
+use dials_learn::algorithms::imitation::ImitationLoss;
+use dials_learn::config::Config;
 use dials_learn::influence::AipLoss;
 use dials_learn::training::answers::PolicyTraining;
-use dials_learn::training::imitation::ImitationLoss;
 use dials_learn::training::state::AgentsState;
 
 /// The error about learning that has diverged. A resume would diverge again.
@@ -16,24 +18,29 @@ pub struct Diverged(String);
 
 /// Returns an error that names the first agent whose policy has diverged. `begun`: timesteps per agent at the beginning
 /// of the period.
-pub fn check_policies(training: &PolicyTraining, state: &AgentsState, config: &Config, begun: u64) -> Result<()> {
-    // At first only the critic learns, with the learning rate of the imitation.
-    let critic_alone = |step| step < config.critic_steps();
-    let key = match (critic_alone(begun), critic_alone(state.steps.saturating_sub(config.ppo.memory as u64))) {
-        (_, true) => "imitation.learning_rate",
-        (true, false) => "imitation.learning_rate or ppo.learning_rate",
-        (false, false) => "ppo.learning_rate",
-    };
-    for (agent, training) in training.agents.iter().enumerate() {
-        let losses = training.losses;
-        if ![losses.surrogate, losses.value, losses.entropy, losses.kl].into_iter().all(f64::is_finite) {
-            return diverged("policy", agent, "a loss", state.steps, key);
+pub fn check_policies(
+    training: &PolicyTraining,
+    state: &AgentsState,
+    config: &Config,
+    kinds: &Kinds,
+    begun: u64,
+) -> Result<()> {
+    let algorithm = algorithms::of(config);
+    let [first, last] = [begun + algorithm.steps_per_update() as u64, state.steps]
+        .map(|steps| algorithm.learning_rate_key(config, steps));
+    let key = if first == last { last.to_owned() } else { format!("{first} or {last}") };
+    for (_, values) in training.metrics.of_agents.iter().filter(|_| training.updates > 0) {
+        if let Some(agent) = values.iter().position(|value| !value.is_finite()) {
+            return diverged("policy", agent, "a loss", state.steps, &key);
         }
     }
-    let moments = [&state.moments.first, &state.moments.second].map(|table| (table, "a moment of its optimiser"));
-    for (table, what) in std::iter::once((&state.policies, "a parameter")).chain(moments) {
-        if let Some(agent) = first_bad_row(table) {
-            return diverged("policy", agent, what, state.steps, key);
+    if let Some(agent) = first_bad_row(&state.policies) {
+        return diverged("policy", agent, "a parameter", state.steps, &key);
+    }
+    let learnt = kinds.iter().flat_map(|kind| algorithm.layout(config, kind, state.steps).numbers);
+    for name in learnt.filter(|table| table.learnt).map(|table| table.name) {
+        if let Some(agent) = first_bad_row(&state.learners.numbers[name]) {
+            return diverged("policy", agent, &format!("a value of its table `{name}`"), state.steps, &key);
         }
     }
     Ok(())

@@ -6,10 +6,10 @@ use std::path::Path;
 
 use anyhow::Context;
 
-use dials_config::{AipConfig, PolicyConfig, Predictor};
 use dials_core::base::{AgentId, Ragged};
 use dials_core::domain::{Kind, Kinds, RegionSpec, Result};
 use dials_core::outside::read_bytes;
+use dials_learn::config::{AipConfig, PolicyConfig, Predictor};
 use dials_learn::influence;
 use dials_learn::policy::PolicyStack;
 use stacknets::{Layout, StackToWrite, about_stacks, read_stack, write_stacks};

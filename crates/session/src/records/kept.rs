@@ -10,8 +10,9 @@ use serde::{Deserialize, Serialize};
 use serde_json::{Map, Value, json};
 
 use super::files::NETWORKS;
-use dials_config::resume::{Difference, differences, to_json};
-use dials_config::{Config, DomainConfig};
+use crate::config::RunConfig;
+use crate::config::resume::{Difference, differences, to_json};
+use crate::domains::DomainConfig;
 use dials_core::outside::{LARGEST_NETWORK, read_bytes};
 
 /// The domain of a run as it was when the run began.
@@ -26,19 +27,19 @@ pub struct Kept {
 
 impl Kept {
     /// Returns what the run directory `dir` holds. `config`: its config.
-    pub fn of(dir: &Path, config: &Config) -> Result<Kept> {
+    pub fn of(dir: &Path, config: &RunConfig) -> Result<Kept> {
         let name = config.domain.as_ref().map(DomainConfig::name);
         let table = |name: &str| (name.to_owned(), to_json(config)[name].take());
         Ok(Kept { config: name.map(table).into_iter().collect(), networks: checksums(dir)? })
     }
 
     /// Lists the keys of the domain that `config` has other values for. A key that did not exist yet had its default.
-    pub fn changed_keys(&self, config: &Config) -> Result<Vec<Difference>> {
+    pub fn changed_keys(&self, config: &RunConfig) -> Result<Vec<Difference>> {
         if self.config.is_empty() {
             return Ok(Vec::new());
         }
         let then = serde_json::from_value(json!(self.config)).context("the domain of run.json cannot be read")?;
-        let now = Config { domain: config.domain.clone(), ..Config::default() };
+        let now = RunConfig { domain: config.domain.clone(), ..RunConfig::default() };
         Ok(differences(&then, &now))
     }
 
@@ -85,7 +86,7 @@ fn checksums(dir: &Path) -> Result<BTreeMap<String, String>> {
 mod tests {
     use super::*;
 
-    fn config(end_s: u64) -> Config {
+    fn config(end_s: u64) -> RunConfig {
         let text = format!("[traffic]\nscenario = 'a/x.sumocfg'\nbegin_s = 0\nend_s = {end_s}\n");
         toml::from_str(&text).unwrap()
     }
@@ -119,8 +120,8 @@ mod tests {
     #[test]
     fn a_domain_without_a_config_and_files_has_nothing_that_changes() {
         let dir = tempfile::tempdir().unwrap();
-        let kept = Kept::of(dir.path(), &Config::default()).unwrap();
+        let kept = Kept::of(dir.path(), &RunConfig::default()).unwrap();
         assert_eq!(kept, Kept::default());
-        assert_eq!(kept.changed_keys(&Config::default()).unwrap(), []);
+        assert_eq!(kept.changed_keys(&RunConfig::default()).unwrap(), []);
     }
 }

@@ -5,12 +5,12 @@ use std::time::Duration;
 use super::columns::{self, ALL};
 use dials_core::base::statistics::mean;
 use dials_core::base::{Activity, Phase, Timesheet};
+use dials_learn::algorithms::Metrics;
+use dials_learn::algorithms::imitation::ImitationLoss;
 use dials_learn::evaluation::{Evaluation, Summary};
 use dials_learn::influence::{AipLoss, FreshLoss, mean_loss};
 use dials_learn::training::answers::{FleetLoad, Footprint, PolicyTraining};
 use dials_learn::training::drift::Moment;
-use dials_learn::training::imitation::ImitationLoss;
-use dials_learn::training::ppo_loss::Losses;
 
 /// A line of a CSV file, one string per column.
 pub type CsvLine = Vec<String>;
@@ -137,32 +137,34 @@ pub fn drift_lines(steps: u64, after: Moment, losses: &[FreshLoss]) -> Vec<CsvLi
 }
 
 pub fn training_header(training: &PolicyTraining) -> CsvLine {
+    let metrics = training.metrics.names().map(str::to_owned);
     let counters = training.counters.iter().map(|(name, _)| name.clone());
-    header(&columns::OF_TRAINING).into_iter().chain(counters).collect()
+    header(&columns::OF_TRAINING).into_iter().chain(metrics).chain(counters).collect()
 }
 
-/// Makes a line for all agents with what the simulators counted, then one per agent.
+/// Makes a line for all agents (means; numbers of episodes and counters added up), then one per agent. Metrics are empty
+/// where there was no update.
 pub fn training_lines(steps: u64, training: &PolicyTraining) -> Vec<CsvLine> {
-    let agents = training.agents.len() as f64;
-    let mut total = Losses::default();
-    training.agents.iter().for_each(|agent| total.add(&agent.losses, 1.0 / agents));
+    let Metrics { of_agents, settings } = &training.metrics;
+    let weight = 1.0 / training.agents.len() as f64;
     let returns: Vec<f64> = training.agents.iter().filter_map(|agent| agent.mean_return).collect();
     let mean_return = (!returns.is_empty()).then(|| returns.iter().sum::<f64>() / returns.len() as f64);
     let episodes = training.agents.iter().map(|agent| agent.episodes).sum();
-    let line = |agent: String, mean_return: Option<f64>, episodes: u64, losses: &Losses| {
+    let line = |agent: String, mean_return: Option<f64>, episodes: u64, metric: &dyn Fn(&[f64]) -> f64| {
         let mut line = vec![steps.to_string(), agent];
         line.push(mean_return.map_or(String::new(), |value| format!("{value:.4}")));
         line.push(episodes.to_string());
-        let losses = [losses.surrogate, losses.value, losses.entropy, losses.kl, losses.clipped];
-        line.extend(losses.map(|value| format!("{value:.5}")));
-        line.extend([training.decayed.learning_rate, training.decayed.clip].map(|value| format!("{value:e}")));
+        let updated = |text: String| if training.updates > 0 { text } else { String::new() };
+        line.extend(of_agents.iter().map(|(_, values)| updated(format!("{:.5}", metric(values)))));
+        line.extend(settings.iter().map(|(_, value)| updated(format!("{value:e}"))));
         line
     };
-    let mut all = line(ALL.to_owned(), mean_return, episodes, &total);
+    let mean = |values: &[f64]| values.iter().fold(0.0, |sum, value| sum + weight * value);
+    let mut all = line(ALL.to_owned(), mean_return, episodes, &mean);
     all.extend(training.counters.iter().map(|(_, count)| count.to_string()));
     let mut lines = vec![all];
     for (index, agent) in training.agents.iter().enumerate() {
-        let mut of_agent = line(index.to_string(), agent.mean_return, agent.episodes, &agent.losses);
+        let mut of_agent = line(index.to_string(), agent.mean_return, agent.episodes, &|values| values[index]);
         of_agent.extend(training.counters.iter().map(|_| String::new()));
         lines.push(of_agent);
     }

@@ -4,13 +4,15 @@ use std::collections::BTreeMap;
 
 use toml::{Table, Value};
 
-use dials_config::{Config, Simulator};
+use crate::config::RunConfig;
 use dials_core::domain::Scenario;
+use dials_learn::algorithms;
+use dials_learn::config::ShortForm;
 
 /// A method: a way of training, whatever the seed and the scenario.
 #[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub struct Method {
-    /// Name of the simulator in configs.
+    /// Short form of simulator and predictor.
     pub simulator: String,
     pub retraining: Retraining,
     /// Keys of the config with their values as text. Left out: the seed, the stop, the scenario, and keys that change
@@ -20,20 +22,26 @@ pub struct Method {
 
 impl Method {
     /// Returns the method of a config. `scenario`: scenario of the run, which has the checksums of its files.
-    pub fn of(config: &Config, scenario: &Scenario) -> Method {
+    pub fn of(config: &RunConfig, scenario: &Scenario) -> Method {
         let table = Table::try_from(config).expect("a config is a table");
         let mut keys = BTreeMap::new();
         flatten("", &table, &mut keys);
+        let form = config.learning.short_form();
+        keys.remove("predictor");
+        let (_, other_algorithms) = algorithms::tables(&config.learning);
+        let is_of_another = |key: &str| key.split_once('.').is_some_and(|(table, _)| other_algorithms.contains(&table));
+        keys.retain(|key, _| !is_of_another(key));
+        keys.insert("simulator".to_owned(), form.name.to_owned());
         if let Some(mut domain) = config.domain.clone() {
             // The same file has another path in every run, so its checksum replaces the path, if it is known.
-            let paths: Vec<&str> = domain.paths().into_iter().map(|(key, _)| key).collect();
+            let paths: Vec<&str> = domain.table_mut().paths().into_iter().map(|(key, _)| key).collect();
             paths.into_iter().for_each(|key| drop(keys.remove(&domain.key(key))));
             keys.extend(scenario.files.clone());
-            if config.simulator == Simulator::Global {
-                domain.local_keys().iter().for_each(|key| drop(keys.remove(&domain.key(key))));
+            if form.predictor.is_none() {
+                domain.table().local_keys().iter().for_each(|key| drop(keys.remove(&domain.key(key))));
             }
         }
-        Method::of_keys(config.simulator, keys)
+        Method::of_keys(form, keys)
     }
 
     /// Returns whether this method leaves out a key that another one of the same simulator has, and would read it: the
@@ -43,13 +51,13 @@ impl Method {
         !self.keys.contains_key(key) && !is_of_others(&self.retraining, imitates, key)
     }
 
-    fn of_keys(simulator: Simulator, mut keys: BTreeMap<String, String>) -> Method {
-        let retraining = if simulator.trains_predictors() { Retraining::of(&keys) } else { Retraining::Never };
+    fn of_keys(form: ShortForm, mut keys: BTreeMap<String, String>) -> Method {
+        let retraining = if form.trains_predictors() { Retraining::of(&keys) } else { Retraining::Never };
         let imitates = keys.contains_key("policy.imitate");
         keys.retain(|key, _| {
-            !is_no_method(key) && !simulator_ignores(simulator, key) && !is_of_others(&retraining, imitates, key)
+            !is_no_method(key) && !form_ignores(form, key) && !is_of_others(&retraining, imitates, key)
         });
-        Method { simulator: simulator.name().to_owned(), retraining, keys }
+        Method { simulator: form.name.to_owned(), retraining, keys }
     }
 }
 
@@ -69,12 +77,12 @@ fn is_no_method(key: &str) -> bool {
     ["seed", "stop_at_steps"].contains(&key) || key.starts_with("logging.") || key.starts_with("checkpoints.")
 }
 
-/// Returns whether a key changes nothing with this simulator.
-fn simulator_ignores(simulator: Simulator, key: &str) -> bool {
+/// Returns whether a key changes nothing with this simulator and predictor.
+fn form_ignores(form: ShortForm, key: &str) -> bool {
     match key.split_once('.') {
-        Some(("aip", key)) => !simulator.predictor().is_some_and(|predictor| predictor.reads(key)),
-        Some(("gs", _)) => simulator != Simulator::Global,
-        Some(("local_simulators", _)) => simulator == Simulator::Global,
+        Some(("aip", key)) => !form.predictor.is_some_and(|predictor| predictor.reads(key)),
+        Some(("gs", _)) => form.predictor.is_some(),
+        Some(("local_simulators", _)) => form.predictor.is_none(),
         _ => false,
     }
 }
@@ -143,7 +151,7 @@ mod tests {
     use crate::records::before;
 
     fn method_of(text: &str) -> Method {
-        let config: Config = toml::from_str(text).unwrap();
+        let config: RunConfig = toml::from_str(text).unwrap();
         let scenario = before::scenario(&config, Some(4)).unwrap().unwrap();
         Method::of(&config, &scenario)
     }
@@ -176,9 +184,10 @@ mod tests {
 
     #[test]
     fn f_matters_only_where_aips_are_trained_every_f_steps() {
+        let dials = ShortForm::called("dials").unwrap();
         let method = |retrain: &str, every: &str| {
             let keys = [("aip.retrain", retrain), ("aip.retrain_every_steps", every), ("aip.drift_threshold", "1.5")];
-            Method::of_keys(Simulator::default(), keys.map(|(key, value)| (key.to_owned(), value.to_owned())).into())
+            Method::of_keys(dials, keys.map(|(key, value)| (key.to_owned(), value.to_owned())).into())
         };
         assert_eq!(method("once", "100"), method("once", "200"));
         assert_eq!(method("drift", "100"), method("drift", "200"));
@@ -206,7 +215,7 @@ mod tests {
         let method = |simulator: &str, local: &str| {
             let nets = concat!(env!("CARGO_MANIFEST_DIR"), "/../../sumo_nets");
             let traffic = format!("[traffic]\nnetwork = '{nets}/grid_2x2'\nlocal_network = '{nets}/{local}'");
-            method_of(&format!("simulator = '{simulator}'\n{traffic}"))
+            method_of(&format!("{}{traffic}", ShortForm::called(simulator).unwrap().keys()))
         };
         assert_ne!(method("dials", "local"), method("dials", "grid_2x2"));
         assert_eq!(method("gs", "local"), method("gs", "grid_2x2"));

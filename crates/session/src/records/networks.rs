@@ -9,10 +9,11 @@ use super::csv_table::LARGEST_FILE;
 use super::files;
 use super::joint_layout::{JointLayout, STEPS};
 use super::resume_point::ResumePoint;
-use dials_config::{Config, Predictor};
+use crate::config::RunConfig;
 use dials_core::base::Ragged;
 use dials_core::domain::Kinds;
 use dials_core::outside::Directory;
+use dials_learn::config::{Config, Predictor};
 use dials_learn::training::state::AgentsState;
 
 /// Places of weights and biases in the networks that are saved.
@@ -40,7 +41,7 @@ impl Layouts {
 
     /// Makes the files hold what the run had at the checkpoint of `point`. Returns the names of those that were lost or
     /// damaged. A file that is only newer, because the run was killed after it, is no loss.
-    pub fn restore(&self, directory: &Directory, config: &Config, point: &ResumePoint) -> Result<Vec<&'static str>> {
+    pub fn restore(&self, directory: &Directory, config: &RunConfig, point: &ResumePoint) -> Result<Vec<&'static str>> {
         let mut restored = Vec::new();
         let Some(Checkpoint { agents, .. }) = &point.checkpoint else { return Ok(restored) };
         let mut restore = |name, layout: &JointLayout, networks: &Ragged<f32>, steps| {
@@ -55,7 +56,7 @@ impl Layouts {
             write(layout, directory, name, networks, steps)
         };
         restore(files::POLICIES, &self.policies, &agents.policies, agents.steps)?;
-        if config.simulator.predictor().is_some_and(Predictor::learns)
+        if config.learning.predictor_in_use().is_some_and(Predictor::learns)
             && let Some(steps) = trained_at(directory, point)?
         {
             restore(files::AIPS, &self.aips, &agents.aips, steps)?;

@@ -15,7 +15,7 @@ use super::run_json::RunJson;
 use super::run_record::{
     AipTrainingRecord, CpuTime, EvaluationRecord, FreshLossRecord, MemoryRecord, PeriodTime, Returns, RunRecord,
 };
-use dials_config::Config;
+use crate::config::RunConfig;
 use dials_core::base::{Activity, Phase};
 use dials_core::domain::Scenario;
 use dials_learn::training::drift::Moment;
@@ -26,7 +26,7 @@ const MOST_WORKERS: u64 = 1_000_000;
 impl RunRecord {
     /// Reads a run directory. Errors: a damaged file, and a domain or networks that were changed after the run began.
     pub fn read(dir: &Path) -> Result<RunRecord> {
-        let config = dials_config::load_kept(&dir.join(files::CONFIG))?;
+        let config = crate::config::load_kept(&dir.join(files::CONFIG))?;
         let about = RunJson::read_if_there(dir)?;
         check_kept(dir, &config, &about)?;
         let timing = CsvTable::read(&dir.join(files::TIMING))?;
@@ -67,13 +67,13 @@ impl RunRecord {
 }
 
 /// Returns what the run in `dir` simulates. `config`: that of the run; `agents`: their number.
-pub fn scenario_of(dir: &Path, config: &Config, agents: usize) -> Result<Scenario> {
+pub fn scenario_of(dir: &Path, config: &RunConfig, agents: usize) -> Result<Scenario> {
     let about = RunJson::read_if_there(dir)?;
     Ok(scenario_in(&about, config, Some(agents))?.expect("the number of agents is known"))
 }
 
 /// Returns the scenario of `run.json`. For older runs: what the config shows of it.
-fn scenario_in(about: &RunJson, config: &Config, agents: Option<usize>) -> Result<Option<Scenario>> {
+fn scenario_in(about: &RunJson, config: &RunConfig, agents: Option<usize>) -> Result<Option<Scenario>> {
     match &about.scenario {
         Some(scenario) => Ok(Some(scenario.clone())),
         None => before::scenario(config, agents),
@@ -261,23 +261,22 @@ fn read_memory(table: &CsvTable) -> Result<Option<MemoryRecord>> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::config::RunConfig;
     use crate::records::checkpoint::owner::Owner;
     use crate::records::joint_layout::JointLayout;
     use crate::records::networks::Layouts;
     use crate::records::run_log::RunLog;
     use crate::records::run_record::Status;
-    use dials_config::Config;
     use dials_core::base::{Ragged, Rows, Timesheet};
     use dials_core::domain::{Domain, Measures};
     use dials_core::outside::Directory;
+    use dials_learn::algorithms::{Metrics, Tables};
     use dials_learn::evaluation;
     use dials_learn::influence;
     use dials_learn::training::answers::{AgentTraining, FleetLoad, Footprint, PolicyTraining, WorkerLoad};
     use dials_learn::training::journal::Journal;
-    use dials_learn::training::ppo::Decayed;
-    use dials_learn::training::ppo_loss::Losses;
     use dials_learn::training::standing::Standing;
-    use dials_learn::training::state::{AgentsState, JointMoments};
+    use dials_learn::training::state::AgentsState;
     use dials_testkit::toy::Coins;
     use stacknets::Layout;
     use std::time::Duration;
@@ -287,15 +286,16 @@ mod tests {
         let dir = tempfile::tempdir().unwrap();
         let text = "warehouse = { agents_per_side = 2 }\n";
         std::fs::write(dir.path().join(files::CONFIG), text).unwrap();
-        let config: Config = toml::from_str(text).unwrap();
+        let config: RunConfig = toml::from_str(text).unwrap();
         let coins = Coins::new(1);
         let layout = || JointLayout::new(coins.kinds(), |_| Layout::new(vec![("w".to_owned(), vec![1])]));
         let owner = Owner::of(&config, &coins).unwrap();
         let mut log =
             RunLog::begin(Directory::lock(dir.path()).unwrap(), owner, Layouts { policies: layout(), aips: layout() });
         let table = || Ragged::from_vec(vec![0.5, 0.25], [1, 1]).unwrap();
-        let moments = JointMoments { first: table(), second: table(), steps: 1 };
-        let agents = AgentsState { steps: 128, policies: table(), moments, aips: table(), streams: vec![] };
+        let moments = ["first_moments", "second_moments"].map(|name| (name.to_owned(), table()));
+        let learners = Tables { numbers: moments.into(), ..Tables::default() };
+        let agents = AgentsState { steps: 128, policies: table(), learners, aips: table(), streams: vec![] };
 
         // Agents' means 2 and 4; episode means 1 and 5: deviation sqrt(8), standard error sqrt(8 / 2) = 2.
         let returns = Rows::from_vec(vec![0.0, 2.0, 4.0, 6.0], 2);
@@ -318,9 +318,9 @@ mod tests {
         let mebibytes = |peak: u64, shared: u64| Footprint { peak_rss_kib: peak << 10, pss_kib: shared << 10 };
         let worker = WorkerLoad { timesheet, footprint: mebibytes(30, 20) };
         let load = FleetLoad { workers: vec![worker], coordinator: Some(mebibytes(40, 10)), ..FleetLoad::default() };
-        let of_agent = AgentTraining { mean_return: None, episodes: 0, losses: Losses::default() };
-        let decayed = Decayed { learning_rate: 1e-3, clip: 0.1 };
-        let training = PolicyTraining { agents: vec![of_agent; 2], counters: Vec::new(), decayed };
+        let of_agent = AgentTraining { mean_return: None, episodes: 0 };
+        let metrics = Metrics { of_agents: vec![("loss".to_owned(), vec![0.5; 2])], settings: Vec::new() };
+        let training = PolicyTraining { agents: vec![of_agent; 2], metrics, updates: 1, counters: Vec::new() };
         log.period_done(&agents, &Standing::default(), &training, load).unwrap();
 
         let read = RunRecord::read(dir.path()).unwrap();

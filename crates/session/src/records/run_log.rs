@@ -20,11 +20,11 @@ use super::networks::Layouts;
 use super::resume_point::ResumePoint;
 use super::tensorboard::{Scalar, first_record, scalars_of, scalars_record};
 use dials_core::outside::Directory;
+use dials_learn::algorithms::imitation::ImitationLoss;
 use dials_learn::evaluation::Evaluation;
 use dials_learn::influence::{AipLoss, FreshLoss};
 use dials_learn::training::answers::{FleetLoad, PolicyTraining};
 use dials_learn::training::drift::Moment;
-use dials_learn::training::imitation::ImitationLoss;
 use dials_learn::training::journal::Journal;
 use dials_learn::training::standing::Standing;
 use dials_learn::training::state::AgentsState;
@@ -172,7 +172,7 @@ impl Journal for RunLog {
         training: &PolicyTraining,
         load: FleetLoad,
     ) -> Result<()> {
-        check_policies(training, agents, &self.owner.config, self.steps)?;
+        check_policies(training, agents, &self.owner.config.learning, &self.owner.kinds, self.steps)?;
         self.append(
             files::TRAINING,
             agents.steps,
@@ -205,28 +205,27 @@ mod tests {
     use std::fs;
     use std::path::{Path, PathBuf};
 
+    use crate::config::RunConfig;
     use crate::records::joint_layout::JointLayout;
-    use dials_config::{Config, PolicyConfig};
     use dials_core::base::Ragged;
     use dials_core::domain::Domain;
+    use dials_learn::algorithms::{Metrics, Tables};
     use dials_learn::influence::AipLoss;
     use dials_learn::training::answers::AgentTraining;
-    use dials_learn::training::ppo::Decayed;
-    use dials_learn::training::ppo_loss::Losses;
-    use dials_learn::training::state::JointMoments;
     use dials_testkit::toy::Coins;
     use stacknets::Layout;
 
     /// Returns two agents with a policy of two parameters each, and the results of a period.
     fn period(policy: [f32; 4], value_loss: f64) -> (PolicyTraining, AgentsState) {
-        let losses = [0.0, value_loss].map(|value| Losses { value, ..Losses::default() });
-        let agents = losses.map(|losses| AgentTraining { mean_return: None, episodes: 0, losses });
-        let decayed = Decayed { learning_rate: 1e-3, clip: 0.1 };
+        let agents = vec![AgentTraining { mean_return: None, episodes: 0 }; 2];
+        let losses = ("value_loss".to_owned(), vec![0.0, value_loss]);
+        let metrics = Metrics { of_agents: vec![losses], settings: vec![("clip".to_owned(), 0.1)] };
         let table = |values: &[f32]| Ragged::from_vec(values.to_vec(), [2, 2]).unwrap();
-        let moments = JointMoments { first: table(&[0.0; 4]), second: table(&[0.0; 4]), steps: 1 };
-        let state =
-            AgentsState { steps: 128, policies: table(&policy), moments, aips: table(&[0.0; 4]), streams: vec![] };
-        (PolicyTraining { agents: agents.to_vec(), counters: Vec::new(), decayed }, state)
+        let moments = ["first_moments", "second_moments"].map(|name| (name.to_owned(), table(&[0.0; 4])));
+        let learners = Tables { numbers: moments.into(), ..Tables::default() };
+        let (policies, aips) = (table(&policy), table(&[0.0; 4]));
+        let state = AgentsState { steps: 128, policies, learners, aips, streams: vec![] };
+        (PolicyTraining { agents, metrics, updates: 1, counters: Vec::new() }, state)
     }
 
     fn contents(dir: &Path) -> BTreeMap<PathBuf, Vec<u8>> {
@@ -238,7 +237,7 @@ mod tests {
     #[test]
     fn learning_that_diverged_is_not_written_over_what_was_good() {
         let dir = tempfile::tempdir().unwrap();
-        let config: Config = toml::from_str("warehouse = { agents_per_side = 2 }").unwrap();
+        let config: RunConfig = toml::from_str("warehouse = { agents_per_side = 2 }").unwrap();
         let coins = Coins::new(1);
         let layout = || JointLayout::new(coins.kinds(), |_| Layout::new(vec![("w".to_owned(), vec![2])]));
         let layouts = Layouts { policies: layout(), aips: layout() };
@@ -262,12 +261,14 @@ mod tests {
         }
         // After an imitation the critic learns alone at first, with the rate of the imitation.
         let (training, mut agents_now) = period([1.0, 2.0, f32::NAN, 4.0], 0.5);
-        let imitates =
-            Config { policy: PolicyConfig { imitate: Some("a".to_owned()), ..config.policy.clone() }, ..config };
-        let error = check_policies(&training, &agents_now, &imitates, 0).unwrap_err().to_string();
+        let mut imitates = config.learning.clone();
+        imitates.policy.imitate = Some("a".to_owned());
+        let error =
+            check_policies(&training, &agents_now, &imitates, Coins::new(1).kinds(), 0).unwrap_err().to_string();
         assert!(error.contains("lower imitation.learning_rate and begin"), "{error}");
         agents_now.steps = imitates.critic_steps() + 1280;
-        let error = check_policies(&training, &agents_now, &imitates, 0).unwrap_err().to_string();
+        let error =
+            check_policies(&training, &agents_now, &imitates, Coins::new(1).kinds(), 0).unwrap_err().to_string();
         assert!(error.contains("lower imitation.learning_rate or ppo.learning_rate"), "{error}");
         let loss = AipLoss {
             training: [vec![0.1], vec![0.1]],

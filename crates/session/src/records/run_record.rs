@@ -4,14 +4,14 @@ use std::path::PathBuf;
 
 use super::likeness::LikenessRecord;
 use super::run_json::RunJson;
-use dials_config::Config;
+use crate::config::RunConfig;
 use dials_core::domain::Scenario;
 
 /// Contents of a run directory.
 #[derive(Clone, Debug)]
 pub struct RunRecord {
     pub dir: PathBuf,
-    pub config: Config,
+    pub config: RunConfig,
     pub about: RunJson,
     /// What was simulated; `None` if the number of agents is not known.
     pub scenario: Option<Scenario>,
@@ -151,7 +151,7 @@ pub enum Status {
 
 impl RunRecord {
     /// Makes the record of a run that has written nothing yet, for tests.
-    pub fn empty(config: Config, scenario: Option<Scenario>) -> RunRecord {
+    pub fn empty(config: RunConfig, scenario: Option<Scenario>) -> RunRecord {
         RunRecord {
             dir: PathBuf::new(),
             config,
@@ -171,7 +171,7 @@ impl RunRecord {
         match self.evaluations.last() {
             None => Status::Empty,
             // Periods are whole updates of the policies, so the last one may end a little later than the config says.
-            Some(last) if last.steps >= self.config.last_step() => Status::Finished,
+            Some(last) if last.steps >= self.config.learning.last_step() => Status::Finished,
             Some(last) => Status::Unfinished { steps: last.steps },
         }
     }
@@ -228,7 +228,7 @@ impl RunRecord {
         let (until, next) = (until.last(), next.first());
         let beginning =
             || PeriodTime { cpu: next.and_then(|next| next.cpu).map(|_| CpuTime::default()), ..PeriodTime::default() };
-        if until.is_none() && self.config.policy.imitate.is_some() {
+        if until.is_none() && self.config.learning.policy.imitate.is_some() {
             return None;
         }
         let until = until.copied().unwrap_or_else(beginning);

@@ -10,14 +10,14 @@ use indicatif::{ProgressBar, ProgressStyle};
 use super::activity::doing;
 use super::duration::duration;
 use super::{Talk, Wish, shows_bars, stop_on_signals, talks, tell, warn};
-use dials_config::Config;
+use crate::config::RunConfig;
 use dials_core::base::Activity;
 use dials_core::base::statistics::{Interval, mean};
 use dials_core::base::{counted, decimals};
+use dials_learn::algorithms::imitation::ImitationLoss;
 use dials_learn::evaluation::Evaluation;
 use dials_learn::influence::{AipLoss, FreshLoss, mean_loss};
 use dials_learn::training::drift::Drift;
-use dials_learn::training::imitation::ImitationLoss;
 use dials_learn::training::observer::Observer;
 
 /// Interval between plain lines while policies train.
@@ -98,14 +98,14 @@ impl Progress {
     /// The first Ctrl-C asks to stop where nothing is lost, the second ends the process. `last_words` returns the
     /// line that is printed after the second.
     pub fn new(
-        config: &Config,
+        config: &RunConfig,
         agents: usize,
         last_words: impl Fn() -> String + Send + Sync + 'static,
     ) -> anyhow::Result<Self> {
         let bar = shows_bars().then(|| {
             let style = "{bar:8.cyan/blue} {percent:>3} %  {wide_msg}";
             let style = ProgressStyle::with_template(style).expect("the template is well-formed");
-            ProgressBar::new(config.end()).with_style(style)
+            ProgressBar::new(config.learning.end()).with_style(style)
         });
         let doing = Doing::default();
         let (place, now_doing) = (bar.clone(), doing.clone());
@@ -117,7 +117,7 @@ impl Progress {
         Ok(Progress {
             bar,
             agents,
-            end: config.end(),
+            end: config.learning.end(),
             begun: now,
             rate: RefCell::default(),
             last_line: Cell::new(now),
@@ -316,7 +316,7 @@ mod tests {
 
     #[test]
     fn the_same_step_twice_in_a_row_is_no_reason_to_guess_the_time_left() {
-        let config: Config = toml::from_str("warehouse = { agents_per_side = 2 }").unwrap();
+        let config: RunConfig = toml::from_str("warehouse = { agents_per_side = 2 }").unwrap();
         let progress = Progress::new(&config, 4, String::new).unwrap();
         progress.trained(128);
         std::thread::sleep(Duration::from_millis(1));

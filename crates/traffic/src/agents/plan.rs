@@ -8,8 +8,8 @@ use super::border_plan::BorderPlan;
 use super::phase_plan::PhasePlan;
 use super::region_plan::RegionPlan;
 use super::sensor::Sensor;
+use crate::config::Reward;
 use crate::d_set::DSetPlan;
-use dials_config::Reward;
 use dials_core::domain::Kinds;
 
 /// The plans of all agents, and what they have in common.

@@ -5,8 +5,8 @@
 //! edge.
 
 use super::phases::Light;
+use crate::config::{DSet, Observation, TrafficConfig};
 use crate::side::Side;
-use dials_config::{DSet, Observation, TrafficConfig};
 use dials_core::domain::{RegionSpec, SourceSpec};
 
 /// Number of incoming edges, in the order of [`Side::ALL`]. Each is an influence source.

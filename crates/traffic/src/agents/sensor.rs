@@ -3,7 +3,7 @@
 use std::ops::Range;
 
 use super::region_plan::RegionPlan;
-use dials_config::DSet;
+use crate::config::DSet;
 
 /// Which columns an observation has, in this order: cars, light, clock.
 #[derive(Clone, Debug, PartialEq, Eq)]

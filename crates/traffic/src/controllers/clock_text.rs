@@ -124,10 +124,10 @@ fn offsets(arguments: &mut Arguments<'_>, plans: &[AgentPlan], timings: &[Timing
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::config::TrafficConfig;
     use crate::controllers::examples::crossing;
     use crate::paper_grid::grid::Grid;
     use crate::paper_grid::plans::plans;
-    use dials_config::TrafficConfig;
 
     fn grid(rows: usize, cols: usize) -> Vec<AgentPlan> {
         plans(Grid::new(rows, cols).unwrap(), &TrafficConfig::new("", ""))

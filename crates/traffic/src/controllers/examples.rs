@@ -7,9 +7,9 @@ use crate::agents::phase_plan::{Choice, Interval, PhasePlan, Shown};
 use crate::agents::plan::AgentPlan;
 use crate::agents::region_plan::{Approach, Exit, Link, RegionPlan};
 use crate::agents::sensor::{CarColumns, LightColumns, Sensor};
+use crate::config::{DSet, TrafficConfig};
 use crate::paper_grid::grid::Grid;
 use crate::paper_grid::plans::plans;
-use dials_config::{DSet, TrafficConfig};
 use dials_core::base::AgentId;
 use libsumo::{CarId, LaneCars, SignalState};
 

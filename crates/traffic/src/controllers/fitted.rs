@@ -68,12 +68,12 @@ fn of_light(plan: &AgentPlan, LightTiming { name, greens, offset }: &LightTiming
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::config::TrafficConfig;
     use crate::controllers::examples::crossing;
     use crate::controllers::timing_file::Score;
     use crate::controllers::timing_file::tests::tuned_on;
     use crate::paper_grid::grid::Grid;
     use crate::paper_grid::plans::plans;
-    use dials_config::TrafficConfig;
 
     fn grid(rows: usize, cols: usize) -> Vec<AgentPlan> {
         plans(Grid::new(rows, cols).unwrap(), &TrafficConfig::new("", ""))

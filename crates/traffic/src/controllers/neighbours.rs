@@ -49,10 +49,10 @@ fn joined(plans: &[AgentPlan]) -> Vec<Vec<usize>> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::config::TrafficConfig;
     use crate::controllers::examples::crossing;
     use crate::paper_grid::grid::Grid;
     use crate::paper_grid::plans::plans;
-    use dials_config::TrafficConfig;
 
     #[test]
     fn a_grid_becomes_a_checkerboard_and_lights_alone_are_even() {

@@ -7,6 +7,7 @@ use anyhow::{Context, bail, ensure};
 
 use super::Ground;
 use crate::agents::region;
+use crate::config::{Reward, RewardTerm, TrafficConfig};
 use crate::light;
 use crate::network::contents::Network;
 use crate::network::files::NetworkFiles;
@@ -20,7 +21,6 @@ use crate::sim::recorded_roads::RecordedRoads;
 use crate::sim::recording::Tape;
 use crate::sim::source::Source;
 use crate::sim::trace::route::Route;
-use dials_config::{Reward, RewardTerm, TrafficConfig};
 use dials_core::base::Rows;
 use dials_core::domain::{Beginning, FirstRow, LocalSimulator, Map, Result, RoughCosts, Scenario};
 

@@ -14,6 +14,7 @@ use crate::agents::derive::overrides::Overrides;
 use crate::agents::derive::padding::{InfluencePadding, Padding};
 use crate::agents::derive::{Agent, CarsSeen, Derived, Rules, derive};
 use crate::agents::plan::{AgentPlan, Border, JointPlan};
+use crate::config::{Observation, Reward, ScenarioConfig};
 use crate::controllers::actuated::{self, Light, ProgramPhase};
 use crate::cut::names::free_name;
 use crate::cut::of_scenario::{cut_all, types_of};
@@ -30,8 +31,7 @@ use crate::sim::recorded_roads::RecordedRoads;
 use crate::sim::recording::Tape;
 use crate::sim::source::Source;
 use crate::sim::trace::route::Route;
-use dials_config::{DomainTable, Observation, Reward, ScenarioConfig};
-use dials_core::domain::{Kinds, RegionSpec, Result, RoughCosts, Scenario, SourceSpec};
+use dials_core::domain::{DomainTable, Kinds, RegionSpec, Result, RoughCosts, Scenario, SourceSpec};
 use dials_core::outside::quoted;
 
 /// Share of switches per second of green below which an agent is stuck: its greens last for more than five minutes on

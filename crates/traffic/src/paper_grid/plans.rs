@@ -9,10 +9,10 @@ use crate::agents::plan::{AgentPlan, JointPlan};
 use crate::agents::region::{self, CELLS, EDGE_M, EDGES, SPEED_LIMIT_MPS};
 use crate::agents::region_plan::{Approach, Exit, Link, RegionPlan};
 use crate::agents::sensor::{CarColumns, LightColumns, Sensor};
+use crate::config::{ClockOffsets, Observation, TrafficConfig, UntilFirstSwitch};
 use crate::light::YELLOW_STEPS;
 use crate::paper_grid::content::{DECEL_MPS2, place};
 use crate::side::Side;
-use dials_config::{ClockOffsets, Observation, TrafficConfig, UntilFirstSwitch};
 use dials_core::base::AgentId;
 use dials_core::domain::Kinds;
 

@@ -5,8 +5,8 @@ use std::path::Path;
 
 use anyhow::{Context, Error, Result, anyhow, ensure};
 
+use crate::config::sumo_time::seconds;
 use crate::network::tree::Element;
-use dials_config::sumo_time::seconds;
 use dials_core::outside::excerpt;
 
 /// An element and the file that it stands in.

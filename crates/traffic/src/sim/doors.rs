@@ -177,8 +177,8 @@ mod tests {
     use super::*;
     use crate::Traffic;
     use crate::agents::border_plan::EntryPlace;
+    use crate::config::ScenarioConfig;
     use crate::sim::entrance::comer;
-    use dials_config::ScenarioConfig;
     use dials_core::base::{AgentId, Seed};
 
     #[test]

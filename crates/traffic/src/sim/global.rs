@@ -419,11 +419,11 @@ mod tests {
     use std::path::Path;
 
     use super::*;
+    use crate::config::TrafficConfig;
     use crate::controllers::HandCoded;
     use crate::network::files::NetworkFiles;
     use crate::paper_grid::plans::joint_plan;
     use crate::paper_grid::recognise::{Recognised, recognise_grid};
-    use dials_config::TrafficConfig;
     use dials_core::base::AgentId;
 
     /// Returns when every car wanted to enter, in seconds, in an episode with this action at every step.

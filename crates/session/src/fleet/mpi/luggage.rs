@@ -7,7 +7,7 @@ use anyhow::{Context, Result};
 use serde::{Deserialize, Serialize};
 
 use super::lifeline::Address;
-use dials_config::{Config, DomainConfig};
+use crate::config::RunConfig;
 use dials_core::outside::Directory;
 
 /// Longest file that travels. A network of 10 000 intersections has under 1 GiB.
@@ -30,9 +30,9 @@ struct PackedFile {
 }
 
 /// Returns a config whose paths lead from the run directory and no longer from elsewhere.
-pub fn from_the_run_directory(config: &Config, directory: &Directory) -> Result<Config> {
+pub fn from_the_run_directory(config: &RunConfig, directory: &Directory) -> Result<RunConfig> {
     let mut config = config.clone();
-    for (key, path) in config.domain.iter_mut().flat_map(DomainConfig::paths) {
+    for (key, path) in config.domain.iter_mut().flat_map(|domain| domain.table_mut().paths()) {
         let within = path.strip_prefix(directory.path());
         *path = within.with_context(|| format!("{key}: {}: is not in the run directory", path.display()))?.to_owned();
     }
@@ -41,7 +41,7 @@ pub fn from_the_run_directory(config: &Config, directory: &Directory) -> Result<
 
 impl Luggage {
     /// Packs a config as [`from_the_run_directory`] makes it, with the files of one folder of the run directory.
-    pub fn pack(config: &Config, directory: &Directory, folder: &str, lifeline: Address) -> Result<Luggage> {
+    pub fn pack(config: &RunConfig, directory: &Directory, folder: &str, lifeline: Address) -> Result<Luggage> {
         let mut files = Vec::new();
         if let Some(inside) = directory.subdirectory(folder)? {
             for name in inside.names()? {
@@ -68,7 +68,7 @@ impl Luggage {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use dials_config::TrafficConfig;
+    use dials_traffic::config::{TrafficConfig, TrafficTable};
 
     #[test]
     fn networks_and_their_paths_arrive_in_another_folder() {
@@ -79,14 +79,16 @@ mod tests {
         let networks = ["global", "local"].map(|name| here.path().join("networks").join(name));
         let [global, local] = networks;
         let traffic = TrafficConfig::new(global, local);
-        let config = Config { domain: Some(DomainConfig::Traffic(traffic)), ..Config::default() };
+        let config =
+            RunConfig { domain: Some(DomainConfig::Traffic(TrafficTable::Grid(traffic))), ..RunConfig::default() };
 
         let config = from_the_run_directory(&config, &directory).unwrap();
         let luggage = Luggage::pack(&config, &directory, "networks", Address::default()).unwrap();
         luggage.unpack(there.path()).unwrap();
 
-        let mut arrived: Config = serde_json::from_str(&luggage.config_json).unwrap();
-        let paths: Vec<_> = arrived.domain.iter_mut().flat_map(DomainConfig::paths).map(|(_, path)| &*path).collect();
+        let mut arrived: RunConfig = serde_json::from_str(&luggage.config_json).unwrap();
+        let paths: Vec<_> =
+            arrived.domain.iter_mut().flat_map(|domain| domain.table_mut().paths()).map(|(_, path)| &*path).collect();
         assert_eq!(paths, [Path::new("networks/global"), Path::new("networks/local")]);
         assert_eq!(fs::read(there.path().join("networks/global.net.xml")).unwrap(), b"net");
     }

@@ -14,11 +14,11 @@ use super::desk::{Desk, Seat};
 use super::letter::Letter;
 use super::luggage::{Luggage, from_the_run_directory};
 use super::post::Post;
+use crate::config::RunConfig;
 use crate::fleet::bell::Bell;
 use crate::fleet::channel::{decode, encode};
 use crate::fleet::children::log_of;
 use crate::fleet::link::{Crew, Frame, Link, News};
-use dials_config::Config;
 use dials_core::outside::Directory;
 
 /// Time in which the relays must end at the end of a run.
@@ -45,7 +45,7 @@ pub struct Prepared {
 /// The run whose workers are to be started.
 pub struct Job<'a> {
     /// Config as it was loaded from the run directory.
-    pub config: &'a Config,
+    pub config: &'a RunConfig,
     pub directory: &'a Directory,
     /// Folder of the run directory with the files that workers need.
     pub networks: &'a str,
@@ -67,7 +67,7 @@ impl Ranks {
 
     /// Sends all ranks what they need for a run, and waits until they are prepared. Returns them, and the config that
     /// their workers need.
-    pub fn prepare(&mut self, job: Job) -> Result<(Vec<Prepared>, Config)> {
+    pub fn prepare(&mut self, job: Job) -> Result<(Vec<Prepared>, RunConfig)> {
         let config = from_the_run_directory(job.config, job.directory)?;
         self.logs = Some(job.directory.clone());
         let mut desk = self.desk.borrow_mut();
@@ -101,15 +101,13 @@ impl Ranks {
 }
 
 impl Crew for Ranks {
-    type Link = RankLink;
-
-    fn start(&mut self, worker: usize) -> Result<RankLink> {
+    fn start(&mut self, worker: usize) -> Result<Box<dyn Link>> {
         let logs = self.logs.as_ref().context("the ranks are not prepared for a run")?;
         let mut desk = self.desk.borrow_mut();
         desk.seats[worker].log = Some(logs.open_to_append(&log_of(worker))?);
         let rank = desk.rank_of(worker);
         desk.post(&[rank], Letter::Start { worker }, None);
-        Ok(RankLink { desk: self.desk.clone(), worker })
+        Ok(Box::new(RankLink { desk: self.desk.clone(), worker }))
     }
 
     fn can_replace(&self) -> bool {
@@ -182,7 +180,7 @@ impl Link for RankLink {
         Some(format!("on {}", desk.name(desk.rank_of(self.worker))))
     }
 
-    fn end(self) -> String {
+    fn end(self: Box<Self>) -> String {
         let desk = self.desk.borrow();
         let rank = desk.rank_of(self.worker);
         match &desk.seats[self.worker].how {
@@ -191,7 +189,7 @@ impl Link for RankLink {
         }
     }
 
-    fn end_by_force(self) -> String {
+    fn end_by_force(self: Box<Self>) -> String {
         let desk = self.desk.borrow();
         desk.its_workers(desk.rank_of(self.worker))
     }

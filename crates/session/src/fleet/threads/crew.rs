@@ -39,15 +39,13 @@ pub(super) struct ThreadCrew {
 }
 
 impl Crew for ThreadCrew {
-    type Link = ThreadLink;
-
-    fn start(&mut self, worker: usize) -> Result<ThreadLink> {
+    fn start(&mut self, worker: usize) -> Result<Box<dyn Link>> {
         let fate = self.fates[worker].pop();
         let ((frames, incoming), (outgoing, said)) = (channel(), channel());
         let (cord, domain) = (self.bell.cord(), self.domain.clone());
         let pipe = Pipe { incoming, frames: 0, fate, rest: (Frame::default(), 0), outgoing: Some(outgoing), cord };
         thread::spawn(move || serve(pipe, |_| Ok(domain)));
-        Ok(ThreadLink { frames, said })
+        Ok(Box::new(ThreadLink { frames, said }))
     }
 
     fn can_replace(&self) -> bool {
@@ -85,11 +83,11 @@ impl Link for ThreadLink {
         None
     }
 
-    fn end(self) -> String {
+    fn end(self: Box<Self>) -> String {
         "its thread ended".to_owned()
     }
 
-    fn end_by_force(self) -> String {
+    fn end_by_force(self: Box<Self>) -> String {
         "its thread is left alone".to_owned()
     }
 }

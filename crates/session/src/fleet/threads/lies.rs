@@ -3,30 +3,29 @@
 use std::time::Duration;
 
 use super::crew::{Fate, FateAt};
-use super::{coins, config, crew, train, undisturbed};
-use crate::fleet::message::{Answer, WorkerReport};
+use super::{coins, crew, train, undisturbed};
+use crate::fleet::message::WorkerReport;
 use dials_core::base::{Activity, Ragged, Timesheet};
 use dials_core::domain::Measures;
+use dials_learn::algorithms::Metrics;
 use dials_learn::evaluation::EpisodeReport;
 use dials_learn::influence::{Dataset, FreshLoss};
+use dials_learn::steps::Reply;
 use dials_learn::training::answers::{AgentTraining, Footprint, PolicyTraining, WorkerLoad};
-use dials_learn::training::ppo::Decayed;
-use dials_learn::training::ppo_loss::Losses;
 use dials_learn::training::state::AgentsState;
 
 /// Makes messages that no worker of two coins may send, whatever its order is.
 pub(super) fn lies() -> Vec<WorkerReport> {
     let done =
-        |answer, load| WorkerReport::Done { answer: Box::new(answer), load: Box::new(load), resident_kib: u64::MAX };
-    let said = |answer| done(answer, WorkerLoad::default());
+        |reply, load| WorkerReport::Done { reply: Box::new(reply), load: Box::new(load), resident_kib: u64::MAX };
+    let said = |reply| done(reply, WorkerLoad::default());
     let report = |returns: &[f64]| EpisodeReport { returns: returns.to_vec(), measures: Measures::default() };
-    let losses = Losses { surrogate: 0.0, value: 0.0, entropy: 0.0, kl: 0.0, clipped: 0.0 };
-    let agent = AgentTraining { mean_return: None, episodes: 0, losses };
-    let config = config();
+    let agent = AgentTraining { mean_return: None, episodes: 0 };
     let training = |agents: Vec<AgentTraining>| PolicyTraining {
+        metrics: Metrics { of_agents: vec![("loss".to_owned(), vec![0.5; agents.len()])], settings: vec![] },
         agents,
+        updates: 1,
         counters: vec![("cars".to_owned(), u64::MAX)],
-        decayed: Decayed::at(&config.ppo, 0.0),
     };
     let slow = WorkerLoad { timesheet: Timesheet::of_cpu(Duration::MAX), footprint: Footprint::default() };
     let large = Footprint { peak_rss_kib: u64::MAX, pss_kib: u64::MAX };
@@ -35,26 +34,26 @@ pub(super) fn lies() -> Vec<WorkerReport> {
     let trained = |change: fn(&mut AgentsState)| {
         let mut state = undisturbed().1.0.expect("there is a first period").0.share([1]);
         change(&mut state);
-        said(Answer::PoliciesTrained { training: training(vec![agent]), state })
+        said(Reply::TrainPolicies((training(vec![agent]), state)))
     };
     vec![
         WorkerReport::Trained { steps: u64::MAX },
         WorkerReport::Busy { activity: Activity::Evaluation, share: f64::NAN },
         WorkerReport::Busy { activity: Activity::Collection, share: 1e300 },
-        said(Answer::State(AgentsState::nobody())),
-        said(Answer::State(AgentsState { steps: 7, policies: wide.clone(), ..AgentsState::nobody() })),
-        said(Answer::Collected(vec![])),
-        said(Answer::Collected(vec![Dataset::new(&coins().kinds().iter().next().unwrap().spec); 2])),
-        said(Answer::AipsTrained { losses: vec![], aips: wide }),
-        said(Answer::AipsMeasured(vec![FreshLoss { predictor: vec![], marginals: vec![0.1; 9] }])),
-        said(Answer::PoliciesTrained { training: training(vec![]), state: AgentsState::nobody() }),
-        said(Answer::PoliciesTrained { training: training(vec![agent]), state: AgentsState::nobody() }),
-        said(Answer::Evaluated(vec![])),
-        said(Answer::Evaluated(vec![report(&[0.5]); 2])),
-        said(Answer::Evaluated(vec![report(&[0.5, f64::NAN]); 2])),
-        done(Answer::Ready, slow),
-        done(Answer::Ready, WorkerLoad { footprint: large, ..WorkerLoad::default() }),
-        trained(|state| state.moments.steps += 1),
+        said(Reply::ReportState(AgentsState::nobody())),
+        said(Reply::ReportState(AgentsState { steps: 7, policies: wide.clone(), ..AgentsState::nobody() })),
+        said(Reply::Collect(vec![])),
+        said(Reply::Collect(vec![Dataset::new(&coins().kinds().iter().next().unwrap().spec); 2])),
+        said(Reply::TrainAips((vec![], wide))),
+        said(Reply::MeasureAips(vec![FreshLoss { predictor: vec![], marginals: vec![0.1; 9] }])),
+        said(Reply::TrainPolicies((training(vec![]), AgentsState::nobody()))),
+        said(Reply::TrainPolicies((training(vec![agent]), AgentsState::nobody()))),
+        said(Reply::Evaluate(vec![])),
+        said(Reply::Evaluate(vec![report(&[0.5]); 2])),
+        said(Reply::Evaluate(vec![report(&[0.5, f64::NAN]); 2])),
+        done(Reply::Evaluate(vec![]), slow),
+        done(Reply::Evaluate(vec![]), WorkerLoad { footprint: large, ..WorkerLoad::default() }),
+        trained(|state| *state.learners.counts.get_mut("gradient_steps").unwrap() += 1),
         trained(|state| state.streams[0].rows[0].trail.sources.fill(200)),
     ]
 }
@@ -82,7 +81,9 @@ fn a_state_to_which_training_does_not_lead_is_not_believed() {
     let (outcome, warnings) = train(crew(true, [&[], &lies]));
     assert!(outcome.unwrap() == undisturbed().0);
     assert_eq!(warnings.len(), 2, "{warnings:?}");
-    for (warning, what) in warnings.iter().zip(["its optimiser has made", "an influence source has the value 200"]) {
+    for (warning, what) in
+        warnings.iter().zip(["its count `gradient_steps` is", "an influence source has the value 200"])
+    {
         assert!(warning.contains(what), "{warning}");
     }
 }

@@ -14,10 +14,12 @@ use anyhow::Result;
 
 use self::crew::{Fate, FateAt, ThreadCrew};
 use super::bell::Bell;
-use super::inline::InlineFleet;
+use super::in_process;
 use super::{Coordinator, MostGrowth, Options};
-use dials_config::{Config, PolicyConfig, Predictor, Simulator};
+use crate::config::RunConfig;
+use dials_core::base::Ragged;
 use dials_core::domain::Domain;
+use dials_learn::config::{Config, PolicyConfig, Simulator};
 use dials_learn::evaluation::Evaluation;
 use dials_learn::training::answers::{FleetLoad, PolicyTraining};
 use dials_learn::training::dials;
@@ -63,7 +65,6 @@ const NEVER: MostGrowth = MostGrowth { kib: u64::MAX, share: 0.0 };
 fn config() -> Config {
     toml::from_str(
         "total_steps = 500\n\
-         traffic = { network = 'none', local_network = 'none' }\n\
          local_simulators = { copies = 2, stagger = true }\n\
          policy = { hidden = [8] }\n\
          ppo = { time_limit = 'bootstrap' }\n\
@@ -73,6 +74,10 @@ fn config() -> Config {
     .unwrap()
 }
 
+fn moments(agents: &AgentsState) -> &Ragged<f32> {
+    &agents.learners.numbers["second_moments"]
+}
+
 fn coins() -> Arc<dyn Domain> {
     Arc::new(Coins::new(20))
 }
@@ -80,7 +85,7 @@ fn coins() -> Arc<dyn Domain> {
 /// Returns what a single worker makes of the two agents, and their state after the first period.
 fn undisturbed() -> (AgentsState, Keeper) {
     let (config, mut keeper) = (config(), Keeper::default());
-    let mut fleet = InlineFleet::new(coins(), &config, Rc::new(Silent));
+    let mut fleet = in_process(coins(), config.clone(), Rc::new(Silent)).unwrap();
     dials::train(&config, &mut fleet, Standing::default(), &mut keeper, &Silent).unwrap();
     (fleet.agents().clone(), keeper)
 }
@@ -100,10 +105,12 @@ fn train_as(config: &Config, crew: ThreadCrew) -> (Result<AgentsState, String>, 
     let (domain, warnings) = (crew.domain.clone(), Rc::new(Warnings::default()));
     let (workers, most_growth) = (crew.fates.len(), crew.most_growth);
     let options = Options { workers, threads: workers, patience: PATIENCE, most_growth };
-    let outcome = Coordinator::start(domain, config, crew, options, warnings.clone()).and_then(|mut fleet| {
-        dials::train(config, &mut fleet, Standing::default(), &mut Unrecorded, &*warnings)?;
-        Ok(fleet.agents().clone())
-    });
+    let outcome =
+        Coordinator::start(domain, &RunConfig::from(config.clone()), Box::new(crew), options, warnings.clone())
+            .and_then(|mut fleet| {
+                dials::train(config, &mut fleet, Standing::default(), &mut Unrecorded, &*warnings)?;
+                Ok(fleet.agents().clone())
+            });
     (outcome.map_err(|error| format!("{error:#}")), warnings.0.take())
 }
 
@@ -185,7 +192,8 @@ fn training_goes_on_from_a_state_with_workers_that_run_or_are_started_again() {
     for can_replace in [true, false] {
         let options = Options { workers: 2, threads: 2, patience: PATIENCE, most_growth: NEVER };
         let crew = crew(can_replace, [&[], &[]]);
-        let mut fleet = Coordinator::start(coins(), &config(), crew, options, Rc::new(Silent)).unwrap();
+        let mut fleet =
+            Coordinator::start(coins(), &RunConfig::from(config()), Box::new(crew), options, Rc::new(Silent)).unwrap();
         fleet.restore(agents.clone()).unwrap();
         dials::train(&config(), &mut fleet, standing, &mut Unrecorded, &Silent).unwrap();
         assert!(*fleet.agents() == expected, "can_replace: {can_replace}");
@@ -208,7 +216,7 @@ fn an_evaluation_that_was_made_is_not_made_again_when_a_period_begins_after_the_
     let (agents, standing) = undisturbed().1.0.unwrap();
     for (evaluated_at, evaluations) in [(Some(256), 1), (Some(0), 2)] {
         let (standing, mut journal) = (Standing { evaluated_at, ..standing }, Evaluations::default());
-        let mut fleet = InlineFleet::new(coins(), &config(), Rc::new(Silent));
+        let mut fleet = in_process(coins(), config(), Rc::new(Silent)).unwrap();
         fleet.restore(agents.clone()).unwrap();
         dials::train(&config(), &mut fleet, standing, &mut journal, &Silent).unwrap();
         assert_eq!(journal.0, evaluations, "evaluated at {evaluated_at:?}, and once at the end");
@@ -218,9 +226,9 @@ fn an_evaluation_that_was_made_is_not_made_again_when_a_period_begins_after_the_
 #[test]
 fn agents_of_two_kinds_that_take_turns_are_shared_out_and_put_together_again() {
     let domain: Arc<dyn Domain> = Arc::new(CoinsAndDice::new(20));
-    for simulator in [Simulator::Local(Predictor::Network), Simulator::Global] {
+    for simulator in [Simulator::Local, Simulator::Global] {
         let config = Config { simulator, ..config() };
-        let mut alone = InlineFleet::new(domain.clone(), &config, Rc::new(Silent));
+        let mut alone = in_process(domain.clone(), config.clone(), Rc::new(Silent)).unwrap();
         dials::train(&config, &mut alone, Standing::default(), &mut Unrecorded, &Silent).unwrap();
         let lost: [&[FateAt]; 3] = [&[], &[(2, Fate::Dies)], &[]];
         for crew in [crew(true, [&[]]), crew(false, [&[], &[]]), crew(false, [&[], &[], &[]]), crew(true, lost)] {
@@ -246,7 +254,7 @@ fn imitating() -> [(Arc<dyn Domain>, Config); 2] {
 
 fn trained_alone(domain: &Arc<dyn Domain>, config: &Config) -> (AgentsState, Keeper) {
     let mut keeper = Keeper::default();
-    let mut fleet = InlineFleet::new(domain.clone(), config, Rc::new(Silent));
+    let mut fleet = in_process(domain.clone(), config.clone(), Rc::new(Silent)).unwrap();
     dials::train(config, &mut fleet, Standing::default(), &mut keeper, &Silent).unwrap();
     (fleet.agents().clone(), keeper)
 }
@@ -275,7 +283,7 @@ fn a_run_that_imitated_goes_on_from_a_state_without_imitating_again() {
         let (expected, Keeper(kept)) = trained_alone(&domain, &config);
         // At 256 steps, when the critic has learnt alone for a while and has not finished.
         let (agents, standing) = kept.unwrap();
-        let mut fleet = InlineFleet::new(domain.clone(), &config, Rc::new(Silent));
+        let mut fleet = in_process(domain.clone(), config.clone(), Rc::new(Silent)).unwrap();
         fleet.restore(agents).unwrap();
         dials::train(&config, &mut fleet, standing, &mut Unrecorded, &Silent).unwrap();
         assert!(*fleet.agents() == expected);
@@ -292,13 +300,13 @@ fn agents_of_a_kind_that_share_a_policy_have_the_same_one_for_any_number_of_work
     let (agents, Keeper(kept)) = trained_alone(&domain, &config);
     for [one, other] in [[0, 2], [1, 3]] {
         assert_eq!(agents.policies.row(one), agents.policies.row(other));
-        assert_eq!(agents.moments.second.row(one), agents.moments.second.row(other));
+        assert_eq!(moments(&agents).row(one), moments(&agents).row(other));
     }
     for crew in [crew(true, [&[]]), crew(false, [&[], &[]])] {
         assert!(train_as(&config, ThreadCrew { domain: domain.clone(), ..crew }).0.unwrap() == agents);
     }
     let (half, standing) = kept.unwrap();
-    let mut fleet = InlineFleet::new(domain, &config, Rc::new(Silent));
+    let mut fleet = in_process(domain, config.clone(), Rc::new(Silent)).unwrap();
     fleet.restore(half).unwrap();
     dials::train(&config, &mut fleet, standing, &mut Unrecorded, &Silent).unwrap();
     assert!(*fleet.agents() == agents);
@@ -310,13 +318,13 @@ fn agents_of_a_kind_that_share_a_policy_have_the_same_one_for_any_number_of_work
 #[test]
 fn agents_that_get_the_mean_of_their_policies_are_the_same_for_any_number_of_workers_and_through_deaths() {
     let domain: Arc<dyn Domain> = Arc::new(CoinsAndDice::new(20));
-    for simulator in [Simulator::Local(Predictor::Network), Simulator::Global] {
+    for simulator in [Simulator::Local, Simulator::Global] {
         let mut config = Config { simulator, ..config() };
         config.policy.average_every_steps = Some(200);
         let (agents, Keeper(kept)) = trained_alone(&domain, &config);
         for [one, other] in [[0, 2], [1, 3]] {
             assert_eq!(agents.policies.row(one), agents.policies.row(other));
-            assert_eq!(agents.moments.second.row(one), agents.moments.second.row(other));
+            assert_eq!(moments(&agents).row(one), moments(&agents).row(other));
         }
         assert!(agents.streams[0].rows[0].trail != agents.streams[2].rows[0].trail);
         let lost: [&[FateAt]; 3] = [&[(5, Fate::Dies)], &[(2, Fate::Dies)], &[]];
@@ -327,7 +335,7 @@ fn agents_that_get_the_mean_of_their_policies_are_the_same_for_any_number_of_wor
         }
         let (half, standing) = kept.unwrap();
         assert!(half.policies.row(0) == half.policies.row(2), "{simulator:?}: averaged at step 256");
-        let mut fleet = InlineFleet::new(domain.clone(), &config, Rc::new(Silent));
+        let mut fleet = in_process(domain.clone(), config.clone(), Rc::new(Silent)).unwrap();
         fleet.restore(half).unwrap();
         dials::train(&config, &mut fleet, standing, &mut Unrecorded, &Silent).unwrap();
         assert!(*fleet.agents() == agents, "{simulator:?}");

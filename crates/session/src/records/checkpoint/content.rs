@@ -4,6 +4,7 @@
 //! `digest` is the SHA-256 of that text and of each tensor's name, type, shape and bytes. So a file that was changed
 //! anywhere is an error, or is read as if it had not been.
 
+use std::borrow::Cow;
 use std::collections::HashMap;
 use std::fmt::Write;
 
@@ -25,7 +26,7 @@ pub struct OtherFormat(String);
 /// A tensor of the file.
 #[derive(Clone)]
 pub struct Part<'a> {
-    pub name: &'a str,
+    pub name: Cow<'a, str>,
     pub dtype: Dtype,
     pub shape: Vec<usize>,
     pub bytes: &'a [u8],
@@ -33,8 +34,8 @@ pub struct Part<'a> {
 
 impl<'a> Part<'a> {
     /// Makes a tensor of one dimension.
-    pub fn flat(name: &'a str, dtype: Dtype, bytes: &'a [u8]) -> Part<'a> {
-        Part { name, dtype, shape: vec![bytes.len() / (dtype.bitsize() / 8)], bytes }
+    pub fn flat(name: impl Into<Cow<'a, str>>, dtype: Dtype, bytes: &'a [u8]) -> Part<'a> {
+        Part { name: name.into(), dtype, shape: vec![bytes.len() / (dtype.bitsize() / 8)], bytes }
     }
 
     fn view(&self) -> Result<TensorView<'a>> {
@@ -43,21 +44,17 @@ impl<'a> Part<'a> {
 }
 
 /// Tensors by name, and the metadata, as safetensors takes them.
-pub type Sealed<'a> = (Vec<(&'a str, TensorView<'a>)>, HashMap<String, String>);
+pub type Sealed<'a> = (Vec<(String, TensorView<'a>)>, HashMap<String, String>);
 
 /// Adds the digest to the tensors and the text of a checkpoint.
 pub fn seal<'a>(text: String, parts: &[Part<'a>]) -> Result<Sealed<'a>> {
     let digest = digest(&text, parts);
-    let views = parts.iter().map(|part| Ok((part.name, part.view()?))).collect::<Result<_>>()?;
+    let views = parts.iter().map(|part| Ok((part.name.to_string(), part.view()?))).collect::<Result<_>>()?;
     Ok((views, HashMap::from([(TEXT.to_owned(), text), (DIGEST.to_owned(), digest)])))
 }
 
-/// Reads the text of a checkpoint and the bytes of the tensors of [`seal`], in the order of `expected`: names and types.
-/// There must be no others, and each has one dimension.
-pub fn unseal<'a, const N: usize>(
-    bytes: &'a [u8],
-    expected: [(&'static str, Dtype); N],
-) -> Result<(serde_json::Value, [&'a [u8]; N])> {
+/// Reads the text of a checkpoint and the tensors of [`seal`], in the order of their names.
+pub fn unseal(bytes: &[u8]) -> Result<(serde_json::Value, Vec<Part<'_>>)> {
     let file = SafeTensors::deserialize(bytes).context("it is cut short, or not a safetensors file")?;
     let (_, header) = SafeTensors::read_metadata(bytes)?;
     let metadata = header.metadata().as_ref().context("it is not a checkpoint")?;
@@ -65,23 +62,20 @@ pub fn unseal<'a, const N: usize>(
     // Before the digest: other formats have none.
     let about: serde_json::Value = serde_json::from_str(text).context("its metadata is damaged")?;
     check_format(&about)?;
-    let mut parts = Vec::new();
-    for (name, dtype) in expected {
-        let tensor = file.tensor(name).with_context(|| format!("it has no tensor `{name}`"))?;
-        let part = Part { name, dtype: tensor.dtype(), shape: tensor.shape().to_vec(), bytes: tensor.data() };
-        ensure!(
-            part.dtype == dtype && part.shape.len() == 1,
-            "its tensor `{name}` is {:?} {:?}, not {dtype:?} of one dimension",
-            part.dtype,
-            part.shape
-        );
-        parts.push(part);
-    }
+    let mut parts: Vec<Part<'_>> = file
+        .iter()
+        .map(|(name, tensor)| Part {
+            name: name.to_owned().into(),
+            dtype: tensor.dtype(),
+            shape: tensor.shape().to_vec(),
+            bytes: tensor.data(),
+        })
+        .collect();
+    parts.sort_by(|a, b| a.name.cmp(&b.name));
     let sealed = metadata.get(DIGEST).context("it has no digest")?;
     ensure!(digest(text, &parts) == *sealed, "its digest is wrong: it is damaged");
-    ensure!(file.len() == N && metadata.len() == 2, "it has tensors or metadata that no checkpoint has");
-    let parts: Vec<&[u8]> = parts.into_iter().map(|part| part.bytes).collect();
-    Ok((about, parts.try_into().expect("one for each that is expected")))
+    ensure!(metadata.len() == 2, "it has metadata that no checkpoint has");
+    Ok((about, parts))
 }
 
 fn check_format(about: &serde_json::Value) -> Result<()> {

@@ -26,13 +26,14 @@ use serde_json::Value;
 
 use super::files;
 use super::growing::Mark;
+use crate::config::resume::{from_json, to_json};
 use content::{OtherFormat, Part, seal, unseal};
-use dials_config::resume::{from_json, to_json};
-use dials_core::base::Ragged;
+use dials_core::base::{AgentId, Dice, Ragged};
 use dials_core::outside::Directory;
+use dials_learn::algorithms::{self, Layout, Tables};
 use dials_learn::training::fits::{Fit, Widths, check_standing};
 use dials_learn::training::standing::Standing;
-use dials_learn::training::state::{AgentsState, JointMoments};
+use dials_learn::training::state::AgentsState;
 use dials_learn::training::stream::AgentStream;
 use owner::{NotOfThisRun, Owner};
 use size::most_bytes;
@@ -68,20 +69,20 @@ struct Metadata {
     /// Version of this program that wrote the file.
     version: String,
     steps: u64,
-    optimiser_steps: u32,
     /// The config and the scenario that the run had.
     config: Value,
     scenario: Value,
     progress: RunProgress,
 }
 
-/// Key of the bytes of all agents' streams, in postcard's format.
+const POLICIES: &str = "policies";
+const AIPS: &str = "aips";
+/// Beginning of the names of the learners' tables.
+const LEARNERS: &str = "learners.";
+/// Name of what is no table of numbers, in postcard's format: all agents' streams, and the dice and counts of the
+/// learners.
 const STREAMS: &str = "streams";
-const TABLES: [&str; 4] = ["policies", "first_moments", "second_moments", "aips"];
-
-fn tables_of(agents: &AgentsState) -> [&Ragged<f32>; 4] {
-    [&agents.policies, &agents.moments.first, &agents.moments.second, &agents.aips]
-}
+type Streams = (Vec<AgentStream>, BTreeMap<String, Vec<Vec<Dice>>>, BTreeMap<String, u64>);
 
 /// Writes a checkpoint of a run into `folder` and removes those that are no longer kept.
 pub fn write(folder: &Directory, owner: &Owner, agents: &AgentsState, progress: RunProgress) -> Result<()> {
@@ -104,22 +105,25 @@ fn sealed<T>(
     owner: &Owner,
     agents: &AgentsState,
     progress: RunProgress,
-    write: impl FnOnce(Vec<(&str, TensorView<'_>)>, HashMap<String, String>) -> Result<T>,
+    write: impl FnOnce(Vec<(String, TensorView<'_>)>, HashMap<String, String>) -> Result<T>,
 ) -> Result<T> {
-    let streams = postcard::to_stdvec(&agents.streams).context("the state of training cannot be encoded")?;
+    let AgentsState { policies, learners, aips, streams, .. } = agents;
+    let streams = postcard::to_stdvec(&(streams, &learners.dice, &learners.counts))
+        .context("the state of training cannot be encoded")?;
     let about = Metadata {
         format: FORMAT,
         version: env!("CARGO_PKG_VERSION").to_owned(),
         steps: agents.steps,
-        optimiser_steps: agents.moments.steps,
         config: to_json(&owner.config),
         scenario: owner.scenario.clone(),
         progress,
     };
-    let tables = TABLES.iter().zip(tables_of(agents));
-    let mut parts: Vec<Part<'_>> =
-        tables.map(|(name, table)| Part::flat(name, Dtype::F32, bytemuck::cast_slice(table.as_slice()))).collect();
-    parts.push(Part::flat(STREAMS, Dtype::U8, &streams));
+    let of_learners = learners.numbers.iter().map(|(name, table)| (format!("{LEARNERS}{name}"), table));
+    let tables = [(POLICIES.to_owned(), policies), (AIPS.to_owned(), aips)].into_iter().chain(of_learners);
+    let numbers = tables.map(|(name, table)| Part::flat(name, Dtype::F32, bytemuck::cast_slice(table.as_slice())));
+    let mut parts: Vec<Part<'_>> = numbers.chain([Part::flat(STREAMS, Dtype::U8, &streams)]).collect();
+    // The order in which a reader finds them, for the digest.
+    parts.sort_by(|a, b| a.name.cmp(&b.name));
     let (views, metadata) = seal(serde_json::to_string(&about)?, &parts)?;
     write(views, metadata)
 }
@@ -157,27 +161,41 @@ impl Checkpoint {
 
     /// Reads a checkpoint of a run from the bytes of its file.
     pub fn from_bytes(bytes: &[u8], owner: &Owner) -> Result<Checkpoint> {
-        let tables = TABLES.map(|name| (name, Dtype::F32));
-        let [first, second, third, fourth] = tables;
-        let (about, parts) = unseal(bytes, [first, second, third, fourth, (STREAMS, Dtype::U8)])?;
+        let (about, parts) = unseal(bytes)?;
         let about: Metadata = serde_json::from_value(about).context("its metadata cannot be read")?;
-        let Metadata { version, steps, optimiser_steps, config, scenario, progress, .. } = about;
+        let Metadata { version, steps, config, scenario, progress, .. } = about;
         let config = from_json(config).with_context(|| {
             format!("its config cannot be read; if dials-traffic {version} wrote it, continue with that")
         })?;
         owner.check(&config, &scenario, progress.standing.until)?;
 
-        let widths = Widths::of(&owner.config, &owner.kinds);
-        let Widths { policies, aips } = &widths;
-        let table = |index: usize, widths: &[usize]| rows_of(TABLES[index], parts[index], widths);
-        let moments = JointMoments { first: table(1, policies)?, second: table(2, policies)?, steps: optimiser_steps };
-        let (streams, rest) = postcard::take_from_bytes::<Vec<AgentStream>>(parts[TABLES.len()])
-            .context("the state of training cannot be read")?;
+        let layouts: Vec<Layout> = owner
+            .kinds
+            .iter()
+            .map(|kind| algorithms::of(&config.learning).layout(&config.learning, kind, steps))
+            .collect();
+        let names = layouts[0].numbers.iter().map(|table| format!("{LEARNERS}{}", table.name));
+        let parts = Parts::of(parts, [POLICIES, AIPS].map(str::to_owned).into_iter().chain(names))?;
+        let widths = Widths::of(&owner.config.learning, &owner.kinds);
+        let numbers = layouts[0].numbers.iter().enumerate().map(|(index, table)| {
+            let of_agent = |agent| layouts[owner.kinds.place(agent).kind].numbers[index].width;
+            let widths: Vec<usize> = AgentId::all(owner.kinds.agents()).into_iter().map(of_agent).collect();
+            Ok((table.name.to_owned(), parts.rows(&format!("{LEARNERS}{}", table.name), &widths)?))
+        });
+        let numbers = numbers.collect::<Result<_>>()?;
+        let ((streams, dice, counts), rest) =
+            postcard::take_from_bytes::<Streams>(parts.streams()?).context("the state of training cannot be read")?;
         ensure!(rest.is_empty(), "it has {} bytes after the state of training", rest.len());
-        let agents = AgentsState { steps, policies: table(0, policies)?, moments, aips: table(3, aips)?, streams };
-        check_standing(&progress.standing, &agents, progress.elapsed_s, &config)?;
+        let agents = AgentsState {
+            steps,
+            policies: parts.rows(POLICIES, &widths.policies)?,
+            learners: Tables { numbers, dice, counts },
+            aips: parts.rows(AIPS, &widths.aips)?,
+            streams,
+        };
+        check_standing(&progress.standing, &agents, progress.elapsed_s, &config.learning)?;
         let everybody = 0..owner.kinds.agents();
-        let fit = Fit { config: &config, kinds: &owner.kinds, widths: &widths, agents: everybody };
+        let fit = Fit { config: &config.learning, kinds: &owner.kinds, widths: &widths, agents: everybody };
         fit.check(&agents)?;
         fit.check_numbers(&agents)?;
         let unknown = progress.growing.keys().find(|name| !files::GROWING.contains(&name.as_str()));
@@ -186,17 +204,49 @@ impl Checkpoint {
     }
 }
 
-fn rows_of(name: &str, bytes: &[u8], widths: &[usize]) -> Result<Ragged<f32>> {
-    let values = bytes.as_chunks::<4>().0;
-    let expected: usize = widths.iter().sum();
-    ensure!(
-        values.len() == expected,
-        "its table `{name}` has {} values, and the {} agents of this run have {expected}",
-        values.len(),
-        widths.len()
-    );
-    let values = values.iter().map(|&value| f32::from_le_bytes(value)).collect();
-    Ok(Ragged::from_vec(values, widths.iter().copied()).expect("their number was compared"))
+/// The tensors of a checkpoint, by name.
+struct Parts<'a>(BTreeMap<String, Part<'a>>);
+
+impl<'a> Parts<'a> {
+    /// Checks that there are tables with these names, the streams, and nothing else.
+    fn of(parts: Vec<Part<'a>>, tables: impl Iterator<Item = String>) -> Result<Parts<'a>> {
+        let parts: BTreeMap<String, Part<'a>> = parts.into_iter().map(|part| (part.name.to_string(), part)).collect();
+        let expected: BTreeMap<String, Dtype> =
+            tables.map(|name| (name, Dtype::F32)).chain([(STREAMS.to_owned(), Dtype::U8)]).collect();
+        for (name, dtype) in &expected {
+            let part = parts.get(name.as_str()).with_context(|| format!("it has no tensor `{name}`"))?;
+            ensure!(
+                part.dtype == *dtype && part.shape.len() == 1,
+                "its tensor `{name}` is {:?} {:?}, not {dtype:?} of one dimension",
+                part.dtype,
+                part.shape
+            );
+        }
+        ensure!(parts.len() == expected.len(), "it has tensors that no checkpoint of this run has");
+        Ok(Parts(parts))
+    }
+
+    fn bytes(&self, name: &str) -> Result<&'a [u8]> {
+        Ok(self.0.get(name).with_context(|| format!("it has no tensor `{name}`"))?.bytes)
+    }
+
+    fn streams(&self) -> Result<&'a [u8]> {
+        self.bytes(STREAMS)
+    }
+
+    /// Returns a table with rows of these widths.
+    fn rows(&self, name: &str, widths: &[usize]) -> Result<Ragged<f32>> {
+        let values = self.bytes(name)?.as_chunks::<4>().0;
+        let expected: usize = widths.iter().sum();
+        ensure!(
+            values.len() == expected,
+            "its table `{name}` has {} values, and the {} agents of this run have {expected}",
+            values.len(),
+            widths.len()
+        );
+        let values = values.iter().map(|&value| f32::from_le_bytes(value)).collect();
+        Ok(Ragged::from_vec(values, widths.iter().copied()).expect("their number was compared"))
+    }
 }
 
 /// Returns the name of the checkpoint at this number of timesteps per agent.
@@ -245,7 +295,7 @@ mod tests {
     #[test]
     fn the_newest_three_are_kept_and_files_of_other_names_are_left_alone() {
         let dir = tempfile::tempdir().unwrap();
-        let owner = Owner::of(&dials_config::Config::default(), &Coins::new(4)).unwrap();
+        let owner = Owner::of(&crate::config::RunConfig::default(), &Coins::new(4)).unwrap();
         let folder = Directory::open(dir.path()).unwrap();
         let strangers = ["best.safetensors", "step_1.safetensors", "step_old_copy.safetensors"];
         strangers.iter().for_each(|name| std::fs::write(dir.path().join(name), "mine").unwrap());
@@ -270,7 +320,7 @@ mod tests {
     #[test]
     fn a_damaged_checkpoint_says_whether_there_is_one_before_it() {
         let dir = tempfile::tempdir().unwrap();
-        let owner = Owner::of(&dials_config::Config::default(), &Coins::new(4)).unwrap();
+        let owner = Owner::of(&crate::config::RunConfig::default(), &Coins::new(4)).unwrap();
         let folder = Directory::open(dir.path()).unwrap();
         [128, 256].iter().for_each(|&steps| std::fs::write(dir.path().join(name_of(steps)), "mine").unwrap());
         let told = |steps| format!("{:#}", Checkpoint::read(&folder, &name_of(steps), &owner).err().unwrap());
@@ -298,9 +348,9 @@ mod tests {
 
     #[test]
     fn the_limit_of_a_file_leaves_room_for_all_that_a_run_can_hold() {
-        let config: dials_config::Config = toml::from_str("local_simulators.copies = 4\n").unwrap();
+        let config: crate::config::RunConfig = toml::from_str("local_simulators.copies = 4\n").unwrap();
         let owner = Owner::of(&config, &Coins::new(300)).unwrap();
-        let Widths { policies, aips } = Widths::of(&config, &owner.kinds);
+        let Widths { policies, aips } = Widths::of(&config.learning, &owner.kinds);
         let values: usize = 3 * policies.iter().sum::<usize>() + aips.iter().sum::<usize>();
         let streams = owner.kinds.agents() * 4 * 300;
         assert!(most_bytes(&owner) > (4 * values + streams) as u64);

@@ -5,17 +5,17 @@ use std::path::Path;
 use anyhow::Result;
 use serde_json::{Value, json};
 
+use crate::config::RunConfig;
+use crate::config::resume::{Difference, differences, differing};
 use crate::records::files;
 use crate::records::run_json::RunJson;
-use dials_config::Config;
-use dials_config::resume::{Difference, differences, differing};
 use dials_core::domain::{Domain, Kinds, Scenario};
 use dials_core::outside::Printable;
 
 /// The run in a directory: its config, what it simulates, and its agents.
 #[derive(Clone, Debug)]
 pub struct Owner {
-    pub config: Config,
+    pub config: RunConfig,
     /// The scenario, as in `run.json`: with the checksums of the networks. Without its name, which copies of it have lost.
     pub scenario: Value,
     pub kinds: Kinds,
@@ -28,7 +28,7 @@ pub struct Owner {
 pub struct NotOfThisRun(pub String);
 
 impl Owner {
-    pub fn of(config: &Config, domain: &dyn Domain) -> Result<Owner> {
+    pub fn of(config: &RunConfig, domain: &dyn Domain) -> Result<Owner> {
         let scenario = without_name(domain.scenario()?)?;
         Ok(Owner { config: config.clone(), scenario, kinds: domain.kinds().clone() })
     }
@@ -37,8 +37,8 @@ impl Owner {
     /// again, but as the run that was described.
     pub fn check_described(&self, dir: &Path) -> Result<()> {
         let about = RunJson::read_if_there(dir)?;
-        let [then, now] =
-            [about.seed.unwrap_or(self.config.seed), self.config.seed].map(|seed| json!({ "seed": seed }));
+        let [then, now] = [about.seed.unwrap_or(self.config.learning.seed), self.config.learning.seed]
+            .map(|seed| json!({ "seed": seed }));
         let found = [differing(&then, &now), self.changes_since(dir, &about)?].concat();
         refuse(&place_of(dir), &found, TO_RESUME).map_err(Into::into)
     }
@@ -75,15 +75,15 @@ impl Owner {
 
     /// Returns an error if training with `config` and on `scenario` cannot continue as this run. `until`: the step that
     /// it has come to.
-    pub fn check(&self, config: &Config, scenario: &Value, until: u64) -> Result<(), NotOfThisRun> {
+    pub fn check(&self, config: &RunConfig, scenario: &Value, until: u64) -> Result<(), NotOfThisRun> {
         let mut found = differences(config, &self.config);
         found.extend(self.differences_from(scenario));
         refuse("", &found, TO_RESUME)?;
-        if until > self.config.last_step() {
+        if until > self.config.learning.last_step() {
             return Err(NotOfThisRun(format!(
                 "stop_at_steps = {} (`--steps`): training has come to step {until} already; ask for {until} or more, or \
                  leave it out",
-                self.config.last_step()
+                self.config.learning.last_step()
             )));
         }
         Ok(())
@@ -92,7 +92,7 @@ impl Owner {
 
 /// Returns an error if the domain's keys or the contents of the networks are other ones than `about`, the `run.json` in
 /// `dir`, says. For readers of the figures alone, who need neither the domain nor the networks. `config`: that of the run.
-pub fn check_kept(dir: &Path, config: &Config, about: &RunJson) -> Result<()> {
+pub fn check_kept(dir: &Path, config: &RunConfig, about: &RunJson) -> Result<()> {
     let Some(kept) = &about.kept else { return Ok(()) };
     let found = [kept.changed_keys(config)?, kept.changed_contents(dir)?].concat();
     refuse(&place_of(dir), &found, TO_READ).map_err(Into::into)

@@ -4,8 +4,9 @@ use std::collections::{BTreeMap, BTreeSet, HashMap};
 
 use super::region::Region;
 use crate::agents::border_plan::{BorderLane, BorderPlan, BorderRoad, Entry, EntryPlace};
+use crate::config::ScenarioConfig;
 use crate::network::roads::{EdgeNo, JunctionNo, LaneNo, Roads};
-use dials_config::{DomainTable, ScenarioConfig};
+use dials_core::domain::DomainTable;
 
 /// How long decisions and episodes are.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

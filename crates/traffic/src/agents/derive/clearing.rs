@@ -5,8 +5,8 @@ use std::collections::HashMap;
 
 use super::greens::{Change, Greens, goes};
 use crate::agents::phase_plan::Interval;
+use crate::config::Yellow;
 use crate::network::roads::program::Phase;
-use dials_config::Yellow;
 use libsumo::SignalState;
 
 /// Seconds of yellow of a light whose program shows none.

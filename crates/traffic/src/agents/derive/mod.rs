@@ -30,11 +30,11 @@ use anyhow::{Result, bail};
 
 use super::phase_plan::{Choice, PhasePlan, ProgramChange};
 use super::plan::{AgentPlan, Border};
+use crate::config::Yellow;
 use crate::d_set::{DSetPlan, Parts};
 use crate::network::roads::program::Program;
 use crate::network::roads::{EdgeNo, JunctionNo, Roads};
 use border::Seconds;
-use dials_config::Yellow;
 use greens::{Change, Greens, MOST_GREENS};
 use keeping::{Keeping, Why};
 use libsumo::SignalState;

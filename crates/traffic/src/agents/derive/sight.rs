@@ -4,7 +4,7 @@ use super::{CarsSeen, Rules};
 use crate::agents::region::CELL_M;
 use crate::agents::region_plan::RegionPlan;
 use crate::agents::sensor::{CarColumns, LightColumns, Sensor};
-use dials_config::DSet;
+use crate::config::DSet;
 
 /// Makes the sensor of an agent: cars up to `approach_m` before the stop line, and a light with this number of greens.
 pub fn sensor(region: &RegionPlan, rules: &Rules, greens: usize) -> Sensor {

@@ -4,8 +4,8 @@ use std::str::FromStr;
 
 use anyhow::{Error, Result, anyhow};
 
+use crate::config::sumo_time::seconds;
 use crate::network::tree::Element;
-use dials_config::sumo_time::seconds;
 use dials_core::outside::excerpt;
 
 /// Returns the tag of an element with what identifies it, such as `<lane id="a_0">`.

@@ -6,7 +6,7 @@ use anyhow::{Result, bail, ensure};
 
 use super::super::place::Place;
 use super::Demand;
-use dials_config::sumocfg::refused_parameter;
+use crate::config::sumocfg::refused_parameter;
 use dials_core::outside::excerpt;
 
 /// Types that SUMO knows by itself, with their classes. A file may define them anew.

@@ -1,0 +1,143 @@
+//! The algorithms that train policies: one folder each.
+//!
+//! A [`Learner`] trains the policies of some agents of one kind, from what they experience decision by decision. It
+//! sees no simulator, and nothing outside its folder knows which algorithm it is: what it keeps between periods are
+//! named [`Tables`], and what it reports are [`Metrics`] by name.
+//!
+//! - [`ppo`]: proximal policy optimisation, as in the paper. [`dqn`]: deep Q-learning.
+//! - [`imitation`]: policies that begin by imitating a hand-coded controller.
+//! - [`averaging`]: agents that get the mean of their policies.
+//! - `tables`: what a learner keeps; `metrics`: what it reports.
+//!
+//! A new algorithm is a folder with its [`Algorithm`] and its [`Learner`], and a line in the list below.
+
+pub mod averaging;
+pub mod dqn;
+pub mod imitation;
+mod metrics;
+pub mod ppo;
+mod tables;
+
+use std::fmt::Debug;
+
+use crate::config::Config;
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+use crate::policy::{PolicyStack, Reading};
+use crate::training::environment::Experience;
+use dials_core::base::{AgentId, Stopwatch};
+use dials_core::domain::{Action, Kind, Percept, RegionSpec, Result};
+use stacknets::Shape;
+
+pub use metrics::Metrics;
+pub use tables::{Layout, NumberTable, Tables};
+
+/// Settings of an algorithm: its table in a config.
+pub trait Algorithm: Debug {
+    /// Returns an error that names the key if a value makes no sense, alone or with the rest of the config.
+    fn check(&self, config: &Config) -> Result<()>;
+
+    /// Returns the timesteps per agent between two updates of the policies. Periods end at multiples of it.
+    fn steps_per_update(&self) -> usize {
+        self.updates().1 as usize
+    }
+
+    /// Returns the key that says how many timesteps per agent there are between two updates, and its value.
+    fn updates(&self) -> (&'static str, u64);
+
+    /// Returns how decisions are read from the outputs of a network.
+    fn reading(&self) -> Reading;
+
+    /// Makes the learner of some agents of one kind. `policies`: theirs, one row per agent.
+    fn learner(
+        &self,
+        config: &Config,
+        spec: &RegionSpec,
+        agents: &[AgentId],
+        policies: PolicyStack,
+    ) -> Box<dyn Learner>;
+
+    /// Returns which tables its learner keeps, and how large they are for an agent of this kind after this number of
+    /// timesteps.
+    fn layout(&self, config: &Config, kind: &Kind, steps: u64) -> Layout;
+
+    /// Returns the key of the learning rate of the update before this timestep per agent, for advice.
+    fn learning_rate_key(&self, config: &Config, steps: u64) -> &'static str;
+
+    /// Returns the floating-point operations in matrix products that an agent needs per timestep, to act and to learn.
+    /// `shape`: that of its network; `horizon`: steps of an episode.
+    fn flops_per_step(&self, config: &Config, shape: &Shape, horizon: usize) -> f64;
+}
+
+/// Makes the list of algorithms: the name in configs, and the table with its settings.
+macro_rules! algorithms {
+    ($($(#[$about:meta])* $Name:ident = $table:ident),* $(,)?) => {
+        /// An algorithm, as a config names it.
+        #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+        #[serde(rename_all = "kebab-case")]
+        pub enum AlgorithmName {
+            $($(#[$about])* $Name,)*
+        }
+
+        /// Returns the algorithm of a config.
+        pub fn of(config: &Config) -> &dyn Algorithm {
+            match config.algorithm {
+                $(AlgorithmName::$Name => &config.$table,)*
+            }
+        }
+
+        /// Returns the name of the table of the config's algorithm, and those of all others.
+        pub fn tables(config: &Config) -> (&'static str, Vec<&'static str>) {
+            let own = match config.algorithm {
+                $(AlgorithmName::$Name => stringify!($table),)*
+            };
+            (own, [$(stringify!($table)),*].into_iter().filter(|table| *table != own).collect())
+        }
+    };
+}
+
+// A new algorithm is a folder, a line here, and its table in `Config`.
+algorithms! {
+    /// Proximal policy optimisation, as in the paper.
+    #[default]
+    Ppo = ppo,
+    /// Deep Q-learning from a replay.
+    Dqn = dqn,
+}
+
+impl AlgorithmName {
+    pub(crate) fn is_default(&self) -> bool {
+        *self == AlgorithmName::default()
+    }
+}
+
+/// Trains the policies of some agents of one kind. Agents never learn from each other's experience unless the config
+/// says so, and every draw comes from dice of its agent: how agents are grouped changes no number.
+///
+/// Rows are ordered by agent, then by copy.
+pub trait Learner {
+    /// Returns the policies, one row per agent.
+    fn policies(&self) -> &PolicyStack;
+
+    /// Returns the policies, to be changed: by an imitation, or by a state.
+    fn policies_mut(&mut self) -> &mut PolicyStack;
+
+    /// Chooses an action for every row.
+    fn act(&mut self, percept: &Percept) -> Vec<Action>;
+
+    /// Takes in what the last actions brought, and updates the policies if that is due. Returns the metrics of the
+    /// update, if there was one.
+    ///
+    /// `next`: what the rows show now; `steps`: timesteps per agent, with those of this decision.
+    fn learn(&mut self, experience: &Experience, next: &Percept, steps: u64, watch: &mut Stopwatch) -> Option<Metrics>;
+
+    /// Returns the metrics that its updates have, with values of 0.
+    fn no_metrics(&self) -> Metrics;
+
+    /// Returns what it keeps from one period to the next, beside the policies. It is called between two updates only.
+    fn tables(&self) -> Tables;
+
+    /// Continues from such tables.
+    fn load(&mut self, tables: Tables);
+}

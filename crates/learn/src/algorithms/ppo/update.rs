@@ -1,0 +1,314 @@
+//! The update of all agents' policies from a memory, by the loss of [`super::loss`].
+//!
+//! Source: Schulman et al. 2017; constants: DIALS paper, appendix "Hyperparameters". As in the authors' code, learning
+//! rate and clip decay linearly, to 1e-10 and 1e-5, over the total steps.
+//!
+//! Losses are means within an agent and sums over agents, so every agent learns as if alone.
+
+use std::ops::Range;
+use std::time::Instant;
+
+use rand::seq::SliceRandom;
+
+use super::loss::{Losses, Weights, loss_and_gradient};
+use super::memory::{Memory, Sample};
+use crate::config::PpoConfig;
+use crate::policy::PolicyStack;
+use dials_core::base::{Dice, Phase, Stopwatch};
+use stacknets::{Adam, Learner, Sequences, Trace};
+
+/// The two settings that decay over a run.
+///
+/// DEVIATION 20: the weight of the entropy bonus does not. In one version of the authors' code it falls to 1e-5.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Decayed {
+    pub learning_rate: f64,
+    pub clip: f64,
+}
+
+impl Decayed {
+    /// Returns their values after the share `done` of the total steps.
+    pub fn at(config: &PpoConfig, done: f64) -> Self {
+        let decay = |from: f64, to: f64| from + (to - from) * done.clamp(0.0, 1.0);
+        Decayed { learning_rate: decay(config.learning_rate, 1e-10), clip: decay(config.clip, 1e-5) }
+    }
+}
+
+/// The part of the networks that an update changes.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Learns {
+    Everything,
+    /// The critic alone: what only the value depends on. Its loss is not clipped. The clip would keep a critic that
+    /// begins at random from moving further than the clip range per update.
+    Critic,
+}
+
+/// Settings of an update.
+#[derive(Clone, Copy, Debug)]
+pub struct Settings<'a> {
+    pub ppo: &'a PpoConfig,
+    pub decayed: Decayed,
+    pub learns: Learns,
+    /// Whether all agents of the stack have one policy, see [`update`].
+    pub shared: bool,
+}
+
+/// Updates all policies of the stack from the memory. Returns the mean losses of each agent over the update.
+///
+/// `dice`: one per agent, for its minibatches. Every agent makes all of its gradient steps before the next agent
+/// begins. If the policies are shared, the first agent learns from the samples of all agents, in minibatches of the
+/// same size, and the others copy its policy and its optimiser.
+pub fn update(
+    policies: &mut PolicyStack,
+    adam: &mut Adam,
+    memory: &Memory,
+    dice: &mut [Dice],
+    settings: Settings<'_>,
+    watch: &mut Stopwatch,
+) -> Vec<Losses> {
+    let all = policies.agents();
+    let (learning, taught) = if settings.shared { (1, all) } else { (all, 1) };
+    let steps = settings.ppo.epochs * taught * (memory.capacity() / settings.ppo.minibatch);
+    let only = (settings.learns == Learns::Critic).then(|| policies.only_critic());
+    let threads = policies.threads().clone();
+    let learners = policies.learners(adam, steps as u32);
+    let agents = learners.into_iter().zip(dice).enumerate().take(learning).collect();
+    let begun = Instant::now();
+    let done = threads.map(agents, 2, |room: &mut UpdateBuffers, (agent, (learner, dice))| {
+        room.learn(learner, memory, agent..agent + taught, dice, settings, only.as_deref())
+    });
+    let mut phases = Stopwatch::default();
+    done.iter().for_each(|(_, of_agent)| phases.add(of_agent));
+    watch.add(&phases.scaled_to(begun.elapsed()));
+    if settings.shared {
+        policies.spread_first();
+        adam.spread_first();
+    }
+    done.into_iter().flat_map(|(losses, _)| vec![losses; taught]).collect()
+}
+
+/// Working memory of an update, used by one agent after another.
+#[derive(Default)]
+struct UpdateBuffers {
+    minibatch: Minibatch,
+    trace: Trace,
+    /// Gradient of the loss by the outputs of the network.
+    gradient: Vec<f32>,
+}
+
+impl UpdateBuffers {
+    /// Makes all gradient steps of one learner, from the memories of `agents`. Returns the mean losses.
+    ///
+    /// `only`: which parameters change; `None` for all.
+    fn learn(
+        &mut self,
+        mut learner: Learner<'_>,
+        memory: &Memory,
+        agents: Range<usize>,
+        dice: &mut Dice,
+        settings: Settings<'_>,
+        only: Option<&[bool]>,
+    ) -> (Losses, Stopwatch) {
+        let Settings { ppo, decayed, .. } = settings;
+        let clip = decayed.clip as f32;
+        let weights = Weights {
+            clip,
+            value_clip: if only.is_some() { f32::INFINITY } else { clip },
+            value: ppo.value_coefficient as f32,
+            entropy: ppo.entropy as f32,
+        };
+        let UpdateBuffers { minibatch, trace, gradient } = self;
+        let (mut losses, mut watch) = (Losses::default(), Stopwatch::default());
+        let gradient_steps = ppo.epochs * agents.len() * (memory.capacity() / ppo.minibatch);
+        let mut order: Vec<(usize, usize)> =
+            agents.flat_map(|agent| (0..memory.sequences()).map(move |sequence| (agent, sequence))).collect();
+        for _ in 0..ppo.epochs {
+            order.shuffle(dice);
+            for sequences in order.chunks_exact(ppo.minibatch / memory.length()) {
+                watch.time(Phase::Bookkeeping, || minibatch.gather(memory, sequences));
+                watch.time(Phase::Forward, || {
+                    learner.network().forward(&minibatch.obs, minibatch.sequences(), trace);
+                    gradient.resize(trace.output().len(), 0.0);
+                    let of_batch =
+                        loss_and_gradient(trace.output(), &minibatch.masks, &minibatch.samples, weights, gradient);
+                    losses.add(&of_batch, 1.0 / gradient_steps as f64);
+                });
+                watch.time(Phase::Backward, || learner.network().backward(gradient, trace));
+                if let Some(only) = only {
+                    // Without a gradient Adam leaves a parameter as it is.
+                    let frozen = trace.gradient_mut().iter_mut().zip(only).filter(|(_, learns)| !**learns);
+                    frozen.for_each(|(slope, _)| *slope = 0.0);
+                }
+                if let Some(most) = ppo.max_gradient_norm {
+                    watch.time(Phase::Backward, || trace.shorten_gradient(most));
+                }
+                watch.time(Phase::Adam, || learner.descend(trace.gradient(), decayed.learning_rate));
+            }
+        }
+        (losses, watch)
+    }
+}
+
+/// Some sequences of the memory; rows are ordered by step, then by sequence.
+#[derive(Default)]
+struct Minibatch {
+    /// Number of steps of each sequence.
+    length: usize,
+    obs: Vec<f32>,
+    /// `[rows, n_actions]`; empty if the kind has no masks.
+    masks: Vec<bool>,
+    samples: Vec<Sample>,
+    states: Vec<f32>,
+    starts: Vec<bool>,
+}
+
+impl Minibatch {
+    /// Copies sequences of the memory: pairs of an agent and the number of its sequence.
+    fn gather(&mut self, memory: &Memory, sequences: &[(usize, usize)]) {
+        self.length = memory.length();
+        self.obs.clear();
+        self.masks.clear();
+        self.samples.clear();
+        self.states.clear();
+        self.starts.clear();
+        for step in 0..self.length {
+            for &(agent, sequence) in sequences {
+                let slot = sequence * self.length + step;
+                self.obs.extend_from_slice(memory.obs(agent, slot));
+                self.masks.extend_from_slice(memory.mask(agent, slot));
+                let sample = *memory.sample(agent, slot);
+                self.samples.push(sample);
+                // A sequence begins in the state that it was recorded with, whether that was cleared or not.
+                self.starts.push(step > 0 && sample.start);
+            }
+        }
+        let states = sequences.iter().map(|&(agent, sequence)| memory.state(agent, sequence));
+        states.for_each(|state| self.states.extend_from_slice(state));
+    }
+
+    fn sequences(&self) -> Sequences<'_> {
+        Sequences { steps: self.length, states: &self.states, starts: &self.starts }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use rand::Rng;
+
+    use super::*;
+    use crate::config::PolicyConfig;
+    use dials_core::base::{AgentId, Seed};
+    use dials_core::domain::{RegionSpec, SourceSpec};
+
+    #[test]
+    fn learning_rate_and_clip_decay_over_the_total_steps() {
+        let config = PpoConfig::default();
+        assert_eq!(Decayed::at(&config, 0.0), Decayed { learning_rate: 2.5e-4, clip: 0.1 });
+        let half = Decayed::at(&config, 0.5);
+        assert!((half.learning_rate - 1.250_000_5e-4).abs() < 1e-12 && (half.clip - 0.050_005).abs() < 1e-12);
+        let end = Decayed::at(&config, 1.0);
+        assert!((end.learning_rate - 1e-10).abs() < 1e-18 && (end.clip - 1e-5).abs() < 1e-12);
+    }
+
+    /// Returns a stack of three agents and a memory of 16 random samples for each.
+    fn material(recurrent: Option<usize>, separate_critic: bool) -> (PolicyStack, Memory) {
+        let sources = SourceSpec::bits(1);
+        let spec =
+            RegionSpec { obs_dim: 4, d_set_dim: 1, n_actions: 2, masks: false, sources, horizon: 8, local_horizon: 8 };
+        let policy = PolicyConfig { recurrent, hidden: vec![6], separate_critic, ..PolicyConfig::default() };
+        let stack = PolicyStack::new(&AgentId::all(3), &spec, &policy, &[0.0; 2], Seed::new(1));
+        let length = if recurrent.is_some() { 4 } else { 1 };
+        let mut memory = Memory::new(3, 16, length, &spec, stack.state_width());
+        let mut dice = Seed::new(2).dice();
+        for (agent, slot) in (0..3).flat_map(|agent| (0..16).map(move |slot| (agent, slot))) {
+            let mut numbers = |count| (0..count).map(|_| dice.random_range(-1.0..1.0)).collect::<Vec<f32>>();
+            let (obs, state, rest) = (numbers(4), numbers(stack.state_width()), numbers(2));
+            let (advantage, ret) = (rest[0], 5.0 + rest[1]);
+            let sample =
+                Sample { action: slot as u8 % 2, log_prob: 0.5_f32.ln(), value: 0.0, advantage, ret, start: false };
+            memory.remember(agent, slot, &obs, &state, sample);
+        }
+        (stack, memory)
+    }
+
+    fn updated(stack: &mut PolicyStack, adam: &mut Adam, memory: &Memory, learns: Learns, shared: bool) -> Vec<Losses> {
+        updated_with(None, stack, adam, memory, learns, shared)
+    }
+
+    fn updated_with(
+        max_gradient_norm: Option<f64>,
+        stack: &mut PolicyStack,
+        adam: &mut Adam,
+        memory: &Memory,
+        learns: Learns,
+        shared: bool,
+    ) -> Vec<Losses> {
+        let ppo = PpoConfig { memory: 16, minibatch: 8, max_gradient_norm, ..PpoConfig::default() };
+        let decayed = Decayed { learning_rate: 1e-2, clip: 0.1 };
+        let mut dice: Vec<Dice> = (0..3).map(|agent| Seed::new(3).for_agent(AgentId(agent)).dice()).collect();
+        let settings = Settings { ppo: &ppo, decayed, learns, shared };
+        update(stack, adam, memory, &mut dice, settings, &mut Stopwatch::default())
+    }
+
+    #[test]
+    fn while_the_critic_learns_alone_no_bit_of_the_actor_moves() {
+        for (recurrent, separate) in [(None, false), (None, true), (Some(3), false), (Some(3), true)] {
+            let (mut stack, memory) = material(recurrent, separate);
+            let before = stack.parameters().values().clone();
+            let mut adam = Adam::new(stack.parameters());
+            let losses = [0, 1].map(|_| updated(&mut stack, &mut adam, &memory, Learns::Critic, false)[0].value);
+            assert!(losses[1] < losses[0], "{losses:?}");
+            let critic = stack.only_critic();
+            for agent in 0..3 {
+                let rows = before.row(agent).iter().zip(stack.parameters().values().row(agent));
+                let moved: Vec<bool> = rows.map(|(before, after)| before.to_bits() != after.to_bits()).collect();
+                assert!(moved.iter().zip(&critic).all(|(moved, critic)| *critic || !moved), "{recurrent:?} {separate}");
+                assert!(moved.iter().any(|&moved| moved));
+                let moments = adam.moments();
+                for (index, _) in critic.iter().enumerate().filter(|(_, critic)| !**critic) {
+                    assert_eq!((moments.first.row(agent)[index], moments.second.row(agent)[index]), (0.0, 0.0));
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn a_limit_on_the_gradient_counts_only_where_it_is_exceeded() {
+        let after = |limit: Option<f64>| {
+            let (mut stack, memory) = material(None, false);
+            let mut adam = Adam::new(stack.parameters());
+            updated_with(limit, &mut stack, &mut adam, &memory, Learns::Everything, false);
+            (stack.parameters().values().clone(), adam.moments().first.row(0).to_vec())
+        };
+        let (without, high, low) = (after(None), after(Some(1e6)), after(Some(1e-3)));
+        assert_eq!(without, high);
+        assert!((0..3).all(|agent| without.0.row(agent) != low.0.row(agent)));
+        // After six steps Adam's first moment holds the share 1 - 0.9^6 of such a mean of gradients.
+        let length = |moments: &[f32]| moments.iter().map(|slope| slope * slope).sum::<f32>().sqrt();
+        let share = 1.0 - 0.9_f32.powi(6);
+        assert!((0.1e-3..share * 1.001e-3).contains(&length(&low.1)), "{}", length(&low.1));
+        assert!(length(&without.1) > 0.1, "{}", length(&without.1));
+    }
+
+    #[test]
+    fn agents_with_one_policy_keep_it_and_learn_from_the_samples_of_all() {
+        let (mut stack, mut memory) = material(Some(3), false);
+        stack.spread_first();
+        let mut adam = Adam::new(stack.parameters());
+        let before = stack.parameters().values().row(0).to_vec();
+        let losses = updated(&mut stack, &mut adam, &memory, Learns::Everything, true);
+        assert_eq!(losses, vec![losses[0]; 3]);
+        // 3 epochs of 3 agents with 2 minibatches each.
+        assert_eq!(adam.moments().steps, 18);
+        let rows = stack.parameters().values().clone();
+        assert!((1..3).all(|agent| rows.row(agent) == rows.row(0)) && rows.row(0) != before);
+        let moments = adam.moments();
+        assert!([&moments.first, &moments.second].iter().all(|rows| rows.row(2) == rows.row(0)));
+        // A sample of the last agent changes the policy of all.
+        let (mut other, _) = material(Some(3), false);
+        other.spread_first();
+        memory.sample_mut(2, 15).ret += 1.0;
+        updated(&mut other, &mut Adam::new(stack.parameters()), &memory, Learns::Everything, true);
+        assert_ne!(other.parameters().values().row(0), rows.row(0));
+    }
+}

@@ -1,0 +1,172 @@
+//! The imitation of a hand-coded controller before PPO.
+
+use anyhow::{Result, bail, ensure};
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+use super::Config;
+use super::check::{held_out_episodes, positive, share};
+
+/// The imitation, if `policy.imitate` names a controller. Otherwise no key of this table is read.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, default)]
+pub struct ImitationConfig {
+    /// Number of GS (global simulator) steps that the controller plays, rounded up to whole episodes.
+    #[schemars(range(min = 1, max = 10_000_000))]
+    pub dataset_steps: usize,
+    /// Share of the decisions in which a random action is carried out instead of the controller's. So policies also
+    /// learn what the controller does where it would not have come by itself, and where small errors lead them. `actuated`
+    /// and `program` never slip.
+    pub slips: f64,
+    /// Share of the episodes, the last ones, that only measure the imitation.
+    pub held_out: f64,
+    /// Number of passes over the dataset.
+    #[schemars(range(min = 1, max = 100_000))]
+    pub epochs: usize,
+    /// Number of samples per agent and gradient step; with a GRU, of whole episodes.
+    #[schemars(range(min = 1))]
+    pub minibatch: usize,
+    /// Learning rate of the imitation, and of the critic as long as it learns alone.
+    pub learning_rate: f64,
+    /// Timesteps per agent at the beginning of training in which only the critic learns, and its loss is not clipped;
+    /// fewer than `total_steps`.
+    pub critic_steps: u64,
+}
+
+impl Default for ImitationConfig {
+    fn default() -> Self {
+        ImitationConfig {
+            dataset_steps: 30_000,
+            slips: 0.05,
+            held_out: 0.1,
+            epochs: 10,
+            minibatch: 128,
+            learning_rate: 1e-3,
+            critic_steps: 20_000,
+        }
+    }
+}
+
+impl ImitationConfig {
+    /// Returns the number of episodes that the controller plays.
+    pub fn episodes(&self, horizon: usize) -> usize {
+        self.dataset_steps.div_ceil(horizon)
+    }
+}
+
+/// Checks what does not depend on the domain. The name of the controller is checked where the domain is known.
+pub(super) fn check(config: &Config) -> Result<()> {
+    let imitation = &config.imitation;
+    share("imitation.slips", imitation.slips, "0.05 is the default")?;
+    positive("imitation.learning_rate", imitation.learning_rate, "1e-3 is the default")?;
+    ensure!(
+        imitation.held_out > 0.0 && imitation.held_out < 1.0,
+        "imitation.held_out = {}: must be between 0 and 1, both excluded",
+        imitation.held_out
+    );
+    if let Some(name) = &config.policy.imitate {
+        ensure!(
+            !name.contains(":file=") && !name.contains(",file="),
+            "policy.imitate = \"{name}\": a run does not keep this file, so it could not be repeated; write what is in \
+             it as parameters, such as \"coordinated:vertical=10,horizontal=8,offsets=0-12-12-0,early=3,late=2\""
+        );
+        ensure!(
+            imitation.critic_steps < config.total_steps,
+            "imitation.critic_steps = {}: must be less than total_steps = {}, because only the critic learns until then",
+            imitation.critic_steps,
+            config.total_steps
+        );
+        let one_for_all = match config.policy.average_every_steps {
+            _ if config.shares_policies() => Some("gs.shared_policy = true".to_owned()),
+            every => every.map(|every| format!("policy.average_every_steps = {every}")),
+        };
+        if let Some(key) = one_for_all {
+            bail!(
+                "policy.imitate = \"{name}\": agents imitate each on their own, so it does not go with {key}; remove one \
+                 of the two keys"
+            );
+        }
+    }
+    Ok(())
+}
+
+/// Checks that the episodes suffice for a minibatch, if a controller is imitated.
+pub(super) fn check_episodes(config: &Config, horizon: usize) -> Result<()> {
+    if config.policy.imitate.is_none() {
+        return Ok(());
+    }
+    let imitation = &config.imitation;
+    let episodes = imitation.episodes(horizon);
+    ensure!(
+        episodes >= 2,
+        "imitation.dataset_steps = {}: must span at least 2 episodes of {horizon} steps, one to train on and one held \
+         out",
+        imitation.dataset_steps
+    );
+    let episodes = episodes - held_out_episodes(episodes, imitation.held_out);
+    let (training, what) = match config.policy.recurrent {
+        Some(_) => (episodes, "episodes"),
+        None => (episodes * horizon, "samples"),
+    };
+    ensure!(
+        training >= imitation.minibatch,
+        "imitation.minibatch = {}: must not exceed the {training} training {what} of the dataset",
+        imitation.minibatch
+    );
+    Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn error(keys: &str) -> String {
+        let config: Config = toml::from_str(keys).unwrap();
+        let checked = config.check().and_then(|()| config.check_datasets(100));
+        checked.map_or_else(|error| error.to_string(), |()| String::new())
+    }
+
+    #[test]
+    fn an_imitation_that_makes_no_sense_is_refused_with_its_key() {
+        for (keys, told) in [
+            ("imitation.epochs = 0", "imitation.epochs = 0: must be at least 1"),
+            ("imitation.minibatch = 0", "imitation.minibatch = 0: must be at least 1"),
+            ("imitation.dataset_steps = 90000000", "imitation.dataset_steps = 90000000: must be at most 10000000"),
+            ("imitation.slips = 1.5", "imitation.slips = 1.5: must be between 0 and 1"),
+            ("imitation.held_out = 1.0", "imitation.held_out = 1: must be between 0 and 1"),
+            ("imitation.learning_rate = nan", "imitation.learning_rate = NaN: must be a positive number"),
+        ] {
+            assert!(error(keys).contains(told), "{}", error(keys));
+        }
+        // Episodes have 100 steps.
+        let imitate = "policy.imitate = 'random'\nimitation";
+        assert!(
+            error(&format!("{imitate}.dataset_steps = 100")).contains("must span at least 2 episodes of 100 steps")
+        );
+        let few = error(&format!("{imitate}.dataset_steps = 200\nimitation.minibatch = 101"));
+        assert!(few.contains("imitation.minibatch = 101: must not exceed the 100 training samples"), "{few}");
+        let memory = error(&format!("policy.recurrent = 8\n{imitate}.dataset_steps = 500"));
+        assert!(memory.contains("imitation.minibatch = 128: must not exceed the 4 training episodes"), "{memory}");
+        assert_eq!(error("imitation.dataset_steps = 100"), "", "nothing is imitated");
+        let never = "total_steps = 10_000\nimitation.critic_steps = 10_000";
+        let told = error(&format!("{never}\npolicy.imitate = 'random'"));
+        assert!(told.contains("imitation.critic_steps = 10000: must be less than total_steps = 10000"), "{told}");
+        assert_eq!(error(never), "", "nothing is imitated");
+        let told = error("policy.imitate = 'fixed-time:file=plan.toml'");
+        assert!(told.contains("a run does not keep this file"), "{told}");
+        let shared = "policy.imitate = 'random'\ngs.shared_policy = true";
+        assert_eq!(error(shared), "", "local simulators do not read it");
+        let told = error(&format!("simulator = 'gs'\n{shared}"));
+        assert!(told.contains("does not go with gs.shared_policy = true; remove one of the two keys"), "{told}");
+        let told = error("policy = { imitate = 'random', average_every_steps = 10_000 }");
+        assert!(told.contains("does not go with policy.average_every_steps = 10000; remove one"), "{told}");
+    }
+
+    #[test]
+    fn the_critic_learns_alone_only_after_an_imitation() {
+        let mut config = Config::default();
+        assert_eq!(config.critic_steps(), 0);
+        config.policy.imitate = Some("random".to_owned());
+        assert_eq!(config.critic_steps(), 20_000);
+    }
+}

@@ -1,0 +1,192 @@
+//! The settings of learning: how agents learn, and when influence predictors are retrained and policies evaluated.
+//!
+//! Whoever reads them from a file adds the table of a domain. Defaults are the paper's for traffic (appendix
+//! "Hyperparameters"); the files under `configs/` show where they differ.
+//!
+//! Every key is a field: its comment is its row in docs/configuration.md, its limits stand beside it, and what else must
+//! hold for it is checked in the file of its table.
+//!
+//! - `simulator`: what the policies train on, and what predicts the influence there.
+//!
+//! - `ppo`: the table of the algorithm. `policy`, `aip`, `evaluation`; `imitation`, of a controller before PPO.
+//! - `check`: the limits at the fields, and what holds between tables. `seed`: seeds in files.
+//! - `schedule`: the periods of a run.
+
+mod aip;
+pub(crate) mod check;
+mod evaluation;
+mod imitation;
+mod policy;
+mod schedule;
+mod seed;
+mod simulator;
+
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+pub use crate::algorithms::AlgorithmName;
+pub use crate::algorithms::dqn::DqnConfig;
+pub use crate::algorithms::ppo::{PpoConfig, TimeLimit};
+pub use aip::{AipConfig, Retrain};
+pub use check::held_out_episodes;
+pub use evaluation::EvaluationConfig;
+pub use imitation::ImitationConfig;
+pub use policy::PolicyConfig;
+pub use schedule::{AipTraining, Period, may_end_at, rest_of_schedule, schedule};
+pub use simulator::{Predictor, SHORT_FORMS, ShortForm, Simulator};
+
+/// How agents learn, and when AIPs (approximate influence predictors) are retrained and policies evaluated.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, default)]
+pub struct Config {
+    /// Root of all random streams of the run, from 0 to 2^64 - 1.
+    #[serde(with = "seed")]
+    #[schemars(with = "u64")]
+    pub seed: u64,
+    /// What the policies train on; see [guide.md](guide.md#train).
+    pub simulator: Simulator,
+    /// What predicts the influence in local simulators. On the GS it is not read.
+    pub predictor: Predictor,
+    /// Timesteps per agent, summed over its copies. Learning rate and clip range decay over them.
+    #[schemars(range(min = 1, max = 1_000_000_000_000_000_u64), extend("source" = "P"))]
+    pub total_steps: u64,
+    /// Timesteps per agent after which the run stops, at the next update of the policies. Learning rate and clip range
+    /// still decay over `total_steps`.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    #[schemars(range(min = 1))]
+    pub stop_at_steps: Option<u64>,
+    pub local_simulators: LocalSimulatorsConfig,
+    pub gs: GsConfig,
+    pub policy: PolicyConfig,
+    pub imitation: ImitationConfig,
+    /// Algorithm that trains the policies.
+    #[serde(skip_serializing_if = "AlgorithmName::is_default")]
+    pub algorithm: AlgorithmName,
+    pub ppo: PpoConfig,
+    #[serde(skip_serializing_if = "DqnConfig::is_default")]
+    pub dqn: DqnConfig,
+    pub aip: AipConfig,
+    pub evaluation: EvaluationConfig,
+    pub checkpoints: CheckpointsConfig,
+}
+
+/// An agent's local simulators.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, default)]
+pub struct LocalSimulatorsConfig {
+    /// Number of local simulators per agent, in lockstep.
+    ///
+    /// DEVIATION 7: our configs have 8 for traffic and 16 for the warehouse, which fill `ppo.memory` with one rollout.
+    #[schemars(range(min = 1, max = 10_000), extend("source" = "P"))]
+    pub copies: usize,
+    /// Whether copies begin their episodes at different times. Our configs: true.
+    pub stagger: bool,
+}
+
+/// Training on the GS. With another simulator no key of this table is read.
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, default)]
+pub struct GsConfig {
+    /// Whether the agents of a kind share one policy, and bootstrap with the value of the last one of them, as in the
+    /// authors' code. An update takes minibatches from the samples of all of them. It does not go with `policy.imitate`.
+    /// See DEVIATION 6: by default every agent learns for itself.
+    #[schemars(extend("source" = "C"))]
+    pub shared_policy: bool,
+}
+
+/// The checkpoints, from which a stopped run continues.
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, default)]
+pub struct CheckpointsConfig {
+    /// Timesteps per agent between further checkpoints, besides those at every evaluation, every training of the AIPs and
+    /// every mean of the policies; at least `ppo.memory`. Changes no number.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub every_steps: Option<u64>,
+}
+
+impl Default for Config {
+    fn default() -> Self {
+        Config {
+            seed: 1,
+            simulator: Simulator::default(),
+            predictor: Predictor::default(),
+            total_steps: 4_000_000,
+            stop_at_steps: None,
+            local_simulators: LocalSimulatorsConfig::default(),
+            gs: GsConfig::default(),
+            policy: PolicyConfig::default(),
+            imitation: ImitationConfig::default(),
+            algorithm: AlgorithmName::default(),
+            ppo: PpoConfig::default(),
+            dqn: DqnConfig::default(),
+            aip: AipConfig::default(),
+            evaluation: EvaluationConfig::default(),
+            checkpoints: CheckpointsConfig::default(),
+        }
+    }
+}
+
+impl Default for LocalSimulatorsConfig {
+    fn default() -> Self {
+        LocalSimulatorsConfig { copies: 1, stagger: false }
+    }
+}
+
+impl Config {
+    /// Returns the timesteps per agent after which this run ends.
+    pub fn last_step(&self) -> u64 {
+        self.stop_at_steps.unwrap_or(self.total_steps).min(self.total_steps)
+    }
+
+    /// Returns the timesteps per agent at which the run ends: at the first update of the policies at or after its last
+    /// step.
+    pub fn end(&self) -> u64 {
+        self.update_at_or_after(self.last_step())
+    }
+
+    /// Returns the timesteps per agent at the first update of the policies at or after a step.
+    pub fn update_at_or_after(&self, step: u64) -> u64 {
+        step.checked_next_multiple_of(crate::algorithms::of(self).steps_per_update() as u64).unwrap_or(u64::MAX)
+    }
+
+    /// Returns the number of simulators per agent that the policies train on. The GS has one region of each agent.
+    pub fn copies(&self) -> usize {
+        if self.simulator == Simulator::Global { 1 } else { self.local_simulators.copies }
+    }
+
+    /// Returns the choice of predictor. The GS uses none; there it is the default, so that every run has the same
+    /// state.
+    pub fn predictor(&self) -> Predictor {
+        self.predictor_in_use().unwrap_or_default()
+    }
+
+    /// Returns whether the loss of the influence predictors is measured. On the GS there are none.
+    pub fn measures_aips(&self) -> bool {
+        self.evaluation.aip_loss_episodes > 0 && self.simulator != Simulator::Global
+    }
+
+    /// Returns the number of steps of the sequences that a policy is trained on.
+    pub fn sequence_length(&self) -> usize {
+        if self.policy.recurrent.is_some() { self.policy.sequence_length } else { 1 }
+    }
+
+    /// Returns whether the agents of a kind share one policy.
+    pub fn shares_policies(&self) -> bool {
+        self.gs.shared_policy && self.simulator == Simulator::Global
+    }
+
+    /// Returns whether the policies of a kind begin as one: the mean of random ones that differ would be worse than each.
+    pub fn begins_with_one_policy(&self) -> bool {
+        self.shares_policies() || self.policy.average_every_steps.is_some()
+    }
+
+    /// Returns the timesteps per agent at the beginning of training in which only the critic learns.
+    pub fn critic_steps(&self) -> u64 {
+        if self.policy.imitate.is_some() { self.imitation.critic_steps } else { 0 }
+    }
+
+    /// Returns the number of episodes per dataset: at least two, because one is held out.
+    pub fn dataset_episodes(&self, horizon: usize) -> usize {
+        self.aip.dataset_steps.div_ceil(horizon).max(2)
+    }
+}

@@ -1,0 +1,325 @@
+//! The periods of a run: the work of Algorithm 1 between two exchanges.
+
+use std::collections::BTreeSet;
+
+use serde::{Deserialize, Serialize};
+
+use super::{Config, Retrain};
+
+/// A stretch of training without messages, and what is done before it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Period {
+    /// Timesteps per agent at which it begins and ends.
+    pub start: u64,
+    pub end: u64,
+    /// Whether to evaluate the joint policy first.
+    pub evaluate: bool,
+    /// Whether to then collect datasets and train the AIPs (approximate influence predictors).
+    pub train_aips: AipTraining,
+    /// Whether the agents of a kind get the mean of their policies at its end.
+    pub average: bool,
+}
+
+/// Whether a period begins with a training of the AIPs.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub enum AipTraining {
+    No,
+    Yes,
+    /// Only if the evaluation finds that their loss has grown.
+    IfDrifted,
+}
+
+/// Returns all periods of a run, in order. The last one trains.
+///
+/// The policies are updated after every `ppo.memory` timesteps, so a period ends at the first update at or after its
+/// end. The last one ends at the first bound that the last update reaches. What is due there is left to a run that goes
+/// on: a run that ends evaluates anyway.
+pub fn schedule(config: &Config) -> Vec<Period> {
+    let evaluate_every = config.evaluation.every_steps;
+    let trains_aips = config.trains_predictors();
+    let update = |step| config.update_at_or_after(step);
+    let mut bounds: Vec<u64> = all_bounds(config).into_iter().collect();
+    let reached = bounds.iter().position(|&bound| update(bound) >= config.end());
+    bounds.truncate(reached.expect("the last step is one of them") + 1);
+    // An evaluation comes before all else that is due at the same update, also if its multiple is larger.
+    let evaluates = |start: u64| update(start.next_multiple_of(evaluate_every)) == update(start);
+    let train_aips = |start: u64| match config.aip.retrain {
+        _ if !trains_aips => AipTraining::No,
+        _ if start == 0 => AipTraining::Yes,
+        Retrain::Every if start.is_multiple_of(config.aip.retrain_every_steps) => AipTraining::Yes,
+        Retrain::Drift if start.is_multiple_of(evaluate_every) => AipTraining::IfDrifted,
+        Retrain::Every | Retrain::Once | Retrain::Drift => AipTraining::No,
+    };
+    // Averages are due at the first update at or after each multiple, wherever the periods end.
+    let averages = |start: u64, end: u64| {
+        let [start, end, last] = [start, end, config.total_steps].map(update);
+        config.policy.average_every_steps.is_some_and(|every| end / every > start / every || end == last)
+    };
+    let periods = bounds.windows(2).map(|bound| Period {
+        start: bound[0],
+        end: bound[1],
+        evaluate: evaluates(bound[0]),
+        train_aips: train_aips(bound[0]),
+        average: averages(bound[0], bound[1]),
+    });
+    periods.collect()
+}
+
+/// Returns whether a period may end at a step. Earlier versions also ended one later, where nothing was left to train,
+/// and their checkpoints say so.
+pub fn may_end_at(config: &Config, step: u64) -> bool {
+    step > 0 && all_bounds(config).contains(&step)
+}
+
+/// Returns all steps at which something is due, with the beginning and the end of the run.
+fn all_bounds(config: &Config) -> BTreeSet<u64> {
+    let last = config.last_step();
+    let evaluates_every = [config.evaluation.every_steps];
+    let trains_aips = config.trains_predictors() && config.aip.retrain == Retrain::Every;
+    let retrains_every = trains_aips.then_some(config.aip.retrain_every_steps);
+    let others = [config.checkpoints.every_steps, config.policy.average_every_steps];
+    let rhythms = evaluates_every.into_iter().chain(retrains_every).chain(others.into_iter().flatten());
+    let mut bounds: BTreeSet<u64> = rhythms.flat_map(|every| (0..last).step_by(every as usize)).collect();
+    bounds.insert(last);
+    bounds
+}
+
+/// Returns the periods that remain when training has come to the end of a period, `until`.
+///
+/// The schedule may have changed since then, so that `until` lies within a period. Then only the rest of this period is
+/// trained: what is done before a period belongs to its start. If nothing is left to train in it, it is left out.
+pub fn rest_of_schedule(config: &Config, until: u64) -> Vec<Period> {
+    let mut rest = schedule(config);
+    rest.retain(|period| period.start >= until || trains(config, until, period.end));
+    if let Some(first) = rest.first_mut().filter(|first| first.start < until) {
+        *first = Period { start: until, evaluate: false, train_aips: AipTraining::No, ..*first };
+    }
+    rest
+}
+
+/// Returns whether there is an update of the policies between two bounds of periods.
+fn trains(config: &Config, start: u64, end: u64) -> bool {
+    config.update_at_or_after(start) < end
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::config::{Predictor, ShortForm};
+
+    fn config(simulator: &str, total: u64, retrain: u64, evaluate: u64) -> Config {
+        toml::from_str(&format!(
+            "{}total_steps = {total}\n\
+             aip.retrain_every_steps = {retrain}\nevaluation.every_steps = {evaluate}\nppo.memory = 10",
+            ShortForm::called(simulator).unwrap().keys()
+        ))
+        .unwrap()
+    }
+
+    fn bounds(config: &Config) -> Vec<(u64, u64, bool, bool)> {
+        let trains = |period: &Period| match period.train_aips {
+            AipTraining::No => false,
+            AipTraining::Yes => true,
+            AipTraining::IfDrifted => panic!("this config does not use drift"),
+        };
+        schedule(config).iter().map(|p| (p.start, p.end, trains(p), p.evaluate)).collect()
+    }
+
+    #[test]
+    fn periods_end_where_aips_are_retrained_or_policies_evaluated() {
+        assert_eq!(
+            bounds(&config("dials", 250, 100, 60)),
+            [
+                (0, 60, true, true),
+                (60, 100, false, true),
+                (100, 120, true, false),
+                (120, 180, false, true),
+                (180, 200, false, true),
+                (200, 240, true, false),
+                (240, 250, false, true),
+            ]
+        );
+    }
+
+    #[test]
+    fn policies_are_evaluated_before_aips_are_trained_at_the_same_update() {
+        let mut config = config("dials", 400, 65, 70);
+        config.ppo.memory = 64;
+        // 65 and 70 are both at the update at 128, and 130 and 140 at 192. So are 195 and 210 at 256, 260 and 280 at 320.
+        let due = work(&config, &schedule(&config));
+        let first = [0, 128, 192, 256, 320].map(|at| due.iter().find(|work| work.at() == at).unwrap());
+        assert!(first.iter().all(|work| matches!(work, Work::Evaluates(_))), "{due:?}");
+    }
+
+    #[test]
+    fn checkpoints_of_their_own_begin_periods_without_evaluation_or_training() {
+        let mut config = config("dials", 100, 100, 50);
+        config.checkpoints.every_steps = Some(40);
+        config.aip.retrain = Retrain::Drift;
+        let periods = schedule(&config);
+        let (yes, no) = (AipTraining::IfDrifted, AipTraining::No);
+        let begin: Vec<_> = periods.iter().map(|period| (period.start, period.evaluate, period.train_aips)).collect();
+        assert_eq!(begin, [(0, true, AipTraining::Yes), (40, false, no), (50, true, yes), (80, false, no)]);
+    }
+
+    /// Returns the updates, in timesteps, after which policies are averaged.
+    fn averages(config: &Config) -> Vec<u64> {
+        let averaging = schedule(config).into_iter().filter(|period| period.average);
+        averaging.map(|period| config.update_at_or_after(period.end)).collect()
+    }
+
+    #[test]
+    fn policies_are_averaged_at_the_same_updates_wherever_else_a_run_is_cut() {
+        for (memory, every, expected) in [
+            (10, 100, vec![100, 200, 250]),
+            (10, 50, vec![50, 100, 150, 200, 250]),
+            // Updates are at 64, 128, 192 and 256, which is the last one.
+            (64, 100, vec![128, 256]),
+            (64, 65, vec![128, 192, 256]),
+            (64, 1000, vec![256]),
+        ] {
+            let mut config = config("dials", 250, 1000, 1000);
+            (config.ppo.memory, config.policy.average_every_steps) = (memory, Some(every));
+            assert_eq!(averages(&config), expected, "every {every} with a memory of {memory}");
+            for rhythm in [64, 90, 120] {
+                config.evaluation.every_steps = rhythm;
+                assert_eq!(averages(&config), expected, "every {every}, evaluated every {rhythm}");
+            }
+        }
+        assert!(averages(&config("dials", 250, 100, 60)).is_empty());
+    }
+
+    /// What a run does, and after which update, in timesteps.
+    #[derive(Debug, PartialEq)]
+    enum Work {
+        Evaluates(u64),
+        TrainsAips(u64),
+        Averages(u64),
+    }
+
+    impl Work {
+        fn at(&self) -> u64 {
+            let (Work::Evaluates(at) | Work::TrainsAips(at) | Work::Averages(at)) = *self;
+            at
+        }
+    }
+
+    fn work(config: &Config, periods: &[Period]) -> Vec<Work> {
+        let update = |step| config.update_at_or_after(step);
+        let of_period = |period: &Period| {
+            let evaluates = period.evaluate.then(|| Work::Evaluates(update(period.start)));
+            let trains = (period.train_aips != AipTraining::No).then(|| Work::TrainsAips(update(period.start)));
+            [evaluates, trains, period.average.then(|| Work::Averages(update(period.end)))].into_iter().flatten()
+        };
+        periods.iter().flat_map(of_period).collect()
+    }
+
+    #[test]
+    fn a_run_that_was_stopped_anywhere_does_the_work_of_one_that_never_was() {
+        for (memory, retrain, evaluate) in [(10, 100, 60), (64, 100, 60), (64, 60, 100), (128, 75, 90)] {
+            let mut config = config("dials", 500, retrain, evaluate);
+            (config.ppo.memory, config.policy.average_every_steps) = (memory, Some(130));
+            let whole = work(&config, &schedule(&config));
+            for stop in 1..500 {
+                let stopped = schedule(&Config { stop_at_steps: Some(stop), ..config.clone() });
+                let rest = rest_of_schedule(&config, stopped.last().unwrap().end);
+                let both: Vec<Work> = work(&config, &stopped).into_iter().chain(work(&config, &rest)).collect();
+                assert_eq!(both, whole, "F = {retrain}, a memory of {memory}, stopped at {stop}");
+            }
+        }
+    }
+
+    #[test]
+    fn marginals_are_measured_when_aips_would_be_trained() {
+        assert_eq!(bounds(&config("marginal-dials", 250, 100, 60)), bounds(&config("dials", 250, 100, 60)));
+    }
+
+    #[test]
+    fn aips_that_are_trained_once_or_on_drift_are_trained_at_the_first_step() {
+        for (retrain, later) in [(Retrain::Once, AipTraining::No), (Retrain::Drift, AipTraining::IfDrifted)] {
+            let mut config = config("dials", 150, 60, 50);
+            config.aip.retrain = retrain;
+            let periods = schedule(&config);
+            assert_eq!(periods.iter().map(|p| p.start).collect::<Vec<_>>(), [0, 50, 100], "F is not used");
+            assert!(periods.iter().all(|p| p.evaluate));
+            assert_eq!(periods.iter().map(|p| p.train_aips).collect::<Vec<_>>(), [AipTraining::Yes, later, later]);
+            config.predictor = Predictor::Untrained;
+            assert!(schedule(&config).iter().all(|p| p.train_aips == AipTraining::No));
+        }
+    }
+
+    #[test]
+    fn without_trained_aips_only_evaluations_cut() {
+        for simulator in ["gs", "untrained-dials"] {
+            assert_eq!(bounds(&config(simulator, 100, 10, 50)), [(0, 50, false, true), (50, 100, false, true)]);
+        }
+    }
+
+    #[test]
+    fn a_run_that_stops_early_keeps_its_schedule_up_to_there() {
+        let mut config = config("dials", 1000, 1000, 100);
+        config.stop_at_steps = Some(150);
+        assert_eq!(bounds(&config), [(0, 100, true, true), (100, 150, false, true)]);
+    }
+
+    #[test]
+    fn the_last_period_trains_so_that_every_step_has_one_evaluation() {
+        for (total, expected) in [
+            // At step 200 training is at 256, the second update of 128 steps. Nothing of 200 to 256 is left to train.
+            (250, vec![(0, 100, true, true), (100, 200, false, true)]),
+            (256, vec![(0, 100, true, true), (100, 200, false, true)]),
+            (257, vec![(0, 100, true, true), (100, 200, false, true), (200, 257, false, true)]),
+            (1, vec![(0, 1, true, true)]),
+        ] {
+            let mut config = config("dials", total, 1000, 100);
+            config.ppo.memory = 128;
+            assert_eq!(bounds(&config), expected, "{total} steps");
+        }
+        let mut config = config("dials", 100_001, 100_000, 100_000);
+        config.ppo.memory = 128;
+        // 782 updates are 100 096 steps.
+        assert_eq!(bounds(&config), [(0, 100_000, true, true)]);
+    }
+
+    #[test]
+    fn a_period_of_an_earlier_version_may_end_where_this_schedule_has_nothing_left_to_train() {
+        let mut config = config("dials", 250, 1000, 100);
+        config.ppo.memory = 128;
+        // At step 200 training is at 256, after the end of the run.
+        let ends: Vec<u64> = schedule(&config).iter().map(|period| period.end).collect();
+        assert_eq!(ends, [100, 200]);
+        assert_eq!(
+            [0, 100, 150, 200, 250, 300].map(|step| may_end_at(&config, step)),
+            [false, true, false, true, true, false]
+        );
+        assert_eq!(
+            [200, 250].map(|end| rest_of_schedule(&config, end).len()),
+            [0, 0],
+            "only the last evaluation is left"
+        );
+    }
+
+    #[test]
+    fn a_run_that_goes_on_does_not_begin_with_a_period_that_trains_nothing() {
+        let mut config = config("dials", 300, 1000, 200);
+        config.ppo.memory = 128;
+        let last = Period { start: 200, end: 300, evaluate: true, train_aips: AipTraining::No, average: false };
+        // It stopped at step 150, where training is at 256: after the end of this period.
+        assert_eq!(rest_of_schedule(&config, 150), [last]);
+        config.stop_at_steps = Some(200);
+        assert_eq!(rest_of_schedule(&config, 150), []);
+    }
+
+    #[test]
+    fn a_schedule_goes_on_at_its_own_bounds_and_within_a_period_of_another_one() {
+        let config = config("dials", 250, 100, 60);
+        let all = schedule(&config);
+        assert_eq!(rest_of_schedule(&config, 0), all);
+        assert_eq!(rest_of_schedule(&config, 100), all[2..]);
+        assert_eq!(rest_of_schedule(&config, 250), []);
+        let rest = rest_of_schedule(&config, 130);
+        let rest_of_period =
+            Period { start: 130, end: 180, train_aips: AipTraining::No, evaluate: false, average: false };
+        assert_eq!((rest[0], &rest[1..]), (rest_of_period, &all[4..]));
+    }
+}

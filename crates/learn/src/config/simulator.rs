@@ -1,0 +1,162 @@
+//! What the policies train on: which simulators, and for local ones, what predicts the influence on them.
+
+use schemars::JsonSchema;
+use serde::de::Error;
+use serde::{Deserialize, Deserializer, Serialize};
+
+use super::Config;
+
+/// Simulators that the policies train on.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+pub enum Simulator {
+    /// The global simulator.
+    #[serde(rename = "gs")]
+    Global,
+    /// Local simulators; a predictor supplies the influence sources.
+    #[default]
+    #[serde(rename = "local")]
+    Local,
+}
+
+/// Predictor of the influence on a local region.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+pub enum Predictor {
+    /// Approximate influence predictors (AIPs) that are trained every F steps.
+    #[default]
+    #[serde(rename = "aip")]
+    Network,
+    /// Constant probabilities instead of AIPs, measured on the global simulator (GS) when DIALS would train its AIPs.
+    #[serde(rename = "marginals")]
+    Marginals,
+    /// Random AIPs that are never trained.
+    #[serde(rename = "untrained")]
+    Untrained,
+}
+
+impl Predictor {
+    /// Returns whether it is fitted to datasets from the GS.
+    pub fn learns(self) -> bool {
+        match self {
+            Predictor::Network | Predictor::Marginals => true,
+            Predictor::Untrained => false,
+        }
+    }
+
+    /// Returns whether a key of `[aip]` changes anything.
+    pub fn reads(self, key: &str) -> bool {
+        match self {
+            Predictor::Network => true,
+            Predictor::Untrained => ["hidden", "recurrent"].contains(&key),
+            Predictor::Marginals => ![
+                "hidden",
+                "recurrent",
+                "learning_rate",
+                "batch",
+                "epochs",
+                "patience",
+                "weight_decay",
+                "correct_marginals",
+            ]
+            .contains(&key),
+        }
+    }
+}
+
+/// A way of training in one word: both keys, as the command line, experiments and the names of runs write them.
+#[derive(Clone, Copy, Debug)]
+pub struct ShortForm {
+    pub name: &'static str,
+    /// What the policies train on, in words.
+    pub help: &'static str,
+    pub simulator: Simulator,
+    /// Predictor of local simulators. On the GS (global simulator) there is nothing to predict: `None`.
+    pub predictor: Option<Predictor>,
+}
+
+/// All short forms.
+pub const SHORT_FORMS: [ShortForm; 4] = [
+    of_local("dials", "local simulators with trained influence predictors (AIPs)", Predictor::Network),
+    ShortForm { name: "gs", help: "the global simulator", simulator: Simulator::Global, predictor: None },
+    of_local("untrained-dials", "local simulators with random predictors that are never trained", Predictor::Untrained),
+    of_local(
+        "marginal-dials",
+        "local simulators with constant arrival probabilities, measured on the global simulator",
+        Predictor::Marginals,
+    ),
+];
+
+const fn of_local(name: &'static str, help: &'static str, predictor: Predictor) -> ShortForm {
+    ShortForm { name, help, simulator: Simulator::Local, predictor: Some(predictor) }
+}
+
+impl ShortForm {
+    /// Returns the short form of this name.
+    pub fn called(name: &str) -> Option<ShortForm> {
+        SHORT_FORMS.into_iter().find(|form| form.name == name)
+    }
+
+    /// Returns whether the run collects datasets and fits predictors to them.
+    pub fn trains_predictors(&self) -> bool {
+        self.predictor.is_some_and(Predictor::learns)
+    }
+
+    /// Returns the keys that a config has instead, a line each.
+    pub fn keys(&self) -> String {
+        let word = |value: serde_json::Result<String>| value.expect("a word is JSON");
+        let predictor = self.predictor.map(|predictor| word(serde_json::to_string(&predictor)));
+        let predictor = predictor.map_or(String::new(), |predictor| format!("predictor = {predictor}\n"));
+        format!("simulator = {}\n{predictor}", word(serde_json::to_string(&self.simulator)))
+    }
+}
+
+impl<'de> Deserialize<'de> for ShortForm {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<ShortForm, D::Error> {
+        let name = String::deserialize(deserializer)?;
+        ShortForm::called(&name).ok_or_else(|| {
+            let known = SHORT_FORMS.map(|form| format!("`{}`", form.name)).join(", ");
+            D::Error::custom(format!("unknown variant `{name}`, expected one of {known}"))
+        })
+    }
+}
+
+impl Config {
+    /// Returns both keys in one word.
+    pub fn short_form(&self) -> ShortForm {
+        let predictor = self.predictor_in_use();
+        let same = |form: &ShortForm| form.simulator == self.simulator && form.predictor == predictor;
+        SHORT_FORMS.into_iter().find(same).expect("every predictor has a short form")
+    }
+
+    /// Returns what predicts the influence. On the GS (global simulator) there is nothing to predict: `None`.
+    pub fn predictor_in_use(&self) -> Option<Predictor> {
+        (self.simulator == Simulator::Local).then_some(self.predictor)
+    }
+
+    /// Returns whether the run collects datasets and fits predictors to them.
+    pub fn trains_predictors(&self) -> bool {
+        self.short_form().trains_predictors()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_four_short_forms_stand_for_the_two_keys() {
+        for (name, keys, learns) in [
+            ("gs", "simulator = \"gs\"\n", false),
+            ("dials", "simulator = \"local\"\npredictor = \"aip\"\n", true),
+            ("untrained-dials", "simulator = \"local\"\npredictor = \"untrained\"\n", false),
+            ("marginal-dials", "simulator = \"local\"\npredictor = \"marginals\"\n", true),
+        ] {
+            assert_eq!(ShortForm::called(name).unwrap().keys(), keys);
+            let config: Config = toml::from_str(keys).unwrap();
+            assert_eq!((config.short_form().name, config.trains_predictors()), (name, learns));
+        }
+        for predictor in ["aip", "marginals", "untrained"] {
+            let config: Config = toml::from_str(&format!("simulator = 'gs'\npredictor = '{predictor}'")).unwrap();
+            assert_eq!((config.short_form().name, config.predictor()), ("gs", Predictor::Network), "it is not read");
+        }
+    }
+}

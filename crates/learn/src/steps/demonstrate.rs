@@ -1,0 +1,82 @@
+//! Demonstrations: episodes on the global simulator (GS) in which a hand-coded controller decides.
+
+use std::ops::Range;
+use std::time::Instant;
+
+use anyhow::ensure;
+use serde::{Deserialize, Serialize};
+
+use super::{Check, Step, on_its_way};
+use crate::algorithms::imitation::demonstrate;
+use crate::policy::Demonstrations;
+use crate::training::fleet::Fleet;
+use crate::training::observer::Observer;
+use crate::training::progress::Reporting;
+use crate::training::timed::Timed;
+use crate::worker::Worker;
+use dials_core::base::{Activity, Phase, RandomPurpose, Seed, Stopwatch};
+use dials_core::domain::{Baseline, GlobalSimulator, Result};
+
+/// Asks for what all agents see and do while a controller plays these episodes.
+#[derive(Debug, Serialize, Deserialize)]
+pub struct Demonstrate {
+    pub controller: String,
+    pub episodes: Range<usize>,
+}
+
+impl Step for Demonstrate {
+    /// Demonstrations of *all* agents, in the order of the episodes.
+    type Reply = Vec<Demonstrations>;
+
+    fn run(self, worker: &mut Worker, observer: &dyn Observer) -> Result<Vec<Demonstrations>> {
+        let (begun, mut watch) = (Instant::now(), Stopwatch::default());
+        let (config, domain) = (&worker.config, &worker.domain);
+        let seed = Seed::new(config.seed).fork(RandomPurpose::Demonstrations);
+        let mut demonstrations = Demonstrations::of_all(domain.kinds());
+        let Baseline { simulator, mut controller } =
+            watch.time(Phase::Loading, || domain.baseline(&self.controller))?;
+        let mut simulator = Timed::new(simulator);
+        let decisions = self.episodes.len() * domain.kinds().horizon();
+        let mut controller = Reporting::new(&mut *controller, observer, Activity::Collection, decisions);
+        for episode in self.episodes {
+            let seed = seed.for_episode(episode);
+            demonstrate(&mut simulator, &mut controller, seed, config.imitation.slips, &mut demonstrations)?;
+        }
+        watch.add(&simulator.take_watch());
+        drop(simulator);
+        // They train policies. What is collected for AIPs is counted apart.
+        worker.note(Activity::Training, begun.elapsed(), &watch);
+        Ok(demonstrations)
+    }
+
+    /// Checks the demonstrations of all agents, not only those of the worker.
+    fn check(&self) -> Check<Vec<Demonstrations>> {
+        let episodes = self.episodes.len();
+        Box::new(move |demonstrations, fit| {
+            let agents = fit.kinds.agents();
+            ensure!(demonstrations.len() == agents, "it made demonstrations of {} agents", demonstrations.len());
+            for (agent, (made, spec)) in demonstrations.iter().zip(fit.kinds.specs()).enumerate() {
+                let samples = episodes * spec.horizon;
+                ensure!(
+                    made.fits(spec, samples),
+                    "the demonstrations of agent {agent} do not have {samples} samples of its region"
+                );
+            }
+            Ok(())
+        })
+    }
+
+    on_its_way!(Demonstrate);
+}
+
+/// Lets a controller play on the GS. Returns what every agent saw and did.
+pub fn collect_demonstrations(fleet: &mut impl Fleet, controller: &str) -> Result<Vec<Demonstrations>> {
+    let episodes = fleet.config().imitation.episodes(fleet.domain().kinds().horizon());
+    let step = |episodes| Demonstrate { controller: controller.to_owned(), episodes };
+    let made = fleet.ask_all(Activity::Collection, episodes, false, step)?;
+    let mut all = Demonstrations::of_all(fleet.domain().kinds());
+    for parts in made {
+        all.iter_mut().zip(&parts).for_each(|(whole, part)| whole.extend(part));
+    }
+    Ok(all)
+}

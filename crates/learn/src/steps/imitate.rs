@@ -1,0 +1,57 @@
+//! The imitation of a controller, before the training.
+
+use std::time::Instant;
+
+use anyhow::ensure;
+use serde::{Deserialize, Serialize};
+
+use super::{Check, Step, on_its_way};
+use crate::algorithms::imitation::ImitationLoss;
+use crate::policy::{Demonstrations, JointPolicy};
+use crate::training::fleet::{Fleet, Stop, of_owners};
+use crate::training::observer::Observer;
+use crate::worker::Worker;
+use dials_core::base::{Activity, Stopwatch, Work};
+use dials_core::domain::Result;
+
+/// Asks a worker to make the policies of its agents imitate their demonstrations.
+#[derive(Debug, Serialize, Deserialize)]
+pub struct Imitate {
+    pub demonstrations: Vec<Demonstrations>,
+}
+
+impl Step for Imitate {
+    type Reply = (Vec<ImitationLoss>, JointPolicy);
+
+    fn run(self, worker: &mut Worker, observer: &dyn Observer) -> Result<(Vec<ImitationLoss>, JointPolicy)> {
+        let (begun, mut watch) = (Instant::now(), Stopwatch::default());
+        let count = worker.blocks.len() as f64;
+        let mut losses = Vec::new();
+        let demonstrations = worker.by_block(self.demonstrations);
+        for (done, (block, demonstrations)) in worker.blocks.iter_mut().zip(&demonstrations).enumerate() {
+            let progress = &mut |share| observer.busy(Activity::Training, (done as f64 + share) / count);
+            losses.extend(block.imitate(demonstrations, Work { watch: &mut watch, progress }));
+        }
+        worker.note(Activity::Training, begun.elapsed(), &watch);
+        Ok((worker.in_order(losses), worker.policies()))
+    }
+
+    fn check(&self) -> Check<(Vec<ImitationLoss>, JointPolicy)> {
+        Box::new(|(losses, policies), fit| {
+            ensure!(losses.len() == fit.agents.len(), "{} of its agents have imitated", losses.len());
+            fit.check_policies("policies", policies)
+        })
+    }
+
+    on_its_way!(Imitate);
+}
+
+/// Makes every agent's policy imitate its demonstrations, and returns how well it does.
+pub fn imitate(fleet: &mut impl Fleet, mut demonstrations: Vec<Demonstrations>) -> Result<Vec<ImitationLoss>> {
+    let step = |agents| Imitate { demonstrations: of_owners(&mut demonstrations, &agents) };
+    let parts = fleet.ask_owners(Activity::Training, Stop::AtOnce, step, |state, agents, (losses, policies)| {
+        state.policies.replace(agents.start, &policies);
+        losses
+    })?;
+    Ok(parts.concat())
+}

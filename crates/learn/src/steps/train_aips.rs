@@ -1,0 +1,65 @@
+//! The training of the influence predictors (AIPs), each on the dataset of its agent.
+
+use std::time::Instant;
+
+use serde::{Deserialize, Serialize};
+
+use super::measure_aips::check_losses;
+use super::{Check, Step, on_its_way};
+use crate::config::Period;
+use crate::influence::{AipLoss, Dataset};
+use crate::training::fleet::{Fleet, Stop, of_owners};
+use crate::training::observer::Observer;
+use crate::worker::Worker;
+use dials_core::base::{Activity, Ragged, Stopwatch, Work};
+use dials_core::domain::Result;
+
+/// Asks a worker to train the predictors of its agents on their datasets.
+#[derive(Debug, Serialize, Deserialize)]
+pub struct TrainAips {
+    pub datasets: Vec<Dataset>,
+    pub period: Period,
+}
+
+impl Step for TrainAips {
+    /// Losses, and what the predictors have learnt, one row each.
+    type Reply = (Vec<AipLoss>, Ragged<f32>);
+
+    fn run(self, worker: &mut Worker, observer: &dyn Observer) -> Result<(Vec<AipLoss>, Ragged<f32>)> {
+        let (begun, mut watch) = (Instant::now(), Stopwatch::default());
+        let count = worker.blocks.len() as f64;
+        let mut losses = Vec::new();
+        let datasets = worker.by_block(self.datasets);
+        for (done, (block, datasets)) in worker.blocks.iter_mut().zip(&datasets).enumerate() {
+            let progress = &mut |share| observer.busy(Activity::AipTraining, (done as f64 + share) / count);
+            losses.extend(block.train_aips(datasets, &self.period, Work { watch: &mut watch, progress }));
+        }
+        worker.note(Activity::AipTraining, begun.elapsed(), &watch);
+        Ok((worker.in_order(losses), worker.aips()))
+    }
+
+    fn check(&self) -> Check<(Vec<AipLoss>, Ragged<f32>)> {
+        Box::new(|(losses, aips), fit| {
+            check_losses(
+                fit,
+                losses.iter().map(|loss| {
+                    let lengths = loss.training.iter().chain(&loss.held_out).chain([&loss.marginals]).map(Vec::len);
+                    lengths.chain([loss.frequencies.len()]).collect()
+                }),
+            )?;
+            fit.check_aips("aips", aips)
+        })
+    }
+
+    on_its_way!(TrainAips);
+}
+
+/// Trains every agent's predictor on its dataset and returns the losses.
+pub fn train_aips(fleet: &mut impl Fleet, mut datasets: Vec<Dataset>, period: &Period) -> Result<Vec<AipLoss>> {
+    let step = |agents| TrainAips { datasets: of_owners(&mut datasets, &agents), period: *period };
+    let parts = fleet.ask_owners(Activity::AipTraining, Stop::AtOnce, step, |state, agents, (losses, aips)| {
+        state.aips.replace(agents.start, &aips);
+        losses
+    })?;
+    Ok(parts.concat())
+}

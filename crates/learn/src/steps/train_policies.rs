@@ -1,0 +1,83 @@
+//! Lines 7 to 12 of Algorithm 1: the training of the policies until the end of a period.
+
+use std::time::Instant;
+
+use anyhow::ensure;
+use serde::{Deserialize, Serialize};
+
+use super::{Check, Step, on_its_way};
+use crate::config::{Period, Simulator};
+use crate::training::answers::PolicyTraining;
+use crate::training::block::train_policies_on_the_gs;
+use crate::training::fleet::{Fleet, Stop};
+use crate::training::observer::Observer;
+use crate::training::state::AgentsState;
+use crate::worker::Worker;
+use dials_core::base::{Activity, Stopwatch, Work};
+use dials_core::domain::Result;
+
+/// Asks a worker to train the policies of its agents until the end of the period.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+pub struct TrainPolicies {
+    pub period: Period,
+}
+
+impl Step for TrainPolicies {
+    type Reply = (PolicyTraining, AgentsState);
+
+    /// Trains block after block, or all at once on the global simulator (GS).
+    fn run(self, worker: &mut Worker, observer: &dyn Observer) -> Result<(PolicyTraining, AgentsState)> {
+        let period = &self.period;
+        let (begun, mut watch) = (Instant::now(), Stopwatch::default());
+        let count = worker.blocks.len() as u64;
+        let mut parts = Vec::new();
+        if worker.config.simulator == Simulator::Global {
+            let progress = &mut |steps| observer.trained(steps);
+            let work = Work { watch: &mut watch, progress };
+            let Worker { domain, config, blocks, .. } = worker;
+            parts = train_policies_on_the_gs(&**domain, config, blocks, period, work)?;
+        } else {
+            for (done, block) in (0..).zip(&mut worker.blocks) {
+                // The mean over all agents.
+                let average = |steps| (done * period.end + steps + (count - done - 1) * period.start) / count;
+                let progress = &mut |steps| observer.trained(average(steps));
+                parts.push(block.train_policies(period, Work { watch: &mut watch, progress })?);
+            }
+        }
+        worker.note(Activity::Training, begun.elapsed(), &watch);
+        let mut training = PolicyTraining::joined(parts);
+        training.agents = worker.in_order(training.agents);
+        training.metrics.reorder(&worker.places());
+        Ok((training, worker.state()))
+    }
+
+    fn check(&self) -> Check<(PolicyTraining, AgentsState)> {
+        let end = self.period.end;
+        Box::new(move |(training, state), fit| {
+            let agents = fit.agents.len();
+            ensure!(training.agents.len() == agents, "it trained {} agents", training.agents.len());
+            let complete = training.metrics.of_agents.iter().all(|(_, values)| values.len() == agents);
+            ensure!(complete, "its metrics are not of {agents} agents");
+            let end = fit.config.update_at_or_after(end);
+            ensure!(state.steps == end, "its agents are at step {}, not at {end}", state.steps);
+            fit.check(state)
+        })
+    }
+
+    fn trains_until(&self) -> Option<u64> {
+        Some(self.period.end)
+    }
+
+    on_its_way!(TrainPolicies);
+}
+
+/// Trains all policies until the end of the period.
+pub fn train_policies(fleet: &mut impl Fleet, period: &Period) -> Result<PolicyTraining> {
+    let step = |_| TrainPolicies { period: *period };
+    let parts = fleet.ask_owners(Activity::Training, Stop::Later, step, |whole, agents, (training, state)| {
+        whole.replace(agents.start, &state);
+        training
+    })?;
+    fleet.period_done();
+    Ok(PolicyTraining::joined(parts))
+}

@@ -1,0 +1,159 @@
+//! A worker: a share of the agents for the whole run, with all that belongs to them.
+//!
+//! Its [`AgentBlock`]s hold policies, AIPs (approximate influence predictors) and optimisers. Local simulators exist
+//! only during a period, because libsumo holds one simulation per process, and between periods the worker runs the
+//! global simulator (GS). A period begins where [`AgentsState`] left the one before it, down to the cars on the road.
+
+use std::ops::Range;
+use std::sync::Arc;
+use std::time::Instant;
+
+use anyhow::Context;
+
+use crate::config::Config;
+use crate::policy::{JointPolicy, JointPolicyController, Selection};
+use crate::training::block::{AgentBlock, agents_per_block};
+use crate::training::observer::Observer;
+use crate::training::progress::Reporting;
+use crate::training::state::AgentsState;
+use crate::training::timed::{Timed, TimedController};
+use dials_core::base::{Activity, AgentId, Phase, Ragged, Stopwatch, Timesheet};
+use dials_core::domain::{Controller, Domain, GlobalSimulator, Result};
+use stacknets::Threads;
+
+pub struct Worker {
+    pub(crate) domain: Arc<dyn Domain>,
+    pub(crate) config: Config,
+    pub(crate) blocks: Vec<AgentBlock>,
+    /// Places of the agents of every block among those of the worker: a block has agents of one kind.
+    places: Vec<Vec<usize>>,
+    /// Policies of all agents, with which the next step plays episodes.
+    joint: Option<JointPolicy>,
+    timesheet: Timesheet,
+}
+
+impl Worker {
+    /// Makes a worker. `threads`: for training the policies.
+    pub fn new(domain: Arc<dyn Domain>, config: &Config, agents: Vec<AgentId>, threads: &Threads) -> Self {
+        let mut places = Vec::new();
+        for kind in 0..domain.kinds().count() {
+            let of_kind = |&place: &usize| domain.kinds().place(agents[place]).kind == kind;
+            let of_kind: Vec<usize> = (0..agents.len()).filter(of_kind).collect();
+            places.extend(of_kind.chunks(agents_per_block(config)).map(<[usize]>::to_vec));
+        }
+        let block = |places: &Vec<usize>| {
+            let agents: Vec<AgentId> = places.iter().map(|&place| agents[place]).collect();
+            AgentBlock::new(domain.clone(), config, &agents, threads.clone())
+        };
+        Worker {
+            blocks: places.iter().map(block).collect(),
+            places,
+            joint: None,
+            config: config.clone(),
+            domain,
+            timesheet: Timesheet::default(),
+        }
+    }
+
+    /// Returns the state of its agents.
+    pub fn state(&self) -> AgentsState {
+        let joined = AgentsState::joined(self.blocks.iter().map(AgentBlock::state).collect());
+        match self.order() {
+            Some(order) => joined.share(order),
+            None => joined,
+        }
+    }
+
+    /// Continues from a state of the same agents.
+    pub fn restore(&mut self, state: &AgentsState) {
+        for (block, places) in self.blocks.iter_mut().zip(&self.places) {
+            block.restore(state.share(places.iter().copied()));
+        }
+    }
+
+    /// Returns the place of each of its agents when the blocks are put one after another; `None` if that is its own
+    /// order.
+    pub(crate) fn order(&self) -> Option<Vec<usize>> {
+        let places = self.places.concat();
+        let mut order: Vec<usize> = (0..places.len()).collect();
+        order.sort_by_key(|&index| places[index]);
+        (!places.is_sorted()).then_some(order)
+    }
+
+    /// Puts the results of its agents, block after block, into their own order.
+    pub(crate) fn in_order<T>(&self, by_block: Vec<T>) -> Vec<T> {
+        let mut with_places: Vec<(usize, T)> = self.places.iter().flatten().copied().zip(by_block).collect();
+        with_places.sort_by_key(|&(place, _)| place);
+        with_places.into_iter().map(|(_, of_agent)| of_agent).collect()
+    }
+
+    /// Returns the place of each of its agents, block after block.
+    pub(crate) fn places(&self) -> Vec<usize> {
+        self.places.concat()
+    }
+
+    /// Splits one value per agent into the values of each block.
+    pub(crate) fn by_block<T>(&self, of_agents: Vec<T>) -> Vec<Vec<T>> {
+        let mut of_agents: Vec<Option<T>> = of_agents.into_iter().map(Some).collect();
+        let mut take = |&place: &usize| of_agents[place].take().expect("an agent is in one block");
+        self.places.iter().map(|places| places.iter().map(&mut take).collect()).collect()
+    }
+
+    /// Returns the time spent since the last call.
+    pub fn take_timesheet(&mut self) -> Timesheet {
+        self.timesheet.take()
+    }
+
+    /// Takes the policies of all agents, with which the next step plays episodes.
+    pub fn take_policies(&mut self, joint: JointPolicy) {
+        self.joint = Some(joint);
+    }
+
+    /// Books the time of an activity.
+    pub(crate) fn note(&mut self, activity: Activity, whole: std::time::Duration, phases: &Stopwatch) {
+        self.timesheet.note(activity, whole, phases);
+    }
+
+    /// Returns what the influence predictors of its agents have learnt, one row each.
+    pub fn aips(&self) -> Ragged<f32> {
+        self.joined(AgentBlock::aips)
+    }
+
+    /// Returns the policies of its agents, one row each.
+    pub fn policies(&self) -> JointPolicy {
+        self.joined(AgentBlock::policies)
+    }
+
+    /// Joins a table of every block into one of its agents.
+    fn joined(&self, table: impl Fn(&AgentBlock) -> Ragged<f32>) -> Ragged<f32> {
+        let mut joined = Ragged::default();
+        self.blocks.iter().for_each(|block| joined.extend(&table(block)));
+        match self.order() {
+            Some(order) => joined.pick(order),
+            None => joined,
+        }
+    }
+
+    /// Lets the policies that [`Worker::take_policies`] got act on the GS, in episodes that `play` plays one by one.
+    pub(crate) fn on_the_gs(
+        &mut self,
+        activity: Activity,
+        episodes: Range<usize>,
+        observer: &dyn Observer,
+        mut play: impl FnMut(&mut dyn GlobalSimulator, &mut dyn Controller, usize) -> Result<()>,
+    ) -> Result<()> {
+        let policies = self.joint.take().context("no policies were sent before this step")?;
+        let (begun, mut watch) = (Instant::now(), Stopwatch::default());
+        let mut simulator = Timed::new(watch.time(Phase::Loading, || self.domain.global_simulator())?);
+        let (kinds, config) = (self.domain.kinds(), &self.config);
+        let mut controller =
+            TimedController::new(JointPolicyController::new(kinds, config, &policies, Selection::Sampled));
+        let mut reporting = Reporting::new(&mut controller, observer, activity, episodes.len() * kinds.horizon());
+        episodes.into_iter().try_for_each(|episode| play(&mut simulator, &mut reporting, episode))?;
+        watch.add(&simulator.take_watch());
+        watch.add(&controller.watch);
+        drop(simulator);
+        self.timesheet.note(activity, begun.elapsed(), &watch);
+        Ok(())
+    }
+}

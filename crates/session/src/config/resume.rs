@@ -1,0 +1,255 @@
+//! What of a config may change when a run is resumed. All other keys determine the trained policies.
+
+use std::collections::{BTreeMap, BTreeSet};
+use std::path::PathBuf;
+
+use anyhow::Result;
+use serde_json::Value;
+
+use super::RunConfig;
+use dials_learn::config::Retrain;
+
+/// A key of the config that may change when a run is resumed, because the trained policies do not depend on it.
+#[derive(Debug)]
+pub struct Changeable {
+    pub key: &'static str,
+    /// Whether it must stay with `aip.retrain = "drift"`, where evaluations decide when the AIPs (approximate influence
+    /// predictors) are trained.
+    pub fixed_by_drift: bool,
+    pub reason: &'static str,
+}
+
+/// All keys that may change when a run is resumed.
+///
+/// `evaluation.seed` is not among them: evaluations before and after would be of different episodes, but in one file.
+pub const CHANGEABLE: [Changeable; 7] = [
+    may_change("stop_at_steps", "it only moves the end: learning rate and clip range decay over `total_steps`"),
+    unless_drift("evaluation.every_steps", "an evaluation leaves no trace in training"),
+    may_change("evaluation.episodes", "an evaluation leaves no trace in training"),
+    may_change("evaluation.final_episodes", "the last evaluation comes after all training"),
+    unless_drift("evaluation.aip_loss_episodes", "measuring the loss leaves no trace in training"),
+    may_change("checkpoints.every_steps", "a checkpoint leaves no trace in training"),
+    may_change("logging.tensorboard", "it only adds a file"),
+];
+
+const fn may_change(key: &'static str, reason: &'static str) -> Changeable {
+    Changeable { key, fixed_by_drift: false, reason }
+}
+
+const fn unless_drift(key: &'static str, reason: &'static str) -> Changeable {
+    Changeable { key, fixed_by_drift: true, reason }
+}
+
+/// A key that must be as it was, with both values as JSON. A key that is not set has no value.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Difference {
+    pub key: String,
+    pub then: Option<Value>,
+    pub now: Option<Value>,
+}
+
+/// Returns a config as JSON. The paths of the domain's files are empty: a run directory may be moved.
+pub fn to_json(config: &RunConfig) -> Value {
+    let mut config = config.clone();
+    config.domain.iter_mut().flat_map(|domain| domain.table_mut().paths()).for_each(|(_, path)| *path = PathBuf::new());
+    serde_json::to_value(config).expect("a config without paths is plain data")
+}
+
+/// Reads and checks a config of [`to_json`]. A key that an older version did not have gets its default; a key that this
+/// version does not have is an error.
+pub fn from_json(json: Value) -> Result<RunConfig> {
+    let config: RunConfig = serde_json::from_value(json)?;
+    config.check()?;
+    Ok(config)
+}
+
+/// Returns the text of a config with another `stop_at_steps`. All other lines stay.
+pub fn with_end(text: &str, stop_at_steps: u64) -> String {
+    let top = text.lines().take_while(|line| !line.trim_start().starts_with('[')).count();
+    let is_end = |line: &str| line.split_once('=').is_some_and(|(key, _)| key.trim() == "stop_at_steps");
+    let mut lines = vec![format!("stop_at_steps = {stop_at_steps}")];
+    let kept = text.lines().enumerate().filter(|(number, line)| *number >= top || !is_end(line));
+    lines.extend(kept.map(|(_, line)| line.to_owned()));
+    lines.join("\n") + "\n"
+}
+
+/// Lists the differences that forbid a run that was trained with `then` to continue with `now`, in the order of their
+/// keys. The contents of the domain's files are compared elsewhere.
+pub fn differences(then: &RunConfig, now: &RunConfig) -> Vec<Difference> {
+    let drift = now.learning.trains_predictors() && now.learning.aip.retrain == Retrain::Drift;
+    let may_change =
+        |key: &str| CHANGEABLE.iter().any(|changeable| changeable.key == key && !(changeable.fixed_by_drift && drift));
+    let mut differing = differing(&to_json(then), &to_json(now));
+    differing.retain(|difference| !may_change(&difference.key));
+    differing
+}
+
+/// Lists all values in which two objects differ, in the order of their keys.
+pub fn differing(then: &Value, now: &Value) -> Vec<Difference> {
+    let [then, now] = [then, now].map(|json| {
+        let mut values = BTreeMap::new();
+        flatten("", json, &mut values);
+        values
+    });
+    let keys: BTreeSet<&String> = then.keys().chain(now.keys()).collect();
+    let of_key =
+        |key: &String| Difference { key: key.clone(), then: then.get(key).cloned(), now: now.get(key).cloned() };
+    keys.into_iter().map(of_key).filter(|difference| difference.then != difference.now).collect()
+}
+
+/// Adds the values of an object under their whole keys, such as `ppo.clip`. An empty table has no values.
+fn flatten(key: &str, json: &Value, values: &mut BTreeMap<String, Value>) {
+    let Value::Object(inner) = json else {
+        values.insert(key.to_owned(), json.clone());
+        return;
+    };
+    for (name, value) in inner {
+        let place = if key.is_empty() { name.clone() } else { format!("{key}.{name}") };
+        flatten(&place, value, values);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use dials_learn::config::Predictor;
+    use serde_json::json;
+
+    /// Returns a config of the traffic domain in which every key has a value.
+    fn config() -> RunConfig {
+        toml::from_str(
+            "stop_at_steps = 900_000\npolicy = { recurrent = 8, average_every_steps = 1000 }\nppo.max_gradient_norm = 0.75\n\
+             aip = { recurrent = 8, batch = 8, patience = 3 }\ncheckpoints = { every_steps = 1000 }\n[traffic]\n\
+             network = 'n'\nlocal_network = 'l'\nclock = 26\nclock_offsets = 'checkerboard'\nuntil_first_switch = 'program'\n",
+        )
+        .unwrap()
+    }
+
+    /// Returns other values for every key of a config.
+    fn changed(key: &str, value: &Value) -> Value {
+        match (key, value) {
+            ("simulator", _) => json!("gs"),
+            ("predictor", _) => json!("marginals"),
+            ("ppo.time_limit", _) => json!("bootstrap"),
+            ("aip.retrain", _) => json!("once"),
+            ("traffic.d_set", _) => json!("cells+arrivals"),
+            ("traffic.entry", _) => json!("max"),
+            ("traffic.observation", _) => json!("queues"),
+            ("traffic.reward", _) => json!("queue"),
+            ("traffic.yellow_s", _) => json!(4),
+            ("traffic.clock_offsets", _) => json!("none"),
+            ("traffic.until_first_switch", _) => json!("agent"),
+            ("policy.imitate", _) => json!("closest-item"),
+            ("numerics.vector_width", _) => json!("256-bit"),
+            (_, Value::Bool(value)) => json!(!value),
+            (_, Value::Array(_)) => json!([3]),
+            (_, Value::Number(value)) if value.is_u64() => json!(value.as_u64().unwrap() + 1),
+            (_, Value::Number(value)) => json!(value.as_f64().unwrap() * 0.5 + 0.25),
+            (_, other) => panic!("{key} = {other}: this test needs another value of it"),
+        }
+    }
+
+    fn with(json: &Value, key: &str, value: Value) -> Value {
+        let mut json = json.clone();
+        *json.pointer_mut(&format!("/{}", key.replace('.', "/"))).unwrap() = value;
+        json
+    }
+
+    #[test]
+    fn every_key_is_either_in_the_list_or_refused_by_its_name() {
+        let warehouse: RunConfig = toml::from_str("[warehouse]\nagents_per_side = 2\n").unwrap();
+        let mut keys = BTreeMap::new();
+        let scenario: RunConfig =
+            toml::from_str("[traffic]\nscenario = 's'\nagents = 'a'\nbegin_s = 0\nend_s = 60\n").unwrap();
+        let mut imitating = warehouse.clone();
+        imitating.learning.policy.imitate = Some("oldest-item".to_owned());
+        for original in [config(), scenario, warehouse, imitating] {
+            let json = to_json(&original);
+            let mut values = BTreeMap::new();
+            flatten("", &json, &mut values);
+            for (key, value) in values {
+                if ["network", "scenario", "agents"].iter().any(|file| key.ends_with(file)) {
+                    assert_eq!(value, json!(""), "the contents of files count, and not their places");
+                    continue;
+                }
+                let new = changed(&key, &value);
+                let now: RunConfig = serde_json::from_value(with(&json, &key, new.clone())).unwrap();
+                // These defaults are left out.
+                let is_left_out = ["traffic.clock_offsets", "traffic.until_first_switch"].contains(&key.as_str());
+                let now_there = (!is_left_out).then_some(new);
+                let expected = Difference { key: key.clone(), then: Some(value), now: now_there };
+                let listed = CHANGEABLE.iter().any(|changeable| changeable.key == key);
+                assert_eq!(differences(&original, &now), if listed { vec![] } else { vec![expected] }, "{key}");
+                keys.insert(key, listed);
+            }
+        }
+        assert_eq!(keys.values().filter(|listed| **listed).count(), CHANGEABLE.len(), "a key of the list is no key");
+        assert!(keys.len() > 40, "{keys:?}");
+    }
+
+    #[test]
+    fn only_the_end_of_a_config_moves() {
+        let text = "seed = 3\nstop_at_steps = 900\n[ppo]\nclip = 0.2\n";
+        assert_eq!(with_end(text, 40), "stop_at_steps = 40\nseed = 3\n[ppo]\nclip = 0.2\n");
+        assert_eq!(with_end("[ppo]\nclip = 0.2\n", 40), "stop_at_steps = 40\n[ppo]\nclip = 0.2\n");
+    }
+
+    #[test]
+    fn with_drift_the_evaluations_that_decide_must_stay() {
+        let mut then = config();
+        then.learning.aip.retrain = Retrain::Drift;
+        then.learning.evaluation.aip_loss_episodes = 4;
+        let mut now = then.clone();
+        (
+            now.learning.evaluation.every_steps,
+            now.learning.evaluation.episodes,
+            now.learning.evaluation.aip_loss_episodes,
+        ) = (50_000, 1, 5);
+        now.learning.stop_at_steps = None;
+        let keys = |then: &RunConfig, now: &RunConfig| -> Vec<String> {
+            differences(then, now).into_iter().map(|difference| difference.key).collect()
+        };
+        now.learning.checkpoints.every_steps = None;
+        assert_eq!(keys(&then, &now), ["evaluation.aip_loss_episodes", "evaluation.every_steps"]);
+        // Predictors that are never trained do not drift.
+        for config in [&mut then, &mut now] {
+            config.learning.predictor = Predictor::Untrained;
+        }
+        assert_eq!(keys(&then, &now), [""; 0]);
+    }
+
+    #[test]
+    fn a_key_that_did_not_exist_yet_counts_as_its_default() {
+        let mut json = to_json(&config());
+        json.as_object_mut().unwrap().remove("numerics");
+        json["ppo"].as_object_mut().unwrap().remove("clip");
+        assert_eq!(differences(&from_json(json.clone()).unwrap(), &config()), []);
+        let mut now = config();
+        now.learning.ppo.clip = 0.2;
+        let [difference] = &differences(&from_json(json.clone()).unwrap(), &now)[..] else { panic!("one differs") };
+        assert_eq!((&difference.then, &difference.now), (&Some(json!(0.1)), &Some(json!(0.2))));
+        json["ppo"]["klip"] = json!(1);
+        assert!(from_json(json).unwrap_err().to_string().contains("unknown field `klip`"));
+        assert!(from_json(with(&to_json(&config()), "evaluation.every_steps", json!(0))).is_err(), "it is checked");
+    }
+
+    #[test]
+    fn numbers_come_back_from_json_to_the_last_bit() {
+        let mut config = config();
+        for index in 1..2000_u64 {
+            config.learning.ppo.learning_rate = f64::from_bits(dials_core::base::scramble(index) >> 12 | 1022 << 52);
+            let text = to_json(&config).to_string();
+            let again = from_json(serde_json::from_str(&text).unwrap()).unwrap();
+            assert_eq!(again.learning.ppo.learning_rate.to_bits(), config.learning.ppo.learning_rate.to_bits());
+        }
+    }
+
+    #[test]
+    fn the_guide_lists_what_may_change() {
+        let guide = std::fs::read_to_string(concat!(env!("CARGO_MANIFEST_DIR"), "/../../docs/guide.md")).unwrap();
+        let (_, rows) = guide.split_once("| may change | why |\n|---|---|\n").expect("the table");
+        let listed: Vec<&str> =
+            rows.lines().map_while(|row| row.strip_prefix("| `")?.split_once('`').map(|(key, _)| key)).collect();
+        assert_eq!(listed, CHANGEABLE.map(|changeable| changeable.key));
+    }
+}

@@ -1,0 +1,114 @@
+//! A crew of one worker in this process, which works while the coordinator waits for it.
+
+use std::cell::RefCell;
+use std::collections::VecDeque;
+use std::rc::Rc;
+use std::sync::Arc;
+use std::time::Duration;
+
+use anyhow::Result;
+
+use super::channel::decode;
+use super::footprint::CpuClock;
+use super::link::{Crew, Frame, Link, News};
+use super::message::{Order, WorkerReport};
+use super::serve::Server;
+use super::{Coordinator, MostGrowth, Options};
+use crate::config::RunConfig;
+use dials_core::domain::Domain;
+use dials_learn::training::observer::Observer;
+
+/// Makes the smallest fleet: all agents in this process.
+pub fn in_process(
+    domain: Arc<dyn Domain>,
+    config: impl Into<RunConfig>,
+    observer: Rc<dyn Observer>,
+) -> Result<Coordinator> {
+    let options = Options {
+        workers: 1,
+        threads: 1,
+        patience: Duration::MAX,
+        most_growth: MostGrowth { kib: u64::MAX, share: 0.0 },
+    };
+    let crew = InProcess { domain: domain.clone(), observer: observer.clone(), server: None, mailbox: Rc::default() };
+    Coordinator::start(domain, &config.into(), Box::new(crew), options, observer)
+}
+
+/// The crew.
+struct InProcess {
+    domain: Arc<dyn Domain>,
+    observer: Rc<dyn Observer>,
+    server: Option<Server>,
+    mailbox: Rc<RefCell<Mailbox>>,
+}
+
+/// What coordinator and worker have sent each other and not read yet.
+#[derive(Default)]
+struct Mailbox {
+    orders: VecDeque<Frame>,
+    news: VecDeque<News>,
+}
+
+impl InProcess {
+    fn carry_out(&mut self, order: &[u8]) -> Result<Option<WorkerReport>> {
+        let order: Order = decode(order)?;
+        match &mut self.server {
+            Some(server) => server.carry_out(order, &*self.observer),
+            None => {
+                self.server = Some(Server::begin(order, CpuClock::from_now(), |_| Ok(self.domain.clone()))?);
+                Ok(Some(WorkerReport::Begun))
+            }
+        }
+    }
+}
+
+impl Crew for InProcess {
+    fn start(&mut self, _worker: usize) -> Result<Box<dyn Link>> {
+        Ok(Box::new(InProcessLink(self.mailbox.clone())))
+    }
+
+    fn can_replace(&self) -> bool {
+        false
+    }
+
+    fn is_this_process(&self) -> bool {
+        true
+    }
+
+    /// Carries out the orders that were sent.
+    fn wait(&mut self, _at_most: Duration) {
+        loop {
+            let Some(order) = self.mailbox.borrow_mut().orders.pop_front() else { return };
+            let news = match self.carry_out(&order) {
+                Ok(report) => report.map(News::Said),
+                Err(error) => Some(News::Gone(Some(error))),
+            };
+            self.mailbox.borrow_mut().news.extend(news);
+        }
+    }
+}
+
+/// The link to the worker in this process.
+struct InProcessLink(Rc<RefCell<Mailbox>>);
+
+impl Link for InProcessLink {
+    fn send(&self, frame: Frame) {
+        self.0.borrow_mut().orders.push_back(frame);
+    }
+
+    fn next(&mut self) -> Option<News> {
+        self.0.borrow_mut().news.pop_front()
+    }
+
+    fn state(&self) -> Option<String> {
+        None
+    }
+
+    fn end(self: Box<Self>) -> String {
+        "it is this process".to_owned()
+    }
+
+    fn end_by_force(self: Box<Self>) -> String {
+        self.end()
+    }
+}

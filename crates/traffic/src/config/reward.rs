@@ -1,0 +1,193 @@
+//! The reward of a light: a name, or a weighted sum of named terms.
+
+use std::borrow::Cow;
+use std::collections::BTreeMap;
+use std::fmt::{self, Formatter};
+
+use anyhow::{Result, ensure};
+use schemars::{JsonSchema, Schema, SchemaGenerator, json_schema};
+use serde::de::{Deserializer, Error, MapAccess, Visitor, value::StrDeserializer};
+use serde::{Deserialize, Serialize, Serializer};
+
+/// What a light can be paid for. All of it is measured on its own approaches and exits.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "kebab-case")]
+pub enum RewardTerm {
+    /// Mean of the cars' speed as a share of the limit of their lanes; 0 without cars.
+    MeanSpeed,
+    /// The same of the cars that have left the light and are on its exits.
+    ExitSpeed,
+    /// Minus the number of standing cars, in tens.
+    Queue,
+    /// Minus the time that the cars on the approaches lose against their limits, in tens of cars: a standing car counts
+    /// 1, a car at half the limit counts 0.5.
+    LostTime,
+    /// Minus the pressure, in tens of cars: those that come minus those that leave.
+    Pressure,
+    /// Minus the time for which the cars on the approaches have stood there, in units of 100 s, at most 10.
+    Wait,
+    /// That time before the decision minus the time after it, in units of 100 s.
+    DiffWaitingTime,
+}
+
+impl RewardTerm {
+    /// Returns what the term is, as docs/environments.md explains it.
+    pub fn words(self) -> &'static str {
+        match self {
+            RewardTerm::MeanSpeed => "mean speed of the cars on the approaches, as a share of the limit",
+            RewardTerm::ExitSpeed => "mean speed of the cars on the exits, as a share of the limit",
+            RewardTerm::Queue => "minus the standing cars on the approaches, in tens",
+            RewardTerm::LostTime => {
+                "minus the seconds that the cars on the approaches lose in a second against the limits, in tens"
+            }
+            RewardTerm::Pressure => "the cars on the exits minus those on the approaches, in tens",
+            RewardTerm::Wait => {
+                "minus the seconds that the cars on the approaches have stood there, in hundreds, at least -10"
+            }
+            RewardTerm::DiffWaitingTime => {
+                "the seconds of `wait` before the decision minus those after it, in hundreds"
+            }
+        }
+    }
+}
+
+/// Weights of terms, at least one.
+// It is written as the name of a term if that is the only one and has the weight 1.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Reward(BTreeMap<RewardTerm, f64>);
+
+/// Largest weight. A larger one must be a typing error.
+const MOST_WEIGHT: f64 = 1e6;
+
+impl Reward {
+    /// Returns the terms with their weights, in the order of [`RewardTerm`].
+    pub fn terms(&self) -> impl Iterator<Item = (RewardTerm, f64)> {
+        self.0.iter().map(|(&term, &weight)| (term, weight))
+    }
+
+    /// Returns a word of letters, digits and hyphens that no other reward has.
+    pub fn name(&self) -> String {
+        match serde_json::to_value(self) {
+            Ok(serde_json::Value::String(name)) => name,
+            weights => format!("weights-{:08x}", crc32fast::hash(weights.unwrap_or_default().to_string().as_bytes())),
+        }
+    }
+
+    pub(super) fn check(&self) -> Result<()> {
+        ensure!(
+            self.0.values().any(|&weight| weight != 0.0),
+            "traffic.reward: has no weight other than 0; name a reward, such as \"queue\""
+        );
+        for (term, weight) in &self.0 {
+            let name = serde_json::to_value(term)?;
+            let name = name.as_str().expect("a term is written as its name");
+            ensure!(
+                weight.abs() <= MOST_WEIGHT,
+                "traffic.reward.{name} = {weight}: must be from -{MOST_WEIGHT} to {MOST_WEIGHT}"
+            );
+        }
+        Ok(())
+    }
+}
+
+impl From<RewardTerm> for Reward {
+    fn from(term: RewardTerm) -> Reward {
+        Reward(BTreeMap::from([(term, 1.0)]))
+    }
+}
+
+/// The default of scenarios is the queue: what it sums up to is the time that cars stand. The weight keeps returns within a few units, because a
+/// value moves by at most the clip range in an update.
+impl Default for Reward {
+    fn default() -> Reward {
+        Reward(BTreeMap::from([(RewardTerm::Queue, 0.1)]))
+    }
+}
+
+impl Serialize for Reward {
+    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        match self.0.first_key_value() {
+            Some((term, 1.0)) if self.0.len() == 1 => term.serialize(serializer),
+            _ => self.0.serialize(serializer),
+        }
+    }
+}
+
+impl<'de> Deserialize<'de> for Reward {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Reward, D::Error> {
+        deserializer.deserialize_any(NameOrWeights)
+    }
+}
+
+impl JsonSchema for Reward {
+    fn schema_name() -> Cow<'static, str> {
+        "Reward".into()
+    }
+
+    fn json_schema(generator: &mut SchemaGenerator) -> Schema {
+        let term = generator.subschema_for::<RewardTerm>();
+        let weights =
+            json_schema!({ "type": "object", "propertyNames": term, "additionalProperties": { "type": "number" } });
+        json_schema!({ "anyOf": [term, weights] })
+    }
+}
+
+struct NameOrWeights;
+
+impl<'de> Visitor<'de> for NameOrWeights {
+    type Value = Reward;
+
+    fn expecting(&self, f: &mut Formatter<'_>) -> fmt::Result {
+        f.write_str("the name of a reward, or a table of weights such as { queue = 0.5, wait = 0.5 }")
+    }
+
+    fn visit_str<E: Error>(self, name: &str) -> Result<Reward, E> {
+        RewardTerm::deserialize(StrDeserializer::new(name)).map(Reward::from)
+    }
+
+    fn visit_map<M: MapAccess<'de>>(self, mut map: M) -> Result<Reward, M::Error> {
+        let mut weights = BTreeMap::new();
+        while let Some((term, weight)) = map.next_entry()? {
+            weights.insert(term, weight);
+        }
+        Ok(Reward(weights))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn read(json: &str) -> Result<Reward, String> {
+        serde_json::from_str(json).map_err(|error| error.to_string())
+    }
+
+    #[test]
+    fn a_reward_is_a_name_or_weights_and_comes_back_as_it_was_written() {
+        assert_eq!(read("{\"queue\":0.1}").unwrap(), Reward::default());
+        for json in ["\"mean-speed\"", "\"diff-waiting-time\"", "{\"queue\":0.5,\"pressure\":2.0}", "{\"wait\":0.5}"] {
+            assert_eq!(serde_json::to_string(&read(json).unwrap()).unwrap(), json);
+        }
+        assert_eq!(read("{\"wait\":1.0}").unwrap(), Reward::from(RewardTerm::Wait));
+    }
+
+    #[test]
+    fn every_reward_has_a_word_of_its_own() {
+        assert_eq!(read("\"wait\"").unwrap().name(), "wait");
+        let names = ["{\"queue\":0.1}", "{\"queue\":0.2}"].map(|json| read(json).unwrap().name());
+        assert!(names[0].starts_with("weights-") && names[0] != names[1], "{names:?}");
+    }
+
+    #[test]
+    fn what_is_no_reward_is_refused() {
+        let unknown = "unknown variant `speed`, expected one of `mean-speed`, `exit-speed`, `queue`, `lost-time`, `pressure`, \
+                       `wait`, `diff-waiting-time`";
+        assert!(read("\"speed\"").unwrap_err().starts_with(unknown));
+        assert!(read("{\"speed\":1}").unwrap_err().starts_with(unknown));
+        assert!(read("3").unwrap_err().contains("expected the name of a reward, or a table of weights"));
+        let refused = |json: &str| read(json).unwrap().check().unwrap_err().to_string();
+        assert!(refused("{}").contains("has no weight other than 0"));
+        assert!(refused("{\"wait\":0}").contains("has no weight other than 0"));
+        assert_eq!(refused("{\"wait\":1e7}"), "traffic.reward.wait = 10000000: must be from -1000000 to 1000000");
+    }
+}

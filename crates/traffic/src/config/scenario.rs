@@ -1,0 +1,251 @@
+//! The table `[traffic]` for a scenario: a .sumocfg of the user instead of a grid of ours.
+
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+use anyhow::{Context, Result, ensure};
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+use super::reward::Reward;
+use super::sumocfg::{MOST_SECONDS, Sumocfg};
+use super::yellow::Yellow;
+use crate::Traffic;
+use dials_core::domain::{Domain, DomainTable};
+
+/// A scenario of yours: a .sumocfg of SUMO with its net, route files and additional files. Every light of it that has
+/// something to choose learns. Its agents choose a green every `decision_s` seconds; yellow comes by itself.
+///
+/// A config that names a scenario has other defaults than the paper's, those of
+/// [`scenario_defaults.toml`](../crates/traffic/src/config/scenario_defaults.toml): they fit 300 episodes of an hour. They
+/// replace the defaults of this page, key by key. Only `aip.patience` stays out if the config names `aip.epochs`.
+///
+/// A .sumocfg stands for a config that names nothing else, wherever the command line takes a config. `--set` works as for a
+/// config. What of a .sumocfg is simulated: see [environments](environments.md#what-of-a-sumocfg-is-simulated).
+///
+/// `train` and `bench` first cut the local simulators of all lights, and load them once. Lights that cannot be cut are
+/// named, with the reasons. `--simulator gs` trains on the whole network and needs none; nor do `baseline` and `evaluate`.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, default)]
+#[schemars(title = "for a scenario", extend("required" = ["scenario"]))]
+pub struct ScenarioConfig {
+    /// Path of the .sumocfg, relative to the config file.
+    pub scenario: PathBuf,
+    /// Path of a file that overrides what is derived from the net: which lights learn, greens, approaches, yellow. It
+    /// is relative to the config file.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub agents: Option<PathBuf>,
+    /// Second at which an episode begins. If left out, `<begin>` of the .sumocfg, or 0.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub begin_s: Option<u64>,
+    /// Second at which an episode ends. If left out, `<end>` of the .sumocfg, which must then name one.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub end_s: Option<u64>,
+    /// Number of seconds of a decision, which is a step of the domain. The horizon is the number of whole decisions from
+    /// begin to end. Hand-coded controllers decide every second.
+    pub decision_s: u32,
+    /// Least number of seconds of a green.
+    pub min_green_s: u32,
+    /// Number of seconds of yellow between two greens, for what loses green. `"program"`: as many as in the light's own
+    /// program, so that no controller gains time by a shorter yellow; 3 if it shows none.
+    pub yellow_s: Yellow,
+    /// Distance in metres that an agent sees upstream of its stop lines.
+    pub approach_m: f64,
+    /// What an agent sees of the cars on its approaches.
+    pub observation: Observation,
+    /// What an agent is rewarded for, as on a grid. Keep returns within a few units: a value moves by at most `ppo.clip` in
+    /// an update. With a weight of 1, `"queue"` and `"wait"` got agents stuck on RESCO's map cologne1. The default comes
+    /// from six runs there, one seed each, so it is no proof that other rewards are worse. Returns of
+    /// `"diff-waiting-time"` only say what waits at the end of the episode, so they mislead; compare delays instead.
+    pub reward: Reward,
+    /// Number of decisions of an episode of the local simulators, at most those from begin to end.
+    ///
+    /// DEVIATION 17: an episode of the local simulators begins at a drawn second of the demand.
+    pub local_horizon: usize,
+}
+
+/// What an agent sees of the cars on its approaches.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "lowercase")]
+pub enum Observation {
+    /// A bit for each cell of 10 m.
+    #[default]
+    Cells,
+    /// The queue and the density of each lane.
+    Queues,
+}
+
+/// Longest decision, green and yellow, in seconds.
+const LONGEST_S: u32 = 300;
+/// Limits of `approach_m`.
+const APPROACH_M: std::ops::RangeInclusive<f64> = 10.0..=1000.0;
+/// Largest number of decisions of an episode, as in the check of a horizon.
+const MOST_DECISIONS: u64 = 1_000_000;
+
+impl Default for ScenarioConfig {
+    fn default() -> Self {
+        ScenarioConfig::new("")
+    }
+}
+
+impl ScenarioConfig {
+    /// Returns the settings of a config that names nothing but its scenario.
+    pub fn new(scenario: impl Into<PathBuf>) -> ScenarioConfig {
+        ScenarioConfig {
+            scenario: scenario.into(),
+            agents: None,
+            begin_s: None,
+            end_s: None,
+            decision_s: 5,
+            min_green_s: 5,
+            yellow_s: Yellow::Program,
+            approach_m: 150.0,
+            observation: Observation::default(),
+            reward: Reward::default(),
+            local_horizon: 120,
+        }
+    }
+
+    /// Returns the settings of a .sumocfg that is taken as it is.
+    pub fn of_file(scenario: &Path) -> Result<ScenarioConfig> {
+        let mut config = ScenarioConfig::new(scenario);
+        config.complete()?;
+        config.check()?;
+        Ok(config)
+    }
+
+    /// Returns the seconds at which an episode begins and ends. An error names the key of the one that is missing.
+    pub fn window_s(&self) -> Result<(u64, u64)> {
+        let missing = |key: &str| format!("traffic.{key}: is missing here and in the .sumocfg; set it to a second");
+        Ok((self.begin_s.with_context(|| missing("begin_s"))?, self.end_s.with_context(|| missing("end_s"))?))
+    }
+
+    /// Returns a note about the seconds after the last whole decision, if there are any.
+    pub fn unplayed(&self) -> Option<String> {
+        let (begin, end) = self.window_s().expect("a checked config has both");
+        let seconds = (end - begin) % u64::from(self.decision_s);
+        let told = || {
+            format!("the last {seconds} s before {end} s are left out, because a decision takes {} s", self.decision_s)
+        };
+        (seconds > 0).then(told)
+    }
+}
+
+impl DomainTable for ScenarioConfig {
+    /// Returns the number of whole decisions from begin to end.
+    fn horizon(&self) -> usize {
+        let (begin, end) = self.window_s().expect("a checked config has both");
+        ((end - begin) / u64::from(self.decision_s)) as usize
+    }
+
+    fn local_horizon(&self) -> usize {
+        self.local_horizon.min(self.horizon())
+    }
+
+    fn check(&self) -> Result<()> {
+        let yellow = match self.yellow_s {
+            Yellow::Seconds(seconds) => Some((0, "yellow_s", seconds)),
+            Yellow::Program => None,
+        };
+        let given = [(1, "decision_s", self.decision_s), (1, "min_green_s", self.min_green_s)];
+        for (least, key, value) in given.into_iter().chain(yellow) {
+            ensure!(
+                (least..=LONGEST_S).contains(&value),
+                "traffic.{key} = {value}: must be from {least} to {LONGEST_S} seconds"
+            );
+        }
+        let approach = self.approach_m;
+        ensure!(APPROACH_M.contains(&approach), "traffic.approach_m = {approach}: must be from 10 to 1000 metres");
+        ensure!(self.local_horizon >= 1, "traffic.local_horizon = 0: must be at least 1 decision; 120 is the default");
+        self.reward.check()?;
+        let (begin, end) = self.window_s()?;
+        ensure!(end <= MOST_SECONDS, "traffic.end_s = {end}: must be at most {MOST_SECONDS}");
+        ensure!(
+            begin < end,
+            "traffic.begin_s = {begin}: must be before traffic.end_s = {end}; where a config names neither, they are \
+             <begin> and <end> of the .sumocfg"
+        );
+        let decisions = (end - begin) / u64::from(self.decision_s);
+        ensure!(
+            (1..=MOST_DECISIONS).contains(&decisions),
+            "traffic.decision_s = {}: from {begin} to {end} s there are {decisions} decisions, but there must be from \
+             1 to {MOST_DECISIONS}",
+            self.decision_s
+        );
+        Ok(())
+    }
+
+    fn paths(&mut self) -> Vec<(&'static str, &mut PathBuf)> {
+        let agents = self.agents.as_mut().map(|path| ("agents", path));
+        [("scenario", &mut self.scenario)].into_iter().chain(agents).collect()
+    }
+    fn defaults(&self) -> &'static str {
+        include_str!("scenario_defaults.toml")
+    }
+
+    /// Reads the times that the config does not name from the .sumocfg.
+    fn complete(&mut self) -> Result<()> {
+        if self.begin_s.is_some() && self.end_s.is_some() {
+            return Ok(());
+        }
+        let file = Sumocfg::read(&self.scenario)?;
+        self.begin_s = self.begin_s.or(Some(file.begin_s));
+        self.end_s = self.end_s.or(file.end_s);
+        Ok(())
+    }
+
+    fn open(&self) -> Result<Arc<dyn Domain>> {
+        Ok(Arc::new(Traffic::open_scenario(self)?))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn checked(change: impl Fn(&mut ScenarioConfig)) -> String {
+        let mut config =
+            ScenarioConfig { begin_s: Some(25_200), end_s: Some(28_800), ..ScenarioConfig::new("a.sumocfg") };
+        change(&mut config);
+        config.check().map_or_else(|error| error.to_string(), |()| format!("{} decisions", config.horizon()))
+    }
+
+    #[test]
+    fn the_horizon_is_the_whole_decisions_from_begin_to_end() {
+        assert_eq!(checked(|_| {}), "720 decisions");
+        // 3600 / 7 = 514.3
+        assert_eq!(checked(|config| config.decision_s = 7), "514 decisions");
+        assert_eq!(checked(|config| config.end_s = Some(25_205)), "1 decisions");
+    }
+
+    #[test]
+    fn seconds_that_are_too_few_for_a_decision_are_told() {
+        let until = |end| {
+            ScenarioConfig { begin_s: Some(100), end_s: Some(end), ..ScenarioConfig::new("a.sumocfg") }.unplayed()
+        };
+        assert_eq!(until(400), None);
+        assert_eq!(until(404).unwrap(), "the last 4 s before 404 s are left out, because a decision takes 5 s");
+    }
+
+    #[test]
+    fn settings_that_make_no_sense_are_refused() {
+        assert_eq!(checked(|config| config.decision_s = 0), "traffic.decision_s = 0: must be from 1 to 300 seconds");
+        assert_eq!(
+            checked(|config| config.yellow_s = Yellow::Seconds(301)),
+            "traffic.yellow_s = 301: must be from 0 to 300 seconds"
+        );
+        for approach in [9.0, 1001.0, f64::NAN] {
+            let told = checked(|config| config.approach_m = approach);
+            assert_eq!(told, format!("traffic.approach_m = {approach}: must be from 10 to 1000 metres"));
+        }
+        assert!(checked(|config| config.end_s = Some(25_200)).contains("25200: must be before traffic.end_s = 25200"));
+        assert!(
+            checked(|config| config.end_s = Some(25_204)).contains("5: from 25200 to 25204 s there are 0 decisions")
+        );
+        assert_eq!(
+            checked(|config| config.end_s = None),
+            "traffic.end_s: is missing here and in the .sumocfg; set it to a second"
+        );
+        assert!(checked(|config| config.end_s = Some(u64::MAX)).contains("must be at most"));
+    }
+}

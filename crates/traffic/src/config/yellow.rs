@@ -1,0 +1,94 @@
+//! How long lights of a scenario show yellow: a number of seconds, or the word "program".
+
+use std::borrow::Cow;
+use std::fmt::{self, Display, Formatter};
+
+use schemars::{JsonSchema, Schema, SchemaGenerator, json_schema};
+use serde::de::{Error, Unexpected, Visitor};
+use serde::{Deserialize, Deserializer, Serialize, Serializer};
+
+const PROGRAM: &str = "program";
+
+/// Length of the yellow between two greens.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Yellow {
+    /// That of the light's own program, in whole seconds. So no controller gains time by a shorter one.
+    #[default]
+    Program,
+    Seconds(u32),
+}
+
+impl Display for Yellow {
+    fn fmt(&self, f: &mut Formatter<'_>) -> fmt::Result {
+        match self {
+            Yellow::Program => f.write_str("as in the light's own program"),
+            Yellow::Seconds(seconds) => write!(f, "{seconds} s"),
+        }
+    }
+}
+
+impl Serialize for Yellow {
+    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        match self {
+            Yellow::Program => serializer.serialize_str(PROGRAM),
+            Yellow::Seconds(seconds) => serializer.serialize_u32(*seconds),
+        }
+    }
+}
+
+impl<'de> Deserialize<'de> for Yellow {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Yellow, D::Error> {
+        deserializer.deserialize_any(SecondsOrProgram)
+    }
+}
+
+impl JsonSchema for Yellow {
+    fn schema_name() -> Cow<'static, str> {
+        "Yellow".into()
+    }
+
+    fn json_schema(_: &mut SchemaGenerator) -> Schema {
+        json_schema!({ "anyOf": [{ "enum": [PROGRAM] }, { "type": "integer", "minimum": 0 }] })
+    }
+}
+
+struct SecondsOrProgram;
+
+impl Visitor<'_> for SecondsOrProgram {
+    type Value = Yellow;
+
+    fn expecting(&self, f: &mut Formatter<'_>) -> fmt::Result {
+        write!(f, "a whole number of seconds, or \"{PROGRAM}\"")
+    }
+
+    fn visit_u64<E: Error>(self, seconds: u64) -> Result<Yellow, E> {
+        let seconds = u32::try_from(seconds).map_err(|_| E::invalid_value(Unexpected::Unsigned(seconds), &self))?;
+        Ok(Yellow::Seconds(seconds))
+    }
+
+    fn visit_i64<E: Error>(self, seconds: i64) -> Result<Yellow, E> {
+        let unsigned = u64::try_from(seconds).map_err(|_| E::invalid_value(Unexpected::Signed(seconds), &self))?;
+        self.visit_u64(unsigned)
+    }
+
+    fn visit_str<E: Error>(self, word: &str) -> Result<Yellow, E> {
+        if word == PROGRAM { Ok(Yellow::Program) } else { Err(E::invalid_value(Unexpected::Str(word), &self)) }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn it_is_a_number_or_the_word_and_comes_back_as_it_was_written() {
+        for json in ["0", "4", "\"program\""] {
+            let yellow: Yellow = serde_json::from_str(json).unwrap();
+            assert_eq!(serde_json::to_string(&yellow).unwrap(), json);
+        }
+        for json in ["-1", "1.5", "\"own\"", "4294967296"] {
+            let told = serde_json::from_str::<Yellow>(json).unwrap_err().to_string();
+            assert!(told.contains("a whole number of seconds, or \"program\""), "{told}");
+        }
+    }
+}
