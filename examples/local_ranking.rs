@@ -27,7 +27,7 @@ use dials_traffic::sim::control::SignalControl;
 use rand::Rng;
 
 /// Local simulators of each light, each with one episode.
-const COPIES: usize = 32;
+const COPIES: usize = if cfg!(test) { 12 } else { 32 };
 
 #[cfg_attr(test, allow(dead_code, reason = "the test calls `run`"))]
 fn main() -> Result<()> {

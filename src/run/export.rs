@@ -124,7 +124,7 @@ mod tests {
     #[test]
     fn the_module_of_a_kind_says_what_its_policies_say() {
         let (domain, config) = (CoinsAndDice::new(1), dials_session::config::RunConfig::default());
-        let stacks = domain.kinds().iter().map(|kind| initial_policies(&domain, &config, &kind.agents));
+        let stacks = domain.kinds().iter().map(|kind| initial_policies(&domain, &config.learning, &kind.agents));
         let stacks: Vec<PolicyStack> = stacks.collect();
         let row = |agent: usize| {
             let place = domain.kinds().place(AgentId(agent));
@@ -134,7 +134,7 @@ mod tests {
         (0..4).for_each(|agent| policies.push(row(agent)));
         let dir = tempfile::tempdir().unwrap();
         let files = files_of(&dir.path().join("policies.pt"), domain.kinds());
-        write_scripts(domain.kinds(), &config.policy, &policies, &files, Existing::Refuse).unwrap();
+        write_scripts(domain.kinds(), &config.learning.policy, &policies, &files, Existing::Refuse).unwrap();
         let shown = Seed::new(1);
         for ((kind, stack), file) in domain.kinds().iter().zip(&stacks).zip(&files) {
             let mut gs = domain.global_simulator().unwrap();

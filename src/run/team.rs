@@ -147,7 +147,7 @@ fn serve(relay: Relay) -> Result<()> {
 fn prepare(ranks: &mut Ranks, plan: &Plan) -> anyhow::Result<RunConfig> {
     let Plan { domain, config, directory, workers, patience } = *plan;
     let here = build::here(PROGRAM, config.numerics.vector_width)?;
-    let agents = fleet::agents_of_workers(config, domain.agents(), workers);
+    let agents = fleet::agents_of_workers(&config.learning, domain.agents(), workers);
     let (prepared, config) = ranks.prepare(Job { config, directory, networks: files::NETWORKS, agents, patience })?;
     prepared.iter().try_for_each(|rank| check_build(rank, &here))?;
     Ok(config)

@@ -1,53 +1,105 @@
-//! The folder in which a child works, and a folder beside it that must stay as it is.
+//! The folder in which inputs are tried, a folder beside it that must stay as it is, and the program, run in there.
 
+use std::cell::OnceCell;
 use std::collections::BTreeMap;
 use std::fs;
 use std::path::{Path, PathBuf};
+use std::time::Duration;
 
-const WORK: &str = "work";
-const OUTSIDE: &str = "outside";
+use dials_core::outside::is_printable;
+use tempfile::TempDir;
+
+use super::runs::Runs;
+
 const CANARY: (&str, &str) = ("canary", "this file belongs to somebody else\n");
 
-/// Makes both folders in `root` and returns the one to work in.
-pub fn make(root: &Path) -> PathBuf {
-    fs::create_dir(root.join(WORK)).expect("a new folder");
-    fs::create_dir(root.join(OUTSIDE)).expect("a new folder");
-    fs::write(root.join(OUTSIDE).join(CANARY.0), CANARY.1).expect("a new file");
-    root.join(WORK)
+pub struct Place {
+    root: TempDir,
+    runs: OnceCell<Runs>,
 }
 
-/// Returns the folder that this process works in.
-pub fn work() -> PathBuf {
-    std::env::current_dir().expect("the driver made the folder")
+/// What the program said, and its exit code.
+pub struct Outcome {
+    pub code: i32,
+    pub stdout: String,
+    pub stderr: String,
 }
 
-/// Panics if a file outside was changed, added or removed; repairs it first.
-pub fn check_outside() {
-    let outside = work().with_file_name(OUTSIDE);
-    let found = contents(&outside);
-    if found.len() == 1 && found.get(CANARY.0).is_some_and(|text| text == CANARY.1.as_bytes()) {
-        return;
+impl Place {
+    pub fn new() -> Place {
+        let place = Place { root: tempfile::tempdir().expect("a temporary folder"), runs: OnceCell::new() };
+        fs::create_dir(place.work()).expect("a new folder");
+        place.make_outside();
+        place
     }
-    fs::remove_dir_all(&outside).expect("a folder of this process");
-    fs::create_dir(&outside).expect("its place is free");
-    fs::write(outside.join(CANARY.0), CANARY.1).expect("a new file");
-    panic!("a file outside was touched; there are: {:?}", found.keys().collect::<Vec<_>>());
-}
 
-fn contents(folder: &Path) -> BTreeMap<String, Vec<u8>> {
-    let entries = fs::read_dir(folder).into_iter().flatten().flatten();
-    let named = entries.map(|entry| (entry.file_name().to_string_lossy().into_owned(), entry.path()));
-    named.map(|(name, path)| (name, fs::read(path).unwrap_or_default())).collect()
-}
-
-/// Makes an empty folder of this name to work in.
-pub fn empty(name: &str) -> PathBuf {
-    let folder = work().join(name);
-    match fs::remove_dir_all(&folder) {
-        Err(error) if error.kind() != std::io::ErrorKind::NotFound => panic!("{}: {error}", folder.display()),
-        _ => fs::create_dir_all(&folder).expect("a folder to work in"),
+    /// Returns trained runs, which are made when they are first needed.
+    pub fn runs(&self) -> &Runs {
+        self.runs.get_or_init(Runs::make)
     }
-    folder
+
+    /// Returns the folder to work in.
+    pub fn work(&self) -> PathBuf {
+        self.root.path().join("work")
+    }
+
+    /// Writes a file to work with.
+    pub fn file(&self, name: &str, bytes: &[u8]) -> PathBuf {
+        let path = self.work().join(name);
+        fs::write(&path, bytes).expect("a file to work with");
+        path
+    }
+
+    /// Makes an empty folder of this name to work in.
+    pub fn empty(&self, name: &str) -> PathBuf {
+        let folder = self.work().join(name);
+        match fs::remove_dir_all(&folder) {
+            Err(error) if error.kind() != std::io::ErrorKind::NotFound => panic!("{}: {error}", folder.display()),
+            _ => fs::create_dir_all(&folder).expect("a folder to work in"),
+        }
+        folder
+    }
+
+    fn outside(&self) -> PathBuf {
+        self.root.path().join("outside")
+    }
+
+    fn make_outside(&self) {
+        fs::create_dir(self.outside()).expect("its place is free");
+        fs::write(self.outside().join(CANARY.0), CANARY.1).expect("a new file");
+    }
+
+    /// Panics if a file outside was changed, added or removed; repairs it first.
+    pub fn check_outside(&self) {
+        let entries = fs::read_dir(self.outside()).into_iter().flatten().flatten();
+        let found: BTreeMap<_, _> =
+            entries.map(|entry| (entry.file_name(), fs::read(entry.path()).unwrap_or_default())).collect();
+        if found.into_iter().ne([(CANARY.0.into(), CANARY.1.as_bytes().to_vec())]) {
+            fs::remove_dir_all(self.outside()).expect("a folder of this process");
+            self.make_outside();
+            panic!("a file outside was touched");
+        }
+    }
+
+    /// Runs the program in the folder to work in.
+    pub fn program(&self, arguments: &[&str]) -> Outcome {
+        program(&self.work(), arguments)
+    }
+}
+
+/// Runs the program. Panics if it was ended by a signal, panicked, hung, returned an unknown exit code, or said what is
+/// not printable.
+pub fn program(folder: &Path, arguments: &[&str]) -> Outcome {
+    let mut command = assert_cmd::Command::new(env!("CARGO_BIN_EXE_dials-traffic"));
+    let output = command.args(arguments).current_dir(folder).timeout(Duration::from_secs(50)).output();
+    let output = output.expect("the program is built");
+    let [stdout, stderr] = [output.stdout, output.stderr].map(|said| String::from_utf8_lossy(&said).into_owned());
+    let said = || format!("with {arguments:?}, and said: {}", stderr.chars().take(2_000).collect::<String>());
+    let Some(code) = output.status.code() else { panic!("the program hung or was ended by a signal {}", said()) };
+    assert!([0, 1, 2].contains(&code) && !stderr.contains("panicked at"), "the program ended with {code} {}", said());
+    let bad = stdout.chars().chain(stderr.chars()).find(|&letter| letter != '\n' && !is_printable(letter));
+    assert!(bad.is_none(), "the program printed {bad:?} {}", said());
+    Outcome { code, stdout, stderr }
 }
 
 /// Copies a folder with what is in it.

@@ -8,7 +8,6 @@ use serde::{Deserialize, Serialize};
 
 use super::lifeline::Address;
 use crate::config::RunConfig;
-use crate::domains::DomainConfig;
 use dials_core::outside::Directory;
 
 /// Longest file that travels. A network of 10 000 intersections has under 1 GiB.

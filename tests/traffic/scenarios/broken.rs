@@ -1,0 +1,352 @@
+//! Ways to break a scenario, and what is said of each.
+
+use std::fs;
+
+use dials_traffic::config::ScenarioConfig;
+use dials_traffic::scenario::SumoScenario;
+
+use super::room::{BUSES, CARS, MORE, NET, Room, SUMOCFG, names, table};
+
+/// A file, a text in it, what takes its place, and the error.
+type Break = (&'static str, &'static str, &'static str, &'static str);
+
+/// Ways to break the .sumocfg.
+const BROKEN_CONFIGURATIONS: &[Break] = &[
+    (
+        SUMOCFG,
+        "net.net.xml",
+        "no.net.xml",
+        "DIR/x.sumocfg: <net-file> names DIR/no.net.xml, and there is no such file; correct the path",
+    ),
+    (
+        SUMOCFG,
+        "cars.rou.xml",
+        "../no.xml",
+        "DIR/x.sumocfg: <route-files> names DIR/../no.xml, and there is no such file; correct the path",
+    ),
+    (
+        SUMOCFG,
+        "more.add.xml",
+        "/no/such.add.xml",
+        "DIR/x.sumocfg: <additional-files> names /no/such.add.xml, and there is no such file; correct the path",
+    ),
+    (SUMOCFG, "cars.rou.xml", "/dev/zero", "/dev/zero: could not be read: it is not a regular file"),
+    (SUMOCFG, "<net-file value=\"net.net.xml\"/>", "", "DIR/x.sumocfg: names no net; add <net-file value=\"...\"/>"),
+    (
+        SUMOCFG,
+        "net.net.xml",
+        "more.add.xml",
+        "DIR/more.add.xml: is no net of SUMO: its root is <additional>, not <net>",
+    ),
+    (
+        SUMOCFG,
+        "cars.rou.xml",
+        "net.net.xml",
+        "DIR/net.net.xml: is a net, and <route-files> of DIR/x.sumocfg names it; correct the path",
+    ),
+    (
+        SUMOCFG,
+        "<begin value=\"100\"/>",
+        "<begin value=\"400\"/>",
+        "DIR/x.sumocfg: <begin value=\"400\">: must be before <end value=\"400\">, so nothing would be simulated",
+    ),
+    (
+        SUMOCFG,
+        "<end value=\"400\"/>",
+        "<end value=\"noon\"/>",
+        "DIR/x.sumocfg: <end>: `noon` is no time: it must be seconds, such as 3600, or 01:00:00",
+    ),
+    (
+        SUMOCFG,
+        "<end value=\"400\"/>",
+        "",
+        "DIR/x.sumocfg: traffic.end_s: is missing here and in the .sumocfg; set it to a second",
+    ),
+    (
+        SUMOCFG,
+        "<end value=\"400\"/>",
+        "<end value=\"9000000000\"/>",
+        "DIR/x.sumocfg: traffic.decision_s = 5: from 100 to 9000000000 s there are 1799999980 decisions, but there must be from 1 to 1000000",
+    ),
+    (
+        SUMOCFG,
+        "<time>",
+        "<time><step-length value=\"0.5\"/>",
+        "DIR/x.sumocfg: <step-length>: is 0.5, and this program simulates steps of 1 s; remove it or set it to 1",
+    ),
+    (
+        SUMOCFG,
+        "<processing>",
+        "<processing><lateral-resolution value=\"0.8\"/>",
+        "DIR/x.sumocfg: <lateral-resolution>: is 0.8, and this program does not know the sublane model, in which cars share a lane; remove it",
+    ),
+    (
+        SUMOCFG,
+        "<processing>",
+        "<processing><mesosim value=\"true\"/>",
+        "DIR/x.sumocfg: <mesosim>: is true, and this program simulates single cars and lanes; remove it",
+    ),
+    (
+        SUMOCFG,
+        "<input>",
+        "<input><load-state value=\"s.xml\"/>",
+        "DIR/x.sumocfg: <load-state>: is s.xml, and it reads a file that this program does not copy into a run directory; remove it",
+    ),
+    (
+        SUMOCFG,
+        "<processing>",
+        "<processing><frobnicate value=\"1\"/>",
+        "DIR/x.sumocfg: <frobnicate>: is no option of SUMO that this program knows; remove it",
+    ),
+    (
+        SUMOCFG,
+        "<processing>",
+        "<processing><eager-insert value=\"--tripinfo-output=VICTIM\"/>",
+        "DIR/x.sumocfg: <eager-insert>: is `--tripinfo-output=VICTIM`, which is no value of it; remove it",
+    ),
+    (SUMOCFG, "<time>", "<time><begin value=\"7\"/>", "DIR/x.sumocfg: <begin>: is given twice; remove one of them"),
+    (SUMOCFG, "</configuration>", "", "DIR/x.sumocfg: is not XML: the root node was opened but never closed"),
+    (
+        SUMOCFG,
+        "<configuration>",
+        "<!DOCTYPE x [<!ENTITY y SYSTEM '/etc/passwd'>]><configuration>",
+        "DIR/x.sumocfg: has a document type (<!DOCTYPE ...>), which SUMO's files do not need",
+    ),
+];
+
+/// Ways to break the net and the demand that SUMO takes in silence, or that this program does not simulate.
+const REFUSED: &[Break] = &[
+    (
+        NET,
+        "<connection from=\"e0_r0c1\"",
+        "<connection from=\"no\"",
+        "DIR/net.net.xml: <connection from=\"no\" fromLane=\"0\" to=\"r0c1_r0c0\" toLane=\"0\">: from=\"no\": the net has none of this name; make the net again with netconvert",
+    ),
+    (
+        NET,
+        "<junction id=\"r0c0\" type=\"traffic_light\"",
+        "<junction id=\"r0c0\" type=\"rail_crossing\"",
+        "DIR/net.net.xml: <junction id=\"r0c0\">: type=\"rail_crossing\": this program does not simulate trains; remove the track from the net, for example with netconvert's --remove-edges.by-vclass",
+    ),
+    (
+        NET,
+        "</net>",
+        "<busStop id=\"s\" lane=\"w0_r0c0_0\"/></net>",
+        "DIR/net.net.xml: <busStop id=\"s\"> in <net>: this program does not simulate it; remove it",
+    ),
+    (
+        CARS,
+        "depart=\"120.00\"",
+        "depart=\"triggered\"",
+        "DIR/cars.rou.xml: <trip id=\"t\">: depart=\"triggered\": this program does not simulate persons and trains; set a second",
+    ),
+    (
+        CARS,
+        "depart=\"120.00\"",
+        "depart=\"140.00\"",
+        "DIR/cars.rou.xml: <vehicle id=\"v\">: depart=\"130\": comes after one that departs at 140 s, and SUMO would leave it out; sort the file by departure",
+    ),
+    (
+        CARS,
+        "route=\"west\"/>",
+        "route=\"west\"><stop lane=\"r0c0_w0_0\" duration=\"9\"/></vehicle>",
+        "DIR/cars.rou.xml: <stop> in <vehicle id=\"v\">: this program does not simulate it; remove it",
+    ),
+    (
+        CARS,
+        "</routes>",
+        "<person id=\"p\" depart=\"150\"><walk edges=\"w0_r0c0\"/></person></routes>",
+        "DIR/cars.rou.xml: <person id=\"p\"> in <routes>: this program does not simulate it; remove it",
+    ),
+    (
+        CARS,
+        "</routes>",
+        "<trp id=\"p\" depart=\"150\"/></routes>",
+        "DIR/cars.rou.xml: <trp id=\"p\"> in <routes>: this program does not simulate it; remove it",
+    ),
+    (
+        CARS,
+        "</routes>",
+        "<taz id=\"z\" edges=\"w0_r0c0\"/></routes>",
+        "DIR/cars.rou.xml: <taz id=\"z\">: SUMO skips it in a route file; move it to an additional file",
+    ),
+    (
+        BUSES,
+        "vClass=\"bus\"",
+        "vClass=\"tram\"",
+        "DIR/buses.rou.xml: <flow id=\"g\">: type=\"bus\": its class is tram, and this program simulates roads; remove it",
+    ),
+    (
+        BUSES,
+        "length=\"12\"",
+        "length=\"12\" decel=\"nan\"",
+        "DIR/buses.rou.xml: <vType id=\"bus\">: decel=\"nan\": must be a finite number; correct it",
+    ),
+    (
+        MORE,
+        "</additional>",
+        "<rerouter id=\"r\" edges=\"w0_r0c0\" file=\"VICTIM\"/></additional>",
+        "DIR/more.add.xml: <rerouter id=\"r\"> in <additional>: this program does not simulate it; remove it",
+    ),
+    (
+        MORE,
+        "</additional>",
+        "<include href=\"VICTIM\"/></additional>",
+        "DIR/more.add.xml: <include> in <additional>: this program does not simulate it; remove it",
+    ),
+    (
+        MORE,
+        "length=\"4.3\" speedDev=\"0.1\"/>",
+        "length=\"4.3\"><param key=\"device.ssm.file\" value=\"VICTIM\"/></vType>",
+        "DIR/more.add.xml: has <param key=\"device.ssm.file\">, by which SUMO writes another file; remove it",
+    ),
+    (
+        MORE,
+        "</additional>",
+        "<tlLogic id=\"r0c0\" type=\"actuated\" programID=\"1\"><phase duration=\"9\" state=\"GGGG\"/><param key=\"w0_r0c0_0\" value=\"loop\"/></tlLogic></additional>",
+        "DIR/more.add.xml: <tlLogic id=\"r0c0\">: asks the detector loop, and this program leaves detectors out; remove the parameter, and SUMO places detectors of its own",
+    ),
+    (
+        CARS,
+        "<flow id=\"f\"",
+        "<flow id=\"f\" departEdge=\"1\"",
+        "DIR/cars.rou.xml: <flow id=\"f\">: departEdge=\"1\": this program lets cars begin on the first edge of their route; remove it",
+    ),
+    (
+        BUSES,
+        "<vType id=\"bus\" vClass=\"bus\" length=\"12\"/>",
+        "<vType id=\"bus\" vClass=\"bus\"><param key=\"has.glosa.device\" value=\"true\"/></vType>",
+        "DIR/buses.rou.xml: <vType id=\"bus\">: <param key=\"has.glosa.device\">: cars with this device drive in a way that this program cannot replay; remove it",
+    ),
+];
+
+/// Ways to break a scenario that SUMO judges, and its words.
+const JUDGED_BY_SUMO: &[Break] = &[
+    (CARS, "from=\"w0_r0c0\"", "from=\"no\"", "The edge 'no' within the route for trip 'early' is not known."),
+    (CARS, "r0c1_r0c0 r0c0_w0", "no r0c0_w0", "The edge 'no' within the route 'west' is not known."),
+    (
+        CARS,
+        "edges=\"s0_r0c0 r0c0_r1c0\"",
+        "edges=\"s0_r0c0 e0_r0c1\"",
+        "Vehicle 'w' has no valid route. No connection between edge 's0_r0c0' and edge 'e0_r0c1'.",
+    ),
+    (CARS, "from=\"n1_r1c1\" to=\"r0c1_s1\"", "from=\"n1_r1c1\" to=\"r0c0_w0\"", "Vehicle 'f.0' has no valid route."),
+    (CARS, "route=\"west\"", "route=\"east\"", "The route 'east' for vehicle 'v' is not known."),
+    (CARS, "type=\"mixed\"", "type=\"lory\"", "The vehicle type 'lory' for flow 'f' is not known."),
+    (CARS, "id=\"v\"", "id=\"t\"", "Another vehicle with the id 't' exists."),
+    (BUSES, "id=\"g\"", "id=\"f\"", "Another flow with the id 'f' exists."),
+    (BUSES, "id=\"bus\"", "id=\"car\"", "Another vehicle type (or distribution) with the id 'car' exists."),
+    (
+        CARS,
+        "<trip id=\"early\"",
+        "<route id=\"west\" edges=\"e0_r0c1\"/><trip id=\"early\"",
+        "Another route (or distribution) with the id 'west' exists.",
+    ),
+    (CARS, "depart=\"120.00\"", "depart=\"later\"", "Invalid departure time for vehicle 't';"),
+    (CARS, "depart=\"120.00\"", "", "Attribute 'depart' is missing in definition of trip 't'."),
+    (CARS, "route=\"west\"", "", "Vehicle 'v' has no route."),
+    (CARS, "period=\"8\"", "", "is needed in flow 'f'."),
+    (CARS, "period=\"8\"", "probability=\"8\"", "Invalid repetition probability in the definition of flow 'f'."),
+    (
+        CARS,
+        "period=\"8\"",
+        "period=\"often\"",
+        "Attribute 'period' in definition of flow 'f' is not a valid time value.",
+    ),
+    (CARS, "end=\"390\"", "end=\"149\"", "Flow 'f' ends before its begin time."),
+    (BUSES, "length=\"12\"", "length=\"-12\"", "length must be greater than 0"),
+    (MORE, "vTypes=\"car lorry\"", "vTypes=\"car ship\"", "Unknown vtype 'ship' in distribution 'mixed'."),
+    (
+        MORE,
+        "</additional>",
+        "<tlLogic id=\"r0c0\" type=\"static\" programID=\"0\"><phase duration=\"9\" state=\"GGGG\"/></tlLogic></additional>",
+        "Another logic with id 'r0c0' and programID '0' exists.",
+    ),
+    (
+        MORE,
+        "</additional>",
+        "<taz id=\"z\"><tazSink id=\"x\"/></taz></additional>",
+        "At district 'z': succeeding edge 'x' does not exist.",
+    ),
+];
+
+#[test]
+fn every_broken_scenario_gets_one_clear_error() {
+    for (file, from, to, told) in [BROKEN_CONFIGURATIONS, REFUSED].concat() {
+        let room = Room::new();
+        let victim = room.victim().display().to_string();
+        room.change(file, from, &to.replace("VICTIM", &victim));
+        let before = names(room.dir.path());
+        assert_eq!(
+            room.error(),
+            told.replace("VICTIM", &victim).replace(&format!("{}/", room.dir.path().display()), "DIR/")
+        );
+        assert_eq!(
+            (names(room.dir.path()), fs::read_to_string(room.victim()).unwrap()),
+            (before, "precious".to_owned())
+        );
+    }
+}
+
+#[test]
+fn what_sumo_judges_is_said_in_its_own_words() {
+    for (file, from, to, words) in JUDGED_BY_SUMO {
+        let room = Room::new();
+        room.change(file, from, to);
+        let said = refused(&room, &["baseline", "../x.sumocfg", "--controller", "program", "--episodes", "1"]);
+        let begins = "error: ../x.sumocfg: SUMO cannot simulate this scenario; try it with: sumo -c ../x.sumocfg\n  caused by: SUMO: ";
+        assert!(said.starts_with(begins) && said.contains(words), "{words}: {said}");
+        assert!(said.len() < 600 && !said.contains("/proc/"), "{said}");
+    }
+}
+
+/// Runs a command in an empty folder of the room. It must refuse the scenario and write nothing. Returns its words.
+fn refused(room: &Room, words: &[&str]) -> String {
+    fs::create_dir(room.path("here")).unwrap();
+    let mut command = assert_cmd::cargo::cargo_bin_cmd!("dials-traffic");
+    let output = command.args(words).current_dir(room.path("here")).output().unwrap();
+    let said = String::from_utf8(output.stderr).unwrap();
+    assert_eq!(output.status.code(), Some(2), "{said}");
+    assert_eq!(names(&room.path("here")), [""; 0]);
+    said
+}
+
+#[test]
+fn a_net_without_lights_and_a_time_without_traffic_are_refused() {
+    let room = Room::new();
+    let net = fs::read_to_string(room.path(NET)).unwrap();
+    let light = |line: &str| ["<tlLogic", "<phase", "</tlLogic"].iter().any(|tag| line.trim_start().starts_with(tag));
+    let dark: Vec<String> = net.lines().filter(|line| !light(line)).map(|line| format!("{line}\n")).collect();
+    fs::write(room.path(NET), dark.concat()).unwrap();
+    assert_eq!(
+        room.error(),
+        "DIR/net.net.xml: has no traffic light (<tlLogic>); make some with: netconvert -s DIR/net.net.xml --tls.set \
+         JUNCTION,... -o NEW.net.xml"
+    );
+    let room = Room::new();
+    let table = ScenarioConfig { begin_s: Some(500), end_s: Some(600), ..table(room.config(&[]).unwrap()) };
+    let error = SumoScenario::read(&table).unwrap_err().to_string();
+    assert!(
+        error.ends_with("x.sumocfg: no vehicle departs from 500 to 600 s; add a route file, or correct begin and end")
+    );
+}
+
+#[test]
+fn a_net_without_internal_lanes_is_refused() {
+    let room = Room::new();
+    let net = fs::read_to_string(room.path(NET)).unwrap();
+    fs::write(room.path(NET), net.replace("function=\"internal\"", "function=\"connector\"")).unwrap();
+    assert_eq!(
+        room.error(),
+        "DIR/net.net.xml: has no internal lanes, so cars would jump over intersections; make the net without \
+         --no-internal-links"
+    );
+}
+
+#[test]
+fn a_broken_scenario_ends_a_training_before_it_writes_anything() {
+    let room = Room::new();
+    room.change(CARS, "from=\"w0_r0c0\"", "from=\"no\"");
+    let said = refused(&room, &["train", "../x.sumocfg"]);
+    assert!(said.contains("The edge 'no' within the route for trip 'early' is not known."), "{said}");
+}

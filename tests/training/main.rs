@@ -1,0 +1,12 @@
+//! Training: what is learned, by which fleet, through every accident, and what a run directory then holds.
+
+mod boundaries;
+mod chaos;
+mod checkpoints;
+mod durability;
+mod fleet;
+mod kinds;
+mod learning;
+mod mpi;
+mod run_directory;
+mod warehouse;
