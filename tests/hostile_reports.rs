@@ -96,12 +96,18 @@ fn sparse(path: &Path, length: u64) {
 /// A name with everything that acts somewhere: on a terminal, in XML, in HTML, in Markdown and in a spreadsheet.
 const NAME: &str = "=cmd()\u{1b}]0;owned\u{7}\u{202E}<script>|`[x](y)`\nwarning: two lines\u{9b}31m\u{ffff}";
 
+/// Returns a plan of one experiment.
+fn plan_of(experiment: &str) -> String {
+    format!("{{ \"experiments\": {{ \"e.toml\": {experiment} }} }}")
+}
+
 /// Makes runs whose names, scenario, command and controllers are [`NAME`]. Two of them are broken.
 fn hostile() -> Place {
     let place = Place::new();
     let run = place.run("traffic_4-dials-seed1", NAME);
     let about = serde_json::json!({
         "command": ["x", "train", NAME, "; rm -rf ~", "```\n# owned"],
+        "seed": 1,
         "versions": { "git_commit": NAME },
         "scenario": {
             "domain": "traffic", "agents": 4, "episode": { "length": 300, "unit": "steps" }, "files": { NAME: NAME },
@@ -118,10 +124,15 @@ fn hostile() -> Place {
     fs::create_dir(&baselines).unwrap();
     let controller = serde_json::json!({
         "scenario": "traffic-4-300", "controller": NAME, "mean_return": 170.5, "std_error": 0.5, "episodes": 4,
+        "seed": 0, "episode_returns": [170.0, 171.0, 170.0, 171.0],
     });
     fs::write(baselines.join("a.json"), controller.to_string()).unwrap();
     fs::write(baselines.join(format!("{NAME}.json")), "{").unwrap();
-    fs::write(place.path("runs/plan.json"), serde_json::json!({ "runs": [NAME] }).to_string()).unwrap();
+    fs::write(
+        place.path("runs/plan.json"),
+        plan_of(&serde_json::json!({ "runs": [NAME], "baselines": [] }).to_string()),
+    )
+    .unwrap();
     place
 }
 
@@ -224,14 +235,15 @@ fn a_plan_that_cannot_be_read_is_told_and_the_runs_are_reported() {
     place.run("traffic_4-gs-seed1", "gs");
     let plan = place.path("runs/plan.json");
     let deep = format!("{{ \"x\": {}", "[".repeat(1 << 20));
-    let outside = r#"{ "runs": ["../../../etc"] }"#;
+    let [number, mixed, outside] =
+        [r#"{ "runs": 7 }"#, r#"{ "runs": ["a", 1] }"#, r#"{ "runs": ["../../../etc"] }"#].map(plan_of);
     let written = |content: &str| fs::write(&plan, content).unwrap();
     let kinds: [(&dyn Fn(), &str); 9] = [
         (&|| written("{"), "is not a file of this program"),
-        (&|| written(r#"{ "runs": 7 }"#), "invalid type: integer `7`"),
-        (&|| written(r#"{ "runs": ["a", 1] }"#), "invalid type: integer `1`"),
+        (&|| written(&number), "invalid type: integer `7`"),
+        (&|| written(&mixed), "invalid type: integer `1`"),
         (&|| written(&deep), "EOF while parsing a list"),
-        (&|| written(outside), "`../../../etc` cannot be the name of a file or a directory"),
+        (&|| written(&outside), "`../../../etc` cannot be the name of a file or a directory"),
         (&|| fs::write(&plan, [0xff, 0xfe]).unwrap(), "it is not UTF-8 text from byte 0 on"),
         (&|| sparse(&plan, 1 << 40), "it has more than 16777216 bytes, the limit"),
         (&|| fs::create_dir(&plan).unwrap(), "it is not a regular file"),
@@ -259,7 +271,8 @@ fn a_link_that_leads_back_into_its_folder_adds_nothing() {
     let runs = place.path("runs");
     fs::create_dir(runs.join("baselines")).unwrap();
     fs::write(runs.join("baselines/broken.json"), "{").unwrap();
-    fs::write(runs.join("plan.json"), r#"{ "runs": ["gs", "not-there"], "baselines": ["nor-this"] }"#).unwrap();
+    fs::write(runs.join("plan.json"), plan_of(r#"{ "runs": ["gs", "not-there"], "baselines": ["nor-this"] }"#))
+        .unwrap();
     let warnings = || -> Vec<String> {
         place.report().lines().filter(|line| line.starts_with("warning: ")).map(str::to_owned).collect()
     };
@@ -320,7 +333,7 @@ fn a_run_with_a_damaged_file_is_told_and_the_others_are_reported() {
 /// A change to a run directory.
 type Change<'a> = &'a dyn Fn(&Path);
 
-/// Gives a run what newer ones have: a network, and in `run.json` the domain's keys and the checksum of that network.
+/// Gives a run a network, and in `run.json` the domain's keys and the checksum of that network.
 fn keep_domain(run: &Path) {
     let table = serde_json::json!({
         "network": "", "local_network": "", "d_set": "cells+arrivals", "entry": "max", "initial_switch_bias": -1.5,
@@ -418,12 +431,13 @@ fn figures_at_the_limits_are_drawn() {
 fn many_short_evaluations_are_read_in_time_that_grows_as_they_do() {
     let place = Place::new();
     let run = place.run("traffic_4-gs-seed1", "gs");
-    let mut returns = "steps,agent,mean,median,std_error\n".to_owned();
-    let mut timing = "steps,worker,elapsed_s\n".to_owned();
+    edit(&run.join("run.json"), "\"agents\": 4", "\"agents\": 1");
+    let mut returns = "steps,agent,mean,median,std_error,episodes\n".to_owned();
+    let mut timing = "steps,worker,elapsed_s,cpu_s,cpu_evaluation_s\n".to_owned();
     // With a search from the beginning for each, this would take hours.
     for step in 0..100_000 {
-        returns += &format!("{step},all,1,1,0\n{step},0,1,1,0\n");
-        timing += &format!("{step},all,{step}\n");
+        returns += &format!("{step},all,1,1,0,0\n{step},0,1,1,0,0\n");
+        timing += &format!("{step},all,{step},1,0\n");
     }
     fs::write(run.join("returns.csv"), returns).unwrap();
     fs::write(run.join("timing.csv"), timing).unwrap();

@@ -85,6 +85,11 @@ fn train(config: &Config, dir: &Path) -> Result<()> {
     dials::train(config, &mut fleet, Standing::default(), &mut log, &Silent)
 }
 
+fn describe(dir: &Path) {
+    let about = RunJson::new(domain().scenario().unwrap(), domain().names(), 3);
+    about.write(&Directory::open(dir).unwrap()).unwrap();
+}
+
 /// Returns a column of the lines that have `keys` after the step.
 fn column(dir: &Path, file: &str, keys: &[&str], name: &str) -> Vec<f64> {
     let mut reader = csv::Reader::from_path(dir.join(file)).unwrap();
@@ -129,10 +134,9 @@ fn the_aips_of_both_kinds_learn_the_closed_form_influence() {
 
     // The report can read the run, and other programs can open the tensors.
     fs::write(dir.path().join(files::CONFIG), format!("simulator = 'local'\n{CONFIG}")).unwrap();
-    let about = RunJson { scenario: Some(domain().scenario().unwrap()), ..RunJson::default() };
-    about.write(&Directory::open(dir.path()).unwrap()).unwrap();
+    describe(dir.path());
     let record = RunRecord::read(dir.path()).unwrap();
-    assert_eq!(record.scenario.as_ref().unwrap().id.domain, "coins-and-dice");
+    assert_eq!(record.scenario().id.domain, "coins-and-dice");
     let report = dials_report::report(&[dir.path().to_owned()]).unwrap();
     let (_, page) = report.files.iter().find(|(name, _)| name == "report.md").unwrap();
     assert!(report.runs == 1 && page.contains("coins-and-dice, 4 agents"), "{page}");
@@ -197,6 +201,7 @@ fn a_run_that_was_stopped_goes_on_to_the_same_bytes() {
         let config = short(simulator);
         let [whole, stopped] = [(); 2].map(|()| tempfile::tempdir().unwrap());
         train(&config, whole.path()).unwrap();
+        describe(stopped.path());
         let layouts = || Layouts::of(&config, domain().kinds());
         let periods = schedule(&config).len();
         assert!(periods >= 3);

@@ -10,7 +10,7 @@ use dials_session::config::resume::with_end;
 use dials_session::config::{LARGEST_FILE as LARGEST_CONFIG, RunConfig, load};
 use dials_session::records::files;
 use dials_session::records::resume_point::ResumePoint;
-use dials_session::records::run_record::RunRecord;
+use dials_session::records::run_record::{EvaluationRecord, RunRecord};
 use dials_session::terminal::{program, tell};
 
 /// Makes the run end at step `steps`, by its config. Returns the text of the config before.
@@ -33,9 +33,8 @@ pub fn has_ended(directory: &Directory, config: &RunConfig, point: &ResumePoint)
     let Some(checkpoint) = &point.checkpoint else { return false };
     let dir = directory.path();
     let (steps, until) = (checkpoint.agents.steps, checkpoint.progress.standing.until);
-    let final_episodes = Some(config.learning.evaluation.final_episodes);
-    let all_is_there =
-        |run: RunRecord| run.evaluation_at(steps).is_some_and(|last| last.episodes == final_episodes) && run.is_whole();
+    let is_final = |last: &EvaluationRecord| last.episode_returns.len() == config.learning.evaluation.final_episodes;
+    let all_is_there = |run: RunRecord| run.evaluation_at(steps).is_some_and(is_final) && run.is_whole();
     if !rest_of_schedule(&config.learning, until).is_empty() || !RunRecord::read(dir).is_ok_and(all_is_there) {
         return false;
     }

@@ -160,8 +160,7 @@ impl Subject {
 /// Warns if the run in `dir` was trained by other rules than those by which `domain` scores it. It is an error if its
 /// policies know other observations.
 fn check_rules(dir: &Path, domain: &dyn Domain) -> Result<()> {
-    let recorded = RunJson::read_if_there(dir)?.scenario.and_then(|scenario| scenario.rules);
-    // Runs of earlier versions recorded no rules.
+    let recorded = RunJson::read(dir)?.scenario.rules;
     let (Some(theirs), Some(ours)) = (recorded, domain.scenario()?.rules) else { return Ok(()) };
     let path = dir.display();
     ensure!(

@@ -233,14 +233,14 @@ impl Run {
 
 /// Returns the number of workers that a run was begun with, if it was asked for then.
 fn remembered(args: &cli::TrainArgs) -> Option<(usize, String)> {
-    let workers = RunJson::read_if_there(args.resume.as_deref()?).ok()?.workers?;
+    let workers = RunJson::read(args.resume.as_deref()?).ok()?.workers?;
     Some((workers, format!("--workers {workers}, as before")))
 }
 
 /// Writes the number of workers that was asked for into `run.json`, so that a resume uses it again.
 fn remember(directory: &Directory, workers: Option<usize>) -> anyhow::Result<()> {
     let Some(workers) = workers else { return Ok(()) };
-    let run = RunJson::read_if_there(directory.path())?;
+    let run = RunJson::read(directory.path())?;
     if run.workers == Some(workers) { Ok(()) } else { RunJson { workers: Some(workers), ..run }.write(directory) }
 }
 

@@ -92,16 +92,6 @@ fn everything_that_opens_a_run_notices_a_scenario_that_was_changed_since() {
         fs::write(run.join(file), original).unwrap();
     }
     assert!(!room.path("replay").exists() && !room.path("policies.pt").exists());
-
-    // A run of an earlier version has the checksum only.
-    let about = fs::read_to_string(run.join("run.json")).unwrap();
-    let mut json: serde_json::Value = serde_json::from_str(&about).unwrap();
-    json.as_object_mut().unwrap().remove("kept").expect("it is written");
-    fs::write(run.join("run.json"), json.to_string()).unwrap();
-    evaluate().assert().success();
-    edit(&run.join("networks/scenario.1.rou.xml"), "period=\"8\"", "period=\"9\"");
-    let said = refused(&mut evaluate());
-    assert!(said.contains("scenario.checksum: \"") && said.contains("put them back"), "{said}");
 }
 
 /// Makes the light r0c0 control a connection of the junction r0c1. So the regions of both hold a light of the other.

@@ -34,9 +34,9 @@ pub struct ByCores {
 }
 
 impl ByCores {
-    /// Returns the model of the runs that count for the final return; `None` unless they finished and measured CPU time.
+    /// Returns the model of the runs that count for the final return; `None` unless they finished.
     pub fn of(group: &Group, agents: usize) -> Option<ByCores> {
-        let Runtime { steps, finished: true, cpu: Some(cpu), .. } = Runtime::of(group)? else { return None };
+        let Runtime { steps, finished: true, cpu, .. } = Runtime::of(group)? else { return None };
         let (_, runs) = group.finals()?;
         let mut seconds: BTreeMap<usize, Vec<f64>> = BTreeMap::new();
         let mut updates = Vec::new();
@@ -153,14 +153,13 @@ mod tests {
         let config: RunConfig = toml::from_str(&format!("{keys}\nwarehouse = {{ agents_per_side = 2 }}")).unwrap();
         let steps = config.learning.total_steps;
         let all = Returns { mean: 1.0, median: 1.0, std_error: 0.0, stuck: 0 };
-        let evaluation =
-            EvaluationRecord { steps, all, agents: vec![all; 4], episodes: None, episode_returns: Vec::new() };
-        let cpu = Some(CpuTime { total_s: 100.0, evaluation_s: 10.0 });
+        let evaluation = EvaluationRecord { steps, all, agents: vec![all; 4], episode_returns: vec![1.0] };
+        let cpu = CpuTime { total_s: 100.0, evaluation_s: 10.0 };
         RunRecord {
             evaluations: vec![evaluation],
             periods: vec![PeriodTime { steps, elapsed_s: 70.0, update_s: 20.0, cpu, ..PeriodTime::default() }],
             workers,
-            ..RunRecord::empty(config, Some(Scenario::new("warehouse", 4, 100)))
+            ..RunRecord::empty(config, Scenario::new("warehouse", 4, 100))
         }
     }
 
@@ -168,7 +167,7 @@ mod tests {
     fn the_gradient_steps_of_the_gs_are_read_from_its_runs() {
         let of = |keys: &str, workers: usize| {
             let run = run(&format!("simulator = 'gs'\n{keys}"), workers);
-            let method = Method::of(&run.config, run.scenario.as_ref().unwrap());
+            let method = Method::of(&run.config, run.scenario());
             let model = ByCores::of(&Group { method, overrides: Vec::new(), runs: vec![run] }, 4).unwrap();
             (model.alone_s, model.shared_s, model.most)
         };

@@ -77,11 +77,10 @@ pub fn runtimes(family: &Family) -> Table {
         row.extend(cells(|time| Some(time.agents_training_s), |paper| Some(paper.agents_training)));
         row.extend(cells(|time| (time.influence_s > 0.0).then_some(time.influence_s), |paper| paper.influence));
         row.extend(cells(|time| Some(time.total.mean), |paper| Some(paper.total)));
-        let cpu = |time: &Runtime| Some(hours(time.cpu?.runtime_s()));
         let of_cpu = columns.iter().zip(&ours).filter(|(column, _)| column.ours.is_some());
         row.extend(of_cpu.map(|(_, ours)| {
             let time = ours.iter().find(|(own, _)| own == label);
-            time.and_then(|(_, time)| cpu(time)).unwrap_or(NOTHING.to_owned())
+            time.map_or(NOTHING.to_owned(), |(_, time)| hours(time.cpu.runtime_s()))
         }));
         row
     });
@@ -161,14 +160,14 @@ pub fn memory(family: &Family) -> Table {
     let paper = |column: &Column| paper::memory(&column.scenario);
     let rows = vec![
         row("GS, total", &|column| Some(ours(column, "gs")?.total_mb), &|column| Some(paper(column)?.gs)),
-        row("GS, total, shared pages once", &|column| ours(column, "gs")?.total_pss_mb, &|_| None),
+        row("GS, total, shared pages once", &|column| Some(ours(column, "gs")?.total_pss_mb), &|_| None),
         row("DIALS, per process", &|column| Some(ours(column, "dials")?.process_mb), &|column| {
             Some(paper(column)?.dials_process)
         }),
         row("DIALS, total", &|column| Some(ours(column, "dials")?.total_mb), &|column| {
             Some(paper(column)?.dials_total)
         }),
-        row("DIALS, total, shared pages once", &|column| ours(column, "dials")?.total_pss_mb, &|_| None),
+        row("DIALS, total, shared pages once", &|column| Some(ours(column, "dials")?.total_pss_mb), &|_| None),
     ];
     let mut header = words(&[if has_paper { "MiB, ours / MB, paper" } else { "MiB" }]);
     header.extend(columns.iter().map(|column| format!("{} agents", column.name())));
@@ -196,8 +195,8 @@ mod tests {
     fn the_memory_is_the_largest_of_all_runs_in_each_figure() {
         let run = |clip: f64, process_mb, total_mb, pss_mb| {
             let config = toml::from_str(&format!("ppo.clip = {clip}\nwarehouse = {{ agents_per_side = 2 }}")).unwrap();
-            let memory = Some(MemoryRecord { process_mb, total_mb, total_pss_mb: Some(pss_mb) });
-            RunRecord { memory, ..RunRecord::empty(config, Some(Scenario::new("warehouse", 4, 100))) }
+            let memory = Some(MemoryRecord { process_mb, total_mb, total_pss_mb: pss_mb });
+            RunRecord { memory, ..RunRecord::empty(config, Scenario::new("warehouse", 4, 100)) }
         };
         let runs = vec![run(0.1, 10.0, 30.0, 20.0), run(0.2, 12.0, 25.0, 24.0)];
         let comparisons = sort(Found { runs, ..Found::default() }).unwrap().comparisons;

@@ -7,6 +7,7 @@ use super::finals::{Final, Runtime, peak_memory};
 use super::group::{Comparison, Group};
 use dials_core::base::statistics::Spread;
 use dials_core::outside::csv_name;
+use dials_session::records::run_record::MemoryRecord;
 
 /// A file of the report.
 pub struct CsvFile {
@@ -116,7 +117,7 @@ fn seeds(comparisons: &[Comparison]) -> Result<CsvFile> {
     write("seeds.csv", &header, comparisons, |_, group| {
         let lines = group.runs.iter().flat_map(|run| {
             run.evaluations.iter().map(|evaluation| {
-                let episodes = evaluation.episodes.map_or(String::new(), |episodes| episodes.to_string());
+                let episodes = evaluation.episode_returns.len().to_string();
                 let mut line = vec![run.config.learning.seed.to_string(), evaluation.steps.to_string(), episodes];
                 line.extend([evaluation.all.mean, evaluation.all.median].map(number));
                 line.push(optional(run.runtime_at(evaluation.steps)));
@@ -168,9 +169,10 @@ fn costs(comparisons: &[Comparison]) -> Result<CsvFile> {
             let ends = time.total.interval;
             line.extend([ends.map(|ends| ends.low), ends.map(|ends| ends.high)].map(optional));
             line.push(number(time.wall_s));
-            line.extend([time.cpu.map(|cpu| cpu.total_s), time.cpu.map(|cpu| cpu.evaluation_s)].map(optional));
-            line.extend([memory.map(|m| m.process_mb), memory.map(|m| m.total_mb)].map(optional));
-            line.push(optional(memory.and_then(|memory| memory.total_pss_mb)));
+            line.extend([time.cpu.total_s, time.cpu.evaluation_s].map(number));
+            type Part = fn(MemoryRecord) -> f64;
+            let parts: [Part; 3] = [|m| m.process_mb, |m| m.total_mb, |m| m.total_pss_mb];
+            line.extend(parts.map(|part| optional(memory.map(part))));
             line
         });
         line.into_iter().collect()

@@ -160,11 +160,11 @@ mod tests {
                 .collect(),
             ..RunRecord::empty(
                 toml::from_str("[warehouse]\nagents_per_side = 2").unwrap(),
-                Some(Scenario::new("warehouse", 4, 100)),
+                Scenario::new("warehouse", 4, 100),
             )
         };
         let runs: Vec<RunRecord> = runs.iter().map(run).collect();
-        Group { method: Method::of(&runs[0].config, runs[0].scenario.as_ref().unwrap()), overrides: Vec::new(), runs }
+        Group { method: Method::of(&runs[0].config, runs[0].scenario()), overrides: Vec::new(), runs }
     }
 
     #[test]

@@ -86,14 +86,14 @@ impl Final {
 }
 
 impl Final {
-    /// Returns the episodes that all runs played; `None` if they differ or are not known.
+    /// Returns the episodes that all runs played; `None` if they differ.
     pub fn episodes(&self) -> Option<Episodes> {
         common_episodes(self.runs.iter().map(|(_, played)| played))
     }
 
     /// Returns the different numbers of episodes of the runs.
     pub fn episode_counts(&self) -> BTreeSet<usize> {
-        self.runs.iter().filter_map(|(_, played)| played.count).collect()
+        self.runs.iter().map(|(_, played)| played.episodes.count).collect()
     }
 }
 
@@ -116,8 +116,8 @@ pub struct Runtime {
     pub total: Spread,
     /// Wall time with the evaluations.
     pub wall_s: f64,
-    /// CPU time of all processes; `None` unless all runs measured it.
-    pub cpu: Option<CpuTime>,
+    /// CPU time of all processes.
+    pub cpu: CpuTime,
     /// Largest number of worker processes of a run.
     pub workers: usize,
 }
@@ -143,12 +143,10 @@ impl Runtime {
     }
 }
 
-/// Returns the mean over runs; `None` unless all of them measured CPU time.
-pub fn mean_cpu(times: &[PeriodTime]) -> Option<CpuTime> {
-    let cpu: Vec<CpuTime> = times.iter().map(|time| time.cpu).collect::<Option<_>>()?;
-    let mean_of = |part: fn(&CpuTime) -> f64| mean(&cpu.iter().map(part).collect::<Vec<_>>());
-    (!cpu.is_empty())
-        .then(|| CpuTime { total_s: mean_of(|cpu| cpu.total_s), evaluation_s: mean_of(|cpu| cpu.evaluation_s) })
+/// Returns the mean over runs.
+pub fn mean_cpu(times: &[PeriodTime]) -> CpuTime {
+    let mean_of = |part: fn(&CpuTime) -> f64| mean(&times.iter().map(|time| part(&time.cpu)).collect::<Vec<_>>());
+    CpuTime { total_s: mean_of(|cpu| cpu.total_s), evaluation_s: mean_of(|cpu| cpu.evaluation_s) }
 }
 
 /// Returns the largest memory of a group's runs; `None` if no run measured it.
@@ -173,7 +171,6 @@ mod tests {
                     steps: period * 4000 - 2000,
                     all: returns,
                     agents: vec![returns],
-                    episodes: None,
                     episode_returns: Vec::new(),
                 })
                 .collect(),
@@ -184,31 +181,26 @@ mod tests {
                     evaluation_s: 0.8 * period as f64,
                     influence_s: 0.4 * period as f64,
                     update_s: 0.2 * period as f64,
-                    cpu: Some(CpuTime { total_s: 8.0 * period as f64, evaluation_s: 1.6 * period as f64 }),
+                    cpu: CpuTime { total_s: 8.0 * period as f64, evaluation_s: 1.6 * period as f64 },
                 })
                 .collect(),
             ..RunRecord::empty(
                 toml::from_str("total_steps = 100000\n[warehouse]\nagents_per_side = 1").unwrap(),
-                Some(Scenario::new("warehouse", 1, 100)),
+                Scenario::new("warehouse", 1, 100),
             )
         };
         let runs = vec![run(2), run(20)];
-        let group = Group {
-            method: Method::of(&runs[0].config, runs[0].scenario.as_ref().unwrap()),
-            overrides: Vec::new(),
-            runs,
-        };
+        let group = Group { method: Method::of(&runs[0].config, runs[0].scenario()), overrides: Vec::new(), runs };
         let time = Runtime::of(&group).unwrap();
         // Both runs until 6000: 6 s, minus 1.2 s of evaluations. 0.6 s are for the AIPs.
         assert_eq!((time.steps, time.finished, time.wall_s), (6000, false, 6.0));
         // Two threads work all the time.
-        let cpu = time.cpu.unwrap();
         for (found, expected) in [
             (time.total.mean, 4.8),
             (time.influence_s, 0.6),
             (time.agents_training_s, 4.2),
-            (cpu.total_s, 12.0),
-            (cpu.runtime_s(), 9.6),
+            (time.cpu.total_s, 12.0),
+            (time.cpu.runtime_s(), 9.6),
         ] {
             assert!((found - expected).abs() < 1e-9, "{found} is not {expected}");
         }

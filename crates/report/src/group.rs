@@ -36,12 +36,12 @@ impl Comparison {
 
     /// Returns the places of the agents, if they are in rows.
     pub fn map(&self) -> Option<Map> {
-        self.groups.iter().flat_map(|group| &group.runs).find_map(|run| run.scenario.as_ref()?.map)
+        self.groups.iter().flat_map(|group| &group.runs).find_map(|run| run.scenario().map)
     }
 
     /// Returns the rules by which the agents see and are paid, if a run recorded them.
     pub fn rules(&self) -> Option<&Rules> {
-        self.groups.iter().flat_map(|group| &group.runs).find_map(|run| run.scenario.as_ref()?.rules.as_ref())
+        self.groups.iter().flat_map(|group| &group.runs).find_map(|run| run.scenario().rules.as_ref())
     }
 
     /// Returns the number of agents, with whatever else distinguishes the scenario from others.
@@ -161,15 +161,11 @@ pub fn sort(found: Found) -> Result<Sorted> {
     type Methods = BTreeMap<Method, Vec<RunRecord>>;
     let mut scenarios: BTreeMap<ScenarioId, (Methods, BTreeSet<String>)> = BTreeMap::new();
     for run in found.runs {
-        match run.scenario.clone() {
-            Some(scenario) => {
-                let method = Method::of(&run.config, &scenario);
-                let (methods, names) = scenarios.entry(scenario.id).or_default();
-                methods.entry(method).or_default().push(run);
-                names.extend(scenario.name);
-            }
-            None => left_out.push(LeftOut { dir: run.dir, reason: "not evaluated yet".to_owned() }),
-        }
+        let scenario = run.scenario().clone();
+        let method = Method::of(&run.config, &scenario);
+        let (methods, names) = scenarios.entry(scenario.id).or_default();
+        methods.entry(method).or_default().push(run);
+        names.extend(scenario.name);
     }
     let only = |names: &BTreeSet<String>| names.first().filter(|_| names.len() == 1).cloned();
     let all: Vec<(ScenarioId, Option<String>)> =
@@ -326,7 +322,7 @@ mod tests {
         let runs = settings.iter().enumerate().map(|(index, setting)| {
             let config = toml::from_str(&format!("{setting}\n[warehouse]\nagents_per_side = 2")).unwrap();
             let scenario = Scenario::new("warehouse", 4, 100);
-            RunRecord { dir: format!("runs/{index}").into(), ..RunRecord::empty(config, Some(scenario)) }
+            RunRecord { dir: format!("runs/{index}").into(), ..RunRecord::empty(config, scenario) }
         });
         sort(Found { runs: runs.collect(), ..Found::default() }).unwrap().comparisons.remove(0)
     }
@@ -337,7 +333,7 @@ mod tests {
             let config = toml::from_str(&format!("seed = {index}\n[warehouse]\nagents_per_side = 2")).unwrap();
             let scenario = Scenario::new("traffic", 4, 100).with_checksum(checksum);
             let scenario = name.map_or(scenario.clone(), |name| scenario.with_name(name));
-            RunRecord { dir: format!("runs/{index}").into(), ..RunRecord::empty(config, Some(scenario)) }
+            RunRecord { dir: format!("runs/{index}").into(), ..RunRecord::empty(config, scenario) }
         };
         let called = |runs: &[(Option<&str>, u32)]| {
             let runs = runs.iter().enumerate().map(|(index, &of)| run(index, of)).collect();
@@ -349,7 +345,7 @@ mod tests {
         let town = ["4", "town, 4 agents", "town_4"];
         let plain = ["4", "traffic, 4 agents", "traffic_4"];
         assert_eq!(called(&[(Some("town"), 1), (Some("town"), 1)]), [town]);
-        assert_eq!(called(&[(Some("town"), 1), (None, 1)]), [town], "runs of earlier versions have no name");
+        assert_eq!(called(&[(Some("town"), 1), (None, 1)]), [town], "copies may lose the name");
         assert_eq!(called(&[(Some("town"), 1), (Some("city"), 1)]), [plain], "one scenario, two names");
         assert_eq!(called(&[(Some("town"), 1), (None, 2)]), [town, plain]);
         let twice = called(&[(Some("town"), 1), (Some("town"), 2)]);
@@ -375,7 +371,7 @@ mod tests {
     fn of_two_equal_runs_the_one_that_measured_its_aips_stays() {
         let run = |name: &str, fresh_losses: Vec<FreshLossRecord>| {
             let config = toml::from_str("[warehouse]\nagents_per_side = 2").unwrap();
-            RunRecord { dir: name.into(), fresh_losses, ..RunRecord::empty(config, None) }
+            RunRecord { dir: name.into(), fresh_losses, ..RunRecord::empty(config, Scenario::new("warehouse", 4, 100)) }
         };
         let loss = FreshLossRecord { steps: 0, after_training: false, loss: 0.1, marginals: 0.2 };
         let mut left_out = Vec::new();

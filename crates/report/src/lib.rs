@@ -67,7 +67,8 @@ pub struct Report {
 /// No run there was evaluated and can be read. The error lists the first reasons.
 pub fn report(folders: &[PathBuf]) -> Result<Report> {
     let (comparisons, warnings) = compared(dials_session::records::find::find(folders)?)?;
-    ensure!(!comparisons.is_empty(), words::no_run(&names(folders), &warnings));
+    let mut groups = comparisons.iter().flat_map(|comparison| &comparison.groups);
+    ensure!(groups.any(|group| group.finals().is_some()), words::no_run(&names(folders), &warnings));
     let document = sections::document(&comparisons, &warnings)?;
     let mut files = vec![(PAGE.to_owned(), document.to_html()), (MARKDOWN.to_owned(), document.to_markdown())];
     files.extend(document.figures().map(|figure| (format!("{}.svg", figure.name), figure.svg.file())));

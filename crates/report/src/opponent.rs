@@ -23,10 +23,10 @@ impl Opponent<'_> {
         }
     }
 
-    /// Returns the episodes of its final return; `None` if they are not known or its runs have different ones.
+    /// Returns the episodes of its final return; `None` if its runs have different ones.
     pub fn episodes(&self) -> Option<Episodes> {
         match self {
-            Opponent::Controller(controller) => of_controller(controller).episodes(),
+            Opponent::Controller(controller) => Some(of_controller(controller).episodes),
             Opponent::Group(group, _) => Final::of(group)?.episodes(),
         }
     }
@@ -76,14 +76,9 @@ mod tests {
         let (config, scenario) = (toml::from_str(&text).unwrap(), Scenario::new("warehouse", 4, 100));
         let method = Method::of(&config, &scenario);
         let all = Returns { mean, median: mean, std_error: 0.0, stuck: 0 };
-        let evaluation = EvaluationRecord {
-            steps: total_steps,
-            all,
-            agents: vec![all; 4],
-            episodes: None,
-            episode_returns: Vec::new(),
-        };
-        let run = RunRecord { evaluations: vec![evaluation], ..RunRecord::empty(config, Some(scenario)) };
+        let evaluation =
+            EvaluationRecord { steps: total_steps, all, agents: vec![all; 4], episode_returns: vec![mean] };
+        let run = RunRecord { evaluations: vec![evaluation], ..RunRecord::empty(config, scenario) };
         Group { method, overrides: Vec::new(), runs: vec![run] }
     }
 

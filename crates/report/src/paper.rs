@@ -251,7 +251,7 @@ pub fn memory(scenario: &ScenarioId) -> Option<PaperMemory> {
 mod tests {
     use super::*;
     use dials_core::domain::Episode;
-    use dials_session::records::before;
+    use dials_session::domains;
 
     #[test]
     fn totals_are_the_sums_that_the_paper_prints_but_for_one_slip() {
@@ -286,9 +286,9 @@ mod tests {
     #[test]
     fn the_networks_under_sumo_nets_are_the_papers_and_others_are_not() {
         for (agents, side) in SIZES.into_iter().zip([2, 5, 7, 10]) {
-            let network = format!("{}/../../sumo_nets/grid_{side}x{side}", env!("CARGO_MANIFEST_DIR"));
-            let text = format!("[traffic]\nnetwork = '{network}'\nlocal_network = ''");
-            let ours = before::scenario(&toml::from_str(&text).unwrap(), Some(agents)).unwrap().unwrap().id;
+            let nets = concat!(env!("CARGO_MANIFEST_DIR"), "/../../sumo_nets");
+            let text = format!("[traffic]\nnetwork = '{nets}/grid_{side}x{side}'\nlocal_network = '{nets}/local'");
+            let ours = domains::find(&toml::from_str(&text).unwrap()).unwrap().scenario().unwrap().id;
             assert!(ours.checksum.is_some() && has(&ours), "{agents}: {:?}", ours.checksum);
             assert!(!has(&ScenarioId { checksum: Some("00000001".to_owned()), ..ours.clone() }), "other traffic");
             let shorter = Episode { length: 100, ..ours.episode.clone() };

@@ -6,19 +6,18 @@ use dials_session::records::run_record::{EvaluationRecord, RunRecord};
 
 /// Returns what a run played at the evaluation at a step; `None` if there was none.
 pub fn of_run(run: &RunRecord, steps: u64) -> Option<Played> {
-    let EvaluationRecord { all, episodes, episode_returns, .. } = run.evaluation_at(steps)?;
-    Some(Played::new(all.mean, *episodes, Some(run.config.learning.evaluation.seed), episode_returns.clone()))
+    let EvaluationRecord { all, episode_returns, .. } = run.evaluation_at(steps)?;
+    Some(Played::new(all.mean, run.config.learning.evaluation.seed, episode_returns.clone()))
 }
 
 /// Returns what a controller played.
 pub fn of_controller(controller: &BaselineRecord) -> Played {
-    let BaselineRecord { mean_return, episodes, seed, episode_returns, .. } = controller;
-    Played::new(*mean_return, Some(*episodes), *seed, episode_returns.clone())
+    Played::new(controller.mean_return, controller.seed, controller.episode_returns.clone())
 }
 
 /// Returns the difference of a group minus a controller.
 ///
 /// Panics if the group is empty.
 pub fn minus_controller(group: &BySeed, controller: &BaselineRecord) -> Difference {
-    to_controller(group, &of_controller(controller), controller.std_error)
+    to_controller(group, &of_controller(controller))
 }

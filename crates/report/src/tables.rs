@@ -113,14 +113,10 @@ fn caption_of_finals(comparison: &Comparison) -> String {
     caption
 }
 
-/// Writes the number of episodes: `100`, or `20 each` if seeds have different episodes or these are not known.
+/// Writes the number of episodes: `100`, or `20 each` if seeds have different episodes.
 fn episodes(end: &Final) -> String {
     let counts: Vec<String> = end.episode_counts().iter().map(usize::to_string).collect();
-    match (end.episodes(), counts.is_empty()) {
-        (Some(episodes), _) => episodes.count.to_string(),
-        (None, true) => NOTHING.to_owned(),
-        (None, false) => format!("{} each", counts.join(" or ")),
-    }
+    end.episodes().map_or_else(|| format!("{} each", counts.join(" or ")), |episodes| episodes.count.to_string())
 }
 
 /// Makes the table of the agents of one scenario: the stuck ones, and the range of returns.
@@ -234,11 +230,11 @@ pub fn runs(comparisons: &[Comparison]) -> Table {
                     run.config.learning.seed.to_string(),
                     status,
                     last.map_or(NOTHING.to_owned(), |last| steps_text(last.steps)),
-                    last.and_then(|last| last.episodes).map_or(NOTHING.to_owned(), |count| count.to_string()),
+                    last.map_or(NOTHING.to_owned(), |last| last.episode_returns.len().to_string()),
                     last.map_or(NOTHING.to_owned(), |last| figure(last.all.mean)),
                     last.map_or(NOTHING.to_owned(), |last| last.all.stuck.to_string()),
                     run.total_time().map_or(NOTHING.to_owned(), |time| hours(time.runtime_s())),
-                    run.total_time().and_then(|time| time.cpu).map_or(NOTHING.to_owned(), |cpu| hours(cpu.runtime_s())),
+                    run.total_time().map_or(NOTHING.to_owned(), |time| hours(time.cpu.runtime_s())),
                     run.workers.to_string(),
                     version.to_owned(),
                 ]);

@@ -150,8 +150,7 @@ fn of_episodes(comparison: &Comparison) -> Vec<String> {
         comparison.groups.iter().filter_map(|group| Some((group, group.label(), Final::of(group)?))).collect();
     let mut warnings = Vec::new();
     for (_, label, end) in &ends {
-        let known = end.runs.iter().filter(|(_, played)| played.on.is_some()).count();
-        if end.episodes().is_none() && (known > 0 || end.episode_counts().len() > 1) {
+        if end.episodes().is_none() {
             warnings.push(format!("{}, {label}: its runs were evaluated on different episodes", comparison.title));
         }
     }
@@ -171,7 +170,7 @@ fn of_episodes(comparison: &Comparison) -> Vec<String> {
         if !unpaired.is_empty() {
             warnings.push(format!(
                 "{}: not evaluated on the episodes of {whom}, so the difference is over seeds only and includes the randomness \
-                 of the traffic (another evaluation.seed, or a run of an older version): {}",
+                 of the traffic (another evaluation.seed): {}",
                 comparison.title,
                 unpaired.join("; ")
             ));

@@ -43,13 +43,10 @@ fn describe(dir: &Directory, config: &RunConfig, program: Program) -> Result<()>
     dir.put(files::CONFIG, crate::config::to_toml(&kept)?.as_bytes())?;
     let versions = build::here(program, config.numerics.vector_width)?;
     let run = RunJson {
-        seed: Some(config.learning.seed),
         command: command_line(),
-        scenario: Some(domain.scenario()?),
-        agents: domain.names(),
-        kept: Some(Kept::of(dir.path(), &kept)?),
+        kept: Kept::of(dir.path(), &kept)?,
         versions,
-        ..RunJson::default()
+        ..RunJson::new(domain.scenario()?, domain.names(), config.learning.seed)
     };
     run.write(dir)
 }

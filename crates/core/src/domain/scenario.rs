@@ -21,7 +21,7 @@ pub struct Scenario {
     /// Places of the agents; `None` if they are not in rows.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub map: Option<Map>,
-    /// By which rules agents see and are paid. Older runs have none.
+    /// Rules by which agents see and are rewarded; `None` if the domain names none.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub rules: Option<Rules>,
     /// Checksums of files that may differ between runs of the scenario, by the keys of the config that name them. They

@@ -32,7 +32,7 @@ pub use check::held_out_episodes;
 pub use evaluation::EvaluationConfig;
 pub use imitation::ImitationConfig;
 pub use policy::PolicyConfig;
-pub use schedule::{AipTraining, Period, may_end_at, rest_of_schedule, schedule};
+pub use schedule::{AipTraining, Period, rest_of_schedule, schedule};
 pub use simulator::{Predictor, SHORT_FORMS, ShortForm, Simulator};
 
 /// How agents learn, and when AIPs (approximate influence predictors) are retrained and policies evaluated.

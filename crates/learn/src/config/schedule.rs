@@ -65,12 +65,6 @@ pub fn schedule(config: &Config) -> Vec<Period> {
     periods.collect()
 }
 
-/// Returns whether a period may end at a step. Earlier versions also ended one later, where nothing was left to train,
-/// and their checkpoints say so.
-pub fn may_end_at(config: &Config, step: u64) -> bool {
-    step > 0 && all_bounds(config).contains(&step)
-}
-
 /// Returns all steps at which something is due, with the beginning and the end of the run.
 fn all_bounds(config: &Config) -> BTreeSet<u64> {
     let last = config.last_step();
@@ -279,24 +273,6 @@ mod tests {
         config.ppo.memory = 128;
         // 782 updates are 100 096 steps.
         assert_eq!(bounds(&config), [(0, 100_000, true, true)]);
-    }
-
-    #[test]
-    fn a_period_of_an_earlier_version_may_end_where_this_schedule_has_nothing_left_to_train() {
-        let mut config = config("dials", 250, 1000, 100);
-        config.ppo.memory = 128;
-        // At step 200 training is at 256, after the end of the run.
-        let ends: Vec<u64> = schedule(&config).iter().map(|period| period.end).collect();
-        assert_eq!(ends, [100, 200]);
-        assert_eq!(
-            [0, 100, 150, 200, 250, 300].map(|step| may_end_at(&config, step)),
-            [false, true, false, true, true, false]
-        );
-        assert_eq!(
-            [200, 250].map(|end| rest_of_schedule(&config, end).len()),
-            [0, 0],
-            "only the last evaluation is left"
-        );
     }
 
     #[test]

@@ -61,9 +61,10 @@ impl ComparedSide {
             labels.len(),
             labels.join("; ")
         );
-        let comparison = comparisons.pop().with_context(|| no_run(name, &warnings(&[], &missing, &left_out)))?;
+        let reasons = warnings(&comparisons, &missing, &left_out);
+        let evaluated = comparisons.pop().filter(|found| found.groups.iter().any(|group| group.finals().is_some()));
+        let comparison = evaluated.with_context(|| no_run(name, &reasons))?;
         let group = comparison.groups.into_iter().next().expect("the one that was counted");
-        ensure!(group.finals().is_some(), "{name}: has no run that was evaluated yet");
         Ok(ComparedSide {
             name: name.to_owned(),
             scenario: comparison.scenario,
@@ -144,7 +145,7 @@ pub fn compare(a: &ComparedSide, b: &ComparedSide, target: Option<f64>) -> Resul
     });
     let shared = shared_episodes(played.iter().flatten().map(|(_, played)| played));
     if let Some(shared) = shared
-        && played.iter().flatten().any(|(_, played)| played.episodes() != Some(shared))
+        && played.iter().flatten().any(|(_, played)| played.episodes != shared)
     {
         warnings.push(format!(
             "not all runs were evaluated on the same number of episodes: mean returns are of the first {}, which all of \
@@ -172,7 +173,7 @@ pub fn compare(a: &ComparedSide, b: &ComparedSide, target: Option<f64>) -> Resul
     });
     let cpu = both.map(|(runs, steps)| {
         let times: Option<Vec<PeriodTime>> = runs.iter().map(|run| run.time_at(steps)).collect();
-        mean_cpu(&times?)
+        times.map(|times| mean_cpu(&times))
     });
     for (side, runs) in sides.iter().zip(&runs) {
         warnings.extend(side.left_out.iter().map(LeftOut::to_string));

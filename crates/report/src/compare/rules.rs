@@ -46,18 +46,11 @@ pub(super) fn check(a: &ComparedSide, b: &ComparedSide) -> Result<Option<String>
 
 /// Lists in what the rules of the sides differ.
 fn differences(a: &ComparedSide, b: &ComparedSide) -> Vec<String> {
-    match (rules_of(a), rules_of(b)) {
-        (Some(of_a), Some(of_b)) => of_a.differences(of_b, ["A", "B"]),
-        // A side of an older version, which recorded only unusual rules.
-        _ if a.scenario.rules != b.scenario.rules => {
-            let name = |side: &ComparedSide| side.scenario.rules.clone().unwrap_or("usual".to_owned());
-            vec![format!("rules: {} in A, {} in B", name(a), name(b))]
-        }
-        _ => Vec::new(),
-    }
+    let rules = rules_of(a).zip(rules_of(b));
+    rules.map_or(Vec::new(), |(of_a, of_b)| of_a.differences(of_b, ["A", "B"]))
 }
 
-/// Returns the rules of a side, which are the same for all its runs. Runs of older versions have none.
+/// Returns the rules of a side, which are the same for all its runs; `None` if its domain names none.
 fn rules_of(side: &ComparedSide) -> Option<&Rules> {
-    side.group.runs.iter().find_map(|run| run.scenario.as_ref()?.rules.as_ref())
+    side.group.runs.iter().find_map(|run| run.scenario().rules.as_ref())
 }

@@ -56,7 +56,7 @@ fn of(run: &RunRecord, locked: bool, idle: Duration) -> RunStatus {
     let about_steps = steps_per_s.map_or(steps, |speed| steps + (speed * since) as u64).min(last_step);
     let left = steps_per_s.filter(|_| state == State::Running);
     let left = left.map(|speed| Duration::from_secs_f64((last_step - about_steps) as f64 / speed));
-    let agents = run.scenario.as_ref().map_or(0, |scenario| scenario.id.agents);
+    let agents = run.scenario().id.agents;
     let agent_steps_per_s = steps_per_s.map(|speed| speed * agents as f64).filter(|_| agents > 0);
     RunStatus { state, steps, about_steps, last_step, agent_steps_per_s, left, aip_loss: aip_loss(run) }
 }
@@ -91,13 +91,8 @@ mod tests {
     /// A run of 1000 timesteps that was evaluated at these steps, at these seconds.
     fn run(ends: &[(u64, f64)]) -> RunRecord {
         let all = Returns { mean: 1.0, median: 1.0, std_error: 0.0, stuck: 0 };
-        let evaluation = |&(steps, _): &(u64, f64)| EvaluationRecord {
-            steps,
-            all,
-            agents: Vec::new(),
-            episodes: None,
-            episode_returns: Vec::new(),
-        };
+        let evaluation =
+            |&(steps, _): &(u64, f64)| EvaluationRecord { steps, all, agents: Vec::new(), episode_returns: Vec::new() };
         let mut config = RunConfig::default();
         config.learning.total_steps = 1000;
         RunRecord {
@@ -107,7 +102,7 @@ mod tests {
                 .iter()
                 .map(|&(steps, elapsed_s)| PeriodTime { steps, elapsed_s, ..PeriodTime::default() })
                 .collect(),
-            ..RunRecord::empty(config, None)
+            ..RunRecord::empty(config, dials_core::domain::Scenario::new("ants", 3, 5))
         }
     }
 

@@ -229,7 +229,6 @@ const MOST_NAMED: usize = 40;
 fn agents_by_name(comparison: &Comparison, looks: &Looks) -> Result<Option<Svg>> {
     let ends: Vec<(&Group, Final)> =
         comparison.groups.iter().filter_map(|group| Some((group, Final::of(group)?))).collect();
-    // Older runs do not know the names.
     let runs = ends.iter().flat_map(|(group, _)| &group.runs);
     let Some(run) = runs.max_by_key(|run| run.about.agents.len()) else { return Ok(None) };
     let all = comparison.scenario.agents;

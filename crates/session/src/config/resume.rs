@@ -55,8 +55,7 @@ pub fn to_json(config: &RunConfig) -> Value {
     serde_json::to_value(config).expect("a config without paths is plain data")
 }
 
-/// Reads and checks a config of [`to_json`]. A key that an older version did not have gets its default; a key that this
-/// version does not have is an error.
+/// Reads and checks a config of [`to_json`]. An unknown key is an error.
 pub fn from_json(json: Value) -> Result<RunConfig> {
     let config: RunConfig = serde_json::from_value(json)?;
     config.check()?;

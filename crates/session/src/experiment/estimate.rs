@@ -111,12 +111,10 @@ fn nearest<'a>(run: &PlannedRun, measured: &'a [RunRecord]) -> Vec<&'a RunRecord
         let domain = config.domain.as_ref().map(|domain| (domain.name(), is_scenario(domain)));
         (domain, config.learning.short_form().name)
     };
-    let alike = |other: &&RunRecord| {
-        other.scenario.is_some() && way(&other.config) == way(&run.config) && other.total_time().is_some()
-    };
-    let is_same = |other: &RunRecord| other.scenario.as_ref().is_some_and(|scenario| scenario.id == run.scenario.id);
+    let alike = |other: &&RunRecord| way(&other.config) == way(&run.config) && other.total_time().is_some();
+    let is_same = |other: &RunRecord| other.scenario().id == run.scenario.id;
     let ratio = |other: &RunRecord| {
-        let agents = other.scenario.as_ref().map_or(0, |scenario| scenario.id.agents) as f64;
+        let agents = other.scenario().id.agents as f64;
         (agents.ln() - (run.agents() as f64).ln()).abs()
     };
     let mut near: Vec<&RunRecord> = measured.iter().filter(alike).collect();
@@ -140,7 +138,7 @@ fn costs_of(runs: &[&RunRecord], fallback: UnitCosts) -> Option<UnitCosts> {
     let mut done = [0.0; 3];
     let mut process_mb = 0.0_f64;
     for run in runs {
-        let (time, agents) = (run.total_time()?, run.scenario.as_ref()?.id.agents);
+        let (time, agents) = (run.total_time()?, run.scenario().id.agents);
         let training_cores = training_cores(&run.config, agents, run.workers) as f64;
         let evaluating_cores = run.workers.min(run.config.learning.evaluation.episodes).max(1) as f64;
         let mut work = Workload::of(&run.config, agents, time.steps);
@@ -158,7 +156,7 @@ fn costs_of(runs: &[&RunRecord], fallback: UnitCosts) -> Option<UnitCosts> {
         for (sum, value) in done.iter_mut().zip([work.agent_steps(), samples, work.evaluated_steps()]) {
             *sum += value;
         }
-        let total = run.memory.map_or(0.0, |memory| memory.total_pss_mb.unwrap_or(memory.total_mb));
+        let total = run.memory.map_or(0.0, |memory| memory.total_pss_mb);
         // The processes have what the agents do not need.
         let of_agents = agents as f64 * fallback.agent_mb;
         process_mb = process_mb.max((total - of_agents) / (run.workers as f64 + 1.0));
@@ -218,13 +216,12 @@ mod tests {
                 steps: 1000,
                 all: returns,
                 agents: vec![returns; agents],
-                episodes: None,
                 episode_returns: Vec::new(),
             }],
             periods: vec![PeriodTime { steps: 1000, elapsed_s, evaluation_s, influence_s, ..PeriodTime::default() }],
-            memory: Some(MemoryRecord { process_mb: 0.0, total_mb: 0.0, total_pss_mb: Some(332.0) }),
+            memory: Some(MemoryRecord { process_mb: 0.0, total_mb: 0.0, total_pss_mb: 332.0 }),
             workers,
-            ..RunRecord::empty(config(simulator, 1000), Some(Scenario::new("warehouse", agents, 10)))
+            ..RunRecord::empty(config(simulator, 1000), Scenario::new("warehouse", agents, 10))
         }
     }
 
@@ -281,7 +278,7 @@ mod tests {
     #[test]
     fn runs_of_the_same_scenario_count_before_others_of_its_size() {
         let with = |mut run: RunRecord, checksum| {
-            run.scenario = Some(Scenario::new("warehouse", 4, 10).with_checksum(checksum));
+            run.about.scenario = Scenario::new("warehouse", 4, 10).with_checksum(checksum);
             run
         };
         let records =

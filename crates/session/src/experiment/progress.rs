@@ -10,7 +10,7 @@ use crate::records::files::{CONFIG, is_run_dir};
 use crate::records::find::{BaselineRecord, MeasuredWith, baseline_file, read_baseline};
 use crate::records::method::Method;
 use crate::records::method::differing;
-use crate::records::reader::scenario_of;
+use crate::records::run_json::RunJson;
 use crate::records::run_record::{RunRecord, Status};
 use dials_core::outside::{Directory, Printable, quoted};
 
@@ -129,16 +129,14 @@ pub fn stage_of_baseline(folder: &Path, planned: &PlannedBaseline) -> Result<Sta
     }
     let as_planned = |there: &BaselineRecord| {
         there.episodes == planned.episodes
-            && there.seed == Some(planned.config.learning.evaluation.seed)
-            // Older versions did not write the returns of single episodes.
-            && there.episode_returns.len() == planned.episodes
+            && there.seed == planned.config.learning.evaluation.seed
             && is_measured_with(&there.measured_with, &planned.measured_with)
     };
     Ok(if as_planned(&there) { Stage::Finished } else { Stage::Outdated })
 }
 
-/// Returns whether a controller would be measured with the same again. Older versions did not write the file of one, so
-/// such a controller is measured again. A version of SUMO that one side does not know is no difference.
+/// Returns whether a controller would be measured with the same again. A version of SUMO that one side does not know is
+/// no difference.
 fn is_measured_with(then: &MeasuredWith, now: &MeasuredWith) -> bool {
     let [sumo_then, sumo_now] = [then, now].map(|with| with.sumo_version.as_ref());
     then.controller_file_crc32 == now.controller_file_crc32
@@ -148,7 +146,7 @@ fn is_measured_with(then: &MeasuredWith, now: &MeasuredWith) -> bool {
 /// Describes the first difference between the run in `dir` and the plan; `None` if there is none.
 fn difference(dir: &Path, planned: &PlannedRun) -> Result<Option<String>> {
     let there = crate::config::load_kept(&dir.join(CONFIG))?;
-    let scenario = scenario_of(dir, &there, planned.agents())?;
+    let scenario = RunJson::read(dir)?.scenario;
     let planned_keys = Method::of(&planned.config, &planned.scenario).keys;
     let (keys, planned_scenario, planned) = (Method::of(&there, &scenario).keys, &planned.scenario, &planned.config);
     let value = |value: Option<String>| value.unwrap_or("nothing".to_owned());
@@ -178,14 +176,15 @@ fn difference(dir: &Path, planned: &PlannedRun) -> Result<Option<String>> {
 mod tests {
     use super::*;
     use crate::config::{RunConfig, to_toml};
-    use crate::records::files::{EPISODES, NETWORKS, RETURNS, RUN, TIMING};
+    use crate::records::files::{EPISODES, NETWORKS, RETURNS, TIMING};
+    use crate::records::kept::Kept;
     use dials_core::domain::{RoughCosts, Scenario};
     use dials_core::outside::FileName;
     use dials_learn::config::Simulator;
 
     const FIRST: &str = "0,all,1,1,0,1\n0,0,1,1,0,1\n0,1,1,1,0,1\n0,2,1,1,0,1\n0,3,1,1,0,1\n";
     const RETURNS_HEADER: &str = "steps,agent,mean,median,std_error,episodes\n";
-    const TIMES: &str = "steps,worker,elapsed_s\n1000,all,3\n1000,all,4\n";
+    const TIMES: &str = "steps,worker,elapsed_s,cpu_s,cpu_evaluation_s\n1000,all,3,3,1\n1000,all,4,4,1\n";
     const TWO_EPISODES: &str = "steps,episode,return\n0,0,1\n1000,0,1\n";
 
     /// Returns a planned run of 1000 timesteps with four agents, in the folder of a run whose files it is compared with.
@@ -203,8 +202,7 @@ mod tests {
         };
         std::fs::create_dir(directory(folder, &run)).unwrap();
         write(folder, &run, CONFIG, &to_toml(&run.config).unwrap());
-        let scenario = serde_json::to_string(&run.scenario).unwrap();
-        write(folder, &run, RUN, &format!("{{ \"scenario\": {scenario} }}"));
+        describe(folder, &run, Kept::default());
         run
     }
 
@@ -220,6 +218,11 @@ mod tests {
             rough_costs: RoughCosts::default(),
             measured_with: MeasuredWith::default(),
         }
+    }
+
+    fn describe(folder: &Path, run: &PlannedRun, kept: Kept) {
+        let about = RunJson { kept, ..RunJson::new(run.scenario.clone(), Vec::new(), 1) };
+        about.write(&Directory::open(&directory(folder, run)).unwrap()).unwrap();
     }
 
     fn write(folder: &Path, run: &PlannedRun, file: &str, text: &str) {
@@ -258,11 +261,10 @@ mod tests {
             stage(folder.path(), &run).unwrap()
         };
         assert_eq!(stage_with(TWO_EPISODES, TIMES), Stage::Finished);
-        let older = stage_with("", TIMES);
-        assert_eq!(older, Stage::Finished, "an older version did not write the episodes");
+        let without_last = TWO_EPISODES.trim_end_matches("1000,0,1\n");
+        assert_eq!(stage_with(without_last, TIMES), Stage::Begun { steps: 0 });
         let begun = Stage::Begun { steps: 1000 };
-        assert_eq!(stage_with(TWO_EPISODES.trim_end_matches("1000,0,1\n"), TIMES), begun);
-        assert_eq!(stage_with(TWO_EPISODES, TIMES.trim_end_matches("1000,all,4\n")), begun);
+        assert_eq!(stage_with(TWO_EPISODES, TIMES.trim_end_matches("1000,all,4,4,1\n")), begun);
     }
 
     #[test]
@@ -295,7 +297,6 @@ mod tests {
                 "scenario": baseline.scenario, "controller": baseline.controller, "mean_return": 1.0, "std_error": 0.0,
                 "episodes": 1, "seed": baseline.config.learning.evaluation.seed, "episode_returns": [1.0],
             });
-            // A file of an older version lacks the keys.
             if let Some(checksum) = then.controller_file_crc32 {
                 record["controller_file_crc32"] = checksum.into();
             }
@@ -364,9 +365,8 @@ mod tests {
         let networks = directory(folder.path(), &run).join(NETWORKS);
         std::fs::create_dir(&networks).unwrap();
         std::fs::write(networks.join("a"), "b").unwrap();
-        let scenario = serde_json::to_string(&run.scenario).unwrap();
-        let about = format!("{{ \"scenario\": {scenario}, \"kept\": {{ \"networks\": {{ \"a\": \"e8b7be43\" }} }} }}");
-        write(folder.path(), &run, RUN, &about);
+        let networks = [("a".to_owned(), "e8b7be43".to_owned())].into();
+        describe(folder.path(), &run, Kept { networks, ..Kept::default() });
         let Stage::Unreadable { why } = stage(folder.path(), &run).unwrap() else { panic!("it was read") };
         assert!(why.contains("networks/a: \"e8b7be43\" there, \"71beeff9\" here"), "{why}");
         assert!(why.ends_with("or move the directory away, and the run is trained again"), "{why}");

@@ -1,6 +1,6 @@
 //! A CSV file of a run directory, read by the names of its columns.
 //!
-//! Files of other versions may have more columns, or fewer. What is missing is `None`. Everything else that this program
+//! A file may have more columns than a reader needs. A value that is missing is `None`. Everything else that this program
 //! never writes is an error that names the file, the line and the column: NaN and infinity, numbers that are no figures
 //! of a run, and an empty field in a column that must have a number.
 

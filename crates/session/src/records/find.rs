@@ -34,11 +34,9 @@ pub struct BaselineRecord {
     pub mean_return: f64,
     pub std_error: f64,
     pub episodes: usize,
-    /// Seed of the episodes; `None` in files of older versions.
-    #[serde(default)]
-    pub seed: Option<u64>,
-    /// Mean return of all agents in each episode; empty in files of older versions.
-    #[serde(default)]
+    /// Seed of the episodes.
+    pub seed: u64,
+    /// Mean return of all agents in each episode.
     pub episode_returns: Vec<f64>,
     #[serde(flatten)]
     pub measured_with: MeasuredWith,
@@ -54,11 +52,9 @@ impl BaselineRecord {
 /// What a controller is measured with, beside the config and its own name.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Deserialize)]
 pub struct MeasuredWith {
-    /// CRC-32 of the file that the controller reads; `None` if it reads none, and in files of older versions.
-    #[serde(default)]
+    /// CRC-32 of the file that the controller reads; `None` if it reads none.
     pub controller_file_crc32: Option<String>,
     /// Version of SUMO; `None` if the domain does not need it.
-    #[serde(default)]
     pub sumo_version: Option<String>,
 }
 

@@ -148,12 +148,11 @@ pub fn differing(a: &BTreeMap<String, String>, b: &BTreeMap<String, String>) -> 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::records::before;
+    use dials_core::domain::Scenario;
 
     fn method_of(text: &str) -> Method {
         let config: RunConfig = toml::from_str(text).unwrap();
-        let scenario = before::scenario(&config, Some(4)).unwrap().unwrap();
-        Method::of(&config, &scenario)
+        Method::of(&config, &Scenario::new("ants", 4, 100))
     }
 
     #[test]
@@ -212,13 +211,16 @@ mod tests {
 
     #[test]
     fn another_local_network_is_another_method_except_on_the_gs() {
-        let method = |simulator: &str, local: &str| {
-            let nets = concat!(env!("CARGO_MANIFEST_DIR"), "/../../sumo_nets");
-            let traffic = format!("[traffic]\nnetwork = '{nets}/grid_2x2'\nlocal_network = '{nets}/{local}'");
-            method_of(&format!("{}{traffic}", ShortForm::called(simulator).unwrap().keys()))
+        let method = |simulator: &str, local_network: u32| {
+            let config = toml::from_str(&format!(
+                "{}[traffic]\nnetwork = 'n'\nlocal_network = 'l'",
+                ShortForm::called(simulator).unwrap().keys()
+            ))
+            .unwrap();
+            let files = [("traffic.local_network".to_owned(), local_network)];
+            Method::of(&config, &Scenario::new("traffic", 4, 100).with_files(files))
         };
-        assert_ne!(method("dials", "local"), method("dials", "grid_2x2"));
-        assert_eq!(method("gs", "local"), method("gs", "grid_2x2"));
-        assert_eq!(method("dials", "local"), method("dials", "../sumo_nets/local"), "the same file");
+        assert_ne!(method("dials", 1), method("dials", 2));
+        assert_eq!(method("gs", 1), method("gs", 2));
     }
 }

@@ -30,12 +30,11 @@
 //! - [`run_json`]: how the run was called, and what computed it. [`word`]: a word of its command line. [`kept`]: the
 //!   keys and files of the domain, to notice a change.
 //! - [`run_log`]: the [`Journal`](dials_learn::training::journal::Journal) that writes all this during training.
-//! - [`run_record`], [`reader`], [`csv_table`]: the contents of a run directory, also of other versions. [`likeness`]:
-//!   local simulators beside the global one. [`before`]: what older runs simulated. These files never see a live run.
+//! - [`run_record`], [`reader`], [`csv_table`]: the contents of a run directory, never of a live one. [`likeness`]: local
+//!   simulators beside the global one.
 //! - [`find`]: runs, baselines and plans under some folders. [`plan`]: the plans of experiments; `json_file`: how plans
 //!   and baselines are read. [`method`]: the part of a config that makes runs comparable.
 
-pub mod before;
 pub mod checkpoint;
 pub mod columns;
 pub mod csv;

@@ -20,21 +20,14 @@ pub struct ExperimentPlan {
     /// Names of the run directories, which are in the same folder as the plan.
     pub runs: Vec<FileName>,
     /// Names of the baseline files, without `.json`.
-    #[serde(default)]
     pub baselines: Vec<FileName>,
 }
 
 /// Contents of `plan.json`.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
-#[serde(default)]
 pub struct FolderPlan {
     /// Plans of the experiments, by the names of their files.
     experiments: BTreeMap<String, ExperimentPlan>,
-    /// Runs and baselines in a file of an earlier version, which did not record the experiment.
-    #[serde(skip_serializing_if = "Vec::is_empty")]
-    runs: Vec<FileName>,
-    #[serde(skip_serializing_if = "Vec::is_empty")]
-    baselines: Vec<FileName>,
 }
 
 impl FolderPlan {
@@ -46,24 +39,18 @@ impl FolderPlan {
     }
 
     /// Puts in the plan of an experiment, in the place of its earlier one. `file`: name of the experiment's file.
-    ///
-    /// A plan of an earlier version is of the same experiment if the two share a run. Then it goes.
     pub fn put(&mut self, file: &str, plan: ExperimentPlan) {
-        if self.runs.iter().any(|run| plan.runs.contains(run)) {
-            self.runs.clear();
-            self.baselines.clear();
-        }
         self.experiments.insert(file.to_owned(), plan);
     }
 
     /// Lists the names of all planned runs, each once.
     pub fn runs(&self) -> Vec<&FileName> {
-        each_once(self.experiments.values().flat_map(|plan| &plan.runs).chain(&self.runs))
+        each_once(self.experiments.values().flat_map(|plan| &plan.runs))
     }
 
     /// Lists the names of all planned baselines, each once.
     pub fn baselines(&self) -> Vec<&FileName> {
-        each_once(self.experiments.values().flat_map(|plan| &plan.baselines).chain(&self.baselines))
+        each_once(self.experiments.values().flat_map(|plan| &plan.baselines))
     }
 }
 
@@ -97,20 +84,5 @@ mod tests {
         assert_eq!(texts(&folder.runs()), ["a1", "both", "b2"]);
         let again: FolderPlan = serde_json::from_str(&serde_json::to_string(&folder).unwrap()).unwrap();
         assert_eq!(again, folder);
-    }
-
-    #[test]
-    fn a_plan_of_an_earlier_version_goes_once_its_experiment_has_one_of_its_own() {
-        let earlier =
-            || -> FolderPlan { serde_json::from_str(r#"{"runs": ["x1", "x2"], "baselines": ["y"]}"#).unwrap() };
-        let mut folder = earlier();
-        assert_eq!((texts(&folder.runs()), texts(&folder.baselines())), (vec!["x1", "x2"], vec!["y"]));
-        folder.put("other.toml", plan(&["z"], &["y"]));
-        assert_eq!(texts(&folder.runs()), ["z", "x1", "x2"], "two experiments may share a baseline");
-        folder.put("x.toml", plan(&["x2", "x3"], &[]));
-        assert_eq!(texts(&folder.runs()), ["z", "x2", "x3"]);
-        let mut edited = earlier();
-        edited.put("x.toml", plan(&["x2", "x3"], &[]));
-        assert_eq!(texts(&edited.runs()), ["x2", "x3"]);
     }
 }

@@ -1,11 +1,10 @@
-//! Reads a run directory, also of a running or an older run.
+//! Reads a run directory, also of a run that is being written.
 
 use std::collections::BTreeMap;
 use std::path::Path;
 
 use anyhow::{Result, ensure};
 
-use super::before;
 use super::checkpoint::owner::check_kept;
 use super::columns::{self, ALL};
 use super::csv_table::{CsvTable, Order, TableLine};
@@ -15,9 +14,7 @@ use super::run_json::RunJson;
 use super::run_record::{
     AipTrainingRecord, CpuTime, EvaluationRecord, FreshLossRecord, MemoryRecord, PeriodTime, Returns, RunRecord,
 };
-use crate::config::RunConfig;
 use dials_core::base::{Activity, Phase};
-use dials_core::domain::Scenario;
 use dials_learn::training::drift::Moment;
 
 /// Largest number of worker processes of a run. Every one of them has at least an agent.
@@ -27,31 +24,14 @@ impl RunRecord {
     /// Reads a run directory. Errors: a damaged file, and a domain or networks that were changed after the run began.
     pub fn read(dir: &Path) -> Result<RunRecord> {
         let config = crate::config::load_kept(&dir.join(files::CONFIG))?;
-        let about = RunJson::read_if_there(dir)?;
+        let about = RunJson::read(dir)?;
         check_kept(dir, &config, &about)?;
         let timing = CsvTable::read(&dir.join(files::TIMING))?;
         let returns = CsvTable::read(&dir.join(files::RETURNS))?;
-        let mut evaluations = read_evaluations(&returns, &CsvTable::read(&dir.join(files::EPISODES))?)?;
-        let agents = evaluations.first().map(|first| first.agents.len());
-        let scenario = scenario_in(&about, &config, agents)?;
-        if evaluations.len() == 1 {
-            // A kill cut the first evaluation short, and no other one shows how many agents there are.
-            let agents = scenario.as_ref().map_or(0, |scenario| scenario.id.agents);
-            evaluations.pop_if(|only| only.agents.len() < agents);
-        }
-        let agents = evaluations.first().map(|first| first.agents.len());
-        if let (Some(scenario), Some(found)) = (&scenario, agents) {
-            let agents = scenario.id.agents;
-            ensure!(
-                found == agents,
-                "{}: {} has {found} agents, but the scenario has {agents}",
-                dir.display(),
-                files::RETURNS
-            );
-        }
+        let episodes = CsvTable::read(&dir.join(files::EPISODES))?;
+        let evaluations = read_evaluations(&returns, &episodes, about.scenario.id.agents)?;
         let workers = read_workers(&timing)?.or(about.workers).map_or(1, |workers| workers.max(1));
         Ok(RunRecord {
-            scenario,
             config,
             about,
             evaluations,
@@ -63,20 +43,6 @@ impl RunRecord {
             workers,
             dir: dir.to_owned(),
         })
-    }
-}
-
-/// Returns what the run in `dir` simulates. `config`: that of the run; `agents`: their number.
-pub fn scenario_of(dir: &Path, config: &RunConfig, agents: usize) -> Result<Scenario> {
-    let about = RunJson::read_if_there(dir)?;
-    Ok(scenario_in(&about, config, Some(agents))?.expect("the number of agents is known"))
-}
-
-/// Returns the scenario of `run.json`. For older runs: what the config shows of it.
-fn scenario_in(about: &RunJson, config: &RunConfig, agents: Option<usize>) -> Result<Option<Scenario>> {
-    match &about.scenario {
-        Some(scenario) => Ok(Some(scenario.clone())),
-        None => before::scenario(config, agents),
     }
 }
 
@@ -94,10 +60,11 @@ fn read_workers(timing: &CsvTable) -> Result<Option<usize>> {
     Ok(workers)
 }
 
-/// Reads the evaluations. `table`: `returns.csv`; `episodes`: `episodes.csv`.
-fn read_evaluations(table: &CsvTable, episodes: &CsvTable) -> Result<Vec<EvaluationRecord>> {
+/// Reads the evaluations. A kill may have cut the last one short; then it is left out. `table`: `returns.csv`;
+/// `episodes`: `episodes.csv`; `agents`: number of agents.
+fn read_evaluations(table: &CsvTable, episodes: &CsvTable, agents: usize) -> Result<Vec<EvaluationRecord>> {
     let mut of_episodes = read_episodes(episodes)?;
-    let mut evaluations: Vec<EvaluationRecord> = Vec::new();
+    let (mut evaluations, mut lengths): (Vec<EvaluationRecord>, Vec<usize>) = Default::default();
     let mut order = Order::default();
     for line in table.lines() {
         let returns = Returns {
@@ -109,15 +76,9 @@ fn read_evaluations(table: &CsvTable, episodes: &CsvTable) -> Result<Vec<Evaluat
         match (line.text(columns::AGENT), evaluations.last_mut()) {
             (Some(ALL), _) => {
                 let steps = order.later(line)?;
-                let episodes = line.whole(columns::EPISODES)?.map(|count| count as usize);
                 let episode_returns = of_episodes.remove(&steps).unwrap_or_default();
-                evaluations.push(EvaluationRecord {
-                    steps,
-                    all: returns,
-                    agents: Vec::new(),
-                    episodes,
-                    episode_returns,
-                });
+                evaluations.push(EvaluationRecord { steps, all: returns, agents: Vec::new(), episode_returns });
+                lengths.push(line.required_whole(columns::EPISODES)? as usize);
             }
             (_, Some(evaluation)) => {
                 let (steps, agent) = (line.steps()?, line.required_whole(columns::AGENT)?);
@@ -131,26 +92,17 @@ fn read_evaluations(table: &CsvTable, episodes: &CsvTable) -> Result<Vec<Evaluat
             (_, None) => anyhow::bail!("{}: begins with an agent instead of `{ALL}`", files::RETURNS),
         }
     }
-    let agents = evaluations.iter().map(|evaluation| evaluation.agents.len()).max().unwrap_or(0).max(1);
-    // A kill cut the last evaluation short.
-    evaluations.pop_if(|last| last.agents.len() < agents);
-    if let Some(bad) = evaluations.iter().find(|evaluation| evaluation.agents.len() != agents) {
-        let (steps, found) = (bad.steps, bad.agents.len());
-        anyhow::bail!("{}: has {found} of {agents} agents at step {steps}", files::RETURNS);
+    // The episodes are written last.
+    let is_cut =
+        |last: &EvaluationRecord, length: &usize| last.agents.len() < agents || last.episode_returns.len() < *length;
+    if evaluations.last().zip(lengths.last()).is_some_and(|(last, length)| is_cut(last, length)) {
+        evaluations.pop();
     }
-    // The same for its episodes, which are written after it.
-    if let Some(last) =
-        evaluations.last_mut().filter(|last| last.episodes.is_some_and(|all| last.episode_returns.len() < all))
+    for (EvaluationRecord { steps, agents: of_agents, episode_returns, .. }, length) in evaluations.iter().zip(lengths)
     {
-        last.episode_returns.clear();
-    }
-    let uneven = |evaluation: &&EvaluationRecord| {
-        let found = evaluation.episode_returns.len();
-        found > 0 && evaluation.episodes.is_some_and(|episodes| episodes != found)
-    };
-    if let Some(bad) = evaluations.iter().find(uneven) {
-        let (steps, found, all) = (bad.steps, bad.episode_returns.len(), bad.episodes.unwrap_or(0));
-        anyhow::bail!("{}: has {found} of {all} episodes at step {steps}", files::EPISODES);
+        let (found, returns) = (of_agents.len(), episode_returns.len());
+        ensure!(found == agents, "{}: has {found} of {agents} agents at step {steps}", files::RETURNS);
+        ensure!(returns == length, "{}: has {returns} of {length} episodes at step {steps}", files::EPISODES);
     }
     Ok(evaluations)
 }
@@ -217,8 +169,7 @@ fn read_periods(table: &CsvTable) -> Result<Vec<PeriodTime>> {
     let update = UPDATE.map(columns::seconds_of_phase);
     let parts = [columns_of(&EVALUATION), columns_of(&INFLUENCE), update.to_vec()];
     let mut spent = [0.0; 3];
-    // Runs of an older version have no such columns, and a run that was begun by it has no sum.
-    let mut cpu = Some(CpuTime::default());
+    let mut cpu = CpuTime::default();
     let (mut periods, mut order) = (Vec::new(), Order::default());
     let lines: Vec<TableLine> = table.lines().collect();
     // The line of all workers, then one of each.
@@ -232,13 +183,8 @@ fn read_periods(table: &CsvTable) -> Result<Vec<PeriodTime>> {
             }
         }
         let (steps, elapsed_s) = (order.next(line)?, line.required(columns::ELAPSED_S)?);
-        cpu = match (cpu, line.number(columns::CPU_S)?) {
-            (Some(before), Some(more)) => Some(CpuTime {
-                total_s: before.total_s + more,
-                evaluation_s: before.evaluation_s + line.required(columns::CPU_EVALUATION_S)?,
-            }),
-            _ => None,
-        };
+        cpu.total_s += line.required(columns::CPU_S)?;
+        cpu.evaluation_s += line.required(columns::CPU_EVALUATION_S)?;
         let [evaluation_s, influence_s, update_s] = spent;
         periods.push(PeriodTime { steps, elapsed_s, evaluation_s, influence_s, update_s, cpu });
     }
@@ -248,10 +194,10 @@ fn read_periods(table: &CsvTable) -> Result<Vec<PeriodTime>> {
 fn read_memory(table: &CsvTable) -> Result<Option<MemoryRecord>> {
     let mut memory: Option<MemoryRecord> = None;
     for line in table.lines() {
-        let (rss, pss) = (line.required(columns::PEAK_RSS_MB)?, line.number(columns::PSS_MB)?);
+        let (rss, pss) = (line.required(columns::PEAK_RSS_MB)?, line.required(columns::PSS_MB)?);
         let here = match line.text(columns::PROCESS) {
             Some(ALL) => MemoryRecord { process_mb: 0.0, total_mb: rss, total_pss_mb: pss },
-            _ => MemoryRecord { process_mb: rss, total_mb: 0.0, total_pss_mb: None },
+            _ => MemoryRecord { process_mb: rss, total_mb: 0.0, total_pss_mb: 0.0 },
         };
         memory = Some(memory.map_or(here, |so_far| so_far.max(here)));
     }
@@ -268,7 +214,7 @@ mod tests {
     use crate::records::run_log::RunLog;
     use crate::records::run_record::Status;
     use dials_core::base::{Ragged, Rows, Timesheet};
-    use dials_core::domain::{Domain, Measures};
+    use dials_core::domain::{Domain, Measures, Scenario};
     use dials_core::outside::Directory;
     use dials_learn::algorithms::{Metrics, Tables};
     use dials_learn::evaluation;
@@ -281,11 +227,17 @@ mod tests {
     use stacknets::Layout;
     use std::time::Duration;
 
+    fn describe(dir: &Path, agents: usize) {
+        let about = RunJson::new(Scenario::new("ants", agents, 5), Vec::new(), 1);
+        about.write(&Directory::open(dir).unwrap()).unwrap();
+    }
+
     #[test]
     fn what_the_log_writes_the_reader_reads() {
         let dir = tempfile::tempdir().unwrap();
         let text = "warehouse = { agents_per_side = 2 }\n";
         std::fs::write(dir.path().join(files::CONFIG), text).unwrap();
+        describe(dir.path(), 2);
         let config: RunConfig = toml::from_str(text).unwrap();
         let coins = Coins::new(1);
         let layout = || JointLayout::new(coins.kinds(), |_| Layout::new(vec![("w".to_owned(), vec![1])]));
@@ -326,24 +278,26 @@ mod tests {
         let read = RunRecord::read(dir.path()).unwrap();
         let [found] = &read.evaluations[..] else { panic!("{:?}", read.evaluations) };
         assert_eq!((found.steps, found.all.mean, found.all.std_error, found.all.stuck), (128, 3.0, 2.0, 1));
-        assert_eq!((found.agents[1].mean, found.agents[1].stuck, found.episodes), (4.0, 1, Some(2)));
+        assert_eq!((found.agents[1].mean, found.agents[1].stuck), (4.0, 1));
         assert_eq!(found.episode_returns, [1.0, 5.0]);
         let AipTrainingRecord { steps, before, after, marginals } = read.aip_trainings[0];
         assert_eq!((steps, before, after, marginals), (128, 0.5, 0.25, 0.5));
         let FreshLossRecord { after_training, loss, marginals, .. } = read.fresh_losses[0];
         assert_eq!((after_training, loss, marginals), (true, 0.375, 0.5));
         let time = read.total_time().unwrap();
-        assert_eq!((time.evaluation_s, time.influence_s, time.cpu.map(|cpu| cpu.total_s)), (3.0, 2.0, Some(7.0)));
+        assert_eq!((time.evaluation_s, time.influence_s, time.cpu.total_s), (3.0, 2.0, 7.0));
         let memory = read.memory.unwrap();
-        assert_eq!((memory.process_mb, memory.total_mb, memory.total_pss_mb), (40.0, 70.0, Some(30.0)));
+        assert_eq!((memory.process_mb, memory.total_mb, memory.total_pss_mb), (40.0, 70.0, 30.0));
         assert_eq!(read.workers, 1);
     }
 
+    /// Reads evaluations of two agents and no episodes.
     fn evaluations(text: &str) -> Result<Vec<(u64, usize)>> {
         let dir = tempfile::tempdir().unwrap();
         let path = dir.path().join(files::RETURNS);
-        std::fs::write(&path, format!("steps,agent,mean,median,std_error\n{text}")).unwrap();
-        let read = read_evaluations(&CsvTable::read(&path)?, &CsvTable::read(&dir.path().join(files::EPISODES))?)?;
+        let lines: String = text.lines().map(|line| format!("{line},0\n")).collect();
+        std::fs::write(&path, format!("steps,agent,mean,median,std_error,episodes\n{lines}")).unwrap();
+        let read = read_evaluations(&CsvTable::read(&path)?, &CsvTable::read(&dir.path().join(files::EPISODES))?, 2)?;
         Ok(read.iter().map(|evaluation| (evaluation.steps, evaluation.agents.len())).collect())
     }
 
@@ -367,14 +321,14 @@ mod tests {
             let blocks = "0,all,1,1,0,1\n0,0,1,1,0,1\n100,all,2,2,0,2\n100,0,2,2,0,2\n";
             std::fs::write(&returns, format!("steps,agent,mean,median,std_error,episodes\n{blocks}")).unwrap();
             std::fs::write(&file, format!("steps,episode,return\n{episodes}")).unwrap();
-            read_evaluations(&CsvTable::read(&returns)?, &CsvTable::read(&file)?)
+            read_evaluations(&CsvTable::read(&returns)?, &CsvTable::read(&file)?, 1)
         };
         let found = read("0,0,1.000000\n100,0,1.500000\n100,1,2.500000\n").unwrap();
-        assert_eq!(found[0].episode_returns, [1.0]);
-        assert_eq!((found[1].episodes, &found[1].episode_returns[..]), (Some(2), &[1.5, 2.5][..]));
-        assert!(read("").unwrap()[1].episode_returns.is_empty(), "an older version did not write any");
+        assert_eq!((&found[0].episode_returns[..], &found[1].episode_returns[..]), (&[1.0][..], &[1.5, 2.5][..]));
         let error = |episodes| read(episodes).unwrap_err().to_string();
-        assert!(read("0,0,1\n100,0,1.5\n").unwrap()[1].episode_returns.is_empty(), "they are still being written");
+        for unfinished in ["0,0,1\n", "0,0,1\n100,0,1.5\n"] {
+            assert_eq!(read(unfinished).unwrap().len(), 1, "the last ones are still being written");
+        }
         assert_eq!(error("0,0,1\n0,1,1\n"), "episodes.csv: has 2 of 1 episodes at step 0");
         assert_eq!(error("100,1,1.5\n"), "episodes.csv: has episode 1 at step 100, where episode 0 is expected");
     }
@@ -406,13 +360,14 @@ mod tests {
         let dir = tempfile::tempdir().unwrap();
         let path = dir.path().join(files::TIMING);
         // Two workers: one evaluates for 6 s, the other trains AIPs for 5 s and collects for 1 s.
-        let lines = "0,all,10,3,1.5,2.5,1,1,2\n0,0,10,6,2,0,2,2,4\n0,1,10,0,1,5,0,0,0\n\
-                     100,all,20,0,0,0,1,1,1\n100,0,20,0,0,0,2,2,2\n";
-        let header = "steps,worker,elapsed_s,evaluation_s,collection_s,aip_training_s,forward_s,backward_s,adam_s";
+        let lines = "0,all,10,9,4,3,1.5,2.5,1,1,2\n0,0,10,,,6,2,0,2,2,4\n0,1,10,,,0,1,5,0,0,0\n\
+                     100,all,20,8,3,0,0,0,1,1,1\n100,0,20,,,0,0,0,2,2,2\n";
+        let header = "steps,worker,elapsed_s,cpu_s,cpu_evaluation_s,evaluation_s,collection_s,aip_training_s,forward_s,backward_s,adam_s";
         std::fs::write(&path, format!("{header}\n{lines}")).unwrap();
         let periods = read_periods(&CsvTable::read(&path).unwrap()).unwrap();
         let times = |time: &PeriodTime| (time.elapsed_s, time.evaluation_s, time.influence_s, time.update_s);
         assert_eq!(periods.iter().map(times).collect::<Vec<_>>(), [(10.0, 6.0, 7.0, 8.0), (20.0, 6.0, 7.0, 14.0)]);
+        assert_eq!(periods[1].cpu, CpuTime { total_s: 17.0, evaluation_s: 7.0 });
     }
 
     #[test]
@@ -449,22 +404,20 @@ mod tests {
     fn a_run_whose_files_disagree_on_the_agents_is_refused() {
         let dir = tempfile::tempdir().unwrap();
         std::fs::write(dir.path().join(files::CONFIG), "warehouse = { agents_per_side = 2 }\n").unwrap();
-        let scenario =
-            r#"{ "scenario": { "domain": "ants", "agents": 3, "episode": { "length": 5, "unit": "days" } } }"#;
-        std::fs::write(dir.path().join(files::RUN), scenario).unwrap();
+        describe(dir.path(), 3);
         let read = |evaluations: u64, agents: u64| {
             let block = |steps: u64| {
-                let agents = (0..agents).map(|agent| format!("{steps},{agent},1,1,0\n"));
-                format!("{steps},all,1,1,0\n{}", agents.collect::<String>())
+                let agents = (0..agents).map(|agent| format!("{steps},{agent},1,1,0,0\n"));
+                format!("{steps},all,1,1,0,0\n{}", agents.collect::<String>())
             };
             let blocks: String = (0..evaluations).map(block).collect();
-            let text = format!("steps,agent,mean,median,std_error\n{blocks}");
+            let text = format!("steps,agent,mean,median,std_error,episodes\n{blocks}");
             std::fs::write(dir.path().join(files::RETURNS), text).unwrap();
             RunRecord::read(dir.path())
         };
         for (evaluations, agents) in [(2, 1), (1, 4)] {
-            let error = read(evaluations, agents).unwrap_err().to_string();
-            assert!(error.ends_with(&format!("returns.csv has {agents} agents, but the scenario has 3")), "{error}");
+            let error = format!("{:#}", read(evaluations, agents).unwrap_err());
+            assert!(error.ends_with(&format!("returns.csv: has {agents} of 3 agents at step 0")), "{error}");
         }
         assert_eq!(read(1, 2).unwrap().status(), Status::Empty, "its first evaluation was cut short");
         assert_eq!(read(1, 3).unwrap().status(), Status::Unfinished { steps: 0 });

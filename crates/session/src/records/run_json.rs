@@ -4,7 +4,6 @@ use std::path::Path;
 
 use anyhow::{Context, Result, ensure};
 use serde::{Deserialize, Serialize};
-use serde_json::{Map, Value};
 
 use super::files;
 use super::kept::Kept;
@@ -19,34 +18,28 @@ const LONGEST_WORD: usize = 50;
 /// Largest number of agents.
 const MOST_AGENTS: usize = 1_000_000;
 
-/// Contents of `run.json`. What a file of another version lacks is empty here.
-#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
-#[serde(default)]
+/// Contents of `run.json`.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct RunJson {
     /// Words of the command line; the first is the name of the program.
     pub command: Vec<Word>,
     /// Other builds with which the run was continued, in order.
-    #[serde(skip_serializing_if = "Vec::is_empty")]
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub resumed_with: Vec<Resumed>,
-    /// What the run simulates. Older runs have none.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub scenario: Option<Scenario>,
-    /// Names of the agents, in order. Older runs have none.
-    #[serde(skip_serializing_if = "Vec::is_empty")]
+    /// What the run simulates.
+    pub scenario: Scenario,
+    /// Names of the agents, in order; empty if the domain gives them none.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub agents: Vec<String>,
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub seed: Option<u64>,
-    /// Keys and files of the domain when the run began. Older runs have none.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub kept: Option<Kept>,
+    pub seed: u64,
+    /// Keys and files of the domain when the run began; empty if the domain comes from no config.
+    #[serde(default, skip_serializing_if = "Kept::is_empty")]
+    pub kept: Kept,
     /// Number of workers that was last asked for. A resume uses it again.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub workers: Option<usize>,
     /// Build that the run was begun with.
     pub versions: Versions,
-    /// Keys of other versions of this program. They are kept unchanged.
-    #[serde(flatten)]
-    pub other: Map<String, Value>,
 }
 
 /// A build with which a run was continued.
@@ -83,19 +76,28 @@ pub struct Versions {
 }
 
 impl RunJson {
+    /// Describes a run of a domain that comes from no config.
+    pub fn new(scenario: Scenario, agents: Vec<String>, seed: u64) -> RunJson {
+        RunJson {
+            command: Vec::new(),
+            resumed_with: Vec::new(),
+            scenario,
+            agents,
+            seed,
+            kept: Kept::default(),
+            workers: None,
+            versions: Versions::default(),
+        }
+    }
+
     /// Reads the file of the run in `dir`; an error if there is none.
     pub fn read(dir: &Path) -> Result<RunJson> {
         let path = dir.join(files::RUN);
         let text = read_text(&path, LARGEST_FILE).with_context(|| format!("{}: cannot be read", path.display()))?;
         let failed = || format!("{}: is not a file that this program wrote", path.display());
         let run: RunJson = serde_json::from_str(&text).with_context(failed)?;
-        run.scenario.as_ref().map_or(Ok(()), check).with_context(failed)?;
+        check(&run.scenario).with_context(failed)?;
         Ok(run)
-    }
-
-    /// Reads the file of the run in `dir`. Without a file, everything is empty.
-    pub fn read_if_there(dir: &Path) -> Result<RunJson> {
-        if dir.join(files::RUN).exists() { RunJson::read(dir) } else { Ok(RunJson::default()) }
     }
 
     pub fn write(&self, directory: &Directory) -> Result<()> {
@@ -103,7 +105,7 @@ impl RunJson {
         directory.write(files::RUN, format!("{text}\n").as_bytes())
     }
 
-    /// Returns the name of an agent for a reader: printable and short. Older runs know its number only.
+    /// Returns the name of an agent for a reader: printable and short; its number if it has none.
     pub fn agent_name(&self, agent: usize) -> String {
         self.agents.get(agent).map_or_else(|| agent.to_string(), |name| excerpt(name))
     }
@@ -173,6 +175,10 @@ mod tests {
     use serde_json::json;
     use std::fs;
 
+    fn run(agents: Vec<String>) -> RunJson {
+        RunJson::new(Scenario::new("ants", 3, 5), agents, 7)
+    }
+
     fn versions() -> Versions {
         Versions {
             dials_traffic: "1.0.0".into(),
@@ -206,37 +212,29 @@ mod tests {
     }
 
     #[test]
-    fn a_file_comes_back_with_the_keys_of_other_versions_in_it() {
+    fn a_file_comes_back_as_it_was_written_with_the_build_that_wrote_last() {
         let dir = tempfile::tempdir().unwrap();
-        let text = json!({ "seed": 7, "command": ["a", "b"], "versions": versions(), "weather": { "rain": true } });
-        fs::write(dir.path().join(files::RUN), text.to_string()).unwrap();
-        let mut run = RunJson::read(dir.path()).unwrap();
-        assert_eq!((run.seed, run.command.len(), run.last_versions()), (Some(7), 2, &versions()));
+        let mut run = RunJson { versions: versions(), ..run(Vec::new()) };
+        assert_eq!(run.last_versions(), &versions());
         let other = Versions { libm: "glibc 2.31".into(), ..versions() };
         run.resumed_with.push(Resumed { steps: 512, versions: other.clone() });
         run.write(&Directory::open(dir.path()).unwrap()).unwrap();
         let again = RunJson::read(dir.path()).unwrap();
         assert_eq!((&again, again.last_versions()), (&run, &other));
-        assert_eq!(again.other["weather"], json!({ "rain": true }));
-        // Alphabetical, without unknown values.
-        let keys: Value = serde_json::from_str(&fs::read_to_string(dir.path().join(files::RUN)).unwrap()).unwrap();
-        let keys: Vec<&String> = keys.as_object().unwrap().keys().collect();
-        assert_eq!(keys, ["command", "resumed_with", "seed", "versions", "weather"]);
     }
 
     #[test]
     fn agents_have_the_names_that_were_recorded_or_their_numbers() {
-        let run = RunJson { agents: vec!["r0c0".to_owned(), "a\u{1b}b".to_owned()], ..RunJson::default() };
+        let run = run(vec!["r0c0".to_owned(), "a\u{1b}b".to_owned()]);
         assert_eq!([0, 1, 2].map(|agent| run.agent_name(agent)), ["r0c0", "a\\u{1b}b", "2"]);
     }
 
     #[test]
-    fn a_run_of_which_nothing_was_written_down_is_read_as_an_empty_one() {
+    fn a_file_that_is_missing_or_of_another_program_is_an_error() {
         let dir = tempfile::tempdir().unwrap();
-        assert_eq!(RunJson::read_if_there(dir.path()).unwrap(), RunJson::default());
         assert!(RunJson::read(dir.path()).unwrap_err().to_string().contains("run.json: cannot be read"));
         fs::write(dir.path().join(files::RUN), "[1]").unwrap();
-        let error = RunJson::read_if_there(dir.path()).unwrap_err().to_string();
+        let error = RunJson::read(dir.path()).unwrap_err().to_string();
         assert!(error.contains("run.json: is not a file that this program wrote"), "{error}");
     }
 
@@ -245,8 +243,9 @@ mod tests {
         let dir = tempfile::tempdir().unwrap();
         let read = |domain: &str, agents: u64, unit: &str, checksum: &str| {
             let episode = json!({ "length": 5, "unit": unit });
-            let scenario = json!({ "domain": domain, "agents": agents, "episode": episode, "checksum": checksum });
-            fs::write(dir.path().join(files::RUN), json!({ "scenario": scenario }).to_string()).unwrap();
+            let mut about = serde_json::to_value(run(Vec::new())).unwrap();
+            about["scenario"] = json!({ "domain": domain, "agents": agents, "episode": episode, "checksum": checksum });
+            fs::write(dir.path().join(files::RUN), about.to_string()).unwrap();
             RunJson::read(dir.path()).map_err(|error| format!("{error:#}"))
         };
         read("traffic", 4, "steps", "1a2b3c4d").unwrap();
@@ -257,7 +256,7 @@ mod tests {
         }
         for bad in ["../x", "a b", &long] {
             let scenario = Scenario { name: Some(bad.to_owned()), ..Scenario::new("ants", 4, 5) };
-            fs::write(dir.path().join(files::RUN), json!({ "scenario": scenario }).to_string()).unwrap();
+            RunJson { scenario, ..run(Vec::new()) }.write(&Directory::open(dir.path()).unwrap()).unwrap();
             let error = format!("{:#}", RunJson::read(dir.path()).unwrap_err());
             assert!(error.contains("scenario: name is `"), "{error}");
         }
@@ -271,9 +270,9 @@ mod tests {
     fn what_is_no_file_of_ours_is_refused_however_large_or_deep_it_is() {
         let dir = tempfile::tempdir().unwrap();
         let path = dir.path().join(files::RUN);
-        let told = || format!("{:#}", RunJson::read_if_there(dir.path()).unwrap_err());
+        let told = || format!("{:#}", RunJson::read(dir.path()).unwrap_err());
         fs::write(&path, format!("{{\"x\":{}", "[".repeat(1 << 20))).unwrap();
-        assert!(told().contains("is not a file that this program wrote: recursion limit exceeded"), "{}", told());
+        assert!(told().contains("is not a file that this program wrote: EOF while parsing"), "{}", told());
         fs::File::create(&path).unwrap().set_len(LARGEST_FILE + 1).unwrap();
         assert!(told().contains("it has more than 8388608 bytes, the limit"), "{}", told());
         fs::remove_file(&path).unwrap();

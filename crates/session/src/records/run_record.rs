@@ -13,8 +13,6 @@ pub struct RunRecord {
     pub dir: PathBuf,
     pub config: RunConfig,
     pub about: RunJson,
-    /// What was simulated; `None` if the number of agents is not known.
-    pub scenario: Option<Scenario>,
     /// Evaluations, in order of steps.
     pub evaluations: Vec<EvaluationRecord>,
     /// Trainings of the AIPs (approximate influence predictors), in order of steps.
@@ -39,9 +37,7 @@ pub struct EvaluationRecord {
     pub all: Returns,
     /// Returns of each agent.
     pub agents: Vec<Returns>,
-    /// Number of episodes, if the file has it.
-    pub episodes: Option<usize>,
-    /// Mean returns of all agents, episode by episode; empty if the run did not record them.
+    /// Mean returns of all agents, episode by episode.
     pub episode_returns: Vec<f64>,
 }
 
@@ -89,8 +85,8 @@ pub struct PeriodTime {
     pub influence_s: f64,
     /// Part of it for the gradient steps of PPO.
     pub update_s: f64,
-    /// CPU time of all processes; `None` for runs that did not measure it.
-    pub cpu: Option<CpuTime>,
+    /// CPU time of all processes.
+    pub cpu: CpuTime,
 }
 
 impl PeriodTime {
@@ -123,7 +119,7 @@ pub struct MemoryRecord {
     /// Memory of all processes, shared libraries counted in full in each.
     pub total_mb: f64,
     /// Memory of all processes, shared pages counted once.
-    pub total_pss_mb: Option<f64>,
+    pub total_pss_mb: f64,
 }
 
 impl MemoryRecord {
@@ -132,7 +128,7 @@ impl MemoryRecord {
         MemoryRecord {
             process_mb: self.process_mb.max(other.process_mb),
             total_mb: self.total_mb.max(other.total_mb),
-            total_pss_mb: self.total_pss_mb.into_iter().chain(other.total_pss_mb).reduce(f64::max),
+            total_pss_mb: self.total_pss_mb.max(other.total_pss_mb),
         }
     }
 }
@@ -151,12 +147,11 @@ pub enum Status {
 
 impl RunRecord {
     /// Makes the record of a run that has written nothing yet, for tests.
-    pub fn empty(config: RunConfig, scenario: Option<Scenario>) -> RunRecord {
+    pub fn empty(config: RunConfig, scenario: Scenario) -> RunRecord {
         RunRecord {
             dir: PathBuf::new(),
+            about: RunJson::new(scenario, Vec::new(), config.learning.seed),
             config,
-            about: RunJson::default(),
-            scenario,
             evaluations: Vec::new(),
             aip_trainings: Vec::new(),
             fresh_losses: Vec::new(),
@@ -165,6 +160,11 @@ impl RunRecord {
             memory: None,
             workers: 1,
         }
+    }
+
+    /// Returns what was simulated.
+    pub fn scenario(&self) -> &Scenario {
+        &self.about.scenario
     }
 
     pub fn status(&self) -> Status {
@@ -180,12 +180,9 @@ impl RunRecord {
     /// between these writes, and a resume makes up for it.
     pub fn is_whole(&self) -> bool {
         let Some(last) = self.evaluations.last() else { return false };
-        // Older versions did not record the episodes.
-        let records_episodes = self.evaluations.iter().any(|evaluation| !evaluation.episode_returns.is_empty());
-        let has_episodes = !records_episodes || !last.episode_returns.is_empty();
         // The last period is one block of times, the evaluation after it another one. That one is written last.
         let blocks = self.periods.iter().filter(|period| period.steps == last.steps).count();
-        has_episodes && blocks >= 2
+        blocks >= 2
     }
 
     /// Returns the evaluation at a step, if there was one.
@@ -226,12 +223,10 @@ impl RunRecord {
         // Periods are in order of steps.
         let (until, next) = self.periods.split_at(self.periods.partition_point(|period| period.steps <= steps));
         let (until, next) = (until.last(), next.first());
-        let beginning =
-            || PeriodTime { cpu: next.and_then(|next| next.cpu).map(|_| CpuTime::default()), ..PeriodTime::default() };
         if until.is_none() && self.config.learning.policy.imitate.is_some() {
             return None;
         }
-        let until = until.copied().unwrap_or_else(beginning);
+        let until = until.copied().unwrap_or_default();
         if until.steps == steps {
             return Some(until);
         }
@@ -244,10 +239,10 @@ impl RunRecord {
             evaluation_s: part(until.evaluation_s, next.evaluation_s),
             influence_s: part(until.influence_s, next.influence_s),
             update_s: part(until.update_s, next.update_s),
-            cpu: until.cpu.zip(next.cpu).map(|(until, next)| CpuTime {
-                total_s: part(until.total_s, next.total_s),
-                evaluation_s: part(until.evaluation_s, next.evaluation_s),
-            }),
+            cpu: CpuTime {
+                total_s: part(until.cpu.total_s, next.cpu.total_s),
+                evaluation_s: part(until.cpu.evaluation_s, next.cpu.evaluation_s),
+            },
         })
     }
 
@@ -291,7 +286,7 @@ mod tests {
                 elapsed_s,
                 ..PeriodTime::default()
             });
-            let run = RunRecord { periods: periods.to_vec(), ..RunRecord::empty(config, None) };
+            let run = RunRecord { periods: periods.to_vec(), ..RunRecord::empty(config, Scenario::new("ants", 3, 5)) };
             [0, 50, 100, 150].map(|steps| run.runtime_at(steps))
         };
         assert_eq!(runtimes(""), [Some(0.0), Some(5.0), Some(10.0), Some(20.0)]);

@@ -20,48 +20,38 @@ pub struct Episodes {
 pub struct Played {
     /// Mean return of all agents.
     pub mean: f64,
-    /// Number of episodes, if it is known.
-    pub count: Option<usize>,
-    /// Episodes, and the mean return of all agents in each; `None` for files of versions that did not record them.
-    pub on: Option<(Episodes, Vec<f64>)>,
+    pub episodes: Episodes,
+    /// Mean return of all agents in each episode.
+    returns: Vec<f64>,
 }
 
 impl Played {
-    /// Makes a result. `seed`: `evaluation.seed`; `returns`: the mean return of all agents in each episode, empty if
-    /// not recorded.
-    pub fn new(mean: f64, count: Option<usize>, seed: Option<u64>, returns: Vec<f64>) -> Played {
-        let episodes = seed.map(|seed| Episodes { seed, count: returns.len() });
-        Played { mean, count, on: episodes.filter(|_| !returns.is_empty()).map(|episodes| (episodes, returns)) }
+    /// Makes a result. `seed`: `evaluation.seed`; `returns`: the mean return of all agents in each episode.
+    pub fn new(mean: f64, seed: u64, returns: Vec<f64>) -> Played {
+        Played { mean, episodes: Episodes { seed, count: returns.len() }, returns }
     }
 
-    pub fn episodes(&self) -> Option<Episodes> {
-        self.on.as_ref().map(|(episodes, _)| *episodes)
-    }
-
-    /// Returns the result on the first episodes alone. Without recorded episodes it stays as it is.
-    pub fn on_first(&self, count: usize) -> Played {
-        match &self.on {
-            Some((episodes, returns)) if count < returns.len() => {
-                let returns = returns[..count].to_vec();
-                Played::new(mean(&returns), Some(count), Some(episodes.seed), returns)
-            }
-            _ => self.clone(),
+    /// Returns the result on the first episodes alone.
+    fn on_first(&self, count: usize) -> Played {
+        if count >= self.returns.len() {
+            return self.clone();
         }
+        let returns = self.returns[..count].to_vec();
+        Played::new(mean(&returns), self.episodes.seed, returns)
     }
 }
 
 /// Returns the episodes of all of them, if all have the same.
 pub fn common_episodes<'a>(mut all: impl Iterator<Item = &'a Played>) -> Option<Episodes> {
-    let first = all.next()?.episodes()?;
-    all.all(|played| played.episodes() == Some(first)).then_some(first)
+    let first = all.next()?.episodes;
+    all.all(|played| played.episodes == first).then_some(first)
 }
 
-/// Returns the first episodes, which all of them played; `None` if their seeds differ or are not known.
+/// Returns the first episodes, which all of them played; `None` if their seeds differ.
 pub fn shared_episodes<'a>(mut all: impl Iterator<Item = &'a Played>) -> Option<Episodes> {
-    let first = all.next()?.episodes()?;
-    all.try_fold(first, |Episodes { seed, count }, played| {
-        let own = played.episodes().filter(|own| own.seed == seed)?;
-        Some(Episodes { seed, count: count.min(own.count) })
+    let first = all.next()?.episodes;
+    all.try_fold(first, |Episodes { seed, count }, Played { episodes: own, .. }| {
+        (own.seed == seed).then_some(Episodes { seed, count: count.min(own.count) })
     })
 }
 
@@ -99,7 +89,7 @@ impl Pairing {
 pub struct Difference {
     pub mean: f64,
     pub pairing: Pairing,
-    /// The episodes that both sides played; `None` if these are not known or not the same.
+    /// The episodes that both sides played; `None` if these are not the same.
     pub episodes: Option<Episodes>,
     /// Number of seeds of each side; a controller has that of the other side.
     pub seeds: [usize; 2],
@@ -121,9 +111,6 @@ pub fn between(a: &BySeed, b: &BySeed) -> Difference {
     let all = || a.iter().chain(b).map(|(_, played)| played);
     let episodes = shared_episodes(all());
     let same_episodes = episodes.is_some();
-    // Versions that did not record episodes used different ones for every seed. So their spread contains that of the
-    // traffic.
-    let own_episodes = all().all(|played| played.on.is_none());
     let same_seeds = a.len() == b.len() && a.iter().zip(b).all(|((left, _), (right, _))| left == right);
     let [a, b] = [a, b].map(|side| on_shared(side, episodes));
     let [of_a, of_b] = [&a, &b].map(means);
@@ -146,30 +133,20 @@ pub fn between(a: &BySeed, b: &BySeed) -> Difference {
         episodes,
         seeds: [a.len(), b.len()],
         of_seeds,
-        interval: interval.filter(|_| same_episodes || own_episodes),
+        interval: interval.filter(|_| same_episodes),
     }
 }
 
-/// Computes a group minus a controller. `std_error`: standard error of the controller's mean over its episodes.
+/// Computes a group minus a controller.
 ///
 /// Panics if the group is empty.
-pub fn to_controller(group: &BySeed, controller: &Played, std_error: f64) -> Difference {
+pub fn to_controller(group: &BySeed, controller: &Played) -> Difference {
     let episodes = shared_episodes(group.iter().map(|(_, played)| played).chain([controller]));
     let same_episodes = episodes.is_some();
     let group = on_shared(group, episodes);
     let shared = episodes.map_or_else(|| controller.clone(), |episodes| controller.on_first(episodes.count));
     let of_seeds: Vec<(u64, f64)> = group.iter().map(|(seed, own)| (*seed, of_pair(&shared, own))).collect();
-    let own_episodes = group.iter().all(|(_, played)| played.on.is_none());
-    let of_controller = controller.count.filter(|&count| count > 1).map(|count| UncertainMean {
-        mean: controller.mean,
-        variance: std_error.powi(2),
-        freedom: (count - 1) as f64,
-    });
-    let interval = match (same_episodes, own_episodes) {
-        (true, _) => interval_of(&values(&of_seeds)),
-        (false, true) => of_controller.zip(UncertainMean::of(&means(&group))).map(|(a, b)| welch(a, b)),
-        (false, false) => None,
-    };
+    let interval = interval_of(&values(&of_seeds)).filter(|_| same_episodes);
     Difference {
         mean: mean(&values(&of_seeds)),
         pairing: if same_episodes { Pairing::Episode } else { Pairing::Nothing },
@@ -183,12 +160,10 @@ pub fn to_controller(group: &BySeed, controller: &Played, std_error: f64) -> Dif
 /// Computes `b - a`: the mean over the episodes of the difference in each. If the episodes differ: the difference of
 /// the means.
 fn of_pair(a: &Played, b: &Played) -> f64 {
-    match (&a.on, &b.on) {
-        (Some((of_a, a)), Some((of_b, b))) if of_a == of_b => {
-            mean(&a.iter().zip(b).map(|(a, b)| b - a).collect::<Vec<_>>())
-        }
-        _ => b.mean - a.mean,
+    if a.episodes != b.episodes {
+        return b.mean - a.mean;
     }
+    mean(&a.returns.iter().zip(&b.returns).map(|(a, b)| b - a).collect::<Vec<_>>())
 }
 
 /// Returns a side on the shared episodes; as it is if there are none.
@@ -215,26 +190,12 @@ mod tests {
     }
 
     fn played(seed: u64, returns: &[f64]) -> Played {
-        Played::new(mean(returns), Some(returns.len()), Some(seed), returns.to_vec())
-    }
-
-    /// Makes a run of a version that did not record its episodes.
-    fn old(mean: f64) -> Played {
-        Played::new(mean, Some(20), None, Vec::new())
+        Played::new(mean(returns), seed, returns.to_vec())
     }
 
     /// Makes a side of these runs, with seeds 1, 2, ...
     fn side(runs: impl IntoIterator<Item = Played>) -> BySeed {
         (1..).zip(runs).collect()
-    }
-
-    /// Makes forty episodes with a mean of 12 and a standard error of 1.
-    fn controller(seed: Option<u64>, returns: &[f64]) -> (Played, f64) {
-        (Played::new(12.0, Some(40), seed, returns.to_vec()), 1.0)
-    }
-
-    fn minus(group: &BySeed, (controller, std_error): (Played, f64)) -> Difference {
-        to_controller(group, &controller, std_error)
     }
 
     #[test]
@@ -275,14 +236,9 @@ mod tests {
     fn episodes_that_differ_between_the_sides_alone_leave_no_interval() {
         let values = [1.0, 2.0, 3.0, 4.0, 5.0];
         let on = |seed, episodes: usize| side(values.map(|value| played(seed, &vec![value; episodes])));
-        for (a, b) in [(on(0, 2), on(1, 2)), (on(0, 2), side(values.map(old)))] {
-            let found = between(&a, &b);
-            assert_eq!((found.mean, found.pairing, found.interval), (0.0, Pairing::Seed, None));
-            assert_eq!(found.of_seeds.len(), 5, "the differences of the seeds are returned anyway");
-        }
-        let found = between(&side(values.map(old)), &side(values.map(old)));
-        assert_eq!(found.pairing, Pairing::Seed);
-        assert!(found.interval.is_some(), "each seed had its own episodes");
+        let found = between(&on(0, 2), &on(1, 2));
+        assert_eq!((found.mean, found.pairing, found.interval), (0.0, Pairing::Seed, None));
+        assert_eq!(found.of_seeds.len(), 5, "the differences of the seeds are returned anyway");
     }
 
     #[test]
@@ -296,28 +252,24 @@ mod tests {
         assert_eq!(found.episodes, Some(Episodes { seed: 0, count: 2 }));
         assert_near(found.interval.unwrap().low, 3.0 - student_t(4.0) * 0.5_f64.sqrt());
         let group = side(values.map(|above| played(0, &[10.0 + above, 14.0 + above])));
-        let found = minus(&group, controller(Some(0), &[10.0, 14.0, 99.0]));
+        let found = to_controller(&group, &played(0, &[10.0, 14.0, 99.0]));
         assert_eq!((found.mean, found.pairing), (3.0, Pairing::Episode));
-        assert_eq!(minus(&long, controller(Some(0), &[10.0, 14.0])).mean, 3.0);
+        assert_eq!(to_controller(&long, &played(0, &[10.0, 14.0])).mean, 3.0);
     }
 
     #[test]
     fn a_controller_is_subtracted_episode_by_episode_from_every_seed() {
         let group = side([1.0, 2.0, 3.0, 4.0, 5.0].map(|above| played(0, &[10.0 + above, 14.0 + above])));
-        let found = minus(&group, controller(Some(0), &[10.0, 14.0]));
+        let found = to_controller(&group, &played(0, &[10.0, 14.0]));
         assert_eq!((found.mean, found.pairing), (3.0, Pairing::Episode));
         assert_near(found.interval.unwrap().low, 3.0 - student_t(4.0) * 0.5_f64.sqrt());
     }
 
     #[test]
-    fn a_controller_on_other_episodes_brings_its_own_error_or_there_is_no_interval() {
+    fn against_a_controller_on_other_episodes_there_is_no_interval() {
         let values = [11.0, 12.0, 13.0, 14.0, 15.0];
-        let of_old = minus(&side(values.map(old)), controller(None, &[]));
-        assert_eq!((of_old.mean, of_old.pairing), (1.0, Pairing::Nothing));
-        // Variances 0.5 and 1: freedom 1.5^2 / (0.25 / 4 + 1 / 39) = 25.527273.
-        let half = student_t(2.25 / (0.0625 + 1.0 / 39.0)) * 1.5_f64.sqrt();
-        assert_near(of_old.interval.unwrap().high, 1.0 + half);
-        let of_new = minus(&side(values.map(|value| played(0, &[value]))), controller(Some(1), &[12.0]));
-        assert_eq!((of_new.mean, of_new.pairing, of_new.interval), (1.0, Pairing::Nothing, None));
+        let group = side(values.map(|value| played(0, &[value])));
+        let found = to_controller(&group, &played(1, &[12.0]));
+        assert_eq!((found.mean, found.pairing, found.interval), (1.0, Pairing::Nothing, None));
     }
 }

@@ -13,15 +13,9 @@ use safetensors::tensor::{Dtype, SafeTensors, TensorView};
 use sha2::{Digest, Sha256};
 
 use super::FORMAT;
-use dials_core::outside::Printable;
 
 const TEXT: &str = "checkpoint";
 const DIGEST: &str = "digest";
-
-/// A checkpoint of another version of this program.
-#[derive(Debug, thiserror::Error)]
-#[error("{0}")]
-pub struct OtherFormat(String);
 
 /// A tensor of the file.
 #[derive(Clone)]
@@ -59,9 +53,8 @@ pub fn unseal(bytes: &[u8]) -> Result<(serde_json::Value, Vec<Part<'_>>)> {
     let (_, header) = SafeTensors::read_metadata(bytes)?;
     let metadata = header.metadata().as_ref().context("it is not a checkpoint")?;
     let text = metadata.get(TEXT).context("it is not a checkpoint")?;
-    // Before the digest: other formats have none.
     let about: serde_json::Value = serde_json::from_str(text).context("its metadata is damaged")?;
-    check_format(&about)?;
+    ensure!(about["format"] == FORMAT, "it is not a checkpoint of this version of dials-traffic");
     let mut parts: Vec<Part<'_>> = file
         .iter()
         .map(|(name, tensor)| Part {
@@ -76,19 +69,6 @@ pub fn unseal(bytes: &[u8]) -> Result<(serde_json::Value, Vec<Part<'_>>)> {
     ensure!(digest(text, &parts) == *sealed, "its digest is wrong: it is damaged");
     ensure!(metadata.len() == 2, "it has metadata that no checkpoint has");
     Ok((about, parts))
-}
-
-fn check_format(about: &serde_json::Value) -> Result<()> {
-    let format = about["format"].as_u64().context("its metadata has no format")?;
-    let version = about["version"].as_str().filter(|version| version.len() < 100);
-    let writer = version.map_or(String::new(), |version| format!(", dials-traffic {}", Printable(version)));
-    if format == u64::from(FORMAT) {
-        return Ok(());
-    }
-    Err(OtherFormat(format!(
-        "it has format {format}, and this program reads format {FORMAT}: continue with the version that wrote it{writer}"
-    ))
-    .into())
 }
 
 /// Every field is preceded by its length, so that no two checkpoints give the same bytes to the digest.

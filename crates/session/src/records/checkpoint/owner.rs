@@ -36,9 +36,8 @@ impl Owner {
     /// Returns an error if the `run.json` in `dir` describes another seed or scenario. A run without a checkpoint begins
     /// again, but as the run that was described.
     pub fn check_described(&self, dir: &Path) -> Result<()> {
-        let about = RunJson::read_if_there(dir)?;
-        let [then, now] = [about.seed.unwrap_or(self.config.learning.seed), self.config.learning.seed]
-            .map(|seed| json!({ "seed": seed }));
+        let about = RunJson::read(dir)?;
+        let [then, now] = [about.seed, self.config.learning.seed].map(|seed| json!({ "seed": seed }));
         let found = [differing(&then, &now), self.changes_since(dir, &about)?].concat();
         refuse(&place_of(dir), &found, TO_RESUME).map_err(Into::into)
     }
@@ -47,18 +46,17 @@ impl Owner {
     /// were trained on those are not for these. The rules of the environment may be those of another version of this
     /// program: whoever scores the policies says so.
     pub fn check_unchanged(&self, dir: &Path) -> Result<()> {
-        let mut found = self.changes_since(dir, &RunJson::read_if_there(dir)?)?;
+        let mut found = self.changes_since(dir, &RunJson::read(dir)?)?;
         found.retain(|difference| !difference.key.starts_with("scenario.rules."));
         refuse(&place_of(dir), &found, TO_PLAY).map_err(Into::into)
     }
 
     /// Lists what differs from the domain that `about` describes. `dir`: the directory of the run.
     fn changes_since(&self, dir: &Path, about: &RunJson) -> Result<Vec<Difference>> {
-        let mut found = about.kept.as_ref().map_or(Ok(Vec::new()), |kept| kept.changed_keys(&self.config))?;
-        let Some(scenario) = &about.scenario else { return Ok(found) };
-        let mut of_scenario = self.differences_from(&without_name(scenario.clone())?);
-        if let Some(kept) = about.kept.as_ref().filter(|_| !of_scenario.is_empty()) {
-            found.extend(kept.changed_files(dir)?);
+        let mut found = about.kept.changed_keys(&self.config)?;
+        let mut of_scenario = self.differences_from(&without_name(about.scenario.clone())?);
+        if !of_scenario.is_empty() {
+            found.extend(about.kept.changed_files(dir)?);
         }
         // A checksum says less than the key or the file.
         let is_checksum = |key: &str| key == "scenario.checksum" || key.starts_with("scenario.files.");
@@ -93,8 +91,7 @@ impl Owner {
 /// Returns an error if the domain's keys or the contents of the networks are other ones than `about`, the `run.json` in
 /// `dir`, says. For readers of the figures alone, who need neither the domain nor the networks. `config`: that of the run.
 pub fn check_kept(dir: &Path, config: &RunConfig, about: &RunJson) -> Result<()> {
-    let Some(kept) = &about.kept else { return Ok(()) };
-    let found = [kept.changed_keys(config)?, kept.changed_contents(dir)?].concat();
+    let found = [about.kept.changed_keys(config)?, about.kept.changed_contents(dir)?].concat();
     refuse(&place_of(dir), &found, TO_READ).map_err(Into::into)
 }
 
