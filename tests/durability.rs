@@ -12,8 +12,8 @@ const CONFIG: &str = "total_steps = 640\n[warehouse]\nagents_per_side = 2\nhoriz
                       [policy]\nhidden = [16]\n[ppo]\nrollout_steps = 8\n\
                       [aip]\nhidden = [8]\nretrain_every_steps = 256\ndataset_steps = 64\nbatch = 16\nepochs = 2\n\
                       [evaluation]\nevery_steps = 128\nepisodes = 2\n";
-const CALLS: &str = "write,writev,pwrite64,fsync,fdatasync,openat,mkdir,mkdirat,rename,renameat,renameat2,unlinkat,\
-                     rmdir";
+const CALLS: &str = "write,writev,pwrite64,fsync,fdatasync,openat,mkdir,mkdirat,rename,renameat,renameat2,unlink,\
+                     unlinkat,rmdir";
 
 /// What is not yet on the disk.
 struct Disk {
@@ -52,7 +52,7 @@ impl Disk {
             "rename" | "renameat" | "renameat2" => self.rename(&place(0), &place(1), line),
             "rmdir" => drop(self.names.remove(&place(0))),
             "unlinkat" if line.contains("AT_REMOVEDIR") => drop(self.names.remove(&place(0))),
-            "unlinkat" if is_checkpoint(Path::new(named[0])) => {
+            "unlink" | "unlinkat" if is_checkpoint(Path::new(named[0])) => {
                 assert!(
                     !self.names.contains(&self.place.join("run/checkpoints")),
                     "the new checkpoint may not be there yet: {line}"

@@ -6,7 +6,7 @@ use anyhow::{anyhow, ensure};
 
 use super::subject::Subject;
 use dials_core::base::counted;
-use dials_core::outside::{FileName, write_whole};
+use dials_core::outside::{FileName, write_together};
 use dials_session::config::RunConfig;
 use dials_session::domains;
 use dials_session::error::{Error, Result};
@@ -76,7 +76,10 @@ fn tuned_file(config: &RunConfig, controller: &str, episodes: usize) -> Result<P
     });
     bar.finish();
     let found = found.map_err(Error::Run)?;
-    found.to_toml().and_then(|text| write_whole(&path, text.as_bytes())).map_err(Error::Run)?;
+    found
+        .to_toml()
+        .and_then(|text| write_together(Path::new(FOLDER), &[(path.clone(), text.into_bytes())]))
+        .map_err(Error::Run)?;
     tell(format_args!("{}: tuned on {}, {}", path.display(), counted(episodes, "episode"), found.score()));
     Ok(path)
 }

@@ -5,10 +5,8 @@ use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result, ensure};
 
-use crate::machine::allow_open_directories;
-use crate::records::files::is_run_dir;
 use crate::terminal::tell;
-use dials_core::outside::{Directory, StagedDirectory, folder_of, rename_to_free};
+use dials_core::outside::{Busy, Directory, StagedDirectory, folder_of, rename_to_free};
 
 /// Number of levels of folders that are searched for runs that are being written.
 const LEVELS: usize = 6;
@@ -70,25 +68,16 @@ fn fill_and_move(
     if !parent.exists() {
         fs::create_dir_all(parent).with_context(failed)?;
     }
-    let parent = Directory::open(parent).with_context(failed)?;
-    let mut staged = StagedDirectory::make_in(&parent)
-        .with_context(|| format!("{}: cannot be written to", parent.path().display()))
+    let mut staged = StagedDirectory::make_in(parent)
+        .with_context(|| format!("{}: cannot be written to", parent.display()))
         .with_context(failed)?;
     fill(staged.directory())?;
     staged.directory().sync_tree()?;
     // Another process may take the same place at any moment, so nothing is decided before the directory is there.
     loop {
         let place = place(path, existing)?;
-        let aside = match existing {
-            Existing::MoveAside if !is_free(&place) => Some(move_aside(&place)?),
-            _ => None,
-        };
-        let moved = match (staged.move_to(&place), &aside) {
-            (Err(error), Some(aside)) => return Err(put_back(aside, &place).err().unwrap_or(error)),
-            (moved, _) => moved?,
-        };
-        aside.iter().for_each(|aside| tell_moved(&place, aside));
-        if let Some(made) = moved {
+        clear(&place, existing)?;
+        if let Some(made) = staged.move_to(&place)? {
             return Ok(made);
         }
     }
@@ -99,8 +88,7 @@ fn fill_and_move(
 pub fn make_file(path: &Path, existing: Existing, write: impl FnOnce(&Path) -> Result<()>) -> Result<()> {
     let failed = || format!("{}: cannot be written", path.display());
     let name = path.file_name().with_context(failed)?;
-    let staged = Directory::open(folder_of(path)).and_then(|folder| StagedDirectory::make_in(&folder));
-    let staged = staged.with_context(failed)?;
+    let staged = StagedDirectory::make_in(folder_of(path)).with_context(failed)?;
     write(&staged.directory().path_of(name)).with_context(failed)?;
     loop {
         clear(path, existing)?;
@@ -119,12 +107,12 @@ pub fn make_file(path: &Path, existing: Existing, write: impl FnOnce(&Path) -> R
 /// writes there, this is an error.
 pub fn move_aside(path: &Path) -> Result<PathBuf> {
     let failed = || format!("{}: cannot be moved aside", path.display());
-    let _held = if path.is_dir() { Some(hold(path)?) } else { None };
-    let (parent, name) = (Directory::open(folder_of(path))?, path.file_name().with_context(failed)?);
+    let _held = if path.is_dir() { Some(Directory::lock(path)?) } else { None };
+    check_nobody_writes(path, LEVELS)?;
     loop {
         let aside = first_free(path, ".old-", 1);
-        let aside_name = aside.file_name().expect("it is a name with a number");
-        if rename_to_free(&parent, name, aside_name).with_context(failed)? {
+        if rename_to_free(path, &aside).with_context(failed)? {
+            Directory::open(folder_of(path))?.sync()?;
             return Ok(aside);
         }
     }
@@ -138,36 +126,15 @@ pub fn clear(path: &Path, existing: Existing) -> Result<()> {
     Ok(())
 }
 
-/// Moves what was moved aside back to its place, unless another process has taken the place.
-fn put_back(aside: &Path, place: &Path) -> Result<()> {
-    let names = aside.file_name().zip(place.file_name()).context("what was moved has a name")?;
-    let back = Directory::open(folder_of(place)).and_then(|folder| rename_to_free(&folder, names.0, names.1));
-    let kept = || format!("{}: could not be made; what was there is now in {}", place.display(), aside.display());
-    ensure!(back.with_context(kept)?, "{}, because its place is taken", kept());
-    Ok(())
-}
-
-/// Locks a directory that is to be moved and all runs within it, so that nobody begins to write one meanwhile.
-fn hold(path: &Path) -> Result<Vec<Directory>> {
-    let mut held = vec![Directory::lock(path)?];
-    hold_within(path, LEVELS, &mut held)?;
-    Ok(held)
-}
-
-/// Locks all runs within `path`. A directory that another process has locked is an error. Follows no link.
-fn hold_within(path: &Path, levels: usize, held: &mut Vec<Directory>) -> Result<()> {
+/// Returns an error if another process writes a run within `path`. Follows no link.
+fn check_nobody_writes(path: &Path, levels: usize) -> Result<()> {
     // What cannot be listed has no run of this user in it.
     let entries = fs::read_dir(path).into_iter().flatten().flatten();
-    let folders = entries.filter(|entry| entry.file_type().is_ok_and(|kind| kind.is_dir()));
-    for folder in folders.map(|entry| entry.path()) {
-        // A lock is an open directory. Even the question whether somebody has locked one needs a file.
-        allow_open_directories(held.len() + 1)
-            .with_context(|| format!("{}: has too many runs to move them at once", path.display()))?;
-        if is_run_dir(&folder) || Directory::is_locked(&folder) {
-            held.push(Directory::lock(&folder)?);
-        }
+    for folder in entries.filter(|entry| entry.file_type().is_ok_and(|kind| kind.is_dir())).map(|entry| entry.path()) {
+        // A reader who asks the same holds the lock for a moment.
+        ensure!(!Directory::is_locked(&folder) || Directory::lock(&folder).is_ok(), Busy(folder));
         if levels > 1 {
-            hold_within(&folder, levels - 1, held)?;
+            check_nobody_writes(&folder, levels - 1)?;
         }
     }
     Ok(())
@@ -256,38 +223,6 @@ mod tests {
         }
         move_aside(&path).unwrap();
         assert_eq!(names(dir.path()), ["all.old-1"]);
-    }
-
-    #[test]
-    fn nobody_begins_to_write_a_run_while_its_folder_is_moved() {
-        let dir = tempfile::tempdir().unwrap();
-        let (path, run) = (dir.path().join("all"), dir.path().join("all/deep/run"));
-        fs::create_dir_all(&run).unwrap();
-        fs::write(run.join("config.toml"), "").unwrap();
-        let held = hold(&path).unwrap();
-        assert!(Directory::is_locked(&path) && Directory::is_locked(&run));
-        drop(held);
-        // Not `is_locked`: a child that another test begins shares the lock, until it has become its program.
-        assert!(Directory::lock(&path).is_ok() && Directory::lock(&run).is_ok());
-    }
-
-    #[test]
-    fn what_was_moved_aside_comes_back_unless_its_place_is_taken() {
-        let dir = tempfile::tempdir().unwrap();
-        let (path, aside) = (dir.path().join("run"), dir.path().join("run.old-1"));
-        fs::create_dir(&path).unwrap();
-        fs::write(path.join("ours"), "x").unwrap();
-        let lost = |new: &Directory| Ok(fs::remove_dir(new.path())?);
-        make(&path, Existing::MoveAside, lost).map(drop).unwrap_err();
-        assert_eq!((names(dir.path()), names(&path)), (vec!["run".to_owned()], vec!["ours".to_owned()]));
-        // A rename would replace an empty directory.
-        fs::rename(&path, &aside).unwrap();
-        fs::create_dir(&path).unwrap();
-        let error = put_back(&aside, &path).unwrap_err().to_string();
-        let told = format!("run: could not be made; what was there is now in {}", aside.display());
-        assert!(error.contains(&told), "{error}");
-        assert!(error.ends_with("because its place is taken"), "{error}");
-        assert_eq!((names(&path), names(&aside)), (vec![], vec!["ours".to_owned()]));
     }
 
     #[test]

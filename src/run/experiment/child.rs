@@ -14,7 +14,7 @@ use anyhow::{Context, Result};
 use rustix::process::{Pid, Signal, kill_process};
 
 use super::plan::PlannedWork;
-use dials_core::outside::Directory;
+use dials_core::outside::{Directory, StagedDirectory};
 use dials_session::config::{RunConfig, to_toml};
 use dials_session::experiment::LOGS;
 use dials_session::fleet::Log;
@@ -42,26 +42,25 @@ pub struct RunProcess {
     result: Option<Output>,
 }
 
-/// Result file of a process. The process writes it under another name, which it loses once it is complete.
+/// Result file of a process, which appears once it is complete.
 struct Output {
-    folder: Directory,
+    staged: StagedDirectory,
     name: String,
 }
 
 impl Output {
-    /// Makes the file that the process writes, in the folder `baselines` of an experiment.
+    /// Makes the file that the process writes, for the folder `baselines` of an experiment.
     fn begin(folder: &Directory, result: &Path) -> Result<(Output, File)> {
-        let output = Output { folder: folder.make_subdirectory(BASELINES)?, name: name_of(result)?.to_owned() };
-        let file = output.folder.open_anew(&output.beside())?;
-        Ok((output, file))
-    }
-
-    fn beside(&self) -> String {
-        format!("{}.part", self.name.strip_suffix(".json").unwrap_or(&self.name))
+        let (folder, name) = (folder.make_subdirectory(BASELINES)?, name_of(result)?.to_owned());
+        folder.check(&name)?;
+        let staged = StagedDirectory::make_in(folder.path())?;
+        let file = staged.directory().open_to_append(&name)?;
+        Ok((Output { staged, name }, file))
     }
 
     fn complete(&self) -> Result<()> {
-        self.folder.complete(&self.beside(), &self.name)
+        let failed = || format!("{}: its measurement cannot be written", self.name);
+        self.staged.replace(&[&self.name]).with_context(failed)
     }
 }
 

@@ -1,33 +1,32 @@
-//! A directory that others can reach too. It is opened once, and its files are reached through it alone.
+//! A directory that this program writes: its lock, and its files.
 //!
-//! Its path may lead elsewhere in the meantime, and a directory in it may have been replaced by a link.
+//! One process at a time writes a run: the one that holds the lock of its directory. A file is replaced as a whole, or
+//! appended to. In the place of a file, a link is an error: in an archive or a backup it leads to a file elsewhere.
 
-use std::ffi::{OsStr, OsString};
-use std::os::fd::{AsFd, AsRawFd, BorrowedFd, OwnedFd};
-use std::os::unix::ffi::OsStrExt;
+use std::ffi::OsString;
+use std::fs::{self, File, OpenOptions, TryLockError};
+use std::io::ErrorKind;
+use std::os::fd::AsRawFd;
+use std::os::unix::fs::{MetadataExt, OpenOptionsExt};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::thread;
 use std::time::Duration;
 
-use anyhow::{Context, Error, Result, anyhow, bail};
-use rustix::fs::{
-    AtFlags, CWD, Dir, FileType, FlockOperation, Mode, OFlags, Stat, flock, fstat, mkdirat, openat, stat, statat,
-    unlinkat,
-};
-use rustix::io::Errno;
+use anyhow::{Context, Error, Result, bail};
+use rustix::fs::OFlags;
 
-use super::own_files::single;
+use super::StagedDirectory;
+use super::file::read_bytes;
 
 /// Time between two attempts to lock a directory. A reader who asks whether it is locked holds it for a moment.
 const AGAIN: Duration = Duration::from_millis(20);
 const ATTEMPTS: u32 = 10;
 
-/// An open directory. Its clones are the same opened directory, and share its lock.
+/// An open directory. Its clones share its lock.
 #[derive(Clone, Debug)]
 pub struct Directory {
-    opened: Arc<OwnedFd>,
-    /// Path by which it was opened, for messages.
+    opened: Arc<File>,
     path: PathBuf,
 }
 
@@ -48,7 +47,8 @@ pub enum Whereabouts {
 impl Directory {
     /// Opens a directory. The path itself may be a link.
     pub fn open(path: &Path) -> Result<Directory> {
-        let opened = openat(CWD, path, OFlags::DIRECTORY | OFlags::RDONLY | OFlags::CLOEXEC, Mode::empty());
+        let flags = OFlags::DIRECTORY.bits().cast_signed();
+        let opened = OpenOptions::new().read(true).custom_flags(flags).open(path);
         let opened = opened.with_context(|| format!("{}: cannot be opened as a directory", path.display()))?;
         Ok(Directory { opened: Arc::new(opened), path: path.to_owned() })
     }
@@ -69,17 +69,20 @@ impl Directory {
 
     /// Tries to lock the directory. Returns whether this process may write there.
     pub(super) fn try_lock(&self) -> Result<bool> {
-        match flock(&self.opened, FlockOperation::NonBlockingLockExclusive) {
+        match self.opened.try_lock() {
             Ok(()) => Ok(true),
-            Err(Errno::WOULDBLOCK) => Ok(false),
-            Err(error) => Err(cannot_be_locked(error, &self.path)),
+            Err(TryLockError::WouldBlock) => Ok(false),
+            Err(TryLockError::Error(error)) => Err(error).with_context(|| {
+                let path = self.path.display();
+                format!("{path}: cannot be locked; use a directory on a file system that has locks (flock)")
+            }),
         }
     }
 
     /// Returns whether somebody holds the lock of the directory at a path. What cannot be opened is not locked.
     pub fn is_locked(path: &Path) -> bool {
-        let shared = |directory: Directory| flock(&directory.opened, FlockOperation::NonBlockingLockShared);
-        Directory::open(path).is_ok_and(|directory| shared(directory) == Err(Errno::WOULDBLOCK))
+        Directory::open(path)
+            .is_ok_and(|directory| matches!(directory.opened.try_lock_shared(), Err(TryLockError::WouldBlock)))
     }
 
     /// Returns the path by which it was opened.
@@ -88,20 +91,21 @@ impl Directory {
     }
 
     /// Returns the same directory, which was moved to `path`.
-    pub fn moved_to(self, path: &Path) -> Directory {
-        Directory { path: path.to_owned(), ..self }
+    pub(super) fn moved_to(&self, path: &Path) -> Directory {
+        Directory { path: path.to_owned(), ..self.clone() }
     }
 
     pub fn whereabouts(&self) -> Whereabouts {
-        let here = |path: &Path| match (stat(path), fstat(&self.opened)) {
-            (Ok(there), Ok(own)) => (there.st_dev, there.st_ino) == (own.st_dev, own.st_ino),
+        let is_here = |path: &Path| match (fs::metadata(path), self.opened.metadata()) {
+            (Ok(there), Ok(own)) => (there.dev(), there.ino()) == (own.dev(), own.ino()),
             _ => false,
         };
-        if here(&self.path) {
+        if is_here(&self.path) {
             return Whereabouts::InPlace;
         }
-        match std::fs::read_link(self.reached_while_open()) {
-            Ok(place) if here(&place) => Whereabouts::Moved(place),
+        // The system knows the path of an open file.
+        match fs::read_link(format!("/proc/self/fd/{}", self.opened.as_raw_fd())) {
+            Ok(place) if is_here(&place) => Whereabouts::Moved(place),
             _ => Whereabouts::Removed,
         }
     }
@@ -116,40 +120,30 @@ impl Directory {
         }
     }
 
-    /// Returns the path of an entry, for messages.
+    /// Returns the path of an entry.
     pub fn path_of(&self, name: impl AsRef<Path>) -> PathBuf {
-        self.path.join(name.as_ref())
+        self.path.join(name)
     }
 
     /// Lists the names of all entries, in order.
     pub fn names(&self) -> Result<Vec<OsString>> {
-        let failed = || format!("{}: cannot be listed", self.path.display());
-        let mut names = Vec::new();
-        for entry in Dir::read_from(&self.opened).with_context(failed)? {
-            let entry = entry.with_context(failed)?;
-            names.push(OsStr::from_bytes(entry.file_name().to_bytes()).to_owned());
-        }
-        names.retain(|name| name != "." && name != "..");
+        let entries = fs::read_dir(&self.path).and_then(|all| all.map(|entry| Ok(entry?.file_name())).collect());
+        let mut names: Vec<OsString> = entries.with_context(|| format!("{}: cannot be listed", self.path.display()))?;
         names.sort();
         Ok(names)
     }
 
     /// Opens a directory within this one; `None` if there is none. A link to one is an error.
     pub fn subdirectory(&self, name: &str) -> Result<Option<Directory>> {
-        let flags = OFlags::DIRECTORY | OFlags::RDONLY | OFlags::NOFOLLOW | OFlags::CLOEXEC;
         let path = self.path_of(name);
-        match openat(&self.opened, single(name)?, flags, Mode::empty()) {
-            Ok(opened) => Ok(Some(Directory { opened: Arc::new(opened), path })),
-            Err(Errno::NOENT) => Ok(None),
-            Err(Errno::LOOP | Errno::NOTDIR) => {
-                let what = if self.kind_of(name)? == Some(FileType::Symlink) { "is a link" } else { "is no directory" };
-                bail!(
-                    "{}: {what}, and this program writes only into directories of its own: move it away",
-                    path.display()
-                )
-            }
-            Err(error) => Err(error).with_context(|| format!("{}: cannot be opened", path.display())),
-        }
+        let what = match path.symlink_metadata() {
+            Ok(about) if about.is_dir() => return Directory::open(&path).map(Some),
+            Err(error) if error.kind() == ErrorKind::NotFound => return Ok(None),
+            Err(error) => return Err(self.failed(error.into(), name, "cannot be opened")),
+            Ok(about) if about.is_symlink() => "is a link",
+            Ok(_) => "is no directory",
+        };
+        bail!("{}: {what}, and this program writes only into directories of its own: move it away", path.display())
     }
 
     /// Opens a directory within this one, and makes it if there is none.
@@ -157,105 +151,140 @@ impl Directory {
         if let Some(there) = self.subdirectory(name)? {
             return Ok(there);
         }
-        match mkdirat(&self.opened, single(name)?, Mode::from(0o777)) {
-            Ok(()) | Err(Errno::EXIST) => {}
-            Err(error) => return Err(self.failed(error.into(), name, "cannot be made")),
-        }
+        let path = self.path_of(name);
+        fs::create_dir(&path).map_err(|error| self.failed(error.into(), name, "cannot be made"))?;
         self.sync()?;
-        let made = self.subdirectory(name)?;
-        made.with_context(|| format!("{}: was removed while it was made", self.path_of(name).display()))
+        Directory::open(&path)
+    }
+
+    /// Makes new names and new places durable.
+    pub fn sync(&self) -> Result<()> {
+        match self.opened.sync_all() {
+            // Some file systems cannot do this for a directory.
+            Err(error) if error.kind() != ErrorKind::InvalidInput => {
+                Err(error).with_context(|| format!("{}: cannot be written", self.path.display()))
+            }
+            _ => Ok(()),
+        }
     }
 
     /// Makes all files in this directory and below durable.
     pub fn sync_tree(&self) -> Result<()> {
-        for name in self.names()? {
-            let Some(name) = name.to_str() else { continue };
-            match self.kind_of(name)? {
-                Some(FileType::Directory) => self.subdirectory(name)?.map_or(Ok(()), |within| within.sync_tree())?,
-                Some(FileType::RegularFile) => {
-                    let failed = || format!("{}: cannot be written", self.path_of(name).display());
-                    self.open_file(name)?.map_or(Ok(()), |file| file.sync_all()).with_context(failed)?;
-                }
-                _ => {}
+        for path in self.names()?.into_iter().map(|name| self.path_of(name)) {
+            if path.is_dir() {
+                Directory::open(&path)?.sync_tree()?;
+            } else {
+                let synced = File::open(&path).and_then(|file| file.sync_all());
+                synced.with_context(|| format!("{}: cannot be written", path.display()))?;
             }
         }
         self.sync()
     }
 
-    /// Makes new names and new places durable.
-    pub fn sync(&self) -> Result<()> {
-        match rustix::fs::fsync(&self.opened) {
-            // Some file systems cannot do this for a directory.
-            Ok(()) | Err(Errno::INVAL) => Ok(()),
-            Err(error) => Err(error).with_context(|| format!("{}: cannot be written", self.path.display())),
+    /// Checks that nothing but a regular file with one name stands at `name`, if anything does.
+    pub fn check(&self, name: &str) -> Result<()> {
+        let path = self.path_of(name);
+        let what = match path.symlink_metadata() {
+            Ok(about) if about.is_file() && about.nlink() <= 1 => return Ok(()),
+            Err(error) if error.kind() == ErrorKind::NotFound => return Ok(()),
+            Err(error) => return Err(self.failed(error.into(), name, "cannot be read")),
+            Ok(about) if about.is_file() => format!("has {} names (hard links)", about.nlink()),
+            Ok(about) if about.is_symlink() => "is a link".to_owned(),
+            Ok(_) => "is not a regular file".to_owned(),
+        };
+        bail!(
+            "{}: {what}, and this program uses only files of its own here: move it away, and put a copy of the file in \
+             its place if it is needed",
+            path.display()
+        )
+    }
+
+    /// Opens a file for reading; `None` if there is none.
+    pub fn open_file(&self, name: &str) -> Result<Option<File>> {
+        self.check(name)?;
+        match File::open(self.path_of(name)) {
+            Err(error) if error.kind() == ErrorKind::NotFound => Ok(None),
+            opened => opened.map(Some).map_err(|error| self.failed(error.into(), name, "cannot be opened")),
         }
     }
 
-    /// Returns the kind of an entry itself; `None` if there is none.
-    pub(super) fn kind_of(&self, name: impl AsRef<OsStr>) -> Result<Option<FileType>> {
-        match statat(&self.opened, name.as_ref(), AtFlags::SYMLINK_NOFOLLOW) {
-            Ok(stat) => Ok(Some(FileType::from_raw_mode(stat.st_mode))),
-            Err(Errno::NOENT) => Ok(None),
-            Err(error) => {
-                Err(error).with_context(|| format!("{}: cannot be read", self.path_of(name.as_ref()).display()))
+    /// Reads a whole file of at most `at_most` bytes; `None` if there is none.
+    pub fn read(&self, name: &str, at_most: u64) -> Result<Option<Vec<u8>>> {
+        self.check(name)?;
+        match read_bytes(&self.path_of(name), at_most) {
+            Err(error) if error.kind() == ErrorKind::NotFound => Ok(None),
+            read => read.map(Some).map_err(|error| self.failed(error.into(), name, "cannot be read")),
+        }
+    }
+
+    /// Opens a file to append to and to read from, and makes it if there is none.
+    pub fn open_to_append(&self, name: &str) -> Result<File> {
+        self.open_with(name, OpenOptions::new().read(true).append(true).create(true))
+    }
+
+    /// Opens a file to append to and to read from. If there is none, this is an error.
+    pub fn open_to_go_on(&self, name: &str) -> Result<File> {
+        self.open_with(name, OpenOptions::new().read(true).append(true))
+    }
+
+    fn open_with(&self, name: &str, how: &OpenOptions) -> Result<File> {
+        self.check_in_place()?;
+        self.check(name)?;
+        how.open(self.path_of(name)).map_err(|error| self.failed(error.into(), name, "cannot be opened"))
+    }
+
+    /// Writes a file into a directory that nobody reads yet. Only [`Directory::sync_tree`] makes it durable.
+    pub fn put(&self, name: &str, bytes: &[u8]) -> Result<()> {
+        fs::write(self.path_of(name), bytes).map_err(|error| self.failed(error.into(), name, "cannot be written"))
+    }
+
+    /// Replaces a file. Readers see the old file or the new one, never a part, also after a loss of power.
+    pub fn write(&self, name: &str, bytes: &[u8]) -> Result<()> {
+        self.write_with(name, |beside| Ok(fs::write(beside, bytes)?))
+    }
+
+    /// Does the same as [`Directory::write`], for a `write` that makes the file itself. It gets a path of the same name
+    /// in another directory.
+    pub fn write_with(&self, name: &str, write: impl FnOnce(&Path) -> Result<()>) -> Result<()> {
+        self.check_in_place()?;
+        self.check(name)?;
+        let written = StagedDirectory::make_in(&self.path).and_then(|staged| {
+            write(&staged.directory().path_of(name))?;
+            staged.replace(&[name])
+        });
+        written.map_err(|error| self.failed(error, name, "cannot be written"))
+    }
+
+    /// Removes a file or a link, never what a link leads to. If there is none, nothing happens.
+    pub fn remove(&self, name: &str) -> Result<()> {
+        match fs::remove_file(self.path_of(name)) {
+            Err(error) if error.kind() != ErrorKind::NotFound => {
+                Err(self.failed(error.into(), name, "cannot be removed"))
             }
+            _ => Ok(()),
         }
-    }
-
-    /// Removes an empty directory within this one.
-    pub(super) fn remove_empty(&self, name: &str) -> Result<()> {
-        unlinkat(&self.opened, name, AtFlags::REMOVEDIR)
-            .with_context(|| format!("{}: cannot be removed", self.path_of(name).display()))
-    }
-
-    pub(super) fn stat(&self) -> Result<Stat> {
-        fstat(&self.opened).with_context(|| format!("{}: cannot be read", self.path.display()))
     }
 
     /// Returns the error of an operation. If the directory itself has gone, the error says so instead.
-    pub(super) fn failed(&self, error: Error, name: &str, what: &str) -> Error {
+    fn failed(&self, error: Error, name: &str, what: &str) -> Error {
         match self.check_in_place() {
             Err(gone) => gone,
             Ok(()) => error.context(format!("{}: {what}", self.path_of(name).display())),
         }
-    }
-
-    /// Returns a path by which this process reaches the directory as long as it is open, wherever it is moved.
-    pub(super) fn reached_while_open(&self) -> PathBuf {
-        PathBuf::from(format!("/proc/self/fd/{}", self.opened.as_raw_fd()))
-    }
-}
-
-impl AsFd for Directory {
-    fn as_fd(&self) -> BorrowedFd<'_> {
-        self.opened.as_fd()
-    }
-}
-
-/// Returns the error about a directory that could not be locked.
-fn cannot_be_locked(error: Errno, path: &Path) -> Error {
-    let place = path.display();
-    match error {
-        // What the file systems of Linux answer that keep no locks, among them some of networks and of containers.
-        Errno::NOLCK | Errno::NOSYS | Errno::OPNOTSUPP | Errno::INVAL | Errno::BADF => {
-            let way_out = "use a directory on another file system, or mount this one with locks";
-            anyhow!(error).context(format!("{place}: its file system cannot lock directories; {way_out}"))
-        }
-        _ => anyhow!(error).context(format!("{place}: cannot be locked")),
     }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use std::fs;
+    use std::os::unix::fs::{PermissionsExt, symlink};
 
     fn error<T>(outcome: Result<T>) -> String {
         format!("{:#}", outcome.err().expect("it is refused"))
     }
 
     #[test]
-    fn a_directory_that_goes_away_is_followed_and_its_path_is_not() {
+    fn a_directory_that_went_away_is_an_error_and_what_took_its_place_is_left_alone() {
         let dir = tempfile::tempdir().unwrap();
         let place = |name: &str| dir.path().canonicalize().unwrap().join(name);
         fs::create_dir(place("run")).unwrap();
@@ -265,20 +294,59 @@ mod tests {
         fs::rename(place("run"), place("elsewhere")).unwrap();
         fs::create_dir(place("run")).unwrap();
         assert_eq!(directory.whereabouts(), Whereabouts::Moved(place("elsewhere")));
-        directory.write("a", b"x").unwrap();
-        assert!(place("elsewhere/a").exists() && !place("run/a").exists());
-        assert!(error(directory.check_in_place()).contains("run: was moved to "));
+        assert!(error(directory.write("a", b"x")).contains("run: was moved to "));
+        assert_eq!(fs::read_dir(place("run")).unwrap().count(), 0);
         fs::remove_dir_all(place("elsewhere")).unwrap();
         assert!(error(directory.write("a", b"x")).contains("run: was removed while this run was written"));
         assert!(error(directory.open_to_append("a")).contains("run: was removed while this run was written"));
     }
+
     #[test]
-    fn a_file_system_without_locks_is_an_error_with_a_way_out() {
-        let told = |errno| format!("{:#}", cannot_be_locked(errno, Path::new("runs/a")));
-        for errno in [Errno::NOLCK, Errno::NOSYS, Errno::OPNOTSUPP, Errno::INVAL] {
-            let told = told(errno);
-            assert!(told.starts_with("runs/a: its file system cannot lock directories; use a directory on"), "{told}");
+    fn nothing_but_a_file_of_its_own_is_opened_or_replaced() {
+        let dir = tempfile::tempdir().unwrap();
+        let (directory, outside) = (Directory::open(dir.path()).unwrap(), tempfile::NamedTempFile::new().unwrap());
+        fs::write(outside.path(), "precious").unwrap();
+        let path = |name: &str| dir.path().join(name);
+        symlink(outside.path(), path("link")).unwrap();
+        symlink("/nowhere/at/all", path("broken")).unwrap();
+        fs::write(path("file"), "x").unwrap();
+        fs::hard_link(path("file"), path("second")).unwrap();
+        rustix::fs::mknodat(rustix::fs::CWD, path("pipe"), rustix::fs::FileType::Fifo, 0o600.into(), 0).unwrap();
+        for (name, what) in [
+            ("link", "link: is a link"),
+            ("broken", "broken: is a link"),
+            ("second", "second: has 2 names (hard links)"),
+            ("pipe", "pipe: is not a regular file"),
+        ] {
+            let opened = [error(directory.open_file(name)), error(directory.open_to_append(name))];
+            for error in [error(directory.check(name)), error(directory.write(name, b"new"))].iter().chain(&opened) {
+                assert!(error.contains(what) && error.contains("move it away"), "{error}");
+            }
         }
-        assert!(told(Errno::IO).starts_with("runs/a: cannot be locked: "), "{}", told(Errno::IO));
+        symlink(outside.path().parent().unwrap(), path("folder")).unwrap();
+        assert!(error(directory.make_subdirectory("folder")).contains("folder: is a link"));
+        directory.remove("link").unwrap();
+        assert!(!path("link").exists() && path("pipe").exists());
+        assert_eq!(fs::read(outside.path()).unwrap(), b"precious");
+        assert_eq!(fs::read(path("file")).unwrap(), b"x");
+    }
+
+    #[test]
+    fn a_file_is_replaced_as_a_whole_or_not_at_all() {
+        let dir = tempfile::tempdir().unwrap();
+        let directory = Directory::open(dir.path()).unwrap();
+        fs::write(dir.path().join("plain"), "").unwrap();
+        directory.write("a", b"old").unwrap();
+        let mode = |name: &str| fs::metadata(dir.path().join(name)).unwrap().permissions().mode();
+        assert_eq!(mode("a"), mode("plain"), "the umask decides who may read it");
+        let torn = directory.write_with("a", |beside| {
+            fs::write(beside, "ne")?;
+            Ok(fs::write("/dev/full", "w")?)
+        });
+        assert!(error(torn).contains("a: cannot be written: No space left on device"));
+        assert_eq!(directory.read("a", 3).unwrap().unwrap(), b"old");
+        assert!(error(directory.read("a", 2)).contains("a: cannot be read: it has more than 2 bytes, the limit"));
+        assert_eq!(directory.read("b", 3).unwrap(), None);
+        assert_eq!(directory.names().unwrap(), ["a", "plain"], "no temporary file remains");
     }
 }

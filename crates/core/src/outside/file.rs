@@ -1,6 +1,6 @@
 //! Files that others may have written, read whole.
 
-use std::fs::{File, OpenOptions};
+use std::fs::OpenOptions;
 use std::io::{Error, ErrorKind, Read, Result};
 use std::os::unix::fs::OpenOptionsExt;
 use std::path::Path;
@@ -21,11 +21,6 @@ pub fn read_bytes(path: &Path, at_most: u64) -> Result<Vec<u8>> {
     if !file.metadata()?.is_file() {
         return Err(Error::new(ErrorKind::InvalidInput, "it is not a regular file"));
     }
-    read_limited(&file, at_most)
-}
-
-/// Reads an open file of at most `at_most` bytes. A longer one is an error of kind `FileTooLarge`.
-pub(super) fn read_limited(file: &File, at_most: u64) -> Result<Vec<u8>> {
     let too_large = || Error::new(ErrorKind::FileTooLarge, format!("it has more than {at_most} bytes, the limit"));
     let length = file.metadata()?.len();
     if length > at_most {

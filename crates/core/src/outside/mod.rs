@@ -2,10 +2,8 @@
 //!
 //! - `file`: reads regular files only, up to a size. A pipe, a device or a file without end is an error, not a hang.
 //! - `packed`: the content of files that gzip packed, up to a size.
-//! - `directory`: a directory that is opened once and may be locked. `own_files`: its files, which are never reached
-//!   through a link.
-//! - `whole`: files that are written completely or not at all. `staged`: the directories of a temporary name that they
-//!   and new directories are made in, and the sweeping of what kills left behind.
+//! - `directory`: a directory that this program writes, its lock and its files.
+//! - `staged`: files and directories that appear whole or not at all, and the sweeping of what kills left behind.
 //! - `temporary`: temporary files, with an error that names the place.
 //! - [`tree`]: XML read into a tree, with limits.
 //! - `printable`: names as they may reach a terminal, a picture or a report.
@@ -19,7 +17,6 @@ mod cell;
 mod directory;
 mod file;
 mod name;
-mod own_files;
 mod packed;
 mod plain_words;
 mod printable;
@@ -27,7 +24,6 @@ mod quoted;
 mod staged;
 mod temporary;
 pub mod tree;
-mod whole;
 
 pub use alike::did_you_mean;
 pub use cell::csv_name;
@@ -37,6 +33,5 @@ pub use name::FileName;
 pub use plain_words::in_plain_words;
 pub use printable::{Printable, beginning, excerpt, is_printable};
 pub use quoted::{path_as_text, quoted, quoted_word};
-pub use staged::{StagedDirectory, rename_to_free, sweep};
+pub use staged::{StagedDirectory, folder_of, rename_to_free, sweep, write_together};
 pub use temporary::{cannot_write_temporary, temporary_dir, temporary_file};
-pub use whole::{folder_of, write_together, write_whole};

@@ -22,7 +22,7 @@ mod way_out;
 pub use aborts::{ran_out_of_memory, why_aborted};
 pub use allocator::Allocator;
 pub use memory::{limit_cpu, limit_memory};
-pub use open_files::{allow_open_directories, allow_open_files};
+pub use open_files::allow_open_files;
 pub use processes::note_option_for_processes;
 pub use room::{free_disk_mib, free_memory_mib};
 pub use signals::{end_now, leave_signals_to_another, survive_full_files};

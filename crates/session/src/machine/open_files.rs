@@ -20,17 +20,6 @@ pub fn allow_open_files(children: usize, each: u64, option: &str) -> Result<()> 
     Ok(())
 }
 
-/// Makes sure that a command may have this many directories open.
-pub fn allow_open_directories(count: usize) -> Result<()> {
-    ensure!(
-        raise_to(OWN + count as u64)?,
-        "{count} directories would be open, but at most {} open files are allowed (ulimit -Hn); raise the limit, or move \
-         a part of them away first",
-        most()
-    );
-    Ok(())
-}
-
 /// Raises the soft limit to the hard one if it is lower than `needed`. Returns whether so many files are allowed.
 fn raise_to(needed: u64) -> Result<bool> {
     let limit = getrlimit(Resource::Nofile);

@@ -48,11 +48,11 @@ impl ResumePoint {
     /// What is not a file of the run itself, such as a link, is an error. What killed writes left behind is removed.
     pub fn find(directory: &Directory, owner: &Owner) -> Result<ResumePoint> {
         files::WRITTEN.iter().chain(&files::GROWING).try_for_each(|name| directory.check(name))?;
-        sweep(directory, |name| files::WRITTEN.contains(&name))?;
+        sweep(directory.path())?;
         let Some(folder) = directory.subdirectory(files::CHECKPOINTS)? else {
             return ResumePoint::beginning(directory, owner);
         };
-        sweep(&folder, checkpoint::is_checkpoint)?;
+        sweep(folder.path())?;
         let names = checkpoint::list(&folder)?;
         let (mut newer, mut first) = (Vec::new(), None);
         for name in names.iter().rev() {

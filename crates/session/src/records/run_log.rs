@@ -188,7 +188,7 @@ impl Journal for RunLog {
         };
         let folder = self.directory.make_subdirectory(files::CHECKPOINTS);
         let written = folder.and_then(|folder| checkpoint::write(&folder, &self.owner, agents, progress));
-        // Not earlier: if the directory was moved, nothing is lost.
+        // That it went away explains every other error.
         self.directory.check_in_place()?;
         written
     }

@@ -256,11 +256,6 @@ fn steps_of(name: &str) -> Option<u64> {
     (name_of(steps) == name).then_some(steps)
 }
 
-/// Returns whether a file has the name of a checkpoint.
-pub fn is_checkpoint(name: &str) -> bool {
-    steps_of(name).is_some()
-}
-
 /// Lists the names of the checkpoints of a folder, oldest first.
 pub fn list(folder: &Directory) -> Result<Vec<String>> {
     let names = folder.names()?.into_iter().filter_map(|name| name.into_string().ok());
