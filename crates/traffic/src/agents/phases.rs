@@ -1,6 +1,5 @@
 //! The phases of a light: which sides have green, and in which order the phases follow each other.
 
-use super::phase_plan::Shown;
 use crate::side::Side;
 use libsumo::SignalState;
 
@@ -49,16 +48,6 @@ impl Light {
             Light::HorizontalGreen => Some([Side::HORIZONTAL, Side::VERTICAL]),
             Light::VerticalGreen => Some([Side::VERTICAL, Side::HORIZONTAL]),
             Light::HorizontalYellow | Light::VerticalYellow => None,
-        }
-    }
-
-    /// Returns what this light is in a plan, where green 0 is for the cars from south and north.
-    pub fn shown(self) -> Shown {
-        match self {
-            Light::VerticalGreen => Shown::Green(0),
-            Light::VerticalYellow => Shown::Between { from: 0, to: 1 },
-            Light::HorizontalGreen => Shown::Green(1),
-            Light::HorizontalYellow => Shown::Between { from: 1, to: 0 },
         }
     }
 
