@@ -15,7 +15,7 @@ use anyhow::{Context, Result, bail, ensure};
 use dials_core::base::{AgentId, Dice, Rows, Seed, Stopwatch, Work};
 use dials_core::domain::{Action, Beginning, Domain, GlobalSimulator, LocalSimulator};
 use dials_learn::config::{AipConfig, Predictor};
-use dials_learn::influence::{Dataset, InfluencePredictor, TrainablePredictor, initial_predictor, train};
+use dials_learn::influence::{Dataset, InfluencePredictor, TrainablePredictor, train};
 use dials_session::domains::DomainConfig;
 use dials_traffic::Traffic;
 use dials_traffic::agents::phases::Light;
@@ -104,7 +104,7 @@ fn print(behaviour: Behaviour, Returns { gs, trained, untrained }: Returns) {
 
 fn predictor(traffic: &Traffic, aip: &AipConfig, choice: Predictor) -> Box<dyn TrainablePredictor> {
     let (agents, spec) = (AgentId::all(traffic.agents()), &traffic.kinds()[0].spec);
-    initial_predictor(choice, &agents, spec, aip, Seed::new(3))
+    choice.kind().make(&agents, spec, aip, Seed::new(3))
 }
 
 /// Plays episodes on the GS. Returns the mean return of a light, and a dataset per light.

@@ -17,7 +17,7 @@ use anyhow::{Context, Result, bail, ensure};
 use dials_core::base::{AgentId, Dice, Rows, Seed, Stopwatch, Work};
 use dials_core::domain::{Action, Beginning, Controller, Domain, GlobalSimulator, JointPercept, LocalSimulator};
 use dials_learn::config::Predictor;
-use dials_learn::influence::{Dataset, initial_predictor, train};
+use dials_learn::influence::{Dataset, train};
 use dials_learn::policy::{JointPolicyController, Selection};
 use dials_learn::training::fleet::Fleet;
 use dials_learn::training::observer::Silent;
@@ -122,7 +122,7 @@ fn play(traffic: &Traffic, by: &mut dyn Controller, seed: Seed, episodes: usize)
 /// Trains a predictor on datasets, and lets lights that follow gap-out meet it in local simulators.
 fn meet(traffic: &Traffic, config: &RunConfig, choice: Predictor, datasets: &[Dataset]) -> Result<Met> {
     let (agents, spec) = (AgentId::all(traffic.agents()), &traffic.kinds()[0].spec);
-    let mut predictor = initial_predictor(choice, &agents, spec, &config.learning.aip, Seed::new(3));
+    let mut predictor = choice.kind().make(&agents, spec, &config.learning.aip, Seed::new(3));
     let work = Work { watch: &mut Stopwatch::default(), progress: &mut |_| () };
     train(&mut *predictor, &agents, datasets, &config.learning.aip, Seed::new(4), work);
 

@@ -3,12 +3,12 @@
 use std::ops::{Range, RangeInclusive};
 
 use clap::builder::{PossibleValue, PossibleValuesParser};
-use dials_learn::config::SHORT_FORMS;
+use dials_learn::config::short_forms;
 
 /// Returns a reader of the ways to train in one word.
 pub(super) fn short_form() -> PossibleValuesParser {
     let capital = |text: &str| format!("{}{}", text[..1].to_uppercase(), &text[1..]);
-    SHORT_FORMS.map(|form| PossibleValue::new(form.name).help(capital(form.help))).into()
+    short_forms().into_iter().map(|form| PossibleValue::new(form.name).help(capital(form.help))).into()
 }
 
 /// Reads the first second and the one after the last.

@@ -292,7 +292,7 @@ fn attributes(bytes: &[u8]) -> Vec<Range<usize>> {
 }
 
 fn beginning(_: &[u8]) -> Vec<Range<usize>> {
-    vec![0..0]
+    std::iter::once(0..0).collect()
 }
 
 fn bytes(bytes: &[u8]) -> Vec<Range<usize>> {

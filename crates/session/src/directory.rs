@@ -147,7 +147,7 @@ pub fn read_aips(
     })?;
     let mut aips = initial_aips(domain, &config.learning, agents);
     // A predictor that is never trained is never written.
-    if choice.learns() {
+    if choice.kind().learns() {
         let layout = JointLayout::of_aips(domain.kinds(), choice, &config.learning.aip);
         let of_all = layout.read(&path.join(files::AIPS)).map_err(|error| with_way_out(error, path))?;
         aips.load(&of_all.pick(agents.iter().map(|agent| agent.0)).into_rows());

@@ -127,7 +127,7 @@ pub(super) fn check(config: &Config) -> Result<()> {
 /// Checks that the episodes of a dataset fill a batch.
 pub(super) fn check_datasets(config: &Config, horizon: usize) -> Result<()> {
     let aip = &config.aip;
-    if !config.trains_predictors() || !config.predictor().reads("batch") {
+    if !config.trains_predictors() || !config.predictor().kind().reads("batch") {
         return Ok(());
     }
     let episodes = config.dataset_episodes(horizon);

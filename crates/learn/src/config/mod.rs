@@ -27,13 +27,14 @@ use serde::{Deserialize, Serialize};
 pub use crate::algorithms::AlgorithmName;
 pub use crate::algorithms::dqn::DqnConfig;
 pub use crate::algorithms::ppo::{PpoConfig, TimeLimit};
+pub use crate::influence::Predictor;
 pub use aip::{AipConfig, Retrain};
 pub use check::held_out_episodes;
 pub use evaluation::EvaluationConfig;
 pub use imitation::ImitationConfig;
 pub use policy::PolicyConfig;
 pub use schedule::{AipTraining, Period, rest_of_schedule, schedule};
-pub use simulator::{Predictor, SHORT_FORMS, ShortForm, Simulator};
+pub use simulator::{ShortForm, Simulator, short_forms};
 
 /// How agents learn, and when AIPs (approximate influence predictors) are retrained and policies evaluated.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]

@@ -5,6 +5,7 @@ use serde::de::Error;
 use serde::{Deserialize, Deserializer, Serialize};
 
 use super::Config;
+use crate::influence::Predictor;
 
 /// Simulators that the policies train on.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
@@ -18,50 +19,6 @@ pub enum Simulator {
     Local,
 }
 
-/// Predictor of the influence on a local region.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
-pub enum Predictor {
-    /// Approximate influence predictors (AIPs) that are trained every F steps.
-    #[default]
-    #[serde(rename = "aip")]
-    Network,
-    /// Constant probabilities instead of AIPs, measured on the global simulator (GS) when DIALS would train its AIPs.
-    #[serde(rename = "marginals")]
-    Marginals,
-    /// Random AIPs that are never trained.
-    #[serde(rename = "untrained")]
-    Untrained,
-}
-
-impl Predictor {
-    /// Returns whether it is fitted to datasets from the GS.
-    pub fn learns(self) -> bool {
-        match self {
-            Predictor::Network | Predictor::Marginals => true,
-            Predictor::Untrained => false,
-        }
-    }
-
-    /// Returns whether a key of `[aip]` changes anything.
-    pub fn reads(self, key: &str) -> bool {
-        match self {
-            Predictor::Network => true,
-            Predictor::Untrained => ["hidden", "recurrent"].contains(&key),
-            Predictor::Marginals => ![
-                "hidden",
-                "recurrent",
-                "learning_rate",
-                "batch",
-                "epochs",
-                "patience",
-                "weight_decay",
-                "correct_marginals",
-            ]
-            .contains(&key),
-        }
-    }
-}
-
 /// A way of training in one word: both keys, as the command line, experiments and the names of runs write them.
 #[derive(Clone, Copy, Debug)]
 pub struct ShortForm {
@@ -73,31 +30,29 @@ pub struct ShortForm {
     pub predictor: Option<Predictor>,
 }
 
-/// All short forms.
-pub const SHORT_FORMS: [ShortForm; 4] = [
-    of_local("dials", "local simulators with trained influence predictors (AIPs)", Predictor::Network),
-    ShortForm { name: "gs", help: "the global simulator", simulator: Simulator::Global, predictor: None },
-    of_local("untrained-dials", "local simulators with random predictors that are never trained", Predictor::Untrained),
-    of_local(
-        "marginal-dials",
-        "local simulators with constant arrival probabilities, measured on the global simulator",
-        Predictor::Marginals,
-    ),
-];
-
-const fn of_local(name: &'static str, help: &'static str, predictor: Predictor) -> ShortForm {
-    ShortForm { name, help, simulator: Simulator::Local, predictor: Some(predictor) }
+/// Returns all short forms: the first predictor's, the global simulator's, and those of the other predictors.
+pub fn short_forms() -> Vec<ShortForm> {
+    let local = |&(predictor, name, help): &(Predictor, &'static str, &'static str)| ShortForm {
+        name,
+        help,
+        simulator: Simulator::Local,
+        predictor: Some(predictor),
+    };
+    let mut forms: Vec<ShortForm> = Predictor::ALL.iter().map(local).collect();
+    let help = "the global simulator";
+    forms.insert(1, ShortForm { name: "gs", help, simulator: Simulator::Global, predictor: None });
+    forms
 }
 
 impl ShortForm {
     /// Returns the short form of this name.
     pub fn called(name: &str) -> Option<ShortForm> {
-        SHORT_FORMS.into_iter().find(|form| form.name == name)
+        short_forms().into_iter().find(|form| form.name == name)
     }
 
     /// Returns whether the run collects datasets and fits predictors to them.
     pub fn trains_predictors(&self) -> bool {
-        self.predictor.is_some_and(Predictor::learns)
+        self.predictor.is_some_and(|predictor| predictor.kind().learns())
     }
 
     /// Returns the keys that a config has instead, a line each.
@@ -113,7 +68,7 @@ impl<'de> Deserialize<'de> for ShortForm {
     fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<ShortForm, D::Error> {
         let name = String::deserialize(deserializer)?;
         ShortForm::called(&name).ok_or_else(|| {
-            let known = SHORT_FORMS.map(|form| format!("`{}`", form.name)).join(", ");
+            let known = short_forms().iter().map(|form| format!("`{}`", form.name)).collect::<Vec<_>>().join(", ");
             D::Error::custom(format!("unknown variant `{name}`, expected one of {known}"))
         })
     }
@@ -124,7 +79,7 @@ impl Config {
     pub fn short_form(&self) -> ShortForm {
         let predictor = self.predictor_in_use();
         let same = |form: &ShortForm| form.simulator == self.simulator && form.predictor == predictor;
-        SHORT_FORMS.into_iter().find(same).expect("every predictor has a short form")
+        short_forms().into_iter().find(same).expect("every predictor has a short form")
     }
 
     /// Returns what predicts the influence. On the GS (global simulator) there is nothing to predict: `None`.

@@ -1,10 +1,10 @@
 //! The approximate influence predictors (AIPs) of many agents as one stack.
 
-use super::{InfluencePredictor, sources};
+use super::{CorrectingAips, InfluencePredictor, PredictorKind, TrainablePredictor, sources};
 use crate::config::AipConfig;
 use dials_core::base::{AgentId, Dice, Rows, Seed};
-use dials_core::domain::{RegionSpec, SourceSpec};
-use stacknets::{Adam, Learner, Parameters, Shape, Stack, States};
+use dials_core::domain::{RegionSpec, Result, SourceSpec};
+use stacknets::{Adam, Layout, Learner, Parameters, Shape, Stack, States};
 
 /// One AIP per agent: d-set -> GRU, if any -> hidden layers -> logits of the influence sources.
 ///
@@ -91,6 +91,78 @@ impl InfluencePredictor for AipStack {
         for ((row, logits), dice) in rows.zip(logits.iter()).zip(dice) {
             sources::sample(&self.sources, logits, dice, row);
         }
+    }
+}
+
+/// AIPs that are trained, alone or as corrections of marginals.
+pub(super) struct Aips;
+
+impl PredictorKind for Aips {
+    fn learns(&self) -> bool {
+        true
+    }
+
+    fn reads(&self, _key: &str) -> bool {
+        true
+    }
+
+    fn make(
+        &self,
+        agents: &[AgentId],
+        spec: &RegionSpec,
+        config: &AipConfig,
+        seed: Seed,
+    ) -> Box<dyn TrainablePredictor> {
+        match config.correct_marginals {
+            true => Box::new(CorrectingAips::new(agents, spec, config, seed)),
+            false => Box::new(AipStack::new(agents, spec, config, seed)),
+        }
+    }
+
+    fn layout(&self, spec: &RegionSpec, config: &AipConfig) -> Layout {
+        match config.correct_marginals {
+            true => CorrectingAips::layout(spec, config),
+            false => AipStack::shape(spec, config).layout(),
+        }
+    }
+
+    fn check_values(&self, spec: &RegionSpec, config: &AipConfig, values: &[f32]) -> Result<()> {
+        if config.correct_marginals { CorrectingAips::check(&spec.sources, values) } else { Ok(()) }
+    }
+
+    fn sampling_flops(&self, spec: &RegionSpec, config: &AipConfig) -> f64 {
+        AipStack::shape(spec, config).forward_flops()
+    }
+}
+
+/// Random AIPs that are never trained.
+pub(super) struct UntrainedAips;
+
+impl PredictorKind for UntrainedAips {
+    fn learns(&self) -> bool {
+        false
+    }
+
+    fn reads(&self, key: &str) -> bool {
+        ["hidden", "recurrent"].contains(&key)
+    }
+
+    fn make(
+        &self,
+        agents: &[AgentId],
+        spec: &RegionSpec,
+        config: &AipConfig,
+        seed: Seed,
+    ) -> Box<dyn TrainablePredictor> {
+        Box::new(AipStack::new(agents, spec, config, seed))
+    }
+
+    fn layout(&self, spec: &RegionSpec, config: &AipConfig) -> Layout {
+        AipStack::shape(spec, config).layout()
+    }
+
+    fn sampling_flops(&self, spec: &RegionSpec, config: &AipConfig) -> f64 {
+        AipStack::shape(spec, config).forward_flops()
     }
 }
 

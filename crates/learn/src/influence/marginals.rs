@@ -13,9 +13,9 @@ use rand::Rng;
 
 use super::parts::{PartFrequencies, part_of};
 use super::sources::of_sources;
-use super::{CrossEntropies, Dataset, InfluencePredictor, TrainablePredictor};
+use super::{CrossEntropies, Dataset, InfluencePredictor, PredictorKind, TrainablePredictor};
 use crate::config::AipConfig;
-use dials_core::base::{Dice, Rows, Stopwatch, Work};
+use dials_core::base::{AgentId, Dice, Rows, Seed, Stopwatch, Work};
 use dials_core::domain::{RegionSpec, Result, SourceSpec};
 use stacknets::Layout;
 
@@ -161,6 +161,51 @@ pub fn frequencies(sources: &SourceSpec, dataset: &Dataset, samples: Range<usize
 /// episodes does not make the mean infinite.
 pub fn cross_entropy_of_constants(p: &[f64], q: &[f64]) -> f64 {
     p.iter().zip(q).map(|(p, q)| q * -p.max(5e-7).ln()).sum()
+}
+
+/// The kind of [`Marginals`].
+pub(super) struct Constants;
+
+impl PredictorKind for Constants {
+    fn learns(&self) -> bool {
+        true
+    }
+
+    fn reads(&self, key: &str) -> bool {
+        let of_networks = [
+            "hidden",
+            "recurrent",
+            "learning_rate",
+            "batch",
+            "epochs",
+            "patience",
+            "weight_decay",
+            "correct_marginals",
+        ];
+        !of_networks.contains(&key)
+    }
+
+    fn make(
+        &self,
+        agents: &[AgentId],
+        spec: &RegionSpec,
+        _config: &AipConfig,
+        _seed: Seed,
+    ) -> Box<dyn TrainablePredictor> {
+        Box::new(Marginals::new(agents.len(), spec))
+    }
+
+    fn layout(&self, spec: &RegionSpec, _config: &AipConfig) -> Layout {
+        Marginals::layout(spec)
+    }
+
+    fn check_values(&self, spec: &RegionSpec, _config: &AipConfig, values: &[f32]) -> Result<()> {
+        Marginals::check(&spec.sources, values)
+    }
+
+    fn sampling_flops(&self, _spec: &RegionSpec, _config: &AipConfig) -> f64 {
+        0.0
+    }
 }
 
 #[cfg(test)]

@@ -24,7 +24,10 @@ mod train;
 
 use std::ops::Range;
 
-use crate::config::{AipConfig, Predictor};
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+use crate::config::AipConfig;
 use dials_core::base::statistics::mean;
 use dials_core::base::{AgentId, Dice, Rows, Seed, Stopwatch, Work};
 use dials_core::domain::{RegionSpec, Result, SourceSpec};
@@ -98,45 +101,68 @@ pub trait TrainablePredictor: InfluencePredictor {
     }
 }
 
-/// Makes the first predictor of `agents` for this choice, each agent's from its own stream.
-pub fn initial_predictor(
-    choice: Predictor,
-    agents: &[AgentId],
-    spec: &RegionSpec,
-    config: &AipConfig,
-    seed: Seed,
-) -> Box<dyn TrainablePredictor> {
-    match choice {
-        Predictor::Marginals => Box::new(Marginals::new(agents.len(), spec)),
-        Predictor::Network if config.correct_marginals => Box::new(CorrectingAips::new(agents, spec, config, seed)),
-        Predictor::Network | Predictor::Untrained => Box::new(AipStack::new(agents, spec, config, seed)),
+/// A kind of predictor, as a config chooses it.
+pub trait PredictorKind {
+    /// Returns whether it is fitted to datasets from the GS (global simulator).
+    fn learns(&self) -> bool;
+
+    /// Returns whether a key of `[aip]` changes anything.
+    fn reads(&self, key: &str) -> bool;
+
+    /// Makes the first predictor of `agents`, each agent's from its own stream.
+    fn make(
+        &self,
+        agents: &[AgentId],
+        spec: &RegionSpec,
+        config: &AipConfig,
+        seed: Seed,
+    ) -> Box<dyn TrainablePredictor>;
+
+    /// Returns the layout of what it has learnt.
+    fn layout(&self, spec: &RegionSpec, config: &AipConfig) -> Layout;
+
+    /// Returns an error that says why an agent's row of values cannot be what it has learnt. Its width is that of the
+    /// layout, and all values are finite.
+    fn check_values(&self, _spec: &RegionSpec, _config: &AipConfig, _values: &[f32]) -> Result<()> {
+        Ok(())
     }
+
+    /// Returns the floating-point operations in matrix products with which it samples the sources of one decision.
+    fn sampling_flops(&self, spec: &RegionSpec, config: &AipConfig) -> f64;
 }
 
-/// Returns the layout of what such a predictor has learnt.
-pub fn layout(choice: Predictor, spec: &RegionSpec, config: &AipConfig) -> Layout {
-    match choice {
-        Predictor::Marginals => Marginals::layout(spec),
-        Predictor::Network if config.correct_marginals => CorrectingAips::layout(spec, config),
-        Predictor::Network | Predictor::Untrained => AipStack::shape(spec, config).layout(),
-    }
+/// Makes the list of predictors: the name in configs, the short form of training with it and its help, and its kind.
+macro_rules! predictors {
+    ($($(#[$about:meta])* $Name:ident = $name:literal, $form:literal, $help:literal, $kind:expr;)*) => {
+        /// Predictor of the influence on a local region.
+        #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+        pub enum Predictor {
+            $($(#[$about])* #[serde(rename = $name)] $Name,)*
+        }
+
+        impl Predictor {
+            /// All predictors, with the short form of training with each, and its help.
+            pub(crate) const ALL: &[(Predictor, &str, &str)] = &[$((Predictor::$Name, $form, $help),)*];
+
+            /// Returns its kind.
+            pub fn kind(self) -> &'static dyn PredictorKind {
+                match self {
+                    $(Predictor::$Name => &$kind,)*
+                }
+            }
+        }
+    };
 }
 
-/// Returns an error that says why an agent's row of values cannot be what such a predictor has learnt. Its width is that
-/// of [`layout`], and all values are finite.
-pub fn check_values(choice: Predictor, spec: &RegionSpec, config: &AipConfig, values: &[f32]) -> Result<()> {
-    match choice {
-        Predictor::Marginals => Marginals::check(&spec.sources, values),
-        Predictor::Network if config.correct_marginals => CorrectingAips::check(&spec.sources, values),
-        Predictor::Network | Predictor::Untrained => Ok(()),
-    }
-}
-
-/// Returns the floating-point operations in matrix products with which such a predictor samples the sources of one
-/// decision.
-pub fn sampling_flops(choice: Predictor, spec: &RegionSpec, config: &AipConfig) -> f64 {
-    match choice {
-        Predictor::Marginals => 0.0,
-        Predictor::Network | Predictor::Untrained => AipStack::shape(spec, config).forward_flops(),
-    }
+// A new predictor is a file, and a line here.
+predictors! {
+    /// Approximate influence predictors (AIPs) that are trained every F steps.
+    #[default]
+    Network = "aip", "dials", "local simulators with trained influence predictors (AIPs)", aip::Aips;
+    /// Random AIPs that are never trained.
+    Untrained = "untrained", "untrained-dials", "local simulators with random predictors that are never trained",
+        aip::UntrainedAips;
+    /// Constant probabilities instead of AIPs, measured on the global simulator (GS) when DIALS would train its AIPs.
+    Marginals = "marginals", "marginal-dials",
+        "local simulators with constant arrival probabilities, measured on the global simulator", marginals::Constants;
 }

@@ -16,7 +16,7 @@ use super::stream::AgentStream;
 use crate::algorithms::imitation::{ImitationLoss, imitate};
 use crate::algorithms::{self, Learner, Metrics};
 use crate::config::{Config, Period, Simulator};
-use crate::influence::{AipLoss, Dataset, FreshLoss, TrainablePredictor, initial_predictor, measure, train};
+use crate::influence::{AipLoss, Dataset, FreshLoss, TrainablePredictor, measure, train};
 use crate::policy::{Demonstrations, JointPolicy, PolicyStack};
 use dials_core::base::{AgentId, Phase, Ragged, RandomPurpose, Seed, Stopwatch, Work};
 use dials_core::domain::{Action, Domain, RegionSpec, Result};
@@ -62,7 +62,7 @@ pub fn initial_policies(domain: &dyn Domain, config: &Config, agents: &[AgentId]
 pub fn initial_aips(domain: &dyn Domain, config: &Config, agents: &[AgentId]) -> Box<dyn TrainablePredictor> {
     let seed = Seed::new(config.seed).fork(RandomPurpose::Aip);
     let spec = &domain.kinds().of(agents[0]).spec;
-    initial_predictor(config.predictor(), agents, spec, &config.aip, seed)
+    config.predictor().kind().make(agents, spec, &config.aip, seed)
 }
 
 /// Returns the number of agents per block. On the GS all agents act in one simulation, so there is one block per kind.

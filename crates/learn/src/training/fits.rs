@@ -15,7 +15,6 @@ use super::state::AgentsState;
 use super::stream::{AgentStream, RowStream};
 use crate::algorithms::{self, Layout, Tables};
 use crate::config::{Config, Simulator, schedule};
-use crate::influence;
 use crate::policy::PolicyStack;
 use dials_core::base::{AgentId, Ragged, is_stuck};
 use dials_core::domain::{Kinds, RegionSpec, Result};
@@ -33,7 +32,7 @@ pub struct Widths {
 impl Widths {
     pub fn of(config: &Config, kinds: &Kinds) -> Widths {
         let policy = |spec: &RegionSpec| PolicyStack::shape(spec, &config.policy).layout().width();
-        let aip = |spec: &RegionSpec| influence::layout(config.predictor(), spec, &config.aip).width();
+        let aip = |spec: &RegionSpec| config.predictor().kind().layout(spec, &config.aip).width();
         // Once for each kind: a layout is a list of names.
         let of_kinds: Vec<[usize; 2]> = kinds.iter().map(|kind| [policy(&kind.spec), aip(&kind.spec)]).collect();
         let of_agents = |which: usize| {
@@ -162,7 +161,7 @@ impl Fit<'_> {
                 check_finite("policies", state.policies.row(index))?;
                 check_finite("aips", state.aips.row(index))?;
                 state.learners.check_numbers(index, &layouts[self.kind_of(agent)])?;
-                influence::check_values(self.config.predictor(), spec, &self.config.aip, state.aips.row(index))?;
+                self.config.predictor().kind().check_values(spec, &self.config.aip, state.aips.row(index))?;
                 check_rows(&state.streams[index])
             };
             check().with_context(|| format!("agent {agent}"))?;

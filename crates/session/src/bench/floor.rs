@@ -4,7 +4,7 @@ use crate::config::RunConfig;
 use dials_core::domain::{Kinds, RegionSpec};
 use dials_learn::algorithms;
 use dials_learn::config::held_out_episodes;
-use dials_learn::influence::{AipStack, sampling_flops};
+use dials_learn::influence::AipStack;
 use dials_learn::policy::PolicyStack;
 use stacknets::Shape;
 
@@ -33,7 +33,7 @@ impl Flops {
         let learning =
             algorithms::of(&config.learning).flops_per_step(&config.learning, &policy, config.training_horizon());
         let predictor = config.learning.predictor_in_use();
-        let sampling = predictor.map_or(0.0, |choice| sampling_flops(choice, spec, &config.learning.aip));
+        let sampling = predictor.map_or(0.0, |choice| choice.kind().sampling_flops(spec, &config.learning.aip));
         Flops { training: learning + sampling, acting: policy.forward_flops() }
     }
 }

@@ -46,7 +46,6 @@ mod tests {
     use super::*;
     use dials_core::base::{AgentId, Dice, Rows, Seed};
     use dials_learn::config::Predictor;
-    use dials_learn::influence::initial_predictor;
 
     /// Draws from AIPs that predict the marginals of a dataset in which a quarter of the samples have class 1.
     fn share_of_ones(sources: SourceSpec, correct_marginals: bool) -> f64 {
@@ -62,7 +61,7 @@ mod tests {
         let mut dataset = Dataset::new(&spec);
         (0..1000).for_each(|sample| dataset.push(&[1.0, 0.0], &[u8::from(sample % 4 == 0)]));
         let config = AipConfig { hidden: vec![5], correct_marginals, ..AipConfig::default() };
-        let mut aips = initial_predictor(Predictor::Network, &[AgentId(0)], &spec, &config, Seed::new(3));
+        let mut aips = Predictor::Network.kind().make(&[AgentId(0)], &spec, &config, Seed::new(3));
         let mut parameters = aips.values();
         predict_marginals(parameters.row_mut(0), &spec, &config, &dataset);
         aips.load(&parameters);

@@ -10,7 +10,6 @@ use dials_core::base::{AgentId, Ragged};
 use dials_core::domain::{Kind, Kinds, RegionSpec, Result};
 use dials_core::outside::read_bytes;
 use dials_learn::config::{AipConfig, PolicyConfig, Predictor};
-use dials_learn::influence;
 use dials_learn::policy::PolicyStack;
 use stacknets::{Layout, StackToWrite, about_stacks, read_stack, write_stacks};
 
@@ -46,7 +45,7 @@ impl JointLayout {
     }
 
     pub fn of_aips(kinds: &Kinds, choice: Predictor, config: &AipConfig) -> JointLayout {
-        JointLayout::new(kinds, |spec| influence::layout(choice, spec, config))
+        JointLayout::new(kinds, |spec| choice.kind().layout(spec, config))
     }
 
     /// Writes a file of these networks. `networks`: one row of parameters per agent.

@@ -80,7 +80,7 @@ fn is_no_method(key: &str) -> bool {
 /// Returns whether a key changes nothing with this simulator and predictor.
 fn form_ignores(form: ShortForm, key: &str) -> bool {
     match key.split_once('.') {
-        Some(("aip", key)) => !form.predictor.is_some_and(|predictor| predictor.reads(key)),
+        Some(("aip", key)) => !form.predictor.is_some_and(|predictor| predictor.kind().reads(key)),
         Some(("gs", _)) => form.predictor.is_some(),
         Some(("local_simulators", _)) => form.predictor.is_none(),
         _ => false,

@@ -13,7 +13,7 @@ use crate::config::RunConfig;
 use dials_core::base::Ragged;
 use dials_core::domain::Kinds;
 use dials_core::outside::Directory;
-use dials_learn::config::{Config, Predictor};
+use dials_learn::config::Config;
 use dials_learn::training::state::AgentsState;
 
 /// Places of weights and biases in the networks that are saved.
@@ -56,7 +56,7 @@ impl Layouts {
             write(layout, directory, name, networks, steps)
         };
         restore(files::POLICIES, &self.policies, &agents.policies, agents.steps)?;
-        if config.learning.predictor_in_use().is_some_and(Predictor::learns)
+        if config.learning.predictor_in_use().is_some_and(|predictor| predictor.kind().learns())
             && let Some(steps) = trained_at(directory, point)?
         {
             restore(files::AIPS, &self.aips, &agents.aips, steps)?;

@@ -178,15 +178,15 @@ impl Ppo {
 }
 
 fn metrics(losses: &[Losses], decayed: Decayed) -> Metrics {
-    let of_agents: [(&str, fn(&Losses) -> f64); 5] = [
-        ("surrogate", |losses| losses.surrogate),
-        ("value_loss", |losses| losses.value),
-        ("entropy", |losses| losses.entropy),
-        ("kl", |losses| losses.kl),
-        ("clipped", |losses| losses.clipped),
-    ];
+    let of_agents = |name: &str, of: fn(&Losses) -> f64| (name.to_owned(), losses.iter().map(of).collect());
     Metrics {
-        of_agents: of_agents.map(|(name, of)| (name.to_owned(), losses.iter().map(of).collect())).to_vec(),
+        of_agents: vec![
+            of_agents("surrogate", |losses| losses.surrogate),
+            of_agents("value_loss", |losses| losses.value),
+            of_agents("entropy", |losses| losses.entropy),
+            of_agents("kl", |losses| losses.kl),
+            of_agents("clipped", |losses| losses.clipped),
+        ],
         settings: [("learning_rate", decayed.learning_rate), ("clip", decayed.clip)]
             .map(|(name, value)| (name.to_owned(), value))
             .to_vec(),

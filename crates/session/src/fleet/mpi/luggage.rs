@@ -68,6 +68,7 @@ impl Luggage {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::domains::DomainConfig;
     use dials_traffic::config::{TrafficConfig, TrafficTable};
 
     #[test]
