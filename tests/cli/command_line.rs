@@ -386,7 +386,7 @@ fn bad_configs_are_refused_and_nothing_is_written() {
         &["--steps", "513"],
         &["stop_at_steps = 513: is larger than total_steps = 512", "raise total_steps"],
     );
-    refused(&good, &["--set", "aip.epochs=0"], &["aip.epochs = 0: must be at least 1", "untrained-dials"]);
+    refused(&good, &["--set", "aip.epochs=0"], &["aip.epochs = 0: must be at least 1", "predictor = \"untrained\""]);
     refused(
         &good,
         &["--set", "aip.retrain=drift"],

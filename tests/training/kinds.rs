@@ -58,8 +58,10 @@ const CONFIG: &str = "seed = 3\ntotal_steps = 30000\n\
     policy = { hidden = [32] }\n\
     ppo = { time_limit = 'bootstrap', learning_rate = 3e-3, gamma = 0.5 }\n\
     aip = { hidden = [16], retrain_every_steps = 15000, dataset_steps = 5000, epochs = 20, learning_rate = 3e-3 }\n\
-    evaluation = { every_steps = 10000, episodes = 10, aip_loss_episodes = 10 }\n\
-    traffic = { network = 'none', local_network = 'none', horizon = 50 }\n";
+    evaluation = { every_steps = 10000, episodes = 10, aip_loss_episodes = 10 }\n";
+
+/// A table whose horizon is that of the toy domain, which has none of its own.
+const TABLE: &str = "traffic = { network = 'none', local_network = 'none', horizon = 50 }\n";
 
 /// Makes a short run of three periods, with memories.
 fn short(simulator: &str) -> Config {
@@ -133,7 +135,7 @@ fn the_aips_of_both_kinds_learn_the_closed_form_influence() {
     assert!(column(dir.path(), files::AIP_LOSS, &["0", "1"], "frequency").is_empty(), "a coin has no second source");
 
     // The report can read the run, and other programs can open the tensors.
-    fs::write(dir.path().join(files::CONFIG), format!("simulator = 'local'\n{CONFIG}")).unwrap();
+    fs::write(dir.path().join(files::CONFIG), format!("{CONFIG}{TABLE}")).unwrap();
     describe(dir.path());
     let record = RunRecord::read(dir.path()).unwrap();
     assert_eq!(record.scenario().id.domain, "coins-and-dice");
@@ -290,20 +292,15 @@ fn workers_that_share_the_agents_bring_what_one_worker_brings() {
 
 #[test]
 fn the_costs_of_both_kinds_are_measured() {
-    let config = short("dials");
-    let (domain, short, dir) =
-        (domain(), short_orders(&RunConfig::from(config.clone()), 1), tempfile::tempdir().unwrap());
-    let layouts = Layouts::of(&config, domain.kinds());
-    let mut log = RunLog::begin(
-        Directory::lock(dir.path()).unwrap(),
-        Owner::of(&RunConfig::from(config.clone()), &*domain).unwrap(),
-        layouts,
-    );
+    let config = RunConfig { learning: short("dials"), ..toml::from_str(TABLE).unwrap() };
+    let (domain, short, dir) = (domain(), short_orders(&config, 1), tempfile::tempdir().unwrap());
+    let layouts = Layouts::of(&config.learning, domain.kinds());
+    let mut log = RunLog::begin(Directory::lock(dir.path()).unwrap(), Owner::of(&config, &*domain).unwrap(), layouts);
     let mut fleet = in_process(domain.clone(), short.clone(), Rc::new(Silent)).unwrap();
     let time = Duration::from_millis(100);
     let plan = MeasurePlan { config: &short, kinds: domain.kinds(), workers: 1, time, peak_flops: 1e9 };
     let measured = measure(&plan, &mut fleet, &mut log).unwrap();
     let steps = Steps { foreign: false, per_timestep: 1 };
-    let costs = Costs::of(&RunConfig::from(config.clone()), domain.kinds(), steps, 1e9, &measured);
+    let costs = Costs::of(&config, domain.kinds(), steps, 1e9, &measured);
     assert!(costs.agent_steps_per_s() > 0.0 && costs.training.products > 0.0 && costs.aip_training.products > 0.0);
 }

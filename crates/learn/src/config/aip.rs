@@ -45,7 +45,10 @@ pub struct AipConfig {
     #[schemars(range(min = 1), extend("source" = "P"))]
     pub batch: usize,
     /// Number of passes over the dataset per training. Warehouse: 300. Scenarios: 15.
-    #[schemars(range(min = 1, max = 100_000), extend("source" = "P"))]
+    #[schemars(
+        range(min = 1, max = 100_000),
+        extend("source" = "P", "advice" = "for AIPs that are never trained: predictor = \"untrained\"")
+    )]
     pub epochs: usize,
     /// Number of epochs without a lower loss on the held-out episodes after which the training of an agent's AIP ends. The
     /// AIP then has the parameters of its best epoch. If left out, all epochs are trained and the last one counts.

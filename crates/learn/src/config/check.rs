@@ -44,10 +44,11 @@ fn check_table(prefix: &str, schema: &Value, values: &Value) -> Result<()> {
         check_table(&format!("{key}."), schema, value)?;
         let Some(number) = value.as_u64() else { continue };
         if let Some(least) = schema["minimum"].as_u64().filter(|&least| number < least) {
-            let advice = match (&schema["default"], schema["source"].as_str()) {
-                (Value::Null, _) => "or leave it out".to_owned(),
-                (default, Some(_)) => format!("the paper uses {default}"),
-                (default, None) => format!("{default} is the default"),
+            let advice = match (schema["advice"].as_str(), &schema["default"], schema["source"].as_str()) {
+                (Some(advice), ..) => advice.to_owned(),
+                (_, Value::Null, _) => "or leave it out".to_owned(),
+                (_, default, Some(_)) => format!("the paper uses {default}"),
+                (_, default, None) => format!("{default} is the default"),
             };
             bail!("{key} = {number}: must be at least {least} ({advice})");
         }

@@ -446,7 +446,10 @@ mod tests {
         let both = ["policy.average_every_steps=10_000", "gs.shared_policy=true", "simulator=gs"];
         assert!(error_of(SMALL, &both).contains("does not go with gs.shared_policy = true"));
         let epochs = error_of(SMALL, &["aip.epochs=0"]);
-        assert!(epochs.contains("aip.epochs = 0: must be at least 1 (the paper uses 100)"), "{epochs}");
+        assert!(
+            epochs.contains("aip.epochs = 0: must be at least 1 (for AIPs that are never trained: predictor ="),
+            "{epochs}"
+        );
         let patience = error_of(SMALL, &["aip.patience=0"]);
         assert!(patience.contains("aip.patience = 0: must be at least 1 (or leave it out)"), "{patience}");
         assert!(error_of(SMALL, &["aip.weight_decay=-1"]).contains("aip.weight_decay = -1: must not be negative"));
