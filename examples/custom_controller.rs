@@ -26,7 +26,7 @@ fn more_cars(at: &Intersection<'_>) -> usize {
     if cars(best) > cars(green) { best } else { green }
 }
 
-pub fn main() -> Result<()> {
+pub(crate) fn main() -> Result<()> {
     let nets = Path::new(env!("CARGO_MANIFEST_DIR")).join("sumo_nets");
     let config = TrafficConfig::new(nets.join("grid_2x2"), nets.join("local"));
     let traffic = Traffic::open(&config)?;

@@ -188,7 +188,7 @@ impl Observer for Printer {
     }
 }
 
-pub fn main() -> Result<()> {
+pub(crate) fn main() -> Result<()> {
     let sources = SourceSpec { classes: vec![HANDS as u8 + 1], parts: 0 };
     let spec = RegionSpec {
         obs_dim: HANDS + 1,

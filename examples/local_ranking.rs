@@ -39,7 +39,7 @@ fn main() -> Result<()> {
 
 /// How all lights behave.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub enum Behaviour {
+pub(crate) enum Behaviour {
     /// Switches with this probability in each step in which it may.
     Switches(f64),
     /// The controller `gap-out`.
@@ -60,7 +60,7 @@ const ALL: [Behaviour; 8] = [
 
 /// Mean returns of an episode, over all lights and episodes.
 #[derive(Clone, Copy, Debug)]
-pub struct Returns {
+pub(crate) struct Returns {
     pub gs: f64,
     /// In local simulators with AIPs that were trained on these lights.
     pub trained: f64,
@@ -69,7 +69,7 @@ pub struct Returns {
 }
 
 /// Prints what each behaviour earns, and returns it. `config`: a file of `configs/`. `episodes`: those of a dataset.
-pub fn run(config: &str, episodes: usize, behaviours: &[Behaviour]) -> Result<Vec<Returns>> {
+pub(crate) fn run(config: &str, episodes: usize, behaviours: &[Behaviour]) -> Result<Vec<Returns>> {
     ensure!(episodes >= 2, "a dataset needs two episodes or more: one of them is held out");
     let file = Path::new(env!("CARGO_MANIFEST_DIR")).join("configs").join(config).with_extension("toml");
     let config = dials_session::config::load(&file, &["seed=101".to_owned()])?;

@@ -60,7 +60,7 @@ fn main() -> Result<()> {
 }
 
 /// Prints what decisions of these episodes are worth. Returns what all that were changed gained on average.
-pub fn run(episodes: usize) -> Result<[f64; 3]> {
+pub(crate) fn run(episodes: usize) -> Result<[f64; 3]> {
     ensure!(episodes > 0, "no episodes: needs at least one");
     let nets = Path::new(env!("CARGO_MANIFEST_DIR")).join("sumo_nets");
     let nets = TrafficConfig::new(nets.join("grid_5x5"), nets.join("local"));

@@ -47,7 +47,7 @@ fn main() -> Result<()> {
 
 /// What lights met: means of all lights, and of all steps where nothing else is said.
 #[derive(Clone, Copy, Debug, Default)]
-pub struct Met {
+pub(crate) struct Met {
     /// Mean return of an episode.
     pub episode_return: f64,
     /// Cars that came to a light in a step.
@@ -61,7 +61,7 @@ pub struct Met {
 
 /// Prints what lights meet, and returns it: in the GS, then with AIPs and constants of untrained lights, then with AIPs
 /// and constants of these lights. `config`: a file of `configs/`. `episodes`: those of a dataset.
-pub fn run(config: &str, episodes: usize) -> Result<[Met; 5]> {
+pub(crate) fn run(config: &str, episodes: usize) -> Result<[Met; 5]> {
     ensure!(episodes >= 2, "a dataset needs two episodes or more: one of them is held out");
     let file = Path::new(env!("CARGO_MANIFEST_DIR")).join("configs").join(config).with_extension("toml");
     let config = dials_session::config::load(&file, &["seed=101".to_owned()])?;

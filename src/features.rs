@@ -4,7 +4,7 @@
 const FEATURES: [(&str, bool); 2] = [("torch", cfg!(feature = "torch")), ("mpi", cfg!(feature = "mpi"))];
 
 /// Returns the command that installs what a feature needs, and builds this program with it. Features that it has are kept.
-pub fn command_for_feature(feature: &str) -> String {
+pub(crate) fn command_for_feature(feature: &str) -> String {
     command(feature, &FEATURES)
 }
 

@@ -4,7 +4,7 @@ use dials_core::domain::Kind;
 use serde_json::{Map, Value, json};
 
 /// Describes an agent: its name, its kind, and the shapes of what it sees and does.
-pub fn describe(name: &str, kind: &Kind) -> Map<String, Value> {
+pub(crate) fn describe(name: &str, kind: &Kind) -> Map<String, Value> {
     let keys = [
         ("name", json!(name)),
         ("kind", json!(kind.name)),

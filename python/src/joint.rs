@@ -22,7 +22,7 @@ use crate::wire::{self, DRAW, KEEP, LOOK, MEASURE, RESET, STEP};
 const SCALE: usize = 16;
 
 /// The GS with the memory that it shows itself in.
-pub struct Joint {
+pub(crate) struct Joint {
     opened: Opened,
     simulator: Box<dyn GlobalSimulator>,
     /// Agents for which a hand-coded controller decides.
@@ -44,7 +44,7 @@ struct Sections {
 }
 
 impl Joint {
-    pub fn open(mut opened: Opened, request: JointRequest, mut memory: Memory) -> Result<Joint> {
+    pub(crate) fn open(mut opened: Opened, request: JointRequest, mut memory: Memory) -> Result<Joint> {
         let tape = request.records.then(Tape::default);
         if let Some(tape) = &tape {
             let traffic = traffic(&opened.config)?.context("record: only traffic can be recorded")?;
@@ -104,7 +104,7 @@ impl Sections {
 }
 
 impl Joint {
-    pub fn describe(&self) -> Value {
+    pub(crate) fn describe(&self) -> Value {
         let kinds = self.opened.domain.kinds();
         let agents = self.opened.names.iter().zip(AgentId::all(self.opened.names.len())).map(|(name, id)| {
             let mut about = agent::describe(name, kinds.of(id));
@@ -119,7 +119,7 @@ impl Joint {
     }
 
     /// Does what is ordered and returns the answer's payload.
-    pub fn obey(&mut self, tag: u8, payload: &[u8]) -> Result<Vec<u8>> {
+    pub(crate) fn obey(&mut self, tag: u8, payload: &[u8]) -> Result<Vec<u8>> {
         let done = |()| Vec::new();
         match tag {
             STEP => self.step().map(done),

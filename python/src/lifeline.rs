@@ -15,7 +15,7 @@ use dials_session::machine::end_now;
 const LOOK_EVERY: Duration = Duration::from_millis(250);
 
 /// Watches the parent from a thread of its own.
-pub fn watch() -> Result<()> {
+pub(crate) fn watch() -> Result<()> {
     let parent = parent_id();
     let watch = move || {
         while parent_id() == parent {

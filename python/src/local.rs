@@ -27,7 +27,7 @@ use crate::memory::{Memory, Section};
 use crate::request::{LocalRequest, Opened, PredictorRequest, ResetRequest};
 
 /// The local simulators of some agents of one kind: rows ordered by agent, then by copy.
-pub struct Local {
+pub(crate) struct Local {
     config: RunConfig,
     domain: Arc<dyn Domain>,
     agents: Vec<AgentId>,
@@ -50,13 +50,13 @@ struct View {
 }
 
 /// Local simulators with episodes under way.
-pub struct Running<'a> {
+pub(crate) struct Running<'a> {
     ials: Ials<'a>,
     view: &'a mut View,
 }
 
 impl Local {
-    pub fn open(opened: Opened, request: LocalRequest, memory: Memory) -> Result<Local> {
+    pub(crate) fn open(opened: Opened, request: LocalRequest, memory: Memory) -> Result<Local> {
         let names = if request.agents.is_empty() { &opened.names } else { &request.agents };
         let agents = opened.agents_of_one_kind(names)?;
         let Opened { mut config, domain, names } = opened;
@@ -91,7 +91,7 @@ impl Local {
         Ok(Local { config, domain, agents, names, predictor, view })
     }
 
-    pub fn describe(&self) -> Value {
+    pub(crate) fn describe(&self) -> Value {
         let kind = self.domain.kinds().of(self.agents[0]);
         json!({
             "agents": self.names,
@@ -105,7 +105,7 @@ impl Local {
     }
 
     /// Makes new simulators, in which the first episodes of a seed begin: those of a run with this `seed`.
-    pub fn reset(&mut self, request: &ResetRequest) -> Result<Running<'_>> {
+    pub(crate) fn reset(&mut self, request: &ResetRequest) -> Result<Running<'_>> {
         let Local { config, domain, agents, predictor, view, .. } = self;
         config.learning.seed = request.seed;
         let simulators =
@@ -176,7 +176,7 @@ impl View {
 
 impl Running<'_> {
     /// Makes one step of every row. Where an episode ends, the next one begins.
-    pub fn step(&mut self) -> Result<()> {
+    pub(crate) fn step(&mut self) -> Result<()> {
         let Running { ials, view } = self;
         view.memory.read_actions(&mut view.actions)?;
         if let Some((row, action)) =
@@ -192,7 +192,7 @@ impl Running<'_> {
     }
 
     /// Returns totals since the simulators were made, such as influences that could not be applied.
-    pub fn counters(&self) -> Value {
+    pub(crate) fn counters(&self) -> Value {
         self.ials
             .counters()
             .into_iter()

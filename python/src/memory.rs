@@ -15,7 +15,7 @@ use serde_json::{Value, json};
 const ALIGNMENT: usize = 64;
 
 /// The shared memory, and a copy of it in which the next state is put together.
-pub struct Memory {
+pub(crate) struct Memory {
     file: File,
     image: Vec<u8>,
     sections: Vec<(&'static str, Section)>,
@@ -25,7 +25,7 @@ pub struct Memory {
 
 /// The place of a table in the memory.
 #[derive(Clone, Debug)]
-pub struct Section {
+pub(crate) struct Section {
     place: Range<usize>,
     /// Type of its numbers, as numpy names it.
     dtype: &'static str,
@@ -33,7 +33,7 @@ pub struct Section {
 
 impl Memory {
     /// Opens the memory that the parent made, by the number of its descriptor in this process.
-    pub fn open(descriptor: i32) -> Result<Memory> {
+    pub(crate) fn open(descriptor: i32) -> Result<Memory> {
         // The same memory under a second descriptor, which this process owns.
         let path = format!("/proc/self/fd/{descriptor}");
         let file = OpenOptions::new().read(true).write(true).open(path).context("no shared memory")?;
@@ -41,7 +41,7 @@ impl Memory {
     }
 
     /// Adds a section of `count` numbers of type `T`; `dtype`: the type as numpy names it.
-    pub fn section<T>(&mut self, name: &'static str, count: usize, dtype: &'static str) -> Section {
+    pub(crate) fn section<T>(&mut self, name: &'static str, count: usize, dtype: &'static str) -> Section {
         let begin = self.image.len().next_multiple_of(ALIGNMENT);
         let place = begin..begin + count * size_of::<T>();
         self.image.resize(place.end, 0);
@@ -51,7 +51,7 @@ impl Memory {
     }
 
     /// Adds the section of the actions, one byte each, and makes the memory as large as all sections. The last call.
-    pub fn finish(mut self, actions: usize) -> Result<Memory> {
+    pub(crate) fn finish(mut self, actions: usize) -> Result<Memory> {
         self.actions = self.section::<u8>("actions", actions, "u1").place;
         self.file.set_len(self.image.len() as u64).context("no shared memory of this size")?;
         self.image.truncate(self.actions.start);
@@ -59,7 +59,7 @@ impl Memory {
     }
 
     /// Describes the sections for the Python process: by name, `[offset, count, dtype]`. The size is that of the memory.
-    pub fn describe(&self) -> Value {
+    pub(crate) fn describe(&self) -> Value {
         let numbers = |section: &Section| section.place.len() / section.dtype[1..].parse::<usize>().unwrap_or(1);
         let sections = self
             .sections
@@ -69,28 +69,28 @@ impl Memory {
     }
 
     /// Puts values into the image.
-    pub fn put<T: NoUninit>(&mut self, section: &Section, values: &[T]) {
+    pub(crate) fn put<T: NoUninit>(&mut self, section: &Section, values: &[T]) {
         self.image[section.place.clone()].copy_from_slice(bytemuck::cast_slice(values));
     }
 
     /// Shows the image to the Python process.
-    pub fn show(&self) -> Result<()> {
+    pub(crate) fn show(&self) -> Result<()> {
         self.file.write_all_at(&self.image, 0).context("cannot write the shared memory")
     }
 
     /// Reads the values that the Python process wrote into a section.
-    pub fn read<T: Pod>(&self, section: &Section, values: &mut [T]) -> Result<()> {
+    pub(crate) fn read<T: Pod>(&self, section: &Section, values: &mut [T]) -> Result<()> {
         let bytes = bytemuck::cast_slice_mut(values);
         self.file.read_exact_at(bytes, section.place.start as u64).context("cannot read the shared memory")
     }
 
     /// Shows actions to the Python process, if this process is the one that decides.
-    pub fn write_actions(&self, actions: &[u8]) -> Result<()> {
+    pub(crate) fn write_actions(&self, actions: &[u8]) -> Result<()> {
         self.file.write_all_at(actions, self.actions.start as u64).context("cannot write the shared memory")
     }
 
     /// Reads the actions of the Python process.
-    pub fn read_actions(&self, actions: &mut [u8]) -> Result<()> {
+    pub(crate) fn read_actions(&self, actions: &mut [u8]) -> Result<()> {
         self.file.read_exact_at(actions, self.actions.start as u64).context("cannot read the shared memory")
     }
 }

@@ -16,7 +16,7 @@ use crate::memory::{Memory, Section};
 use crate::request::{PoliciesRequest, ResetRequest};
 
 /// The policies of a run directory, with the memory in which observations and actions are handed over.
-pub struct Policies {
+pub(crate) struct Policies {
     run: TrainedRun,
     controller: JointPolicyController,
     percept: JointPercept,
@@ -28,7 +28,7 @@ pub struct Policies {
 }
 
 impl Policies {
-    pub fn open(path: &Path, request: &PoliciesRequest, mut memory: Memory) -> Result<Policies> {
+    pub(crate) fn open(path: &Path, request: &PoliciesRequest, mut memory: Memory) -> Result<Policies> {
         let run = open_with(path, open_tried)?;
         let selection = if request.greedy { Selection::Greedy } else { Selection::Sampled };
         let percept = JointPercept::new(run.domain.kinds());
@@ -44,7 +44,7 @@ impl Policies {
         Ok(Policies { controller, percept, actions: vec![0; agents], under_way: false, memory, obs, masks, run })
     }
 
-    pub fn describe(&self) -> Value {
+    pub(crate) fn describe(&self) -> Value {
         let kinds = self.run.domain.kinds();
         let names = self.run.domain.names();
         let agents = names.iter().zip(AgentId::all(names.len())).map(|(name, id)| {
@@ -65,14 +65,14 @@ impl Policies {
     }
 
     /// Begins the episode of `evaluate` with this seed, number `episode`.
-    pub fn reset(&mut self, request: &ResetRequest) -> Result<()> {
+    pub(crate) fn reset(&mut self, request: &ResetRequest) -> Result<()> {
         self.controller.begin(episode_seed(Seed::new(request.seed), request.episode));
         self.under_way = true;
         Ok(())
     }
 
     /// Decides for all agents, from the observations and masks in the memory.
-    pub fn step(&mut self) -> Result<()> {
+    pub(crate) fn step(&mut self) -> Result<()> {
         ensure!(self.under_way, "there is no episode under way; call begin() first");
         self.memory.read(&self.obs, self.percept.obs.as_mut_slice())?;
         let mut allowed = vec![0_u8; self.percept.masks.as_slice().len()];

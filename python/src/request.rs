@@ -14,7 +14,7 @@ use serde::Deserialize;
 
 /// The first order: which environment this process is.
 #[derive(Debug, Deserialize)]
-pub struct Request {
+pub(crate) struct Request {
     /// A config, a .sumocfg or a run directory.
     pub config: PathBuf,
     /// Settings `key=value`, as for `--set`.
@@ -25,7 +25,7 @@ pub struct Request {
 /// What a process can be.
 #[derive(Debug, Deserialize)]
 #[serde(rename_all = "snake_case")]
-pub enum Environment {
+pub(crate) enum Environment {
     Joint(JointRequest),
     Local(LocalRequest),
     Policies(PoliciesRequest),
@@ -33,7 +33,7 @@ pub enum Environment {
 
 /// All agents on the global simulator (GS).
 #[derive(Debug, Deserialize)]
-pub struct JointRequest {
+pub(crate) struct JointRequest {
     /// Hand-coded controllers that decide for agents, by the agent's name.
     pub controller_for: BTreeMap<String, String>,
     /// Whether to measure all that `evaluate` prints.
@@ -48,7 +48,7 @@ pub struct JointRequest {
 
 /// Local simulators of some agents of one kind, with an influence predictor.
 #[derive(Debug, Deserialize)]
-pub struct LocalRequest {
+pub(crate) struct LocalRequest {
     /// Names of the agents; empty for all.
     pub agents: Vec<String>,
     pub copies: usize,
@@ -58,7 +58,7 @@ pub struct LocalRequest {
 
 /// The policies of a run directory.
 #[derive(Debug, Deserialize)]
-pub struct PoliciesRequest {
+pub(crate) struct PoliciesRequest {
     /// Whether they choose the most probable action instead of drawing one.
     pub greedy: bool,
 }
@@ -66,7 +66,7 @@ pub struct PoliciesRequest {
 /// Where the influence predictors come from.
 #[derive(Debug, Deserialize)]
 #[serde(rename_all = "snake_case")]
-pub enum PredictorRequest {
+pub(crate) enum PredictorRequest {
     /// From this run directory.
     Run(PathBuf),
     /// Constants, measured on the GS under policies that were not trained.
@@ -77,20 +77,20 @@ pub enum PredictorRequest {
 
 /// An episode to begin. Local simulators begin the first episodes of the seed, whatever its number.
 #[derive(Debug, Deserialize)]
-pub struct ResetRequest {
+pub(crate) struct ResetRequest {
     pub seed: u64,
     pub episode: usize,
 }
 
 /// Where to write the recorded episode.
 #[derive(Debug, Deserialize)]
-pub struct KeepRequest {
+pub(crate) struct KeepRequest {
     /// A folder that does not exist.
     pub folder: PathBuf,
 }
 
 /// A config with its domain and the names of its agents.
-pub struct Opened {
+pub(crate) struct Opened {
     pub config: RunConfig,
     pub domain: Arc<dyn Domain>,
     pub names: Vec<String>,
@@ -98,7 +98,7 @@ pub struct Opened {
 
 impl Opened {
     /// Opens the config of a request. Its files are not tried in another process first: this one may end with them.
-    pub fn open(path: &Path, settings: &[String]) -> Result<Opened> {
+    pub(crate) fn open(path: &Path, settings: &[String]) -> Result<Opened> {
         let file = if files::is_run_dir(path) { path.join(files::CONFIG) } else { path.to_owned() };
         ensure!(
             !file.is_dir(),
@@ -112,7 +112,7 @@ impl Opened {
     }
 
     /// Returns the agent of a name.
-    pub fn agent(&self, name: &str) -> Result<AgentId> {
+    pub(crate) fn agent(&self, name: &str) -> Result<AgentId> {
         let found = self.names.iter().position(|other| other == name);
         let first = || self.names.iter().take(5).map(|name| format!("`{name}`")).collect::<Vec<_>>().join(", ");
         let more = if self.names.len() > 5 { ", ..." } else { "" };
@@ -120,7 +120,7 @@ impl Opened {
     }
 
     /// Returns the agents of these names, which must be of one kind.
-    pub fn agents_of_one_kind(&self, names: &[String]) -> Result<Vec<AgentId>> {
+    pub(crate) fn agents_of_one_kind(&self, names: &[String]) -> Result<Vec<AgentId>> {
         let agents = names.iter().map(|name| self.agent(name)).collect::<Result<Vec<_>>>()?;
         let Some(&first) = agents.first() else { bail!("agents: there is none") };
         let kinds = self.domain.kinds();

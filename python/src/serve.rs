@@ -15,7 +15,7 @@ use crate::wire::{self, BEGIN, MEASURE, Order, RESET, STEP};
 
 /// Serves one environment. The control channel is standard input, a socket that keeps records apart. `memory`: the
 /// descriptor of the shared memory.
-pub fn serve(memory: i32) -> Result<()> {
+pub(crate) fn serve(memory: i32) -> Result<()> {
     lifeline::watch()?;
     let stdin = std::io::stdin().as_fd().try_clone_to_owned().context("no control channel")?;
     let mut stream = UnixStream::from(stdin);

@@ -19,27 +19,27 @@ const RECORD: usize = 16 << 10;
 const HEAD: usize = 10;
 
 /// Tags of the parent.
-pub const BEGIN: u8 = b'B';
-pub const RESET: u8 = b'R';
-pub const STEP: u8 = b'S';
-pub const MEASURE: u8 = b'M';
-pub const DRAW: u8 = b'D';
-pub const LOOK: u8 = b'L';
-pub const KEEP: u8 = b'K';
+pub(crate) const BEGIN: u8 = b'B';
+pub(crate) const RESET: u8 = b'R';
+pub(crate) const STEP: u8 = b'S';
+pub(crate) const MEASURE: u8 = b'M';
+pub(crate) const DRAW: u8 = b'D';
+pub(crate) const LOOK: u8 = b'L';
+pub(crate) const KEEP: u8 = b'K';
 
 /// Tags of the answers.
 const DONE: u8 = b'K';
 const FAILED: u8 = b'E';
 
 /// An order of the parent.
-pub struct Order {
+pub(crate) struct Order {
     pub number: u64,
     pub tag: u8,
     pub payload: Vec<u8>,
 }
 
 /// Reads the next order. `None`: the parent has closed the channel. Every read of `stream` must return one record.
-pub fn receive(stream: &mut impl Read) -> Result<Option<Order>> {
+pub(crate) fn receive(stream: &mut impl Read) -> Result<Option<Order>> {
     let mut record = [0; RECORD];
     let mut begun: Option<Order> = None;
     loop {
@@ -68,12 +68,12 @@ pub fn receive(stream: &mut impl Read) -> Result<Option<Order>> {
 }
 
 /// Reads the payload of an order.
-pub fn read<T: DeserializeOwned>(payload: &[u8]) -> Result<T> {
+pub(crate) fn read<T: DeserializeOwned>(payload: &[u8]) -> Result<T> {
     serde_json::from_slice(payload).context("this order is of another version of the package; install it again")
 }
 
 /// Writes the answer to an order: its payload, or the reason why there is none. Every write to `stream` makes a record.
-pub fn answer(stream: &mut impl Write, number: u64, outcome: &Result<Vec<u8>>) -> Result<()> {
+pub(crate) fn answer(stream: &mut impl Write, number: u64, outcome: &Result<Vec<u8>>) -> Result<()> {
     let reason;
     let (tag, payload) = match outcome {
         Ok(payload) => (DONE, payload.as_slice()),

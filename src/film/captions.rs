@@ -16,14 +16,14 @@ const LIGHTS: [[u8; 3]; 3] = [[255, 0, 0], [255, 255, 0], [0, 255, 0]];
 /// Width of the scale of speeds.
 const SCALE: usize = 160;
 /// Colour of everything that is no road, as sumo-gui paints it, too.
-pub const PAPER: [u8; 3] = [245, 245, 245];
+pub(super) const PAPER: [u8; 3] = [245, 245, 245];
 const INK: [u8; 3] = [30, 30, 30];
 
 /// A colour and the speed that it stands for, in metres per second.
-pub type SpeedColour = ([u8; 3], u32);
+pub(super) type SpeedColour = ([u8; 3], u32);
 
 /// Returns a picture of the roads with its captions. `second`: shown as a clock. `speeds`: from the slowest on.
-pub fn caption(roads: &Picture, title: &str, second: u64, speeds: &[SpeedColour]) -> Picture {
+pub(super) fn caption(roads: &Picture, title: &str, second: u64, speeds: &[SpeedColour]) -> Picture {
     let band = Picture::plain([roads.width, BAND], PAPER).pixels;
     let pixels = [&*band, &roads.pixels, &band].concat();
     let mut picture = Picture { width: roads.width, height: roads.height + 2 * BAND, pixels };

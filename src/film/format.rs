@@ -14,14 +14,14 @@ pub(super) const STEPS_PER_SECOND: u16 = 10;
 
 /// The format of a film.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Format {
+pub(crate) enum Format {
     Gif,
     Mp4,
 }
 
 impl Format {
     /// Returns the format for the ending of a file name. Any other ending: `None`.
-    pub fn of(file: &Path) -> Option<Format> {
+    pub(crate) fn of(file: &Path) -> Option<Format> {
         match file.extension().and_then(|ending| ending.to_str()) {
             Some("gif") => Some(Format::Gif),
             Some("mp4") => Some(Format::Mp4),
@@ -31,7 +31,7 @@ impl Format {
 
     /// Checks that all programs for such a film are installed. The error says what to install. `option`: the flag to
     /// name in it.
-    pub fn check_tools(self, option: &str) -> Result<()> {
+    pub(crate) fn check_tools(self, option: &str) -> Result<()> {
         let mut tools = vec![(SUMO_GUI, "sumo"), (XVFB, "xvfb"), (SETPRIV, "util-linux")];
         if self == Format::Mp4 {
             tools.push(("ffmpeg", "ffmpeg"));

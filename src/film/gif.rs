@@ -12,7 +12,7 @@ use dials_session::terminal::check_stop;
 use dials_session::terminal::counting::EpisodeBar;
 
 /// Writes the GIF `film`, one frame per picture.
-pub fn join(frames: &[PathBuf], film: &Path, stop: &AtomicBool) -> Result<()> {
+pub(super) fn join(frames: &[PathBuf], film: &Path, stop: &AtomicBool) -> Result<()> {
     let bar = EpisodeBar::of(frames.len(), "pictures joined");
     let file = File::create(film).context("the film cannot be written")?;
     let mut encoder: Option<gif::Encoder<File>> = None;

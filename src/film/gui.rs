@@ -12,7 +12,7 @@ use dials_session::terminal::on_the_path;
 pub(super) const SUMO_GUI: &str = "sumo-gui";
 
 /// Checks that sumo-gui can be opened. The error says what to do.
-pub fn check_screen() -> Result<()> {
+pub(crate) fn check_screen() -> Result<()> {
     ensure!(on_the_path(SUMO_GUI).is_some(), "--gui: sumo-gui is not on the PATH: install Debian's package sumo");
     let display = std::env::var_os("DISPLAY").filter(|display| !display.is_empty());
     ensure!(
@@ -24,7 +24,7 @@ pub fn check_screen() -> Result<()> {
 }
 
 /// Opens sumo-gui and waits until it is closed.
-pub fn watch(config: &Path) -> Result<()> {
+pub(crate) fn watch(config: &Path) -> Result<()> {
     let status = Command::new(SUMO_GUI)
         .arg("-c")
         .arg(config)

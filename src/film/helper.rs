@@ -16,7 +16,7 @@ pub(super) const SETPRIV: &str = "setpriv";
 /// Returns a command for a program that ends together with this one, however this one ends.
 ///
 /// setpriv asks the system for that and then becomes the program.
-pub fn tied(program: &str) -> Command {
+pub(super) fn tied(program: &str) -> Command {
     let mut command = Command::new(SETPRIV);
     // Ctrl-C at the terminal goes to this program alone, which then ends its helpers.
     command.args(["--pdeathsig", "TERM", "--", program]).process_group(0).stdin(Stdio::null());
@@ -24,10 +24,10 @@ pub fn tied(program: &str) -> Command {
 }
 
 /// A running helper program. Dropping it ends the program and everything that it has started.
-pub struct Helper(pub Child);
+pub(super) struct Helper(pub Child);
 
 impl Helper {
-    pub fn start(mut command: Command) -> Result<Helper> {
+    pub(super) fn start(mut command: Command) -> Result<Helper> {
         Ok(Helper(command.spawn().context("setpriv could not be started")?))
     }
 }
@@ -48,11 +48,11 @@ impl Drop for Helper {
 }
 
 /// Creates a file for the output of a program.
-pub fn listener(file: &Path) -> Result<File> {
+pub(super) fn listener(file: &Path) -> Result<File> {
     File::create(file).context("the temporary directory cannot be written to")
 }
 
 /// Returns what a program wrote to the file of its [`listener`]. Programs such as sumo-gui may write any bytes.
-pub fn heard(file: &Path) -> String {
+pub(super) fn heard(file: &Path) -> String {
     String::from_utf8_lossy(&fs::read(file).unwrap_or_default()).trim().to_owned()
 }

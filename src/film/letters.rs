@@ -1,13 +1,13 @@
 //! Letters of 5 x 8 dots, for the words in a film. A GIF of larger smooth letters would be longer, and not easier to read.
 
 /// Width and height of a letter in dots, without the gap after it.
-pub const WIDTH: usize = 5;
-pub const HEIGHT: usize = 8;
+pub(super) const WIDTH: usize = 5;
+pub(super) const HEIGHT: usize = 8;
 /// Dots from one letter to the next.
-pub const ADVANCE: usize = WIDTH + 1;
+pub(super) const ADVANCE: usize = WIDTH + 1;
 
 /// Returns the dots of a text as (column, row), from its upper left corner. Letters other than ASCII become `?`.
-pub fn dots(text: &str) -> impl Iterator<Item = (usize, usize)> {
+pub(super) fn dots(text: &str) -> impl Iterator<Item = (usize, usize)> {
     text.chars().enumerate().flat_map(|(place, letter)| {
         let columns = columns(letter);
         (0..WIDTH * HEIGHT)

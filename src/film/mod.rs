@@ -19,10 +19,10 @@ mod mp4;
 mod picture_file;
 mod pictures;
 mod replay;
-pub mod scenes;
+pub(crate) mod scenes;
 mod screen;
 
-pub use format::Format;
-pub use gui::{check_screen, watch};
-pub use pictures::Pictures;
-pub use replay::{Replay, Shape};
+pub(crate) use format::Format;
+pub(crate) use gui::{check_screen, watch};
+pub(crate) use pictures::Pictures;
+pub(crate) use replay::{Replay, Shape};

@@ -14,7 +14,7 @@ use super::helper::{Helper, heard, listener, tied};
 use dials_session::terminal::check_stop;
 
 /// Writes the mp4 `film` from the pictures in the folder `room`. Ends with an error soon after `stop` is set.
-pub fn join(room: &Path, film: &Path, stop: &AtomicBool) -> Result<()> {
+pub(super) fn join(room: &Path, film: &Path, stop: &AtomicBool) -> Result<()> {
     let [red, green, blue] = PAPER;
     let said = room.join("ffmpeg.txt");
     let mut ffmpeg = tied("ffmpeg");

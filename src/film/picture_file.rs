@@ -7,7 +7,7 @@ use std::path::Path;
 use anyhow::{Context, Result, ensure};
 
 /// A picture.
-pub struct Picture {
+pub(super) struct Picture {
     pub width: usize,
     pub height: usize,
     /// Four bytes for each pixel, row by row: red, green, blue and opacity.
@@ -16,17 +16,17 @@ pub struct Picture {
 
 impl Picture {
     /// Returns a picture of one colour.
-    pub fn plain([width, height]: [usize; 2], [red, green, blue]: [u8; 3]) -> Picture {
+    pub(super) fn plain([width, height]: [usize; 2], [red, green, blue]: [u8; 3]) -> Picture {
         Picture { width, height, pixels: [red, green, blue, 255].repeat(width * height) }
     }
 
     /// Returns width and height of the picture in a file.
-    pub fn size(path: &Path) -> Result<[usize; 2]> {
+    pub(super) fn size(path: &Path) -> Result<[usize; 2]> {
         let reader = open(path)?;
         Ok([reader.info().width as usize, reader.info().height as usize])
     }
 
-    pub fn read(path: &Path) -> Result<Picture> {
+    pub(super) fn read(path: &Path) -> Result<Picture> {
         let failed = || no_picture(path);
         let mut reader = open(path)?;
         let mut pixels = vec![0; reader.output_buffer_size().with_context(failed)?];
@@ -35,7 +35,7 @@ impl Picture {
         Ok(Picture { width: info.width as usize, height: info.height as usize, pixels })
     }
 
-    pub fn write(&self, path: &Path) -> Result<()> {
+    pub(super) fn write(&self, path: &Path) -> Result<()> {
         let failed = || format!("{}: the picture cannot be written", path.display());
         let file = BufWriter::new(File::create(path).with_context(failed)?);
         let mut encoder = png::Encoder::new(file, self.width as u32, self.height as u32);
@@ -47,13 +47,13 @@ impl Picture {
     }
 
     /// Returns the colour of a pixel.
-    pub fn colour(&self, [x, y]: [usize; 2]) -> [u8; 3] {
+    pub(super) fn colour(&self, [x, y]: [usize; 2]) -> [u8; 3] {
         let at = 4 * (y * self.width + x);
         [self.pixels[at], self.pixels[at + 1], self.pixels[at + 2]]
     }
 
     /// Paints a rectangle. What is outside of the picture is left out.
-    pub fn paint(&mut self, [x, y]: [usize; 2], [width, height]: [usize; 2], [red, green, blue]: [u8; 3]) {
+    pub(super) fn paint(&mut self, [x, y]: [usize; 2], [width, height]: [usize; 2], [red, green, blue]: [u8; 3]) {
         for row in y..(y + height).min(self.height) {
             for column in x..(x + width).min(self.width) {
                 let at = 4 * (row * self.width + column);

@@ -31,20 +31,20 @@ const UNSEEN: Duration = Duration::from_millis(500);
 const FRAME: (usize, usize) = (10, 215);
 
 /// The pictures of a replay, in an empty directory. Taking and joining end with an error soon after `stop` is set.
-pub struct Pictures<'a> {
+pub(crate) struct Pictures<'a> {
     room: &'a Path,
     files: Vec<PathBuf>,
 }
 
 impl<'a> Pictures<'a> {
-    pub fn take(replay: &Replay, room: &'a Path, stop: &AtomicBool) -> Result<Pictures<'a>> {
+    pub(crate) fn take(replay: &Replay, room: &'a Path, stop: &AtomicBool) -> Result<Pictures<'a>> {
         let files = take_pictures(replay, room, stop)?;
         add_captions(replay, &files, stop)?;
         Ok(Pictures { room, files })
     }
 
     /// Writes the film.
-    pub fn join(&self, format: Format, film: &Path, stop: &AtomicBool) -> Result<()> {
+    pub(crate) fn join(&self, format: Format, film: &Path, stop: &AtomicBool) -> Result<()> {
         match format {
             Format::Gif => gif::join(&self.files, film, stop),
             Format::Mp4 => mp4::join(self.room, film, stop),

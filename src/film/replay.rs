@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 use super::captions::SpeedColour;
 
 /// An episode that sumo-gui plays.
-pub struct Replay<'a> {
+pub(crate) struct Replay<'a> {
     /// Words above the roads.
     pub title: &'a str,
     /// Colours of cars, from the slowest on.
@@ -24,7 +24,7 @@ pub struct Replay<'a> {
 
 /// The roads, which give a film its shape.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub enum Shape {
+pub(crate) enum Shape {
     /// Numbers of intersections from west to east and from south to north.
     Grid { columns: usize, rows: usize },
     /// Extent from west to east and from south to north, in metres.

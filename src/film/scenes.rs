@@ -21,7 +21,7 @@ const GAP: usize = 8;
 const STEP_TIME: u16 = 20;
 
 /// Writes `step_NNN.svg` for every scene, and `episode.gif`, into `dir`. `titles`: one per scene.
-pub fn write(scenes: &[Scene], titles: &[String], dir: &Directory) -> Result<()> {
+pub(crate) fn write(scenes: &[Scene], titles: &[String], dir: &Directory) -> Result<()> {
     for (step, (scene, title)) in scenes.iter().zip(titles).enumerate() {
         dir.put(&format!("step_{step:03}.svg"), scene.to_svg(scale(scene) as f32, title).as_bytes())?;
     }

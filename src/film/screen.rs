@@ -12,14 +12,14 @@ use super::helper::{Helper, heard, listener, tied};
 pub(super) const XVFB: &str = "Xvfb";
 
 /// A virtual screen. Dropping it closes it.
-pub struct Screen {
+pub(super) struct Screen {
     /// Value of `DISPLAY` for programs on this screen.
     pub name: String,
     _server: Helper,
 }
 
 impl Screen {
-    pub fn open(width: usize, height: usize, room: &Path) -> Result<Screen> {
+    pub(super) fn open(width: usize, height: usize, room: &Path) -> Result<Screen> {
         let said = room.join("screen.txt");
         let mut server = tied(XVFB);
         // Xvfb picks a free screen number and writes it to its standard output when it is ready.

@@ -38,7 +38,7 @@ const PEAK_TIME: Duration = Duration::from_secs(1);
 /// A worker that is silent for this long is lost.
 const PATIENCE: Duration = Duration::from_secs(600);
 
-pub fn bench(args: &cli::BenchArgs) -> Result<()> {
+pub(super) fn bench(args: &cli::BenchArgs) -> Result<()> {
     #[cfg(feature = "torch")]
     super::blas::keep_to_one_thread();
     let config = load(&args.config, &settings_with(&args.settings, args.simulator.as_deref())).map_err(Error::Usage)?;

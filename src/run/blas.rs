@@ -8,7 +8,7 @@ use dials_session::terminal::tell;
 ///
 /// The libraries read two variables when they are loaded, which is before `main`. If the variables are not set, the
 /// process starts itself again with them. Nothing else in this program computes with BLAS.
-pub fn keep_to_one_thread() {
+pub(super) fn keep_to_one_thread() {
     const THREADS: [&str; 2] = ["OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS"];
     if THREADS.iter().any(|name| std::env::var_os(name).is_none_or(|value| value != "1")) {
         let mut again = std::process::Command::new("/proc/self/exe");

@@ -20,7 +20,7 @@ use dials_traffic::Traffic;
 use dials_traffic::sim::recording::{Recording, Tape};
 
 /// An episode that is ready to be played: checked and loaded.
-pub struct ReplayedEpisode {
+pub(super) struct ReplayedEpisode {
     tape: Tape,
     traffic: Traffic,
     /// Seed of all its evaluation episodes, of which this is the first one.
@@ -39,7 +39,7 @@ enum Cast {
 }
 
 impl ReplayedEpisode {
-    pub fn choose(args: &cli::ReplayArgs) -> Result<ReplayedEpisode> {
+    pub(super) fn choose(args: &cli::ReplayArgs) -> Result<ReplayedEpisode> {
         let tape = Tape::default();
         let subject = &args.subject;
         let with = |config: &RunConfig, cast: Cast| -> Result<ReplayedEpisode> {
@@ -80,12 +80,12 @@ impl ReplayedEpisode {
     }
 
     /// Returns the seed whose first episode this is.
-    pub fn seed_of_episodes(&self) -> u64 {
+    pub(super) fn seed_of_episodes(&self) -> u64 {
         self.run
     }
 
     /// Plays the episode and returns its recording.
-    pub fn play(self) -> Result<Recording> {
+    pub(super) fn play(self) -> Result<Recording> {
         let seed = episode_seed(Seed::new(self.run), 0);
         match self.cast {
             Cast::Baseline(name) => {

@@ -11,7 +11,7 @@ use dials_session::records::files::is_run_dir;
 use dials_session::records::find::is_aside;
 use dials_session::terminal::{answer, json};
 
-pub fn compare(args: &cli::CompareArgs) -> Result<()> {
+pub(super) fn compare(args: &cli::CompareArgs) -> Result<()> {
     let side = |name: &str| ComparedSide::open(name, &folders(name)?);
     let (a, b) = (side(&args.a).map_err(Error::Usage)?, side(&args.b).map_err(Error::Usage)?);
     let verdict = compare_sides(&a, &b, args.reach).map_err(Error::Usage)?;

@@ -15,7 +15,7 @@ use dials_session::outputs::check_free;
 use dials_session::places::{self, Existing};
 use dials_session::terminal::{answer, json, tell};
 
-pub fn completions(shell: Shell) -> Result<()> {
+pub(super) fn completions(shell: Shell) -> Result<()> {
     let mut command = Cli::command();
     let name = command.get_name().to_owned();
     let mut script = Vec::new();
@@ -25,7 +25,7 @@ pub fn completions(shell: Shell) -> Result<()> {
 }
 
 /// Writes a page for the program and one for each subcommand into a directory.
-pub fn man(dir: &Path, force: bool) -> Result<()> {
+pub(super) fn man(dir: &Path, force: bool) -> Result<()> {
     let existing = Existing::of_named(force);
     check_free(dir, "--out", existing).map_err(Error::Usage)?;
     let pages = pages().map_err(Error::Run)?;
@@ -52,6 +52,6 @@ fn pages() -> anyhow::Result<Vec<(String, Vec<u8>)>> {
 }
 
 /// Prints the JSON schema of a config.
-pub fn print_schema() -> Result<()> {
+pub(super) fn print_schema() -> Result<()> {
     answer(json(serde_json::to_string_pretty(&schema()).expect("JSON has any text"))).map_err(Error::Run)
 }

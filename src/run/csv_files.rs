@@ -13,7 +13,7 @@ use dials_session::records::csv::block;
 use dials_session::records::growing::{GrowingFile, Mark};
 
 /// The CSV files of `--csv`. The lines of each player are written as soon as it has played.
-pub struct CsvFiles {
+pub(super) struct CsvFiles {
     directory: Directory,
     episodes: GrowingFile,
     agents: GrowingFile,
@@ -21,7 +21,7 @@ pub struct CsvFiles {
 
 impl CsvFiles {
     /// Makes the directory. If one of the files exists, `existing` says what becomes of it.
-    pub fn create(dir: &Path, existing: Existing) -> Result<CsvFiles> {
+    pub(super) fn create(dir: &Path, existing: Existing) -> Result<CsvFiles> {
         let names = ["episodes.csv", "agents.csv"];
         let paths = names.map(|name| dir.join(name));
         paths.iter().try_for_each(|file| outputs::check_free(file, "--csv", existing))?;
@@ -31,7 +31,7 @@ impl CsvFiles {
         Ok(CsvFiles { directory: Directory::open(dir)?, episodes, agents })
     }
 
-    pub fn append(&mut self, finding: &Finding) -> Result<()> {
+    pub(super) fn append(&mut self, finding: &Finding) -> Result<()> {
         for (file, Lines { header, lines }) in
             [(&mut self.episodes, by_episode(finding)), (&mut self.agents, by_agent(finding))]
         {

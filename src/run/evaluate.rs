@@ -22,7 +22,7 @@ use dials_session::places::Existing;
 use dials_session::terminal::counting::EpisodeBar;
 use dials_session::terminal::{answer, json as in_json};
 
-pub fn evaluate(args: &cli::EvaluateArgs) -> Result<()> {
+pub(super) fn evaluate(args: &cli::EvaluateArgs) -> Result<()> {
     let (config, domain) = directory::open_unchanged(&args.run_dir, domains::open).map_err(Error::Usage)?;
     let agents = args.agents.iter().map(|word| agent_called(&*domain, word, "--agents")).collect::<anyhow::Result<_>>();
     let policies_of: Vec<AgentId> = agents.map_err(Error::Usage)?;
@@ -43,7 +43,7 @@ pub fn evaluate(args: &cli::EvaluateArgs) -> Result<()> {
     written
 }
 
-pub fn baseline(args: &cli::BaselineArgs) -> Result<()> {
+pub(super) fn baseline(args: &cli::BaselineArgs) -> Result<()> {
     let config = load(&args.config, &[]).map_err(Error::Usage)?;
     let domain = domains::open(&config).map_err(Error::Usage)?;
     domains::check(&config).map_err(Error::Usage)?;

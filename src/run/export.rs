@@ -18,7 +18,7 @@ use dials_session::places::{self, Existing};
 use dials_session::terminal::answer;
 use stacknets::check_script;
 
-pub fn export(args: &cli::ExportArgs) -> Result<()> {
+pub(super) fn export(args: &cli::ExportArgs) -> Result<()> {
     check_script().map_err(Error::Usage)?;
     let run = directory::open(&args.run_dir).map_err(Error::Usage)?;
     run.tell_still_trained(&args.run_dir);

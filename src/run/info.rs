@@ -9,7 +9,7 @@ use dials_session::records::run_json::Versions;
 use dials_session::terminal::{answer, on_the_path};
 use stacknets::VectorWidth;
 
-pub fn info() -> Result<()> {
+pub(super) fn info() -> Result<()> {
     let build = build::here(PROGRAM, VectorWidth::Widest).map_err(Error::Run)?;
     let mut lines = vec![
         format!("dials-traffic {} (commit {})", build.dials_traffic, build.git_commit),
@@ -33,12 +33,12 @@ fn libtorch(build: &Versions) -> String {
 }
 
 /// Returns the path, or that there is none.
-pub fn place(found: Option<PathBuf>) -> String {
+pub(super) fn place(found: Option<PathBuf>) -> String {
     found.map_or("(not found)".to_owned(), |path| path.display().to_string())
 }
 
 /// Finds the file of a shared library that this process has loaded. `name`: part of its file name.
-pub fn loaded_library(name: &str) -> Option<PathBuf> {
+pub(super) fn loaded_library(name: &str) -> Option<PathBuf> {
     let maps = std::fs::read_to_string("/proc/self/maps").ok()?;
     let files = maps.lines().filter_map(|line| line.split_whitespace().nth(5));
     files

@@ -5,7 +5,7 @@ use std::fmt::{Display, Write};
 use dials_core::base::for_terminal;
 
 /// Writes the names of columns, a line for neighbours that differ only in the number at the end.
-pub fn list_columns(text: &mut String, names: &[String]) {
+pub(super) fn list_columns(text: &mut String, names: &[String]) {
     let stem = |name: &str| name.rsplit_once('[').map_or(name.to_owned(), |(stem, _)| stem.to_owned());
     let mut first = 0;
     let mut rows = Vec::new();
@@ -22,7 +22,7 @@ pub fn list_columns(text: &mut String, names: &[String]) {
 }
 
 /// Writes rows as columns of equal width.
-pub fn aligned<const N: usize>(text: &mut String, rows: Vec<[String; N]>) {
+pub(super) fn aligned<const N: usize>(text: &mut String, rows: Vec<[String; N]>) {
     let width = |column: usize| rows.iter().map(|row| row[column].chars().count()).max().unwrap_or(0);
     let widths: [usize; N] = std::array::from_fn(width);
     for row in &rows {
@@ -31,11 +31,11 @@ pub fn aligned<const N: usize>(text: &mut String, rows: Vec<[String; N]>) {
     }
 }
 
-pub fn line(text: &mut String, words: impl Display) {
+pub(super) fn line(text: &mut String, words: impl Display) {
     writeln!(text, "{words}").expect("a text takes what is written to it");
 }
 
 /// Writes a line of words, broken where it does not fit a terminal.
-pub fn paragraph(text: &mut String, words: impl Display) {
+pub(super) fn paragraph(text: &mut String, words: impl Display) {
     line(text, for_terminal(&words.to_string()));
 }

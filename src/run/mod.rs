@@ -43,7 +43,7 @@ mod other_end;
 mod plot;
 mod python;
 mod render;
-pub mod replay;
+pub(crate) mod replay;
 mod report;
 mod run_name;
 mod subject;
@@ -62,7 +62,7 @@ use dials_session::parent::end_with;
 use dials_session::terminal::{Talk, talk};
 
 /// Runs one command.
-pub fn run(cli: Cli) -> Result<()> {
+pub(crate) fn run(cli: Cli) -> Result<()> {
     if let Some(parent) = cli.end_with {
         end_with(parent).map_err(Error::Run)?;
     }

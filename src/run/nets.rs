@@ -23,7 +23,7 @@ use dials_traffic::paper_grid::inflow::Inflow;
 use dials_traffic::paper_grid::make::{write_grid, write_local};
 use dials_traffic::scenario::SumoScenario;
 
-pub fn nets(args: &NetsCommand) -> CommandResult<()> {
+pub(super) fn nets(args: &NetsCommand) -> CommandResult<()> {
     let written = match args {
         NetsCommand::Grid { rows, cols, inflow, inflow_at, out, force } => Grid::new(*rows, *cols).and_then(|grid| {
             let dead_ends: Vec<&str> = inflow_at.iter().map(|(dead_end, _)| &**dead_end).collect();

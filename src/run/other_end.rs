@@ -14,7 +14,7 @@ use dials_session::records::run_record::{EvaluationRecord, RunRecord};
 use dials_session::terminal::{program, tell};
 
 /// Makes the run end at step `steps`, by its config. Returns the text of the config before.
-pub fn end_at(directory: &Directory, steps: u64) -> Result<String> {
+pub(super) fn end_at(directory: &Directory, steps: u64) -> Result<String> {
     let path = directory.path().join(files::CONFIG);
     let config = load(&path, &[])?;
     ensure!(
@@ -29,7 +29,7 @@ pub fn end_at(directory: &Directory, steps: u64) -> Result<String> {
 }
 
 /// Returns whether nothing is left to do, and then says how to train further.
-pub fn has_ended(directory: &Directory, config: &RunConfig, point: &ResumePoint) -> bool {
+pub(super) fn has_ended(directory: &Directory, config: &RunConfig, point: &ResumePoint) -> bool {
     let Some(checkpoint) = &point.checkpoint else { return false };
     let dir = directory.path();
     let (steps, until) = (checkpoint.agents.steps, checkpoint.progress.standing.until);
@@ -54,7 +54,7 @@ pub fn has_ended(directory: &Directory, config: &RunConfig, point: &ResumePoint)
 
 /// Says so if the resumed run loses an evaluation: that of an earlier end at which the longer run is not evaluated. The
 /// files of a resumed run are those of a run that was never stopped.
-pub fn tell_of_lost_evaluation(dir: &Path, config: &RunConfig, point: &ResumePoint) {
+pub(super) fn tell_of_lost_evaluation(dir: &Path, config: &RunConfig, point: &ResumePoint) {
     let Some(checkpoint) = &point.checkpoint else { return };
     let (steps, standing) = (checkpoint.agents.steps, &checkpoint.progress.standing);
     let rest = rest_of_schedule(&config.learning, standing.until);

@@ -23,7 +23,7 @@ use dials_traffic::sim::trace::route::Route;
 use dials_traffic::sim::trace::trace;
 
 /// The recording and the output directory of `--plot`. The pictures are drawn after the episodes.
-pub struct Plots {
+pub(super) struct Plots {
     dir: PathBuf,
     existing: Existing,
     tape: Tape,
@@ -37,7 +37,7 @@ pub struct Plots {
 
 impl Plots {
     /// Checks that pictures can be made, before long work begins. `None`: the option was not given.
-    pub fn asked_for(output: &OutputArgs, config: &RunConfig) -> Result<Option<Plots>> {
+    pub(super) fn asked_for(output: &OutputArgs, config: &RunConfig) -> Result<Option<Plots>> {
         let Some(dir) = &output.plot else { return Ok(None) };
         let existing = Existing::of_named(output.force);
         outputs::check_free(dir, "--plot", existing)?;
@@ -51,11 +51,11 @@ impl Plots {
     }
 
     /// Returns the domain to play the episodes on.
-    pub fn domain(&self) -> &dyn Domain {
+    pub(super) fn domain(&self) -> &dyn Domain {
         &self.traffic
     }
 
-    pub fn draw(&self, evaluation: &Evaluation, about: &About) -> Result<()> {
+    pub(super) fn draw(&self, evaluation: &Evaluation, about: &About) -> Result<()> {
         let recording = self.tape.take().context("no episode was recorded")?;
         let trace = shown(&recording, self.route.as_ref(), self.seconds.clone())?;
         let mut pictures = of_episode(&trace, about)?;
@@ -65,7 +65,7 @@ impl Plots {
 }
 
 /// Draws the episode that `replay` recorded. `seconds`: those to show; `None`: all.
-pub fn draw_recording(
+pub(super) fn draw_recording(
     recording: &Recording,
     seconds: Option<Range<usize>>,
     about: &About,

@@ -6,7 +6,7 @@ use std::path::Path;
 use dials_core::outside::is_printable;
 
 /// Returns a path as an argument of `torch.jit.load`. One that is not UTF-8 is opened by its bytes.
-pub fn to_load(path: &Path) -> String {
+pub(super) fn to_load(path: &Path) -> String {
     let escaped = |letter: char| match letter {
         '"' | '\\' => format!("\\{letter}"),
         _ if is_printable(letter) => letter.to_string(),

@@ -13,7 +13,7 @@ use dials_session::places::{self, Existing};
 /// Plays the first evaluation episode of the seed `run` and draws it into the directory `dir`, which is made anew.
 ///
 /// The files are `step_NNN.svg` for every step, and `episode.gif`.
-pub fn render(
+pub(super) fn render(
     simulator: &mut dyn GlobalSimulator,
     controller: &mut dyn Controller,
     run: Seed,

@@ -18,7 +18,7 @@ use dials_session::places::{self, Existing};
 use dials_session::terminal::answer;
 use dials_traffic::sim::replay::{self, SPEED_COLOURS, Snapshot, view};
 
-pub fn replay(args: &cli::ReplayArgs) -> dials_session::error::Result<()> {
+pub(crate) fn replay(args: &cli::ReplayArgs) -> dials_session::error::Result<()> {
     let existing = Existing::of_named(args.force);
     if !args.subject.exists() {
         // Told before anything about the outputs, which would only be the next error.

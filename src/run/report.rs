@@ -9,7 +9,7 @@ use dials_session::outputs::check_not_a_run;
 use dials_session::places::{self, Existing};
 use dials_session::terminal::{answer, warn};
 
-pub fn report(args: &cli::ReportArgs) -> Result<()> {
+pub(super) fn report(args: &cli::ReportArgs) -> Result<()> {
     let existing = Existing::of_named(args.force);
     check_not_a_run("--out", &args.out).map_err(Error::Usage)?;
     let out = places::place(&args.out, existing).map_err(Error::Usage)?;

@@ -13,7 +13,7 @@ const LONGEST_SETTINGS: usize = 120;
 ///
 /// `FOLDER` is the folder of the config, unless that is `configs`, the current folder, or named like the config.
 /// `settings`: those of `--set`. Only keys that the trained policies depend on are in the name.
-pub fn default_dir(config_path: &Path, config: &RunConfig, settings: &[String]) -> PathBuf {
+pub(super) fn default_dir(config_path: &Path, config: &RunConfig, settings: &[String]) -> PathBuf {
     let name = config_path.file_stem().unwrap_or_default().to_string_lossy();
     let folder = folder(config_path).filter(|folder| *folder != name).map_or(String::new(), |folder| folder + "-");
     let settings = listed(settings);

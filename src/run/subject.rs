@@ -20,14 +20,14 @@ const MOST_NAMES: usize = 8;
 
 /// A controller or a run, as the command line names it.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub enum Subject {
+pub(super) enum Subject {
     Controller(String),
     Run { dir: PathBuf, greedy: bool, background: Option<Background> },
 }
 
 /// A hand-coded controller for all agents except those that use their policies.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Background {
+pub(super) struct Background {
     pub controller: String,
     pub policies_of: Vec<AgentId>,
 }
@@ -50,7 +50,7 @@ impl Subject {
     ///
     /// A word with a `/` in its name is a run. So is a directory, unless a controller of `domain` has the same name.
     /// The parameters of a controller are separated by commas, too: `key=value` belongs to the name before it.
-    pub fn list(text: &str, greedy: bool, domain: &dyn Domain) -> Result<Vec<Subject>> {
+    pub(super) fn list(text: &str, greedy: bool, domain: &dyn Domain) -> Result<Vec<Subject>> {
         let mut words: Vec<String> = Vec::new();
         for word in text.split(',') {
             let is_key = |key: &str| key.chars().all(|letter| letter.is_ascii_alphanumeric() || letter == '-');
@@ -73,7 +73,7 @@ impl Subject {
     }
 
     /// Returns the name of the subject in tables and files.
-    pub fn label(&self) -> String {
+    pub(super) fn label(&self) -> String {
         match self {
             Subject::Controller(name) => name.clone(),
             Subject::Run { dir, greedy, background } => {
@@ -86,7 +86,7 @@ impl Subject {
     }
 
     /// Returns the subject as findings describe it. `domain`: where it plays.
-    pub fn player(&self, domain: &dyn Domain) -> Result<Player> {
+    pub(super) fn player(&self, domain: &dyn Domain) -> Result<Player> {
         let policies = match self {
             Subject::Controller(_) => None,
             Subject::Run { greedy: true, .. } => Some(Selection::Greedy),
@@ -118,7 +118,7 @@ impl Subject {
     }
 
     /// Checks that the subject can be played on the global simulator (GS) of `domain`.
-    pub fn check(&self, domain: &dyn Domain) -> Result<()> {
+    pub(super) fn check(&self, domain: &dyn Domain) -> Result<()> {
         match self {
             Subject::Controller(name) => domain.check_baseline(name).map_err(|unknown| {
                 if !Path::new(name).join(files::CONFIG).is_file() {
@@ -137,7 +137,7 @@ impl Subject {
     }
 
     /// Opens the subject and the GS of `domain`. A process can hold only one SUMO simulation at a time.
-    pub fn open(&self, domain: &dyn Domain) -> Result<Baseline> {
+    pub(super) fn open(&self, domain: &dyn Domain) -> Result<Baseline> {
         match self {
             Subject::Controller(name) => domain.baseline(name),
             Subject::Run { dir, greedy, background } => {
@@ -181,12 +181,12 @@ fn check_rules(dir: &Path, domain: &dyn Domain) -> Result<()> {
 }
 
 /// Returns the CRC-32 of the file that a hand-coded controller reads, in hexadecimal. If it reads none: `None`.
-pub fn controller_file(domain: &dyn Domain, name: &str) -> Result<Option<String>> {
+pub(super) fn controller_file(domain: &dyn Domain, name: &str) -> Result<Option<String>> {
     Ok(domain.baseline_checksum(name)?.map(|checksum| format!("{checksum:08x}")))
 }
 
 /// Finds the agent that `option` names, by its number or its name.
-pub fn agent_called(domain: &dyn Domain, word: &str, option: &str) -> Result<AgentId> {
+pub(super) fn agent_called(domain: &dyn Domain, word: &str, option: &str) -> Result<AgentId> {
     let last = domain.agents() - 1;
     domain.agent_called(word).with_context(|| {
         let names: Vec<String> =

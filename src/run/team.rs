@@ -29,7 +29,7 @@ use dials_session::machine::{end_now, leave_signals_to_another};
 use dials_session::records::{files, run_json::Versions};
 
 /// The places of the workers.
-pub enum Team {
+pub(super) enum Team {
     /// Processes of this machine, or this process.
     Here,
     /// The other ranks, each with this number of workers. This is rank 0.
@@ -38,7 +38,7 @@ pub enum Team {
 }
 
 /// The run that a fleet is for.
-pub struct Plan<'a> {
+pub(super) struct Plan<'a> {
     pub domain: &'a Arc<dyn Domain>,
     pub config: &'a RunConfig,
     pub directory: &'a Directory,
@@ -50,7 +50,7 @@ pub struct Plan<'a> {
 impl Team {
     /// Takes part in the MPI job, if there is one. A rank that is not rank 0 works here until the run has ended, and then
     /// returns `None`.
-    pub fn join(args: &cli::TrainArgs) -> Result<Option<Team>> {
+    pub(super) fn join(args: &cli::TrainArgs) -> Result<Option<Team>> {
         let ranks = fleet::ranks();
         check_flags(args, ranks).map_err(Error::Usage)?;
         if ranks == 1 {
@@ -67,7 +67,7 @@ impl Team {
     }
 
     /// Returns the number of workers that was asked for, with the words that asked for it.
-    pub fn asked(&self, args: &cli::TrainArgs) -> Option<(usize, String)> {
+    pub(super) fn asked(&self, args: &cli::TrainArgs) -> Option<(usize, String)> {
         match self {
             Team::Here => args.workers.map(|workers| (workers, format!("--workers {workers}"))),
             #[cfg(feature = "mpi")]
@@ -79,7 +79,7 @@ impl Team {
     }
 
     /// Starts the workers of a run.
-    pub fn fleet(self, plan: &Plan, observer: Rc<dyn Observer>) -> anyhow::Result<Coordinator> {
+    pub(super) fn fleet(self, plan: &Plan, observer: Rc<dyn Observer>) -> anyhow::Result<Coordinator> {
         let Plan { domain, config, directory, workers, patience } = *plan;
         let most_growth = MostGrowth::default();
         match self {
@@ -100,7 +100,7 @@ impl Team {
 }
 
 /// Returns an error for a command that would do the same on every rank.
-pub fn check_alone(command: &str) -> Result<()> {
+pub(super) fn check_alone(command: &str) -> Result<()> {
     match fleet::ranks() {
         1 => Ok(()),
         ranks => Err(Error::Usage(anyhow!("{command}: cannot be shared by {ranks} ranks: only train can"))),

@@ -39,7 +39,7 @@ use dials_session::records::run_log::RunLog;
 use dials_session::terminal::training::Progress;
 use dials_session::terminal::{answer, program, tell, warn};
 
-pub fn train(args: &cli::TrainArgs) -> Result<()> {
+pub(super) fn train(args: &cli::TrainArgs) -> Result<()> {
     let Some(team) = Team::join(args)? else { return Ok(()) };
     let asked = team.asked(args).or_else(|| remembered(args));
     let wanted = asked.as_ref().map(|(workers, _)| *workers);
@@ -273,12 +273,12 @@ fn settings(args: &cli::TrainArgs) -> Vec<String> {
 }
 
 /// Returns the settings of `--set`, and `--simulator` as a setting.
-pub fn settings_with(settings: &[String], simulator: Option<&str>) -> Vec<String> {
+pub(super) fn settings_with(settings: &[String], simulator: Option<&str>) -> Vec<String> {
     settings.iter().cloned().chain(simulator.map(|name| format!("simulator={name}"))).collect()
 }
 
 /// Returns the default number of workers: one per core.
-pub fn cores() -> usize {
+pub(super) fn cores() -> usize {
     std::thread::available_parallelism().map_or(1, usize::from)
 }
 

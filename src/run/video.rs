@@ -14,7 +14,7 @@ use dials_session::places::{self, Existing};
 use dials_session::terminal::{Wish, stop_on_signals, warn};
 
 /// A film that can be made: its tools and its folder were checked.
-pub struct Video {
+pub(super) struct Video {
     file: PathBuf,
     format: Format,
     existing: Existing,
@@ -22,7 +22,7 @@ pub struct Video {
 
 impl Video {
     /// Checks the tools and the output file before any work begins.
-    pub fn asked_for(file: &Path, existing: Existing) -> Result<Video> {
+    pub(super) fn asked_for(file: &Path, existing: Existing) -> Result<Video> {
         let format =
             Format::of(file).with_context(|| format!("--video {}: must end in .gif or .mp4", file.display()))?;
         format.check_tools("--video")?;
@@ -32,12 +32,12 @@ impl Video {
         Ok(Video { file: file.to_owned(), format, existing })
     }
 
-    pub fn file(&self) -> &Path {
+    pub(super) fn file(&self) -> &Path {
         &self.file
     }
 
     /// Films a replay. Ctrl-C stops this and leaves no file behind.
-    pub fn make(&self, replay: &Replay) -> error::Result<()> {
+    pub(super) fn make(&self, replay: &Replay) -> error::Result<()> {
         let room = temporary_dir().context("the pictures have no place").map_err(Error::Run)?;
         let last_words = format!("stopped; {} was not made", self.file.display());
         let (pictures, words) = (room.path().to_owned(), last_words.clone());

@@ -21,7 +21,7 @@ use dials_session::parent::END_WITH;
 use dials_session::records::run_record::RunRecord;
 use dials_session::terminal::{answer, tell};
 
-pub fn watch(args: &cli::WatchArgs) -> Result<()> {
+pub(super) fn watch(args: &cli::WatchArgs) -> Result<()> {
     check(&args.folder).map_err(Error::Usage)?;
     let server = LiveServer::new(args.port).map_err(Error::Usage)?;
     answer(server.address()).map_err(Error::Run)?;
@@ -61,11 +61,11 @@ fn place_of(run: &RunRecord) -> Anyhow<Option<Place>> {
 }
 
 /// A live view in a process of its own. It ends when this is dropped, or when this process ends.
-pub struct Beside(Child);
+pub(super) struct Beside(Child);
 
 impl Beside {
     /// Starts `watch` for a run directory, and says where its page is.
-    pub fn of(run: &Path) -> Anyhow<Beside> {
+    pub(super) fn of(run: &Path) -> Anyhow<Beside> {
         // Not the path of the program: another build may be there by now.
         let mut command = Command::new("/proc/self/exe");
         command.args([END_WITH, &std::process::id().to_string(), "watch"]).arg(run);

@@ -4,6 +4,6 @@ use dials_session::domains;
 use dials_session::error::{Error, Result};
 use dials_session::fleet::children::serve_the_parent;
 
-pub fn worker() -> Result<()> {
+pub(super) fn worker() -> Result<()> {
     serve_the_parent(domains::open_tried).map_err(Error::Run)
 }

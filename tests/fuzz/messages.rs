@@ -38,7 +38,7 @@ fn encoded<T: Serialize>(messages: &[T]) -> Vec<Vec<u8>> {
     messages.iter().map(|message| encode(message).expect("a message can be encoded")).collect()
 }
 
-pub fn orders_seeds(_: &Place) -> Vec<Vec<u8>> {
+pub(crate) fn orders_seeds(_: &Place) -> Vec<Vec<u8>> {
     let config_json = "{\"warehouse\": {\"agents_per_side\": 2}}".to_owned();
     let begin = Order::Begin { config_json, agents: AgentId::all(3), threads: 1, prepared: Some(vec![1, 2]) };
     let state = state();
@@ -47,7 +47,7 @@ pub fn orders_seeds(_: &Place) -> Vec<Vec<u8>> {
     encoded(&[begin, report, take, Order::Restore(state), evaluate])
 }
 
-pub fn reports_seeds(_: &Place) -> Vec<Vec<u8>> {
+pub(crate) fn reports_seeds(_: &Place) -> Vec<Vec<u8>> {
     let load = Box::<WorkerLoad>::default;
     let done = |reply| WorkerReport::Done { reply: Box::new(reply), load: load(), resident_kib: 200_000 };
     let failed = WorkerReport::Failed { reason: "the disk is full".to_owned() };
@@ -55,7 +55,7 @@ pub fn reports_seeds(_: &Place) -> Vec<Vec<u8>> {
     encoded(&[WorkerReport::Trained { steps: 128 }, failed, WorkerReport::Begun, state])
 }
 
-pub fn orders(_: &Place, bytes: &[u8]) -> Result<()> {
+pub(crate) fn orders(_: &Place, bytes: &[u8]) -> Result<()> {
     same_when_sent_on::<Order>(bytes, |order| match order {
         Order::Restore(state) => check(state),
         Order::TakePolicies(policies) => drop(policies.iter().count()),
@@ -63,7 +63,7 @@ pub fn orders(_: &Place, bytes: &[u8]) -> Result<()> {
     })
 }
 
-pub fn reports(_: &Place, bytes: &[u8]) -> Result<()> {
+pub(crate) fn reports(_: &Place, bytes: &[u8]) -> Result<()> {
     same_when_sent_on::<WorkerReport>(bytes, |report| {
         if let WorkerReport::Done { reply, .. } = report
             && let Reply::ReportState(state) = &**reply

@@ -15,7 +15,7 @@ const LONGEST: usize = 1 << 18;
 
 /// What the inputs of a target are, which decides how they are mutated.
 #[derive(Clone, Copy, Debug)]
-pub enum Form {
+pub(crate) enum Form {
     /// TOML, JSON or CSV.
     Text,
     Xml,
@@ -116,12 +116,12 @@ struct Change {
 
 /// An input by the number of another one and what is changed in that.
 #[derive(Clone, Debug)]
-pub struct Case {
+pub(crate) struct Case {
     from: Index,
     changes: Vec<Change>,
 }
 
-pub fn cases(form: Form) -> impl Strategy<Value = Case> {
+pub(crate) fn cases(form: Form) -> impl Strategy<Value = Case> {
     let of = |part: Part, rows: &[Row]| rows.iter().map(|&(find, act)| (part, find, act)).collect::<Vec<_>>();
     let rows = match form {
         Form::Text => [of(Part::All, TEXT).repeat(4), of(Part::All, BYTES)],
@@ -138,7 +138,7 @@ pub fn cases(form: Form) -> impl Strategy<Value = Case> {
 
 impl Case {
     /// Returns the input. `inputs`: those that it may be made of.
-    pub fn bytes(&self, inputs: &[Vec<u8>], form: Form) -> Vec<u8> {
+    pub(crate) fn bytes(&self, inputs: &[Vec<u8>], form: Form) -> Vec<u8> {
         let mut bytes = self.from.get(inputs).clone();
         for change in &self.changes {
             let counted = counted(&bytes, form);

@@ -37,7 +37,7 @@ network_files! {
 }
 
 /// Elements in one another, so many that no stack holds a call for each.
-pub fn deep_nest(_: &Place) -> Vec<Vec<u8>> {
+pub(crate) fn deep_nest(_: &Place) -> Vec<Vec<u8>> {
     vec![["<net>", "</net>"].map(|tag| tag.repeat(500_000)).concat().into_bytes()]
 }
 

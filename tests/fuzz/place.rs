@@ -13,20 +13,20 @@ use super::runs::Runs;
 
 const CANARY: (&str, &str) = ("canary", "this file belongs to somebody else\n");
 
-pub struct Place {
+pub(crate) struct Place {
     root: TempDir,
     runs: OnceCell<Runs>,
 }
 
 /// What the program said, and its exit code.
-pub struct Outcome {
+pub(crate) struct Outcome {
     pub code: i32,
     pub stdout: String,
     pub stderr: String,
 }
 
 impl Place {
-    pub fn new() -> Place {
+    pub(crate) fn new() -> Place {
         let place = Place { root: tempfile::tempdir().expect("a temporary folder"), runs: OnceCell::new() };
         fs::create_dir(place.work()).expect("a new folder");
         place.make_outside();
@@ -34,24 +34,24 @@ impl Place {
     }
 
     /// Returns trained runs, which are made when they are first needed.
-    pub fn runs(&self) -> &Runs {
+    pub(crate) fn runs(&self) -> &Runs {
         self.runs.get_or_init(Runs::make)
     }
 
     /// Returns the folder to work in.
-    pub fn work(&self) -> PathBuf {
+    pub(crate) fn work(&self) -> PathBuf {
         self.root.path().join("work")
     }
 
     /// Writes a file to work with.
-    pub fn file(&self, name: &str, bytes: &[u8]) -> PathBuf {
+    pub(crate) fn file(&self, name: &str, bytes: &[u8]) -> PathBuf {
         let path = self.work().join(name);
         fs::write(&path, bytes).expect("a file to work with");
         path
     }
 
     /// Makes an empty folder of this name to work in.
-    pub fn empty(&self, name: &str) -> PathBuf {
+    pub(crate) fn empty(&self, name: &str) -> PathBuf {
         let folder = self.work().join(name);
         match fs::remove_dir_all(&folder) {
             Err(error) if error.kind() != std::io::ErrorKind::NotFound => panic!("{}: {error}", folder.display()),
@@ -70,7 +70,7 @@ impl Place {
     }
 
     /// Panics if a file outside was changed, added or removed; repairs it first.
-    pub fn check_outside(&self) {
+    pub(crate) fn check_outside(&self) {
         let entries = fs::read_dir(self.outside()).into_iter().flatten().flatten();
         let found: BTreeMap<_, _> =
             entries.map(|entry| (entry.file_name(), fs::read(entry.path()).unwrap_or_default())).collect();
@@ -82,14 +82,14 @@ impl Place {
     }
 
     /// Runs the program in the folder to work in.
-    pub fn program(&self, arguments: &[&str]) -> Outcome {
+    pub(crate) fn program(&self, arguments: &[&str]) -> Outcome {
         program(&self.work(), arguments)
     }
 }
 
 /// Runs the program. Panics if it was ended by a signal, panicked, hung, returned an unknown exit code, or said what is
 /// not printable.
-pub fn program(folder: &Path, arguments: &[&str]) -> Outcome {
+pub(crate) fn program(folder: &Path, arguments: &[&str]) -> Outcome {
     let mut command = assert_cmd::Command::new(env!("CARGO_BIN_EXE_dials-traffic"));
     let output = command.args(arguments).current_dir(folder).timeout(Duration::from_secs(50)).output();
     let output = output.expect("the program is built");
@@ -103,7 +103,7 @@ pub fn program(folder: &Path, arguments: &[&str]) -> Outcome {
 }
 
 /// Copies a folder with what is in it.
-pub fn copy(from: &Path, to: &Path) {
+pub(crate) fn copy(from: &Path, to: &Path) {
     fs::create_dir_all(to).expect("a folder to work in");
     for entry in fs::read_dir(from).unwrap_or_else(|error| panic!("{}: {error}", from.display())).flatten() {
         let (path, copied) = (entry.path(), to.join(entry.file_name()));

@@ -53,11 +53,11 @@ const DRIFT: &str = "steps,agent,after,loss,marginals
 2000000,all,evaluation,0.32,0.312
 ";
 
-pub fn aip_drift_csv_seeds(_: &Place) -> Vec<Vec<u8>> {
+pub(crate) fn aip_drift_csv_seeds(_: &Place) -> Vec<Vec<u8>> {
     vec![DRIFT.into()]
 }
 
-pub fn aip_drift_csv(place: &Place, bytes: &[u8]) -> Result<()> {
+pub(crate) fn aip_drift_csv(place: &Place, bytes: &[u8]) -> Result<()> {
     with_file(place, "traffic_4-dials-seed1/aip_drift.csv", bytes, Shown::Numbers)
 }
 
@@ -78,12 +78,12 @@ const SCENARIO: &str = r#"{
 }
 "#;
 
-pub fn run_json_seeds(_: &Place) -> Vec<Vec<u8>> {
+pub(crate) fn run_json_seeds(_: &Place) -> Vec<Vec<u8>> {
     [read_all(&["tests/report/runs/traffic_4-dials-seed1/run.json"]), vec![SCENARIO.into()]].concat()
 }
 
 /// What is accepted comes back equal when it is written and read again, as a resume does.
-pub fn run_json(place: &Place, bytes: &[u8]) -> Result<()> {
+pub(crate) fn run_json(place: &Place, bytes: &[u8]) -> Result<()> {
     let outcome = with_file(place, "traffic_4-dials-seed1/run.json", bytes, Shown::Names);
     let dir = place.empty("again");
     place.file("again/run.json", bytes);

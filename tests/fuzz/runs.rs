@@ -37,7 +37,7 @@ evaluation = { every_steps = 32, episodes = 2, final_episodes = 2, aip_loss_epis
 const LARGEST: usize = 1 << 20;
 
 /// Runs of the warehouse: `whole`; `half`, the same run after its first period; `other`, the same with another seed.
-pub struct Runs {
+pub(crate) struct Runs {
     folder: TempDir,
     config: RunConfig,
     domain: Warehouse,
@@ -45,7 +45,7 @@ pub struct Runs {
 }
 
 impl Runs {
-    pub fn make() -> Runs {
+    pub(crate) fn make() -> Runs {
         let folder = tempfile::tempdir().expect("a temporary folder");
         fs::write(folder.path().join("small.toml"), SMALL).expect("a new file");
         for (name, seed) in [("whole", "1"), ("half", "1"), ("other", "2")] {
@@ -92,17 +92,17 @@ fn checkpoints(run: &Path) -> Vec<PathBuf> {
     paths
 }
 
-pub fn checkpoint_seeds(place: &Place) -> Vec<Vec<u8>> {
+pub(crate) fn checkpoint_seeds(place: &Place) -> Vec<Vec<u8>> {
     vec![fs::read(place.runs().newest("whole")).expect("a readable file")]
 }
 
 /// Checkpoints that are whole, but of another step or another run: parts of them may get into one.
-pub fn strangers(place: &Place) -> Vec<Vec<u8>> {
+pub(crate) fn strangers(place: &Place) -> Vec<Vec<u8>> {
     ["half", "other"].map(|name| fs::read(place.runs().newest(name)).expect("a readable file")).into()
 }
 
 /// A damaged checkpoint is refused, or it is the same state.
-pub fn checkpoint(place: &Place, bytes: &[u8]) -> Result<()> {
+pub(crate) fn checkpoint(place: &Place, bytes: &[u8]) -> Result<()> {
     static STATE: OnceLock<Checkpoint> = OnceLock::new();
     let runs = place.runs();
     let state = STATE.get_or_init(|| runs.read(&runs.dir("whole/checkpoints")).expect("a whole checkpoint"));
@@ -114,20 +114,20 @@ pub fn checkpoint(place: &Place, bytes: &[u8]) -> Result<()> {
     Ok(())
 }
 
-pub fn policies_seeds(place: &Place) -> Vec<Vec<u8>> {
+pub(crate) fn policies_seeds(place: &Place) -> Vec<Vec<u8>> {
     ["whole", "other"].map(|run| place.runs().file(run, POLICIES)).into()
 }
 
-pub fn policies(place: &Place, bytes: &[u8]) -> Result<()> {
+pub(crate) fn policies(place: &Place, bytes: &[u8]) -> Result<()> {
     let Runs { config, domain, .. } = place.runs();
     networks(place, bytes, &JointLayout::of_policies(domain.kinds(), &config.learning.policy))
 }
 
-pub fn aips_seeds(place: &Place) -> Vec<Vec<u8>> {
+pub(crate) fn aips_seeds(place: &Place) -> Vec<Vec<u8>> {
     ["whole", "other"].map(|run| place.runs().file(run, AIPS)).into()
 }
 
-pub fn aips(place: &Place, bytes: &[u8]) -> Result<()> {
+pub(crate) fn aips(place: &Place, bytes: &[u8]) -> Result<()> {
     let Runs { config, domain, .. } = place.runs();
     networks(place, bytes, &JointLayout::of_aips(domain.kinds(), config.learning.predictor(), &config.learning.aip))
 }
@@ -141,14 +141,14 @@ fn networks(place: &Place, bytes: &[u8], layout: &JointLayout) -> Result<()> {
 }
 
 /// The first line of an input names a CSV file of a run, the rest is its content.
-pub fn resume_seeds(place: &Place) -> Vec<Vec<u8>> {
+pub(crate) fn resume_seeds(place: &Place) -> Vec<Vec<u8>> {
     let dir = place.runs().dir("half");
     let there = GROWING.iter().filter(|name| dir.join(name).is_file());
     there.map(|name| [name.as_bytes(), b"\n", &place.runs().file("half", name)].concat()).collect()
 }
 
 /// A run that goes on from its first checkpoint gets the policies of the run that nobody disturbed.
-pub fn resume(place: &Place, bytes: &[u8]) -> Result<()> {
+pub(crate) fn resume(place: &Place, bytes: &[u8]) -> Result<()> {
     let line = bytes.iter().position(|&byte| byte == b'\n').unwrap_or(bytes.len());
     let Some(name) = GROWING.iter().find(|known| known.as_bytes() == &bytes[..line]) else { bail!("no such file") };
     let dir = place.empty("run");
@@ -179,7 +179,7 @@ struct State {
     streams: Vec<AgentStream>,
 }
 
-pub fn crafted_seeds(place: &Place) -> Vec<Vec<u8>> {
+pub(crate) fn crafted_seeds(place: &Place) -> Vec<Vec<u8>> {
     let runs = place.runs();
     let Checkpoint { agents, progress } = runs.read(&runs.dir("half/checkpoints")).expect("a whole checkpoint");
     let widths = |table: &Ragged<f32>| table.widths().collect();
@@ -197,7 +197,7 @@ pub fn crafted_seeds(place: &Place) -> Vec<Vec<u8>> {
 }
 
 /// The program refuses a checkpoint that somebody wrote, whole and with a right checksum, or goes on from it to the end.
-pub fn crafted(place: &Place, bytes: &[u8]) -> Result<()> {
+pub(crate) fn crafted(place: &Place, bytes: &[u8]) -> Result<()> {
     let state: State = serde_json::from_slice(bytes)?;
     let runs = place.runs();
     let original = runs.read(&runs.dir("half/checkpoints"))?.agents;

@@ -30,13 +30,13 @@ const SETTINGS: &[u8] = b"total_steps = 4000
 agents_per_side = 2
 ";
 
-pub fn config_seeds(_: &Place) -> Vec<Vec<u8>> {
+pub(crate) fn config_seeds(_: &Place) -> Vec<Vec<u8>> {
     let files = ["configs/smoke_traffic.toml", "configs/smoke_warehouse.toml", "configs/traffic_4.toml"];
     [read_all(&files), vec![SETTINGS.into()]].concat()
 }
 
 /// An accepted config comes back equal from its own text, and from the form in which workers get it.
-pub fn config(place: &Place, bytes: &[u8]) -> Result<()> {
+pub(crate) fn config(place: &Place, bytes: &[u8]) -> Result<()> {
     let text = String::from_utf8_lossy(bytes);
     let settings: Vec<String> = text.lines().filter_map(|line| line.strip_prefix(SET)).map(str::to_owned).collect();
     let config = dials_session::config::load(&place.file("config.toml", bytes), &settings)?;
@@ -68,13 +68,13 @@ search_version = 1
 sumo_version = \"SUMO 1.15.0\"
 ";
 
-pub fn timings_seeds(_: &Place) -> Vec<Vec<u8>> {
+pub(crate) fn timings_seeds(_: &Place) -> Vec<Vec<u8>> {
     let coordinated = TIMINGS.replace("fixed-time", "coordinated");
     vec![TIMINGS.into(), coordinated.replace("mean_return", "early = 3\nlate = 2\nmean_return").into()]
 }
 
 /// Accepted timings have an answer for every step, finite figures, and come back from their own text.
-pub fn timings(place: &Place, bytes: &[u8]) -> Result<()> {
+pub(crate) fn timings(place: &Place, bytes: &[u8]) -> Result<()> {
     let path = place.file("timings.toml", bytes);
     let lights = plans(Grid::new(2, 2).expect("a small grid"), &TrafficConfig::new("", ""));
     let plan = |controller| TimingFile::plan(&path, controller, &lights);
@@ -118,12 +118,12 @@ const KNOWLEDGE: Knowledge = Knowledge {
     },
 };
 
-pub fn experiment_seeds(_: &Place) -> Vec<Vec<u8>> {
+pub(crate) fn experiment_seeds(_: &Place) -> Vec<Vec<u8>> {
     vec![EXPERIMENT.into()]
 }
 
 /// The runs and baselines of an accepted experiment have different names, each of one folder or file.
-pub fn experiment(place: &Place, bytes: &[u8]) -> Result<()> {
+pub(crate) fn experiment(place: &Place, bytes: &[u8]) -> Result<()> {
     place.empty("experiments");
     for name in ["small", "large"] {
         place.file(&format!("experiments/{name}.toml"), b"[warehouse]\nagents_per_side = 2\n");

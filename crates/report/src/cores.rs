@@ -20,7 +20,7 @@ const CORES: [usize; 6] = [1, 2, 8, 32, 128, 1024];
 
 /// The time of a group's runs without evaluations.
 #[derive(Clone, Debug, PartialEq)]
-pub struct ByCores {
+pub(crate) struct ByCores {
     /// Timesteps per agent.
     pub steps: u64,
     /// CPU seconds of a run that only one core can work on, mean over seeds.
@@ -35,7 +35,7 @@ pub struct ByCores {
 
 impl ByCores {
     /// Returns the model of the runs that count for the final return; `None` unless they finished.
-    pub fn of(group: &Group, agents: usize) -> Option<ByCores> {
+    pub(crate) fn of(group: &Group, agents: usize) -> Option<ByCores> {
         let Runtime { steps, finished: true, cpu, .. } = Runtime::of(group)? else { return None };
         let (_, runs) = group.finals()?;
         let mut seconds: BTreeMap<usize, Vec<f64>> = BTreeMap::new();
@@ -61,7 +61,7 @@ impl ByCores {
     }
 
     /// Returns the wall seconds of a run on this number of cores.
-    pub fn seconds(&self, cores: usize) -> f64 {
+    pub(crate) fn seconds(&self, cores: usize) -> f64 {
         self.alone_s + self.shared_s / cores.clamp(1, self.most) as f64
     }
 
@@ -73,7 +73,7 @@ impl ByCores {
 
 /// Returns the groups of a scenario with their models. Only those with the most timesteps count, up to a hundredth, because
 /// others are no comparison.
-pub fn by_cores(comparison: &Comparison) -> Vec<(&Group, ByCores)> {
+pub(crate) fn by_cores(comparison: &Comparison) -> Vec<(&Group, ByCores)> {
     let agents = comparison.scenario.agents;
     let mut all: Vec<(&Group, ByCores)> =
         comparison.groups.iter().filter_map(|group| Some((group, ByCores::of(group, agents)?))).collect();
@@ -83,7 +83,7 @@ pub fn by_cores(comparison: &Comparison) -> Vec<(&Group, ByCores)> {
 }
 
 /// Makes the table of times by number of cores; `None` if no run measured CPU time.
-pub fn table(comparison: &Comparison) -> Option<Table> {
+pub(crate) fn table(comparison: &Comparison) -> Option<Table> {
     let all = by_cores(comparison);
     let steps = all.iter().map(|(_, model)| model.steps).max()?;
     let gs = all.iter().find(|(group, _)| group.simulator() == "gs" && group.overrides.is_empty());

@@ -45,7 +45,7 @@ fn columns<'a>(family: &Family<'a>) -> Vec<Column<'a>> {
 
 /// Makes the table of runtimes of a family in the paper's layout: agents training, influence, total, each by the number
 /// of agents.
-pub fn runtimes(family: &Family) -> Table {
+pub(crate) fn runtimes(family: &Family) -> Table {
     let columns = columns(family);
     let has_paper = has_paper(&columns);
     let ours: Vec<Vec<(String, Runtime)>> = columns
@@ -143,7 +143,7 @@ fn beside(ours: Option<String>, paper: Option<String>, has_paper: bool) -> Strin
 }
 
 /// Makes the table of peak memory of a family in the paper's layout.
-pub fn memory(family: &Family) -> Table {
+pub(crate) fn memory(family: &Family) -> Table {
     let columns = columns(family);
     let has_paper = has_paper(&columns);
     let ours = |column: &Column, simulator: &str| -> Option<MemoryRecord> {

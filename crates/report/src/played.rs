@@ -5,19 +5,19 @@ use dials_session::records::find::BaselineRecord;
 use dials_session::records::run_record::{EvaluationRecord, RunRecord};
 
 /// Returns what a run played at the evaluation at a step; `None` if there was none.
-pub fn of_run(run: &RunRecord, steps: u64) -> Option<Played> {
+pub(crate) fn of_run(run: &RunRecord, steps: u64) -> Option<Played> {
     let EvaluationRecord { all, episode_returns, .. } = run.evaluation_at(steps)?;
     Some(Played::new(all.mean, run.config.learning.evaluation.seed, episode_returns.clone()))
 }
 
 /// Returns what a controller played.
-pub fn of_controller(controller: &BaselineRecord) -> Played {
+pub(crate) fn of_controller(controller: &BaselineRecord) -> Played {
     Played::new(controller.mean_return, controller.seed, controller.episode_returns.clone())
 }
 
 /// Returns the difference of a group minus a controller.
 ///
 /// Panics if the group is empty.
-pub fn minus_controller(group: &BySeed, controller: &BaselineRecord) -> Difference {
+pub(crate) fn minus_controller(group: &BySeed, controller: &BaselineRecord) -> Difference {
     to_controller(group, &of_controller(controller))
 }

@@ -44,7 +44,7 @@ const RULES: [&str; 11] = [
 ];
 
 /// Makes the whole report.
-pub fn document(comparisons: &[Comparison], warnings: &[String]) -> Result<Document> {
+pub(crate) fn document(comparisons: &[Comparison], warnings: &[String]) -> Result<Document> {
     let labels = label_order(comparisons);
     let looks = Looks::new(labels.iter().map(String::as_str));
     let mut blocks = vec![Block::Paragraph(overview(comparisons))];

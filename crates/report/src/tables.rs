@@ -25,7 +25,7 @@ const BEFORE: [&str; 6] = ["method", "n", "steps", "episodes", "mean return", "9
 const AFTER: [&str; 5] = ["median run", "median agent", "stuck agents", "paper", "ours − paper"];
 
 /// Makes the table of final returns of one scenario, ours next to the paper's.
-pub fn finals(comparison: &Comparison) -> Table {
+pub(crate) fn finals(comparison: &Comparison) -> Table {
     let scenario = &comparison.scenario;
     let opponents = comparison.opponents();
     let mut rows = Vec::new();
@@ -120,7 +120,7 @@ fn episodes(end: &Final) -> String {
 }
 
 /// Makes the table of the agents of one scenario: the stuck ones, and the range of returns.
-pub fn agents(comparison: &Comparison) -> Table {
+pub(crate) fn agents(comparison: &Comparison) -> Table {
     let rows = comparison.groups.iter().filter_map(|group| {
         let end = Final::of(group)?;
         let name =
@@ -153,7 +153,7 @@ pub fn agents(comparison: &Comparison) -> Table {
 }
 
 /// Makes the table of the local simulators of one scenario beside the global one (GS), if a run has recorded both.
-pub fn likeness(comparison: &Comparison) -> Option<Table> {
+pub(crate) fn likeness(comparison: &Comparison) -> Option<Table> {
     let rows: Vec<Vec<String>> = comparison
         .groups
         .iter()
@@ -210,7 +210,7 @@ fn stuck_agents(stuck: &[AgentAt], name: &dyn Fn(usize) -> String) -> String {
 }
 
 /// Makes the table of all runs with their progress.
-pub fn runs(comparisons: &[Comparison]) -> Table {
+pub(crate) fn runs(comparisons: &[Comparison]) -> Table {
     let mut rows = Vec::new();
     for comparison in comparisons {
         for group in &comparison.groups {

@@ -17,7 +17,7 @@ pub(crate) fn is_rearmost(car: CarId, lane: LaneCars<'_>) -> bool {
 }
 
 /// Writes 1 for every lane that a car entered between two reads of one light's lanes, and leaves the others.
-pub fn note(arrivals: &mut [u8], now: CarsAt<'_>, before: CarsAt<'_>) {
+pub(crate) fn note(arrivals: &mut [u8], now: CarsAt<'_>, before: CarsAt<'_>) {
     for (arrived, (now, before)) in arrivals.iter_mut().zip(now.iter().zip(before.iter())) {
         *arrived |= u8::from(has_arrival(now, before));
     }

@@ -18,17 +18,17 @@ pub(crate) struct SourceCounter {
 
 impl SourceCounter {
     /// Begins an episode.
-    pub fn new(plan: &BorderPlan) -> SourceCounter {
+    pub(crate) fn new(plan: &BorderPlan) -> SourceCounter {
         SourceCounter { waiting: vec![0; plan.entries.len()], blocked_s: vec![0; plan.exits.len()] }
     }
 
     /// Notes a car that arrived at an entry in this second.
-    pub fn arrived(&mut self, entry: usize) {
+    pub(crate) fn arrived(&mut self, entry: usize) {
         self.waiting[entry] += 1;
     }
 
     /// Notes that an exit is blocked in this second.
-    pub fn blocked(&mut self, exit: usize) {
+    pub(crate) fn blocked(&mut self, exit: usize) {
         self.blocked_s[exit] += 1;
     }
 

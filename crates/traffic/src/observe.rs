@@ -26,7 +26,7 @@ pub struct LightView {
 }
 
 /// Returns all that is on the approaches of a light, and what it has shown for `shown_s` seconds.
-pub fn view(plan: &AgentPlan, cars: CarsAt<'_>, shown: Shown, shown_s: u32, waiting: &Waiting) -> RoadView {
+pub(crate) fn view(plan: &AgentPlan, cars: CarsAt<'_>, shown: Shown, shown_s: u32, waiting: &Waiting) -> RoadView {
     let car = |Car { id, position_m, speed_mps }| CarView { position_m, speed_mps, waited_s: waiting.of(id) };
     let approaches = plan.region.approaches.iter().zip(cars.iter()).map(|(approach, lane)| ApproachView {
         lane: approach.lane.clone(),

@@ -17,7 +17,7 @@ const MOST_WAIT: f64 = 10.0;
 
 /// How long the cars on the approaches of one light have stood there.
 #[derive(Clone, Debug, Default)]
-pub struct Waiting {
+pub(crate) struct Waiting {
     seconds: HashMap<CarId, u32>,
     /// Sum over the cars, and the sum at the last decision.
     sum: u64,
@@ -26,7 +26,7 @@ pub struct Waiting {
 
 impl Waiting {
     /// Notes the cars after a second.
-    pub fn note(&mut self, cars: CarsAt<'_>) {
+    pub(crate) fn note(&mut self, cars: CarsAt<'_>) {
         let mut seconds = HashMap::with_capacity(cars.cars());
         self.sum = 0;
         for lane in cars.iter() {
@@ -40,12 +40,12 @@ impl Waiting {
     }
 
     /// Returns for how many seconds a car on the approaches has stood there.
-    pub fn of(&self, car: CarId) -> u32 {
+    pub(crate) fn of(&self, car: CarId) -> u32 {
         self.seconds.get(&car).copied().unwrap_or(0)
     }
 
     /// Notes that the agent decides.
-    pub fn decide(&mut self) {
+    pub(crate) fn decide(&mut self) {
         self.sum_before = self.sum;
     }
 }
@@ -61,7 +61,13 @@ pub(crate) fn needs_exits(reward: &Reward) -> bool {
 }
 
 /// Returns the reward of a step: the weighted sum of its terms after the step. `exits`: the cars on the exits.
-pub fn reward(reward: &Reward, region: &RegionPlan, cars: CarsAt<'_>, exits: CarsAt<'_>, waiting: &Waiting) -> f32 {
+pub(crate) fn reward(
+    reward: &Reward,
+    region: &RegionPlan,
+    cars: CarsAt<'_>,
+    exits: CarsAt<'_>,
+    waiting: &Waiting,
+) -> f32 {
     let term = |term| match term {
         RewardTerm::MeanSpeed => f64::from(observe::mean_speed(region, cars)),
         RewardTerm::ExitSpeed => observe::exit_speed(region, exits),

@@ -9,7 +9,7 @@ use dials_core::base::AgentId;
 use dials_core::domain::{Rules, Task};
 
 /// Returns the task of one agent.
-pub fn task(plan: &JointPlan, agent: AgentId) -> Task {
+pub(crate) fn task(plan: &JointPlan, agent: AgentId) -> Task {
     let of_agent = &plan.agents[agent.0];
     let (sources, d_set) = match plan.borders.get(agent.0) {
         Some(Border { plan, d_set }) => (plan.source_names(), d_set.columns(plan)),
@@ -28,7 +28,7 @@ pub fn task(plan: &JointPlan, agent: AgentId) -> Task {
 const ENVIRONMENT: u32 = 1;
 
 /// Returns the rules of all lights.
-pub fn rules(plan: &JointPlan) -> Rules {
+pub(crate) fn rules(plan: &JointPlan) -> Rules {
     let sensor = &plan.agents[0].sensor;
     let cars = match &sensor.cars {
         CarColumns::Cells(_) => "cells",

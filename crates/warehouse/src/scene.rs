@@ -18,7 +18,7 @@ const OLD: f32 = 15.0;
 /// Draws floor, shelves, items shaded by age, robots (the learning ones dark), and the rims of the regions.
 ///
 /// `ages`: one per shelf of the floor; `cells`: the cell of each robot within its region.
-pub fn draw(layout: &FloorPlan, ages: &[Age], cells: &[u8]) -> Scene {
+pub(crate) fn draw(layout: &FloorPlan, ages: &[Age], cells: &[u8]) -> Scene {
     let side = layout.cells_per_side();
     let mut scene = Scene::new(side as f32, side as f32, FLOOR);
     for corner in (0..side).step_by(SIDE - 1).flat_map(|row| (0..side).step_by(SIDE - 1).map(move |col| (row, col))) {

@@ -8,7 +8,7 @@ use dials_traffic::fidelity::doubts::doubt;
 
 /// Returns the whole object. Precision and recall compare the local simulator with the global one; in `other_seed`, two
 /// local simulators.
-pub fn described(checked: &Checked) -> Value {
+pub(super) fn described(checked: &Checked) -> Value {
     let Checked { window, sigma, seed, lights, .. } = checked;
     let is_random = lights.iter().any(|light| light.other_seed.is_some());
     let other = is_random.then(|| together(lights, |light| light.other_seed.unwrap_or_default()));

@@ -40,7 +40,7 @@ struct Checked {
     on_grid: bool,
 }
 
-pub fn check(args: &CheckArgs) -> CommandResult<()> {
+pub(super) fn check(args: &CheckArgs) -> CommandResult<()> {
     let config = load(&args.config, &[]).map_err(Error::Usage)?;
     if args.config.ends_with(CONFIG) {
         // It may be the config of a run. --sigma does not count as a change.

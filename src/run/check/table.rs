@@ -15,7 +15,7 @@ const WORST: usize = 3;
 const NAME: usize = 11;
 
 /// Returns the whole text.
-pub fn described(checked: &Checked) -> String {
+pub(super) fn described(checked: &Checked) -> String {
     let Checked { window, sigma, lights, on_grid, .. } = checked;
     let dawdling = sigma.map_or(String::new(), |sigma| format!(", sigma {sigma}"));
     let mut lines = vec![

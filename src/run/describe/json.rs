@@ -7,7 +7,7 @@ use dials_core::outside::path_as_text;
 use dials_session::experiment::estimate::Source;
 
 /// Returns the whole object.
-pub fn described(described: &Described) -> Value {
+pub(super) fn described(described: &Described) -> Value {
     let Described { path, config, domain, tasks, work, workers, estimate } = described;
     let agents = tasks.iter().map(|agent| json!({ "agent": agent.agent.0, "name": agent.name, "task": agent.task }));
     let kinds = domain.kinds().specs().map(|spec| {

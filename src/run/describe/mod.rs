@@ -44,7 +44,7 @@ struct AgentTask {
     task: Task,
 }
 
-pub fn describe(args: &cli::DescribeArgs) -> Result<()> {
+pub(super) fn describe(args: &cli::DescribeArgs) -> Result<()> {
     let described = Described::of(args).map_err(Error::Usage)?;
     let found = match args.json {
         true => in_json(json::described(&described)),

@@ -16,7 +16,7 @@ use dials_session::terminal::program;
 const MOST_NAMES: usize = 12;
 
 /// Returns the whole text.
-pub fn described(described: &Described) -> String {
+pub(super) fn described(described: &Described) -> String {
     let mut text = String::new();
     agents(&mut text, described);
     task(&mut text, described);

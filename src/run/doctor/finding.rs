@@ -4,7 +4,7 @@ use std::fmt;
 
 /// Whether all is well.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum State {
+pub(super) enum State {
     Good,
     /// Some commands do not work, but training does.
     Missing,
@@ -14,7 +14,7 @@ pub enum State {
 
 /// A thing that was looked at.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Finding {
+pub(super) struct Finding {
     pub state: State,
     pub what: String,
     /// What to do about it, a command if there is one.
@@ -22,15 +22,15 @@ pub struct Finding {
 }
 
 impl Finding {
-    pub fn good(what: impl Into<String>) -> Finding {
+    pub(super) fn good(what: impl Into<String>) -> Finding {
         Finding { state: State::Good, what: what.into(), cure: None }
     }
 
-    pub fn missing(what: impl Into<String>, cure: impl Into<String>) -> Finding {
+    pub(super) fn missing(what: impl Into<String>, cure: impl Into<String>) -> Finding {
         Finding { state: State::Missing, what: what.into(), cure: Some(cure.into()) }
     }
 
-    pub fn error(what: impl Into<String>, cure: impl Into<String>) -> Finding {
+    pub(super) fn error(what: impl Into<String>, cure: impl Into<String>) -> Finding {
         Finding { state: State::Error, what: what.into(), cure: Some(cure.into()) }
     }
 }

@@ -14,7 +14,7 @@ use dials_session::error::{Error, Result};
 use dials_session::terminal::answer;
 use finding::{Finding, State};
 
-pub fn doctor() -> Result<()> {
+pub(super) fn doctor() -> Result<()> {
     let mut findings = parts::find();
     findings.extend(trial::find());
     let lines: Vec<String> = findings.iter().map(Finding::to_string).collect();

@@ -34,7 +34,7 @@ const PROGRAMS: [(&str, &str, &str); 7] = [
     ("mpirun", "openmpi-bin", "training over several machines"),
 ];
 
-pub fn find() -> Vec<Finding> {
+pub(super) fn find() -> Vec<Finding> {
     let mut findings = vec![build_here(), sumo(), libtorch(), mpi()];
     findings.extend(PROGRAMS.map(program));
     findings.push(Finding::good(counted(cores(), "core")));

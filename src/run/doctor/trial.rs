@@ -39,7 +39,7 @@ episodes = 1
 final_episodes = 1
 ";
 
-pub fn find() -> Vec<Finding> {
+pub(super) fn find() -> Vec<Finding> {
     let warehouse = "[warehouse]\nagents_per_side = 2\nhorizon = 40\n";
     let traffic = "[traffic]\nnetwork = 'grid_2x2'\nlocal_network = 'local'\nhorizon = 40\n";
     vec![

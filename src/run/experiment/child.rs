@@ -23,7 +23,7 @@ use dials_session::parent::END_WITH;
 use dials_session::records::find::BASELINES;
 
 /// A line that a process printed on standard error.
-pub struct Said {
+pub(super) struct Said {
     /// Name of its task.
     pub task: String,
     pub line: String,
@@ -33,7 +33,7 @@ pub struct Said {
 const ABORTED: i32 = 6;
 
 /// A running process.
-pub struct RunProcess {
+pub(super) struct RunProcess {
     process: std::process::Child,
     /// Thread that returns the last words of the process: why it ended.
     listener: Option<JoinHandle<Option<String>>>,
@@ -67,7 +67,7 @@ impl Output {
 impl RunProcess {
     /// Starts a task. Its standard error goes to `said` and to its log. Its standard output goes to its result file, if
     /// it has one, otherwise to the log. `folder`: folder of the experiment's runs.
-    pub fn start(task: &PlannedWork, folder: &Directory, said: Sender<Said>) -> Result<RunProcess> {
+    pub(super) fn start(task: &PlannedWork, folder: &Directory, said: Sender<Said>) -> Result<RunProcess> {
         let log = Log::open(&folder.make_subdirectory(LOGS)?, format!("{}.log", task.name))?;
         if let Some((path, config)) = &task.config {
             let text = to_toml(&with_absolute_paths(config)?)?;
@@ -103,13 +103,13 @@ impl RunProcess {
     }
 
     /// Asks the process to stop where nothing is lost.
-    pub fn ask_to_stop(&self) {
+    pub(super) fn ask_to_stop(&self) {
         // If the process has just ended, the signal fails, which does no harm.
         let _ = kill_process(Pid::from_child(&self.process), Signal::TERM);
     }
 
     /// Returns how the process ended: well, or with the lines of an error. `None`: it is still running.
-    pub fn ended(&mut self) -> Result<Option<std::result::Result<(), String>>> {
+    pub(super) fn ended(&mut self) -> Result<Option<std::result::Result<(), String>>> {
         let Some(status) = self.process.try_wait().context("cannot wait for a process")? else {
             return Ok(None);
         };
@@ -134,7 +134,7 @@ impl RunProcess {
 }
 
 /// Notes in the log of a task why it cannot begin.
-pub fn log_obstacle(task: &str, why: &str, folder: &Directory) -> Result<()> {
+pub(super) fn log_obstacle(task: &str, why: &str, folder: &Directory) -> Result<()> {
     let log = Log::open(&folder.make_subdirectory(LOGS)?, format!("{task}.log"))?;
     writeln!(log.file()?, "error: {why}").with_context(|| format!("{task}: its log cannot be written"))
 }

@@ -43,7 +43,7 @@ const LOOK_EVERY: Duration = Duration::from_millis(200);
 /// Number of files that are open for a running process: its errors, its log twice, and its result.
 const FILES_PER_PROCESS: u64 = 4;
 
-pub fn experiment(args: &cli::ExperimentArgs) -> Result<()> {
+pub(super) fn experiment(args: &cli::ExperimentArgs) -> Result<()> {
     let name = args.file.file_stem().unwrap_or_default();
     let folder = args.out.clone().unwrap_or_else(|| Path::new("results").join(name).join("runs"));
     let cores = args.cores.unwrap_or_else(machine_cores);

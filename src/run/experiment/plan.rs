@@ -19,7 +19,7 @@ use dials_session::terminal::experiment::Planned;
 
 /// One process of the experiment.
 #[derive(Clone, Debug)]
-pub struct PlannedWork {
+pub(super) struct PlannedWork {
     pub name: String,
     /// Arguments of the program.
     pub arguments: Vec<OsString>,
@@ -97,13 +97,13 @@ impl PlannedWork {
     }
 
     /// Returns the task as the progress display needs it.
-    pub fn planned(&self) -> Planned {
+    pub(super) fn planned(&self) -> Planned {
         let PlannedWork { name, estimate, width, share, steps, .. } = self;
         Planned { name: name.clone(), seconds: estimate.seconds, width: *width, share: *share, steps: *steps }
     }
 
     /// Returns why the task cannot begin: its run is damaged.
-    pub fn obstacle(&self) -> Option<&str> {
+    pub(super) fn obstacle(&self) -> Option<&str> {
         match &self.stage {
             Stage::Unreadable { why } => Some(why),
             _ => None,
@@ -117,14 +117,19 @@ impl PlannedWork {
 }
 
 /// All processes of an experiment, done or not.
-pub struct Tasks {
+pub(super) struct Tasks {
     tasks: Vec<PlannedWork>,
     cores: usize,
 }
 
 impl Tasks {
     /// Looks which tasks are done. `accept_other_build`: whether to resume runs that another build wrote.
-    pub fn look(experiment: &Experiment, folder: &Path, cores: usize, accept_other_build: bool) -> Result<Tasks> {
+    pub(super) fn look(
+        experiment: &Experiment,
+        folder: &Path,
+        cores: usize,
+        accept_other_build: bool,
+    ) -> Result<Tasks> {
         let measured = if folder.is_dir() {
             find(&[folder.to_owned()]).map_or(Vec::new(), |found| found.runs)
         } else {
@@ -140,17 +145,17 @@ impl Tasks {
         Ok(Tasks { tasks, cores })
     }
 
-    pub fn finished(&self) -> usize {
+    pub(super) fn finished(&self) -> usize {
         self.tasks.iter().filter(|task| task.stage == Stage::Finished).count()
     }
 
     /// Returns the tasks that are not finished, in order.
-    pub fn unfinished(self) -> Vec<PlannedWork> {
+    pub(super) fn unfinished(self) -> Vec<PlannedWork> {
         self.tasks.into_iter().filter(|task| task.stage != Stage::Finished).collect()
     }
 
     /// Returns what `--dry-run` prints.
-    pub fn table(&self) -> String {
+    pub(super) fn table(&self) -> String {
         let begins = |task: &&PlannedWork| task.stage != Stage::Finished && task.obstacle().is_none();
         let to_do: Vec<&PlannedWork> = self.tasks.iter().filter(begins).collect();
         let jobs: Vec<Job> = to_do.iter().map(|task| task.job()).collect();

@@ -9,7 +9,7 @@ use dials_traffic::agents::plan::Border;
 use dials_traffic::agents::region_plan::RegionPlan;
 
 /// Returns the whole object. Indices (`links` of an approach, `from`, `to`) count the other lists of the same light.
-pub fn described(inspected: &Inspected) -> Value {
+pub(super) fn described(inspected: &Inspected) -> Value {
     let Inspected { net, derived, padding, rules, left_out, .. } = inspected;
     let agents = derived.agents.iter().zip(&inspected.borders).map(|(agent, border)| light(inspected, agent, border));
     let keeping = derived

@@ -8,7 +8,7 @@ use dials_report::drawing::Svg;
 use dials_report::plot::{MapRegion, RegionsMap, regions_map};
 use dials_traffic::network::roads::LaneNo;
 
-pub fn drawn(inspected: &Inspected) -> Result<Svg> {
+pub(super) fn drawn(inspected: &Inspected) -> Result<Svg> {
     let Inspected { net, roads, derived, .. } = inspected;
     let line = |lane: LaneNo| -> Line { roads.lane(lane).shape.clone() };
     let regions = derived.agents.iter().map(|agent| {

@@ -51,7 +51,7 @@ struct Inspected {
     columns_of_grid: Option<usize>,
 }
 
-pub fn inspect(args: &InspectArgs) -> CommandResult<()> {
+pub(super) fn inspect(args: &InspectArgs) -> CommandResult<()> {
     let existing = Existing::of_named(args.force);
     let inspected = Inspected::of(args, existing).map_err(Error::Usage)?;
     let told = inspected.told(args).map_err(Error::Usage)?;

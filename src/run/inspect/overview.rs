@@ -6,7 +6,7 @@ use dials_traffic::agents::derive::Agent;
 use dials_traffic::agents::derive::keeping::{Keeping, sentences};
 
 /// Returns the whole text.
-pub fn described(inspected: &Inspected) -> String {
+pub(super) fn described(inspected: &Inspected) -> String {
     let mut text = String::new();
     lights(&mut text, inspected);
     text.push('\n');

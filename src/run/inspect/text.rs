@@ -10,7 +10,7 @@ use dials_traffic::agents::phase_plan::{Interval, PhasePlan};
 use dials_traffic::agents::plan::{AgentPlan, Border};
 
 /// Returns what is said of the whole, and all lights.
-pub fn all(inspected: &Inspected) -> String {
+pub(super) fn all(inspected: &Inspected) -> String {
     let mut text = String::new();
     summary(&mut text, inspected);
     for (number, agent) in inspected.derived.agents.iter().enumerate() {
@@ -25,7 +25,7 @@ pub fn all(inspected: &Inspected) -> String {
 }
 
 /// Returns what is said of one light. `None`: there is no such light.
-pub fn one(inspected: &Inspected, light: &str) -> Option<String> {
+pub(super) fn one(inspected: &Inspected, light: &str) -> Option<String> {
     let Derived { agents, keeping } = &inspected.derived;
     let mut text = String::new();
     if let Some(number) = agents.iter().position(|agent| agent.plan.light == light) {
@@ -37,7 +37,7 @@ pub fn one(inspected: &Inspected, light: &str) -> Option<String> {
 }
 
 /// Writes what is said of the whole.
-pub fn summary(text: &mut String, inspected: &Inspected) {
+pub(super) fn summary(text: &mut String, inspected: &Inspected) {
     let Inspected { net, derived, padding, influence, rules, left_out, .. } = inspected;
     let (learning, keeping) = (derived.agents.len(), derived.keeping.len());
     let lights = counted(learning + keeping, "light");

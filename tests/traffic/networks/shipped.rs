@@ -7,7 +7,7 @@ use std::process::Command;
 
 use super::{elements, elements_of, room, sumo, text};
 
-pub const SCENARIOS: [&str; 3] = ["grid_4x4_turns", "town", "arterial"];
+pub(super) const SCENARIOS: [&str; 3] = ["grid_4x4_turns", "town", "arterial"];
 /// Seeds of SUMO for the figures of `sumo_nets/README.md`.
 const SEEDS: [&str; 2] = ["1", "2"];
 
@@ -15,7 +15,7 @@ fn nets() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("sumo_nets")
 }
 
-pub fn file(scenario: &str, ending: &str) -> PathBuf {
+pub(super) fn file(scenario: &str, ending: &str) -> PathBuf {
     nets().join(scenario).join(format!("{scenario}.{ending}"))
 }
 

@@ -12,16 +12,16 @@ use quick_xml::events::{BytesStart, Event};
 
 use super::text;
 
-pub fn attribute(tag: &BytesStart, name: &str) -> String {
+pub(super) fn attribute(tag: &BytesStart, name: &str) -> String {
     tag.try_get_attribute(name).unwrap().unwrap_or_else(|| panic!("no {name}")).unescape_value().unwrap().into_owned()
 }
 
 /// Sets of car, lane, position and speed.
-pub type Places = BTreeSet<(String, String, String)>;
+pub(super) type Places = BTreeSet<(String, String, String)>;
 
 /// Returns what plain `sumo` plays from a folder: for every step the cars with lane, position and speed as SUMO prints
 /// them.
-pub fn sumo_plays(dir: &Path) -> Vec<Places> {
+pub(super) fn sumo_plays(dir: &Path) -> Vec<Places> {
     let room = tempfile::tempdir().unwrap();
     let fcd = room.path().join("fcd.xml");
     let output = Program::new("sumo")
@@ -74,7 +74,7 @@ fn seconds_before(recording: &Recording) -> usize {
 }
 
 /// Asserts that plain SUMO plays the folder as it was recorded. Returns the number of compared places of cars.
-pub fn assert_same(dir: &Path, recording: &Recording) -> usize {
+pub(super) fn assert_same(dir: &Path, recording: &Recording) -> usize {
     let (mut played, was) = (sumo_plays(dir), was(recording));
     let before = played.drain(..seconds_before(recording)).flatten();
     before.for_each(|(_, lane, _)| assert_eq!(lane, "apart_0"));

@@ -20,7 +20,7 @@ use super::room::{BUSES, CARS, Room, SUMOCFG, table};
 const SHIPPED: [&str; 3] = ["arterial", "grid_4x4_turns", "town"];
 const REAL: [&str; 5] = ["cologne1", "cologne3", "ingolstadt1", "ingolstadt7", "grid4x4"];
 
-pub fn shipped(name: &str) -> PathBuf {
+pub(super) fn shipped(name: &str) -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join(format!("sumo_nets/{name}/{name}.sumocfg"))
 }
 
@@ -41,7 +41,7 @@ fn all() -> Vec<PathBuf> {
 }
 
 /// Returns the first seconds of a scenario.
-pub fn opened(scenario: &Path, seconds: u64) -> Traffic {
+pub(super) fn opened(scenario: &Path, seconds: u64) -> Traffic {
     let begin = Sumocfg::read(scenario).unwrap().begin_s;
     let window = [begin, begin + seconds].map(Some);
     let config = ScenarioConfig { begin_s: window[0], end_s: window[1], ..ScenarioConfig::new(scenario) };

@@ -9,7 +9,7 @@ use super::stage::Domain;
 
 /// What is wrong with a run after its disturbances.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
-pub enum Fault {
+pub(super) enum Fault {
     /// A file is not as in an undisturbed run.
     Different,
     /// A file that an undisturbed run does not have, or a temporary file.
@@ -21,7 +21,7 @@ pub enum Fault {
 }
 
 #[derive(Default)]
-pub struct Book {
+pub(super) struct Book {
     played: BTreeMap<Card, [usize; Domain::ALL.len()]>,
     faults: BTreeMap<Fault, usize>,
     findings: Vec<String>,
@@ -31,24 +31,24 @@ pub struct Book {
 
 impl Book {
     /// Notes a disturbance and prints its line.
-    pub fn disturbed(&mut self, domain: Domain, card: Card, words: &str) {
+    pub(super) fn disturbed(&mut self, domain: Domain, card: Card, words: &str) {
         self.played.entry(card).or_default()[domain as usize] += 1;
         println!("{:>4}  {:<9}  {:<28}  {words}", self.disturbances(|_| true), domain.name(), card.name());
     }
 
     /// Notes a run that is done.
-    pub fn done(&mut self, starts: usize) {
+    pub(super) fn done(&mut self, starts: usize) {
         self.runs += 1;
         self.starts += starts;
     }
 
-    pub fn found(&mut self, fault: Fault, words: String) {
+    pub(super) fn found(&mut self, fault: Fault, words: String) {
         println!("{fault:?}: {words}");
         *self.faults.entry(fault).or_default() += 1;
         self.findings.push(format!("{fault:?}: {words}"));
     }
 
-    pub fn findings(&self) -> &[String] {
+    pub(super) fn findings(&self) -> &[String] {
         &self.findings
     }
 
@@ -56,7 +56,7 @@ impl Book {
         self.played.iter().filter(|(card, _)| which(**card)).map(|(_, counts)| counts.iter().sum::<usize>()).sum()
     }
 
-    pub fn table(&self, took: Duration, seed: u64) -> String {
+    pub(super) fn table(&self, took: Duration, seed: u64) -> String {
         let mut table = String::from("\n| disturbance | traffic | warehouse |\n|---|---|---|\n");
         for (card, _) in Card::DECK {
             let [traffic, warehouse] = self.played.get(&card).copied().unwrap_or_default();

@@ -5,7 +5,7 @@ use rand_xoshiro::Xoshiro256PlusPlus as Dice;
 
 /// A disturbance. The coordinator is the process that a user starts.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
-pub enum Card {
+pub(super) enum Card {
     Kill,
     KillAtStart,
     KillAtFirstWrite,
@@ -25,7 +25,7 @@ pub enum Card {
 
 impl Card {
     /// All cards, and how many of each are in a deck. A deck has twelve that end a process.
-    pub const DECK: [(Card, usize); 13] = [
+    pub(super) const DECK: [(Card, usize); 13] = [
         (Card::Kill, 3),
         (Card::KillAtStart, 1),
         (Card::KillAtFirstWrite, 1),
@@ -41,7 +41,7 @@ impl Card {
         (Card::Report, 1),
     ];
 
-    pub fn name(self) -> &'static str {
+    pub(super) fn name(self) -> &'static str {
         match self {
             Card::Kill => "SIGKILL",
             Card::KillAtStart => "SIGKILL right after the start",
@@ -60,22 +60,22 @@ impl Card {
     }
 
     /// Returns whether it ends a process. A stopped worker is ended when patience is over.
-    pub fn kills(self) -> bool {
+    pub(super) fn kills(self) -> bool {
         !matches!(self, Card::Pause | Card::SecondResume | Card::Evaluate | Card::Report)
     }
 
     /// Returns whether it needs a coordinator that has just been started.
-    pub fn needs_a_start(self) -> bool {
+    pub(super) fn needs_a_start(self) -> bool {
         matches!(self, Card::KillAtStart | Card::KillAtFirstWrite)
     }
 
-    pub fn needs_a_worker(self) -> bool {
+    pub(super) fn needs_a_worker(self) -> bool {
         matches!(self, Card::KillWorker | Card::StopWorker)
     }
 }
 
 /// Returns shuffled decks, one after another, up to the last of `kills` cards that end a process.
-pub fn deal(dice: &mut Dice, kills: u64) -> Vec<Card> {
+pub(super) fn deal(dice: &mut Dice, kills: u64) -> Vec<Card> {
     let (mut cards, mut dealt) = (Vec::new(), 0);
     while dealt < kills {
         let mut deck: Vec<Card> = Card::DECK.iter().flat_map(|&(card, count)| vec![card; count]).collect();

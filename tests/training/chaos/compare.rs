@@ -15,7 +15,7 @@ use super::stage::Stage;
 const UNDETERMINED: [&str; 5] = ["elapsed_s", files::TIMING, files::MEMORY, files::EVENTS, "digest"];
 
 /// Compares a run with an undisturbed one. Returns the faults, none if all is well.
-pub fn compare(undisturbed: &Stage, stage: &Stage) -> Vec<(Fault, String)> {
+pub(super) fn compare(undisturbed: &Stage, stage: &Stage) -> Vec<(Fault, String)> {
     let [expected, found] = [undisturbed, stage].map(|stage| names(&stage.runs()));
     let missing = expected.difference(&found).map(|name| (Fault::Different, format!("{}: missing", name.display())));
     let unknown = found.difference(&expected).map(|name| (Fault::Leftover, name.display().to_string()));

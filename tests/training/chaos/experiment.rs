@@ -29,7 +29,7 @@ fn start(stage: &Stage) -> Process {
 }
 
 /// Plays experiments until this many kills are spent. Returns what is wrong with them.
-pub fn play(mut kills: u64, mut dice: Dice) -> Vec<String> {
+pub(super) fn play(mut kills: u64, mut dice: Dice) -> Vec<String> {
     let undisturbed = stage();
     let begun = Instant::now();
     let mut process = start(&undisturbed);

@@ -22,17 +22,17 @@ use super::stage::{Domain, FOR_EVER, Process, Stage, path};
 /// end a run, and a machine under load is slow.
 const PATIENCE: u64 = 10;
 /// Moments are drawn from this share of an undisturbed run's time.
-pub const SPAN: f64 = 0.6;
+pub(super) const SPAN: f64 = 0.6;
 
 /// A run that nobody disturbs, in a single process.
-pub struct Undisturbed {
+pub(super) struct Undisturbed {
     domain: Domain,
     pub stage: Stage,
     took: Duration,
 }
 
 impl Undisturbed {
-    pub fn of(domain: Domain) -> Undisturbed {
+    pub(super) fn of(domain: Domain) -> Undisturbed {
         let stage = Stage::new(&domain.config(domain.steps()));
         let begun = Instant::now();
         let mut process = stage.train(0, 600);
@@ -43,7 +43,7 @@ impl Undisturbed {
 }
 
 /// A run and its disturbances.
-pub struct Play<'a> {
+pub(super) struct Play<'a> {
     undisturbed: &'a Undisturbed,
     dice: &'a mut Dice,
     book: &'a Mutex<Book>,
@@ -58,7 +58,7 @@ pub struct Play<'a> {
 }
 
 impl<'a> Play<'a> {
-    pub fn new(undisturbed: &'a Undisturbed, dice: &'a mut Dice, book: &'a Mutex<Book>) -> Play<'a> {
+    pub(super) fn new(undisturbed: &'a Undisturbed, dice: &'a mut Dice, book: &'a Mutex<Book>) -> Play<'a> {
         Play {
             stage: Stage::new(&undisturbed.domain.config(undisturbed.domain.steps())),
             undisturbed,
@@ -75,7 +75,7 @@ impl<'a> Play<'a> {
 
     /// Plays a few cards that fit, lets the run finish, and compares it with the undisturbed one. A card whose moment
     /// does not come any more goes back.
-    pub fn until_done(mut self, cards: &mut VecDeque<Card>) {
+    pub(super) fn until_done(mut self, cards: &mut VecDeque<Card>) {
         let count = self.dice.random_range(3..=8);
         for _ in 0..count {
             let Some(place) = cards.iter().position(|&card| self.fits(card)) else { break };

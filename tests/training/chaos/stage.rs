@@ -9,21 +9,21 @@ use rustix::process::{Pid, Signal, kill_process};
 use tempfile::TempDir;
 
 /// Time limit. However slow the machine is, a wait that lasts longer will never end.
-pub const FOR_EVER: Duration = Duration::from_secs(300);
+pub(super) const FOR_EVER: Duration = Duration::from_secs(300);
 /// Variable that marks the processes of a stage. Their children inherit it, whatever becomes of their parents.
 const MARK: &str = "CHAOS_STAGE";
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Domain {
+pub(super) enum Domain {
     Traffic,
     /// The warehouse, with recurrent policies and AIPs, and an event file for TensorBoard.
     Warehouse,
 }
 
 impl Domain {
-    pub const ALL: [Domain; 2] = [Domain::Traffic, Domain::Warehouse];
+    pub(super) const ALL: [Domain; 2] = [Domain::Traffic, Domain::Warehouse];
 
-    pub fn name(self) -> &'static str {
+    pub(super) fn name(self) -> &'static str {
         match self {
             Domain::Traffic => "traffic",
             Domain::Warehouse => "warehouse",
@@ -31,7 +31,7 @@ impl Domain {
     }
 
     /// Number of timesteps per agent of a run of [`Domain::config`].
-    pub fn steps(self) -> u64 {
+    pub(super) fn steps(self) -> u64 {
         match self {
             Domain::Traffic => 7_500,
             Domain::Warehouse => 12_000,
@@ -40,7 +40,7 @@ impl Domain {
 
     /// Returns the config of a run of `steps` timesteps per agent. With the steps of the domain these are six periods;
     /// two begin with a training of the AIPs, three with an evaluation.
-    pub fn config(self, steps: u64) -> String {
+    pub(super) fn config(self, steps: u64) -> String {
         let nets = Path::new(env!("CARGO_MANIFEST_DIR")).join("sumo_nets").display().to_string();
         match self {
             Domain::Traffic => format!(
@@ -66,12 +66,12 @@ impl Domain {
 }
 
 /// A folder with all that belongs to a run. Dropping it removes it, unless it is kept.
-pub struct Stage {
+pub(super) struct Stage {
     folder: TempDir,
 }
 
 impl Stage {
-    pub fn new(config: &str) -> Stage {
+    pub(super) fn new(config: &str) -> Stage {
         let folder = tempfile::Builder::new().prefix("chaos-").tempdir().unwrap();
         let stage = Stage { folder };
         for folder in [stage.runs(), stage.temporary(), stage.path("said")] {
@@ -82,31 +82,31 @@ impl Stage {
     }
 
     /// Leaves the folder where it is, for a person to look at.
-    pub fn keep(&mut self) -> &Path {
+    pub(super) fn keep(&mut self) -> &Path {
         self.folder.disable_cleanup(true);
         self.folder.path()
     }
 
-    pub fn path(&self, name: &str) -> PathBuf {
+    pub(super) fn path(&self, name: &str) -> PathBuf {
         self.folder.path().join(name)
     }
 
     /// The folder that holds nothing but the run directory.
-    pub fn runs(&self) -> PathBuf {
+    pub(super) fn runs(&self) -> PathBuf {
         self.path("runs")
     }
 
-    pub fn run(&self) -> PathBuf {
+    pub(super) fn run(&self) -> PathBuf {
         self.runs().join("run")
     }
 
     /// The folder for the temporary files of the program.
-    pub fn temporary(&self) -> PathBuf {
+    pub(super) fn temporary(&self) -> PathBuf {
         self.path("temporary")
     }
 
     /// Begins the run, or resumes it if its directory is there.
-    pub fn train(&self, workers: u64, patience: u64) -> Process {
+    pub(super) fn train(&self, workers: u64, patience: u64) -> Process {
         let mut words = vec!["train".to_owned()];
         if self.run().join("config.toml").is_file() {
             words.extend(["--resume".to_owned(), path(&self.run())]);
@@ -117,7 +117,7 @@ impl Stage {
         self.start(&words)
     }
 
-    pub fn start(&self, words: &[String]) -> Process {
+    pub(super) fn start(&self, words: &[String]) -> Process {
         let said = self.path("said");
         let number = fs::read_dir(&said).unwrap().count();
         let said = said.join(format!("{number:03}-{}", words[0]));
@@ -129,7 +129,7 @@ impl Stage {
     }
 
     /// Returns the living processes of this stage.
-    pub fn processes(&self) -> Vec<Pid> {
+    pub(super) fn processes(&self) -> Vec<Pid> {
         let mark = format!("{MARK}={}", self.folder.path().display());
         let names = fs::read_dir("/proc").unwrap().map(|entry| entry.unwrap().file_name());
         let pids = names.filter_map(|name| name.to_str()?.parse().ok()).filter_map(Pid::from_raw);
@@ -138,13 +138,13 @@ impl Stage {
     }
 
     /// Returns the worker processes.
-    pub fn workers(&self) -> Vec<Pid> {
+    pub(super) fn workers(&self) -> Vec<Pid> {
         let is_worker = |&pid: &Pid| proc(pid, "cmdline").split(|&byte| byte == 0).nth(1) == Some(b"worker");
         self.processes().into_iter().filter(is_worker).collect()
     }
 
     /// Waits until no process is left, and returns the number of those that do not end. They are killed.
-    pub fn orphans(&self) -> usize {
+    pub(super) fn orphans(&self) -> usize {
         let begun = Instant::now();
         loop {
             let left = self.processes();
@@ -177,43 +177,43 @@ fn signal_all(pids: &[Pid], signal: Signal) {
 }
 
 /// Returns a file of /proc, or nothing if the process has ended.
-pub fn proc(pid: Pid, file: &str) -> Vec<u8> {
+pub(super) fn proc(pid: Pid, file: &str) -> Vec<u8> {
     fs::read(format!("/proc/{}/{file}", pid.as_raw_nonzero())).unwrap_or_default()
 }
 
-pub fn path(path: &Path) -> String {
+pub(super) fn path(path: &Path) -> String {
     path.to_str().expect("temporary folders have plain names").to_owned()
 }
 
 /// A process that was started here. Dropping it kills it.
-pub struct Process {
+pub(super) struct Process {
     child: Child,
     said: PathBuf,
     begun: Instant,
 }
 
 impl Process {
-    pub fn pid(&self) -> Pid {
+    pub(super) fn pid(&self) -> Pid {
         Pid::from_child(&self.child)
     }
 
-    pub fn age(&self) -> Duration {
+    pub(super) fn age(&self) -> Duration {
         self.begun.elapsed()
     }
 
     /// Sends a signal, unless the process has ended.
-    pub fn signal(&mut self, signal: Signal) {
+    pub(super) fn signal(&mut self, signal: Signal) {
         if self.status().is_none() {
             kill_process(self.pid(), signal).unwrap();
         }
     }
 
-    pub fn status(&mut self) -> Option<ExitStatus> {
+    pub(super) fn status(&mut self) -> Option<ExitStatus> {
         self.child.try_wait().unwrap()
     }
 
     /// Waits until something is so. Returns `false` if the process ends before that.
-    pub fn lives_until(&mut self, mut so: impl FnMut() -> bool) -> bool {
+    pub(super) fn lives_until(&mut self, mut so: impl FnMut() -> bool) -> bool {
         let begun = Instant::now();
         while begun.elapsed() < FOR_EVER {
             if self.status().is_some() {
@@ -227,13 +227,13 @@ impl Process {
         panic!("{}: waited for ever; it says:\n{}", self.said.display(), self.said());
     }
 
-    pub fn lives_for(&mut self, time: Duration) -> bool {
+    pub(super) fn lives_for(&mut self, time: Duration) -> bool {
         let begun = Instant::now();
         self.lives_until(|| begun.elapsed() >= time)
     }
 
     /// Waits for its end. A process that never ends: `None`, and it is killed.
-    pub fn ended_within(&mut self, time: Duration) -> Option<ExitStatus> {
+    pub(super) fn ended_within(&mut self, time: Duration) -> Option<ExitStatus> {
         let begun = Instant::now();
         while begun.elapsed() < time {
             if let Some(status) = self.status() {
@@ -247,7 +247,7 @@ impl Process {
     }
 
     /// Returns what it printed.
-    pub fn said(&self) -> String {
+    pub(super) fn said(&self) -> String {
         String::from_utf8_lossy(&fs::read(&self.said).unwrap()).into_owned()
     }
 }

@@ -10,7 +10,7 @@ const GZIP: &[u8] = &[0x1f, 0x8b];
 /// Returns the content of a packed file, and any other bytes as they are.
 ///
 /// More than `at_most` bytes are an error of kind `FileTooLarge`. What is no whole gzip file is one of kind `InvalidData`.
-pub fn unpacked(bytes: Vec<u8>, at_most: u64) -> Result<Vec<u8>> {
+pub(super) fn unpacked(bytes: Vec<u8>, at_most: u64) -> Result<Vec<u8>> {
     if !bytes.starts_with(GZIP) {
         return Ok(bytes);
     }

@@ -1,7 +1,7 @@
 //! Early stopping: the best parameters so far, and when to give up.
 
 /// The parameters with the lowest loss on held-out samples.
-pub struct BestSoFar {
+pub(super) struct BestSoFar {
     patience: usize,
     /// Lowest loss, infinite before the first one.
     loss: f64,
@@ -12,12 +12,12 @@ pub struct BestSoFar {
 
 impl BestSoFar {
     /// Waits for this number of losses that are not lower, at least 1.
-    pub fn new(patience: usize) -> BestSoFar {
+    pub(super) fn new(patience: usize) -> BestSoFar {
         BestSoFar { patience, loss: f64::INFINITY, values: Vec::new(), since: 0 }
     }
 
     /// Notes the loss of some parameters. Returns whether it is time to stop.
-    pub fn note(&mut self, loss: f64, values: &[f32]) -> bool {
+    pub(super) fn note(&mut self, loss: f64, values: &[f32]) -> bool {
         if loss < self.loss || self.values.is_empty() {
             self.loss = loss;
             self.values.clear();
@@ -30,7 +30,7 @@ impl BestSoFar {
     }
 
     /// Returns the best parameters.
-    pub fn values(&self) -> &[f32] {
+    pub(super) fn values(&self) -> &[f32] {
         &self.values
     }
 }

@@ -18,7 +18,7 @@ const LOSS_CHUNK: usize = 512;
 
 /// What is added to the outputs of networks: see [`super::correcting`]. One row per agent each.
 #[derive(Clone, Copy)]
-pub struct Constants<'a> {
+pub(super) struct Constants<'a> {
     /// Logits of the constants, `[parts, logits]`.
     pub logits: &'a Rows<f32>,
     /// 1 for a source that listens to the network, 0 for one that keeps its constants, `[sources]`.
@@ -33,19 +33,19 @@ impl<'a> Constants<'a> {
 
 /// The constants of one agent.
 #[derive(Clone, Copy)]
-pub struct ConstantsOfAgent<'a> {
+pub(super) struct ConstantsOfAgent<'a> {
     logits: &'a [f32],
     listens: &'a [f32],
 }
 
 impl<'a> ConstantsOfAgent<'a> {
     /// Makes the constants of one agent; see [`Constants`].
-    pub fn new(logits: &'a [f32], listens: &'a [f32]) -> ConstantsOfAgent<'a> {
+    pub(super) fn new(logits: &'a [f32], listens: &'a [f32]) -> ConstantsOfAgent<'a> {
         ConstantsOfAgent { logits, listens }
     }
 
     /// Adds the constants of a part of the episode to the outputs of a network, which become the logits of one sample.
-    pub fn correct(self, spec: &SourceSpec, part: usize, outputs: &mut [f32]) {
+    pub(super) fn correct(self, spec: &SourceSpec, part: usize, outputs: &mut [f32]) {
         let constants = &self.logits[part * spec.logits()..(part + 1) * spec.logits()];
         let widths = spec.classes.iter().map(|&classes| logits_of(classes));
         let listens = self.listens.iter().zip(widths).flat_map(|(&listens, width)| std::iter::repeat_n(listens, width));

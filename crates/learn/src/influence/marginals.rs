@@ -159,7 +159,7 @@ pub fn frequencies(sources: &SourceSpec, dataset: &Dataset, samples: Range<usize
 ///
 /// A class that was never seen in training is predicted as half an event in 1e6. So one surprise in the held-out
 /// episodes does not make the mean infinite.
-pub fn cross_entropy_of_constants(p: &[f64], q: &[f64]) -> f64 {
+pub(super) fn cross_entropy_of_constants(p: &[f64], q: &[f64]) -> f64 {
     p.iter().zip(q).map(|(p, q)| q * -p.max(5e-7).ln()).sum()
 }
 

@@ -16,7 +16,7 @@ const SAMPLES_OF_THE_WHOLE: f64 = 20.0;
 
 /// Shares of the values of all sources in each part of the episode.
 #[derive(Clone, Debug, PartialEq)]
-pub struct PartFrequencies {
+pub(super) struct PartFrequencies {
     /// Number of samples of each part.
     samples: Vec<u64>,
     /// `[parts][sources][classes]`; zeros in a part without samples.
@@ -24,13 +24,13 @@ pub struct PartFrequencies {
 }
 
 /// Returns the part of the episode that a d-set tells; 0 without parts.
-pub fn part_of(sources: &SourceSpec, d_set: &[f32]) -> usize {
+pub(super) fn part_of(sources: &SourceSpec, d_set: &[f32]) -> usize {
     d_set[..sources.parts].iter().position(|&bit| bit == 1.0).unwrap_or(0)
 }
 
 impl PartFrequencies {
     /// Counts in some of the samples.
-    pub fn of(sources: &SourceSpec, dataset: &Dataset, range: Range<usize>) -> PartFrequencies {
+    pub(super) fn of(sources: &SourceSpec, dataset: &Dataset, range: Range<usize>) -> PartFrequencies {
         let zeros: Vec<Vec<u64>> = sources.classes.iter().map(|&classes| vec![0; usize::from(classes)]).collect();
         let parts = sources.parts.max(1);
         let (mut samples, mut counts) = (vec![0; parts], vec![zeros; parts]);
@@ -55,7 +55,7 @@ impl PartFrequencies {
     }
 
     /// Returns the frequencies in the whole episode, `[sources][classes]`.
-    pub fn whole(&self) -> Vec<Vec<f64>> {
+    pub(super) fn whole(&self) -> Vec<Vec<f64>> {
         if let [of_part] = &self.shares[..] {
             return of_part.clone();
         }
@@ -71,7 +71,7 @@ impl PartFrequencies {
 
     /// Returns the probabilities with which to predict the sources in each part, `[parts][sources][classes]`. With
     /// several parts, each is drawn a little to the whole.
-    pub fn probabilities(&self) -> Vec<Vec<Vec<f64>>> {
+    pub(super) fn probabilities(&self) -> Vec<Vec<Vec<f64>>> {
         if self.shares.len() == 1 {
             return self.shares.clone();
         }
@@ -88,7 +88,7 @@ impl PartFrequencies {
 
     /// Returns the mean cross-entropy of every source if it is predicted with these probabilities,
     /// `[parts][sources][classes]`.
-    pub fn cross_entropies(&self, probabilities: &[Vec<Vec<f64>>]) -> CrossEntropies {
+    pub(super) fn cross_entropies(&self, probabilities: &[Vec<Vec<f64>>]) -> CrossEntropies {
         let all = self.samples.iter().sum::<u64>() as f64;
         let mut sums = vec![0.0; self.shares[0].len()];
         for ((p, q), &samples) in probabilities.iter().zip(&self.shares).zip(&self.samples) {
@@ -100,7 +100,7 @@ impl PartFrequencies {
     }
 
     /// Returns the mean cross-entropy of every source under the best constants for these very samples.
-    pub fn entropies(&self) -> CrossEntropies {
+    pub(super) fn entropies(&self) -> CrossEntropies {
         self.cross_entropies(&self.shares)
     }
 }

@@ -8,7 +8,7 @@ use dials_core::domain::{SourceSpec, logits_of};
 use stacknets::sigmoid;
 
 /// Splits a row into the parts of the sources: as many values each as `width` returns for its number of classes.
-pub fn of_sources<'a>(
+pub(super) fn of_sources<'a>(
     spec: &'a SourceSpec,
     row: &'a [f32],
     width: impl Fn(u8) -> usize + 'a,
@@ -22,7 +22,7 @@ pub fn of_sources<'a>(
 }
 
 /// Draws the sources of one row. `logits`: `[spec.logits()]`; `sources`: `[spec.count()]`, written.
-pub fn sample(spec: &SourceSpec, logits: &[f32], dice: &mut Dice, sources: &mut [u8]) {
+pub(super) fn sample(spec: &SourceSpec, logits: &[f32], dice: &mut Dice, sources: &mut [u8]) {
     for (source, logits) in sources.iter_mut().zip(of_sources(spec, logits, logits_of)) {
         *source = match logits {
             &[logit] => u8::from(dice.random::<f32>() < sigmoid(logit)),
@@ -40,7 +40,7 @@ pub fn sample(spec: &SourceSpec, logits: &[f32], dice: &mut Dice, sources: &mut 
 }
 
 /// Adds the cross-entropy of each source, in nats, to `sums`, `[spec.count()]`.
-pub fn add_cross_entropies(spec: &SourceSpec, logits: &[f32], observed: &[u8], sums: &mut [f64]) {
+pub(super) fn add_cross_entropies(spec: &SourceSpec, logits: &[f32], observed: &[u8], sums: &mut [f64]) {
     for ((sum, logits), &u) in sums.iter_mut().zip(of_sources(spec, logits, logits_of)).zip(observed) {
         *sum += match logits {
             &[logit] => binary_cross_entropy(f64::from(logit), u),
@@ -54,7 +54,7 @@ pub fn add_cross_entropies(spec: &SourceSpec, logits: &[f32], observed: &[u8], s
 }
 
 /// Writes the gradient of the row's cross-entropy, added up over the sources and multiplied by `scale`.
-pub fn write_gradient(spec: &SourceSpec, logits: &[f32], observed: &[u8], scale: f32, gradient: &mut [f32]) {
+pub(super) fn write_gradient(spec: &SourceSpec, logits: &[f32], observed: &[u8], scale: f32, gradient: &mut [f32]) {
     let mut rest = gradient;
     for (logits, &u) in of_sources(spec, logits, logits_of).zip(observed) {
         let (slopes, others) = std::mem::take(&mut rest).split_at_mut(logits.len());

@@ -7,7 +7,7 @@ use super::stream::{AgentStream, rows_of, rows_of_mut};
 ///
 /// First episodes that were cut short by staggering do not count.
 #[derive(Clone, Debug)]
-pub struct EpisodeReturns {
+pub(super) struct EpisodeReturns {
     horizon: usize,
     /// Sum of rewards and number of steps since the episode began, per row.
     running: Vec<(f64, usize)>,

@@ -15,7 +15,7 @@ const WRAP: usize = 29;
 
 /// Sample before a label.
 #[derive(Clone, Copy)]
-pub enum LegendSample {
+pub(super) enum LegendSample {
     /// A curve with its markers.
     Curve(Look),
     /// A line across the chart.
@@ -29,13 +29,13 @@ pub enum LegendSample {
     Nothing,
 }
 
-pub struct LegendEntry {
+pub(super) struct LegendEntry {
     pub sample: LegendSample,
     pub label: String,
 }
 
 /// Draws entries from the top of an area.
-pub fn draw(area: &Area, entries: &[LegendEntry]) -> Result<()> {
+pub(super) fn draw(area: &Area, entries: &[LegendEntry]) -> Result<()> {
     let mut y = px(10.0);
     for entry in entries {
         let (left, right, middle) = (px(4.0), px(32.0), px(18.0));
@@ -68,7 +68,7 @@ pub fn draw(area: &Area, entries: &[LegendEntry]) -> Result<()> {
 }
 
 /// Returns the height of the entries in pixels.
-pub fn height(entries: &[LegendEntry]) -> u32 {
+pub(super) fn height(entries: &[LegendEntry]) -> u32 {
     let lines: usize = entries.iter().map(|entry| in_lines(&entry.label, WRAP).len()).sum();
     (lines as f64 * LINE_HEIGHT + entries.len() as f64 * 5.0 + 20.0) as u32
 }
@@ -77,7 +77,7 @@ pub fn height(entries: &[LegendEntry]) -> u32 {
 const MOST_LINES: usize = 5;
 
 /// Breaks a label into a few lines of at most `characters` characters: at blanks, and within longer words.
-pub fn in_lines(label: &str, characters: usize) -> Vec<String> {
+pub(super) fn in_lines(label: &str, characters: usize) -> Vec<String> {
     let words: Vec<String> = label.split(' ').map(|word| cut(word, characters)).collect();
     let mut lines = wrapped(&words.join(" "), characters);
     if lines.len() > MOST_LINES {

@@ -13,7 +13,7 @@ const WIDTH: u32 = 860;
 const HEIGHT: u32 = 400;
 const LEGEND: u32 = 250;
 /// Largest width of the numbers at a vertical axis, in pixels. Longer numbers reach into the margin.
-pub const MOST_FOR_NUMBERS: u32 = 130;
+pub(super) const MOST_FOR_NUMBERS: u32 = 130;
 /// Largest number of markers on a line.
 const MARKERS: usize = 8;
 
@@ -378,7 +378,7 @@ fn level_dash(number: usize, level: &Level) -> Dash {
 }
 
 /// Draws an error bar: a vertical line with a short bar at each end.
-pub fn whisker<CT, X>(
+pub(super) fn whisker<CT, X>(
     area: &DrawingArea<SVGBackend<'_>, CT>,
     x: X,
     (low, high): (f64, f64),

@@ -118,7 +118,7 @@ impl Looks {
 }
 
 /// Draws a line through points, `width` pixels wide.
-pub fn stroke<CT: CoordTranslate>(
+pub(super) fn stroke<CT: CoordTranslate>(
     area: &DrawingArea<SVGBackend<'_>, CT>,
     points: Vec<CT::From>,
     look: (RGBAColor, Dash),
@@ -141,7 +141,7 @@ where
 
 /// Draws a marker around a place, `size` pixels wide. Our means are filled; single seeds and the paper's values are
 /// hollow.
-pub fn mark<CT: CoordTranslate>(
+pub(super) fn mark<CT: CoordTranslate>(
     area: &DrawingArea<SVGBackend<'_>, CT>,
     at: CT::From,
     look: Look,

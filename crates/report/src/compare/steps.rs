@@ -12,7 +12,7 @@ const ALIKE: f64 = 0.01;
 ///
 /// It is the last one that both have, up to a hundredth. If they have none after step 0: the two that are closest to
 /// each other. A side without any step: `None`.
-pub fn compared_at(a: &BTreeSet<u64>, b: &BTreeSet<u64>) -> Option<[u64; 2]> {
+pub(crate) fn compared_at(a: &BTreeSet<u64>, b: &BTreeSet<u64>) -> Option<[u64; 2]> {
     let trained = |side: &BTreeSet<u64>| side.iter().copied().filter(|&steps| steps > 0).collect::<Vec<u64>>();
     let (of_a, of_b) = (trained(a), trained(b));
     let pairs = of_a.iter().flat_map(|&a| of_b.iter().map(move |&b| [a, b]));
@@ -31,12 +31,12 @@ pub fn compared_at(a: &BTreeSet<u64>, b: &BTreeSet<u64>) -> Option<[u64; 2]> {
 }
 
 /// Returns whether both sides are compared at the same step, up to a hundredth.
-pub fn are_alike(steps: [u64; 2]) -> bool {
+pub(crate) fn are_alike(steps: [u64; 2]) -> bool {
     distance(steps) <= ALIKE
 }
 
 /// Writes two steps, in full if they would look the same.
-pub fn both_in_words([a, b]: [u64; 2]) -> [String; 2] {
+pub(crate) fn both_in_words([a, b]: [u64; 2]) -> [String; 2] {
     match [a, b].map(steps_text) {
         [in_a, in_b] if in_a == in_b && a != b => [a, b].map(|steps| steps.to_string()),
         words => words,

@@ -10,7 +10,7 @@ const END: &str = "\n</text>";
 /// Returns a picture of the drawing crate with every text in it printable.
 ///
 /// The crate escapes markup, but XML forbids most control characters even then, and the others act on a terminal.
-pub fn with_printable_names(svg: &str) -> String {
+pub(super) fn with_printable_names(svg: &str) -> String {
     let mut clean = String::with_capacity(svg.len());
     let mut rest = svg;
     while let Some((before, content, after)) = next_text(rest) {

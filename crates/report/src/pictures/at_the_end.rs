@@ -20,7 +20,7 @@ use dials_session::records::run_record::Returns;
 
 /// Draws the final returns of an ablation, a row per group; `None` if there is no reference, or if it was not
 /// evaluated.
-pub fn ablation(comparison: &Comparison) -> Option<Result<Svg>> {
+pub(crate) fn ablation(comparison: &Comparison) -> Option<Result<Svg>> {
     let (opponent, reference) = (comparison.reference()?, &comparison.groups[comparison.reference?]);
     let of_reference = Final::of(reference)?;
     let others = comparison.groups.iter().filter(|group| !std::ptr::eq(*group, reference));
@@ -64,7 +64,7 @@ pub fn ablation(comparison: &Comparison) -> Option<Result<Svg>> {
 }
 
 /// Draws the final returns of a family, a cluster per size.
-pub fn final_bars(family: &Family, looks: &Looks) -> Result<Svg> {
+pub(crate) fn final_bars(family: &Family, looks: &Looks) -> Result<Svg> {
     let comparisons = &family.comparisons[..];
     let clusters = clusters(comparisons, |comparison, group| {
         let end = Final::of(group)?;
@@ -91,7 +91,7 @@ pub fn final_bars(family: &Family, looks: &Looks) -> Result<Svg> {
 }
 
 /// Draws the runtimes of a family, a cluster per size; `None` if no run has trained yet.
-pub fn runtime_bars(family: &Family, looks: &Looks) -> Result<Option<Svg>> {
+pub(crate) fn runtime_bars(family: &Family, looks: &Looks) -> Result<Option<Svg>> {
     let comparisons = &family.comparisons[..];
     let groups = comparisons.iter().flat_map(|comparison| &comparison.groups);
     let longest = groups.filter_map(|group| Some(Runtime::of(group)?.total.mean)).fold(0.0, f64::max);
@@ -186,7 +186,7 @@ fn clusters(comparisons: &[&Comparison], bar: impl Fn(&Comparison, &Group) -> Op
 
 /// Draws every agent of a scenario at the end of its runs: in rows if it is in rows there, else by its name. `None` if
 /// nothing was evaluated.
-pub fn agents(comparison: &Comparison, looks: &Looks) -> Result<Option<Svg>> {
+pub(crate) fn agents(comparison: &Comparison, looks: &Looks) -> Result<Option<Svg>> {
     match comparison.map() {
         Some(map) => agents_in_rows(comparison, map),
         None => agents_by_name(comparison, looks),

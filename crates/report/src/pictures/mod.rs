@@ -12,9 +12,9 @@ use super::group::{Comparison, Group};
 use dials_core::base::counted;
 use dials_core::base::statistics::{Bounds, ENOUGH_SEEDS};
 
-pub use at_the_end::{ablation, agents, final_bars, runtime_bars};
-pub use by_cores::time_by_cores;
-pub use over_time::{Against, cross_entropy, learning};
+pub(crate) use at_the_end::{ablation, agents, final_bars, runtime_bars};
+pub(crate) use by_cores::time_by_cores;
+pub(crate) use over_time::{Against, cross_entropy, learning};
 
 fn return_axis(comparison: &Comparison) -> Axis {
     let episode = &comparison.scenario.episode;
@@ -51,6 +51,6 @@ fn time_unit(longest_s: f64) -> (&'static str, f64) {
 
 /// Whether a run of `steps` steps is long enough to compare with a figure of the paper: at least nine tenths of its
 /// steps.
-pub fn comparable(steps: u64, paper_steps: u64) -> bool {
+pub(crate) fn comparable(steps: u64, paper_steps: u64) -> bool {
     10 * steps >= 9 * paper_steps
 }

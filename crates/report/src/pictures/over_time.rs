@@ -16,7 +16,7 @@ use dials_session::records::method::steps_text;
 
 /// Horizontal axis of a learning curve.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Against {
+pub(crate) enum Against {
     Timesteps,
     Runtime,
 }
@@ -26,7 +26,7 @@ fn steps_axis() -> Axis {
 }
 
 /// Draws the learning curves of a scenario; `None` if no run has the figures.
-pub fn learning(comparison: &Comparison, looks: &Looks, against: Against) -> Result<Option<Svg>> {
+pub(crate) fn learning(comparison: &Comparison, looks: &Looks, against: Against) -> Result<Option<Svg>> {
     let curves: Vec<(&Group, Vec<CurvePoint>)> =
         comparison.groups.iter().map(|group| (group, learning_curve(group))).collect();
     let longest = curves.iter().flat_map(|(_, points)| points.iter().filter_map(|point| point.runtime_s));
@@ -173,7 +173,7 @@ fn paper_marks(comparison: &Comparison, curves: &[(&Group, Vec<CurvePoint>)], lo
 }
 
 /// Draws the cross-entropy of the AIPs (approximate influence predictors) of a scenario; `None` if no AIP was trained.
-pub fn cross_entropy(comparison: &Comparison, looks: &Looks) -> Result<Option<Svg>> {
+pub(crate) fn cross_entropy(comparison: &Comparison, looks: &Looks) -> Result<Option<Svg>> {
     let trained = comparison.groups.iter().filter(|group| group.simulator() != "untrained-dials");
     let curves: Vec<(&Group, LossData, Vec<LossPoint>)> = trained
         .map(|group| {

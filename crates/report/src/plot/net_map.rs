@@ -50,7 +50,7 @@ pub(super) struct Sheet {
 
 impl Sheet {
     /// Returns the sheet for a net with these lights.
-    pub fn around(lanes: &[Line], junctions: &[Line], lights: &[MapLight<'_>]) -> Sheet {
+    pub(super) fn around(lanes: &[Line], junctions: &[Line], lights: &[MapLight<'_>]) -> Sheet {
         let frame = Frame::around(lanes, junctions);
         let names = (lights.len() <= MOST_NAMES).then(|| width_of_list(lights));
         let width = (frame.width.ceil() as i32).max(LEAST_WIDTH);
@@ -59,21 +59,21 @@ impl Sheet {
     }
 
     /// Returns the width and height of the picture, in pixels.
-    pub fn size(&self) -> (i32, i32) {
+    pub(super) fn size(&self) -> (i32, i32) {
         (2 * MARGIN + self.right(), HEAD + MARGIN + self.tall + 24)
     }
 
     /// Returns the right end of the map and the list, in pixels.
-    pub fn right(&self) -> i32 {
+    pub(super) fn right(&self) -> i32 {
         self.width + self.names.unwrap_or(0)
     }
 
     /// Returns the height of the map and the list, in pixels.
-    pub fn tall(&self) -> i32 {
+    pub(super) fn tall(&self) -> i32 {
         self.tall
     }
 
-    pub fn draw_junctions(&self, area: &Area<'_>, outlines: &[Line]) -> Result<()> {
+    pub(super) fn draw_junctions(&self, area: &Area<'_>, outlines: &[Line]) -> Result<()> {
         for outline in outlines.iter().filter(|outline| outline.len() >= 3) {
             area.draw(&Polygon::new(self.frame.line(outline), PALE.filled()))?;
         }
@@ -81,24 +81,24 @@ impl Sheet {
     }
 
     /// Draws the lanes of a net under everything else.
-    pub fn draw_net(&self, area: &Area<'_>, lanes: &[Line]) -> Result<()> {
+    pub(super) fn draw_net(&self, area: &Area<'_>, lanes: &[Line]) -> Result<()> {
         self.draw_lanes(area, lanes, FAINT.mix(0.45))
     }
 
-    pub fn draw_lanes(&self, area: &Area<'_>, lanes: &[Line], colour: RGBAColor) -> Result<()> {
+    pub(super) fn draw_lanes(&self, area: &Area<'_>, lanes: &[Line], colour: RGBAColor) -> Result<()> {
         for line in lanes.iter().filter(|line| line.len() >= 2) {
             area.draw(&PathElement::new(self.frame.line(line), pen(colour, self.frame.lane_px)))?;
         }
         Ok(())
     }
 
-    pub fn draw_cross(&self, area: &Area<'_>, place_m: [f64; 2]) -> Result<()> {
+    pub(super) fn draw_cross(&self, area: &Area<'_>, place_m: [f64; 2]) -> Result<()> {
         area.draw(&Cross::new(self.frame.point(place_m), px(5), pen(INK, 2)))?;
         Ok(())
     }
 
     /// Draws the lights, and each with its name in the list.
-    pub fn draw_lights(&self, area: &Area<'_>, lights: &[MapLight<'_>]) -> Result<()> {
+    pub(super) fn draw_lights(&self, area: &Area<'_>, lights: &[MapLight<'_>]) -> Result<()> {
         for (number, light) in lights.iter().enumerate() {
             draw_light(area, self.frame.point(light.place_m), number, light.colour)?;
             if self.names.is_some() {
@@ -116,7 +116,7 @@ impl Sheet {
     }
 
     /// Draws a line of a round number of metres under the map.
-    pub fn draw_scale(&self, area: &Area<'_>) -> Result<()> {
+    pub(super) fn draw_scale(&self, area: &Area<'_>) -> Result<()> {
         let px_per_m = self.frame.px_per_m;
         let fitting = (0..8).flat_map(|power| [1.0, 2.0, 5.0].map(|part| part * 10_f64.powi(power)));
         let metres = fitting.take_while(|metres| metres * px_per_m <= 160.0).last().unwrap_or(1.0);

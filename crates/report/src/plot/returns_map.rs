@@ -37,12 +37,12 @@ impl Returns {
     }
 
     /// Returns the place of a value in the range of the colours, from 0 to 1.
-    pub fn share(&self, value: f64) -> f64 {
+    pub(super) fn share(&self, value: f64) -> f64 {
         if self.high > self.low { (value - self.low) / (self.high - self.low) } else { 0.5 }
     }
 
     /// Returns a value with as many decimals as the largest return needs.
-    pub fn written(&self, value: f64) -> String {
+    pub(super) fn written(&self, value: f64) -> String {
         let digits = decimals(self.low.abs().max(self.high.abs()), None);
         format!("{value:.digits$}")
     }

@@ -4,33 +4,33 @@ use std::sync::mpsc::{Receiver, SyncSender, sync_channel};
 use std::time::Duration;
 
 /// A bell that any number of [`Cord`]s ring. Several rings before a wait count as one.
-pub struct Bell {
+pub(super) struct Bell {
     rings: Receiver<()>,
     cord: SyncSender<()>,
 }
 
 /// A cord that rings its bell.
 #[derive(Clone)]
-pub struct Cord(SyncSender<()>);
+pub(super) struct Cord(SyncSender<()>);
 
 impl Bell {
-    pub fn new() -> Bell {
+    pub(super) fn new() -> Bell {
         let (cord, rings) = sync_channel(1);
         Bell { rings, cord }
     }
 
-    pub fn cord(&self) -> Cord {
+    pub(super) fn cord(&self) -> Cord {
         Cord(self.cord.clone())
     }
 
     /// Waits until the bell rings, if it has not since the last call, but not longer than `at_most`.
-    pub fn wait(&self, at_most: Duration) {
+    pub(super) fn wait(&self, at_most: Duration) {
         let _ = self.rings.recv_timeout(at_most);
     }
 }
 
 impl Cord {
-    pub fn ring(&self) {
+    pub(super) fn ring(&self) {
         // If the bell rings already, another ring is not needed. If the bell is gone, nobody waits.
         let _ = self.0.try_send(());
     }

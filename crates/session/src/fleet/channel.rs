@@ -29,7 +29,7 @@ pub fn encode<T: Serialize>(message: &T) -> Result<Vec<u8>> {
     Ok(frame)
 }
 
-pub fn send<T: Serialize>(stream: &mut impl Write, message: &T) -> Result<()> {
+pub(super) fn send<T: Serialize>(stream: &mut impl Write, message: &T) -> Result<()> {
     Ok(stream.write_all(&encode(message)?)?)
 }
 
@@ -80,7 +80,7 @@ fn decoded<T: DeserializeOwned>(payload: &[u8]) -> Result<T> {
 
 /// Reads the next message like [`receive`], but leaves it encoded, with its header.
 #[cfg(feature = "mpi")]
-pub fn receive_frame(stream: &mut impl Read) -> Result<Option<Vec<u8>>> {
+pub(super) fn receive_frame(stream: &mut impl Read) -> Result<Option<Vec<u8>>> {
     let Some((header, length)) = receive_header(stream)? else { return Ok(None) };
     let mut frame = header.to_vec();
     receive_payload(stream, length, &mut frame)?;
@@ -88,7 +88,7 @@ pub fn receive_frame(stream: &mut impl Read) -> Result<Option<Vec<u8>>> {
 }
 
 /// Decodes a whole message with its header.
-pub fn decode<T: DeserializeOwned>(frame: &[u8]) -> Result<T> {
+pub(super) fn decode<T: DeserializeOwned>(frame: &[u8]) -> Result<T> {
     let (header, payload) = frame.split_first_chunk().context("a message ended within its header")?;
     let length = length_in(*header)?;
     ensure!(payload.len() as u64 == length, "a message ended after {} of {length} bytes", payload.len());

@@ -15,7 +15,7 @@ const LARGEST_KIB: u64 = 1 << 50;
 
 /// Returns an error if a report cannot be right. `most_steps`: up to which timestep its step may train; `None` if it does
 /// not train.
-pub fn check_report(report: &WorkerReport, most_steps: Option<u64>) -> Result<()> {
+pub(super) fn check_report(report: &WorkerReport, most_steps: Option<u64>) -> Result<()> {
     match report {
         WorkerReport::Begun | WorkerReport::Failed { .. } => Ok(()),
         WorkerReport::Trained { steps } => {

@@ -8,34 +8,34 @@ use rustix::time::{ClockId, clock_gettime};
 use dials_learn::training::answers::Footprint;
 
 /// Measures the memory of this process.
-pub fn footprint() -> Footprint {
+pub(super) fn footprint() -> Footprint {
     Footprint { peak_rss_kib: field("/proc/self/status", "VmHWM:"), pss_kib: field("/proc/self/smaps_rollup", "Pss:") }
 }
 
 /// Returns the resident memory of this process now, in KiB, shared libraries counted in full; 0 if the system does not
 /// report it.
-pub fn resident_kib() -> u64 {
+pub(super) fn resident_kib() -> u64 {
     field("/proc/self/status", "VmRSS:")
 }
 
 /// A clock of the CPU time of this process, user and system, all threads, from one reading to the next.
-pub struct CpuClock {
+pub(super) struct CpuClock {
     last: Duration,
 }
 
 impl CpuClock {
     /// Makes a clock that counts from the beginning of the process.
-    pub fn of_the_process() -> Self {
+    pub(super) fn of_the_process() -> Self {
         CpuClock { last: Duration::ZERO }
     }
 
     /// Makes a clock that counts from now on.
-    pub fn from_now() -> Self {
+    pub(super) fn from_now() -> Self {
         CpuClock { last: cpu_time() }
     }
 
     /// Returns the CPU time since the last call.
-    pub fn lap(&mut self) -> Duration {
+    pub(super) fn lap(&mut self) -> Duration {
         let now = cpu_time();
         let lap = now.saturating_sub(self.last);
         self.last = now;

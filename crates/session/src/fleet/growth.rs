@@ -21,7 +21,7 @@ impl Default for MostGrowth {
 
 /// The resident memory of a worker's process.
 #[derive(Default)]
-pub struct Growth {
+pub(super) struct Growth {
     /// Size after its first period, when everything was loaded once.
     first_kib: Option<u64>,
     now_kib: u64,
@@ -29,12 +29,12 @@ pub struct Growth {
 
 impl Growth {
     /// Takes the size after an order, in KiB.
-    pub fn note(&mut self, resident_kib: u64) {
+    pub(super) fn note(&mut self, resident_kib: u64) {
         self.now_kib = resident_kib;
     }
 
     /// Ends a period. Returns whether the process has grown by `most` or more since its first one.
-    pub fn is_too_much(&mut self, most: MostGrowth) -> bool {
+    pub(super) fn is_too_much(&mut self, most: MostGrowth) -> bool {
         let first_kib = *self.first_kib.get_or_insert(self.now_kib);
         let most_kib = most.kib.max((first_kib as f64 * most.share) as u64);
         self.now_kib.saturating_sub(first_kib) >= most_kib

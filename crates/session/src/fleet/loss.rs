@@ -5,7 +5,7 @@ use std::time::Duration;
 use super::link::Link;
 
 /// Reason for giving a worker up.
-pub enum Loss {
+pub(super) enum Loss {
     /// The stream has ended, or carries invalid data for this reason.
     Gone(Option<anyhow::Error>),
     /// The worker said what cannot be right, for this reason.
@@ -16,7 +16,7 @@ pub enum Loss {
 
 impl Loss {
     /// Ends the worker and returns what happened to it.
-    pub fn describe(self, link: Box<dyn Link>, patience: Duration) -> String {
+    pub(super) fn describe(self, link: Box<dyn Link>, patience: Duration) -> String {
         match self {
             Loss::Gone(Some(reason)) => format!("died: {reason:#}; {}", link.end()),
             Loss::Gone(None) => format!("died: {}", link.end()),

@@ -49,14 +49,14 @@ pub fn serve(stream: impl Read + Write, open_domain: impl FnOnce(&RunConfig) -> 
 }
 
 /// A worker that carries out orders.
-pub struct Server {
+pub(super) struct Server {
     worker: Worker,
     clock: CpuClock,
 }
 
 impl Server {
     /// Carries out the first order. `clock`: the CPU time that counts as the worker's.
-    pub fn begin(
+    pub(super) fn begin(
         order: Order,
         clock: CpuClock,
         open_domain: impl FnOnce(&RunConfig) -> Result<Arc<dyn Domain>>,
@@ -72,7 +72,7 @@ impl Server {
     }
 
     /// Carries out an order. Returns the report that ends a step. An error: the order cannot be understood.
-    pub fn carry_out(&mut self, order: Order, observer: &dyn Observer) -> Result<Option<WorkerReport>> {
+    pub(super) fn carry_out(&mut self, order: Order, observer: &dyn Observer) -> Result<Option<WorkerReport>> {
         match order {
             Order::Begin { .. } => bail!("this worker has already begun"),
             Order::Restore(state) => self.worker.restore(&state),

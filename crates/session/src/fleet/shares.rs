@@ -5,7 +5,7 @@ use std::ops::Range;
 use dials_learn::config::{Config, Simulator};
 
 /// Returns a worker and its agents, for people.
-pub fn names_of(worker: usize, agents: &Range<usize>) -> String {
+pub(super) fn names_of(worker: usize, agents: &Range<usize>) -> String {
     match agents.len() {
         0 => format!("worker {worker} (no agents of its own)"),
         1 => format!("worker {worker} (agent {})", agents.start),
@@ -20,7 +20,7 @@ pub fn agents_of_workers(config: &Config, agents: usize, workers: usize) -> Vec<
 }
 
 /// Returns the `index`-th of `parts` nearly equal consecutive shares of `0..total`.
-pub fn share(total: usize, parts: usize, index: usize) -> Range<usize> {
+pub(super) fn share(total: usize, parts: usize, index: usize) -> Range<usize> {
     total * index / parts..total * (index + 1) / parts
 }
 

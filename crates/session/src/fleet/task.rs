@@ -12,7 +12,7 @@ use dials_learn::steps::{Check, Step};
 use dials_learn::training::observer::Observer;
 
 /// A step that a worker has not answered yet.
-pub struct Task<Reply> {
+pub(super) struct Task<Reply> {
     /// Message that the worker needs first.
     before: Option<Frame>,
     step: Frame,
@@ -28,7 +28,7 @@ pub struct Task<Reply> {
 
 impl<Reply> Task<Reply> {
     /// Encodes a step once, so that it can be sent any number of times.
-    pub fn of<S: Step<Reply = Reply>>(step: S, before: Option<Frame>) -> Result<Task<Reply>> {
+    pub(super) fn of<S: Step<Reply = Reply>>(step: S, before: Option<Frame>) -> Result<Task<Reply>> {
         Ok(Task {
             before,
             check: step.check(),
@@ -40,7 +40,7 @@ impl<Reply> Task<Reply> {
         })
     }
 
-    pub fn send(&self, link: &dyn Link) {
+    pub(super) fn send(&self, link: &dyn Link) {
         self.before.iter().chain([&self.step]).for_each(|frame| link.send(frame.clone()));
     }
 }
@@ -48,7 +48,7 @@ impl<Reply> Task<Reply> {
 /// Reports the progress of the workers that have the same order; `done`: how many have finished it.
 ///
 /// In training, the slowest worker counts; in all other activities, the mean.
-pub fn report_progress<'a, Reply: 'a>(
+pub(super) fn report_progress<'a, Reply: 'a>(
     open: impl Iterator<Item = &'a Task<Reply>> + Clone,
     done: usize,
     observer: &dyn Observer,

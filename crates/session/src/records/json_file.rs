@@ -11,7 +11,7 @@ use dials_core::outside::read_text;
 const LARGEST_FILE: u64 = 16 << 20;
 
 /// Reads a plan or a baseline.
-pub fn read_json<T: DeserializeOwned>(path: &Path) -> Result<T> {
+pub(super) fn read_json<T: DeserializeOwned>(path: &Path) -> Result<T> {
     let text = read_text(path, LARGEST_FILE).with_context(|| format!("{}: cannot be read", path.display()))?;
     serde_json::from_str(&text).with_context(|| format!("{}: is not a file of this program", path.display()))
 }

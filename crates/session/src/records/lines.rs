@@ -13,14 +13,14 @@ use dials_learn::training::answers::{FleetLoad, Footprint, PolicyTraining};
 use dials_learn::training::drift::Moment;
 
 /// A line of a CSV file, one string per column.
-pub type CsvLine = Vec<String>;
+pub(super) type CsvLine = Vec<String>;
 
 /// Makes a header of fixed columns.
-pub fn header(columns: &[&str]) -> CsvLine {
+pub(super) fn header(columns: &[&str]) -> CsvLine {
     columns.iter().map(|&column| column.to_owned()).collect()
 }
 
-pub fn evaluation_header(evaluation: &Evaluation) -> CsvLine {
+pub(super) fn evaluation_header(evaluation: &Evaluation) -> CsvLine {
     let per_agent = evaluation.measures.per_agent.iter().map(|(name, _)| name.clone());
     let system = evaluation.measures.system.iter().map(|(name, _)| name.clone());
     header(&columns::OF_RETURNS).into_iter().chain(per_agent).chain(system).collect()
@@ -28,7 +28,7 @@ pub fn evaluation_header(evaluation: &Evaluation) -> CsvLine {
 
 /// Makes a line for all agents (`stuck`: their number), then one per agent (`stuck`: 0 or 1; no figures of the whole
 /// system).
-pub fn evaluation_lines(steps: u64, evaluation: &Evaluation) -> Vec<CsvLine> {
+pub(super) fn evaluation_lines(steps: u64, evaluation: &Evaluation) -> Vec<CsvLine> {
     let line = |agent: String, summary: Summary, stuck: usize| {
         let mut line = vec![steps.to_string(), agent];
         line.extend([summary.mean, summary.median, summary.std_error].map(|value| format!("{value:.4}")));
@@ -50,7 +50,7 @@ pub fn evaluation_lines(steps: u64, evaluation: &Evaluation) -> Vec<CsvLine> {
 }
 
 /// Makes a line per episode of an evaluation, with the mean return of all agents.
-pub fn episode_lines(steps: u64, evaluation: &Evaluation) -> Vec<CsvLine> {
+pub(super) fn episode_lines(steps: u64, evaluation: &Evaluation) -> Vec<CsvLine> {
     let episodes = evaluation.returns.iter().enumerate();
     episodes
         .map(|(episode, returns)| vec![steps.to_string(), episode.to_string(), format!("{:.6}", mean(returns))])
@@ -58,7 +58,7 @@ pub fn episode_lines(steps: u64, evaluation: &Evaluation) -> Vec<CsvLine> {
 }
 
 /// Makes a line for the mean of all agents, then one per agent.
-pub fn imitation_lines(steps: u64, losses: &[ImitationLoss]) -> Vec<CsvLine> {
+pub(super) fn imitation_lines(steps: u64, losses: &[ImitationLoss]) -> Vec<CsvLine> {
     let line = |agent: String, loss: &ImitationLoss| {
         let values = loss.cross_entropy.into_iter().chain(loss.accuracy);
         [steps.to_string(), agent].into_iter().chain(values.map(|value| format!("{value:.5}"))).collect()
@@ -69,7 +69,7 @@ pub fn imitation_lines(steps: u64, losses: &[ImitationLoss]) -> Vec<CsvLine> {
 
 /// Makes a line for the mean of all agents, each with the mean of its sources. Then for each agent, one line for that mean
 /// and one per source.
-pub fn aip_lines(steps: u64, losses: &[AipLoss]) -> Vec<CsvLine> {
+pub(super) fn aip_lines(steps: u64, losses: &[AipLoss]) -> Vec<CsvLine> {
     let mut of_agents: Vec<[f64; 6]> = Vec::new();
     let mut lines = Vec::new();
     let line = |agent: &str, source: &str, values: &[f64; 6]| -> CsvLine {
@@ -113,7 +113,7 @@ pub fn aip_lines(steps: u64, losses: &[AipLoss]) -> Vec<CsvLine> {
 }
 
 /// Returns the columns of `aip_loss.csv` for these losses.
-pub fn aip_header(losses: &[AipLoss]) -> CsvLine {
+pub(super) fn aip_header(losses: &[AipLoss]) -> CsvLine {
     let further = choose_marginals(losses).then(|| columns::SOURCES_ON_MARGINALS.to_owned());
     header(&columns::OF_AIP_LOSS).into_iter().chain(further).collect()
 }
@@ -128,7 +128,7 @@ fn mean_of(rows: &[[f64; 6]]) -> [f64; 6] {
 }
 
 /// Makes a line for the mean of all agents, then one per agent, each the mean of its sources.
-pub fn drift_lines(steps: u64, after: Moment, losses: &[FreshLoss]) -> Vec<CsvLine> {
+pub(super) fn drift_lines(steps: u64, after: Moment, losses: &[FreshLoss]) -> Vec<CsvLine> {
     let line = |agent: String, [loss, marginals]: [f64; 2]| {
         vec![steps.to_string(), agent, after.name().to_owned(), format!("{loss:.5}"), format!("{marginals:.5}")]
     };
@@ -136,7 +136,7 @@ pub fn drift_lines(steps: u64, after: Moment, losses: &[FreshLoss]) -> Vec<CsvLi
     std::iter::once(line(ALL.to_owned(), FreshLoss::means_of_all(losses))).chain(of_agents).collect()
 }
 
-pub fn training_header(training: &PolicyTraining) -> CsvLine {
+pub(super) fn training_header(training: &PolicyTraining) -> CsvLine {
     let metrics = training.metrics.names().map(str::to_owned);
     let counters = training.counters.iter().map(|(name, _)| name.clone());
     header(&columns::OF_TRAINING).into_iter().chain(metrics).chain(counters).collect()
@@ -144,7 +144,7 @@ pub fn training_header(training: &PolicyTraining) -> CsvLine {
 
 /// Makes a line for all agents (means; numbers of episodes and counters added up), then one per agent. Metrics are empty
 /// where there was no update.
-pub fn training_lines(steps: u64, training: &PolicyTraining) -> Vec<CsvLine> {
+pub(super) fn training_lines(steps: u64, training: &PolicyTraining) -> Vec<CsvLine> {
     let Metrics { of_agents, settings } = &training.metrics;
     let weight = 1.0 / training.agents.len() as f64;
     let returns: Vec<f64> = training.agents.iter().filter_map(|agent| agent.mean_return).collect();
@@ -172,7 +172,7 @@ pub fn training_lines(steps: u64, training: &PolicyTraining) -> Vec<CsvLine> {
 }
 
 /// Wall time of a period.
-pub struct Wall {
+pub(super) struct Wall {
     pub period: Duration,
     /// Wall time of the run so far.
     pub elapsed: Duration,
@@ -182,7 +182,7 @@ pub struct Wall {
 
 /// Makes a line for the mean of all workers, then one per worker. Idle time is neither an activity nor an exchange. The
 /// phases are those of the policies' training. Only CPU time is a sum: of all processes, the coordinator included.
-pub fn timing_lines(steps: u64, load: &FleetLoad, wall: &Wall) -> Vec<CsvLine> {
+pub(super) fn timing_lines(steps: u64, load: &FleetLoad, wall: &Wall) -> Vec<CsvLine> {
     let workers: Vec<&Timesheet> = load.workers.iter().map(|worker| &worker.timesheet).collect();
     let line = |worker: String, of: &[&Timesheet], coordinator_cpu: Duration| {
         let mean = |pick: &dyn Fn(&Timesheet) -> Duration| {
@@ -210,7 +210,7 @@ pub fn timing_lines(steps: u64, load: &FleetLoad, wall: &Wall) -> Vec<CsvLine> {
 }
 
 /// Makes a line for the total, then one per process.
-pub fn memory_lines(steps: u64, load: &FleetLoad) -> Vec<CsvLine> {
+pub(super) fn memory_lines(steps: u64, load: &FleetLoad) -> Vec<CsvLine> {
     let workers = load.workers.iter().enumerate().map(|(index, worker)| (index.to_string(), worker.footprint));
     let coordinator = load.coordinator.map(|footprint| ("coordinator".to_owned(), footprint));
     let processes: Vec<(String, Footprint)> = workers.chain(coordinator).collect();

@@ -3,7 +3,7 @@
 use dials_core::base::Activity;
 
 /// Returns what a worker is doing, in words.
-pub fn doing(activity: Activity) -> &'static str {
+pub(super) fn doing(activity: Activity) -> &'static str {
     match activity {
         Activity::Training => "training policies",
         Activity::Collection => "collecting datasets",

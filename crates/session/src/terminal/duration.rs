@@ -3,7 +3,7 @@
 use std::time::Duration;
 
 /// Returns a duration as text: `42 s`, `3 min 20 s` or `2 h 5 min`.
-pub fn duration(duration: Duration) -> String {
+pub(super) fn duration(duration: Duration) -> String {
     let seconds = duration.as_secs();
     match (seconds / 3600, seconds / 60 % 60, seconds % 60) {
         (0, 0, seconds) => format!("{seconds} s"),

@@ -40,7 +40,7 @@ pub fn shows_bars() -> bool {
 
 /// Returns a text of one line or more as it may reach a terminal. Messages hold names that others chose, and nothing in
 /// a name may act on the terminal.
-pub fn shown(text: impl Display) -> String {
+pub(super) fn shown(text: impl Display) -> String {
     let text = text.to_string();
     text.split('\n').map(|line| Printable(line).to_string()).collect::<Vec<_>>().join("\n")
 }

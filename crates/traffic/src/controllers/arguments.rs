@@ -8,7 +8,7 @@ use anyhow::{Context, Result, bail, ensure};
 use super::timing::Leeway;
 
 /// Possible lengths of a green, in steps.
-pub const GREENS: RangeInclusive<u32> = 1..=3600;
+pub(super) const GREENS: RangeInclusive<u32> = 1..=3600;
 
 /// A controller's name with its parameters. The controller takes the parameters one by one.
 pub(crate) struct Arguments<'a> {
@@ -20,18 +20,18 @@ pub(crate) struct Arguments<'a> {
 }
 
 impl<'a> Arguments<'a> {
-    pub fn of(text: &'a str) -> Self {
+    pub(crate) fn of(text: &'a str) -> Self {
         let (name, parameters) = text.split_once(':').unwrap_or((text, ""));
         let left = parameters.split(',').filter(|parameter| !parameter.is_empty()).collect();
         Arguments { text, name, left, known: Vec::new() }
     }
 
-    pub fn name(&self) -> &'a str {
+    pub(crate) fn name(&self) -> &'a str {
         self.name
     }
 
     /// Returns the value of a parameter; `None` if it was not given.
-    pub fn take(&mut self, key: &'static str) -> Result<Option<&'a str>> {
+    pub(crate) fn take(&mut self, key: &'static str) -> Result<Option<&'a str>> {
         self.known.push(key);
         let value = |parameter: &&'a str| parameter.split_once('=').filter(|&(name, _)| name == key);
         let values: Vec<&str> = self.left.iter().filter_map(value).map(|(_, value)| value).collect();
@@ -41,7 +41,7 @@ impl<'a> Arguments<'a> {
     }
 
     /// Returns a number of steps within [`GREENS`], or `default` if it was not given.
-    pub fn steps(&mut self, key: &'static str, default: u32) -> Result<u32> {
+    pub(crate) fn steps(&mut self, key: &'static str, default: u32) -> Result<u32> {
         Ok(self.steps_if_given(key)?.unwrap_or(default))
     }
 
@@ -56,7 +56,7 @@ impl<'a> Arguments<'a> {
     }
 
     /// Returns a number that is `good`; `what` says in the error which numbers are.
-    pub fn number<T: FromStr>(
+    pub(crate) fn number<T: FromStr>(
         &mut self,
         key: &'static str,
         what: &str,
@@ -68,7 +68,7 @@ impl<'a> Arguments<'a> {
     }
 
     /// Returns an error about one of the parameters.
-    pub fn refuse(&self, why: impl std::fmt::Display) -> anyhow::Error {
+    pub(crate) fn refuse(&self, why: impl std::fmt::Display) -> anyhow::Error {
         anyhow::anyhow!("controller `{}`: {why}", self.text)
     }
 

@@ -27,7 +27,7 @@ pub(crate) fn fixed_time(arguments: &mut Arguments<'_>, plans: &[AgentPlan]) -> 
 
 /// Returns what coordinated lights follow: [`clock`], but neighbours half a cycle apart if the parameters do not say
 /// otherwise; `early` and `late`, steps of leeway. A `file` of the tuner has all of them.
-pub fn coordinated(arguments: &mut Arguments<'_>, plans: &[AgentPlan]) -> Result<ClockPlan> {
+pub(super) fn coordinated(arguments: &mut Arguments<'_>, plans: &[AgentPlan]) -> Result<ClockPlan> {
     if let Some(file) = arguments.take(super::FILE)? {
         return TimingFile::plan(Path::new(file), super::COORDINATED, plans);
     }
@@ -39,7 +39,7 @@ pub fn coordinated(arguments: &mut Arguments<'_>, plans: &[AgentPlan]) -> Result
 }
 
 /// Returns the timings of all lights with equal greens, if the parameters do not say otherwise.
-pub fn usual(plans: &[AgentPlan]) -> Vec<Timing> {
+pub(super) fn usual(plans: &[AgentPlan]) -> Vec<Timing> {
     clock(&mut Arguments::of(""), plans, "none").expect("the defaults suit every light")
 }
 

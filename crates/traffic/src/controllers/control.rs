@@ -29,7 +29,7 @@ impl<F: FnMut(&Intersection<'_>) -> usize> LightController for Each<F> {
 }
 
 /// Writes the action for each light by which it goes where the controller wants it.
-pub fn ask(controller: &mut dyn LightController, intersections: &Intersections<'_>, actions: &mut [Action]) {
+pub(crate) fn ask(controller: &mut dyn LightController, intersections: &Intersections<'_>, actions: &mut [Action]) {
     let mut targets: Vec<usize> = intersections.shown.iter().map(|shown| shown.target()).collect();
     controller.act(intersections, &mut targets);
     for ((action, target), at) in actions.iter_mut().zip(targets).zip(intersections.iter()) {

@@ -21,7 +21,7 @@ pub(crate) struct Coordinated {
 }
 
 impl Coordinated {
-    pub fn new(plan: ClockPlan) -> Self {
+    pub(crate) fn new(plan: ClockPlan) -> Self {
         Coordinated { plan, step: 0 }
     }
 }

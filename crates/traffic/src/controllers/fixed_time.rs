@@ -13,7 +13,7 @@ pub(crate) struct FixedTime {
 }
 
 impl FixedTime {
-    pub fn new(timings: Vec<Timing>) -> Self {
+    pub(crate) fn new(timings: Vec<Timing>) -> Self {
         FixedTime { timings, step: 0 }
     }
 }

@@ -21,7 +21,7 @@ pub(crate) struct FlowRatios {
 }
 
 impl FlowRatios {
-    pub fn sum(&self) -> f64 {
+    pub(crate) fn sum(&self) -> f64 {
         self.greens.iter().map(|(_, ratio)| ratio).sum()
     }
 

@@ -22,7 +22,7 @@ pub(crate) struct Flows {
 }
 
 /// Counts cars on the GS (global simulator) on separate episodes, with the lights under this rule.
-pub fn measure(
+pub(super) fn measure(
     plans: &[AgentPlan],
     trials: &dyn Trials,
     episodes: u32,

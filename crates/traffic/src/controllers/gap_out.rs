@@ -9,7 +9,7 @@ const WANTED_M: f64 = 40.0;
 
 /// Keeps the green while a car uses it, but not beyond the longest green. Then goes to the next green that a car wants.
 /// On the paper's grids it needs no more than an observation.
-pub fn decide(at: &Intersection<'_>, limits: GreenLimits) -> usize {
+pub(super) fn decide(at: &Intersection<'_>, limits: GreenLimits) -> usize {
     let unused = |&green: &usize| limits.must_leave(at) || !at.uses(green, USED_M);
     let Some(green) = limits.may_leave(at).filter(unused) else { return at.target() };
     at.others(green).find(|&other| at.wants(other, green, WANTED_M)).unwrap_or(green)

@@ -29,7 +29,7 @@ impl Default for GreenLimits {
 
 impl GreenLimits {
     /// Returns the limits for the parameters `min-green` and `max-green`.
-    pub fn of(arguments: &mut Arguments<'_>, plans: &[AgentPlan]) -> Result<GreenLimits> {
+    pub(super) fn of(arguments: &mut Arguments<'_>, plans: &[AgentPlan]) -> Result<GreenLimits> {
         let least = arguments.steps("min-green", GreenLimits::default().least)?;
         let limits = GreenLimits { least, ..GreenLimits::longest(arguments, plans)? };
         match limits.most {
@@ -41,13 +41,13 @@ impl GreenLimits {
     }
 
     /// Returns the limits for the parameter `max-green`, with no shortest green.
-    pub fn longest(arguments: &mut Arguments<'_>, plans: &[AgentPlan]) -> Result<GreenLimits> {
+    pub(super) fn longest(arguments: &mut Arguments<'_>, plans: &[AgentPlan]) -> Result<GreenLimits> {
         let usual = GreenLimits { least: 0, ..GreenLimits::usual(plans) };
         Ok(GreenLimits { most: arguments.steps_if_given("max-green")?.or(usual.most), ..usual })
     }
 
     /// Returns the limits that these lights have if no parameter says otherwise.
-    pub fn usual(plans: &[AgentPlan]) -> GreenLimits {
+    pub(super) fn usual(plans: &[AgentPlan]) -> GreenLimits {
         GreenLimits { most: (!are_of_a_grid(plans)).then_some(MOST), ..GreenLimits::default() }
     }
 

@@ -6,7 +6,7 @@ use super::intersections::Intersection;
 /// Goes to another green if a longer queue stands on one of its approaches than on any that has green, or some queue when
 /// the longest green is over. Of several such greens it takes the one with the longest queue, then the one with more
 /// standing cars.
-pub fn decide(at: &Intersection<'_>, limits: GreenLimits) -> usize {
+pub(super) fn decide(at: &Intersection<'_>, limits: GreenLimits) -> usize {
     let Some(green) = limits.may_leave(at) else { return at.target() };
     let least = if limits.must_leave(at) { 0 } else { queues(at, green).0 };
     let (mut best, mut most) = (green, (least, usize::MAX));

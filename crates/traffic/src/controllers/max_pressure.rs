@@ -23,7 +23,7 @@ const COUNTED_M: f64 = 101.0;
 const YIELDING: f64 = 0.5;
 
 /// Goes to another green if that has the greater pressure, or some pressure when the longest green is over.
-pub fn decide(at: &Intersection<'_>, limits: GreenLimits) -> usize {
+pub(super) fn decide(at: &Intersection<'_>, limits: GreenLimits) -> usize {
     let Some(green) = limits.may_leave(at) else { return at.target() };
     let least = if limits.must_leave(at) { 0.0 } else { pressure(at, green) };
     let (mut best, mut most) = (green, least);

@@ -13,7 +13,7 @@ pub(crate) struct Random {
 }
 
 impl Random {
-    pub fn new(episode: Seed) -> Self {
+    pub(crate) fn new(episode: Seed) -> Self {
         Random { dice: episode.fork(RandomPurpose::Acting).dice() }
     }
 }
@@ -58,7 +58,7 @@ pub(crate) struct SwitchEvery {
 }
 
 impl SwitchEvery {
-    pub fn new(steps: usize) -> Self {
+    pub(crate) fn new(steps: usize) -> Self {
         SwitchEvery { steps, step: 0 }
     }
 }

@@ -2,7 +2,7 @@
 
 /// Divides steps in proportion to `weights`, which are not negative. Every weight above 0 gets `least` steps at least,
 /// and a weight of 0 gets none. Returns `None` if there are too few steps.
-pub fn split(steps: u32, weights: &[f64], least: u32) -> Option<Vec<u32>> {
+pub(super) fn split(steps: u32, weights: &[f64], least: u32) -> Option<Vec<u32>> {
     let shown = weights.iter().filter(|&&weight| weight > 0.0).count() as u32;
     let free = steps.checked_sub(shown * least).filter(|_| shown > 0)?;
     let sum: f64 = weights.iter().sum();

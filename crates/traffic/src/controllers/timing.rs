@@ -94,7 +94,7 @@ pub(crate) struct Leeway {
 
 impl Leeway {
     /// No leeway, as fixed-time lights have.
-    pub const NONE: Leeway = Leeway { early: 0, late: 0 };
+    pub(crate) const NONE: Leeway = Leeway { early: 0, late: 0 };
     /// The most steps of either kind.
     pub(crate) const MOST: u32 = 60;
 }

@@ -38,7 +38,7 @@ impl Default for TimingPlan {
 }
 
 impl TimingPlan {
-    pub fn of(arguments: &mut Arguments<'_>) -> Result<TimingPlan> {
+    pub(crate) fn of(arguments: &mut Arguments<'_>) -> Result<TimingPlan> {
         let what = "a number of cars per hour, above 0";
         let saturation = arguments.number("saturation", what, |&flow: &f64| flow > 0.0 && flow.is_finite())?;
         let episodes = arguments.number("episodes", "a whole number, at least 1", |&episodes: &u32| episodes >= 1)?;
@@ -50,7 +50,7 @@ impl TimingPlan {
     }
 
     /// Measures the flows on the GS (global simulator), on separate episodes, and computes the timings.
-    pub fn timings(&self, plans: &[AgentPlan], trials: &dyn Trials) -> Result<Vec<Timing>> {
+    pub(crate) fn timings(&self, plans: &[AgentPlan], trials: &dyn Trials) -> Result<Vec<Timing>> {
         let ratios = self.ratios(plans, trials)?;
         Ok(plans.iter().zip(&ratios).map(|(plan, ratios)| timing(plan, ratios)).collect())
     }
@@ -75,7 +75,7 @@ impl TimingPlan {
 }
 
 /// Returns the timing of one light.
-pub fn timing(plan: &AgentPlan, ratios: &FlowRatios) -> Timing {
+pub(super) fn timing(plan: &AgentPlan, ratios: &FlowRatios) -> Timing {
     let (sum, lost_s) = (ratios.sum(), ratios.lost_s);
     let cycle_s = if sum < 1.0 { ((1.5 * lost_s + 5.0) / (1.0 - sum)).min(LONGEST_CYCLE_S) } else { LONGEST_CYCLE_S };
     let green_s = (cycle_s - lost_s).max(0.0);

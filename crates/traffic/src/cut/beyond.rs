@@ -41,7 +41,7 @@ pub(super) struct Beyond<'a> {
 }
 
 impl<'a> Beyond<'a> {
-    pub fn new(source: &'a Source<'a>, light: &str, reach: Reach) -> Beyond<'a> {
+    pub(super) fn new(source: &'a Source<'a>, light: &str, reach: Reach) -> Beyond<'a> {
         let taken = source.net.children.iter().filter_map(|element| element.attribute("id"));
         let mut beyond = Beyond {
             source,
@@ -56,7 +56,7 @@ impl<'a> Beyond<'a> {
     }
 
     /// Adds what lies behind an exit.
-    pub fn add(&mut self, exit: EdgeNo) {
+    pub(super) fn add(&mut self, exit: EdgeNo) {
         let edge = self.source.roads.edge(exit);
         let way = Way { edges: Vec::new(), copies: Vec::new(), end_m: self.length_m(exit) };
         let mut ways = Vec::new();
@@ -67,7 +67,7 @@ impl<'a> Beyond<'a> {
     }
 
     /// Adds the light at the ends of the exits, if there is any.
-    pub fn finish(&mut self) -> Option<Gate> {
+    pub(super) fn finish(&mut self) -> Option<Gate> {
         let Gate { light, lanes } = &self.gate;
         if lanes.is_empty() {
             return None;

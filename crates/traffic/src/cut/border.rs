@@ -3,7 +3,7 @@
 use crate::network::tree::Element;
 
 /// Returns a junction as a dead end at which only some of its lanes end.
-pub fn dead_end(junction: &Element, is_left: impl Fn(&str) -> bool) -> Element {
+pub(super) fn dead_end(junction: &Element, is_left: impl Fn(&str) -> bool) -> Element {
     let lanes = junction.attribute("incLanes").unwrap_or_default().split_whitespace();
     let lanes = lanes.filter(|lane| is_left(lane)).collect::<Vec<_>>().join(" ");
     let mut end = junction.clone();
@@ -24,7 +24,7 @@ pub(crate) fn dead_end_of(edge: &Element, junction: &Element, id: &str) -> Eleme
 }
 
 /// Returns an edge under another name, between other junctions.
-pub fn copy(edge: &Element, id: &str, [from, to]: [&str; 2]) -> Element {
+pub(super) fn copy(edge: &Element, id: &str, [from, to]: [&str; 2]) -> Element {
     let mut copy = edge.clone();
     set(&mut copy, "id", id);
     set(&mut copy, "from", from);
@@ -40,7 +40,7 @@ pub fn copy(edge: &Element, id: &str, [from, to]: [&str; 2]) -> Element {
 
 /// Returns a connection between other edges, without the inside of its junction. `gate`: the light that it obeys, and
 /// the letter.
-pub fn connection(like: &Element, [from, to]: [&str; 2], gate: Option<(&str, usize)>) -> Element {
+pub(super) fn connection(like: &Element, [from, to]: [&str; 2], gate: Option<(&str, usize)>) -> Element {
     const KEPT: [&str; 3] = ["fromLane", "toLane", "dir"];
     let mut connection = like.clone();
     connection.attributes.retain(|(key, _)| KEPT.contains(&key.as_str()));

@@ -82,7 +82,7 @@ pub(crate) struct Forest {
 
 impl Forest {
     /// Makes a forest of `regions` copies of a local network. Takes milliseconds, because netconvert is not needed.
-    pub fn of(local: &Network, regions: usize) -> Forest {
+    pub(crate) fn of(local: &Network, regions: usize) -> Forest {
         Forest { net: replicate(&local.net.root, regions), routes: replicate(&local.routes.root, regions) }
     }
 }

@@ -70,7 +70,7 @@ impl Parts {
     pub(crate) const JUNCTIONS: usize = 2;
 
     /// Returns the elements that are not shared, by kind, in the order that SUMO needs.
-    pub fn in_order(&self) -> [&[Element]; Parts::KINDS] {
+    pub(super) fn in_order(&self) -> [&[Element]; Parts::KINDS] {
         [&self.edges, &self.lights, &self.junctions, &self.connections, &self.roundabouts]
     }
 }

@@ -72,7 +72,7 @@ pub(crate) struct Alone {
 
 impl Alone {
     /// Makes the net. `place_m`: where the road apart is drawn, as a point.
-    pub fn of(net: &LocalNet, place_m: [f64; 2]) -> Alone {
+    pub(crate) fn of(net: &LocalNet, place_m: [f64; 2]) -> Alone {
         let apart = free_name(APART, |name| net.parts.edges.iter().any(|edge| edge.attribute("id") == Some(name)));
         let [x, y] = place_m;
         let text = net_text(net, |xml| {

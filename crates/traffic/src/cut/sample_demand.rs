@@ -17,13 +17,13 @@ const CARS_PER_HOUR: f64 = 360.0;
 pub(crate) const END_S: &str = "3600";
 
 /// Returns the text of an additional file with these types.
-pub fn types(types: &[&Element]) -> String {
+pub(super) fn types(types: &[&Element]) -> String {
     document("additional", |xml| types.iter().try_for_each(|kind| element(xml, kind)))
 }
 
 /// Returns the text of a route file. `types`: elements `vType` and `vTypeDistribution`; without any, SUMO's own type
 /// drives.
-pub fn demand(net: &LocalNet, types: &[&Element]) -> Result<String> {
+pub(super) fn demand(net: &LocalNet, types: &[&Element]) -> Result<String> {
     let root = net.root();
     let map = Map { roads: Roads::read(&root)?, lanes: root.all("edge").flat_map(|edge| edge.all("lane")).collect() };
     let drivers = drivers(types);

@@ -2,8 +2,8 @@
 //!
 //! - [`on_grid`]: a grid of the paper, with local simulators. [`on_scenario`]: a scenario of the user.
 
-pub mod on_grid;
-pub mod on_scenario;
+pub(crate) mod on_grid;
+pub(crate) mod on_scenario;
 
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -19,7 +19,7 @@ use crate::sim::trace::route::Route;
 use dials_core::domain::{Result, RoughCosts, Scenario};
 
 /// What is known of a place as soon as it was read.
-pub struct About {
+pub(crate) struct About {
     /// The grid, if it is one.
     pub grid: Option<Grid>,
     /// Number of decisions in an episode.

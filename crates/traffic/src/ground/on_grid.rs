@@ -57,7 +57,7 @@ pub(crate) struct OnGrid {
 impl OnGrid {
     /// Finds the networks and compares them with what this program makes. An error says which file is missing or wrong
     /// and how to make it.
-    pub fn open(config: &TrafficConfig) -> Result<OnGrid> {
+    pub(crate) fn open(config: &TrafficConfig) -> Result<OnGrid> {
         let [global, local] = [&config.network, &config.local_network].map(|prefix| NetworkFiles::of(prefix));
         global.check()?;
         local.check()?;
@@ -85,7 +85,7 @@ impl OnGrid {
     }
 
     /// Returns its grid.
-    pub fn shape(&self) -> Grid {
+    pub(crate) fn shape(&self) -> Grid {
         self.grid
     }
 

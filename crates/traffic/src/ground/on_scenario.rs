@@ -51,12 +51,12 @@ pub(crate) struct OnScenario {
 
 impl OnScenario {
     /// Reads a scenario and derives its agents. An error names file, element and the way out.
-    pub fn open(config: &ScenarioConfig) -> Result<OnScenario> {
+    pub(crate) fn open(config: &ScenarioConfig) -> Result<OnScenario> {
         OnScenario::of(SumoScenario::read(config)?, config)
     }
 
     /// Derives the agents of a scenario that was read.
-    pub fn of(files: SumoScenario, config: &ScenarioConfig) -> Result<OnScenario> {
+    pub(crate) fn of(files: SumoScenario, config: &ScenarioConfig) -> Result<OnScenario> {
         let place = || files.path().display().to_string();
         let roads = files.roads()?;
         let overrides = match files.agents() {

@@ -53,7 +53,7 @@ const PROGRAMS: [&str; 6] = ["static", "actuated", "delay_based", "NEMA", "rail_
 const EMISSIONS: &str = "PHEMlight";
 
 /// Returns an error if SUMO, given this file, would write or read another one. It names the element and the file.
-pub fn refuse(path: &Path, element: &Element) -> Result<()> {
+pub(super) fn refuse(path: &Path, element: &Element) -> Result<()> {
     // Also refused, as an agent cannot run this light; but it writes nothing.
     let is_off = element.name == "tlLogic" && element.attribute("type") == Some("off");
     if is_off {

@@ -8,10 +8,10 @@ use quick_xml::events::{BytesDecl, Event};
 use super::tree::Element;
 
 /// A file that is being written.
-pub type Xml = Writer<Vec<u8>>;
+pub(crate) type Xml = Writer<Vec<u8>>;
 
 /// Returns a whole file with this root element.
-pub fn document(root: &str, fill: impl FnOnce(&mut Xml) -> io::Result<()>) -> String {
+pub(crate) fn document(root: &str, fill: impl FnOnce(&mut Xml) -> io::Result<()>) -> String {
     const BARE: [(&str, &str); 0] = [];
     document_with(root, BARE, fill)
 }
@@ -30,12 +30,12 @@ pub(crate) fn document_with<K: AsRef<str>, V: AsRef<str>>(
 }
 
 /// Returns a whole file with these elements.
-pub fn text(root: &Element) -> String {
+pub(crate) fn text(root: &Element) -> String {
     document_with(&root.name, pairs(root), |xml| root.children.iter().try_for_each(|child| element(xml, child)))
 }
 
 /// Writes an element with everything inside it.
-pub fn element(xml: &mut Xml, from: &Element) -> io::Result<()> {
+pub(crate) fn element(xml: &mut Xml, from: &Element) -> io::Result<()> {
     if from.children.is_empty() {
         return leaf(xml, &from.name, pairs(from));
     }
@@ -47,7 +47,7 @@ fn pairs(element: &Element) -> impl Iterator<Item = (&String, &String)> {
 }
 
 /// Writes an element with others inside.
-pub fn nest<K: AsRef<str>, V: AsRef<str>>(
+pub(crate) fn nest<K: AsRef<str>, V: AsRef<str>>(
     xml: &mut Xml,
     name: &str,
     attributes: impl IntoIterator<Item = (K, V)>,
@@ -74,7 +74,7 @@ pub(crate) fn leaf<K: AsRef<str>, V: AsRef<str>>(
 }
 
 /// Writes the options of one kind in a configuration.
-pub fn section(xml: &mut Xml, name: &str, options: &[(&str, &str)]) -> io::Result<()> {
+pub(crate) fn section(xml: &mut Xml, name: &str, options: &[(&str, &str)]) -> io::Result<()> {
     const BARE: [(&str, &str); 0] = [];
     nest(xml, name, BARE, |xml| options.iter().try_for_each(|(option, value)| leaf(xml, option, [("value", value)])))
 }

@@ -13,7 +13,7 @@ use crate::network::tree::Element;
 
 /// Returns the first difference between an element of a file and the element that this program would write: what it is,
 /// with both values. The order of the elements within another does not matter.
-pub fn difference(found: &Element, expected: &Element) -> Option<String> {
+pub(super) fn difference(found: &Element, expected: &Element) -> Option<String> {
     within(found, expected, &found.name)
 }
 

@@ -50,7 +50,7 @@ pub(crate) const DECEL_MPS2: f64 = 7.5;
 pub(crate) const STATIC_S: [&str; 4] = ["10", "3", "10", "3"];
 
 /// Returns the intersections and the dead ends with their places. The south-west intersection is at (0, 0).
-pub fn nodes(grid: Grid) -> String {
+pub(super) fn nodes(grid: Grid) -> String {
     document("nodes", |xml| {
         grid.nodes().into_iter().try_for_each(|node| {
             let (x, y) = place(grid, node);
@@ -64,7 +64,7 @@ pub fn nodes(grid: Grid) -> String {
     })
 }
 
-pub fn edges(grid: Grid) -> String {
+pub(super) fn edges(grid: Grid) -> String {
     document("edges", |xml| {
         grid.edges().into_iter().try_for_each(|(from, to)| {
             let attributes = [
@@ -81,12 +81,12 @@ pub fn edges(grid: Grid) -> String {
 }
 
 /// Returns the connections, straight on only (the authors' setup): no turns and no turnarounds.
-pub fn connections(grid: Grid) -> String {
+pub(super) fn connections(grid: Grid) -> String {
     document("connections", |xml| straight_on(xml, grid, |_, _| Vec::new()))
 }
 
 /// Returns the program that runs when nobody controls the lights: fixed time, and which letter rules which connection.
-pub fn lights(grid: Grid) -> String {
+pub(super) fn lights(grid: Grid) -> String {
     document("tlLogics", |xml| {
         for agent in grid.agents() {
             let head = [("id", grid.light(agent)), ("type", "static".into()), ("programID", "0".into())];
@@ -104,7 +104,7 @@ pub fn lights(grid: Grid) -> String {
 
 /// Returns the vehicle type, the routes and, if `inflow` is given, one flow per route: in each step, a car with that
 /// probability. A route without cars has no flow.
-pub fn routes(grid: Grid, inflow: Option<&Inflow>) -> String {
+pub(super) fn routes(grid: Grid, inflow: Option<&Inflow>) -> String {
     let routes = grid.boundary_routes();
     document("routes", |xml| {
         leaf(xml, "vType", VEHICLE_TYPE)?;
@@ -133,7 +133,7 @@ pub fn routes(grid: Grid, inflow: Option<&Inflow>) -> String {
 /// Returns SUMO's actuated controller, the paper's hand-coded baseline. Its numbers: the authors' setup.
 ///
 /// SUMO 1.15 warns that no detector controls the yellow phases, and shows them for their least time, 3 s.
-pub fn actuated(grid: Grid) -> String {
+pub(super) fn actuated(grid: Grid) -> String {
     document("additional", |xml| {
         for agent in grid.agents() {
             let head = [("id", grid.light(agent)), ("type", "actuated".into()), ("programID", "actuated".into())];
@@ -181,7 +181,7 @@ fn at(index: usize) -> f64 {
 }
 
 /// Returns the metres east and north of the south-west intersection.
-pub fn place(grid: Grid, node: Node) -> (f64, f64) {
+pub(super) fn place(grid: Grid, node: Node) -> (f64, f64) {
     match node {
         Node::Intersection { row, col } => (at(col), at(row)),
         Node::Boundary { side: Side::West, index } => (-REACH_M, at(index)),

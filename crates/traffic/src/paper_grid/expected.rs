@@ -14,7 +14,7 @@ use dials_core::base::AgentId;
 
 /// Returns the net of a grid, without what is only drawn (shapes of intersections, the place on the map). In the order
 /// of netconvert's kinds: internal edges, edges, lights, junctions, connections.
-pub fn net(grid: Grid) -> Element {
+pub(super) fn net(grid: Grid) -> Element {
     let agents = grid.agents();
     let mut all: Vec<Element> = agents.iter().flat_map(|&agent| internal_edges(grid, agent)).collect();
     all.extend(grid.edges().into_iter().map(|(from, to)| edge(grid, from, to)));
@@ -26,13 +26,13 @@ pub fn net(grid: Grid) -> Element {
 }
 
 /// Returns the vehicle type, the routes and, if `inflow` is given, one flow per route.
-pub fn routes(grid: Grid, inflow: Option<f64>) -> Element {
+pub(super) fn routes(grid: Grid, inflow: Option<f64>) -> Element {
     let inflow = inflow.map(Inflow::from);
     parse(&content::routes(grid, inflow.as_ref())).expect("what this program writes is XML")
 }
 
 /// Returns the actuated lights.
-pub fn actuated(grid: Grid) -> Element {
+pub(super) fn actuated(grid: Grid) -> Element {
     parse(&content::actuated(grid)).expect("what this program writes is XML")
 }
 

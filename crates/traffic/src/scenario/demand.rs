@@ -42,7 +42,7 @@ const PATIENT: [&str; 2] = ["max", "random"];
 
 /// Whether the vehicles of a file must be sorted by departure.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Order {
+pub(super) enum Order {
     /// SUMO reads an additional file whole.
     Free,
     /// SUMO reads a route file piece by piece, and leaves out a vehicle that comes too late in it.
@@ -51,7 +51,7 @@ pub enum Order {
 
 /// Where the vehicles of an episode may depart.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
-pub struct Departures {
+pub(super) struct Departures {
     /// Ids of edges.
     pub edges: BTreeSet<String>,
     /// Ids of junctions: on any edge that begins there.
@@ -78,7 +78,7 @@ pub(crate) struct Demand<'a> {
 
 impl<'a> Demand<'a> {
     /// `window_s`: begin and end of an episode.
-    pub fn new(window_s: (u64, u64)) -> Demand<'a> {
+    pub(super) fn new(window_s: (u64, u64)) -> Demand<'a> {
         Demand {
             window_s: (window_s.0 as f64, window_s.1 as f64),
             strange: OWN_TYPES.into(),
@@ -92,7 +92,7 @@ impl<'a> Demand<'a> {
     }
 
     /// Reads a file.
-    pub fn read(&mut self, file: &'a Path, root: &'a Element, order: Order) -> Result<()> {
+    pub(super) fn read(&mut self, file: &'a Path, root: &'a Element, order: Order) -> Result<()> {
         let mut last_s = f64::NEG_INFINITY;
         for element in &root.children {
             let place = Place { file, element };
@@ -137,7 +137,7 @@ impl<'a> Demand<'a> {
 
     /// Checks the whole. Returns where vehicles depart, and what will not be simulated. `scenario`: the file to name in an
     /// error.
-    pub fn finish(self, scenario: &Path) -> Result<(Departures, Vec<String>)> {
+    pub(super) fn finish(self, scenario: &Path) -> Result<(Departures, Vec<String>)> {
         let (begin, end) = self.window_s;
         ensure!(
             self.expected > 0.0,

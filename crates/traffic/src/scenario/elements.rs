@@ -79,7 +79,7 @@ const SKIPPED_IN_ROUTES: [&str; 2] = ["taz", "tlLogic"];
 
 /// What was left out of the files.
 #[derive(Debug, Default)]
-pub struct Left {
+pub(super) struct Left {
     /// Numbers by file and kind.
     counts: BTreeMap<(String, String), usize>,
     ids: BTreeSet<String>,
@@ -87,7 +87,7 @@ pub struct Left {
 
 impl Left {
     /// Returns a sentence for each file and kind.
-    pub fn sentences(&self) -> impl Iterator<Item = String> {
+    pub(super) fn sentences(&self) -> impl Iterator<Item = String> {
         self.counts.iter().map(|((file, kind), count)| {
             format!("{file}: {count} x <{kind}>: this program measures and writes by itself")
         })
@@ -115,7 +115,7 @@ impl Left {
 /// Takes out what only measures, and refuses what must not be there. Returns whether anything was taken out.
 ///
 /// `option` is the one of SUMO's options that names the file.
-pub fn clean(option: &str, file: &Path, root: &mut Element, left: &mut Left) -> Result<bool> {
+pub(super) fn clean(option: &str, file: &Path, root: &mut Element, left: &mut Left) -> Result<bool> {
     let before = root.children.len();
     root.children.retain(|child| {
         let measures = MEASURES.contains(&&*child.name);

@@ -11,7 +11,7 @@ use dials_core::outside::excerpt;
 
 /// An element and the file that it stands in.
 #[derive(Clone, Copy, Debug)]
-pub struct Place<'a> {
+pub(super) struct Place<'a> {
     pub file: &'a Path,
     pub element: &'a Element,
 }
@@ -23,12 +23,12 @@ impl Display for Place<'_> {
 }
 
 impl<'a> Place<'a> {
-    pub fn within(self, element: &'a Element) -> Place<'a> {
+    pub(super) fn within(self, element: &'a Element) -> Place<'a> {
         Place { element, ..self }
     }
 
     /// Returns an error about the element.
-    pub fn fault(self, what: impl Display) -> Error {
+    pub(super) fn fault(self, what: impl Display) -> Error {
         anyhow!("{self}: {what}")
     }
 

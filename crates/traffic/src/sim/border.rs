@@ -40,7 +40,7 @@ impl BorderNow {
 
 impl Borders {
     /// Registers the lanes of all regions. A reset must follow.
-    pub fn register(simulation: &mut Simulation, plans: &[Border]) -> Result<Borders> {
+    pub(super) fn register(simulation: &mut Simulation, plans: &[Border]) -> Result<Borders> {
         let names: Vec<String> =
             plans.iter().flat_map(|border| &border.plan.lanes).map(|lane| lane.lane.clone()).collect();
         Ok(Borders {
@@ -58,12 +58,12 @@ impl Borders {
     }
 
     /// Returns the visits since the last reset, if they are recorded.
-    pub fn visits(&self) -> Option<&Visits> {
+    pub(super) fn visits(&self) -> Option<&Visits> {
         self.visits.as_ref().map(VisitRecorder::visits)
     }
 
     /// Begins an episode. Cars that are on the road have not arrived.
-    pub fn reset(&mut self, simulation: &mut Simulation, plans: &[Border]) -> Result<()> {
+    pub(super) fn reset(&mut self, simulation: &mut Simulation, plans: &[Border]) -> Result<()> {
         simulation.read_lanes(&self.lanes, &mut self.cars)?;
         for (row, Border { plan, .. }) in plans.iter().enumerate() {
             self.regions[row] = BorderNow::new(plan);
@@ -78,7 +78,7 @@ impl Borders {
 
     /// Observes a second. `second`: its number within the decision; `sources`: those of the decision, one row per
     /// region, zeros in the first second.
-    pub fn second(
+    pub(super) fn second(
         &mut self,
         simulation: &mut Simulation,
         plans: &[Border],

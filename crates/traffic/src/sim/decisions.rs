@@ -23,16 +23,16 @@ pub(super) struct Decisions {
 }
 
 impl Decisions {
-    pub fn new(control: SignalControl, agents: usize) -> Decisions {
+    pub(super) fn new(control: SignalControl, agents: usize) -> Decisions {
         Decisions { control, obeyed: vec![KEEP; agents], by_rule: vec![KEEP; agents], heard: false, advised: false }
     }
 
-    pub fn control(&self) -> &SignalControl {
+    pub(super) fn control(&self) -> &SignalControl {
         &self.control
     }
 
     /// Gives the lights to another control from the next episode on.
-    pub fn hand_over(&mut self, control: SignalControl) {
+    pub(super) fn hand_over(&mut self, control: SignalControl) {
         self.control = control;
     }
 
@@ -46,7 +46,7 @@ impl Decisions {
     }
 
     /// Begins an episode.
-    pub fn begin(&mut self, episode: Seed) {
+    pub(super) fn begin(&mut self, episode: Seed) {
         self.heard = false;
         self.advised = false;
         if let SignalControl::HandCoded { by: HandCoded::Rule(controller), .. } = &mut self.control {
@@ -55,7 +55,7 @@ impl Decisions {
     }
 
     /// Decides for the next second of a step with these `actions`.
-    pub fn decide(&mut self, actions: &[Action], intersections: &Intersections<'_>) {
+    pub(super) fn decide(&mut self, actions: &[Action], intersections: &Intersections<'_>) {
         self.obeyed.copy_from_slice(actions);
         let heard = std::mem::replace(&mut self.heard, false);
         if !heard
@@ -69,7 +69,7 @@ impl Decisions {
 
     /// Returns what the rule would do now at all lights, and lets the actions of this step decide; `None` if there is no
     /// rule.
-    pub fn advise(&mut self, intersections: &Intersections<'_>) -> Option<&[Action]> {
+    pub(super) fn advise(&mut self, intersections: &Intersections<'_>) -> Option<&[Action]> {
         self.advised = self.ask(intersections);
         self.heard = self.advised;
         self.advised.then_some(&*self.by_rule)

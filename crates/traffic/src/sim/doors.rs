@@ -28,7 +28,7 @@ struct RowDoors {
 }
 
 /// Cars that try to enter in a step, in the order of their numbers.
-pub struct Tried {
+pub(crate) struct Tried {
     /// Row and entry of each.
     places: Vec<(usize, usize)>,
     insertions: Vec<Insertion>,
@@ -43,29 +43,29 @@ impl Tried {
 
 impl Doors {
     /// Makes the doors of a forest that was loaded. `plan`: that of the agents.
-    pub fn new(plan: Arc<JointPlan>, forest: &LocalForest) -> Doors {
+    pub(crate) fn new(plan: Arc<JointPlan>, forest: &LocalForest) -> Doors {
         let closed = |place: &RowPlace| RowDoors { entrance: Entrance::new(border(&plan, place)), gate: None };
         let rows = forest.rows.iter().map(closed).collect();
         Doors { plan, rows, serial: FIRST_CAR, came: 0, waited: 0 }
     }
 
     /// Begins an episode of a row: nobody waits.
-    pub fn begin(&mut self, row: usize, place: &RowPlace) {
+    pub(crate) fn begin(&mut self, row: usize, place: &RowPlace) {
         self.rows[row] = RowDoors { entrance: Entrance::new(border(&self.plan, place)), gate: None };
     }
 
     /// Returns the number of cars that came, and of those that found no room at first, in all episodes.
-    pub fn counts(&self) -> [u64; 2] {
+    pub(crate) fn counts(&self) -> [u64; 2] {
         [self.came, self.waited]
     }
 
     /// Returns the number of cars that wait at the entries of a row.
-    pub fn waiting(&self, row: usize) -> usize {
+    pub(crate) fn waiting(&self, row: usize) -> usize {
         self.rows[row].entrance.waiting()
     }
 
     /// Lets a car come to an entry of a row. It enters when there is room.
-    pub fn come(&mut self, row: usize, entry: usize, comer: Comer) {
+    pub(crate) fn come(&mut self, row: usize, entry: usize, comer: Comer) {
         self.rows[row].entrance.add(entry, comer);
         self.came += 1;
     }
@@ -150,7 +150,7 @@ impl Doors {
 }
 
 /// Returns what SUMO needs to know of a car that comes to a row. `car`: its number.
-pub fn entering(plan: &JointPlan, forest: &LocalForest, row: usize, car: u64, comer: &Comer) -> Entering {
+pub(crate) fn entering(plan: &JointPlan, forest: &LocalForest, row: usize, car: u64, comer: &Comer) -> Entering {
     let place = &forest.rows[row];
     Entering {
         insertion: Insertion { car, route: place.routes[comer.way], position_m: comer.position_m, speed: comer.speed },

@@ -41,23 +41,23 @@ pub(crate) struct Entrance {
 
 impl Entrance {
     /// Begins an episode: nobody waits.
-    pub fn new(plan: &BorderPlan) -> Entrance {
+    pub(crate) fn new(plan: &BorderPlan) -> Entrance {
         Entrance { queues: vec![VecDeque::new(); plan.entries.len()] }
     }
 
     /// Adds a car at the end of the queue of an entry.
-    pub fn add(&mut self, entry: usize, comer: Comer) {
+    pub(crate) fn add(&mut self, entry: usize, comer: Comer) {
         self.queues[entry].push_back(comer);
     }
 
     /// Returns the number of cars that wait.
-    pub fn waiting(&self) -> usize {
+    pub(crate) fn waiting(&self) -> usize {
         self.queues.iter().map(VecDeque::len).sum()
     }
 
     /// Returns the cars that try to enter in this second, with their entries: the first one of each entry, and at most
     /// one per lane. Two cars on a lane would depend on SUMO's order.
-    pub fn next(&self) -> impl Iterator<Item = (usize, &Comer)> {
+    pub(crate) fn next(&self) -> impl Iterator<Item = (usize, &Comer)> {
         let mut taken = BTreeSet::new();
         let first = self.queues.iter().enumerate().filter_map(|(entry, queue)| Some((entry, queue.front()?)));
         first.filter(move |(_, comer)| taken.insert(comer.lane))
@@ -65,7 +65,7 @@ impl Entrance {
 
     /// Notes that the first car of an entry has tried. If it is in, it leaves the queue. Returns whether it has found no
     /// room for the first time.
-    pub fn tried(&mut self, entry: usize, is_in: bool) -> bool {
+    pub(crate) fn tried(&mut self, entry: usize, is_in: bool) -> bool {
         if is_in {
             self.queues[entry].pop_front();
             return false;
@@ -77,7 +77,7 @@ impl Entrance {
 
 /// Draws the car that arrives at an entry in a second of the episode: one that makes a recorded visit. If none fits, it is
 /// one of which nothing is known. `None`: not even that one may use the entry.
-pub fn draw(
+pub(crate) fn draw(
     plan: &BorderPlan,
     ways: &Ways,
     tables: &VisitTables,

@@ -22,7 +22,7 @@ pub(crate) struct IntersectionHandles {
 }
 
 /// One intersection to register: SUMO's names, and the plan of its light.
-pub struct Place {
+pub(crate) struct Place {
     pub light: String,
     pub approaches: Vec<String>,
     pub phases: Arc<PhasePlan>,
@@ -30,7 +30,7 @@ pub struct Place {
 
 impl IntersectionHandles {
     /// Registers lanes and lights, one row per place.
-    pub fn register(simulation: &mut Simulation, places: Vec<Place>) -> Result<Self> {
+    pub(crate) fn register(simulation: &mut Simulation, places: Vec<Place>) -> Result<Self> {
         let mut starts = vec![0];
         let (mut lanes, mut lights, mut plans) = (Vec::new(), Vec::new(), Vec::new());
         for Place { light, approaches, phases } in places {
@@ -49,17 +49,17 @@ impl IntersectionHandles {
         })
     }
 
-    pub fn len(&self) -> usize {
+    pub(crate) fn len(&self) -> usize {
         self.lights.len()
     }
 
     /// Returns what a light shows, if no program of SUMO runs it.
-    pub fn signal(&self, row: usize) -> Signal {
+    pub(crate) fn signal(&self, row: usize) -> Signal {
         self.signals[row]
     }
 
     /// Sets the lights of these rows to the beginning of an episode.
-    pub fn reset(&mut self, simulation: &mut Simulation, rows: &[usize]) -> Result<()> {
+    pub(crate) fn reset(&mut self, simulation: &mut Simulation, rows: &[usize]) -> Result<()> {
         for &row in rows {
             self.signals[row] = Signal::at_the_beginning(&self.plans[row]);
             self.by_program[row] = None;
@@ -69,7 +69,7 @@ impl IntersectionHandles {
 
     /// Lets every agent act on its light, unless one of SUMO's programs runs it. Only lights that change are sent to
     /// SUMO.
-    pub fn act(&mut self, simulation: &mut Simulation, actions: &[Action]) -> Result<()> {
+    pub(crate) fn act(&mut self, simulation: &mut Simulation, actions: &[Action]) -> Result<()> {
         assert_eq!(actions.len(), self.len(), "one action per intersection");
         let mut changed = Vec::new();
         for (row, (signal, &action)) in self.signals.iter_mut().zip(actions).enumerate() {
@@ -86,7 +86,7 @@ impl IntersectionHandles {
     }
 
     /// Writes what all lights show into `shown`, one per row. `states` is memory for reuse.
-    pub fn read_lights(
+    pub(crate) fn read_lights(
         &mut self,
         simulation: &mut Simulation,
         states: &mut Vec<SignalState>,

@@ -79,7 +79,7 @@ pub(crate) struct RowGate {
 
 impl LocalForest {
     /// Loads `copies` of each of these regions, ordered by region, then copy.
-    pub fn load(
+    pub(crate) fn load(
         parts: &LocalParts,
         plan: &JointPlan,
         tables: &VisitTables,

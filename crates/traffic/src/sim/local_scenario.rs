@@ -98,7 +98,7 @@ impl Counts {
 
 impl LocalScenario {
     /// Loads `copies` of each of these regions. `tables`: from which cars are drawn.
-    pub fn load(
+    pub(crate) fn load(
         parts: &LocalParts,
         plan: &Arc<JointPlan>,
         tables: Arc<VisitTables>,
@@ -150,7 +150,7 @@ impl LocalScenario {
     }
 
     /// Makes the first episode of the first row go on this tape. `parts`: what it was loaded from.
-    pub fn record_on(mut self, tape: &Tape, parts: &LocalParts) -> Result<LocalScenario> {
+    pub(crate) fn record_on(mut self, tape: &Tape, parts: &LocalParts) -> Result<LocalScenario> {
         let roads = roads_of(parts, &self.plan, &self.forest.rows[0], self.forest.first.clone())?;
         self.recorder = Some(Recorder::new(tape, &mut self.forest.simulation, roads, prefix(0))?);
         Ok(self)

@@ -30,7 +30,7 @@ struct Sums {
 
 impl TrafficMetrics {
     /// Makes the metrics of intersections. `at_stop_line`: for each of them, whether each approach ends at its stop line.
-    pub fn new(at_stop_line: Vec<Vec<bool>>) -> Result<Self> {
+    pub(crate) fn new(at_stop_line: Vec<Vec<bool>>) -> Result<Self> {
         Ok(TrafficMetrics {
             trip_file: TripFile::new()?,
             trips: None,
@@ -41,24 +41,24 @@ impl TrafficMetrics {
     }
 
     /// Returns the options that SUMO must be loaded with.
-    pub fn options(&self) -> [String; 8] {
+    pub(crate) fn options(&self) -> [String; 8] {
         self.trip_file.options()
     }
 
-    pub fn begin(&mut self) {
+    pub(crate) fn begin(&mut self) {
         self.trips = None;
         self.steps = 0;
         self.intersections.fill(Sums::default());
     }
 
     /// Notes that a step is over.
-    pub fn step(&mut self) {
+    pub(crate) fn step(&mut self) {
         self.steps += 1;
     }
 
     /// Notes the cars on the approaches of an intersection, after a step and before it. `gone`: those that left the road
     /// in between.
-    pub fn cars(&mut self, row: usize, now: CarsAt<'_>, before: CarsAt<'_>, gone: &[CarId]) {
+    pub(crate) fn cars(&mut self, row: usize, now: CarsAt<'_>, before: CarsAt<'_>, gone: &[CarId]) {
         let sums = &mut self.intersections[row];
         for lane in now.iter() {
             sums.car_steps += lane.len() as u64;
@@ -69,18 +69,18 @@ impl TrafficMetrics {
     }
 
     /// Returns whether [`TrafficMetrics::finish`] was called since the beginning.
-    pub fn finished(&self) -> bool {
+    pub(crate) fn finished(&self) -> bool {
         self.trips.is_some()
     }
 
     /// Reads the trips. Call it when SUMO has closed the simulation of the episode.
-    pub fn finish(&mut self) -> Result<()> {
+    pub(crate) fn finish(&mut self) -> Result<()> {
         self.trips = Some(self.trip_file.read()?);
         Ok(())
     }
 
     /// Returns the metrics of the whole net; `arrived` cars left it.
-    pub fn of_net(&self, arrived: u64) -> Vec<(&'static str, f64)> {
+    pub(crate) fn of_net(&self, arrived: u64) -> Vec<(&'static str, f64)> {
         let Trips { travel_time_s, delay_s, waiting_time_s } = self.trips.expect("the episode is over");
         let sum = |of: fn(&Sums) -> u64| self.intersections.iter().map(of).sum();
         let approaches = self.at_stop_line.iter().map(Vec::len).sum();
@@ -94,7 +94,7 @@ impl TrafficMetrics {
     }
 
     /// Returns the metrics of every intersection.
-    pub fn of_agents(&self) -> Vec<(&'static str, Vec<f64>)> {
+    pub(crate) fn of_agents(&self) -> Vec<(&'static str, Vec<f64>)> {
         let each = |figure: &dyn Fn(&Sums) -> f64| self.intersections.iter().map(figure).collect();
         let queues = self.intersections.iter().zip(&self.at_stop_line);
         let queues = queues.map(|(at, lanes)| self.per_approach_step(at.halting_car_steps, lanes.len())).collect();
@@ -120,7 +120,7 @@ impl TrafficMetrics {
 /// their trip or began to teleport in between. `at_stop_line`: whether each approach ends there.
 ///
 /// A car that leaves an approach for a lane beside it that is no approach counts as well.
-pub fn passed(now: CarsAt<'_>, before: CarsAt<'_>, gone: &[CarId], at_stop_line: &[bool]) -> u64 {
+pub(crate) fn passed(now: CarsAt<'_>, before: CarsAt<'_>, gone: &[CarId], at_stop_line: &[bool]) -> u64 {
     let at_stop_line = before.iter().zip(at_stop_line).filter(|&(_, &at_stop_line)| at_stop_line);
     at_stop_line.map(|(lane, _)| left(now, lane, gone)).sum()
 }

@@ -11,7 +11,7 @@ pub(crate) const TIME_TO_TELEPORT_S: &str = "-1";
 pub(crate) const TIME: [(&str, &str); 2] = [("step-length", STEP_LENGTH_S), ("time-to-teleport", TIME_TO_TELEPORT_S)];
 
 /// Returns the options that all LSs have in common.
-pub fn common(net: &MemoryFile, routes: &MemoryFile, seed: u32) -> Vec<String> {
+pub(crate) fn common(net: &MemoryFile, routes: &MemoryFile, seed: u32) -> Vec<String> {
     let files = [("net-file", net.path()), ("route-files", routes.path()), ("seed", seed.to_string())];
     let all = files.into_iter().chain(TIME.map(|(name, value)| (name, value.to_owned())));
     all.flat_map(|(name, value)| [format!("--{name}"), value]).collect()

@@ -50,7 +50,7 @@ struct Frame {
 
 impl Camera {
     /// Makes a camera of the lanes for cars. `agents`: those whose lights are drawn.
-    pub fn new(roads: &Roads, agents: &[AgentPlan], simulation: &mut Simulation) -> Result<Camera> {
+    pub(super) fn new(roads: &Roads, agents: &[AgentPlan], simulation: &mut Simulation) -> Result<Camera> {
         let drawn: Vec<_> = roads.lanes.iter().filter(|lane| lane.carries_cars && lane.shape.len() > 1).collect();
         let names: Vec<String> = drawn.iter().map(|lane| lane.id.clone()).collect();
         let shapes: Vec<(Vec<Place>, f64)> = drawn.iter().map(|lane| (lane.shape.clone(), lane.length_m)).collect();
@@ -74,12 +74,12 @@ impl Camera {
     }
 
     /// Looks where the cars are.
-    pub fn look(&mut self, simulation: &mut Simulation) -> Result<()> {
+    pub(super) fn look(&mut self, simulation: &mut Simulation) -> Result<()> {
         Ok(simulation.read_lanes(&self.lanes, &mut self.cars)?)
     }
 
     /// Draws lanes, lights and cars; `agents` and `shown`: the agents and what their lights show.
-    pub fn draw(&self, agents: &[AgentPlan], shown: &[Shown]) -> Scene {
+    pub(super) fn draw(&self, agents: &[AgentPlan], shown: &[Shown]) -> Scene {
         let mut scene = Scene::new(self.frame.width as f32, self.frame.height as f32, GROUND);
         let mut line = |from: Place, to: Place, width: f64, colour: Colour| {
             scene.line(self.frame.place(from), self.frame.place(to), width as f32, colour);

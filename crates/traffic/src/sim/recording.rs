@@ -89,7 +89,12 @@ pub(super) struct Recorder {
 impl Recorder {
     /// Makes a recorder. `roads`: those of the simulation. If they are a part of it under other names,
     /// `prefix` stands before these names there.
-    pub fn new(tape: &Tape, simulation: &mut Simulation, roads: RecordedRoads, prefix: String) -> Result<Recorder> {
+    pub(super) fn new(
+        tape: &Tape,
+        simulation: &mut Simulation,
+        roads: RecordedRoads,
+        prefix: String,
+    ) -> Result<Recorder> {
         let name = |name: &String| prefixed(&prefix, name);
         let lanes: Vec<String> = roads.lanes.iter().map(|lane| name(&lane.name)).collect();
         let lights: Vec<String> = roads.lights.iter().map(name).collect();
@@ -104,7 +109,7 @@ impl Recorder {
     }
 
     /// Begins an episode for which SUMO got this seed.
-    pub fn begin(&mut self, seed: u32) {
+    pub(super) fn begin(&mut self, seed: u32) {
         self.on = self.tape.with(|tape| {
             let room = tape.as_ref().is_none_or(|recording| recording.steps.is_empty());
             if room {
@@ -115,7 +120,7 @@ impl Recorder {
     }
 
     /// Records a step, before which these cars were inserted. SUMO's flows insert others.
-    pub fn step(&mut self, simulation: &mut Simulation, inserted: &[Insertion]) -> Result<()> {
+    pub(super) fn step(&mut self, simulation: &mut Simulation, inserted: &[Insertion]) -> Result<()> {
         if !self.on {
             return Ok(());
         }

@@ -17,7 +17,7 @@ pub(super) struct ShownLights {
 }
 
 impl ShownLights {
-    pub fn new(agents: usize) -> ShownLights {
+    pub(super) fn new(agents: usize) -> ShownLights {
         let shown = vec![Shown::Green(0); agents];
         ShownLights {
             now: shown.clone(),
@@ -29,18 +29,18 @@ impl ShownLights {
     }
 
     /// Reads the lights at the beginning of an episode.
-    pub fn begin(&mut self, handles: &mut IntersectionHandles, simulation: &mut Simulation) -> Result<()> {
+    pub(super) fn begin(&mut self, handles: &mut IntersectionHandles, simulation: &mut Simulation) -> Result<()> {
         self.steps.fill(0);
         handles.read_lights(simulation, &mut self.states, &mut self.now)
     }
 
     /// Notes that a decision is made now.
-    pub fn decide(&mut self) {
+    pub(super) fn decide(&mut self) {
         self.at_decision.copy_from_slice(&self.now);
     }
 
     /// Reads the lights after a second.
-    pub fn second(&mut self, handles: &mut IntersectionHandles, simulation: &mut Simulation) -> Result<()> {
+    pub(super) fn second(&mut self, handles: &mut IntersectionHandles, simulation: &mut Simulation) -> Result<()> {
         self.before.copy_from_slice(&self.now);
         handles.read_lights(simulation, &mut self.states, &mut self.now)?;
         for (steps, (before, now)) in self.steps.iter_mut().zip(self.before.iter().zip(&self.now)) {

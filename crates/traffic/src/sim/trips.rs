@@ -29,13 +29,13 @@ pub(crate) struct Trips {
 }
 
 impl TripFile {
-    pub fn new() -> Result<TripFile> {
+    pub(super) fn new() -> Result<TripFile> {
         Ok(TripFile { file: temporary_file().context("SUMO's trips have no place")? })
     }
 
     /// Returns the options that make SUMO write the trips, from the beginning of the file, with the digits of a
     /// millisecond.
-    pub fn options(&self) -> [String; 8] {
+    pub(super) fn options(&self) -> [String; 8] {
         let place = format!("/proc/self/fd/{}", self.file.as_raw_fd());
         [
             "--tripinfo-output",
@@ -52,12 +52,12 @@ impl TripFile {
 
     /// Returns the means of the trips that SUMO wrote. SUMO writes those of the cars on the road when it closes the
     /// simulation.
-    pub fn read(&mut self) -> Result<Trips> {
+    pub(super) fn read(&mut self) -> Result<Trips> {
         means(&self.text()?)
     }
 
     /// Returns what SUMO wrote.
-    pub fn text(&mut self) -> Result<String> {
+    pub(super) fn text(&mut self) -> Result<String> {
         let mut text = String::new();
         self.file
             .rewind()

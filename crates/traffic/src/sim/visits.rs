@@ -79,7 +79,7 @@ pub(crate) struct VisitRecorder {
 }
 
 impl VisitRecorder {
-    pub fn new(agents: usize) -> VisitRecorder {
+    pub(crate) fn new(agents: usize) -> VisitRecorder {
         VisitRecorder {
             visits: Visits { of_agents: vec![Vec::new(); agents], seconds: 0 },
             drivers: HashMap::new(),
@@ -88,17 +88,17 @@ impl VisitRecorder {
         }
     }
 
-    pub fn visits(&self) -> &Visits {
+    pub(crate) fn visits(&self) -> &Visits {
         &self.visits
     }
 
     /// Begins an episode.
-    pub fn begin(&mut self) {
+    pub(crate) fn begin(&mut self) {
         *self = VisitRecorder::new(self.open.len());
     }
 
     /// Begins a second, in which these cars departed.
-    pub fn second(&mut self, departures: &[Departure]) {
+    pub(crate) fn second(&mut self, departures: &[Departure]) {
         self.visits.seconds += 1;
         for Departure { id, name, vehicle_type, vehicle_class, speed_factor, .. } in departures {
             let driver = Driver {
@@ -112,12 +112,12 @@ impl VisitRecorder {
     }
 
     /// Returns the name of a car. `None`: it was on the road before the episode began.
-    pub fn name_of(&self, car: CarId) -> Option<&str> {
+    pub(crate) fn name_of(&self, car: CarId) -> Option<&str> {
         self.drivers.get(&car).map(|driver| &*driver.name)
     }
 
     /// Notes a car with a name that came on a region in this second.
-    pub fn arrived(&mut self, agent: usize, plan: &BorderPlan, arrival: Arrival) {
+    pub(crate) fn arrived(&mut self, agent: usize, plan: &BorderPlan, arrival: Arrival) {
         let Arrival { car, lane, entry, departed, route: RouteNow { edges, at } } = arrival;
         let Some(driver) = self.drivers.get(&car.id).cloned() else { return };
         let within = |road: &String| plan.roads.iter().find(|other| other.road == *road);
@@ -152,7 +152,7 @@ impl VisitRecorder {
     }
 
     /// Notes a car that has left a region in this second, if it was there.
-    pub fn left(&mut self, agent: usize, car: CarId) {
+    pub(crate) fn left(&mut self, agent: usize, car: CarId) {
         if let Some(visit) = self.open[agent].remove(&car) {
             self.visits.of_agents[agent][visit].left = Some(self.visits.seconds - 1);
         }

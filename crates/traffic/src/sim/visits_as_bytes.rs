@@ -34,7 +34,7 @@ pub(crate) fn to_bytes(visits: &Visits) -> Result<Vec<u8>> {
 }
 
 /// Reads the bytes of [`to_bytes`].
-pub fn from_bytes(bytes: &[u8]) -> Result<Visits> {
+pub(crate) fn from_bytes(bytes: &[u8]) -> Result<Visits> {
     let broken = "these bytes are no visits";
     let Sent { mut visits, drivers, numbers } = postcard::from_bytes(bytes).context(broken)?;
     let drivers: Vec<Arc<Driver>> = drivers.into_iter().map(Arc::new).collect();

@@ -27,7 +27,7 @@ pub(crate) struct LocalRoute {
 
 impl Ways {
     /// Makes a route of each way that was recorded, and of the default ways of the entries.
-    pub fn of(agent: usize, border: &BorderPlan, net: &LocalNet, tables: &VisitTables) -> Ways {
+    pub(crate) fn of(agent: usize, border: &BorderPlan, net: &LocalNet, tables: &VisitTables) -> Ways {
         let mut ways = Ways::default();
         let recorded = tables.visits().of_agents[agent].iter().filter(|visit| !visit.way.is_empty());
         for visit in recorded {
@@ -46,12 +46,12 @@ impl Ways {
     }
 
     /// Returns the routes by their numbers.
-    pub fn routes(&self) -> &[LocalRoute] {
+    pub(crate) fn routes(&self) -> &[LocalRoute] {
         &self.routes
     }
 
     /// Returns the number of a way that was recorded.
-    pub fn number(&self, way: &[String], next_road: Option<&String>) -> usize {
+    pub(crate) fn number(&self, way: &[String], next_road: Option<&String>) -> usize {
         self.numbers[&(way.to_vec(), next_road.cloned())]
     }
 

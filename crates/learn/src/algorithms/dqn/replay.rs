@@ -50,7 +50,7 @@ pub(super) fn width(spec: &RegionSpec) -> usize {
 }
 
 impl Replay {
-    pub fn new(agents: usize, capacity: usize, spec: &RegionSpec) -> Replay {
+    pub(super) fn new(agents: usize, capacity: usize, spec: &RegionSpec) -> Replay {
         let masks = if spec.masks { spec.n_actions } else { 0 };
         let values = vec![0.0; agents * capacity * width(spec)];
         Replay { agents, capacity, obs: spec.obs_dim, masks, values, written: 0 }
@@ -61,7 +61,7 @@ impl Replay {
     }
 
     /// Returns the number of decisions of an agent that it holds.
-    pub fn len(&self) -> usize {
+    pub(super) fn len(&self) -> usize {
         self.written.min(self.capacity as u64) as usize
     }
 
@@ -76,7 +76,7 @@ impl Replay {
     }
 
     /// Remembers one decision of every agent, in place of the oldest one. `priority`: that of a new decision.
-    pub fn push<'a>(&mut self, decisions: impl Iterator<Item = Decision<'a>>, priority: f32) {
+    pub(super) fn push<'a>(&mut self, decisions: impl Iterator<Item = Decision<'a>>, priority: f32) {
         let slot = (self.written % self.capacity as u64) as usize;
         let obs = self.obs;
         for (agent, decision) in decisions.enumerate() {
@@ -92,7 +92,7 @@ impl Replay {
         self.written += 1;
     }
 
-    pub fn read(&self, agent: usize, slot: usize) -> Remembered<'_> {
+    pub(super) fn read(&self, agent: usize, slot: usize) -> Remembered<'_> {
         let (both, rest) = self.row(agent, slot).split_at(2 * self.obs);
         let (obs, next_obs) = both.split_at(self.obs);
         Remembered {
@@ -109,18 +109,18 @@ impl Replay {
         2 * self.obs + 3
     }
 
-    pub fn set_priority(&mut self, agent: usize, slot: usize, priority: f32) {
+    pub(super) fn set_priority(&mut self, agent: usize, slot: usize, priority: f32) {
         let at = self.priority_at();
         self.row_mut(agent, slot)[at] = priority;
     }
 
     /// Draws slots uniformly.
-    pub fn draw(&self, count: usize, dice: &mut Dice) -> Vec<usize> {
+    pub(super) fn draw(&self, count: usize, dice: &mut Dice) -> Vec<usize> {
         (0..count).map(|_| dice.random_range(0..self.len())).collect()
     }
 
     /// Draws slots by their priorities, and returns the probability of each.
-    pub fn draw_by_priority(&self, agent: usize, count: usize, dice: &mut Dice) -> (Vec<usize>, Vec<f64>) {
+    pub(super) fn draw_by_priority(&self, agent: usize, count: usize, dice: &mut Dice) -> (Vec<usize>, Vec<f64>) {
         let mut sum = 0.0;
         let at = self.priority_at();
         let sums: Vec<f64> = (0..self.len())
@@ -139,7 +139,7 @@ impl Replay {
     }
 
     /// Returns what it holds, one row per agent.
-    pub fn table(&self) -> Ragged<f32> {
+    pub(super) fn table(&self) -> Ragged<f32> {
         let width = self.len() * self.width();
         let ring = self.capacity * self.width();
         let mut table = Ragged::default();
@@ -148,7 +148,7 @@ impl Replay {
     }
 
     /// Continues with what such a table holds. `written`: number of decisions so far.
-    pub fn load(&mut self, table: &Ragged<f32>, written: u64) {
+    pub(super) fn load(&mut self, table: &Ragged<f32>, written: u64) {
         let ring = self.capacity * self.width();
         for (agent, row) in table.iter().enumerate() {
             self.values[agent * ring..][..row.len()].copy_from_slice(row);

@@ -19,7 +19,7 @@ const MANY: usize = 3;
 const LARGE: usize = 1 << 20;
 
 /// The state that the crew and its links share.
-pub struct Desk {
+pub(super) struct Desk {
     /// Taken at the end only.
     pub post: Option<Post>,
     pub lifelines: Lifelines,
@@ -31,7 +31,7 @@ pub struct Desk {
 
 /// A rank. Nothing is noted of rank 0.
 #[derive(Default)]
-pub struct Member {
+pub(super) struct Member {
     /// Name of its machine, and what computes there, once it is prepared.
     pub prepared: Option<(String, String)>,
     /// Its lifeline was cut.
@@ -41,7 +41,7 @@ pub struct Member {
 }
 
 /// A worker.
-pub struct Seat {
+pub(super) struct Seat {
     pub agents: Range<usize>,
     /// Frames that are not posted yet.
     pub outgoing: VecDeque<Frame>,
@@ -53,20 +53,20 @@ pub struct Seat {
 }
 
 impl Seat {
-    pub fn of(agents: Range<usize>) -> Seat {
+    pub(super) fn of(agents: Range<usize>) -> Seat {
         Seat { agents, outgoing: VecDeque::new(), news: VecDeque::new(), log: None, how: None }
     }
 }
 
 impl Desk {
-    pub fn new(post: Post) -> Result<Desk> {
+    pub(super) fn new(post: Post) -> Result<Desk> {
         let lifelines = Lifelines::open(&post.host, post.ranks)?;
         let members = (0..post.ranks).map(|_| Member::default()).collect();
         Ok(Desk { post: Some(post), lifelines, members, seats: Vec::new() })
     }
 
     /// Returns all other ranks.
-    pub fn relays(&self) -> Range<usize> {
+    pub(super) fn relays(&self) -> Range<usize> {
         1..self.members.len()
     }
 
@@ -75,12 +75,12 @@ impl Desk {
         share(self.seats.len(), self.members.len() - 1, rank - 1)
     }
 
-    pub fn rank_of(&self, worker: usize) -> usize {
+    pub(super) fn rank_of(&self, worker: usize) -> usize {
         self.relays().find(|&rank| self.workers_of(rank).contains(&worker)).expect("every worker has its rank")
     }
 
     /// Returns a rank with its machine, for people.
-    pub fn name(&self, rank: usize) -> String {
+    pub(super) fn name(&self, rank: usize) -> String {
         match &self.members[rank].prepared {
             Some((host, _)) => format!("rank {rank} on {host}"),
             None => format!("rank {rank}"),
@@ -88,13 +88,13 @@ impl Desk {
     }
 
     /// Returns what a rank owned, for people.
-    pub fn its_workers(&self, rank: usize) -> String {
+    pub(super) fn its_workers(&self, rank: usize) -> String {
         let names = self.workers_of(rank).map(|worker| names_of(worker, &self.seats[worker].agents));
         format!("it owned {}", names.collect::<Vec<_>>().join(", "))
     }
 
     /// Posts a letter, with its frame in one broadcast if that is better.
-    pub fn post(&self, ranks: &[usize], letter: Letter, frame: Option<Frame>) {
+    pub(super) fn post(&self, ranks: &[usize], letter: Letter, frame: Option<Frame>) {
         let together = ranks.len() >= MANY && frame.as_ref().is_some_and(|frame| frame.len() >= LARGE);
         let to = ranks.iter().map(|&rank| rank as Rank).collect();
         self.post.as_ref().expect("it is only taken at the end").send(Outgoing { to, letter, frame, together });
@@ -102,7 +102,7 @@ impl Desk {
 
     /// Posts all frames that links have sent. A frame that is the next one for several workers is sent to each rank
     /// once.
-    pub fn deliver(&mut self) {
+    pub(super) fn deliver(&mut self) {
         while let Some(first) = self.seats.iter().position(|seat| !seat.outgoing.is_empty()) {
             let frame = self.seats[first].outgoing[0].clone();
             let mut workers = Vec::new();
@@ -118,7 +118,7 @@ impl Desk {
     }
 
     /// Takes in all letters that have come.
-    pub fn read(&mut self) -> Result<()> {
+    pub(super) fn read(&mut self) -> Result<()> {
         while let Some(received) = self.post.as_ref().and_then(Post::next) {
             self.take_in(received)?;
         }
@@ -159,7 +159,7 @@ impl Desk {
     }
 
     /// Notes which ranks have died since the last call: all their workers have gone.
-    pub fn look_for_the_dead(&mut self) {
+    pub(super) fn look_for_the_dead(&mut self) {
         for rank in self.lifelines.newly_cut() {
             self.members[rank].is_dead = true;
             for worker in self.workers_of(rank) {

@@ -5,18 +5,18 @@ use std::cell::OnceCell;
 use crate::fleet::link::Frame;
 
 /// A list of frames that only grows. A frame stays at its place as long as the list, so MPI may read it there.
-pub struct Kept {
+pub(super) struct Kept {
     pub frame: Frame,
     next: OnceCell<Box<Kept>>,
 }
 
 impl Kept {
-    pub fn new(frame: Frame) -> Kept {
+    pub(super) fn new(frame: Frame) -> Kept {
         Kept { frame, next: OnceCell::new() }
     }
 
     /// Appends a frame and returns the new end of the list. To be called at the end of the list.
-    pub fn append(&self, frame: Frame) -> &Kept {
+    pub(super) fn append(&self, frame: Frame) -> &Kept {
         debug_assert!(self.next.get().is_none(), "this is not the end of the list");
         self.next.get_or_init(|| Box::new(Kept::new(frame)))
     }

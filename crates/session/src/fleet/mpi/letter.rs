@@ -3,11 +3,11 @@
 use serde::{Deserialize, Serialize};
 
 /// Number of a rank, as MPI counts.
-pub type Rank = i32;
+pub(super) type Rank = i32;
 
 /// What a rank says to another.
 #[derive(Debug, Serialize, Deserialize)]
-pub enum Letter {
+pub(super) enum Letter {
     /// To a relay: prepare for the run that the frame describes, a [`Luggage`](super::luggage::Luggage).
     Prepare,
     /// To a relay: start this worker.
@@ -32,14 +32,14 @@ pub enum Letter {
 
 /// A letter on its way, with what the receiver must know of its frame.
 #[derive(Debug, Serialize, Deserialize)]
-pub struct Envelope {
+pub(super) struct Envelope {
     pub letter: Letter,
     pub frame: Option<Enclosed>,
 }
 
 /// How a frame comes with its letter.
 #[derive(Debug, Serialize, Deserialize)]
-pub struct Enclosed {
+pub(super) struct Enclosed {
     /// Number of bytes.
     pub length: usize,
     /// Ranks that receive it together in one broadcast of rank 0, which is the first of them. `None`: it comes right

@@ -26,7 +26,7 @@ const FAR_AWAY: &str = "203.0.113.1:9";
 
 /// Where rank 0 can be reached.
 #[derive(Clone, Default, Serialize, Deserialize)]
-pub struct Address {
+pub(super) struct Address {
     /// Names and addresses of its machine, the best first.
     hosts: Vec<String>,
     port: u16,
@@ -35,7 +35,7 @@ pub struct Address {
 }
 
 /// Rank 0's ends of all lifelines.
-pub struct Lifelines {
+pub(super) struct Lifelines {
     listener: TcpListener,
     address: Address,
     /// By rank. `None`: there is none, or it was found cut.
@@ -44,7 +44,7 @@ pub struct Lifelines {
 
 impl Lifelines {
     /// `host`: the name of this machine.
-    pub fn open(host: &str, ranks: usize) -> Result<Lifelines> {
+    pub(super) fn open(host: &str, ranks: usize) -> Result<Lifelines> {
         let listener = TcpListener::bind((Ipv4Addr::UNSPECIFIED, 0)).context("no port for the other ranks")?;
         listener.set_nonblocking(true)?;
         let outgoing = UdpSocket::bind((Ipv4Addr::UNSPECIFIED, 0)).and_then(|socket| {
@@ -59,12 +59,12 @@ impl Lifelines {
         Ok(Lifelines { listener, address, lines: (0..ranks).map(|_| None).collect() })
     }
 
-    pub fn address(&self) -> Address {
+    pub(super) fn address(&self) -> Address {
         self.address.clone()
     }
 
     /// Waits for the lifeline of a rank that says it has connected.
-    pub fn expect(&mut self, rank: usize) -> Result<()> {
+    pub(super) fn expect(&mut self, rank: usize) -> Result<()> {
         let begun = Instant::now();
         while self.lines[rank].is_none() {
             match self.listener.accept() {
@@ -93,7 +93,7 @@ impl Lifelines {
     }
 
     /// Returns the ranks that have died since the last call.
-    pub fn newly_cut(&mut self) -> Vec<usize> {
+    pub(super) fn newly_cut(&mut self) -> Vec<usize> {
         let mut cut = Vec::new();
         for (rank, line) in self.lines.iter_mut().enumerate() {
             if line.as_ref().is_some_and(is_cut) {
@@ -106,10 +106,10 @@ impl Lifelines {
 }
 
 /// A relay's end of its lifeline.
-pub struct Lifeline(TcpStream);
+pub(super) struct Lifeline(TcpStream);
 
 impl Lifeline {
-    pub fn connect(address: &Address, rank: usize) -> Result<Lifeline> {
+    pub(super) fn connect(address: &Address, rank: usize) -> Result<Lifeline> {
         let mut tried = Vec::new();
         for host in &address.hosts {
             match greeted(host, address, rank) {
@@ -121,7 +121,7 @@ impl Lifeline {
     }
 
     /// Returns whether rank 0 has ended.
-    pub fn is_cut(&self) -> bool {
+    pub(super) fn is_cut(&self) -> bool {
         is_cut(&self.0)
     }
 }

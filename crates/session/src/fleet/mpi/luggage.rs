@@ -15,7 +15,7 @@ const LONGEST: u64 = 8 << 30;
 
 /// What a relay needs to know of a run.
 #[derive(Serialize, Deserialize)]
-pub struct Luggage {
+pub(super) struct Luggage {
     /// Config whose paths lead from the folder in which the files are unpacked.
     pub config_json: String,
     files: Vec<PackedFile>,
@@ -30,7 +30,7 @@ struct PackedFile {
 }
 
 /// Returns a config whose paths lead from the run directory and no longer from elsewhere.
-pub fn from_the_run_directory(config: &RunConfig, directory: &Directory) -> Result<RunConfig> {
+pub(super) fn from_the_run_directory(config: &RunConfig, directory: &Directory) -> Result<RunConfig> {
     let mut config = config.clone();
     for (key, path) in config.domain.iter_mut().flat_map(|domain| domain.table_mut().paths()) {
         let within = path.strip_prefix(directory.path());
@@ -41,7 +41,7 @@ pub fn from_the_run_directory(config: &RunConfig, directory: &Directory) -> Resu
 
 impl Luggage {
     /// Packs a config as [`from_the_run_directory`] makes it, with the files of one folder of the run directory.
-    pub fn pack(config: &RunConfig, directory: &Directory, folder: &str, lifeline: Address) -> Result<Luggage> {
+    pub(super) fn pack(config: &RunConfig, directory: &Directory, folder: &str, lifeline: Address) -> Result<Luggage> {
         let mut files = Vec::new();
         if let Some(inside) = directory.subdirectory(folder)? {
             for name in inside.names()? {
@@ -54,7 +54,7 @@ impl Luggage {
     }
 
     /// Writes the files into a folder of this machine.
-    pub fn unpack(&self, place: &Path) -> Result<()> {
+    pub(super) fn unpack(&self, place: &Path) -> Result<()> {
         for PackedFile { folder, name, bytes } in &self.files {
             let folder = place.join(folder);
             let path = folder.join(name);

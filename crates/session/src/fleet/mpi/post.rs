@@ -37,7 +37,7 @@ const LETTER: mpi::Tag = 1;
 const FRAME: mpi::Tag = 2;
 
 /// The post of this rank. Dropping it sends what was posted, and leaves the job. All ranks leave together.
-pub struct Post {
+pub(super) struct Post {
     pub rank: usize,
     /// Number of ranks.
     pub ranks: usize,
@@ -49,7 +49,7 @@ pub struct Post {
 }
 
 /// A letter to other ranks.
-pub struct Outgoing {
+pub(super) struct Outgoing {
     pub to: Vec<Rank>,
     pub letter: Letter,
     pub frame: Option<Frame>,
@@ -58,14 +58,14 @@ pub struct Outgoing {
 }
 
 /// A letter that has come.
-pub struct Received {
+pub(super) struct Received {
     pub from: usize,
     pub letter: Letter,
     pub frame: Option<Parcel>,
 }
 
 /// A frame that waits for being read.
-pub struct Parcel {
+pub(super) struct Parcel {
     pub frame: Vec<u8>,
     length: usize,
     waiting: Arc<AtomicUsize>,
@@ -79,7 +79,7 @@ impl Drop for Parcel {
 
 impl Post {
     /// Joins the job. Letters that come ring the bell.
-    pub fn open(cord: Cord) -> Result<Post> {
+    pub(super) fn open(cord: Cord) -> Result<Post> {
         let (outbox, outgoing) = channel();
         let (received, inbox) = channel();
         let (joined, who) = channel();
@@ -98,23 +98,23 @@ impl Post {
     }
 
     /// Posts a letter. Does not wait.
-    pub fn send(&self, outgoing: Outgoing) {
+    pub(super) fn send(&self, outgoing: Outgoing) {
         // The post ends only when this is dropped.
         let _ = self.outbox.as_ref().expect("it is only taken at the end").send(outgoing);
     }
 
     /// Posts a letter to rank 0. Does not wait.
-    pub fn report(&self, letter: Letter, frame: Option<Frame>) {
+    pub(super) fn report(&self, letter: Letter, frame: Option<Frame>) {
         self.send(Outgoing { to: vec![0], letter, frame, together: false });
     }
 
     /// Returns the next letter; if there is none yet: `None`. Does not wait.
-    pub fn next(&self) -> Option<Received> {
+    pub(super) fn next(&self) -> Option<Received> {
         self.inbox.try_recv().ok()
     }
 
     /// Leaves the post as it is until the process ends, because another rank has gone and nobody can leave together.
-    pub fn abandon(mut self) {
+    pub(super) fn abandon(mut self) {
         self.thread = None;
     }
 }

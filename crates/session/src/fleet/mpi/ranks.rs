@@ -151,7 +151,7 @@ impl Drop for Ranks {
 }
 
 /// The other end of a link to a worker on another rank.
-pub struct RankLink {
+pub(super) struct RankLink {
     desk: Rc<RefCell<Desk>>,
     worker: usize,
 }

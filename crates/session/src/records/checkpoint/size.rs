@@ -6,7 +6,7 @@ use dials_learn::algorithms;
 use dials_learn::training::fits::Widths;
 
 /// Returns the largest number of bytes that a checkpoint of this run can have.
-pub fn most_bytes(owner: &Owner) -> u64 {
+pub(super) fn most_bytes(owner: &Owner) -> u64 {
     /// Room for the header: names, config, scenario and progress.
     const HEADER: u64 = 1 << 20;
     /// The longest number in postcard's format.

@@ -7,7 +7,7 @@ use crate::agents::sensor::{CarColumns, LightColumns, Sensor};
 use crate::config::DSet;
 
 /// Makes the sensor of an agent: cars up to `approach_m` before the stop line, and a light with this number of greens.
-pub fn sensor(region: &RegionPlan, rules: &Rules, greens: usize) -> Sensor {
+pub(super) fn sensor(region: &RegionPlan, rules: &Rules, greens: usize) -> Sensor {
     let cells = region.approaches.iter().map(|approach| {
         let seen_m = approach.length_m.min(rules.approach_m - approach.ahead_m);
         (seen_m / CELL_M).ceil() as usize

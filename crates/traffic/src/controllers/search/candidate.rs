@@ -24,7 +24,7 @@ pub(crate) struct Candidate {
 
 /// A change of a candidate.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Change {
+pub(super) enum Change {
     /// Makes the cycle of all lights longer by some steps. Greens and offsets keep their shares.
     Cycle(i64),
     /// Moves steps of one green of a light to another one.
@@ -63,12 +63,12 @@ impl Candidate {
         Candidate { timings: self.timings.iter().enumerate().map(shift).collect(), leeway: self.leeway }
     }
 
-    pub fn plan(&self) -> ClockPlan {
+    pub(super) fn plan(&self) -> ClockPlan {
         ClockPlan { timings: self.timings.clone(), leeway: self.leeway.unwrap_or(Leeway::NONE) }
     }
 
     /// Returns all changes that the walk tries, one of each light in turn.
-    pub fn changes(&self) -> Vec<Change> {
+    pub(super) fn changes(&self) -> Vec<Change> {
         let mut found: Vec<Change> = CYCLE_CHANGES.into_iter().map(Change::Cycle).collect();
         found.extend(self.leeway.iter().flat_map(|_| LEEWAY_CHANGES).map(|(early, late)| Change::Leeway(early, late)));
         let of_lights: Vec<Vec<Change>> = (0..self.timings.len()).map(|light| self.changes_of(light)).collect();
@@ -98,7 +98,7 @@ impl Candidate {
     }
 
     /// Returns the candidate after a change; `None` if a green would be too short or a number too large.
-    pub fn changed(&self, plans: &[AgentPlan], change: Change) -> Option<Candidate> {
+    pub(super) fn changed(&self, plans: &[AgentPlan], change: Change) -> Option<Candidate> {
         let mut changed = self.clone();
         match change {
             Change::Cycle(by) => {

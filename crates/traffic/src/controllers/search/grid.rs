@@ -134,7 +134,7 @@ pub(crate) struct Search<'a> {
 
 impl Search<'_> {
     /// Returns the best plan found and its mean over the episodes.
-    pub fn run(mut self) -> Result<(ClockPlan, f64)> {
+    pub(crate) fn run(mut self) -> Result<(ClockPlan, f64)> {
         let grid = self.grid;
         let waves = self.waves();
         let (all, some) = (self.judge.episodes, self.judge.some());

@@ -44,7 +44,7 @@ pub(crate) struct Search<'a> {
 
 impl Search<'_> {
     /// Returns the best plan found and its mean over the episodes.
-    pub fn run(mut self) -> Result<(ClockPlan, f64)> {
+    pub(crate) fn run(mut self) -> Result<(ClockPlan, f64)> {
         let cycles = self.cycles();
         let (all, some) = (self.judge.episodes, self.judge.some());
         let waves = FINALISTS[0] * self.waves(&cycles[0]).len();

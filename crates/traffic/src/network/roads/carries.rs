@@ -34,7 +34,7 @@ const ON_ROADS: [&str; 19] = [
 const EVERYWHERE: &str = "ignoring";
 
 /// Returns whether vehicles of a class may use a lane.
-pub fn allows(lane: &Element, class: &str) -> bool {
+pub(crate) fn allows(lane: &Element, class: &str) -> bool {
     Classes::of(lane).has(class)
 }
 

@@ -17,7 +17,7 @@ use super::Roads;
 use crate::network::tree::parse;
 
 /// Letters of the light at J: north to back, north to out, near to out, near to back.
-pub const NET: &str = r#"<net version="1.9">
+pub(crate) const NET: &str = r#"<net version="1.9">
   <edge id=":U_0" function="internal"><lane id=":U_0_0" index="0" speed="10" length="10" shape="-65,0 -55,0"/></edge>
   <edge id=":U_1" function="internal"><lane id=":U_1_0" index="0" speed="10" length="7"/></edge>
   <edge id=":U_2" function="internal"><lane id=":U_2_0" index="0" speed="10" length="12"/></edge>
@@ -66,7 +66,7 @@ pub const NET: &str = r#"<net version="1.9">
 </net>"#;
 
 /// Returns the net with some texts replaced. Each of them must be there.
-pub fn changed(changes: &[(&str, &str)]) -> String {
+pub(crate) fn changed(changes: &[(&str, &str)]) -> String {
     changes.iter().fold(NET.to_owned(), |net, (old, new)| {
         assert!(net.contains(old), "the net has no {old}");
         net.replace(old, new)
@@ -74,7 +74,7 @@ pub fn changed(changes: &[(&str, &str)]) -> String {
 }
 
 /// Returns the roads of the net with some texts replaced.
-pub fn roads(changes: &[(&str, &str)]) -> Roads {
+pub(crate) fn roads(changes: &[(&str, &str)]) -> Roads {
     Roads::read(&parse(&changed(changes)).expect("XML of the test")).expect("a net of the test")
 }
 

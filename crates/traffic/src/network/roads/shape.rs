@@ -7,7 +7,7 @@ use super::attributes::wrong;
 use crate::network::tree::Element;
 
 /// Returns the points of the attribute `shape`. Without the attribute there are none. Heights are left out.
-pub fn shape(element: &Element) -> Result<Vec<Place>> {
+pub(super) fn shape(element: &Element) -> Result<Vec<Place>> {
     let written = element.attribute("shape").unwrap_or_default();
     let points: Option<Vec<Place>> = written.split_whitespace().map(point).collect();
     points.ok_or_else(|| wrong(element, "shape", "must be points such as `0.5,10 20,30`"))

@@ -10,7 +10,7 @@ use crate::sim::recorded_roads::GridFiles;
 use crate::sim::recording::Recording;
 
 /// Returns the files of the replay without signals and view: names and contents.
-pub fn files(recording: &Recording, grid: &GridFiles) -> Vec<(String, Vec<u8>)> {
+pub(super) fn files(recording: &Recording, grid: &GridFiles) -> Vec<(String, Vec<u8>)> {
     let names = NetworkFiles::of(Path::new(NAME));
     let [net, routes, sumocfg] =
         [names.net, names.routes, names.config].map(|path| path.to_string_lossy().into_owned());

@@ -19,7 +19,7 @@ const TYPES: &str = "replay.types.add.xml";
 const PLACES: (usize, usize) = (30, 30);
 
 /// Returns the files of the replay without signals and view: names and contents. `place_m`: where the light is.
-pub fn files(recording: &Recording, files: &LocalFiles, place_m: [f64; 2]) -> Vec<(String, Vec<u8>)> {
+pub(super) fn files(recording: &Recording, files: &LocalFiles, place_m: [f64; 2]) -> Vec<(String, Vec<u8>)> {
     let names = NetworkFiles::of(Path::new(NAME));
     let [net, routes, sumocfg] =
         [names.net, names.routes, names.config].map(|path| path.to_string_lossy().into_owned());

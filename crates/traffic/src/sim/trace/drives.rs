@@ -18,7 +18,7 @@ pub(crate) struct Stretch {
 
 /// Returns the points of each drive on these lanes: seconds, and metres from the beginning of the way. A car that leaves
 /// the way and comes back makes two drives.
-pub fn drives(recording: &Recording, stretches: &[Stretch]) -> Result<Vec<Vec<(f64, f64)>>> {
+pub(super) fn drives(recording: &Recording, stretches: &[Stretch]) -> Result<Vec<Vec<(f64, f64)>>> {
     let mut cars: BTreeMap<CarId, Vec<(usize, f64)>> = BTreeMap::new();
     for Stretch { lane, begin_m, scale } in stretches {
         for (step, on_lane) in recording.on_lane(lane)?.enumerate() {
