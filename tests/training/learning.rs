@@ -6,7 +6,7 @@ use std::sync::Arc;
 
 use dials_core::domain::{Domain, Result};
 use dials_core::outside::Directory;
-use dials_learn::config::{Config, ShortForm};
+use dials_learn::config::{AlgorithmName, Config, ShortForm};
 use dials_learn::training::dials;
 use dials_learn::training::observer::Silent;
 use dials_learn::training::standing::Standing;
@@ -64,6 +64,29 @@ fn all_four_simulators_teach_the_coins_to_copy() {
         let trained = ["dials", "marginal-dials"].contains(&simulator);
         assert_eq!(dir.path().join(files::AIP_LOSS).exists(), trained);
         assert_eq!(dir.path().join(files::AIP_DRIFT).exists(), simulator != "gs", "on the GS nothing is predicted");
+    }
+}
+
+#[test]
+fn dqn_teaches_the_coins_to_copy_with_each_of_its_variants() {
+    for (simulator, double, dueling, prioritised) in [
+        ("dials", true, true, false),
+        ("gs", true, true, false),
+        ("dials", false, false, false),
+        ("dials", true, true, true),
+    ] {
+        let dir = tempfile::tempdir().unwrap();
+        let mut config = config(simulator);
+        config.algorithm = AlgorithmName::Dqn;
+        let dqn = &mut config.dqn;
+        (dqn.double, dqn.dueling, dqn.prioritised) = (double, dueling, prioritised);
+        (dqn.gamma, dqn.learning_rate, dqn.epsilon_steps) = (0.5, 3e-3, 10_000);
+        train(&config, dir.path()).unwrap();
+        let variant = format!("{simulator}, double {double}, dueling {dueling}, prioritised {prioritised}");
+        let returns = column(dir.path(), files::RETURNS, "mean");
+        assert!(returns[0].1 < 0.75 * HORIZON as f64, "{variant}: {returns:?}");
+        assert!(returns[3].1 > 0.97 * HORIZON as f64, "{variant}: {returns:?}");
+        assert_eq!(column(dir.path(), files::TRAINING, "epsilon").last(), Some(&(30_000, 0.02)));
     }
 }
 

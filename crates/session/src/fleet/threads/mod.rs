@@ -19,7 +19,7 @@ use super::{Coordinator, MostGrowth, Options};
 use crate::config::RunConfig;
 use dials_core::base::Ragged;
 use dials_core::domain::Domain;
-use dials_learn::config::{Config, PolicyConfig, Simulator};
+use dials_learn::config::{AlgorithmName, Config, PolicyConfig, Simulator};
 use dials_learn::evaluation::Evaluation;
 use dials_learn::training::answers::{FleetLoad, PolicyTraining};
 use dials_learn::training::dials;
@@ -339,5 +339,28 @@ fn agents_that_get_the_mean_of_their_policies_are_the_same_for_any_number_of_wor
         fleet.restore(half).unwrap();
         dials::train(&config, &mut fleet, standing, &mut Unrecorded, &Silent).unwrap();
         assert!(*fleet.agents() == agents, "{simulator:?}");
+    }
+}
+
+#[test]
+fn dqn_is_the_same_for_any_number_of_workers_and_goes_on_from_a_state() {
+    let domain: Arc<dyn Domain> = Arc::new(CoinsAndDice::new(20));
+    for (simulator, prioritised) in [(Simulator::Local, true), (Simulator::Global, false)] {
+        let mut config = Config { simulator, algorithm: AlgorithmName::Dqn, ..config() };
+        let dqn = &mut config.dqn;
+        // The replay is full, and begins again, in the second period.
+        (dqn.replay, dqn.learning_starts, dqn.minibatch, dqn.prioritised) = (300, 32, 16, prioritised);
+        let (expected, Keeper(kept)) = trained_alone(&domain, &config);
+        let lost: [&[FateAt]; 3] = [&[], &[(2, Fate::Dies)], &[]];
+        for crew in [crew(false, [&[], &[]]), crew(true, lost)] {
+            let workers = crew.fates.len();
+            let (outcome, _) = train_as(&config, ThreadCrew { domain: domain.clone(), ..crew });
+            assert!(outcome.unwrap() == expected, "{simulator:?}, {workers} workers");
+        }
+        let (half, standing) = kept.unwrap();
+        let mut fleet = in_process(domain.clone(), config.clone(), Rc::new(Silent)).unwrap();
+        fleet.restore(half).unwrap();
+        dials::train(&config, &mut fleet, standing, &mut Unrecorded, &Silent).unwrap();
+        assert!(*fleet.agents() == expected, "{simulator:?}");
     }
 }
