@@ -14,20 +14,20 @@
 //! - [`words`]: formats of numbers, and warnings.
 //! - [`compare`]: a comparison of two groups of runs.
 
-pub mod chart;
+pub(crate) mod chart;
 pub mod compare;
 mod cores;
 mod cost_tables;
-pub mod csv_file;
-pub mod curves;
-pub mod document;
+pub(crate) mod csv_file;
+pub(crate) mod curves;
+pub(crate) mod document;
 pub mod drawing;
-pub mod family;
-pub mod finals;
-pub mod group;
+pub(crate) mod family;
+pub(crate) mod finals;
+pub(crate) mod group;
 pub mod live;
-pub mod opponent;
-pub mod paper;
+pub(crate) mod opponent;
+pub(crate) mod paper;
 mod pictures;
 mod played;
 pub mod plot;

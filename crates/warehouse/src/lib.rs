@@ -10,8 +10,8 @@
 
 pub mod config;
 pub mod global;
-pub mod hand_coded;
-pub mod items;
+pub(crate) mod hand_coded;
+pub(crate) mod items;
 pub mod layout;
 pub mod local;
 pub mod region;

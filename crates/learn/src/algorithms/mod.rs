@@ -11,8 +11,8 @@
 //!
 //! A new algorithm is a folder with its [`Algorithm`] and its [`Learner`], and a line in the list below.
 
-pub mod averaging;
-pub mod dqn;
+pub(crate) mod averaging;
+pub(crate) mod dqn;
 pub mod imitation;
 mod metrics;
 pub mod ppo;

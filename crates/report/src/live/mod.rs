@@ -6,4 +6,4 @@
 
 pub mod page;
 pub mod server;
-pub mod status;
+pub(crate) mod status;

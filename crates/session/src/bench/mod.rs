@@ -12,8 +12,8 @@
 //! This room does not know which fleet it is given, and keeps nothing of what the agents learn.
 
 pub mod costs;
-pub mod floor;
+pub(crate) mod floor;
 mod marginals;
 pub mod measure;
-pub mod simulators;
+pub(crate) mod simulators;
 pub mod table;

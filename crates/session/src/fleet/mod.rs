@@ -27,7 +27,7 @@ mod footprint;
 mod growth;
 mod in_process;
 mod launcher;
-pub mod link;
+pub(crate) mod link;
 mod log;
 mod loss;
 mod message;

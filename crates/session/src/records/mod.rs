@@ -36,25 +36,25 @@
 //!   and baselines are read. [`method`]: the part of a config that makes runs comparable.
 
 pub mod checkpoint;
-pub mod columns;
+pub(crate) mod columns;
 pub mod csv;
-pub mod csv_table;
+pub(crate) mod csv_table;
 pub mod files;
 pub mod find;
 pub mod finite;
 pub mod growing;
 pub mod joint_layout;
 mod json_file;
-pub mod kept;
+pub(crate) mod kept;
 pub mod likeness;
 mod lines;
 pub mod method;
 pub mod networks;
 pub mod plan;
-pub mod reader;
+pub(crate) mod reader;
 pub mod resume_point;
 pub mod run_json;
 pub mod run_log;
 pub mod run_record;
-pub mod tensorboard;
-pub mod word;
+pub(crate) mod tensorboard;
+pub(crate) mod word;

@@ -14,5 +14,5 @@ pub mod phases;
 pub mod plan;
 pub mod region;
 pub mod region_plan;
-pub mod sensor;
+pub(crate) mod sensor;
 mod service;

@@ -7,7 +7,7 @@ mod grid;
 mod reward;
 mod scenario;
 mod sumo_options;
-pub mod sumo_time;
+pub(crate) mod sumo_time;
 pub mod sumocfg;
 mod yellow;
 

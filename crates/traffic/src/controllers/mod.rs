@@ -18,24 +18,24 @@
 //! - `arguments`: the text that names a controller; `clock_text`: its part about the clock.
 //! - `examples`: lights made by hand, for tests.
 
-pub mod actuated;
+pub(crate) mod actuated;
 mod arguments;
 mod clock_text;
 mod control;
 mod coordinated;
 #[cfg(test)]
-pub mod examples;
+pub(crate) mod examples;
 mod fitted;
 mod fixed_time;
 mod flow_ratios;
 mod flows;
 mod gap_out;
 mod green_limits;
-pub mod intersections;
+pub(crate) mod intersections;
 mod longest_queue;
 mod max_pressure;
 mod neighbours;
-pub mod search;
+pub(crate) mod search;
 mod simple;
 mod split;
 mod timing;

@@ -15,7 +15,7 @@ mod causes;
 pub mod doubts;
 mod on_grid;
 mod on_scenario;
-pub mod seen;
+pub(crate) mod seen;
 pub mod truth;
 
 use std::ops::Range;

@@ -9,7 +9,7 @@
 
 pub mod contents;
 pub mod files;
-pub mod loadable;
+pub(crate) mod loadable;
 pub(super) mod memory_file;
 mod other_files;
 pub mod roads;

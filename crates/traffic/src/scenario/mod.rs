@@ -8,10 +8,10 @@
 //! - `demand`: where vehicles depart, and how many. [`dawdling`]: how much cars dawdle.
 //! - [`kept`]: copies for run directories and replays.
 
-pub mod dawdling;
+pub(crate) mod dawdling;
 mod demand;
 mod elements;
-pub mod kept;
+pub(crate) mod kept;
 mod place;
 
 use std::collections::BTreeSet;

@@ -10,7 +10,7 @@
 
 mod config;
 pub mod gae;
-pub mod loss;
+pub(crate) mod loss;
 mod memory;
 mod rollout;
 pub mod update;

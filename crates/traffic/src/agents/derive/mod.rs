@@ -13,10 +13,10 @@ pub mod border;
 pub mod clearing;
 pub mod greens;
 pub mod keeping;
-pub mod lanes;
+pub(crate) mod lanes;
 pub mod overrides;
 pub mod padding;
-pub mod region;
+pub(crate) mod region;
 pub mod safety;
 mod sight;
 #[cfg(test)]

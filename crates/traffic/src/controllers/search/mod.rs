@@ -6,8 +6,8 @@
 //! - [`grid`]: the paper's grids. [`net`]: other nets; `candidate`: its candidates and how they are changed.
 
 mod candidate;
-pub mod grid;
-pub mod net;
+pub(crate) mod grid;
+pub(crate) mod net;
 
 use anyhow::Result;
 

@@ -16,7 +16,7 @@ pub(crate) mod example;
 #[cfg(test)]
 mod faults;
 pub mod file;
-pub mod program;
+pub(crate) mod program;
 mod read;
 mod shape;
 
