@@ -62,6 +62,7 @@ pub struct Config {
     pub imitation: ImitationConfig,
     /// Algorithm that trains the policies.
     #[serde(skip_serializing_if = "AlgorithmName::is_default")]
+    #[schemars(extend("default" = AlgorithmName::default()))]
     pub algorithm: AlgorithmName,
     pub ppo: PpoConfig,
     #[serde(skip_serializing_if = "DqnConfig::is_default")]
