@@ -15,7 +15,7 @@ use dials_core::domain::Kinds;
 ///
 /// Where the values of an agent are no longer finite, those of its kind stay as they are. A mean would spread NaN to all of
 /// them, and nobody could name the agent that diverged.
-pub fn average(agents: &mut AgentsState, config: &Config, kinds: &Kinds) {
+pub(crate) fn average(agents: &mut AgentsState, config: &Config, kinds: &Kinds) {
     let steps = agents.steps;
     for kind in kinds.iter() {
         average_rows(&mut agents.policies, &kind.agents);

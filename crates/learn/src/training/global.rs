@@ -13,7 +13,7 @@ use dials_core::base::{Seed, Stopwatch};
 use dials_core::domain::{Action, GlobalSimulator, JointPercept, Kinds, Percept, Result};
 
 /// The GS as an [`Environment`]: all regions end together, and the next episode has the next seed.
-pub struct GlobalEnvironment {
+pub(crate) struct GlobalEnvironment {
     simulator: Timed<dyn GlobalSimulator>,
     kinds: Kinds,
     episodes: Seed,
@@ -30,7 +30,7 @@ impl GlobalEnvironment {
     /// Brings a new GS to the state in which `streams`, one per agent of each kind, left the old one, and continues
     /// from there. `episodes`: the stream of the episodes' seeds. `alive` is called at every step, because many may have
     /// to be replayed.
-    pub fn resume(
+    pub(crate) fn resume(
         simulator: Box<dyn GlobalSimulator>,
         episodes: Seed,
         streams: &[&[AgentStream]],

@@ -8,7 +8,7 @@ use dials_core::base::{Activity, Seed};
 use dials_core::domain::{Action, Controller, JointPercept, Result};
 
 /// A controller that reports its progress to an observer.
-pub struct Reporting<'a> {
+pub(crate) struct Reporting<'a> {
     inner: &'a mut dyn Controller,
     observer: &'a dyn Observer,
     activity: Activity,
@@ -19,7 +19,7 @@ pub struct Reporting<'a> {
 
 impl<'a> Reporting<'a> {
     /// `decisions`: the number of decisions in all episodes that will be played.
-    pub fn new(
+    pub(crate) fn new(
         inner: &'a mut dyn Controller,
         observer: &'a dyn Observer,
         activity: Activity,

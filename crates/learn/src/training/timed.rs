@@ -10,14 +10,14 @@ use dials_core::domain::{
 
 /// A simulator whose steps and resets are timed from outside. Phases that the simulator itself measured within its
 /// steps, see [`GlobalSimulator::take_watch`], are subtracted.
-pub struct Timed<S: ?Sized> {
+pub(crate) struct Timed<S: ?Sized> {
     inner: Box<S>,
     steps: Duration,
     resets: Duration,
 }
 
 impl<S: ?Sized> Timed<S> {
-    pub fn new(inner: Box<S>) -> Self {
+    pub(crate) fn new(inner: Box<S>) -> Self {
         Timed { inner, steps: Duration::ZERO, resets: Duration::ZERO }
     }
 
@@ -131,13 +131,13 @@ impl LocalSimulator for Timed<dyn LocalSimulator> {
 }
 
 /// A controller whose decisions are timed.
-pub struct TimedController<C> {
+pub(crate) struct TimedController<C> {
     inner: C,
     pub watch: Stopwatch,
 }
 
 impl<C: Controller> TimedController<C> {
-    pub fn new(inner: C) -> Self {
+    pub(crate) fn new(inner: C) -> Self {
         TimedController { inner, watch: Stopwatch::default() }
     }
 }

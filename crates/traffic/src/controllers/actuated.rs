@@ -3,14 +3,14 @@
 use crate::network::xml::{document, leaf, nest};
 
 /// Name of the actuated program among those of a light, if no other program has it.
-pub const PROGRAM: &str = "actuated";
+pub(crate) const PROGRAM: &str = "actuated";
 
 /// Shortest and longest green in seconds, unless the own program gives its own.
 const GREEN_S: [f64; 2] = [5.0, 50.0];
 
 /// A phase of a light's own program.
 #[derive(Clone, Debug, PartialEq)]
-pub struct ProgramPhase<'a> {
+pub(crate) struct ProgramPhase<'a> {
     pub state: &'a str,
     /// Whether it lasts as long as cars come. A link may also have green in yellow and all red of the others.
     pub is_green: bool,
@@ -24,7 +24,7 @@ pub struct ProgramPhase<'a> {
 
 /// What an actuated program is made of.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Light<'a> {
+pub(crate) struct Light<'a> {
     /// SUMO's name of the light.
     pub id: &'a str,
     /// Time by which the program runs late, in seconds.
@@ -38,7 +38,7 @@ pub struct Light<'a> {
 /// Returns an additional file with an actuated program of this name for each light.
 ///
 /// Greens last as long as cars come, within their limits. All other phases last as long as in the own program.
-pub fn programs<'a>(name: &str, lights: impl IntoIterator<Item = Light<'a>>) -> String {
+pub(crate) fn programs<'a>(name: &str, lights: impl IntoIterator<Item = Light<'a>>) -> String {
     document("additional", |xml| {
         lights.into_iter().try_for_each(|Light { id, offset_s, parameters, phases }| {
             let offset_s = offset_s.to_string();

@@ -14,7 +14,7 @@ use dials_core::base::AgentId;
 use libsumo::{CarId, LaneCars, SignalState};
 
 /// Greens of [`crossing`]. Letters: west to east, west to north, south to north, south to west, east to west.
-pub const GREENS: [&str; 4] = ["GrrrG", "rGrrr", "rrGrr", "rgrGr"];
+pub(crate) const GREENS: [&str; 4] = ["GrrrG", "rGrrr", "rrGrr", "rgrGr"];
 
 /// Returns a light with four greens. Approaches:
 /// - 0 and 1 from the west, straight on and to the left,
@@ -22,7 +22,7 @@ pub const GREENS: [&str; 4] = ["GrrrG", "rGrrr", "rrGrr", "rgrGr"];
 /// - 3 from the east, 10 m long, and 4 upstream of it.
 ///
 /// Exits: 0 to the east, 1 to the north, 2 to the west; the last one leaves the net.
-pub fn crossing() -> AgentPlan {
+pub(crate) fn crossing() -> AgentPlan {
     let approach = |lane: &str, length_m, ahead_m, links: &[usize]| Approach {
         lane: lane.to_owned(),
         length_m,
@@ -76,15 +76,15 @@ fn phases(greens: &[&str]) -> PhasePlan {
 
 /// Returns the plan of the middle of three intersections in a row of the paper's grid. Green 0 is for the cars from
 /// south and north.
-pub fn middle() -> AgentPlan {
+pub(crate) fn middle() -> AgentPlan {
     plans(Grid::new(1, 3).expect("a grid"), &TrafficConfig::new("", "")).swap_remove(1)
 }
 
 /// An intersection to be filled with cars.
-pub struct At<'a>(Intersection<'a>);
+pub(crate) struct At<'a>(Intersection<'a>);
 
 impl<'a> At<'a> {
-    pub fn new(plan: &'a AgentPlan, shown: Shown) -> At<'a> {
+    pub(crate) fn new(plan: &'a AgentPlan, shown: Shown) -> At<'a> {
         At(Intersection {
             plan,
             agent: AgentId(0),
@@ -96,13 +96,13 @@ impl<'a> At<'a> {
         })
     }
 
-    pub fn since(mut self, steps: u32) -> At<'a> {
+    pub(crate) fn since(mut self, steps: u32) -> At<'a> {
         self.0.shown_steps = steps;
         self
     }
 
     /// Puts cars on an approach: distance to the end of the lane in metres, speed in m/s.
-    pub fn cars(mut self, approach: usize, placed: &[(f64, f64)]) -> At<'a> {
+    pub(crate) fn cars(mut self, approach: usize, placed: &[(f64, f64)]) -> At<'a> {
         let length_m = self.0.plan.region.approaches[approach].length_m;
         let mut placed: Vec<(f64, f64)> =
             placed.iter().map(|&(to_end_m, speed)| (length_m - to_end_m, speed)).collect();
@@ -113,7 +113,7 @@ impl<'a> At<'a> {
     }
 
     /// Puts cars that stand in a queue on an approach.
-    pub fn queue(self, approach: usize, count: usize) -> At<'a> {
+    pub(crate) fn queue(self, approach: usize, count: usize) -> At<'a> {
         let placed: Vec<(f64, f64)> = (0..count).map(|car| (7.5 * car as f64, 0.0)).collect();
         self.cars(approach, &placed)
     }
@@ -125,7 +125,7 @@ impl<'a> At<'a> {
     }
 
     /// Puts moving cars on an exit.
-    pub fn gone(mut self, exit: usize, count: usize) -> At<'a> {
+    pub(crate) fn gone(mut self, exit: usize, count: usize) -> At<'a> {
         self.0.exits[exit] = cars(&vec![(5.0, 5.0); count]);
         self
     }
@@ -136,7 +136,7 @@ impl<'a> At<'a> {
         self
     }
 
-    pub fn build(self) -> Intersection<'a> {
+    pub(crate) fn build(self) -> Intersection<'a> {
         self.0
     }
 }

@@ -47,7 +47,7 @@ fn names_in(element: &str) -> &'static [&'static str] {
 }
 
 /// Writes an element with everything inside it, and with a prefix before every name.
-pub fn write(xml: &mut Xml, element: &Element, prefix: &str) -> io::Result<()> {
+pub(crate) fn write(xml: &mut Xml, element: &Element, prefix: &str) -> io::Result<()> {
     let names = names_in(&element.name);
     let attributes = element.attributes.iter().map(|(key, value)| {
         let renamed = names.contains(&key.as_str()).then(|| all_prefixed(prefix, value));

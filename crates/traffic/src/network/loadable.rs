@@ -108,7 +108,10 @@ impl Loadable {
 }
 
 /// Returns an error of SUMO in its own words. Each file in memory has the path of the user's file that it was made of.
-pub fn explain<'a>(error: &libsumo::Error, names: impl IntoIterator<Item = (&'a MemoryFile, &'a Path)>) -> Error {
+pub(crate) fn explain<'a>(
+    error: &libsumo::Error,
+    names: impl IntoIterator<Item = (&'a MemoryFile, &'a Path)>,
+) -> Error {
     let said = match error {
         libsumo::Error::Load { text, .. } | libsumo::Error::Refused { text, .. } => format!("SUMO: {text}"),
         error => error.to_string(),

@@ -11,10 +11,10 @@ use rustix::fs::{MemfdFlags, SealFlags, fcntl_add_seals, memfd_create};
 ///
 /// It is sealed: what SUMO loads, now or in a later episode, is what this program wrote. It goes with the process,
 /// however that ends, and needs no temporary directory.
-pub struct MemoryFile(File);
+pub(crate) struct MemoryFile(File);
 
 impl MemoryFile {
-    pub fn new(text: &str) -> Result<MemoryFile> {
+    pub(crate) fn new(text: &str) -> Result<MemoryFile> {
         let flags = MemfdFlags::CLOEXEC | MemfdFlags::ALLOW_SEALING;
         let descriptor = memfd_create("network", flags).context("no file in memory for a network of SUMO")?;
         let mut file = File::from(descriptor);
@@ -25,7 +25,7 @@ impl MemoryFile {
     }
 
     /// Returns its path within this process.
-    pub fn path(&self) -> String {
+    pub(crate) fn path(&self) -> String {
         format!("/proc/self/fd/{}", self.0.as_raw_fd())
     }
 }

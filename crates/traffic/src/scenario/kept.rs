@@ -12,11 +12,11 @@ use crate::network::xml::{self, document, section};
 use dials_core::outside::write_together;
 
 /// Beginning of the names in the copy of a run directory.
-pub const KEPT: &str = "scenario";
+pub(crate) const KEPT: &str = "scenario";
 const AGENTS: &str = "agents.toml";
 
 /// An episode that plain SUMO plays in a copy.
-pub struct Episode<'a> {
+pub(crate) struct Episode<'a> {
     /// Seed that SUMO gets.
     pub seed: u32,
     /// Second at which it ends.

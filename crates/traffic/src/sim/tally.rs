@@ -9,11 +9,11 @@ use libsumo::{CarTable, Simulation};
 pub(crate) const P_SWITCH: &str = "p_switch_given_green";
 
 /// Name of the measure "cars on the approaches of a light", of scenarios only.
-pub const CARS_PER_LIGHT: &str = "cars_per_light";
+pub(crate) const CARS_PER_LIGHT: &str = "cars_per_light";
 
 /// Counts of an episode.
 #[derive(Clone, Debug, Default)]
-pub struct Tally {
+pub(crate) struct Tally {
     /// Number of steps that began with green, and number of those in which it ended, per agent.
     greens: Vec<(u64, u64)>,
     steps: u64,
@@ -31,18 +31,18 @@ pub struct Tally {
 }
 
 impl Tally {
-    pub fn new(agents: usize, emergency_decel_mps2: Option<f64>) -> Self {
+    pub(crate) fn new(agents: usize, emergency_decel_mps2: Option<f64>) -> Self {
         Tally { greens: vec![(0, 0); agents], emergency_decel_mps2, ..Tally::default() }
     }
 
-    pub fn lights(&mut self, before: &[Shown], now: &[Shown]) {
+    pub(crate) fn lights(&mut self, before: &[Shown], now: &[Shown]) {
         for ((greens, switches), (before, now)) in self.greens.iter_mut().zip(before.iter().zip(now)) {
             *greens += u64::from(before.is_green());
             *switches += u64::from(before.is_green() && now != before);
         }
     }
 
-    pub fn cars(&mut self, now: &CarTable, before: &CarTable) {
+    pub(crate) fn cars(&mut self, now: &CarTable, before: &CarTable) {
         self.car_steps += now.cars() as u64;
         for (now, before) in now.iter().zip(before.iter()) {
             self.speed_sum_mps += now.speeds_mps.iter().sum::<f64>();
@@ -57,7 +57,7 @@ impl Tally {
         }
     }
 
-    pub fn step(&mut self, simulation: &mut Simulation) -> Result<()> {
+    pub(crate) fn step(&mut self, simulation: &mut Simulation) -> Result<()> {
         let counts = simulation.counts()?;
         self.steps += 1;
         self.departed += u64::from(counts.departed);
@@ -76,7 +76,7 @@ impl Tally {
         self.emergency_decel_mps2.is_none()
     }
 
-    pub fn measures(&self) -> Measures {
+    pub(crate) fn measures(&self) -> Measures {
         let emergencies = if self.is_scenario() { "emergency_stops" } else { "emergency_brakes" };
         let mut system = vec![
             ("mean_speed_mps", self.speed_sum_mps / self.car_steps.max(1) as f64),

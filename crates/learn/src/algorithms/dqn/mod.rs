@@ -109,7 +109,7 @@ impl Algorithm for DqnConfig {
 }
 
 /// The learner of some agents of one kind.
-pub struct Dqn {
+pub(crate) struct Dqn {
     config: DqnConfig,
     policies: PolicyStack,
     target: PolicyStack,

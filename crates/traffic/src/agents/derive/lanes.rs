@@ -10,7 +10,7 @@ use crate::network::roads::{Connection, EdgeNo, LaneNo, Roads};
 ///
 /// Approaches: first the edges at the stop line in the order of the light's letters, then the others by distance; the
 /// lanes of an edge from the right to the left. Links are in the order of the letters, exits in that of the links.
-pub fn region_plan(roads: &Roads, light: &str, region: &Region) -> RegionPlan {
+pub(crate) fn region_plan(roads: &Roads, light: &str, region: &Region) -> RegionPlan {
     let mut ways: Vec<(usize, &Connection)> = roads
         .under_light(light)
         .filter(|link| region.ahead_m.contains_key(&link.from))

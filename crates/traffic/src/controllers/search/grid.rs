@@ -33,7 +33,7 @@ const LEEWAY_CHANGES: [(i64, i64); 4] = [(1, 0), (-1, 0), (0, 1), (0, -1)];
 
 /// The shape of a grid.
 #[derive(Clone, Copy)]
-pub struct Shape<'a> {
+pub(crate) struct Shape<'a> {
     pub rows: usize,
     pub cols: usize,
     /// Phases of every light: green for south and north, then for west and east.

@@ -79,7 +79,7 @@ impl Program {
 }
 
 /// Returns the name of a `<tlLogic>` among those of its light.
-pub fn name(element: &Element) -> &str {
+pub(crate) fn name(element: &Element) -> &str {
     element.attribute("programID").unwrap_or("0")
 }
 
@@ -98,7 +98,7 @@ fn read_phase(element: &Element) -> Result<Phase> {
 }
 
 /// Returns the letter of a light that a `<connection>` obeys, if a light controls it.
-pub fn signal(connection: &Element) -> Result<Option<super::Signal>> {
+pub(crate) fn signal(connection: &Element) -> Result<Option<super::Signal>> {
     let Some(light) = connection.attribute("tl") else { return Ok(None) };
     Ok(Some(super::Signal { light: light.to_owned(), letter: count(connection, "linkIndex")? }))
 }
