@@ -18,11 +18,11 @@ const CONFIG: &str = "[traffic]\nnetwork = 'grid_2x2'\nlocal_network = 'local'\n
 /// Names the file of a target, and whether another one may change how often cars arrive.
 macro_rules! network_files {
     ($($call:ident, $seeds:ident, $file:literal, $may_change:literal;)*) => {
-        $(pub fn $seeds(_: &Place) -> Vec<Vec<u8>> {
+        $(pub(crate) fn $seeds(_: &Place) -> Vec<Vec<u8>> {
             read_all(&[concat!("sumo_nets/", $file)])
         }
 
-        pub fn $call(place: &Place, bytes: &[u8]) -> Result<()> {
+        pub(crate) fn $call(place: &Place, bytes: &[u8]) -> Result<()> {
             with_file(place, $file, bytes, $may_change)
         })*
     };

@@ -25,11 +25,11 @@ enum Shown {
 /// Names the file of a target, relative to the folder of runs.
 macro_rules! files_of_runs {
     ($($call:ident, $seeds:ident, $file:literal, $shown:ident;)*) => {
-        $(pub fn $seeds(_: &Place) -> Vec<Vec<u8>> {
+        $(pub(crate) fn $seeds(_: &Place) -> Vec<Vec<u8>> {
             read_all(&[concat!("tests/report/runs/", $file)])
         }
 
-        pub fn $call(place: &Place, bytes: &[u8]) -> Result<()> {
+        pub(crate) fn $call(place: &Place, bytes: &[u8]) -> Result<()> {
             with_file(place, $file, bytes, Shown::$shown)
         })*
     };

@@ -10,13 +10,13 @@ use dials_core::outside::csv_name;
 use dials_session::records::run_record::MemoryRecord;
 
 /// A file of the report.
-pub struct CsvFile {
+pub(crate) struct CsvFile {
     pub name: &'static str,
     pub text: String,
 }
 
 /// Returns all CSV files.
-pub fn files(comparisons: &[Comparison]) -> Result<Vec<CsvFile>> {
+pub(crate) fn files(comparisons: &[Comparison]) -> Result<Vec<CsvFile>> {
     Ok(vec![
         curves(comparisons)?,
         losses(comparisons)?,

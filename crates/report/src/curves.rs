@@ -12,7 +12,7 @@ use dials_session::records::run_record::RunRecord;
 
 /// A point of a learning curve.
 #[derive(Clone, Debug, PartialEq)]
-pub struct CurvePoint {
+pub(crate) struct CurvePoint {
     /// Timesteps per agent.
     pub steps: u64,
     /// Mean returns over seeds.
@@ -25,7 +25,7 @@ pub struct CurvePoint {
 
 /// A point of a curve of cross-entropies.
 #[derive(Clone, Debug, PartialEq)]
-pub struct LossPoint {
+pub(crate) struct LossPoint {
     pub steps: u64,
     /// Whether the loss was measured right after a training of the AIPs (approximate influence predictors).
     pub after_training: bool,
@@ -37,7 +37,7 @@ pub struct LossPoint {
 
 /// Data on which the cross-entropy of a group's AIPs was measured.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum LossData {
+pub(crate) enum LossData {
     /// Fresh episodes of the GS (global simulator), at evaluations and after trainings.
     Fresh,
     /// The held-out episodes of each dataset, before and after the training on it.
@@ -45,7 +45,7 @@ pub enum LossData {
 }
 
 /// Makes the learning curve of a group.
-pub fn learning_curve(group: &Group) -> Vec<CurvePoint> {
+pub(crate) fn learning_curve(group: &Group) -> Vec<CurvePoint> {
     let steps: BTreeSet<u64> =
         group.runs.iter().flat_map(|run| run.evaluations.iter().map(|evaluation| evaluation.steps)).collect();
     let points = steps.into_iter().filter_map(|steps| {
@@ -68,7 +68,7 @@ pub fn learning_curve(group: &Group) -> Vec<CurvePoint> {
 /// It has a point at every step at which some run was measured or trained its AIPs, and interpolates like a learning
 /// curve. Runs need not train at the same steps: at the training of one, the others count with their value at that
 /// step.
-pub fn loss_curve(group: &Group) -> (LossData, Vec<LossPoint>) {
+pub(crate) fn loss_curve(group: &Group) -> (LossData, Vec<LossPoint>) {
     let fresh = group.runs.iter().any(|run| !run.fresh_losses.is_empty());
     let data = if fresh { LossData::Fresh } else { LossData::HeldOut };
     let of_runs: Vec<LossesBySteps> = group.runs.iter().map(|run| measured(run, data)).collect();
@@ -84,7 +84,7 @@ pub fn loss_curve(group: &Group) -> (LossData, Vec<LossPoint>) {
 
 /// Returns the cross-entropies of the single runs of a group, from the same data as [`loss_curve`]: steps, whether
 /// right after a training, and loss.
-pub fn loss_curves_of_seeds(group: &Group, data: LossData) -> Vec<Vec<(u64, bool, f64)>> {
+pub(crate) fn loss_curves_of_seeds(group: &Group, data: LossData) -> Vec<Vec<(u64, bool, f64)>> {
     let curve = |run: &RunRecord| {
         measured(run, data)
             .iter()
@@ -96,7 +96,7 @@ pub fn loss_curves_of_seeds(group: &Group, data: LossData) -> Vec<Vec<(u64, bool
 
 /// Returns the trainings of AIPs that only some runs of a group have, without those at step 0: steps and the loss right
 /// after.
-pub fn single_trainings(group: &Group) -> Vec<(u64, f64)> {
+pub(crate) fn single_trainings(group: &Group) -> Vec<(u64, f64)> {
     let of_runs: Vec<LossesBySteps> = group.runs.iter().map(|run| measured(run, LossData::Fresh)).collect();
     let trainings = of_runs.iter().flatten().filter(|((steps, after_training), _)| *after_training && *steps > 0);
     let single = trainings.filter(|(place, _)| {

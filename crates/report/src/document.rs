@@ -5,7 +5,7 @@ use std::fmt::Write;
 use crate::drawing::Svg;
 use dials_core::outside::{Printable, is_printable};
 
-pub enum Block {
+pub(crate) enum Block {
     /// Level from 1 to 3, and text.
     Heading(usize, String),
     Paragraph(String),
@@ -16,7 +16,7 @@ pub enum Block {
     Code(Vec<String>),
 }
 
-pub struct Table {
+pub(crate) struct Table {
     pub caption: String,
     pub header: Vec<String>,
     pub rows: Vec<Vec<String>>,
@@ -29,13 +29,13 @@ pub struct Figure {
     pub svg: Svg,
 }
 
-pub struct Document {
+pub(crate) struct Document {
     pub title: String,
     pub blocks: Vec<Block>,
 }
 
 impl Document {
-    pub fn figures(&self) -> impl Iterator<Item = &Figure> {
+    pub(crate) fn figures(&self) -> impl Iterator<Item = &Figure> {
         self.blocks.iter().filter_map(|block| match block {
             Block::Figure(figure) => Some(figure),
             _ => None,
@@ -43,7 +43,7 @@ impl Document {
     }
 
     /// Writes Markdown that links the figures as files beside it.
-    pub fn to_markdown(&self) -> String {
+    pub(crate) fn to_markdown(&self) -> String {
         let mut text = format!("# {}\n", plain_line(&self.title));
         for block in &self.blocks {
             text.push('\n');
@@ -71,7 +71,7 @@ impl Document {
     }
 
     /// Writes one HTML page that contains its figures.
-    pub fn to_html(&self) -> String {
+    pub(crate) fn to_html(&self) -> String {
         let title = escape(&self.title);
         let body = format!("<h1>{title}</h1>\n{}", to_html(&self.blocks));
         let contents: String = self
@@ -92,7 +92,7 @@ impl Document {
 }
 
 /// Writes blocks as HTML, to be put into a page with [`STYLE`].
-pub fn to_html(blocks: &[Block]) -> String {
+pub(crate) fn to_html(blocks: &[Block]) -> String {
     let mut body = String::new();
     for block in blocks {
         match block {
@@ -124,7 +124,7 @@ pub fn to_html(blocks: &[Block]) -> String {
 }
 
 /// Style of all pages.
-pub const STYLE: &str = include_str!("page.css");
+pub(crate) const STYLE: &str = include_str!("page.css");
 
 fn line(text: &mut String, words: impl std::fmt::Display) {
     writeln!(text, "{words}").expect("a string takes everything");
@@ -221,7 +221,7 @@ fn fence(text: &str) -> String {
 }
 
 /// Escapes a text of one line for HTML and XML.
-pub fn escape(text: &str) -> String {
+pub(crate) fn escape(text: &str) -> String {
     let mut escaped = String::with_capacity(text.len());
     for c in text.chars() {
         match c {

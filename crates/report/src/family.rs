@@ -4,7 +4,7 @@ use super::group::Comparison;
 use dials_core::domain::ScenarioId;
 
 /// Scenarios of one domain with equal episodes and equal rules. Their agents are all in rows, or it is a single network.
-pub struct Family<'a> {
+pub(crate) struct Family<'a> {
     /// Title, unique in a report: `traffic` if all its scenarios of this domain are in one family.
     pub title: String,
     /// The same as a part of file names.
@@ -13,7 +13,7 @@ pub struct Family<'a> {
 }
 
 /// Returns the families of a report, those of a domain one after the other.
-pub fn families(comparisons: &[Comparison]) -> Vec<Family<'_>> {
+pub(crate) fn families(comparisons: &[Comparison]) -> Vec<Family<'_>> {
     let mut kin: Vec<Vec<&Comparison>> = Vec::new();
     for comparison in comparisons {
         match kin.iter_mut().find(|family| are_kin(family[0], comparison)) {

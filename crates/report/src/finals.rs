@@ -98,13 +98,13 @@ impl Final {
 }
 
 /// Returns the agents' returns at the evaluation at step `steps`; nothing if there was none.
-pub fn agents_at(run: &RunRecord, steps: u64) -> &[Returns] {
+pub(crate) fn agents_at(run: &RunRecord, steps: u64) -> &[Returns] {
     run.evaluation_at(steps).map_or(&[], |evaluation| &evaluation.agents)
 }
 
 /// Wall and CPU time in seconds, means over the runs of a group.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Runtime {
+pub(crate) struct Runtime {
     /// Timesteps per agent.
     pub steps: u64,
     /// Whether the runs are finished.
@@ -124,7 +124,7 @@ pub struct Runtime {
 
 impl Runtime {
     /// Averages over the runs that count for the final return, up to the step of that return; `None` if there is none.
-    pub fn of(group: &Group) -> Option<Runtime> {
+    pub(crate) fn of(group: &Group) -> Option<Runtime> {
         let (steps, runs) = group.finals()?;
         let times: Vec<PeriodTime> = runs.iter().filter_map(|run| run.time_at(steps)).collect();
         let mean_of = |part: &dyn Fn(&PeriodTime) -> f64| mean(&times.iter().map(part).collect::<Vec<_>>());
@@ -144,13 +144,13 @@ impl Runtime {
 }
 
 /// Returns the mean over runs.
-pub fn mean_cpu(times: &[PeriodTime]) -> CpuTime {
+pub(crate) fn mean_cpu(times: &[PeriodTime]) -> CpuTime {
     let mean_of = |part: fn(&CpuTime) -> f64| mean(&times.iter().map(|time| part(&time.cpu)).collect::<Vec<_>>());
     CpuTime { total_s: mean_of(|cpu| cpu.total_s), evaluation_s: mean_of(|cpu| cpu.evaluation_s) }
 }
 
 /// Returns the largest memory of a group's runs; `None` if no run measured it.
-pub fn peak_memory(group: &Group) -> Option<MemoryRecord> {
+pub(crate) fn peak_memory(group: &Group) -> Option<MemoryRecord> {
     group.runs.iter().filter_map(|run| run.memory).reduce(MemoryRecord::max)
 }
 

@@ -128,7 +128,7 @@ impl Group {
 }
 
 /// Returns the paper's name of a method: the simulator, with F if it has one.
-pub fn method_name(simulator: &str, retraining: Retraining) -> String {
+pub(crate) fn method_name(simulator: &str, retraining: Retraining) -> String {
     let name = if simulator == "gs" { "GS".to_owned() } else { simulator.replace("dials", "DIALS") };
     match retraining {
         Retraining::Never => name,
@@ -144,19 +144,19 @@ fn last_step(run: &RunRecord) -> u64 {
 }
 
 /// Returns the steps at which all of these runs were evaluated.
-pub fn evaluated_together(runs: &[&RunRecord]) -> BTreeSet<u64> {
+pub(crate) fn evaluated_together(runs: &[&RunRecord]) -> BTreeSet<u64> {
     let steps = |run: &&RunRecord| run.evaluations.iter().map(|evaluation| evaluation.steps).collect::<BTreeSet<u64>>();
     runs.iter().map(steps).reduce(|all, own| &all & &own).unwrap_or_default()
 }
 
 /// Runs sorted into comparisons.
-pub struct Sorted {
+pub(crate) struct Sorted {
     pub comparisons: Vec<Comparison>,
     pub left_out: Vec<LeftOut>,
 }
 
 /// Sorts runs by scenario, method and seed.
-pub fn sort(found: Found) -> Result<Sorted> {
+pub(crate) fn sort(found: Found) -> Result<Sorted> {
     let mut left_out = found.unreadable;
     type Methods = BTreeMap<Method, Vec<RunRecord>>;
     let mut scenarios: BTreeMap<ScenarioId, (Methods, BTreeSet<String>)> = BTreeMap::new();

@@ -28,12 +28,12 @@ impl PaperDomain {
 /// Numbers of agents of the paper's scenarios.
 const SIZES: [usize; 4] = [4, 25, 49, 100];
 /// Timesteps per agent of the paper's runs.
-pub const STEPS: u64 = 4_000_000;
+pub(crate) const STEPS: u64 = 4_000_000;
 /// Checksums of the road networks of these sizes, from `sumo_nets`.
 const NETWORKS: [&str; 4] = ["2e9f05c0", "93a8b1ee", "cad97cd3", "5d49296f"];
 
 /// Returns the scenarios of the paper in a domain, by size; none in a domain that it does not have.
-pub fn scenarios(domain: &str) -> Vec<ScenarioId> {
+pub(crate) fn scenarios(domain: &str) -> Vec<ScenarioId> {
     let of_size = |environment| SIZES.map(|agents| Scenario::new(domain, agents, horizon(environment)).id).to_vec();
     PaperDomain::of(domain).map_or(Vec::new(), of_size)
 }
@@ -48,13 +48,13 @@ fn horizon(environment: PaperDomain) -> usize {
 
 /// Whether the paper's numbers apply to a scenario: it has the same number of agents, horizon, network and rules. If the
 /// network is not known, it is taken to be the same.
-pub fn has(scenario: &ScenarioId) -> bool {
+pub(crate) fn has(scenario: &ScenarioId) -> bool {
     place(scenario).is_some()
 }
 
 /// A return that was read off a plot of the paper.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct PaperReturn {
+pub(crate) struct PaperReturn {
     pub steps: u64,
     pub mean: f64,
     /// Standard error, if the paper draws it.
@@ -68,7 +68,7 @@ impl PaperReturn {
 }
 
 /// Returns the place in the paper that its returns were read from.
-pub fn figure(scenario: &ScenarioId) -> Option<&'static str> {
+pub(crate) fn figure(scenario: &ScenarioId) -> Option<&'static str> {
     let (environment, _) = place(scenario)?;
     Some(match (environment, scenario.agents) {
         (PaperDomain::Traffic, 4) => "figure of section Results, (1a), read off the plot",
@@ -78,8 +78,8 @@ pub fn figure(scenario: &ScenarioId) -> Option<&'static str> {
     })
 }
 
-pub const RUNTIME_SOURCE: &str = "appendix Runtimes";
-pub const MEMORY_SOURCE: &str = "appendix Memory Usage";
+pub(crate) const RUNTIME_SOURCE: &str = "appendix Runtimes";
+pub(crate) const MEMORY_SOURCE: &str = "appendix Memory Usage";
 
 /// Returns F, the steps between two trainings of the AIPs, of the DIALS curves that the paper compares with the GS
 /// (global simulator).
@@ -100,7 +100,7 @@ fn place(scenario: &ScenarioId) -> Option<(PaperDomain, usize)> {
 }
 
 /// Returns the points that were read off the curve of a method, in order of steps; none if the paper has no such curve.
-pub fn curve(scenario: &ScenarioId, simulator: &str, retraining: Retraining) -> Vec<PaperReturn> {
+pub(crate) fn curve(scenario: &ScenarioId, simulator: &str, retraining: Retraining) -> Vec<PaperReturn> {
     let Some(end) = final_return(scenario, simulator, retraining) else { return Vec::new() };
     let start = start(scenario).map(|mean| PaperReturn::new(0, mean, None));
     let (environment, _) = place(scenario).expect("it has a final return");
@@ -113,7 +113,7 @@ pub fn curve(scenario: &ScenarioId, simulator: &str, retraining: Retraining) -> 
 }
 
 /// Returns the paper's return at step 0, with random weights.
-pub fn start(scenario: &ScenarioId) -> Option<f64> {
+pub(crate) fn start(scenario: &ScenarioId) -> Option<f64> {
     let (environment, column) = place(scenario)?;
     let starts = match environment {
         PaperDomain::Traffic => [144.0, 162.0, 164.0, 163.5],
@@ -123,7 +123,7 @@ pub fn start(scenario: &ScenarioId) -> Option<f64> {
 }
 
 /// Returns the paper's dashed line: SUMO's actuated control for traffic, the oldest item first for the warehouse.
-pub fn hand_coded(scenario: &ScenarioId) -> Option<f64> {
+pub(crate) fn hand_coded(scenario: &ScenarioId) -> Option<f64> {
     let (environment, column) = place(scenario)?;
     let returns = match environment {
         PaperDomain::Traffic => [176.0, 175.0, 177.5, 175.0],
@@ -133,7 +133,7 @@ pub fn hand_coded(scenario: &ScenarioId) -> Option<f64> {
 }
 
 /// Returns the last point of the paper's curve of a method.
-pub fn final_return(scenario: &ScenarioId, simulator: &str, retraining: Retraining) -> Option<PaperReturn> {
+pub(crate) fn final_return(scenario: &ScenarioId, simulator: &str, retraining: Retraining) -> Option<PaperReturn> {
     let (environment, column) = place(scenario)?;
     let at_end = |mean, std_error| PaperReturn::new(STEPS, mean, std_error);
     let of_sizes = match (environment, simulator) {
@@ -169,7 +169,7 @@ pub fn final_return(scenario: &ScenarioId, simulator: &str, retraining: Retraini
 
 /// Hours of the paper for 4M timesteps.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct PaperRuntime {
+pub(crate) struct PaperRuntime {
     pub agents_training: f64,
     /// Hours of data collection and influence training; `None` for methods without them.
     pub influence: Option<f64>,
@@ -177,7 +177,7 @@ pub struct PaperRuntime {
 }
 
 /// The methods whose runtimes the paper has, in its order.
-pub const RUNTIMES: [(&str, Retraining); 6] = [
+pub(crate) const RUNTIMES: [(&str, Retraining); 6] = [
     ("gs", Retraining::Never),
     ("dials", Retraining::Every(100_000)),
     ("dials", Retraining::Every(500_000)),
@@ -190,7 +190,7 @@ pub const RUNTIMES: [(&str, Retraining); 6] = [
 ///
 /// The paper measured them on 128 CPUs (AMD EPYC 7452), one process per agent. Its heading "2 agents" is that of the
 /// scenario with 4.
-pub fn runtime(scenario: &ScenarioId, simulator: &str, retraining: Retraining) -> Option<PaperRuntime> {
+pub(crate) fn runtime(scenario: &ScenarioId, simulator: &str, retraining: Retraining) -> Option<PaperRuntime> {
     let (environment, column) = place(scenario)?;
     let of_sizes = |hours: [f64; 4]| hours[column];
     let training = match environment {
@@ -227,14 +227,14 @@ fn alone(hours: f64) -> PaperRuntime {
 
 /// Peak memory of the paper in MB.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct PaperMemory {
+pub(crate) struct PaperMemory {
     pub gs: f64,
     pub dials_process: f64,
     pub dials_total: f64,
 }
 
 /// Returns a column of the table "Peak Memory Usage in Megabytes (MB)".
-pub fn memory(scenario: &ScenarioId) -> Option<PaperMemory> {
+pub(crate) fn memory(scenario: &ScenarioId) -> Option<PaperMemory> {
     let (environment, column) = place(scenario)?;
     let (gs, process, total) = match environment {
         PaperDomain::Traffic => {

@@ -34,7 +34,7 @@ impl Rule {
 
 /// The memory of a robot that follows a rule.
 #[derive(Clone, Copy, Debug, Default)]
-pub struct ItemMemory {
+pub(crate) struct ItemMemory {
     target: Option<usize>,
 }
 
@@ -43,7 +43,7 @@ const ROW_MAJOR: [usize; SHELVES] = [0, 1, 2, 6, 7, 8, 9, 10, 11, 3, 4, 5];
 
 /// Returns the next move of a robot on `cell` that sees items of these ages. A robot with nothing to do moves at
 /// random.
-pub fn decide(rule: Rule, memory: &mut ItemMemory, cell: u8, ages: &[Age; SHELVES], dice: &mut Dice) -> Action {
+pub(crate) fn decide(rule: Rule, memory: &mut ItemMemory, cell: u8, ages: &[Age; SHELVES], dice: &mut Dice) -> Action {
     let target = match rule {
         Rule::Random => None,
         Rule::ClosestItem => closest(memory.target, cell, ages),

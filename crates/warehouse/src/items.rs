@@ -13,18 +13,18 @@ const THRESHOLD: u64 = (APPEARANCE * u64::MAX as f64) as u64;
 /// The state of one shelf's stream: SplitMix64 (Steele et al. 2014). It takes eight bytes, so a region's twelve fit
 /// into two cache lines.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct Appearances(u64);
+pub(crate) struct Appearances(u64);
 
 impl Appearances {
     /// Returns the stream of a shelf in one episode. The shelf is given by its row and column on the floor of the
     /// warehouse.
-    pub fn of_shelf(episode: Seed, row: usize, col: usize) -> Self {
+    pub(crate) fn of_shelf(episode: Seed, row: usize, col: usize) -> Self {
         Appearances(episode.bits() ^ (((row as u64) << 32 | col as u64) + 1).wrapping_mul(0x9e6c_63d0_876a_68de))
             .warmed_up()
     }
 
     /// Returns whether an item appears in this step if the shelf is free.
-    pub fn draw(&mut self) -> bool {
+    pub(crate) fn draw(&mut self) -> bool {
         self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
         scramble(self.0) < THRESHOLD
     }
@@ -37,7 +37,7 @@ impl Appearances {
 
 /// Lets items appear on free shelves, also on those emptied in this step. `ages` and `appearances` have one entry per
 /// shelf.
-pub fn appear(ages: &mut [Age], appearances: &mut [Appearances]) {
+pub(crate) fn appear(ages: &mut [Age], appearances: &mut [Appearances]) {
     for (age, appearances) in ages.iter_mut().zip(appearances) {
         let appears = appearances.draw();
         if *age < 0 && appears {
@@ -48,7 +48,7 @@ pub fn appear(ages: &mut [Age], appearances: &mut [Appearances]) {
 
 /// Returns the seed of the items of one episode of one copy. The GS passes the seed of its episode as `simulator`, and
 /// 0 for the others. So an LS made with that seed has the GS's items in the first episode of its first copy.
-pub fn episode(simulator: Seed, copy: usize, episode: u64) -> Seed {
+pub(crate) fn episode(simulator: Seed, copy: usize, episode: u64) -> Seed {
     simulator.fork(RandomPurpose::Items).for_copy(copy).for_episode(episode as usize)
 }
 

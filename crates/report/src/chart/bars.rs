@@ -19,14 +19,14 @@ const LEGEND: u32 = 250;
 const MOST_POWERS: usize = 32;
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Scale {
+pub(crate) enum Scale {
     /// Bars begin at 0, and those of negative values hang down from it.
     Linear,
     /// Has its ticks at powers of 2, as in the paper's charts of runtimes. Bars begin at the lower end of the axis.
     Log2,
 }
 
-pub struct Bar {
+pub(crate) struct Bar {
     pub label: String,
     pub look: Look,
     pub value: Option<f64>,
@@ -37,12 +37,12 @@ pub struct Bar {
     pub paper: Option<f64>,
 }
 
-pub struct Cluster {
+pub(crate) struct Cluster {
     pub label: String,
     pub bars: Vec<Bar>,
 }
 
-pub struct BarChart {
+pub(crate) struct BarChart {
     pub title: String,
     pub x_label: String,
     pub y: Axis,
@@ -72,7 +72,7 @@ impl Scale {
 }
 
 impl BarChart {
-    pub fn draw(&self) -> Result<Svg> {
+    pub(crate) fn draw(&self) -> Result<Svg> {
         let entries = self.legend();
         let height = HEIGHT.max(legend::height(&entries) + 40);
         let (low, high) = self.range();

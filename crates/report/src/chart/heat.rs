@@ -21,18 +21,18 @@ const LONGEST_LABEL: usize = 110;
 /// Smallest side, in pixels, of a cell with a number in it.
 const NUMBER_FROM: f64 = 22.0;
 
-pub struct Cell {
+pub(crate) struct Cell {
     pub value: f64,
     pub stuck: bool,
 }
 
 /// Agents in rows, seen from above, with the top row first.
-pub struct Panel {
+pub(crate) struct Panel {
     pub label: String,
     pub rows: Vec<Vec<Cell>>,
 }
 
-pub struct HeatMap {
+pub(crate) struct HeatMap {
     pub title: String,
     /// Meaning of the shades.
     pub key: String,
@@ -42,7 +42,7 @@ pub struct HeatMap {
 }
 
 impl HeatMap {
-    pub fn draw(&self) -> Result<Svg> {
+    pub(crate) fn draw(&self) -> Result<Svg> {
         let most = self.groups.iter().map(|(_, panels)| panels.len()).max().unwrap_or(1);
         let columns = most.clamp(1, MOST_COLUMNS) as u32;
         let lines = |panels: &[Panel]| panels.len().div_ceil(MOST_COLUMNS) as u32;

@@ -19,13 +19,13 @@ const MARKERS: usize = 8;
 
 /// Label of an axis, and format of its numbers.
 #[derive(Clone)]
-pub struct Axis {
+pub(crate) struct Axis {
     pub label: String,
     pub format: fn(f64) -> String,
 }
 
 #[derive(Clone, Copy, Debug)]
-pub struct LinePoint {
+pub(crate) struct LinePoint {
     pub x: f64,
     pub y: f64,
     /// Interval around the mean, drawn as a shaded band.
@@ -35,7 +35,7 @@ pub struct LinePoint {
 }
 
 #[derive(Clone)]
-pub struct Line {
+pub(crate) struct Line {
     pub label: String,
     pub look: Look,
     pub points: Vec<LinePoint>,
@@ -54,7 +54,7 @@ impl Line {
 
 /// A horizontal line across the chart.
 #[derive(Clone)]
-pub struct Level {
+pub(crate) struct Level {
     pub label: String,
     /// Short name, written at its right end.
     pub name: String,
@@ -65,14 +65,14 @@ pub struct Level {
 
 /// Single points, such as the paper's. No line joins them, because the values between them are not known.
 #[derive(Clone)]
-pub struct Mark {
+pub(crate) struct Mark {
     pub label: String,
     pub look: Look,
     /// x, y, and the standard error of y if it is known.
     pub points: Vec<(f64, f64, Option<f64>)>,
 }
 
-pub struct LineChart {
+pub(crate) struct LineChart {
     pub title: String,
     pub x: Axis,
     pub y: Axis,
@@ -89,7 +89,7 @@ pub struct LineChart {
 
 /// Largest number of lines in a chart with bands and seeds. With more, a reader could not see which line they belong
 /// to.
-pub const MOST_BANDS: usize = 5;
+pub(crate) const MOST_BANDS: usize = 5;
 /// Number of panels side by side.
 const COLUMNS: usize = 3;
 const PANEL: u32 = 190;
@@ -116,7 +116,7 @@ const WHOLE: Size = Size { numbers: 12.0, names: 11.0, right: 76.0, ticks: 7, ax
 const SMALL: Size = Size { numbers: 10.0, names: 9.0, right: 60.0, ticks: 4, axis_titles: false };
 
 impl LineChart {
-    pub fn draw(&self) -> Result<Svg> {
+    pub(crate) fn draw(&self) -> Result<Svg> {
         let entries = self.legend();
         let height = HEIGHT.max(legend::height(&entries) + 40);
         Svg::draw(WIDTH, height, |root| {
@@ -131,7 +131,7 @@ impl LineChart {
     }
 
     /// Draws a panel for each line except the reference, which is in all of them.
-    pub fn draw_against(&self, reference: usize) -> Result<Svg> {
+    pub(crate) fn draw_against(&self, reference: usize) -> Result<Svg> {
         let others: Vec<&Line> =
             self.lines.iter().enumerate().filter(|(index, _)| *index != reference).map(|(_, line)| line).collect();
         let reference = &self.lines[reference];

@@ -21,7 +21,7 @@ const USUAL: [&str; 9] = ["F=1M", "F=500K", "F=4M", "F=100K", "F=50K", "F=2M", "
 const VARIANTS: usize = DASHES.len() * MARKERS.len();
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Dash {
+pub(crate) enum Dash {
     Solid,
     Dashed,
     Dotted,
@@ -33,7 +33,7 @@ pub enum Dash {
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Marker {
+pub(crate) enum Marker {
     Circle,
     Square,
     Triangle,
@@ -43,14 +43,14 @@ pub enum Marker {
 
 /// Colour, dash and marker.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Look {
+pub(crate) struct Look {
     pub colour: RGBColor,
     pub dash: Dash,
     pub marker: Marker,
 }
 
 impl Look {
-    pub const FIRST: Look = Look { colour: COLOURS[0], dash: Dash::Solid, marker: Marker::Circle };
+    pub(crate) const FIRST: Look = Look { colour: COLOURS[0], dash: Dash::Solid, marker: Marker::Circle };
 
     /// Returns a look: a colour in one of three shades, a dash and a marker. Variant 0 has the plain colour. Variants of
     /// one shade have other dashes, as far as there are any.
@@ -89,12 +89,12 @@ fn mixed(colour: RGBColor, other: RGBColor, share: f64) -> RGBColor {
 }
 
 /// The look of each label of a report, the same in all its charts.
-pub struct Looks(BTreeMap<String, Look>);
+pub(crate) struct Looks(BTreeMap<String, Look>);
 
 impl Looks {
     /// Gives a look to each label, which depends on the label alone. Only if two of them have the same one, the second
     /// gets the next look that is free.
-    pub fn new<'a>(labels: impl Iterator<Item = &'a str>) -> Self {
+    pub(crate) fn new<'a>(labels: impl Iterator<Item = &'a str>) -> Self {
         let mut looks: BTreeMap<String, Look> = BTreeMap::new();
         for label in labels {
             if looks.contains_key(label) {
@@ -112,7 +112,7 @@ impl Looks {
         Looks(looks)
     }
 
-    pub fn of(&self, label: &str) -> Look {
+    pub(crate) fn of(&self, label: &str) -> Look {
         self.0[label]
     }
 }

@@ -12,9 +12,9 @@ mod look;
 mod named;
 mod rows;
 
-pub use bars::{Bar, BarChart, Cluster, Scale};
-pub use heat::{Cell, HeatMap, Panel};
-pub use lines::{Axis, Level, Line, LineChart, LinePoint, MOST_BANDS, Mark};
-pub use look::{Look, Looks, Marker};
-pub use named::{NamedChart, Series};
-pub use rows::{Row, RowChart};
+pub(crate) use bars::{Bar, BarChart, Cluster, Scale};
+pub(crate) use heat::{Cell, HeatMap, Panel};
+pub(crate) use lines::{Axis, Level, Line, LineChart, LinePoint, MOST_BANDS, Mark};
+pub(crate) use look::{Look, Looks, Marker};
+pub(crate) use named::{NamedChart, Series};
+pub(crate) use rows::{Row, RowChart};

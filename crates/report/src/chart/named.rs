@@ -20,13 +20,13 @@ const ROW: u32 = 16;
 const LONGEST_NAME: usize = 28;
 
 /// The values of one method, in the order of the names, and whether the thing is stuck.
-pub struct Series {
+pub(crate) struct Series {
     pub label: String,
     pub look: Look,
     pub values: Vec<(f64, bool)>,
 }
 
-pub struct NamedChart {
+pub(crate) struct NamedChart {
     pub title: String,
     pub x: Axis,
     /// Names from top to bottom.
@@ -37,7 +37,7 @@ pub struct NamedChart {
 }
 
 impl NamedChart {
-    pub fn draw(&self) -> Result<Svg> {
+    pub(crate) fn draw(&self) -> Result<Svg> {
         let entry = |sample, label: &str| LegendEntry { sample, label: label.to_owned() };
         let series = self.series.iter().map(|series| entry(LegendSample::Mark(series.look), &series.label));
         let entries: Vec<LegendEntry> = series.chain([entry(LegendSample::Nothing, &self.note)]).collect();

@@ -23,7 +23,7 @@ const LINE: u32 = 14;
 /// Largest number of characters in a line of a label.
 const WRAP: usize = 36;
 
-pub struct Row {
+pub(crate) struct Row {
     pub label: String,
     /// Values of single seeds, drawn as hollow circles.
     pub points: Vec<f64>,
@@ -33,7 +33,7 @@ pub struct Row {
     pub words: [String; 3],
 }
 
-pub struct RowChart {
+pub(crate) struct RowChart {
     pub title: String,
     pub x: Axis,
     /// Rows from top to bottom; the first is the reference.
@@ -44,7 +44,7 @@ pub struct RowChart {
 }
 
 impl RowChart {
-    pub fn draw(&self) -> Result<Svg> {
+    pub(crate) fn draw(&self) -> Result<Svg> {
         let labels: Vec<Vec<String>> = self.rows.iter().map(|row| legend::in_lines(&row.label, WRAP)).collect();
         let heights: Vec<u32> = labels.iter().map(|lines| (lines.len() as u32 * LINE + 10).max(26)).collect();
         let all: u32 = heights.iter().sum();

@@ -9,7 +9,7 @@ use dials_session::records::run_record::{RunRecord, Status};
 
 /// What a run is doing.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum State {
+pub(crate) enum State {
     /// A process is writing it.
     Running,
     Finished,
@@ -19,7 +19,7 @@ pub enum State {
 
 /// The progress of a run.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct RunStatus {
+pub(crate) struct RunStatus {
     pub state: State,
     /// Timesteps per agent at the end of the last period, where the last checkpoint is.
     pub steps: u64,
@@ -35,7 +35,7 @@ pub struct RunStatus {
 }
 
 impl RunStatus {
-    pub fn of(run: &RunRecord) -> RunStatus {
+    pub(crate) fn of(run: &RunRecord) -> RunStatus {
         let written = fs::metadata(run.dir.join(files::TIMING)).and_then(|timing| timing.modified()).ok();
         let idle = written.and_then(|then| SystemTime::now().duration_since(then).ok()).unwrap_or_default();
         of(run, Directory::is_locked(&run.dir), idle)

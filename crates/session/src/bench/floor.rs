@@ -10,7 +10,7 @@ use stacknets::Shape;
 
 /// Number of operations per agent and unit of work. AIP: approximate influence predictor; GS: global simulator.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Flops {
+pub(crate) struct Flops {
     /// Operations per timestep of training: PPO, acting, and sampling from the AIP.
     pub training: f64,
     /// Operations per step on the GS, in evaluation and collection.
@@ -19,7 +19,7 @@ pub struct Flops {
 
 impl Flops {
     /// Returns the means over the agents of all kinds.
-    pub fn of_all(config: &RunConfig, kinds: &Kinds) -> Flops {
+    pub(crate) fn of_all(config: &RunConfig, kinds: &Kinds) -> Flops {
         let mean = |pick: fn(Flops) -> f64| {
             let sums = kinds.iter().map(|kind| kind.agents.len() as f64 * pick(Flops::of(config, &kind.spec)));
             sums.sum::<f64>() / kinds.agents() as f64
@@ -39,7 +39,7 @@ impl Flops {
 }
 
 /// Returns the operations of all agents' AIP trainings on datasets of N episodes.
-pub fn aip_trainings_flops(config: &RunConfig, kinds: &Kinds, episodes: usize) -> f64 {
+pub(crate) fn aip_trainings_flops(config: &RunConfig, kinds: &Kinds, episodes: usize) -> f64 {
     kinds.iter().map(|kind| kind.agents.len() as f64 * aip_training_flops(config, &kind.spec, episodes)).sum()
 }
 
@@ -54,7 +54,7 @@ fn aip_training_flops(config: &RunConfig, spec: &RegionSpec, episodes: usize) ->
 }
 
 /// Returns the gradient steps of an AIP per pass over such a dataset.
-pub fn gradient_steps(config: &RunConfig, horizon: usize, episodes: usize) -> usize {
+pub(crate) fn gradient_steps(config: &RunConfig, horizon: usize, episodes: usize) -> usize {
     let sequences_per_episode = if config.learning.aip.recurrent.is_some() { 1 } else { horizon };
     let training = episodes - held_out_episodes(episodes, config.learning.aip.held_out);
     training * sequences_per_episode / config.learning.aip.batch

@@ -11,7 +11,7 @@ use dials_core::domain::Kinds;
 use dials_learn::config::Simulator;
 
 /// Unit of all costs of steps, for people and programs.
-pub const UNIT: &str = "core-microseconds per agent and step of the simulator";
+pub(crate) const UNIT: &str = "core-microseconds per agent and step of the simulator";
 
 /// Our work around a simulator's own step.
 const AROUND: [Phase; 2] = [Phase::Insertion, Phase::Reading];

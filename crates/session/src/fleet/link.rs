@@ -8,7 +8,7 @@ use anyhow::Result;
 use super::message::WorkerReport;
 
 /// An encoded message with its header, shared by all receivers.
-pub type Frame = Arc<Vec<u8>>;
+pub(crate) type Frame = Arc<Vec<u8>>;
 
 /// News from a link. `T`: what a worker says, decoded or not.
 pub enum News<T = WorkerReport> {

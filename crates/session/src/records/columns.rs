@@ -5,46 +5,46 @@
 use dials_core::base::{Activity, Phase};
 
 /// The value in the second column of the lines about all agents, workers or processes.
-pub const ALL: &str = "all";
+pub(crate) const ALL: &str = "all";
 
 /// Name of the first column of every file: timesteps per agent.
-pub const STEPS: &str = "steps";
-pub const AGENT: &str = "agent";
-pub const EPISODES: &str = "episodes";
+pub(crate) const STEPS: &str = "steps";
+pub(crate) const AGENT: &str = "agent";
+pub(crate) const EPISODES: &str = "episodes";
 
-pub const MEAN: &str = "mean";
-pub const MEDIAN: &str = "median";
-pub const STD_ERROR: &str = "std_error";
-pub const STUCK: &str = "stuck";
+pub(crate) const MEAN: &str = "mean";
+pub(crate) const MEDIAN: &str = "median";
+pub(crate) const STD_ERROR: &str = "std_error";
+pub(crate) const STUCK: &str = "stuck";
 /// `returns.csv`, before the measures of the domain.
-pub const OF_RETURNS: [&str; 7] = [STEPS, AGENT, MEAN, MEDIAN, STD_ERROR, EPISODES, STUCK];
+pub(crate) const OF_RETURNS: [&str; 7] = [STEPS, AGENT, MEAN, MEDIAN, STD_ERROR, EPISODES, STUCK];
 
-pub const EPISODE: &str = "episode";
-pub const RETURN: &str = "return";
+pub(crate) const EPISODE: &str = "episode";
+pub(crate) const RETURN: &str = "return";
 /// `episodes.csv`
-pub const OF_EPISODES: [&str; 3] = [STEPS, EPISODE, RETURN];
+pub(crate) const OF_EPISODES: [&str; 3] = [STEPS, EPISODE, RETURN];
 
 /// `imitation.csv`
-pub const OF_IMITATION: [&str; 6] =
+pub(crate) const OF_IMITATION: [&str; 6] =
     [STEPS, AGENT, "cross_entropy_before", "cross_entropy_after", "accuracy_before", "accuracy_after"];
 
 /// `training.csv`, before the metrics of the algorithm and the counters of the simulators.
-pub const OF_TRAINING: [&str; 4] = [STEPS, AGENT, "mean_return", EPISODES];
+pub(crate) const OF_TRAINING: [&str; 4] = [STEPS, AGENT, "mean_return", EPISODES];
 
 /// Counters of `training.csv` with which local simulators are compared with the global one, if the domain has them.
-pub const LOCAL_DECISIONS: &str = "local_decisions";
-pub const LOCAL_CARS: &str = "local_cars";
-pub const LOCAL_SPEED_MMPS: &str = "local_speed_mmps";
+pub(crate) const LOCAL_DECISIONS: &str = "local_decisions";
+pub(crate) const LOCAL_CARS: &str = "local_cars";
+pub(crate) const LOCAL_SPEED_MMPS: &str = "local_speed_mmps";
 /// What `returns.csv` has beside them.
-pub const CARS_PER_LIGHT: &str = "cars_per_light";
-pub const MEAN_SPEED_MPS: &str = "mean_speed_mps";
+pub(crate) const CARS_PER_LIGHT: &str = "cars_per_light";
+pub(crate) const MEAN_SPEED_MPS: &str = "mean_speed_mps";
 
-pub const SOURCE: &str = "source";
-pub const HELD_OUT_BEFORE: &str = "held_out_before";
-pub const HELD_OUT_AFTER: &str = "held_out_after";
-pub const HELD_OUT_MARGINALS: &str = "held_out_marginals";
+pub(crate) const SOURCE: &str = "source";
+pub(crate) const HELD_OUT_BEFORE: &str = "held_out_before";
+pub(crate) const HELD_OUT_AFTER: &str = "held_out_after";
+pub(crate) const HELD_OUT_MARGINALS: &str = "held_out_marginals";
 /// `aip_loss.csv`
-pub const OF_AIP_LOSS: [&str; 9] = [
+pub(crate) const OF_AIP_LOSS: [&str; 9] = [
     STEPS,
     AGENT,
     SOURCE,
@@ -57,38 +57,38 @@ pub const OF_AIP_LOSS: [&str; 9] = [
 ];
 
 /// Further column of `aip_loss.csv` if AIPs correct marginals.
-pub const SOURCES_ON_MARGINALS: &str = "sources_on_marginals";
+pub(crate) const SOURCES_ON_MARGINALS: &str = "sources_on_marginals";
 
-pub const AFTER: &str = "after";
-pub const LOSS: &str = "loss";
-pub const MARGINALS: &str = "marginals";
+pub(crate) const AFTER: &str = "after";
+pub(crate) const LOSS: &str = "loss";
+pub(crate) const MARGINALS: &str = "marginals";
 /// `aip_drift.csv`
-pub const OF_AIP_DRIFT: [&str; 5] = [STEPS, AGENT, AFTER, LOSS, MARGINALS];
+pub(crate) const OF_AIP_DRIFT: [&str; 5] = [STEPS, AGENT, AFTER, LOSS, MARGINALS];
 
-pub const WORKER: &str = "worker";
-pub const ELAPSED_S: &str = "elapsed_s";
-pub const CPU_S: &str = "cpu_s";
-pub const CPU_EVALUATION_S: &str = "cpu_evaluation_s";
+pub(crate) const WORKER: &str = "worker";
+pub(crate) const ELAPSED_S: &str = "elapsed_s";
+pub(crate) const CPU_S: &str = "cpu_s";
+pub(crate) const CPU_EVALUATION_S: &str = "cpu_evaluation_s";
 
 /// Returns the columns of `timing.csv`.
-pub fn of_timing() -> Vec<String> {
+pub(crate) fn of_timing() -> Vec<String> {
     let fixed = [STEPS, WORKER, "wall_s", ELAPSED_S, CPU_S, CPU_EVALUATION_S, "exchange_s"].map(str::to_owned);
     let phases = Phase::ALL.map(seconds_of_phase);
     fixed.into_iter().chain(Activity::ALL.map(seconds_of)).chain(["idle_s".to_owned()]).chain(phases).collect()
 }
 
 /// Returns the column of `timing.csv` with the seconds of an activity.
-pub fn seconds_of(activity: Activity) -> String {
+pub(crate) fn seconds_of(activity: Activity) -> String {
     format!("{}_s", activity.name())
 }
 
 /// Returns the column of `timing.csv` with the seconds of a phase of the policies' training.
-pub fn seconds_of_phase(phase: Phase) -> String {
+pub(crate) fn seconds_of_phase(phase: Phase) -> String {
     format!("{}_s", phase.name())
 }
 
-pub const PROCESS: &str = "process";
-pub const PEAK_RSS_MB: &str = "peak_rss_mb";
-pub const PSS_MB: &str = "pss_mb";
+pub(crate) const PROCESS: &str = "process";
+pub(crate) const PEAK_RSS_MB: &str = "peak_rss_mb";
+pub(crate) const PSS_MB: &str = "pss_mb";
 /// `memory.csv`
-pub const OF_MEMORY: [&str; 4] = [STEPS, PROCESS, PEAK_RSS_MB, PSS_MB];
+pub(crate) const OF_MEMORY: [&str; 4] = [STEPS, PROCESS, PEAK_RSS_MB, PSS_MB];

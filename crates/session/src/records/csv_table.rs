@@ -14,17 +14,17 @@ use super::columns;
 use dials_core::outside::{excerpt, read_text};
 
 /// Largest file. That of a run with 100 agents and 40 000 evaluations is smaller.
-pub const LARGEST_FILE: u64 = 256 << 20;
+pub(crate) const LARGEST_FILE: u64 = 256 << 20;
 /// Longest line in bytes. A line has a few dozen numbers.
 const LONGEST_LINE: usize = 64 << 10;
 /// Largest figure of a run, without its sign. No return, loss, time or memory is larger, and squares of this one are
 /// numbers still.
-pub const LARGEST: f64 = 1e15;
+pub(crate) const LARGEST: f64 = 1e15;
 /// What to do about a damaged file.
 const WAY_OUT: &str = "the file is damaged: copy it again, or train again";
 
 /// A file as its fields, one after the other: a line takes hardly more memory than its text.
-pub struct CsvTable {
+pub(crate) struct CsvTable {
     path: PathBuf,
     columns: BTreeMap<String, usize>,
     text: String,
@@ -37,7 +37,7 @@ pub struct CsvTable {
 impl CsvTable {
     /// Reads a file; a missing file has no lines. An unfinished last line does not count: its writer was killed, or is
     /// still writing.
-    pub fn read(path: &Path) -> Result<CsvTable> {
+    pub(crate) fn read(path: &Path) -> Result<CsvTable> {
         let table = match read_text(path, LARGEST_FILE) {
             Err(error) if error.kind() == ErrorKind::NotFound => CsvTable::from_text(path, "")?,
             text => CsvTable::from_text(path, &text.with_context(|| format!("{}: cannot be read", path.display()))?)?,
@@ -83,20 +83,20 @@ impl CsvTable {
         CsvTable::from_text(Path::new("t.csv"), text).expect("a test knows what it makes up")
     }
 
-    pub fn lines(&self) -> impl Iterator<Item = TableLine<'_>> {
+    pub(crate) fn lines(&self) -> impl Iterator<Item = TableLine<'_>> {
         (0..self.numbers.len()).map(|index| TableLine { table: self, index })
     }
 }
 
 #[derive(Clone, Copy)]
-pub struct TableLine<'a> {
+pub(crate) struct TableLine<'a> {
     table: &'a CsvTable,
     index: usize,
 }
 
 impl<'a> TableLine<'a> {
     /// Returns the text in a column. If there is no such column, or nothing in it: `None`.
-    pub fn text(self, column: &str) -> Option<&'a str> {
+    pub(crate) fn text(self, column: &str) -> Option<&'a str> {
         let field = self.index * self.table.columns.len() + *self.table.columns.get(column)?;
         let begin = field.checked_sub(1).map_or(0, |before| self.table.ends[before]);
         let text = &self.table.text[begin as usize..self.table.ends[field] as usize];
@@ -104,7 +104,7 @@ impl<'a> TableLine<'a> {
     }
 
     /// Returns [`TableLine::text`] as a figure; an error if it is none.
-    pub fn number(self, column: &str) -> Result<Option<f64>> {
+    pub(crate) fn number(self, column: &str) -> Result<Option<f64>> {
         let Some(text) = self.text(column) else { return Ok(None) };
         let number: f64 = text.parse().ok().with_context(|| self.bad(column, text, "not a number"))?;
         ensure!(number.is_finite(), self.bad(column, text, "not a finite number"));
@@ -113,12 +113,12 @@ impl<'a> TableLine<'a> {
     }
 
     /// Returns a number that must be there.
-    pub fn required(self, column: &str) -> Result<f64> {
+    pub(crate) fn required(self, column: &str) -> Result<f64> {
         self.number(column)?.with_context(|| self.nothing(column))
     }
 
     /// Returns [`TableLine::text`] as a whole number; an error if it is none, or too large to count anything.
-    pub fn whole(self, column: &str) -> Result<Option<u64>> {
+    pub(crate) fn whole(self, column: &str) -> Result<Option<u64>> {
         let Some(text) = self.text(column) else { return Ok(None) };
         let number = text.parse().ok().filter(|&number: &u64| number as f64 <= LARGEST);
         let what = || self.bad(column, text, &format!("not a whole number from 0 to {LARGEST}"));
@@ -126,17 +126,17 @@ impl<'a> TableLine<'a> {
     }
 
     /// Returns a whole number that must be there.
-    pub fn required_whole(self, column: &str) -> Result<u64> {
+    pub(crate) fn required_whole(self, column: &str) -> Result<u64> {
         self.whole(column)?.with_context(|| self.nothing(column))
     }
 
     /// Returns the timesteps per agent, with which every line begins.
-    pub fn steps(self) -> Result<u64> {
+    pub(crate) fn steps(self) -> Result<u64> {
         self.required_whole(columns::STEPS)
     }
 
     /// Returns an error about the value in a column. `what`: what it is.
-    pub fn bad(self, column: &str, text: &str, what: &str) -> String {
+    pub(crate) fn bad(self, column: &str, text: &str, what: &str) -> String {
         format!("{}: `{column}` holds \"{}\", which is {what}; {WAY_OUT}", self.place(), excerpt(text))
     }
 
@@ -152,18 +152,18 @@ impl<'a> TableLine<'a> {
 
 /// The order of steps in a file: they never go back.
 #[derive(Default)]
-pub struct Order {
+pub(crate) struct Order {
     last: Option<u64>,
 }
 
 impl Order {
     /// Returns the steps of the next line. They may be those of the line before.
-    pub fn next(&mut self, line: TableLine) -> Result<u64> {
+    pub(crate) fn next(&mut self, line: TableLine) -> Result<u64> {
         self.after(line, |last, steps| last <= steps)
     }
 
     /// Returns the steps of the next line, which must be later than those of the line before.
-    pub fn later(&mut self, line: TableLine) -> Result<u64> {
+    pub(crate) fn later(&mut self, line: TableLine) -> Result<u64> {
         self.after(line, |last, steps| last < steps)
     }
 

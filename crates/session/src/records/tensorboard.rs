@@ -11,17 +11,17 @@ use super::files;
 use super::lines::CsvLine;
 
 /// A named number at a step.
-pub type Scalar = (String, f32);
+pub(crate) type Scalar = (String, f32);
 
 /// Returns the first record of an event file.
-pub fn first_record(wall_time_s: f64) -> Vec<u8> {
+pub(crate) fn first_record(wall_time_s: f64) -> Vec<u8> {
     let mut event = event_at(wall_time_s, 0);
     put_bytes(&mut event, 3, b"brain.Event:2"); // file_version
     record(&event)
 }
 
 /// Makes one record with all scalars of a step.
-pub fn scalars_record(wall_time_s: f64, step: u64, scalars: &[Scalar]) -> Vec<u8> {
+pub(crate) fn scalars_record(wall_time_s: f64, step: u64, scalars: &[Scalar]) -> Vec<u8> {
     let mut summary = Vec::new();
     for (tag, number) in scalars {
         let mut value = Vec::new();
@@ -37,7 +37,7 @@ pub fn scalars_record(wall_time_s: f64, step: u64, scalars: &[Scalar]) -> Vec<u8
 
 /// Returns the scalars of a block of lines of a CSV file. Every number of the line about all agents becomes
 /// `file/column`, and the mean return of each agent becomes `returns_of_agents/N`.
-pub fn scalars_of(file: &str, header: &[String], lines: &[CsvLine]) -> Vec<Scalar> {
+pub(crate) fn scalars_of(file: &str, header: &[String], lines: &[CsvLine]) -> Vec<Scalar> {
     let table = file.strip_suffix(".csv").unwrap_or(file);
     let mut scalars = Vec::new();
     for line in lines {
