@@ -674,7 +674,7 @@ fn evaluate_refuses_what_is_no_run_or_of_another_shape() {
     fs::write(out.join("config.toml"), other).unwrap();
     assert_refused(
         &mut dials_traffic(&["evaluate", out_name]),
-        &["policies.safetensors: `layers.0.weight` is F32 [4, 40, 16]", "asks for F32 [4, 40, 24]"],
+        &["policies.safetensors: `layers.0.weight` is F32 [4, 40, 16]", "it must be F32 [4, 40, 24]"],
     );
     fs::write(out.join("config.toml"), kept).unwrap();
     fs::write(out.join("policies.safetensors"), "torn").unwrap();

@@ -208,8 +208,10 @@ pub(crate) fn crafted(place: &Place, bytes: &[u8]) -> Result<()> {
         let values = values.as_slice().iter().copied().cycle().take(sum).collect();
         Ragged::from_vec(values, widths.iter().copied()).context("widths without an agent")
     };
-    let one = original.learners.numbers.values().next().context("a learner without numbers")?;
-    let learners = state.learners.iter().map(|(name, widths)| Ok((name.clone(), table(one, widths)?)));
+    let learners = state.learners.iter().map(|(name, widths)| {
+        let values = original.learners.numbers.get(name).unwrap_or(&original.policies);
+        Ok((name.clone(), table(values, widths)?))
+    });
     let agents = AgentsState {
         steps: state.steps,
         policies: table(&original.policies, &state.policies)?,
