@@ -518,14 +518,14 @@ fn a_file_of_another_form_is_refused_with_its_reason() {
         ("its digest is wrong", |metadata| metadata.get_mut("digest").unwrap().make_ascii_uppercase()),
         ("its digest is wrong", |metadata| metadata.get_mut("checkpoint").unwrap().push(' ')),
         ("it is not a checkpoint", |metadata| metadata.clear()),
-        ("it has tensors or metadata", |metadata| drop(metadata.insert("more".to_owned(), String::new()))),
+        ("it has metadata that no checkpoint has", |metadata| drop(metadata.insert("more".to_owned(), String::new()))),
     ];
     for (told, change) in metadata {
         sound.assert_error(&sound.resealed(|_, _| (), |metadata, _| change(metadata)), told);
     }
     let more = TensorView::new(Dtype::U8, vec![1], b"1").unwrap();
     let bytes = sound.resealed(|_, _| (), |_, views| views.push(("more".to_owned(), more.clone())));
-    sound.assert_error(&bytes, "it has tensors or metadata");
+    sound.assert_error(&bytes, "its digest is wrong");
 }
 
 #[test]
