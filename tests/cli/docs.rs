@@ -475,15 +475,16 @@ fn every_key_of_an_experiment_is_explained() {
 /// The files of a few steps of both domains and of a scenario, with an evaluation and a report.
 struct Written {
     folder: tempfile::TempDir,
-    runs: [PathBuf; 3],
+    runs: [PathBuf; 4],
     /// Output of `evaluate --json` for each run.
-    json: [serde_json::Value; 3],
+    json: [serde_json::Value; 4],
 }
 
 /// What is trained, the config, and settings that make it short.
-const TRAINED: [(&str, &str, &[&str]); 3] = [
+const TRAINED: [(&str, &str, &[&str]); 4] = [
     ("traffic", "configs/smoke_traffic.toml", &["policy.imitate=gap-out"]),
     ("warehouse", "configs/smoke_warehouse.toml", &["policy.imitate=oldest-item"]),
+    ("dqn", "configs/smoke_traffic.toml", &["algorithm=dqn", "dqn.learning_starts=32"]),
     (
         "scenario",
         "configs/grid_4x4_turns.toml",
@@ -533,12 +534,12 @@ impl Written {
             command.arg("evaluate").arg(&out).args(["--episodes", "1", "--json", "--csv"]).arg(csv);
             (out, serde_json::from_slice(&succeed(command)).unwrap())
         };
-        let [(traffic, traffic_json), (warehouse, warehouse_json), (scenario, scenario_json)] = TRAINED.map(run);
+        let trained = TRAINED.map(run);
         let mut command = Command::cargo_bin("dials-traffic").unwrap();
         command.arg("report").arg(folder.path().join("runs")).arg("--out").arg(folder.path().join("report"));
         succeed(command);
-        let runs = [traffic, warehouse, scenario];
-        Written { folder, runs, json: [traffic_json, warehouse_json, scenario_json] }
+        let runs = trained.each_ref().map(|(run, _)| run.clone());
+        Written { folder, runs, json: trained.map(|(_, json)| json) }
     }
 
     /// Returns the folders that hold CSV files of a kind.
@@ -595,6 +596,9 @@ fn every_file_of_a_run_and_every_column_is_explained_and_no_other() {
             let mut explained = columns(&format!("## `{file}` of {kind}"));
             if kind == "a report" {
                 explained.extend(of_all_reports.iter().cloned());
+            }
+            if file == "training.csv" {
+                explained.extend(columns("## Columns of DQN"));
             }
             if file == "returns.csv" || kind == "`--csv`" {
                 let of_the_domain: BTreeSet<String> = there.difference(&explained).cloned().collect();

@@ -34,7 +34,7 @@ use place::Place;
 /// Memory that may be taken beyond what the process has when it begins: much more than any input needs.
 const MEMORY: u64 = 1 << 30;
 /// Milliseconds after which an input counts as a hang.
-const DEADLINE_MS: u32 = 60_000;
+const DEADLINE_MS: u32 = 120_000;
 /// Seed of the mutations, unless `PROPTEST_RNG_SEED` says otherwise.
 const SEED: u64 = 15;
 /// Largest input that is mutated.

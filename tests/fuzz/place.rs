@@ -91,7 +91,7 @@ impl Place {
 /// not printable.
 pub(crate) fn program(folder: &Path, arguments: &[&str]) -> Outcome {
     let mut command = assert_cmd::Command::new(env!("CARGO_BIN_EXE_dials-traffic"));
-    let output = command.args(arguments).current_dir(folder).timeout(Duration::from_secs(50)).output();
+    let output = command.args(arguments).current_dir(folder).timeout(Duration::from_secs(100)).output();
     let output = output.expect("the program is built");
     let [stdout, stderr] = [output.stdout, output.stderr].map(|said| String::from_utf8_lossy(&said).into_owned());
     let said = || format!("with {arguments:?}, and said: {}", stderr.chars().take(2_000).collect::<String>());
