@@ -28,13 +28,13 @@ mod tests {
 
     #[test]
     fn a_negative_number_is_refused_as_the_value_that_it_is() {
-        let told = |line: &str| {
+        let message = |line: &str| {
             let words = ["dials-traffic"].into_iter().chain(line.split(' '));
             let error = with_negative_numbers(Cli::command()).try_get_matches_from(words).unwrap_err();
             error.to_string().lines().next().unwrap_or_default().to_owned()
         };
         for line in ["train a.toml --steps -5", "evaluate a --episodes -1", "train a.toml --seed -1"] {
-            assert!(told(line).starts_with("error: invalid value '-"), "{line}: {}", told(line));
+            assert!(message(line).starts_with("error: invalid value '-"), "{line}: {}", message(line));
         }
     }
 }

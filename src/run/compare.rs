@@ -97,7 +97,7 @@ mod tests {
 
     #[test]
     fn what_names_nothing_is_told() {
-        for (side, told) in [
+        for (side, message) in [
             ("c", "c: no such folder"),
             ("a-seed1,c", "c: no such folder"),
             ("c-*", "c-*: no folder matches this pattern"),
@@ -107,7 +107,7 @@ mod tests {
             ),
             ("a-[", "a-[: is neither a folder nor a valid pattern"),
         ] {
-            assert_eq!(named(&["a-seed1*"], side).unwrap_err(), told, "{side}");
+            assert_eq!(named(&["a-seed1*"], side).unwrap_err(), message, "{side}");
         }
     }
 }

@@ -20,6 +20,6 @@ pub(super) fn report(args: &cli::ReportArgs) -> Result<()> {
     let (page, markdown) = (out.join(PAGE), out.join(MARKDOWN));
     let (runs, groups) = (report.runs, report.groups);
     let (runs, groups) = (counted(runs, "run"), counted(groups, "group"));
-    let told = format!("{runs} in {groups}; open {} or read {}", quoted(&page), quoted(&markdown));
-    answer(told).map_err(Error::Run)
+    let message = format!("{runs} in {groups}; open {} or read {}", quoted(&page), quoted(&markdown));
+    answer(message).map_err(Error::Run)
 }

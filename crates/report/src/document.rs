@@ -254,7 +254,7 @@ mod tests {
 
     #[test]
     fn no_name_is_markup_in_markdown() {
-        for (name, told) in [
+        for (name, message) in [
             ("<script>alert(1)</script>", "&lt;script>alert(1)&lt;/script>"),
             ("![x](http://a)", "![x\\](http://a)"),
             ("[x]: http://a", "[x\\]: http://a"),
@@ -268,7 +268,7 @@ mod tests {
             ("`ppo.clip` 95 % [1.0, 2.0] + 1 - 2", "`ppo.clip` 95 % [1.0, 2.0] + 1 - 2"),
             ("-", "-"),
         ] {
-            assert_eq!(markdown(name), told);
+            assert_eq!(markdown(name), message);
         }
         assert_eq!(["a|b", "a\\|`b|c`"].map(markdown_cell), ["a\\|b", "a\\\\\\|\\`b\\|c\\`"]);
         assert_eq!(["# a", "> a", "- a", "a - b"].map(plain_line), ["\\# a", "\\> a", "\\- a", "a - b"]);

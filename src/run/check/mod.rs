@@ -53,8 +53,8 @@ pub(super) fn check(args: &CheckArgs) -> CommandResult<()> {
     let lights = measured(&traffic, &agents, &window, Seed::new(args.seed)).map_err(Error::Run)?;
     let on_grid = traffic.grid().is_some();
     let checked = Checked { window, sigma: args.sigma, seed: args.seed, lights, on_grid };
-    let told = if args.json { in_json(json::described(&checked)) } else { table::described(&checked) };
-    answer(told).map_err(Error::Run)
+    let message = if args.json { in_json(json::described(&checked)) } else { table::described(&checked) };
+    answer(message).map_err(Error::Run)
 }
 
 fn opened(config: &RunConfig, args: &CheckArgs) -> Result<Traffic> {

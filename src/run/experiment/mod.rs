@@ -148,15 +148,15 @@ impl Outcome {
     /// Returns an error unless all tasks are done. `again`: the command that tries or resumes the rest.
     fn judged(self, logs: &Path, again: &str) -> Result<()> {
         let Outcome { tasks, failed, interrupted } = self;
-        let told =
+        let message =
             format!("{} of {tasks} failed: {}; their logs are in {}", failed.len(), failed.join(", "), logs.display());
         match (interrupted, failed.len()) {
             (true, 0) => Err(Error::Interrupted(format!("stopped; resume with: {again}"))),
-            (true, _) => Err(Error::Interrupted(format!("stopped; {told}; resume with: {again}"))),
+            (true, _) => Err(Error::Interrupted(format!("stopped; {message}; resume with: {again}"))),
             (false, 0) => Ok(()),
             (false, failed) => {
                 let others = if failed < tasks { "; the others are done" } else { "" };
-                Err(Error::Run(anyhow!("{told}{others}; to try these again: {again}")))
+                Err(Error::Run(anyhow!("{message}{others}; to try these again: {again}")))
             }
         }
     }
@@ -272,7 +272,7 @@ impl Batch {
 mod tests {
     use super::*;
 
-    fn told(tasks: usize, failed: &[&str], interrupted: bool) -> (u8, String) {
+    fn message(tasks: usize, failed: &[&str], interrupted: bool) -> (u8, String) {
         let failed = failed.iter().map(|&name| name.to_owned()).collect();
         let error = Outcome { tasks, failed, interrupted }.judged(Path::new("logs"), "again").unwrap_err();
         (error.exit_code(), error.to_string())
@@ -280,16 +280,16 @@ mod tests {
 
     #[test]
     fn an_interrupted_experiment_names_what_failed_and_does_not_call_the_rest_done() {
-        assert_eq!(told(3, &[], true), (130, "stopped; resume with: again".to_owned()));
+        assert_eq!(message(3, &[], true), (130, "stopped; resume with: again".to_owned()));
         let both = "stopped; 1 of 3 failed: a; their logs are in logs; resume with: again";
-        assert_eq!(told(3, &["a"], true), (130, both.to_owned()));
+        assert_eq!(message(3, &["a"], true), (130, both.to_owned()));
     }
 
     #[test]
     fn the_others_are_done_if_there_are_any() {
         let some = "error: 1 of 3 failed: a; their logs are in logs; the others are done; to try these again: again";
-        assert_eq!(told(3, &["a"], false), (1, some.to_owned()));
+        assert_eq!(message(3, &["a"], false), (1, some.to_owned()));
         let all = "error: 2 of 2 failed: a, b; their logs are in logs; to try these again: again";
-        assert_eq!(told(2, &["a", "b"], false), (1, all.to_owned()));
+        assert_eq!(message(2, &["a", "b"], false), (1, all.to_owned()));
     }
 }

@@ -74,19 +74,16 @@ mod tests {
     use dials_core::domain::{RegionSpec, SourceSpec};
     use rand::Rng;
 
+    /// Returns a region whose d-set of `d_set_dim` values is its whole observation, with episodes of `horizon` steps.
+    fn spec(d_set_dim: usize, sources: SourceSpec, horizon: usize) -> RegionSpec {
+        let obs_dim = d_set_dim;
+        RegionSpec { obs_dim, d_set_dim, n_actions: 2, masks: false, sources, horizon, local_horizon: horizon }
+    }
+
     /// Makes two sources with a known conditional distribution: P(u_0 = 1 | x) is 0.9 if x_0 = 1 and 0.2 otherwise; u_1
     /// is a fair coin.
     fn known_dataset(agent: AgentId) -> Dataset {
-        let sources = SourceSpec::bits(2);
-        let spec = RegionSpec {
-            obs_dim: 3,
-            d_set_dim: 3,
-            n_actions: 2,
-            masks: false,
-            sources,
-            horizon: 100,
-            local_horizon: 100,
-        };
+        let spec = spec(3, SourceSpec::bits(2), 100);
         let mut dataset = Dataset::new(&spec);
         let mut dice = Seed::new(21).for_agent(agent).dice();
         for _ in 0..20_000 {
@@ -102,16 +99,7 @@ mod tests {
     }
 
     fn trained(agents: &[AgentId], config: &AipConfig) -> (Vec<AipLoss>, Vec<f32>) {
-        let sources = SourceSpec::bits(2);
-        let spec = RegionSpec {
-            obs_dim: 3,
-            d_set_dim: 3,
-            n_actions: 2,
-            masks: false,
-            sources,
-            horizon: 100,
-            local_horizon: 100,
-        };
+        let spec = spec(3, SourceSpec::bits(2), 100);
         let mut aips = AipStack::new(agents, &spec, config, Seed::new(1));
         let datasets: Vec<Dataset> = agents.iter().map(|&agent| known_dataset(agent)).collect();
         let losses = train(
@@ -146,16 +134,7 @@ mod tests {
     #[test]
     fn the_last_episodes_measure_and_are_not_trained_on() {
         // u = x in the first 18 episodes, u = 1 - x in the last two: a predictor that learns u = x is wrong there.
-        let sources = SourceSpec::bits(1);
-        let spec = RegionSpec {
-            obs_dim: 1,
-            d_set_dim: 1,
-            n_actions: 2,
-            masks: false,
-            sources,
-            horizon: 100,
-            local_horizon: 100,
-        };
+        let spec = spec(1, SourceSpec::bits(1), 100);
         let mut dataset = Dataset::new(&spec);
         let mut dice = Seed::new(31).dice();
         for sample in 0..2000 {
@@ -181,15 +160,7 @@ mod tests {
     #[test]
     fn training_that_makes_held_out_episodes_worse_stops_early() {
         // The same contradiction: every epoch makes the held-out episodes worse.
-        let spec = RegionSpec {
-            obs_dim: 1,
-            d_set_dim: 1,
-            n_actions: 2,
-            masks: false,
-            sources: SourceSpec::bits(1),
-            horizon: 100,
-            local_horizon: 100,
-        };
+        let spec = spec(1, SourceSpec::bits(1), 100);
         let mut dataset = Dataset::new(&spec);
         let mut dice = Seed::new(31).dice();
         for sample in 0..2000 {
@@ -220,16 +191,7 @@ mod tests {
 
     /// Makes a source that repeats what the d-set showed two steps ago: only a memory can predict it.
     fn delayed_dataset() -> Dataset {
-        let sources = SourceSpec { classes: vec![3], parts: 0 };
-        let spec = RegionSpec {
-            obs_dim: 3,
-            d_set_dim: 3,
-            n_actions: 2,
-            masks: false,
-            sources,
-            horizon: 20,
-            local_horizon: 20,
-        };
+        let spec = spec(3, SourceSpec { classes: vec![3], parts: 0 }, 20);
         let mut dataset = Dataset::new(&spec);
         let mut dice = Seed::new(31).dice();
         for _ in 0..200 {
@@ -247,16 +209,7 @@ mod tests {
 
     #[test]
     fn an_aip_with_memory_learns_what_one_without_cannot() {
-        let sources = SourceSpec { classes: vec![3], parts: 0 };
-        let spec = RegionSpec {
-            obs_dim: 3,
-            d_set_dim: 3,
-            n_actions: 2,
-            masks: false,
-            sources,
-            horizon: 20,
-            local_horizon: 20,
-        };
+        let spec = spec(3, SourceSpec { classes: vec![3], parts: 0 }, 20);
         let loss = |recurrent: Option<usize>| {
             let batch = if recurrent.is_some() { 20 } else { 128 };
             let config = AipConfig {

@@ -403,9 +403,9 @@ mod tests {
             let json = serde_json::to_string(&config).unwrap();
             assert_eq!(serde_json::from_str::<RunConfig>(&json).unwrap().learning.seed, seed, "{json}");
         }
-        for (setting, told) in [("seed=-1", "`-1`"), ("seed=x", "\"x\""), ("seed=1.5", "1.5")] {
+        for (setting, message) in [("seed=-1", "`-1`"), ("seed=x", "\"x\""), ("seed=1.5", "1.5")] {
             let error = error_of(SMALL, &[setting]);
-            assert!(error.contains(told) && error.contains("a number from 0 to 18446744073709551615"), "{error}");
+            assert!(error.contains(message) && error.contains("a number from 0 to 18446744073709551615"), "{error}");
         }
     }
 

@@ -336,7 +336,7 @@ mod tests {
     #[test]
     fn lines_that_this_program_never_writes_are_refused() {
         let block = "0,all,1,1,0\n0,0,1,1,0\n0,1,1,1,0\n";
-        for (text, told) in [
+        for (text, message) in [
             ("100,all,1,1,0\n50,all,1,1,0\n", "`steps` holds \"50\", which is not later than 100 before it"),
             ("100,all,1,1,0\n100,all,1,1,0\n", "`steps` holds \"100\", which is not later than 100 before it"),
             ("-1,all,1,1,0\n", "`steps` holds \"-1\", which is not a whole number"),
@@ -351,7 +351,7 @@ mod tests {
             ("100,all,1,1,0\n100,0,1,1,0\n100,0,1,1,0\n", "`agent` holds \"0\", which is not the number of the next"),
         ] {
             let error = evaluations(&format!("{block}{text}")).unwrap_err().to_string();
-            assert!(error.contains(told) && error.contains("returns.csv"), "{error}");
+            assert!(error.contains(message) && error.contains("returns.csv"), "{error}");
         }
     }
 

@@ -124,20 +124,20 @@ fn check(scenario: &Scenario) -> Result<()> {
             && word.starts_with(|first: char| first.is_ascii_alphanumeric())
             && word.bytes().all(|letter| letter.is_ascii_alphanumeric() || b"-_".contains(&letter))
     };
-    let told =
+    let message =
         |what, word| format!("scenario: {what} is `{}`, which is not a word of letters and digits", excerpt(word));
-    ensure!(plain(&id.domain), told("domain", &id.domain));
+    ensure!(plain(&id.domain), message("domain", &id.domain));
     if let Some(name) = &scenario.name {
-        ensure!(plain(name), told("name", name));
+        ensure!(plain(name), message("name", name));
     }
     if let Some(checksum) = &id.checksum {
-        ensure!(plain(checksum), told("checksum", checksum));
+        ensure!(plain(checksum), message("checksum", checksum));
     }
     if let Some(rules) = &id.rules {
-        ensure!(plain(rules), told("scored_by", rules));
+        ensure!(plain(rules), message("scored_by", rules));
     }
     let unit = &id.episode.unit;
-    ensure!(unit.len() <= LONGEST_WORD && unit.chars().all(is_printable), told("unit", unit));
+    ensure!(unit.len() <= LONGEST_WORD && unit.chars().all(is_printable), message("unit", unit));
     ensure!(
         (1..=MOST_AGENTS).contains(&id.agents),
         "scenario: agents is {}, which is not a number from 1 to {MOST_AGENTS}",
@@ -270,13 +270,13 @@ mod tests {
     fn what_is_no_file_of_ours_is_refused_however_large_or_deep_it_is() {
         let dir = tempfile::tempdir().unwrap();
         let path = dir.path().join(files::RUN);
-        let told = || format!("{:#}", RunJson::read(dir.path()).unwrap_err());
+        let message = || format!("{:#}", RunJson::read(dir.path()).unwrap_err());
         fs::write(&path, format!("{{\"x\":{}", "[".repeat(1 << 20))).unwrap();
-        assert!(told().contains("is not a file that this program wrote: EOF while parsing"), "{}", told());
+        assert!(message().contains("is not a file that this program wrote: EOF while parsing"), "{}", message());
         fs::File::create(&path).unwrap().set_len(LARGEST_FILE + 1).unwrap();
-        assert!(told().contains("it has more than 8388608 bytes, the limit"), "{}", told());
+        assert!(message().contains("it has more than 8388608 bytes, the limit"), "{}", message());
         fs::remove_file(&path).unwrap();
         fs::create_dir(&path).unwrap();
-        assert!(told().contains("it is not a regular file"), "{}", told());
+        assert!(message().contains("it is not a regular file"), "{}", message());
     }
 }

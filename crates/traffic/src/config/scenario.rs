@@ -124,10 +124,10 @@ impl ScenarioConfig {
     pub fn unplayed(&self) -> Option<String> {
         let (begin, end) = self.window_s().expect("a checked config has both");
         let seconds = (end - begin) % u64::from(self.decision_s);
-        let told = || {
+        let message = || {
             format!("the last {seconds} s before {end} s are left out, because a decision takes {} s", self.decision_s)
         };
-        (seconds > 0).then(told)
+        (seconds > 0).then(message)
     }
 }
 

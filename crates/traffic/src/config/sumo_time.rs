@@ -33,8 +33,8 @@ mod tests {
             assert_eq!(seconds(text).unwrap(), time, "{text}");
         }
         for text in ["", "7h", "0:20", "1:2:3:4:5", "inf", "NaN", "12:", "1e999"] {
-            let told = seconds(text).unwrap_err().to_string();
-            assert_eq!(told, format!("`{text}` is no time: it must be seconds, such as 3600, or 01:00:00"));
+            let message = seconds(text).unwrap_err().to_string();
+            assert_eq!(message, format!("`{text}` is no time: it must be seconds, such as 3600, or 01:00:00"));
         }
     }
 }
