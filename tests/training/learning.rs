@@ -84,7 +84,8 @@ fn dqn_teaches_the_coins_to_copy_with_each_of_its_variants() {
         train(&config, dir.path()).unwrap();
         let variant = format!("{simulator}, double {double}, dueling {dueling}, prioritised {prioritised}");
         let returns = column(dir.path(), files::RETURNS, "mean");
-        assert!(returns[0].1 < 0.75 * HORIZON as f64, "{variant}: {returns:?}");
+        // An untrained network is greedy already, and by chance does right in most states.
+        assert!(returns[0].1 < 0.9 * HORIZON as f64, "{variant}: {returns:?}");
         assert!(returns[3].1 > 0.97 * HORIZON as f64, "{variant}: {returns:?}");
         assert_eq!(column(dir.path(), files::TRAINING, "epsilon").last(), Some(&(30_000, 0.02)));
     }
