@@ -21,7 +21,7 @@ pub use finding::{Finding, Player};
 pub use table::table;
 
 /// Name of the return among the [`figures`] of an episode.
-pub const RETURN: &str = "return";
+pub(crate) const RETURN: &str = "return";
 
 /// Returns the seed of an evaluation episode. `evaluation`: `evaluation.seed` of the config. By default it is the same
 /// for all runs, so that policies and controllers are compared on the same traffic.
@@ -144,7 +144,7 @@ pub fn play_episodes(
 /// Returns the figures of the whole system, by name, with one value per episode.
 ///
 /// The mean return of the agents comes first, then the measures of the system.
-pub fn figures(episodes: &[EpisodeReport]) -> Vec<(String, Vec<f64>)> {
+pub(crate) fn figures(episodes: &[EpisodeReport]) -> Vec<(String, Vec<f64>)> {
     let returns = episodes.iter().map(|episode| mean(&episode.returns)).collect();
     let measures = episodes[0].measures.system.iter().enumerate().map(|(index, (name, _))| {
         (name.clone(), episodes.iter().map(|episode| episode.measures.system[index].1).collect())

@@ -22,7 +22,7 @@ const CORES: [usize; 6] = [1, 2, 8, 32, 128, 1024];
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct ByCores {
     /// Timesteps per agent.
-    pub steps: u64,
+    pub(crate) steps: u64,
     /// CPU seconds of a run that only one core can work on, mean over seeds.
     alone_s: f64,
     /// CPU seconds of a run that cores can share, mean over seeds.
@@ -30,7 +30,7 @@ pub(crate) struct ByCores {
     /// Largest number of cores that can share them.
     most: usize,
     /// Wall seconds by number of workers, means over the runs that had it.
-    pub measured: BTreeMap<usize, f64>,
+    pub(crate) measured: BTreeMap<usize, f64>,
 }
 
 impl ByCores {

@@ -11,8 +11,8 @@ use dials_session::records::run_record::MemoryRecord;
 
 /// A file of the report.
 pub(crate) struct CsvFile {
-    pub name: &'static str,
-    pub text: String,
+    pub(crate) name: &'static str,
+    pub(crate) text: String,
 }
 
 /// Returns all CSV files.

@@ -14,25 +14,25 @@ use dials_session::records::run_record::RunRecord;
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct CurvePoint {
     /// Timesteps per agent.
-    pub steps: u64,
+    pub(crate) steps: u64,
     /// Mean returns over seeds.
-    pub returns: Spread,
+    pub(crate) returns: Spread,
     /// Return of the median agent of a run, mean over seeds.
-    pub median_agent: f64,
+    pub(crate) median_agent: f64,
     /// Mean wall time of these runs until here in seconds, without evaluations; `None` unless all of them know it.
-    pub runtime_s: Option<f64>,
+    pub(crate) runtime_s: Option<f64>,
 }
 
 /// A point of a curve of cross-entropies.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct LossPoint {
-    pub steps: u64,
+    pub(crate) steps: u64,
     /// Whether the loss was measured right after a training of the AIPs (approximate influence predictors).
-    pub after_training: bool,
+    pub(crate) after_training: bool,
     /// Cross-entropy in nats per influence source, over seeds.
-    pub loss: Spread,
+    pub(crate) loss: Spread,
     /// Cross-entropy of constant marginals, mean over seeds.
-    pub marginals: f64,
+    pub(crate) marginals: f64,
 }
 
 /// Data on which the cross-entropy of a group's AIPs was measured.

@@ -17,21 +17,21 @@ pub(crate) enum Block {
 }
 
 pub(crate) struct Table {
-    pub caption: String,
-    pub header: Vec<String>,
-    pub rows: Vec<Vec<String>>,
+    pub(crate) caption: String,
+    pub(crate) header: Vec<String>,
+    pub(crate) rows: Vec<Vec<String>>,
 }
 
-pub struct Figure {
+pub(crate) struct Figure {
     /// Name of the SVG file, without its extension.
-    pub name: String,
-    pub caption: String,
-    pub svg: Svg,
+    pub(crate) name: String,
+    pub(crate) caption: String,
+    pub(crate) svg: Svg,
 }
 
 pub(crate) struct Document {
-    pub title: String,
-    pub blocks: Vec<Block>,
+    pub(crate) title: String,
+    pub(crate) blocks: Vec<Block>,
 }
 
 impl Document {

@@ -18,47 +18,47 @@ use plotters::prelude::*;
 pub use axis::BoundedAxis;
 
 /// A whole picture, or a part of it.
-pub type Area<'a> = DrawingArea<SVGBackend<'a>, Shift>;
+pub(crate) type Area<'a> = DrawingArea<SVGBackend<'a>, Shift>;
 
 /// Units per pixel. The drawing crate has only whole units; with one unit per pixel, fine lines would look ragged.
-pub const SCALE: u32 = 4;
+pub(crate) const SCALE: u32 = 4;
 
 /// Colour of text and axes.
-pub const INK: RGBColor = RGBColor(0x1a, 0x1a, 0x1a);
+pub(crate) const INK: RGBColor = RGBColor(0x1a, 0x1a, 0x1a);
 /// Colour of the background.
 const PAPER: RGBColor = RGBColor(0xfe, 0xfe, 0xfe);
 
 // Okabe and Ito's palette without its yellow, which is invisible on white, and its black, which is the ink.
-pub const BLUE: RGBColor = RGBColor(0x00, 0x72, 0xb2);
-pub const ORANGE: RGBColor = RGBColor(0xe6, 0x9f, 0x00);
-pub const GREEN: RGBColor = RGBColor(0x00, 0x9e, 0x73);
-pub const PURPLE: RGBColor = RGBColor(0xcc, 0x79, 0xa7);
-pub const VERMILLION: RGBColor = RGBColor(0xd5, 0x5e, 0x00);
-pub const SKY: RGBColor = RGBColor(0x56, 0xb4, 0xe9);
+pub(crate) const BLUE: RGBColor = RGBColor(0x00, 0x72, 0xb2);
+pub(crate) const ORANGE: RGBColor = RGBColor(0xe6, 0x9f, 0x00);
+pub(crate) const GREEN: RGBColor = RGBColor(0x00, 0x9e, 0x73);
+pub(crate) const PURPLE: RGBColor = RGBColor(0xcc, 0x79, 0xa7);
+pub(crate) const VERMILLION: RGBColor = RGBColor(0xd5, 0x5e, 0x00);
+pub(crate) const SKY: RGBColor = RGBColor(0x56, 0xb4, 0xe9);
 
 /// Converts pixels to units.
-pub fn px(pixels: impl Into<f64>) -> i32 {
+pub(crate) fn px(pixels: impl Into<f64>) -> i32 {
     (pixels.into() * f64::from(SCALE)).round() as i32
 }
 
 /// Makes the style of a line, `pixels` wide.
-pub fn pen(colour: impl Color, pixels: impl Into<f64>) -> ShapeStyle {
+pub(crate) fn pen(colour: impl Color, pixels: impl Into<f64>) -> ShapeStyle {
     ShapeStyle { color: colour.to_rgba(), filled: false, stroke_width: px(pixels) as u32 }
 }
 
 /// Makes the style of a text, `pixels` high.
-pub fn text(pixels: impl Into<f64>, colour: impl Color) -> TextStyle<'static> {
+pub(crate) fn text(pixels: impl Into<f64>, colour: impl Color) -> TextStyle<'static> {
     // The SVG backend divides font sizes by 1.24.
     ("sans-serif", f64::from(px(pixels)) * 1.24).into_font().color(&colour)
 }
 
 /// Estimates the width of a text in units, because the drawing crate cannot measure text without a font library.
-pub fn text_width(words: &str, pixels: f64) -> i32 {
+pub(crate) fn text_width(words: &str, pixels: f64) -> i32 {
     px(words.chars().count() as f64 * pixels * 0.56)
 }
 
 /// Returns a name with at most this number of letters and dots.
-pub fn shortened(name: &str, letters: usize) -> String {
+pub(crate) fn shortened(name: &str, letters: usize) -> String {
     match name.char_indices().nth(letters) {
         Some((end, _)) => format!("{}...", &name[..end]),
         None => name.to_owned(),
@@ -66,7 +66,7 @@ pub fn shortened(name: &str, letters: usize) -> String {
 }
 
 /// Draws axes and grid in the style of all charts. `numbers`: font size of the numbers, in pixels.
-pub fn draw_mesh<X, Y>(mesh: &mut MeshStyle<'_, '_, X, Y, SVGBackend<'_>>, numbers: f64) -> Result<()>
+pub(crate) fn draw_mesh<X, Y>(mesh: &mut MeshStyle<'_, '_, X, Y, SVGBackend<'_>>, numbers: f64) -> Result<()>
 where
     X: Ranged + ValueFormatter<X::ValueType>,
     Y: Ranged + ValueFormatter<Y::ValueType>,
@@ -82,7 +82,7 @@ where
 }
 
 /// Returns the shade for a share from 0 (light) to 1 (dark).
-pub fn shade(share: f64) -> RGBColor {
+pub(crate) fn shade(share: f64) -> RGBColor {
     const STOPS: [[f64; 3]; 3] = [[247.0, 251.0, 255.0], [107.0, 174.0, 214.0], [8.0, 48.0, 107.0]];
     let place = share.clamp(0.0, 1.0) * 2.0;
     let (from, to, part) = if place < 1.0 { (STOPS[0], STOPS[1], place) } else { (STOPS[1], STOPS[2], place - 1.0) };
@@ -94,18 +94,18 @@ pub fn shade(share: f64) -> RGBColor {
 const LEAST_SPAN: f64 = 0.25;
 
 /// Widens a range of values for [`shade`]: values that hardly differ must not look as if they did.
-pub fn widened(low: f64, high: f64) -> (f64, f64) {
+pub(crate) fn widened(low: f64, high: f64) -> (f64, f64) {
     let more = (LEAST_SPAN * low.abs().max(high.abs()) - (high - low)).max(0.0);
     (low - more / 2.0, high + more / 2.0)
 }
 
 /// Returns black or white, whichever is readable on this colour.
-pub fn ink_over(colour: RGBColor) -> RGBColor {
+pub(crate) fn ink_over(colour: RGBColor) -> RGBColor {
     if luminance(colour) > 0.5 { BLACK } else { WHITE }
 }
 
 /// Returns the brightness of a colour from 0 to 1, weighted as the eye does (ITU-R BT.709, without gamma).
-pub fn luminance(RGBColor(red, green, blue): RGBColor) -> f64 {
+pub(crate) fn luminance(RGBColor(red, green, blue): RGBColor) -> f64 {
     (0.2126 * f64::from(red) + 0.7152 * f64::from(green) + 0.0722 * f64::from(blue)) / 255.0
 }
 
@@ -119,7 +119,7 @@ impl Svg {
     /// # Errors
     ///
     /// The errors of `paint` and of the drawing crate.
-    pub fn draw(width: u32, height: u32, paint: impl FnOnce(&Area) -> Result<()>) -> Result<Svg> {
+    pub(crate) fn draw(width: u32, height: u32, paint: impl FnOnce(&Area) -> Result<()>) -> Result<Svg> {
         let mut text = String::new();
         {
             let area = SVGBackend::with_string(&mut text, (width * SCALE, height * SCALE)).into_drawing_area();
@@ -139,7 +139,7 @@ impl Svg {
 
     /// Returns the picture as a part of an HTML page, without background and in the colour of the page's text. Screen
     /// readers read `title`, which must not contain markup.
-    pub fn inline(&self, title: &str) -> String {
+    pub(crate) fn inline(&self, title: &str) -> String {
         let named = format!("<svg role=\"img\" aria-label=\"{title}\" ");
         self.0.replacen("<svg ", &named, 1).replace(&hex(PAPER), "none").replace(&hex(INK), "currentColor")
     }

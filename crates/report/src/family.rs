@@ -6,10 +6,10 @@ use dials_core::domain::ScenarioId;
 /// Scenarios of one domain with equal episodes and equal rules. Their agents are all in rows, or it is a single network.
 pub(crate) struct Family<'a> {
     /// Title, unique in a report: `traffic` if all its scenarios of this domain are in one family.
-    pub title: String,
+    pub(crate) title: String,
     /// The same as a part of file names.
-    pub slug: String,
-    pub comparisons: Vec<&'a Comparison>,
+    pub(crate) slug: String,
+    pub(crate) comparisons: Vec<&'a Comparison>,
 }
 
 /// Returns the families of a report, those of a domain one after the other.

@@ -9,28 +9,28 @@ use dials_core::base::statistics::{Spread, mean, median};
 use dials_session::records::run_record::{CpuTime, MemoryRecord, PeriodTime, Returns, RunRecord, Status};
 
 /// Final returns of a group.
-pub struct Final {
+pub(crate) struct Final {
     /// Timesteps per agent at which the returns were measured.
-    pub steps: u64,
+    pub(crate) steps: u64,
     /// Whether the runs that count are finished. [`Group::finals`] says which ones count.
-    pub finished: bool,
+    pub(crate) finished: bool,
     /// Mean returns over seeds.
-    pub returns: Spread,
+    pub(crate) returns: Spread,
     /// Returns of every run that counts, by seed.
-    pub runs: BySeed,
+    pub(crate) runs: BySeed,
     /// Median over seeds of the runs' mean returns.
-    pub median_run: f64,
+    pub(crate) median_run: f64,
     /// Return of the median agent of a run, mean over seeds.
-    pub median_agent: f64,
-    pub worst_agent: AgentAt,
+    pub(crate) median_agent: f64,
+    pub(crate) worst_agent: AgentAt,
     /// Stuck agents of all runs that count.
-    pub stuck: Vec<AgentAt>,
+    pub(crate) stuck: Vec<AgentAt>,
     /// Number of agents of all runs that count.
-    pub agents: usize,
+    pub(crate) agents: usize,
     /// Mean return of each agent over seeds.
-    pub agent_means: Vec<f64>,
+    pub(crate) agent_means: Vec<f64>,
     /// Seed and agents' returns of every run that counts.
-    pub agents_of_runs: Vec<(u64, Vec<Returns>)>,
+    pub(crate) agents_of_runs: Vec<(u64, Vec<Returns>)>,
 }
 
 fn finished(runs: &[&RunRecord]) -> bool {
@@ -39,15 +39,15 @@ fn finished(runs: &[&RunRecord]) -> bool {
 
 /// An agent of a run.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct AgentAt {
-    pub seed: u64,
-    pub agent: usize,
-    pub mean_return: f64,
+pub(crate) struct AgentAt {
+    pub(crate) seed: u64,
+    pub(crate) agent: usize,
+    pub(crate) mean_return: f64,
 }
 
 impl Final {
     /// Collects the final returns of a group; `None` if no run of it was evaluated.
-    pub fn of(group: &Group) -> Option<Final> {
+    pub(crate) fn of(group: &Group) -> Option<Final> {
         let (steps, runs) = group.finals()?;
         let agents_of_runs: Vec<(u64, Vec<Returns>)> =
             runs.iter().map(|run| (run.config.learning.seed, agents_at(run, steps).to_vec())).collect();
@@ -87,12 +87,12 @@ impl Final {
 
 impl Final {
     /// Returns the episodes that all runs played; `None` if they differ.
-    pub fn episodes(&self) -> Option<Episodes> {
+    pub(crate) fn episodes(&self) -> Option<Episodes> {
         common_episodes(self.runs.iter().map(|(_, played)| played))
     }
 
     /// Returns the different numbers of episodes of the runs.
-    pub fn episode_counts(&self) -> BTreeSet<usize> {
+    pub(crate) fn episode_counts(&self) -> BTreeSet<usize> {
         self.runs.iter().map(|(_, played)| played.episodes.count).collect()
     }
 }
@@ -106,20 +106,20 @@ pub(crate) fn agents_at(run: &RunRecord, steps: u64) -> &[Returns] {
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct Runtime {
     /// Timesteps per agent.
-    pub steps: u64,
+    pub(crate) steps: u64,
     /// Whether the runs are finished.
-    pub finished: bool,
-    pub agents_training_s: f64,
+    pub(crate) finished: bool,
+    pub(crate) agents_training_s: f64,
     /// Time to collect datasets and train the AIPs (approximate influence predictors).
-    pub influence_s: f64,
+    pub(crate) influence_s: f64,
     /// Sum of the two over seeds: wall time without evaluations.
-    pub total: Spread,
+    pub(crate) total: Spread,
     /// Wall time with the evaluations.
-    pub wall_s: f64,
+    pub(crate) wall_s: f64,
     /// CPU time of all processes.
-    pub cpu: CpuTime,
+    pub(crate) cpu: CpuTime,
     /// Largest number of worker processes of a run.
-    pub workers: usize,
+    pub(crate) workers: usize,
 }
 
 impl Runtime {

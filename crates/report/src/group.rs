@@ -11,48 +11,48 @@ use dials_session::records::run_record::{RunRecord, Status};
 
 /// All groups of one scenario, in the order of the report: GS (global simulator), DIALS by F (the steps between two
 /// trainings of the AIPs), other simulators, variants last.
-pub struct Comparison {
-    pub scenario: ScenarioId,
+pub(crate) struct Comparison {
+    pub(crate) scenario: ScenarioId,
     /// What the user calls the scenario, if all runs that recorded a name have the same.
-    pub name: Option<String>,
+    pub(crate) name: Option<String>,
     /// Title of the scenario, unique among the comparisons of a report: `traffic, 4 agents`, or `town, 20 agents`.
-    pub title: String,
+    pub(crate) title: String,
     /// Name of the scenario in file names, unique among the comparisons of a report: `traffic_4`, or `town_20`.
-    pub slug: String,
-    pub groups: Vec<Group>,
+    pub(crate) slug: String,
+    pub(crate) groups: Vec<Group>,
     /// Index of the reference of an ablation: the one group that has the value of most groups in every key. Every other
     /// group departs from it.
-    pub reference: Option<usize>,
+    pub(crate) reference: Option<usize>,
     /// Hand-coded controllers that were measured on this scenario.
-    pub baselines: Vec<BaselineRecord>,
+    pub(crate) baselines: Vec<BaselineRecord>,
 }
 
 impl Comparison {
     /// Returns the title with a capital letter, for headings.
-    pub fn heading(&self) -> String {
+    pub(crate) fn heading(&self) -> String {
         let mut letters = self.title.chars();
         letters.next().map_or(String::new(), |first| first.to_uppercase().chain(letters).collect())
     }
 
     /// Returns the places of the agents, if they are in rows.
-    pub fn map(&self) -> Option<Map> {
+    pub(crate) fn map(&self) -> Option<Map> {
         self.groups.iter().flat_map(|group| &group.runs).find_map(|run| run.scenario().map)
     }
 
     /// Returns the rules by which the agents see and are paid, if a run recorded them.
-    pub fn rules(&self) -> Option<&Rules> {
+    pub(crate) fn rules(&self) -> Option<&Rules> {
         self.groups.iter().flat_map(|group| &group.runs).find_map(|run| run.scenario().rules.as_ref())
     }
 
     /// Returns the number of agents, with whatever else distinguishes the scenario from others.
-    pub fn size(&self) -> String {
+    pub(crate) fn size(&self) -> String {
         let size = self.scenario.agents.to_string();
         self.title.replacen(&self.scenario.title(self.name.as_deref()), &size, 1)
     }
 
     /// Returns a short label of a group for a picture of this scenario. It leaves out the tables of keys if the last
     /// words are unique, and the name of the method if the reference has the same.
-    pub fn short_label(&self, group: &Group) -> String {
+    pub(crate) fn short_label(&self, group: &Group) -> String {
         let keys: BTreeSet<&String> =
             self.groups.iter().flat_map(|group| &group.overrides).map(|(key, _)| key).collect();
         let last = |key: &str| key.rsplit('.').next().unwrap_or_default().to_owned();
@@ -75,28 +75,28 @@ impl Comparison {
 const MOST_KEYS: usize = 8;
 
 /// Runs of one method with several seeds; never empty.
-pub struct Group {
-    pub method: Method,
+pub(crate) struct Group {
+    pub(crate) method: Method,
     /// Config keys whose values differ from those of most groups of the scenario, and those that are always named, with
     /// the values of this group.
-    pub overrides: Vec<(String, String)>,
+    pub(crate) overrides: Vec<(String, String)>,
     /// Runs in order of their seeds.
-    pub runs: Vec<RunRecord>,
+    pub(crate) runs: Vec<RunRecord>,
 }
 
 impl Group {
     /// Returns the paper's name of the method: `DIALS F=1M`.
-    pub fn name(&self) -> String {
+    pub(crate) fn name(&self) -> String {
         method_name(self.simulator(), self.method.retraining)
     }
 
     /// Returns the name of the simulator in configs.
-    pub fn simulator(&self) -> &str {
+    pub(crate) fn simulator(&self) -> &str {
         &self.method.simulator
     }
 
     /// Returns the name and the overrides, or a run's directory if there are too many overrides to read.
-    pub fn label(&self) -> String {
+    pub(crate) fn label(&self) -> String {
         if self.overrides.len() > MOST_KEYS {
             return format!("{}, as {}", self.name(), self.runs[0].dir.display());
         }
@@ -104,13 +104,13 @@ impl Group {
         std::iter::once(self.name()).chain(overrides).collect::<Vec<_>>().join(", ")
     }
 
-    pub fn seeds(&self) -> Vec<u64> {
+    pub(crate) fn seeds(&self) -> Vec<u64> {
         self.runs.iter().map(|run| run.config.learning.seed).collect()
     }
 
     /// Returns the step of the final return and the runs that count for it: the finished runs with the most steps. If
     /// no run is finished, all evaluated runs count, at the last step at which all of them were evaluated.
-    pub fn finals(&self) -> Option<(u64, Vec<&RunRecord>)> {
+    pub(crate) fn finals(&self) -> Option<(u64, Vec<&RunRecord>)> {
         let finished: Vec<&RunRecord> = self.runs.iter().filter(|run| run.status() == Status::Finished).collect();
         if let Some(furthest) = finished.iter().map(|run| last_step(run)).max() {
             return Some((furthest, finished.into_iter().filter(|run| last_step(run) == furthest).collect()));
@@ -151,8 +151,8 @@ pub(crate) fn evaluated_together(runs: &[&RunRecord]) -> BTreeSet<u64> {
 
 /// Runs sorted into comparisons.
 pub(crate) struct Sorted {
-    pub comparisons: Vec<Comparison>,
-    pub left_out: Vec<LeftOut>,
+    pub(crate) comparisons: Vec<Comparison>,
+    pub(crate) left_out: Vec<LeftOut>,
 }
 
 /// Sorts runs by scenario, method and seed.

@@ -79,7 +79,7 @@ pub fn report(folders: &[PathBuf]) -> Result<Report> {
 }
 
 /// Makes the figures of a report about these runs, and only them. None was evaluated yet: no figures.
-pub fn compared_figures(found: Found) -> Result<Vec<Figure>> {
+pub(crate) fn compared_figures(found: Found) -> Result<Vec<Figure>> {
     let (comparisons, warnings) = compared(found)?;
     let blocks = sections::document(&comparisons, &warnings)?.blocks.into_iter();
     let figure = |block| match block {

@@ -9,14 +9,14 @@ use dials_session::records::find::BaselineRecord;
 
 /// A controller or a group whose return is subtracted from those of the groups of a scenario.
 #[derive(Clone)]
-pub enum Opponent<'a> {
+pub(crate) enum Opponent<'a> {
     Controller(&'a BaselineRecord),
     /// A group and its name.
     Group(&'a Group, String),
 }
 
 impl Opponent<'_> {
-    pub fn name(&self) -> &str {
+    pub(crate) fn name(&self) -> &str {
         match self {
             Opponent::Controller(controller) => &controller.controller,
             Opponent::Group(_, name) => name,
@@ -24,7 +24,7 @@ impl Opponent<'_> {
     }
 
     /// Returns the episodes of its final return; `None` if its runs have different ones.
-    pub fn episodes(&self) -> Option<Episodes> {
+    pub(crate) fn episodes(&self) -> Option<Episodes> {
         match self {
             Opponent::Controller(controller) => Some(of_controller(controller).episodes),
             Opponent::Group(group, _) => Final::of(group)?.episodes(),
@@ -33,7 +33,7 @@ impl Opponent<'_> {
 
     /// Returns the final return of a group minus the opponent's. `None` for the opponent itself, and if the two were
     /// measured at different steps; up to a hundredth they are the same.
-    pub fn difference(&self, group: &Group, end: &Final) -> Option<Difference> {
+    pub(crate) fn difference(&self, group: &Group, end: &Final) -> Option<Difference> {
         match self {
             Opponent::Controller(controller) => Some(minus_controller(&end.runs, controller)),
             Opponent::Group(other, _) if std::ptr::eq(*other, group) => None,
@@ -47,13 +47,13 @@ impl Opponent<'_> {
 
 impl Comparison {
     /// Returns the reference of an ablation as an opponent.
-    pub fn reference(&self) -> Option<Opponent<'_>> {
+    pub(crate) fn reference(&self) -> Option<Opponent<'_>> {
         Some(Opponent::Group(&self.groups[self.reference?], "the reference".to_owned()))
     }
 
     /// Returns the strongest controller, if any was measured, and the reference. If there is no reference, the first of
     /// several groups takes its place.
-    pub fn opponents(&self) -> Vec<Opponent<'_>> {
+    pub(crate) fn opponents(&self) -> Vec<Opponent<'_>> {
         let strongest = self.baselines.iter().max_by(|a, b| a.mean_return.total_cmp(&b.mean_return));
         let first = || match &self.groups[..] {
             [first, _, ..] => Some(Opponent::Group(first, first.label())),

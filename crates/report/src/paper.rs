@@ -55,10 +55,10 @@ pub(crate) fn has(scenario: &ScenarioId) -> bool {
 /// A return that was read off a plot of the paper.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct PaperReturn {
-    pub steps: u64,
-    pub mean: f64,
+    pub(crate) steps: u64,
+    pub(crate) mean: f64,
     /// Standard error, if the paper draws it.
-    pub std_error: Option<f64>,
+    pub(crate) std_error: Option<f64>,
 }
 
 impl PaperReturn {
@@ -170,10 +170,10 @@ pub(crate) fn final_return(scenario: &ScenarioId, simulator: &str, retraining: R
 /// Hours of the paper for 4M timesteps.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct PaperRuntime {
-    pub agents_training: f64,
+    pub(crate) agents_training: f64,
     /// Hours of data collection and influence training; `None` for methods without them.
-    pub influence: Option<f64>,
-    pub total: f64,
+    pub(crate) influence: Option<f64>,
+    pub(crate) total: f64,
 }
 
 /// The methods whose runtimes the paper has, in its order.
@@ -228,9 +228,9 @@ fn alone(hours: f64) -> PaperRuntime {
 /// Peak memory of the paper in MB.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct PaperMemory {
-    pub gs: f64,
-    pub dials_process: f64,
-    pub dials_total: f64,
+    pub(crate) gs: f64,
+    pub(crate) dials_process: f64,
+    pub(crate) dials_total: f64,
 }
 
 /// Returns a column of the table "Peak Memory Usage in Megabytes (MB)".

@@ -14,12 +14,12 @@ use dials_session::records::method::steps_text;
 use dials_session::records::run_record::{RunRecord, Status};
 
 /// Writes a return, with more decimals the smaller it is.
-pub fn figure(value: f64) -> String {
+pub(crate) fn figure(value: f64) -> String {
     figure_like(value, value)
 }
 
 /// Writes a number with its sign and with the decimals of the return `like`.
-pub fn signed(value: f64, like: f64) -> String {
+pub(crate) fn signed(value: f64, like: f64) -> String {
     let size = figure_like(value.abs(), like);
     // A rounded zero has no minus sign.
     let negative = value < 0.0 && size.bytes().any(|digit| (b'1'..=b'9').contains(&digit));
@@ -27,31 +27,31 @@ pub fn signed(value: f64, like: f64) -> String {
 }
 
 /// Writes a number with the decimals of the return `like`.
-pub fn figure_like(value: f64, like: f64) -> String {
+pub(crate) fn figure_like(value: f64, like: f64) -> String {
     let digits = decimals(like, None);
     format!("{value:.digits$}")
 }
 
 /// Writes a mean and its standard error, if there is one: `217.4 ± 1.2`.
-pub fn with_error(mean: f64, std_error: Option<f64>) -> String {
+pub(crate) fn with_error(mean: f64, std_error: Option<f64>) -> String {
     let Some(error) = std_error else { return figure(mean) };
     let digits = decimals(mean, std_error).min(decimals(mean, None));
     format!("{mean:.digits$} ± {error:.digits$}")
 }
 
 /// Writes an interval with the decimals of the return `like`: `[215.1, 219.7]`.
-pub fn interval(interval: Option<Bounds>, like: f64) -> String {
+pub(crate) fn interval(interval: Option<Bounds>, like: f64) -> String {
     let ends = |Bounds { low, high }| format!("[{}, {}]", figure_like(low, like), figure_like(high, like));
     interval.map_or("-".to_owned(), ends)
 }
 
 /// Writes the interval of a difference: `[+1.2, +3.4]`.
-pub fn signed_interval(Bounds { low, high }: Bounds, like: f64) -> String {
+pub(crate) fn signed_interval(Bounds { low, high }: Bounds, like: f64) -> String {
     format!("[{}, {}]", signed(low, like), signed(high, like))
 }
 
 /// Writes how certain a mean over seeds is: `95 % [215.1, 219.7]`, or with few seeds their values.
-pub fn certainty(spread: &Spread) -> String {
+pub(crate) fn certainty(spread: &Spread) -> String {
     let values = spread.values.iter().map(|value| figure_like(*value, spread.mean));
     match spread.interval {
         Some(_) => format!("95 % {}", interval(spread.interval, spread.mean)),
@@ -62,7 +62,7 @@ pub fn certainty(spread: &Spread) -> String {
 
 /// Writes a difference with its 95 % interval, `+4.1 [+1.2, +7.0]`, or with few seeds, `+4.1 (n = 3: +3.0, +5.0,
 /// +4.3)`. `like`: a return, for the decimals.
-pub fn difference(of: &Difference, like: f64) -> String {
+pub(crate) fn difference(of: &Difference, like: f64) -> String {
     let mean = signed(of.mean, like);
     let seeds = of.seeds[0].min(of.seeds[1]);
     let own: Vec<String> = of.of_seeds.iter().map(|(_, value)| signed(*value, like)).collect();
@@ -76,7 +76,7 @@ pub fn difference(of: &Difference, like: f64) -> String {
 }
 
 /// Says how two sides were paired before they were subtracted.
-pub fn pairing(pairing: Pairing) -> &'static str {
+pub(crate) fn pairing(pairing: Pairing) -> &'static str {
     match pairing {
         Pairing::EpisodeAndSeed => "paired by episode and by seed",
         Pairing::Episode => "paired by episode",
@@ -86,7 +86,7 @@ pub fn pairing(pairing: Pairing) -> &'static str {
 }
 
 /// Writes seconds as hours, with two decimals, or with four below 0.1 hours.
-pub fn hours(seconds: f64) -> String {
+pub(crate) fn hours(seconds: f64) -> String {
     let hours = seconds / 3600.0;
     if hours < 0.1 { format!("{hours:.4}") } else { format!("{hours:.2}") }
 }
@@ -101,7 +101,7 @@ pub fn duration(seconds: f64) -> String {
 }
 
 /// Lists everything that a reader must know before trusting a figure.
-pub fn warnings(comparisons: &[Comparison], missing: &[PathBuf], left_out: &[LeftOut]) -> Vec<String> {
+pub(crate) fn warnings(comparisons: &[Comparison], missing: &[PathBuf], left_out: &[LeftOut]) -> Vec<String> {
     let mut warnings = Vec::new();
     warnings.extend(missing.iter().map(|run| format!("{}: not begun yet", Printable(run.display()))));
     warnings.extend(left_out.iter().map(LeftOut::to_string));
@@ -190,7 +190,7 @@ fn of_episodes(comparison: &Comparison) -> Vec<String> {
 const MOST_REASONS: usize = 3;
 
 /// Writes the error for folders without a run that was evaluated and can be read. `warnings`: those of [`warnings`].
-pub fn no_run(folders: &str, warnings: &[String]) -> String {
+pub(crate) fn no_run(folders: &str, warnings: &[String]) -> String {
     let mut lines = vec![format!("{folders}: no run in it was evaluated and can be read:")];
     lines.extend(warnings.iter().take(MOST_REASONS).cloned());
     let more = warnings.len().saturating_sub(MOST_REASONS);

@@ -35,13 +35,13 @@ macro_rules! domains {
             pub(crate) const NAMES: &[&str] = &[$($name),*];
 
             /// Returns the name of the table in a config, which is the domain's name.
-            pub fn name(&self) -> &'static str {
+            pub(crate) fn name(&self) -> &'static str {
                 match self {
                     $(DomainConfig::$variant(_) => $name,)*
                 }
             }
 
-            pub fn table(&self) -> &dyn DomainTable {
+            pub(crate) fn table(&self) -> &dyn DomainTable {
                 match self {
                     $(DomainConfig::$variant(table) => table,)*
                 }
@@ -76,13 +76,13 @@ domains! {
 
 impl DomainConfig {
     /// Returns a key of this table with the table's name before it, as `--set` takes it.
-    pub fn key(&self, key: &str) -> String {
+    pub(crate) fn key(&self, key: &str) -> String {
         format!("{}.{key}", self.name())
     }
 }
 
 /// Error if a machine cannot compute as a config says. Only the fixed width can be missing.
-pub const NO_SUCH_VECTORS: &str =
+pub(crate) const NO_SUCH_VECTORS: &str =
     "numerics.vector_width = \"256-bit\": this machine has no such vector instructions; \"widest\" works everywhere";
 
 /// Opens the domain of a config and reads the files that it needs. Another process tries the files first.
@@ -187,12 +187,12 @@ pub fn check_for_training(config: &RunConfig) -> Result<Arc<dyn Domain>> {
 }
 
 /// Checks that the domain's files could be loaded from a run directory at `path`.
-pub fn check_place(config: &RunConfig, path: &Path) -> Result<()> {
+pub(crate) fn check_place(config: &RunConfig, path: &Path) -> Result<()> {
     find(config)?.check_place(&path.join(files::NETWORKS))
 }
 
 /// Copies the domain's files into the run directory `dir` and returns a config with the paths of the copies.
-pub fn keep_files(config: &RunConfig, domain: &dyn Domain, dir: &Path) -> Result<RunConfig> {
+pub(crate) fn keep_files(config: &RunConfig, domain: &dyn Domain, dir: &Path) -> Result<RunConfig> {
     let places = domain.keep_files(&dir.join(files::NETWORKS))?;
     let mut kept = config.clone();
     let paths = kept.domain.iter_mut().flat_map(|domain| domain.table_mut().paths());

@@ -105,7 +105,7 @@ pub fn make_file(path: &Path, existing: Existing, write: impl FnOnce(&Path) -> R
 
 /// Renames `path` to the first free of `path.old-1`, `path.old-2`, ... and returns the new path. If another process
 /// writes there, this is an error.
-pub fn move_aside(path: &Path) -> Result<PathBuf> {
+pub(crate) fn move_aside(path: &Path) -> Result<PathBuf> {
     let failed = || format!("{}: cannot be moved aside", path.display());
     let _held = if path.is_dir() { Some(Directory::lock(path)?) } else { None };
     check_nobody_writes(path, LEVELS)?;
@@ -140,7 +140,7 @@ fn check_nobody_writes(path: &Path, levels: usize) -> Result<()> {
     Ok(())
 }
 
-pub fn tell_moved(path: &Path, aside: &Path) {
+pub(crate) fn tell_moved(path: &Path, aside: &Path) {
     tell(format_args!("moved {} to {}", path.display(), aside.display()));
 }
 
@@ -158,7 +158,7 @@ fn first_free(path: &Path, word: &str, first: usize) -> PathBuf {
 }
 
 /// Returns whether nothing is at `path`, not even a broken link.
-pub fn is_free(path: &Path) -> bool {
+pub(crate) fn is_free(path: &Path) -> bool {
     path.symlink_metadata().is_err()
 }
 

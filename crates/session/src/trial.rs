@@ -54,7 +54,7 @@ pub fn try_out() -> error::Result<()> {
 /// Lets a child try the files of a domain, if it has any. Does so once per config.
 ///
 /// The error names the files, says how the child ended and what it said last.
-pub fn survive(config: &RunConfig, domain: &dyn Domain) -> Result<()> {
+pub(crate) fn survive(config: &RunConfig, domain: &dyn Domain) -> Result<()> {
     let files = domain.strange_files();
     if files.is_empty() {
         return Ok(());

@@ -12,13 +12,13 @@ pub struct CarsAt<'a> {
 
 impl<'a> CarsAt<'a> {
     /// Takes the lanes `first..first + lanes` of a read.
-    pub fn new(table: &'a CarTable, first: usize, lanes: usize) -> CarsAt<'a> {
+    pub(crate) fn new(table: &'a CarTable, first: usize, lanes: usize) -> CarsAt<'a> {
         assert!(first + lanes <= table.lanes(), "lanes that were read");
         CarsAt { table, first, lanes }
     }
 
     /// Returns the number of lanes.
-    pub fn lanes(&self) -> usize {
+    pub(crate) fn lanes(&self) -> usize {
         self.lanes
     }
 

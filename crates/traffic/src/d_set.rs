@@ -31,10 +31,10 @@ const HEADWAY_S: f32 = 2.0;
 
 /// The parts of an episode, within which constant predictors are constant.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Parts {
-    pub count: usize,
+pub(crate) struct Parts {
+    pub(crate) count: usize,
     /// Number of seconds of the episode.
-    pub episode_s: usize,
+    pub(crate) episode_s: usize,
 }
 
 impl Parts {
@@ -44,12 +44,12 @@ impl Parts {
     const MOST: usize = 24;
 
     /// Divides an episode of this number of seconds.
-    pub fn of(episode_s: usize) -> Parts {
+    pub(crate) fn of(episode_s: usize) -> Parts {
         Parts { count: episode_s.div_ceil(Parts::PART_S).clamp(1, Parts::MOST), episode_s }
     }
 
     /// Returns the part in which a second of the episode lies. The end belongs to the last one.
-    pub fn part(self, second: usize) -> usize {
+    pub(crate) fn part(self, second: usize) -> usize {
         (second * self.count / self.episode_s.max(1)).min(self.count - 1)
     }
 }
@@ -73,7 +73,7 @@ struct SeenLane {
 
 impl DSetPlan {
     /// Makes the d-set of an agent that sees cars up to `approach_m` before its stop lines.
-    pub fn of(plan: &AgentPlan, border: &BorderPlan, approach_m: f64, parts: Parts) -> DSetPlan {
+    pub(crate) fn of(plan: &AgentPlan, border: &BorderPlan, approach_m: f64, parts: Parts) -> DSetPlan {
         let stretches = |seen_m: f64| (seen_m / STRETCH_M).ceil() as usize;
         let approaches = plan.region.approaches.iter().map(|approach| {
             let lane = border.lanes.iter().position(|lane| lane.lane == approach.lane);
@@ -89,7 +89,7 @@ impl DSetPlan {
     }
 
     /// Returns the number of parts of an episode. The first columns are their one-hot.
-    pub fn parts(&self) -> usize {
+    pub(crate) fn parts(&self) -> usize {
         self.parts.count
     }
 
@@ -125,7 +125,14 @@ impl DSetPlan {
 
     /// Writes the d-set. Columns beyond its width become 0. `cars`: those on all lanes of the border, in its order. The
     /// age of the light is the second of the episode.
-    pub fn write(&self, border: &BorderPlan, cars: CarsAt<'_>, light: LightView, history: &History, d_set: &mut [f32]) {
+    pub(crate) fn write(
+        &self,
+        border: &BorderPlan,
+        cars: CarsAt<'_>,
+        light: LightView,
+        history: &History,
+        d_set: &mut [f32],
+    ) {
         d_set.fill(0.0);
         let mut columns = d_set;
         let mut take = |count: usize| columns.split_off_mut(..count).expect("as wide as the widest d-set");

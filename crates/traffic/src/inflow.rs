@@ -55,7 +55,7 @@ pub(crate) fn is_blocked(lane: LaneCars<'_>, length_m: f64) -> bool {
 
 /// The influence sources of the last minute, as the d-set shows them.
 #[derive(Clone, Debug)]
-pub struct History {
+pub(crate) struct History {
     /// A bit per second and entry: did a car arrive? The lowest bit is the last second.
     arrivals: Vec<u64>,
     /// Whether each exit was blocked in the last decision.
@@ -64,12 +64,12 @@ pub struct History {
 
 impl History {
     /// Begins an episode: nothing has happened.
-    pub fn new(plan: &BorderPlan) -> History {
+    pub(crate) fn new(plan: &BorderPlan) -> History {
         History { arrivals: vec![0; plan.entries.len()], blocked: vec![false; plan.exits.len()] }
     }
 
     /// Notes the sources of a decision.
-    pub fn note(&mut self, plan: &BorderPlan, sources: &[u8]) {
+    pub(crate) fn note(&mut self, plan: &BorderPlan, sources: &[u8]) {
         for (entry, bits) in self.arrivals.iter_mut().enumerate() {
             for second in 0..plan.decision_s {
                 *bits = *bits << 1 | u64::from(sources[plan.arrival(entry, second)]);
@@ -81,7 +81,7 @@ impl History {
     }
 
     /// Returns the number of arrivals at an entry in the last seconds, at most [`REMEMBERED_S`].
-    pub fn arrivals(&self, entry: usize, seconds: usize) -> u32 {
+    pub(crate) fn arrivals(&self, entry: usize, seconds: usize) -> u32 {
         (self.arrivals[entry] & ((1 << seconds.min(REMEMBERED_S)) - 1)).count_ones()
     }
 

@@ -14,7 +14,7 @@ pub(crate) const YELLOW_STEPS: u8 = 3;
 
 /// A light and how long it has shown what it shows. A step is a second.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Signal {
+pub(crate) struct Signal {
     shown: Shown,
     /// Number of steps since this green began or the last one ended.
     steps: u32,
@@ -31,12 +31,12 @@ impl Signal {
         Signal { shown: Shown::Green(0), steps: plan.min_green_steps(), switched: false }
     }
 
-    pub fn shown(self) -> Shown {
+    pub(crate) fn shown(self) -> Shown {
         self.shown
     }
 
     /// Returns the state that the light shows.
-    pub fn state(self, plan: &PhasePlan) -> &SignalState {
+    pub(crate) fn state(self, plan: &PhasePlan) -> &SignalState {
         let Shown::Between { from, to } = self.shown else { return &plan.greens()[self.shown.target()] };
         let mut left = self.steps;
         for interval in plan.clearing(from, to) {
@@ -56,7 +56,7 @@ impl Signal {
     /// Sets what the light shows in the step that follows the action. Between two greens, and while a green is too
     /// short, it ignores actions. It also ignores a green that it does not have. A light that goes to its next green by
     /// itself does so no more in this episode once it has obeyed.
-    pub fn act(&mut self, plan: &PhasePlan, action: Action) {
+    pub(crate) fn act(&mut self, plan: &PhasePlan, action: Action) {
         self.steps += 1;
         match self.shown {
             Shown::Green(green) => {

@@ -17,12 +17,12 @@ const LONGEST_AGE_S: f32 = 60.0;
 
 /// What a light shows, for how many seconds, and the number of seconds since the episode began.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct LightView {
-    pub shown: Shown,
-    pub shown_steps: u32,
-    pub age: usize,
+pub(crate) struct LightView {
+    pub(crate) shown: Shown,
+    pub(crate) shown_steps: u32,
+    pub(crate) age: usize,
     /// What its clock has counted: `age`, and the steps by which the clock is ahead.
-    pub clock: usize,
+    pub(crate) clock: usize,
 }
 
 /// Returns all that is on the approaches of a light, and what it has shown for `shown_s` seconds.

@@ -40,7 +40,7 @@ impl Side {
         Side::VERTICAL.contains(&self)
     }
 
-    pub fn opposite(self) -> Side {
+    pub(crate) fn opposite(self) -> Side {
         match self {
             Side::West => Side::East,
             Side::South => Side::North,
@@ -50,7 +50,7 @@ impl Side {
     }
 
     /// Returns the letter that names of boundary nodes begin with.
-    pub fn initial(self) -> char {
+    pub(crate) fn initial(self) -> char {
         match self {
             Side::West => 'w',
             Side::South => 's',

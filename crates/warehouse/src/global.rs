@@ -11,7 +11,7 @@ use dials_core::domain::{
 };
 
 /// Name of the measure "items that a robot collected in an episode".
-pub const ITEMS: &str = "items";
+pub(crate) const ITEMS: &str = "items";
 
 /// The warehouse GS: one row per learning robot. The other robots, in a ring around them, go for the closest item.
 pub struct GlobalWarehouse {

@@ -20,9 +20,9 @@ pub enum Rule {
 }
 
 impl Rule {
-    pub const NAMES: &'static [&'static str] = &["random", "closest-item", "oldest-item"];
+    pub(crate) const NAMES: &'static [&'static str] = &["random", "closest-item", "oldest-item"];
 
-    pub fn by_name(name: &str) -> Option<Rule> {
+    pub(crate) fn by_name(name: &str) -> Option<Rule> {
         match name {
             "random" => Some(Rule::Random),
             "closest-item" => Some(Rule::ClosestItem),

@@ -37,35 +37,35 @@ impl FloorPlan {
         FloorPlan { robots_per_side: n, regions, learners, shelves }
     }
 
-    pub fn robots(&self) -> usize {
+    pub(crate) fn robots(&self) -> usize {
         self.regions.len()
     }
 
     /// Returns the number of cells along a side of the floor.
-    pub fn cells_per_side(&self) -> usize {
+    pub(crate) fn cells_per_side(&self) -> usize {
         STRIDE * self.robots_per_side + 1
     }
 
     /// Returns the robots that learn, in the order of agents.
-    pub fn learners(&self) -> &[usize] {
+    pub(crate) fn learners(&self) -> &[usize] {
         &self.learners
     }
 
-    pub fn shelves(&self) -> &[(usize, usize)] {
+    pub(crate) fn shelves(&self) -> &[(usize, usize)] {
         &self.shelves
     }
 
-    pub fn region(&self, robot: usize) -> &[usize; SHELVES] {
+    pub(crate) fn region(&self, robot: usize) -> &[usize; SHELVES] {
         &self.regions[robot]
     }
 
     /// Returns row and column of the upper left corner of a robot's region.
-    pub fn corner(&self, robot: usize) -> (usize, usize) {
+    pub(crate) fn corner(&self, robot: usize) -> (usize, usize) {
         (STRIDE * (robot / self.robots_per_side), STRIDE * (robot % self.robots_per_side))
     }
 
     /// Returns the neighbours of a learning robot: to the right, below, to the left, above.
-    pub fn neighbours(&self, learner: usize) -> [usize; NEIGHBOURS] {
+    pub(crate) fn neighbours(&self, learner: usize) -> [usize; NEIGHBOURS] {
         let n = self.robots_per_side;
         [learner + 1, learner + n, learner - 1, learner - n]
     }

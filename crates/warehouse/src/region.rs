@@ -11,37 +11,37 @@
 use dials_core::domain::{Action, RegionSpec, SourceSpec, Task};
 
 /// Number of cells along a side.
-pub const SIDE: usize = 5;
-pub const CELLS: usize = SIDE * SIDE;
-pub const SHELVES: usize = 12;
+pub(crate) const SIDE: usize = 5;
+pub(crate) const CELLS: usize = SIDE * SIDE;
+pub(crate) const SHELVES: usize = 12;
 /// Cell where a robot begins: the middle.
-pub const CENTRE: u8 = 12;
+pub(crate) const CENTRE: u8 = 12;
 /// Moves.
 pub const UP: Action = 0;
 pub const DOWN: Action = 1;
 pub const LEFT: Action = 2;
 pub const RIGHT: Action = 3;
-pub const MOVES: usize = 4;
-pub const NEIGHBOURS: usize = 4;
+pub(crate) const MOVES: usize = 4;
+pub(crate) const NEIGHBOURS: usize = 4;
 
 /// Age of an item, in steps since it appeared; [`NO_ITEM`] if there is none.
-pub type Age = i32;
-pub const NO_ITEM: Age = -1;
+pub(crate) type Age = i32;
+pub(crate) const NO_ITEM: Age = -1;
 
 /// Shelves shared with the neighbours to the right, below, to the left and above, in row or column order. This is the
 /// order of influence sources. Class k > 0 of a source says that the neighbour is on the k-th of its three shelves;
 /// class 0 says that it is on none.
-pub const SHARED: [[usize; 3]; NEIGHBOURS] = [[7, 9, 11], [3, 4, 5], [6, 8, 10], [0, 1, 2]];
+pub(crate) const SHARED: [[usize; 3]; NEIGHBOURS] = [[7, 9, 11], [3, 4, 5], [6, 8, 10], [0, 1, 2]];
 
 /// Cell of each shelf, row-major.
-pub const SHELF_CELLS: [u8; SHELVES] = [1, 2, 3, 21, 22, 23, 5, 9, 10, 14, 15, 19];
+pub(crate) const SHELF_CELLS: [u8; SHELVES] = [1, 2, 3, 21, 22, 23, 5, 9, 10, 14, 15, 19];
 
 const NO_SHELF: u8 = u8::MAX;
 const SHELF_AT: [u8; CELLS] = shelves_by_cell();
 const AFTER_MOVE: [[u8; MOVES]; CELLS] = moves();
 
 /// Returns the shape of a warehouse region.
-pub fn spec(horizon: usize) -> RegionSpec {
+pub(crate) fn spec(horizon: usize) -> RegionSpec {
     RegionSpec {
         obs_dim: CELLS + SHELVES,
         // The d-set (the variables that the AIP predicts from) is the observation: items that vanish show what
@@ -56,7 +56,7 @@ pub fn spec(horizon: usize) -> RegionSpec {
 }
 
 /// Returns what a robot sees, does and is paid for, in words.
-pub fn task() -> Task {
+pub(crate) fn task() -> Task {
     let cells = (0..CELLS).map(|cell| format!("robot in cell, row by row[{cell}]"));
     let item = |(side, shelf)| format!("item on {side} shelf[{shelf}]");
     // The order of `SHELF_CELLS`.
@@ -77,24 +77,24 @@ pub fn task() -> Task {
 }
 
 /// Returns the shelf that a robot on this cell is on.
-pub fn shelf_at(cell: u8) -> Option<usize> {
+pub(crate) fn shelf_at(cell: u8) -> Option<usize> {
     let shelf = SHELF_AT[usize::from(cell)];
     (shelf != NO_SHELF).then_some(usize::from(shelf))
 }
 
 /// Returns the cell of a robot after a move. On a shelf, only the move back inward works; walls and the region's rim
 /// stop a robot.
-pub fn after_move(cell: u8, action: Action) -> u8 {
+pub(crate) fn after_move(cell: u8, action: Action) -> u8 {
     AFTER_MOVE[usize::from(cell)][usize::from(action)]
 }
 
 /// Returns the class of an influence source: which of three shared shelves the neighbour is on, 0 for none.
-pub fn class_of(shelf: Option<usize>, shared: &[usize; 3]) -> u8 {
+pub(crate) fn class_of(shelf: Option<usize>, shared: &[usize; 3]) -> u8 {
     shared.iter().position(|&other| Some(other) == shelf).map_or(0, |place| place as u8 + 1)
 }
 
 /// Writes the observation, 37 bits: the robot's cell, one-hot, and which shelves hold an item.
-pub fn observe(cell: u8, ages: &[Age; SHELVES], obs: &mut [f32]) {
+pub(crate) fn observe(cell: u8, ages: &[Age; SHELVES], obs: &mut [f32]) {
     let (cells, items) = obs.split_at_mut(CELLS);
     cells.fill(0.0);
     cells[usize::from(cell)] = 1.0;
@@ -102,7 +102,7 @@ pub fn observe(cell: u8, ages: &[Age; SHELVES], obs: &mut [f32]) {
 }
 
 /// Returns the age of the item under the robot as a share of the greatest in its region; 0 without an item.
-pub fn reward(shelf: Option<usize>, ages: &[Age; SHELVES]) -> f32 {
+pub(crate) fn reward(shelf: Option<usize>, ages: &[Age; SHELVES]) -> f32 {
     match shelf.map(|shelf| ages[shelf]) {
         Some(age) if age >= 0 => {
             // An item is at least one step old when it is collected. If all were new, 0 / 0 would be no number.

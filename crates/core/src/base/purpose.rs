@@ -15,7 +15,7 @@ macro_rules! purposes {
             const ALL: &[RandomPurpose] = &[$(RandomPurpose::$name),*];
 
             /// Returns the text that names the stream.
-            pub fn text(self) -> &'static str {
+            pub(crate) fn text(self) -> &'static str {
                 match self {
                     $(RandomPurpose::$name => $text,)*
                 }

@@ -208,7 +208,7 @@ impl Timesheet {
     }
 
     /// Returns the time of all activities together.
-    pub fn total(&self) -> Duration {
+    pub(crate) fn total(&self) -> Duration {
         self.activities.iter().map(|(whole, _)| *whole).sum()
     }
 

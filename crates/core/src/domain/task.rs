@@ -21,7 +21,7 @@ pub struct Task {
 
 impl Task {
     /// Returns the task of an agent of which only the shape is known.
-    pub fn of_shape(spec: &RegionSpec) -> Task {
+    pub(crate) fn of_shape(spec: &RegionSpec) -> Task {
         let numbered = |name: &str, count: usize| (0..count).map(|number| format!("{name}[{number}]")).collect();
         Task {
             observation: numbered("observation", spec.obs_dim),

@@ -89,7 +89,7 @@ pub fn demonstrate(
 /// `demonstrations`: one per agent of the stack, all of the same length. The last `held_out` of the episodes only
 /// measure. The optimiser starts from zero, and the incomplete last minibatch of an epoch is dropped. Policies with
 /// memory learn from whole episodes, others from single samples. `progress` is called with the share that is done.
-pub fn imitate(
+pub(crate) fn imitate(
     policies: &mut PolicyStack,
     agents: &[AgentId],
     demonstrations: &[Demonstrations],

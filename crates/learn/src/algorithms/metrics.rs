@@ -13,7 +13,7 @@ pub struct Metrics {
 
 impl Metrics {
     /// Returns the means over some updates, with the settings of the last one. Without updates: `empty`.
-    pub fn mean(updates: &[Metrics], empty: Metrics) -> Metrics {
+    pub(crate) fn mean(updates: &[Metrics], empty: Metrics) -> Metrics {
         let Some(last) = updates.last() else { return empty };
         let weight = 1.0 / updates.len() as f64;
         let mut mean = Metrics { settings: last.settings.clone(), ..empty };
@@ -26,14 +26,14 @@ impl Metrics {
     }
 
     /// Appends the agents of other metrics with the same names.
-    pub fn extend(&mut self, other: Metrics) {
+    pub(crate) fn extend(&mut self, other: Metrics) {
         for ((_, values), (_, others)) in self.of_agents.iter_mut().zip(other.of_agents) {
             values.extend(others);
         }
     }
 
     /// Puts the values of the agents into another order: `order[i]` is the place of the i-th value.
-    pub fn reorder(&mut self, order: &[usize]) {
+    pub(crate) fn reorder(&mut self, order: &[usize]) {
         for (_, values) in &mut self.of_agents {
             let mut sorted = vec![0.0; values.len()];
             order.iter().zip(values.iter()).for_each(|(&place, &value)| sorted[place] = value);

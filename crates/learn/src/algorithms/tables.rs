@@ -27,7 +27,7 @@ pub struct Layout {
     /// Names of the dice, and how many an agent has.
     pub dice: Vec<(&'static str, usize)>,
     /// Names of the counts, and their values.
-    pub counts: Vec<(&'static str, u64)>,
+    pub(crate) counts: Vec<(&'static str, u64)>,
 }
 
 /// A table of numbers.
@@ -37,9 +37,9 @@ pub struct NumberTable {
     /// Number of values of an agent.
     pub width: usize,
     /// Whether agents that get the mean of their policies get the mean of this, too.
-    pub averaged: bool,
+    pub(crate) averaged: bool,
     /// Whether no value may be negative.
-    pub squares: bool,
+    pub(crate) squares: bool,
     /// Whether values that are not finite mean that learning has diverged. If not, training cannot continue from them,
     /// but a good file may be replaced by them.
     pub learnt: bool,
@@ -47,17 +47,17 @@ pub struct NumberTable {
 
 impl Tables {
     /// Returns the numbers of a name. Panics if there are none: the caller checked the layout, or made them.
-    pub fn take_numbers(&mut self, name: &str) -> Ragged<f32> {
+    pub(crate) fn take_numbers(&mut self, name: &str) -> Ragged<f32> {
         self.numbers.remove(name).unwrap_or_else(|| panic!("a learner keeps the table `{name}`"))
     }
 
     /// Returns the dice of a name, like [`Tables::take_numbers`].
-    pub fn take_dice(&mut self, name: &str) -> Vec<Vec<Dice>> {
+    pub(crate) fn take_dice(&mut self, name: &str) -> Vec<Vec<Dice>> {
         self.dice.remove(name).unwrap_or_else(|| panic!("a learner keeps the dice `{name}`"))
     }
 
     /// Returns the tables of some of the agents, in this order.
-    pub fn share(&self, agents: impl IntoIterator<Item = usize> + Clone) -> Tables {
+    pub(crate) fn share(&self, agents: impl IntoIterator<Item = usize> + Clone) -> Tables {
         let numbers = self.numbers.iter().map(|(name, table)| (name.clone(), table.pick(agents.clone())));
         let dice = self
             .dice
@@ -67,7 +67,7 @@ impl Tables {
     }
 
     /// Overwrites the tables of the agents from `first` on.
-    pub fn replace(&mut self, first: usize, part: &Tables) {
+    pub(crate) fn replace(&mut self, first: usize, part: &Tables) {
         self.counts.clone_from(&part.counts);
         for (name, table) in &part.numbers {
             self.numbers.entry(name.clone()).or_default().splice(first, table);
@@ -79,7 +79,7 @@ impl Tables {
     }
 
     /// Appends the tables of further agents.
-    pub fn extend(&mut self, other: Tables) {
+    pub(crate) fn extend(&mut self, other: Tables) {
         self.counts = other.counts;
         for (name, table) in other.numbers {
             self.numbers.entry(name).or_default().extend(&table);
@@ -90,7 +90,7 @@ impl Tables {
     }
 
     /// Returns an error if the names are not those of a layout.
-    pub fn check_names(&self, layout: &Layout) -> Result<()> {
+    pub(crate) fn check_names(&self, layout: &Layout) -> Result<()> {
         fn same<'a>(kind: &str, has: impl Iterator<Item = &'a String>, wanted: Vec<&'static str>) -> Result<()> {
             let has: Vec<&str> = has.map(String::as_str).collect();
             let mut wanted = wanted;
@@ -104,7 +104,7 @@ impl Tables {
     }
 
     /// Returns an error if the row of an agent does not fit a layout. `index`: place of the agent in these tables.
-    pub fn check_agent(&self, index: usize, layout: &Layout) -> Result<()> {
+    pub(crate) fn check_agent(&self, index: usize, layout: &Layout) -> Result<()> {
         for NumberTable { name, width, .. } in &layout.numbers {
             let found = self.numbers[*name].row(index).len();
             ensure!(found == *width, "its table `{name}` has {found} values, not {width}");
@@ -121,7 +121,7 @@ impl Tables {
     }
 
     /// Returns an error if training cannot continue from the numbers of an agent, whose row fits the layout.
-    pub fn check_numbers(&self, index: usize, layout: &Layout) -> Result<()> {
+    pub(crate) fn check_numbers(&self, index: usize, layout: &Layout) -> Result<()> {
         for NumberTable { name, squares, .. } in &layout.numbers {
             let row = self.numbers[*name].row(index);
             if let Some(bad) = row.iter().find(|value| !value.is_finite()) {

@@ -17,9 +17,9 @@ pub struct ImitationConfig {
     /// Share of the decisions in which a random action is carried out instead of the controller's. So policies also
     /// learn what the controller does where it would not have come by itself, and where small errors lead them. `actuated`
     /// and `program` never slip.
-    pub slips: f64,
+    pub(crate) slips: f64,
     /// Share of the episodes, the last ones, that only measure the imitation.
-    pub held_out: f64,
+    pub(crate) held_out: f64,
     /// Number of passes over the dataset.
     #[schemars(range(min = 1, max = 100_000))]
     pub epochs: usize,

@@ -178,7 +178,7 @@ impl Config {
     }
 
     /// Returns whether the policies of a kind begin as one: the mean of random ones that differ would be worse than each.
-    pub fn begins_with_one_policy(&self) -> bool {
+    pub(crate) fn begins_with_one_policy(&self) -> bool {
         self.shares_policies() || self.policy.average_every_steps.is_some()
     }
 

@@ -25,7 +25,7 @@ pub struct ShortForm {
     pub name: &'static str,
     /// What the policies train on, in words.
     pub help: &'static str,
-    pub simulator: Simulator,
+    pub(crate) simulator: Simulator,
     /// Predictor of local simulators. On the GS (global simulator) there is nothing to predict: `None`.
     pub predictor: Option<Predictor>,
 }

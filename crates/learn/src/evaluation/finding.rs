@@ -27,7 +27,7 @@ pub struct Finding {
 
 impl Finding {
     /// Returns the mean return of one agent, with its 95 % interval.
-    pub fn of_agent(&self, agent: usize) -> Interval {
+    pub(crate) fn of_agent(&self, agent: usize) -> Interval {
         Interval::of(&self.episodes.iter().map(|episode| episode.returns[agent]).collect::<Vec<_>>())
     }
 }

@@ -32,7 +32,7 @@ pub struct CorrectingAips {
 
 impl CorrectingAips {
     /// Returns the layout of a row of values: the network, the logits of the constants, and which sources listen.
-    pub fn layout(spec: &RegionSpec, config: &AipConfig) -> Layout {
+    pub(crate) fn layout(spec: &RegionSpec, config: &AipConfig) -> Layout {
         let network = AipStack::shape(spec, config).layout();
         let blocks = network.blocks(1).map(|(name, shape, _)| (name.to_owned(), shape[1..].to_vec()));
         let more = [
@@ -43,7 +43,7 @@ impl CorrectingAips {
     }
 
     /// Makes AIPs whose corrections are zero. Before the first training all values of a source are equally probable.
-    pub fn new(agents: &[AgentId], spec: &RegionSpec, config: &AipConfig, seed: Seed) -> CorrectingAips {
+    pub(crate) fn new(agents: &[AgentId], spec: &RegionSpec, config: &AipConfig, seed: Seed) -> CorrectingAips {
         let mut aips = AipStack::new(agents, spec, config, seed);
         aips.silence();
         let mut listens = Rows::new(agents.len(), spec.sources.count());

@@ -14,7 +14,7 @@ pub struct Dataset {
     /// `[samples, sources]`
     pub sources: Rows<u8>,
     /// Number of samples per episode.
-    pub horizon: usize,
+    pub(crate) horizon: usize,
     /// Number of sources that the agent has itself. The others only fill up the shape of its kind and are always 0.
     pub own_sources: usize,
 }
@@ -36,17 +36,13 @@ impl Dataset {
     }
 
     /// Leaves out the values of sources that the agent does not have. `of_sources`: one value per source of its kind.
-    pub fn only_own<T>(&self, mut of_sources: Vec<T>) -> Vec<T> {
+    pub(crate) fn only_own<T>(&self, mut of_sources: Vec<T>) -> Vec<T> {
         of_sources.truncate(self.own_sources);
         of_sources
     }
 
     pub fn len(&self) -> usize {
         self.d_sets.len()
-    }
-
-    pub fn is_empty(&self) -> bool {
-        self.d_sets.is_empty()
     }
 
     pub fn episodes(&self) -> usize {

@@ -20,9 +20,9 @@ const LOSS_CHUNK: usize = 512;
 #[derive(Clone, Copy)]
 pub(super) struct Constants<'a> {
     /// Logits of the constants, `[parts, logits]`.
-    pub logits: &'a Rows<f32>,
+    pub(crate) logits: &'a Rows<f32>,
     /// 1 for a source that listens to the network, 0 for one that keeps its constants, `[sources]`.
-    pub listens: &'a Rows<f32>,
+    pub(crate) listens: &'a Rows<f32>,
 }
 
 impl<'a> Constants<'a> {

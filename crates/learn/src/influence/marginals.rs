@@ -30,7 +30,7 @@ pub struct Marginals {
 
 impl Marginals {
     /// Makes predictors for which all classes are equally probable, as nothing is measured yet.
-    pub fn new(agents: usize, spec: &RegionSpec) -> Self {
+    pub(crate) fn new(agents: usize, spec: &RegionSpec) -> Self {
         let sources = spec.sources.clone();
         let equal = |&classes: &u8| std::iter::repeat_n(1.0 / f32::from(classes), usize::from(classes));
         let of_agent: Vec<f32> = sources.classes.iter().flat_map(equal).collect();
@@ -41,7 +41,7 @@ impl Marginals {
 
     /// Returns the layout of a row of probabilities: a table `[sources, classes]` if all sources have the same number
     /// of classes, else one source after another. With parts there is one of these for each part.
-    pub fn layout(spec: &RegionSpec) -> Layout {
+    pub(crate) fn layout(spec: &RegionSpec) -> Layout {
         let SourceSpec { classes, parts } = &spec.sources;
         let of_part = match classes[..] {
             [first, ..] if classes.iter().all(|&other| other == first) => vec![classes.len(), usize::from(first)],

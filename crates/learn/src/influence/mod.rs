@@ -41,7 +41,7 @@ pub use measure::{FreshLoss, measure};
 pub use train::{AipLoss, train};
 
 /// Mean cross-entropy of every influence source, in nats.
-pub type CrossEntropies = Vec<f64>;
+pub(crate) type CrossEntropies = Vec<f64>;
 
 /// Returns the mean over the sources of an agent. Without sources it is 0: there is nothing to predict.
 pub fn mean_loss(of_sources: &[f64]) -> f64 {

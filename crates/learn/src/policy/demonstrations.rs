@@ -16,11 +16,11 @@ pub struct Demonstrations {
     /// Actions of the controller. `None`: no action would have changed anything, so there is nothing to imitate.
     pub actions: Vec<Option<Action>>,
     /// Number of samples per episode.
-    pub horizon: usize,
+    pub(crate) horizon: usize,
 }
 
 impl Demonstrations {
-    pub fn new(spec: &RegionSpec) -> Self {
+    pub(crate) fn new(spec: &RegionSpec) -> Self {
         Demonstrations {
             obs: CompactRows::new(spec.obs_dim),
             masks: spec.masks.then(|| Rows::new(0, spec.n_actions)),
@@ -38,16 +38,12 @@ impl Demonstrations {
         self.actions.len()
     }
 
-    pub fn is_empty(&self) -> bool {
-        self.actions.is_empty()
-    }
-
     pub fn episodes(&self) -> usize {
         self.len() / self.horizon
     }
 
     /// Returns whether these are `samples` samples of a region, with actions that it has.
-    pub fn fits(&self, spec: &RegionSpec, samples: usize) -> bool {
+    pub(crate) fn fits(&self, spec: &RegionSpec, samples: usize) -> bool {
         let Demonstrations { obs, masks, actions, horizon } = self;
         let masks = match masks {
             Some(masks) => spec.masks && (masks.len(), masks.width()) == (samples, spec.n_actions),
@@ -59,12 +55,12 @@ impl Demonstrations {
     }
 
     /// Returns the actions that were allowed; empty if all always are.
-    pub fn mask(&self, sample: usize) -> &[bool] {
+    pub(crate) fn mask(&self, sample: usize) -> &[bool] {
         self.masks.as_ref().map_or(&[], |masks| masks.row(sample))
     }
 
     /// Appends a decision. `mask`: the actions that were allowed, or empty.
-    pub fn push(&mut self, obs: &[f32], mask: &[bool], action: Option<Action>) {
+    pub(crate) fn push(&mut self, obs: &[f32], mask: &[bool], action: Option<Action>) {
         self.obs.push(obs);
         if let Some(masks) = &mut self.masks {
             masks.push(mask);
@@ -73,7 +69,7 @@ impl Demonstrations {
     }
 
     /// Appends the episodes of other demonstrations of the same agent.
-    pub fn extend(&mut self, other: &Demonstrations) {
+    pub(crate) fn extend(&mut self, other: &Demonstrations) {
         self.obs.extend(&other.obs);
         if let (Some(mine), Some(theirs)) = (&mut self.masks, &other.masks) {
             mine.extend(theirs);

@@ -82,12 +82,12 @@ impl PolicyStack {
     }
 
     /// Reads the outputs of the networks in this way from now on.
-    pub fn read_as(mut self, reading: Reading) -> Self {
+    pub(crate) fn read_as(mut self, reading: Reading) -> Self {
         self.reading = reading;
         self
     }
 
-    pub fn agents(&self) -> usize {
+    pub(crate) fn agents(&self) -> usize {
         self.net.parameters().networks()
     }
 
@@ -96,7 +96,7 @@ impl PolicyStack {
         self.net.network(agent)
     }
 
-    pub fn n_actions(&self) -> usize {
+    pub(crate) fn n_actions(&self) -> usize {
         self.n_actions
     }
 
@@ -106,7 +106,7 @@ impl PolicyStack {
     }
 
     /// Returns which parameters are the critic's alone, one flag per parameter of an agent.
-    pub fn only_critic(&self) -> Vec<bool> {
+    pub(crate) fn only_critic(&self) -> Vec<bool> {
         self.net.shape().only_for_the_last_output()
     }
 
@@ -121,7 +121,7 @@ impl PolicyStack {
     }
 
     /// Runs one decision on what a percept shows. Only the actions that it allows count.
-    pub fn decide(&self, percept: &Percept, states: &mut States) -> Judgement {
+    pub(crate) fn decide(&self, percept: &Percept, states: &mut States) -> Judgement {
         let mut judgement = self.judge(&percept.obs, states);
         if let Some(masks) = &percept.masks {
             let width = judgement.outputs.width();
@@ -137,7 +137,7 @@ impl PolicyStack {
     }
 
     /// Copies the policy of the first agent to all others.
-    pub fn spread_first(&mut self) {
+    pub(crate) fn spread_first(&mut self) {
         self.net.spread_first();
     }
 
@@ -159,11 +159,11 @@ impl PolicyStack {
     }
 
     /// Uses these threads from now on.
-    pub fn use_threads(&mut self, threads: Threads) {
+    pub(crate) fn use_threads(&mut self, threads: Threads) {
         self.net.use_threads(threads);
     }
 
-    pub fn threads(&self) -> &Threads {
+    pub(crate) fn threads(&self) -> &Threads {
         self.net.threads()
     }
 

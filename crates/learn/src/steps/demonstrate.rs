@@ -20,8 +20,8 @@ use dials_core::domain::{Baseline, GlobalSimulator, Result};
 /// Asks for what all agents see and do while a controller plays these episodes.
 #[derive(Debug, Serialize, Deserialize)]
 pub struct Demonstrate {
-    pub controller: String,
-    pub episodes: Range<usize>,
+    pub(crate) controller: String,
+    pub(crate) episodes: Range<usize>,
 }
 
 impl Step for Demonstrate {

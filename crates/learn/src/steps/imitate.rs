@@ -17,7 +17,7 @@ use dials_core::domain::Result;
 /// Asks a worker to make the policies of its agents imitate their demonstrations.
 #[derive(Debug, Serialize, Deserialize)]
 pub struct Imitate {
-    pub demonstrations: Vec<Demonstrations>,
+    pub(crate) demonstrations: Vec<Demonstrations>,
 }
 
 impl Step for Imitate {

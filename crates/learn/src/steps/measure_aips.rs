@@ -56,7 +56,7 @@ pub(super) fn check_losses(fit: &Fit<'_>, losses: impl ExactSizeIterator<Item = 
 }
 
 /// Measures the loss of every agent's predictor on its dataset.
-pub fn measure_aips(fleet: &mut impl Fleet, mut datasets: Vec<Dataset>) -> Result<Vec<FreshLoss>> {
+pub(crate) fn measure_aips(fleet: &mut impl Fleet, mut datasets: Vec<Dataset>) -> Result<Vec<FreshLoss>> {
     let step = |agents| MeasureAips { datasets: of_owners(&mut datasets, &agents) };
     let parts = fleet.ask_owners(Activity::Evaluation, Stop::AtOnce, step, |_, _, losses| losses)?;
     Ok(parts.concat())

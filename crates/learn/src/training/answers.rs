@@ -21,7 +21,7 @@ pub struct PolicyTraining {
 
 impl PolicyTraining {
     /// Joins the results of groups of agents in the same period, in order. Counters of the same name are added up.
-    pub fn joined(parts: Vec<PolicyTraining>) -> PolicyTraining {
+    pub(crate) fn joined(parts: Vec<PolicyTraining>) -> PolicyTraining {
         let join = |mut whole: PolicyTraining, next: PolicyTraining| {
             whole.agents.extend(next.agents);
             whole.metrics.extend(next.metrics);

@@ -28,7 +28,7 @@ use stacknets::Threads;
 const ROWS_PER_BLOCK: usize = 16;
 
 /// All that belongs to some agents of one kind during the whole run.
-pub struct AgentBlock {
+pub(crate) struct AgentBlock {
     domain: Arc<dyn Domain>,
     config: Config,
     agents: Vec<AgentId>,
@@ -66,13 +66,13 @@ pub fn initial_aips(domain: &dyn Domain, config: &Config, agents: &[AgentId]) ->
 }
 
 /// Returns the number of agents per block. On the GS all agents act in one simulation, so there is one block per kind.
-pub fn agents_per_block(config: &Config) -> usize {
+pub(crate) fn agents_per_block(config: &Config) -> usize {
     if config.simulator == Simulator::Global { usize::MAX } else { (ROWS_PER_BLOCK / config.copies()).max(1) }
 }
 
 impl AgentBlock {
     /// Makes a block. `agents`: at least one, all of one kind.
-    pub fn new(domain: Arc<dyn Domain>, config: &Config, agents: &[AgentId], threads: Threads) -> Self {
+    pub(crate) fn new(domain: Arc<dyn Domain>, config: &Config, agents: &[AgentId], threads: Threads) -> Self {
         let mut policies = initial_policies(&*domain, config, agents);
         policies.use_threads(threads);
         let spec = domain.kinds().of(agents[0]).spec.clone();
@@ -92,7 +92,7 @@ impl AgentBlock {
     }
 
     /// Returns the state of the agents.
-    pub fn state(&self) -> AgentsState {
+    pub(crate) fn state(&self) -> AgentsState {
         let KindLearner { learner, steps, streams, .. } = &self.learner;
         AgentsState {
             steps: *steps,
@@ -104,7 +104,7 @@ impl AgentBlock {
     }
 
     /// Continues from a state of the same agents.
-    pub fn restore(&mut self, state: AgentsState) {
+    pub(crate) fn restore(&mut self, state: AgentsState) {
         self.learner.steps = state.steps;
         self.learner.streams = state.streams;
         self.learner.learner.policies_mut().load(&state.policies.into_rows());
@@ -113,35 +113,35 @@ impl AgentBlock {
     }
 
     /// Trains the influence predictors; `datasets`: one per agent. `work`: progress is the share that is done.
-    pub fn train_aips(&mut self, datasets: &[Dataset], period: &Period, work: Work<'_, f64>) -> Vec<AipLoss> {
+    pub(crate) fn train_aips(&mut self, datasets: &[Dataset], period: &Period, work: Work<'_, f64>) -> Vec<AipLoss> {
         let seed = Seed::new(self.config.seed).fork(RandomPurpose::AipMinibatches).for_steps(period.start);
         train(&mut *self.predictor, &self.agents, datasets, &self.config.aip, seed, work)
     }
 
     /// Makes the policies imitate `demonstrations`, one per agent. `work`: progress is the share that is done.
-    pub fn imitate(&mut self, demonstrations: &[Demonstrations], work: Work<'_, f64>) -> Vec<ImitationLoss> {
+    pub(crate) fn imitate(&mut self, demonstrations: &[Demonstrations], work: Work<'_, f64>) -> Vec<ImitationLoss> {
         let seed = Seed::new(self.config.seed).fork(RandomPurpose::ImitationMinibatches);
         imitate(self.learner.learner.policies_mut(), &self.agents, demonstrations, &self.config.imitation, seed, work)
     }
 
     /// Returns the policies, one row per agent.
-    pub fn policies(&self) -> JointPolicy {
+    pub(crate) fn policies(&self) -> JointPolicy {
         self.learner.learner.policies().parameters().values().clone().into()
     }
 
     /// Measures the loss of the influence predictors; `datasets`: one per agent.
-    pub fn measure_aips(&self, datasets: &[Dataset], watch: &mut Stopwatch) -> Vec<FreshLoss> {
+    pub(crate) fn measure_aips(&self, datasets: &[Dataset], watch: &mut Stopwatch) -> Vec<FreshLoss> {
         measure(&*self.predictor, datasets, watch)
     }
 
     /// Returns what the influence predictors have learnt, one row per agent.
-    pub fn aips(&self) -> Ragged<f32> {
+    pub(crate) fn aips(&self) -> Ragged<f32> {
         self.predictor.values().into()
     }
 
     /// Trains the policies on local simulators until the end of the period (Algorithm 1, lines 7 to 12). `work`: progress
     /// is the number of timesteps so far.
-    pub fn train_policies(&mut self, period: &Period, work: Work<'_, u64>) -> Result<PolicyTraining> {
+    pub(crate) fn train_policies(&mut self, period: &Period, work: Work<'_, u64>) -> Result<PolicyTraining> {
         let AgentBlock { domain, config, agents, learner, predictor } = self;
         let make = || domain.local_simulator(agents, config.copies(), training_episodes(config));
         let simulators = work.watch.time(Phase::Loading, make)?;
@@ -156,7 +156,7 @@ impl AgentBlock {
 }
 
 /// Trains the policies on the GS, on which all kinds act at once. `blocks`: one per kind, with all its agents.
-pub fn train_policies_on_the_gs(
+pub(crate) fn train_policies_on_the_gs(
     domain: &dyn Domain,
     config: &Config,
     blocks: &mut [AgentBlock],

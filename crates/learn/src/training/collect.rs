@@ -26,7 +26,7 @@ impl Purpose {
     }
 
     /// Returns the stream of the episodes.
-    pub fn stream(self, config: &Config) -> Seed {
+    pub(crate) fn stream(self, config: &Config) -> Seed {
         match self {
             Purpose::Training { steps } => Seed::new(config.seed).fork(RandomPurpose::Collection).for_steps(steps),
             Purpose::Measuring => Seed::new(config.evaluation.seed).fork(RandomPurpose::AipLoss),
@@ -35,7 +35,7 @@ impl Purpose {
 
     /// Returns the activity that the time is booked on. If AIPs are retrained on drift, measuring their loss is part of
     /// the training.
-    pub fn activity(self, config: &Config) -> Activity {
+    pub(crate) fn activity(self, config: &Config) -> Activity {
         match self {
             Purpose::Measuring if config.aip.retrain != Retrain::Drift => Activity::Evaluation,
             Purpose::Training { .. } | Purpose::Measuring => Activity::Collection,

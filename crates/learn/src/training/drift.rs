@@ -41,7 +41,7 @@ pub struct Drift {
 }
 
 impl Drift {
-    pub fn note(&mut self, after: Moment, losses: &[FreshLoss]) {
+    pub(crate) fn note(&mut self, after: Moment, losses: &[FreshLoss]) {
         let [loss, constants] = FreshLoss::means_of_all(losses);
         self.share_now = Some(if constants > 0.0 { loss / constants } else { 1.0 });
         if after == Moment::Training {

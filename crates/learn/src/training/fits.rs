@@ -84,17 +84,17 @@ pub struct Fit<'a> {
 
 impl Fit<'_> {
     /// Returns the kinds' description of each of the agents.
-    pub fn specs(&self) -> impl Iterator<Item = &RegionSpec> {
+    pub(crate) fn specs(&self) -> impl Iterator<Item = &RegionSpec> {
         self.agents.clone().map(|agent| &self.kinds.of(AgentId(agent)).spec)
     }
 
     /// Returns an error if a table does not have the parameters of these agents' policies.
-    pub fn check_policies(&self, name: &str, table: &Ragged<f32>) -> Result<()> {
+    pub(crate) fn check_policies(&self, name: &str, table: &Ragged<f32>) -> Result<()> {
         self.check_widths(name, table, &self.widths.policies)
     }
 
     /// Returns an error if a table does not have the parameters of these agents' influence predictors.
-    pub fn check_aips(&self, name: &str, table: &Ragged<f32>) -> Result<()> {
+    pub(crate) fn check_aips(&self, name: &str, table: &Ragged<f32>) -> Result<()> {
         self.check_widths(name, table, &self.widths.aips)
     }
 

@@ -20,7 +20,7 @@ pub struct Standing {
 
 impl Standing {
     /// Returns whether the AIPs are trained before the policies in this period.
-    pub fn trains_aips(&self, period: &Period, config: &Config) -> bool {
+    pub(crate) fn trains_aips(&self, period: &Period, config: &Config) -> bool {
         match period.train_aips {
             AipTraining::No => false,
             AipTraining::Yes => true,

@@ -49,7 +49,7 @@ impl AgentsState {
     }
 
     /// Overwrites the state of the agents from `first` on.
-    pub fn replace(&mut self, first: usize, part: &AgentsState) {
+    pub(crate) fn replace(&mut self, first: usize, part: &AgentsState) {
         self.steps = part.steps;
         self.policies.replace(first, &part.policies);
         self.learners.replace(first, &part.learners);

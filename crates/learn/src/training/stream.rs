@@ -60,12 +60,12 @@ impl AgentStream {
 }
 
 /// Returns the rows of some agents, ordered by agent.
-pub fn rows_of(streams: &[AgentStream]) -> impl Iterator<Item = &RowStream> {
+pub(crate) fn rows_of(streams: &[AgentStream]) -> impl Iterator<Item = &RowStream> {
     streams.iter().flat_map(|stream| &stream.rows)
 }
 
 /// Returns the rows of [`rows_of`], for writing.
-pub fn rows_of_mut(streams: &mut [AgentStream]) -> impl Iterator<Item = &mut RowStream> {
+pub(crate) fn rows_of_mut(streams: &mut [AgentStream]) -> impl Iterator<Item = &mut RowStream> {
     streams.iter_mut().flat_map(|stream| &mut stream.rows)
 }
 
@@ -76,18 +76,18 @@ impl Trail {
     }
 
     /// Returns the sources of a step; `width`: number of sources.
-    pub fn sources_at(&self, step: usize, width: usize) -> &[u8] {
+    pub(crate) fn sources_at(&self, step: usize, width: usize) -> &[u8] {
         &self.sources[step * width..][..width]
     }
 
     /// Appends a step.
-    pub fn push(&mut self, action: Action, sources: &[u8]) {
+    pub(crate) fn push(&mut self, action: Action, sources: &[u8]) {
         self.actions.push(action);
         self.sources.extend_from_slice(sources);
     }
 
     /// Ends the episode and begins the next one.
-    pub fn end_episode(&mut self) {
+    pub(crate) fn end_episode(&mut self) {
         self.episode += 1;
         self.actions.clear();
         self.sources.clear();
@@ -95,13 +95,13 @@ impl Trail {
 }
 
 /// Returns the number of steps of the longest trail.
-pub fn longest(trails: &[Trail]) -> usize {
+pub(crate) fn longest(trails: &[Trail]) -> usize {
     trails.iter().map(Trail::steps).max().unwrap_or(0)
 }
 
 /// Returns a number that hardly any two percepts of a row share. It is stable across builds, because checkpoints hold
 /// it.
-pub fn fingerprint(percept: &Percept, row: usize) -> u64 {
+pub(crate) fn fingerprint(percept: &Percept, row: usize) -> u64 {
     let tables: [&Rows<f32>; 2] = [&percept.obs, &percept.d_set];
     let values = tables.into_iter().flat_map(|table| table.row(row)).map(|value| u64::from(value.to_bits()));
     let allowed = percept.masks.iter().flat_map(|masks| masks.row(row)).map(|&allowed| u64::from(allowed));

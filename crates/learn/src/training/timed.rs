@@ -133,7 +133,7 @@ impl LocalSimulator for Timed<dyn LocalSimulator> {
 /// A controller whose decisions are timed.
 pub(crate) struct TimedController<C> {
     inner: C,
-    pub watch: Stopwatch,
+    pub(crate) watch: Stopwatch,
 }
 
 impl<C: Controller> TimedController<C> {

@@ -27,30 +27,30 @@ pub(crate) enum Scale {
 }
 
 pub(crate) struct Bar {
-    pub label: String,
-    pub look: Look,
-    pub value: Option<f64>,
-    pub whisker: Option<(f64, f64)>,
+    pub(crate) label: String,
+    pub(crate) look: Look,
+    pub(crate) value: Option<f64>,
+    pub(crate) whisker: Option<(f64, f64)>,
     /// Values of single seeds, drawn as hollow circles.
-    pub points: Vec<f64>,
+    pub(crate) points: Vec<f64>,
     /// The paper's value.
-    pub paper: Option<f64>,
+    pub(crate) paper: Option<f64>,
 }
 
 pub(crate) struct Cluster {
-    pub label: String,
-    pub bars: Vec<Bar>,
+    pub(crate) label: String,
+    pub(crate) bars: Vec<Bar>,
 }
 
 pub(crate) struct BarChart {
-    pub title: String,
-    pub x_label: String,
-    pub y: Axis,
+    pub(crate) title: String,
+    pub(crate) x_label: String,
+    pub(crate) y: Axis,
     /// Format of the numbers on the bars.
-    pub format: fn(f64) -> String,
-    pub scale: Scale,
-    pub clusters: Vec<Cluster>,
-    pub note: String,
+    pub(crate) format: fn(f64) -> String,
+    pub(crate) scale: Scale,
+    pub(crate) clusters: Vec<Cluster>,
+    pub(crate) note: String,
 }
 
 impl Scale {

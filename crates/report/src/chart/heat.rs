@@ -22,23 +22,23 @@ const LONGEST_LABEL: usize = 110;
 const NUMBER_FROM: f64 = 22.0;
 
 pub(crate) struct Cell {
-    pub value: f64,
-    pub stuck: bool,
+    pub(crate) value: f64,
+    pub(crate) stuck: bool,
 }
 
 /// Agents in rows, seen from above, with the top row first.
 pub(crate) struct Panel {
-    pub label: String,
-    pub rows: Vec<Vec<Cell>>,
+    pub(crate) label: String,
+    pub(crate) rows: Vec<Vec<Cell>>,
 }
 
 pub(crate) struct HeatMap {
-    pub title: String,
+    pub(crate) title: String,
     /// Meaning of the shades.
-    pub key: String,
-    pub format: fn(f64) -> String,
+    pub(crate) key: String,
+    pub(crate) format: fn(f64) -> String,
     /// Label and panels of each row.
-    pub groups: Vec<(String, Vec<Panel>)>,
+    pub(crate) groups: Vec<(String, Vec<Panel>)>,
 }
 
 impl HeatMap {

@@ -30,8 +30,8 @@ pub(super) enum LegendSample {
 }
 
 pub(super) struct LegendEntry {
-    pub sample: LegendSample,
-    pub label: String,
+    pub(crate) sample: LegendSample,
+    pub(crate) label: String,
 }
 
 /// Draws entries from the top of an area.

@@ -20,29 +20,29 @@ const MARKERS: usize = 8;
 /// Label of an axis, and format of its numbers.
 #[derive(Clone)]
 pub(crate) struct Axis {
-    pub label: String,
-    pub format: fn(f64) -> String,
+    pub(crate) label: String,
+    pub(crate) format: fn(f64) -> String,
 }
 
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct LinePoint {
-    pub x: f64,
-    pub y: f64,
+    pub(crate) x: f64,
+    pub(crate) y: f64,
     /// Interval around the mean, drawn as a shaded band.
-    pub band: Option<(f64, f64)>,
+    pub(crate) band: Option<(f64, f64)>,
     /// Whether all runs count at this point. If not, the line is thin here.
-    pub whole: bool,
+    pub(crate) whole: bool,
 }
 
 #[derive(Clone)]
 pub(crate) struct Line {
-    pub label: String,
-    pub look: Look,
-    pub points: Vec<LinePoint>,
+    pub(crate) label: String,
+    pub(crate) look: Look,
+    pub(crate) points: Vec<LinePoint>,
     /// Thin dotted line that belongs to this one, such as the median agent. The legend has one entry for all of them.
-    pub companion: Vec<(f64, f64)>,
+    pub(crate) companion: Vec<(f64, f64)>,
     /// Curves of single seeds, drawn as pale lines.
-    pub seeds: Vec<Vec<(f64, f64)>>,
+    pub(crate) seeds: Vec<Vec<(f64, f64)>>,
 }
 
 impl Line {
@@ -55,36 +55,36 @@ impl Line {
 /// A horizontal line across the chart.
 #[derive(Clone)]
 pub(crate) struct Level {
-    pub label: String,
+    pub(crate) label: String,
     /// Short name, written at its right end.
-    pub name: String,
-    pub y: f64,
+    pub(crate) name: String,
+    pub(crate) y: f64,
     /// Whether it was measured here (short dashes) or is from the paper (long dashes).
-    pub measured: bool,
+    pub(crate) measured: bool,
 }
 
 /// Single points, such as the paper's. No line joins them, because the values between them are not known.
 #[derive(Clone)]
 pub(crate) struct Mark {
-    pub label: String,
-    pub look: Look,
+    pub(crate) label: String,
+    pub(crate) look: Look,
     /// x, y, and the standard error of y if it is known.
-    pub points: Vec<(f64, f64, Option<f64>)>,
+    pub(crate) points: Vec<(f64, f64, Option<f64>)>,
 }
 
 pub(crate) struct LineChart {
-    pub title: String,
-    pub x: Axis,
-    pub y: Axis,
-    pub lines: Vec<Line>,
+    pub(crate) title: String,
+    pub(crate) x: Axis,
+    pub(crate) y: Axis,
+    pub(crate) lines: Vec<Line>,
     /// Label of the companions; `None` if the chart has no entry for them.
-    pub companions: Option<String>,
-    pub levels: Vec<Level>,
-    pub marks: Vec<Mark>,
+    pub(crate) companions: Option<String>,
+    pub(crate) levels: Vec<Level>,
+    pub(crate) marks: Vec<Mark>,
     /// Smallest right end of the x axis. Points beyond it extend the axis.
-    pub x_end: f64,
+    pub(crate) x_end: f64,
     /// Text under the legend.
-    pub note: String,
+    pub(crate) note: String,
 }
 
 /// Largest number of lines in a chart with bands and seeds. With more, a reader could not see which line they belong

@@ -44,9 +44,9 @@ pub(crate) enum Marker {
 /// Colour, dash and marker.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Look {
-    pub colour: RGBColor,
-    pub dash: Dash,
-    pub marker: Marker,
+    pub(crate) colour: RGBColor,
+    pub(crate) dash: Dash,
+    pub(crate) marker: Marker,
 }
 
 impl Look {

@@ -21,19 +21,19 @@ const LONGEST_NAME: usize = 28;
 
 /// The values of one method, in the order of the names, and whether the thing is stuck.
 pub(crate) struct Series {
-    pub label: String,
-    pub look: Look,
-    pub values: Vec<(f64, bool)>,
+    pub(crate) label: String,
+    pub(crate) look: Look,
+    pub(crate) values: Vec<(f64, bool)>,
 }
 
 pub(crate) struct NamedChart {
-    pub title: String,
-    pub x: Axis,
+    pub(crate) title: String,
+    pub(crate) x: Axis,
     /// Names from top to bottom.
-    pub names: Vec<String>,
-    pub series: Vec<Series>,
+    pub(crate) names: Vec<String>,
+    pub(crate) series: Vec<Series>,
     /// Text under the legend.
-    pub note: String,
+    pub(crate) note: String,
 }
 
 impl NamedChart {

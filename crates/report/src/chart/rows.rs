@@ -24,23 +24,23 @@ const LINE: u32 = 14;
 const WRAP: usize = 36;
 
 pub(crate) struct Row {
-    pub label: String,
+    pub(crate) label: String,
     /// Values of single seeds, drawn as hollow circles.
-    pub points: Vec<f64>,
-    pub mean: f64,
-    pub interval: Option<(f64, f64)>,
+    pub(crate) points: Vec<f64>,
+    pub(crate) mean: f64,
+    pub(crate) interval: Option<(f64, f64)>,
     /// Words at the right, one per column.
-    pub words: [String; 3],
+    pub(crate) words: [String; 3],
 }
 
 pub(crate) struct RowChart {
-    pub title: String,
-    pub x: Axis,
+    pub(crate) title: String,
+    pub(crate) x: Axis,
     /// Rows from top to bottom; the first is the reference.
-    pub rows: Vec<Row>,
+    pub(crate) rows: Vec<Row>,
     /// Headings of the columns of words.
-    pub header: [String; 3],
-    pub note: String,
+    pub(crate) header: [String; 3],
+    pub(crate) note: String,
 }
 
 impl RowChart {

@@ -35,11 +35,11 @@ const BELOW: f64 = 0.05;
 /// One side of a comparison: runs of one method.
 pub struct ComparedSide {
     /// Its name on the command line.
-    pub name: String,
-    pub scenario: ScenarioId,
+    pub(crate) name: String,
+    pub(crate) scenario: ScenarioId,
     /// Title of the scenario.
     title: String,
-    pub group: Group,
+    pub(crate) group: Group,
     left_out: Vec<LeftOut>,
 }
 
@@ -76,11 +76,11 @@ impl ComparedSide {
 }
 
 /// Steps and time that a side needed to reach a return.
-pub struct Reached {
+pub(crate) struct Reached {
     /// Seed, timesteps and seconds of each run that reached it.
-    pub runs: Vec<(u64, u64, Option<f64>)>,
+    pub(crate) runs: Vec<(u64, u64, Option<f64>)>,
     /// Number of all runs.
-    pub of: usize,
+    pub(crate) of: usize,
 }
 
 impl Reached {
@@ -94,13 +94,13 @@ impl Reached {
     }
 
     /// Median timesteps of the runs that reached it.
-    pub fn steps(&self) -> Option<f64> {
+    pub(crate) fn steps(&self) -> Option<f64> {
         let steps: Vec<f64> = self.runs.iter().map(|(_, steps, _)| *steps as f64).collect();
         (!steps.is_empty()).then(|| median(&steps))
     }
 
     /// Median seconds of the runs that reached it.
-    pub fn seconds(&self) -> Option<f64> {
+    pub(crate) fn seconds(&self) -> Option<f64> {
         let seconds: Vec<f64> = self.runs.iter().filter_map(|(_, _, seconds)| *seconds).collect();
         (!seconds.is_empty()).then(|| median(&seconds))
     }
@@ -109,25 +109,25 @@ impl Reached {
 /// The result of comparing `b` with `a`.
 pub struct Verdict {
     /// Timesteps per agent at which the returns of each side were measured.
-    pub steps: [u64; 2],
-    pub returns: [Spread; 2],
+    pub(crate) steps: [u64; 2],
+    pub(crate) returns: [Spread; 2],
     /// The runs that are compared, by seed, on the episodes that all of them played.
-    pub runs: [BySeed; 2],
+    pub(crate) runs: [BySeed; 2],
     /// Return of the median agent of a run, mean over seeds.
-    pub median_agents: [f64; 2],
+    pub(crate) median_agents: [f64; 2],
     /// Number of stuck agents and of all agents, over all runs.
-    pub stuck: [(usize, usize); 2],
-    pub difference: Difference,
+    pub(crate) stuck: [(usize, usize); 2],
+    pub(crate) difference: Difference,
     /// Mean wall seconds up to these timesteps, without evaluations.
-    pub runtimes: [Option<f64>; 2],
+    pub(crate) runtimes: [Option<f64>; 2],
     /// Mean CPU seconds up to these timesteps.
-    pub cpu: [Option<CpuTime>; 2],
+    pub(crate) cpu: [Option<CpuTime>; 2],
     /// Return to reach.
-    pub target: f64,
-    pub reached: [Reached; 2],
+    pub(crate) target: f64,
+    pub(crate) reached: [Reached; 2],
     /// Keys of the configs that differ, with both values. `None`: this side does not use the key.
-    pub differing: Vec<(String, [Option<String>; 2])>,
-    pub warnings: Vec<String>,
+    pub(crate) differing: Vec<(String, [Option<String>; 2])>,
+    pub(crate) warnings: Vec<String>,
 }
 
 /// Compares two sides. `target`: the return to reach; by default the lower final return minus 5 % of its size.

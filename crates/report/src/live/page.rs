@@ -22,7 +22,7 @@ const NONE: &str = "-";
 const MAPS: usize = 4;
 
 /// Draws the agents of a run at their places; `None` if the report's own picture of them says as much.
-pub type DrawMap = Box<dyn FnMut(&RunRecord) -> Option<Svg>>;
+pub(crate) type DrawMap = Box<dyn FnMut(&RunRecord) -> Option<Svg>>;
 
 /// The view of a folder. It reads the runs again only when one of their files has changed.
 pub struct Page {
@@ -47,7 +47,7 @@ impl Page {
     }
 
     /// Returns what the page shows now, as HTML.
-    pub fn now(&mut self) -> String {
+    pub(crate) fn now(&mut self) -> String {
         let mut there = Vec::new();
         traces(&self.folder, DEPTH, &mut there);
         if self.seen.as_ref() != Some(&there) {

@@ -20,18 +20,18 @@ pub(crate) enum State {
 /// The progress of a run.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct RunStatus {
-    pub state: State,
+    pub(crate) state: State,
     /// Timesteps per agent at the end of the last period, where the last checkpoint is.
-    pub steps: u64,
+    pub(crate) steps: u64,
     /// Timesteps per agent now, if the run goes on at the speed of its last period.
-    pub about_steps: u64,
-    pub last_step: u64,
+    pub(crate) about_steps: u64,
+    pub(crate) last_step: u64,
     /// Timesteps of all agents per second of the last period, with evaluations and AIPs; `None` before its end.
-    pub agent_steps_per_s: Option<f64>,
+    pub(crate) agent_steps_per_s: Option<f64>,
     /// Time until the last step at this speed, for a run that goes on.
-    pub left: Option<Duration>,
+    pub(crate) left: Option<Duration>,
     /// Newest cross-entropy of the AIPs and that of the best constants, in nats, as the terminal shows them.
-    pub aip_loss: Option<[f64; 2]>,
+    pub(crate) aip_loss: Option<[f64; 2]>,
 }
 
 impl RunStatus {

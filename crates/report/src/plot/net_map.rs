@@ -31,11 +31,11 @@ const LANE_M: f64 = 3.2;
 
 /// A light on the map. Its number is its place among the others.
 pub(super) struct MapLight<'a> {
-    pub name: &'a str,
-    pub place_m: [f64; 2],
-    pub colour: RGBColor,
+    pub(crate) name: &'a str,
+    pub(crate) place_m: [f64; 2],
+    pub(crate) colour: RGBColor,
     /// Words behind the name in the list.
-    pub value: Option<String>,
+    pub(crate) value: Option<String>,
 }
 
 /// The sheet of a map: the map at the left, and the names of the lights at the right unless there are too many.

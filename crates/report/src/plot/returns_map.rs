@@ -17,7 +17,7 @@ const LEAST_WIDTH: i32 = 640;
 
 /// The mean return of every agent, and the range of the colours.
 pub(super) struct Returns {
-    pub means: Vec<f64>,
+    pub(crate) means: Vec<f64>,
     low: f64,
     high: f64,
 }

@@ -21,9 +21,9 @@ const SIMULATING: [Phase; 3] = [Phase::Insertion, Phase::SimulatorStep, Phase::R
 /// A cost with its lower bound, in core-microseconds per agent-step.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Cost {
-    pub ours: f64,
+    pub(crate) ours: f64,
     /// Part inside SUMO's own step; 0 for simulators of our own, which could be faster.
-    pub sumo: f64,
+    pub(crate) sumo: f64,
     /// Cost of the matrix products at the speed of large products.
     pub products: f64,
     /// Parts of `ours`, in the order of [`Phase::ALL`].
@@ -31,15 +31,15 @@ pub struct Cost {
 }
 
 impl Cost {
-    pub fn floor(&self) -> f64 {
+    pub(crate) fn floor(&self) -> f64 {
         self.sumo + self.products
     }
 
-    pub fn ratio(&self) -> f64 {
+    pub(crate) fn ratio(&self) -> f64 {
         self.ours / self.floor()
     }
 
-    pub fn phase(&self, phase: Phase) -> f64 {
+    pub(crate) fn phase(&self, phase: Phase) -> f64 {
         self.phases[phase as usize]
     }
 }
@@ -82,22 +82,22 @@ pub struct Steps {
 /// Cost of a run on a fleet.
 #[derive(Clone, Debug)]
 pub struct Costs {
-    pub workers: usize,
+    pub(crate) workers: usize,
     /// Part of the policies' training that is in no phase.
-    pub other: f64,
+    pub(crate) other: f64,
     /// Part of the policies' training in which workers wait for the slowest one.
-    pub idle: f64,
+    pub(crate) idle: f64,
     /// Cost of messages and files between the orders.
-    pub exchange: f64,
+    pub(crate) exchange: f64,
     pub training: Cost,
-    pub evaluation: Cost,
-    pub collection: Cost,
+    pub(crate) evaluation: Cost,
+    pub(crate) collection: Cost,
     pub aip_training: Cost,
     /// Number of steps of the GS per second of wall time while datasets are collected.
-    pub gs_steps_per_s: Option<f64>,
-    pub simulators: SimulatorCosts,
-    pub pss_kib: u64,
-    pub peak_rss_kib: u64,
+    pub(crate) gs_steps_per_s: Option<f64>,
+    pub(crate) simulators: SimulatorCosts,
+    pub(crate) pss_kib: u64,
+    pub(crate) peak_rss_kib: u64,
 }
 
 impl Costs {
@@ -151,7 +151,7 @@ impl Costs {
     }
 
     /// Returns the cost of everything.
-    pub fn all(&self) -> Cost {
+    pub(crate) fn all(&self) -> Cost {
         let exchange = Cost { ours: self.exchange, ..Cost::default() };
         exchange + self.training + self.evaluation + self.collection + self.aip_training
     }

@@ -12,9 +12,9 @@ use stacknets::Shape;
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Flops {
     /// Operations per timestep of training: PPO, acting, and sampling from the AIP.
-    pub training: f64,
+    pub(crate) training: f64,
     /// Operations per step on the GS, in evaluation and collection.
-    pub acting: f64,
+    pub(crate) acting: f64,
 }
 
 impl Flops {

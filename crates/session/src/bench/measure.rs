@@ -62,35 +62,35 @@ pub fn expected(config: &RunConfig, agents: usize, rough: &RoughCosts, workers: 
 
 /// Times of the orders of one kind, added up.
 #[derive(Clone, Debug, Default)]
-pub struct Orders {
-    pub count: usize,
+pub(crate) struct Orders {
+    pub(crate) count: usize,
     /// Amount of work, in the unit of the activity: see [`Measured`].
-    pub units: f64,
+    pub(crate) units: f64,
     /// Wall time from the order to the last answer, including the files that a run then writes.
-    pub wall: Duration,
+    pub(crate) wall: Duration,
     /// Time of the slowest worker of each order, without its beginning: [`Orders::BEGINNING`].
-    pub slowest: Duration,
+    pub(crate) slowest: Duration,
     /// Time of work, added up over the workers.
-    pub work: Duration,
-    pub phases: Stopwatch,
+    pub(crate) work: Duration,
+    pub(crate) phases: Stopwatch,
 }
 
 /// Measurements of a fleet. An activity that the config does not use has no orders.
 #[derive(Clone, Debug)]
 pub struct Measured {
-    pub workers: usize,
+    pub(crate) workers: usize,
     /// Units: timesteps of agents.
-    pub training: Orders,
+    pub(crate) training: Orders,
     /// Units: episodes of each worker.
-    pub evaluation: Orders,
+    pub(crate) evaluation: Orders,
     /// Units: episodes of each worker.
-    pub collection: Orders,
+    pub(crate) collection: Orders,
     /// Units: floating-point operations in matrix products.
-    pub aip_training: Orders,
+    pub(crate) aip_training: Orders,
     /// Memory of all processes together, in KiB, shared pages counted once: the maximum after any order.
-    pub pss_kib: u64,
+    pub(crate) pss_kib: u64,
     /// Peak resident memory of a single process, in KiB.
-    pub peak_rss_kib: u64,
+    pub(crate) peak_rss_kib: u64,
 }
 
 impl Measured {
@@ -276,10 +276,10 @@ impl<F: Fleet> Bench<'_, F> {
 impl Orders {
     /// Phases in which simulators are made and brought to the current state of training. They do not grow with the
     /// work.
-    pub const BEGINNING: [Phase; 2] = [Phase::Loading, Phase::Retracing];
+    pub(crate) const BEGINNING: [Phase; 2] = [Phase::Loading, Phase::Retracing];
 
     /// Returns the time spent in [`Orders::BEGINNING`], added up over the workers.
-    pub fn beginning(&self) -> Duration {
+    pub(crate) fn beginning(&self) -> Duration {
         beginning(&self.phases)
     }
 

@@ -22,32 +22,37 @@ const LEARNING: [Phase; 6] =
 /// Cost of one step of a simulator for one agent, in core-microseconds. Making simulators and beginning episodes is not
 /// in it.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct StepCost {
+pub(crate) struct StepCost {
     /// Inside the simulator's own step.
-    pub own_us: f64,
+    pub(crate) own_us: f64,
     /// Around it: setting lights, letting cars in, reading.
-    pub around_us: f64,
+    pub(crate) around_us: f64,
 }
 
 /// Costs of the simulators of a run, and of learning for comparison.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct SimulatorCosts {
+pub(crate) struct SimulatorCosts {
     /// Number of the simulator's steps in a timestep.
-    pub steps_per_timestep: usize,
+    pub(crate) steps_per_timestep: usize,
     /// The GS (global simulator) in evaluations.
-    pub gs: StepCost,
+    pub(crate) gs: StepCost,
     /// The GS while datasets are collected: it also observes the influence on the local regions.
-    pub gs_collecting: Option<StepCost>,
+    pub(crate) gs_collecting: Option<StepCost>,
     /// What the policies train on.
-    pub training: StepCost,
-    pub trains_on_gs: bool,
+    pub(crate) training: StepCost,
+    pub(crate) trains_on_gs: bool,
     /// Everything else in training, per agent and timestep.
-    pub learning_us: f64,
+    pub(crate) learning_us: f64,
 }
 
 impl SimulatorCosts {
     /// `steps_per_timestep`: number of the simulator's steps in a timestep.
-    pub fn of(config: &RunConfig, kinds: &Kinds, steps_per_timestep: usize, measured: &Measured) -> SimulatorCosts {
+    pub(crate) fn of(
+        config: &RunConfig,
+        kinds: &Kinds,
+        steps_per_timestep: usize,
+        measured: &Measured,
+    ) -> SimulatorCosts {
         let steps = steps_per_timestep as f64;
         // An episode of each worker is that many steps of agents.
         let of_episode = (measured.workers * kinds.horizon() * kinds.agents()) as f64 * steps;
@@ -67,13 +72,13 @@ impl SimulatorCosts {
     }
 
     /// Returns the name of each simulator with its cost.
-    pub fn named(&self) -> Vec<(&'static str, StepCost)> {
+    pub(crate) fn named(&self) -> Vec<(&'static str, StepCost)> {
         let trained = if self.trains_on_gs { "GS in training" } else { "LS in training" };
         let collecting = self.gs_collecting.map(|cost| ("GS in collection", cost));
         [("GS in evaluation", self.gs)].into_iter().chain(collecting).chain([(trained, self.training)]).collect()
     }
 
-    pub fn json(&self) -> Value {
+    pub(crate) fn json(&self) -> Value {
         let cost = |cost: StepCost| json!({ "step_us": cost.own_us, "around_us": cost.around_us });
         let on = |is_it: bool| is_it.then(|| cost(self.training));
         json!({

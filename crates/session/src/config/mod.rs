@@ -83,7 +83,7 @@ impl RunConfig {
     }
 
     /// Returns the number of steps of an episode of what the policies train on: the GS (global simulator) or local ones.
-    pub fn training_horizon(&self) -> usize {
+    pub(crate) fn training_horizon(&self) -> usize {
         if self.learning.simulator == Simulator::Global { self.horizon() } else { self.table().local_horizon() }
     }
 

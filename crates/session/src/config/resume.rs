@@ -15,48 +15,50 @@ pub struct Changeable {
     pub key: &'static str,
     /// Whether it must stay with `aip.retrain = "drift"`, where evaluations decide when the AIPs (approximate influence
     /// predictors) are trained.
-    pub fixed_by_drift: bool,
-    pub reason: &'static str,
+    pub(crate) fixed_by_drift: bool,
 }
 
 /// All keys that may change when a run is resumed.
 ///
 /// `evaluation.seed` is not among them: evaluations before and after would be of different episodes, but in one file.
 pub const CHANGEABLE: [Changeable; 7] = [
-    may_change("stop_at_steps", "it only moves the end: learning rate and clip range decay over `total_steps`"),
-    unless_drift("evaluation.every_steps", "an evaluation leaves no trace in training"),
-    may_change("evaluation.episodes", "an evaluation leaves no trace in training"),
-    may_change("evaluation.final_episodes", "the last evaluation comes after all training"),
-    unless_drift("evaluation.aip_loss_episodes", "measuring the loss leaves no trace in training"),
-    may_change("checkpoints.every_steps", "a checkpoint leaves no trace in training"),
-    may_change("logging.tensorboard", "it only adds a file"),
+    // It only moves the end: learning rate and clip range decay over `total_steps`.
+    may_change("stop_at_steps"),
+    // An evaluation leaves no trace in training.
+    unless_drift("evaluation.every_steps"),
+    may_change("evaluation.episodes"),
+    may_change("evaluation.final_episodes"),
+    unless_drift("evaluation.aip_loss_episodes"),
+    // Neither do a checkpoint and a file more.
+    may_change("checkpoints.every_steps"),
+    may_change("logging.tensorboard"),
 ];
 
-const fn may_change(key: &'static str, reason: &'static str) -> Changeable {
-    Changeable { key, fixed_by_drift: false, reason }
+const fn may_change(key: &'static str) -> Changeable {
+    Changeable { key, fixed_by_drift: false }
 }
 
-const fn unless_drift(key: &'static str, reason: &'static str) -> Changeable {
-    Changeable { key, fixed_by_drift: true, reason }
+const fn unless_drift(key: &'static str) -> Changeable {
+    Changeable { key, fixed_by_drift: true }
 }
 
 /// A key that must be as it was, with both values as JSON. A key that is not set has no value.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Difference {
-    pub key: String,
-    pub then: Option<Value>,
-    pub now: Option<Value>,
+pub(crate) struct Difference {
+    pub(crate) key: String,
+    pub(crate) then: Option<Value>,
+    pub(crate) now: Option<Value>,
 }
 
 /// Returns a config as JSON. The paths of the domain's files are empty: a run directory may be moved.
-pub fn to_json(config: &RunConfig) -> Value {
+pub(crate) fn to_json(config: &RunConfig) -> Value {
     let mut config = config.clone();
     config.domain.iter_mut().flat_map(|domain| domain.table_mut().paths()).for_each(|(_, path)| *path = PathBuf::new());
     serde_json::to_value(config).expect("a config without paths is plain data")
 }
 
 /// Reads and checks a config of [`to_json`]. An unknown key is an error.
-pub fn from_json(json: Value) -> Result<RunConfig> {
+pub(crate) fn from_json(json: Value) -> Result<RunConfig> {
     let config: RunConfig = serde_json::from_value(json)?;
     config.check()?;
     Ok(config)
@@ -74,7 +76,7 @@ pub fn with_end(text: &str, stop_at_steps: u64) -> String {
 
 /// Lists the differences that forbid a run that was trained with `then` to continue with `now`, in the order of their
 /// keys. The contents of the domain's files are compared elsewhere.
-pub fn differences(then: &RunConfig, now: &RunConfig) -> Vec<Difference> {
+pub(crate) fn differences(then: &RunConfig, now: &RunConfig) -> Vec<Difference> {
     let drift = now.learning.trains_predictors() && now.learning.aip.retrain == Retrain::Drift;
     let may_change =
         |key: &str| CHANGEABLE.iter().any(|changeable| changeable.key == key && !(changeable.fixed_by_drift && drift));
@@ -84,7 +86,7 @@ pub fn differences(then: &RunConfig, now: &RunConfig) -> Vec<Difference> {
 }
 
 /// Lists all values in which two objects differ, in the order of their keys.
-pub fn differing(then: &Value, now: &Value) -> Vec<Difference> {
+pub(crate) fn differing(then: &Value, now: &Value) -> Vec<Difference> {
     let [then, now] = [then, now].map(|json| {
         let mut values = BTreeMap::new();
         flatten("", json, &mut values);

@@ -8,33 +8,33 @@ use super::Workload;
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Prices<T> {
     /// Price of a timestep of an agent in training.
-    pub step: T,
+    pub(crate) step: T,
     /// Price of a timestep of an agent that is replayed to continue after a period.
-    pub retraced_step: T,
+    pub(crate) retraced_step: T,
     /// Price of a period, whatever its length.
-    pub period: T,
+    pub(crate) period: T,
     /// Price of an evaluation, with all its episodes.
-    pub evaluation: T,
+    pub(crate) evaluation: T,
     /// Price of the evaluation at the end.
-    pub final_evaluation: T,
+    pub(crate) final_evaluation: T,
     /// Price of a collection of datasets for all agents.
-    pub collection: T,
+    pub(crate) collection: T,
     /// Price of a training of all AIPs (approximate influence predictors).
-    pub aip_training: T,
+    pub(crate) aip_training: T,
 }
 
 /// Cost of a run, by activity.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct RunCost<T> {
-    pub training: T,
-    pub evaluation: T,
-    pub collection: T,
-    pub aip_training: T,
+    pub(crate) training: T,
+    pub(crate) evaluation: T,
+    pub(crate) collection: T,
+    pub(crate) aip_training: T,
 }
 
 impl<T: Copy + Add<Output = T> + Mul<f64, Output = T>> Prices<T> {
     /// Returns the cost of a run.
-    pub fn of_run(&self, work: &Workload) -> RunCost<T> {
+    pub(crate) fn of_run(&self, work: &Workload) -> RunCost<T> {
         let retrainings = work.retrainings as f64;
         RunCost {
             training: self.step * work.agent_steps()
@@ -49,7 +49,7 @@ impl<T: Copy + Add<Output = T> + Mul<f64, Output = T>> Prices<T> {
 
 impl<T: Add<Output = T>> RunCost<T> {
     /// Returns the total.
-    pub fn sum(self) -> T {
+    pub(crate) fn sum(self) -> T {
         self.training + self.evaluation + self.collection + self.aip_training
     }
 }

@@ -6,17 +6,17 @@ use dials_learn::config::{AipTraining, schedule};
 /// Work of a run of `agents` agents. AIPs: approximate influence predictors.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Workload {
-    pub agents: usize,
+    pub(crate) agents: usize,
     /// Timesteps per agent.
     pub steps: u64,
     /// Number of steps of an episode.
     pub horizon: usize,
     /// Number of steps of an episode of what the policies train on.
-    pub training_horizon: usize,
+    pub(crate) training_horizon: usize,
     /// Number of simulator rows per agent.
-    pub copies: usize,
+    pub(crate) copies: usize,
     /// Number of periods: stretches of training between two exchanges of the workers.
-    pub periods: usize,
+    pub(crate) periods: usize,
     /// Number of evaluations before and between periods.
     pub evaluations: usize,
     /// Number of episodes of each of them. The evaluation at the end has its own number.
@@ -55,28 +55,28 @@ impl Workload {
     }
 
     /// Returns the timesteps of all agents in training.
-    pub fn agent_steps(&self) -> f64 {
+    pub(crate) fn agent_steps(&self) -> f64 {
         self.agents as f64 * self.steps as f64
     }
 
     /// Returns the timesteps of all agents that simulators replay to continue after a period. The episodes under way at
     /// that point are half over on average.
-    pub fn retraced_steps(&self) -> f64 {
+    pub(crate) fn retraced_steps(&self) -> f64 {
         self.periods.saturating_sub(1) as f64 * (self.agents * self.copies * self.training_horizon) as f64 / 2.0
     }
 
     /// Returns the timesteps of all agents in this number of episodes on the GS (global simulator).
-    pub fn gs_steps(&self, episodes: usize) -> f64 {
+    pub(crate) fn gs_steps(&self, episodes: usize) -> f64 {
         self.agents as f64 * episodes as f64 * self.horizon as f64
     }
 
     /// Returns the timesteps of all agents in all evaluations.
-    pub fn evaluated_steps(&self) -> f64 {
+    pub(crate) fn evaluated_steps(&self) -> f64 {
         self.gs_steps(self.evaluations * self.evaluation_episodes + self.final_episodes)
     }
 
     /// Returns the samples of all agents in one training of the AIPs; each epoch counts again.
-    pub fn samples_per_retraining(&self) -> f64 {
+    pub(crate) fn samples_per_retraining(&self) -> f64 {
         self.gs_steps(self.dataset_episodes) * self.epochs as f64
     }
 }

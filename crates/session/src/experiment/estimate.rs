@@ -17,17 +17,17 @@ use dials_traffic::config::TrafficTable;
 
 /// Core-seconds and memory of one kind of run.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct UnitCosts {
+pub(crate) struct UnitCosts {
     /// Core-seconds of training per agent and timestep.
-    pub training_s: f64,
+    pub(crate) training_s: f64,
     /// Core-seconds of collecting a dataset and training on it, per agent, epoch and step of the global simulator (GS).
-    pub influence_s: f64,
+    pub(crate) influence_s: f64,
     /// Core-seconds of evaluation per agent and step of an episode.
-    pub evaluation_s: f64,
+    pub(crate) evaluation_s: f64,
     /// Memory of each process without its agents, in MiB.
-    pub process_mb: f64,
+    pub(crate) process_mb: f64,
     /// Memory of each agent, in all processes together, in MiB.
-    pub agent_mb: f64,
+    pub(crate) agent_mb: f64,
 }
 
 impl UnitCosts {

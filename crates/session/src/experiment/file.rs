@@ -28,45 +28,45 @@ const EPISODES: RangeInclusive<u32> = 1..=100_000;
 pub struct ExperimentFile {
     /// Seeds of all runs, unless a grid has its own. Every combination runs once per seed.
     #[serde(default)]
-    pub seeds: Vec<u64>,
+    pub(crate) seeds: Vec<u64>,
     /// Settings of all runs, in the form of `train --set`.
     #[serde(default)]
-    pub set: Vec<String>,
+    pub(crate) set: Vec<String>,
     /// Hand-coded controllers to measure on every scenario, for the report's dashed lines.
     #[serde(default)]
-    pub controllers: Vec<String>,
+    pub(crate) controllers: Vec<String>,
     /// Number of episodes that each of them plays. Default: that of the last evaluation of a run, so that controllers
     /// and runs are compared episode by episode.
     #[serde(default)]
-    pub controller_episodes: Option<u32>,
+    pub(crate) controller_episodes: Option<u32>,
     /// Number of agents from which on a run takes all cores. Runs with fewer agents run side by side, one core each.
     #[serde(default = "default_all_cores_from_agents")]
-    pub all_cores_from_agents: usize,
-    pub grid: Vec<RunGrid>,
+    pub(crate) all_cores_from_agents: usize,
+    pub(crate) grid: Vec<RunGrid>,
 }
 
 /// All combinations of the listed configs, simulators, values of F and seeds.
 #[derive(Clone, Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct RunGrid {
+pub(crate) struct RunGrid {
     /// Config files, relative to the file of the experiment.
-    pub configs: Vec<PathBuf>,
+    pub(crate) configs: Vec<PathBuf>,
     /// Simulators. Default: the one in each config.
     #[serde(default)]
-    pub simulators: Vec<ShortForm>,
+    pub(crate) simulators: Vec<ShortForm>,
     /// Values of F, the steps between two trainings of the AIPs (approximate influence predictors). Only for simulators
     /// with trained AIPs. Default: the one in each config.
     #[serde(default)]
-    pub retrain_every_steps: Vec<u64>,
+    pub(crate) retrain_every_steps: Vec<u64>,
     /// Seeds of these runs. Default: those of the experiment.
     #[serde(default)]
-    pub seeds: Option<Vec<u64>>,
+    pub(crate) seeds: Option<Vec<u64>>,
     /// Settings of these runs, in addition to those of the experiment.
     #[serde(default)]
-    pub set: Vec<String>,
+    pub(crate) set: Vec<String>,
     /// Word to add to the names of these runs.
     #[serde(default)]
-    pub name: Option<FileName>,
+    pub(crate) name: Option<FileName>,
 }
 
 fn default_all_cores_from_agents() -> usize {
@@ -100,12 +100,12 @@ pub struct PlannedBaseline {
     /// Config of the first run on its scenario, with its settings.
     pub config: RunConfig,
     /// Id of the scenario: [`dials_core::domain::ScenarioId::word`].
-    pub scenario: String,
+    pub(crate) scenario: String,
     pub controller: String,
     pub episodes: usize,
-    pub agents: usize,
-    pub rough_costs: RoughCosts,
-    pub measured_with: MeasuredWith,
+    pub(crate) agents: usize,
+    pub(crate) rough_costs: RoughCosts,
+    pub(crate) measured_with: MeasuredWith,
 }
 
 /// All planned runs and baselines of an experiment.

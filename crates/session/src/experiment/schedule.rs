@@ -9,8 +9,8 @@ pub fn width(agents: usize, on_the_gs: bool, all_cores_from_agents: usize, cores
 /// Number of cores, and how many of them are free.
 #[derive(Clone, Copy, Debug)]
 pub struct Cores {
-    pub free: usize,
-    pub all: usize,
+    pub(crate) free: usize,
+    pub(crate) all: usize,
 }
 
 impl Cores {

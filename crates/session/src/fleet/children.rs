@@ -87,20 +87,20 @@ pub(super) fn log_of(worker: usize) -> String {
 
 /// What a worker process gets from the process that starts it.
 pub(super) struct Place {
-    pub worker: usize,
+    pub(crate) worker: usize,
     /// Log that takes the output of the worker.
-    pub log: Log,
+    pub(crate) log: Log,
     /// Cord that its messages pull.
-    pub cord: Cord,
+    pub(crate) cord: Cord,
     /// Folder from which the paths of its config lead. `None`: that of the process that starts it.
-    pub paths_from: Option<PathBuf>,
+    pub(crate) paths_from: Option<PathBuf>,
 }
 
 /// Function that reads the next message of a worker, if there is one.
 type Hear<T> = fn(&mut &UnixStream) -> Result<Option<T>>;
 
 /// A running worker process. Dropping it kills it. `T`: what it says, decoded or not.
-pub struct ChildProcess<T = WorkerReport> {
+pub(crate) struct ChildProcess<T = WorkerReport> {
     process: std::process::Child,
     stream: Arc<UnixStream>,
     /// Frames that the writer thread has not taken yet.

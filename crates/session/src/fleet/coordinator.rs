@@ -70,11 +70,11 @@ pub struct Coordinator {
 
 /// A worker, whichever process it is at the moment.
 struct Slot {
-    pub agents: Range<usize>,
+    pub(crate) agents: Range<usize>,
     link: Option<Box<dyn Link>>,
     /// Growth of this process.
     growth: Growth,
-    pub load: WorkerLoad,
+    pub(crate) load: WorkerLoad,
 }
 
 impl Coordinator {

@@ -7,9 +7,9 @@
 /// Growth at which the process of a worker is replaced: the larger of the two.
 #[derive(Clone, Copy, Debug)]
 pub struct MostGrowth {
-    pub kib: u64,
+    pub(crate) kib: u64,
     /// Share of its first size, because the memory of a large process goes up and down by more.
-    pub share: f64,
+    pub(crate) share: f64,
 }
 
 impl Default for MostGrowth {

@@ -17,13 +17,13 @@ pub(super) struct Task<Reply> {
     before: Option<Frame>,
     step: Frame,
     /// Up to which timestep per agent it trains, if it does.
-    pub trains_until: Option<u64>,
-    pub check: Check<Reply>,
+    pub(crate) trains_until: Option<u64>,
+    pub(crate) check: Check<Reply>,
     /// Number of times that a worker was lost at it.
-    pub deaths: usize,
+    pub(crate) deaths: usize,
     /// Time since the worker got the step or last reported, as far as the coordinator was listening.
-    pub silence: Duration,
-    pub progress: Option<WorkerReport>,
+    pub(crate) silence: Duration,
+    pub(crate) progress: Option<WorkerReport>,
 }
 
 impl<Reply> Task<Reply> {

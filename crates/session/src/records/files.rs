@@ -4,7 +4,7 @@ pub const CONFIG: &str = "config.toml";
 pub const NETWORKS: &str = "networks";
 pub const RUN: &str = "run.json";
 pub const RETURNS: &str = "returns.csv";
-pub const EPISODES: &str = "episodes.csv";
+pub(crate) const EPISODES: &str = "episodes.csv";
 pub const IMITATION: &str = "imitation.csv";
 pub const TRAINING: &str = "training.csv";
 pub const AIP_LOSS: &str = "aip_loss.csv";
@@ -18,13 +18,13 @@ pub const AIPS: &str = "aips.safetensors";
 pub const CHECKPOINTS: &str = "checkpoints";
 
 /// Files that are replaced as a whole.
-pub const WRITTEN: [&str; 4] = [CONFIG, RUN, POLICIES, AIPS];
+pub(crate) const WRITTEN: [&str; 4] = [CONFIG, RUN, POLICIES, AIPS];
 
 /// Files that grow during the run.
 pub const GROWING: [&str; 9] = [IMITATION, RETURNS, EPISODES, TRAINING, AIP_LOSS, AIP_DRIFT, TIMING, MEMORY, EVENTS];
 
 /// Returns whether a run directory uses this name, or may use it later.
-pub fn is_own(name: &str) -> bool {
+pub(crate) fn is_own(name: &str) -> bool {
     let worker = name.strip_prefix("worker_").and_then(|rest| rest.strip_suffix(".log"));
     let is_log = worker.is_some_and(|number| !number.is_empty() && number.bytes().all(|byte| byte.is_ascii_digit()));
     is_log || [NETWORKS, CHECKPOINTS].iter().chain(&WRITTEN).chain(&GROWING).any(|&own| own == name)

@@ -39,7 +39,7 @@ pub struct BaselineRecord {
     /// Mean return of all agents in each episode.
     pub episode_returns: Vec<f64>,
     #[serde(flatten)]
-    pub measured_with: MeasuredWith,
+    pub(crate) measured_with: MeasuredWith,
 }
 
 impl BaselineRecord {
@@ -197,7 +197,7 @@ fn read_baselines(folder: &Path, found: &mut Found) {
 }
 
 /// Reads a baseline. A number in it that is no figure is an error.
-pub fn read_baseline(path: &Path) -> Result<BaselineRecord> {
+pub(crate) fn read_baseline(path: &Path) -> Result<BaselineRecord> {
     let baseline: BaselineRecord = read_json(path)?;
     let means = [("mean_return", baseline.mean_return), ("std_error", baseline.std_error)];
     let figures = means.into_iter().chain(baseline.episode_returns.iter().map(|&value| ("episode_returns", value)));

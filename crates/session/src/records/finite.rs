@@ -18,7 +18,7 @@ pub struct Diverged(String);
 
 /// Returns an error that names the first agent whose policy has diverged. `begun`: timesteps per agent at the beginning
 /// of the period.
-pub fn check_policies(
+pub(crate) fn check_policies(
     training: &PolicyTraining,
     state: &AgentsState,
     config: &Config,
@@ -47,7 +47,7 @@ pub fn check_policies(
 }
 
 /// Returns an error that names the first agent whose policy has diverged while it imitated a controller.
-pub fn check_imitation(agents: &AgentsState, losses: &[ImitationLoss]) -> Result<()> {
+pub(crate) fn check_imitation(agents: &AgentsState, losses: &[ImitationLoss]) -> Result<()> {
     let bad_loss = |loss: &ImitationLoss| !loss.cross_entropy.iter().all(|value| value.is_finite());
     let key = "imitation.learning_rate";
     if let Some(agent) = losses.iter().position(bad_loss) {
@@ -60,7 +60,7 @@ pub fn check_imitation(agents: &AgentsState, losses: &[ImitationLoss]) -> Result
 }
 
 /// Returns an error that names the first agent whose AIP (approximate influence predictor) has diverged.
-pub fn check_aips(agents: &AgentsState, losses: &[AipLoss]) -> Result<()> {
+pub(crate) fn check_aips(agents: &AgentsState, losses: &[AipLoss]) -> Result<()> {
     for (agent, loss) in losses.iter().enumerate() {
         if !loss.training.iter().chain(&loss.held_out).flatten().all(|loss| loss.is_finite()) {
             return diverged("AIP", agent, "a loss", agents.steps, "aip.learning_rate");

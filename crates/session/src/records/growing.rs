@@ -14,9 +14,9 @@ const PART: usize = 1 << 16;
 /// How far a file has grown.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Mark {
-    pub bytes: u64,
+    pub(crate) bytes: u64,
     /// CRC-32C of all these bytes.
-    pub crc32c: u32,
+    pub(crate) crc32c: u32,
 }
 
 impl Mark {
@@ -40,7 +40,7 @@ impl GrowingFile {
         GrowingFile { name: name.to_owned(), mark, unsynced: false }
     }
 
-    pub fn mark(&self) -> Mark {
+    pub(crate) fn mark(&self) -> Mark {
         self.mark
     }
 
@@ -63,7 +63,7 @@ impl GrowingFile {
     }
 
     /// Makes everything that was appended durable. The caller makes new names durable.
-    pub fn sync(&mut self, directory: &Directory) -> Result<()> {
+    pub(crate) fn sync(&mut self, directory: &Directory) -> Result<()> {
         if self.unsynced {
             let failed = || format!("{}: cannot be written", directory.path_of(&self.name).display());
             directory.open_to_go_on(&self.name)?.sync_data().with_context(failed)?;
@@ -73,7 +73,7 @@ impl GrowingFile {
     }
 
     /// Cuts off what was appended after the mark. The caller has checked that the file [fits](misfit).
-    pub fn cut(&self, directory: &Directory) -> Result<()> {
+    pub(crate) fn cut(&self, directory: &Directory) -> Result<()> {
         if self.mark.bytes == 0 {
             directory.check(&self.name)?;
             return directory.remove(&self.name);
@@ -91,7 +91,7 @@ fn append_whole(file: &mut File, length: u64, block: &[u8]) -> std::io::Result<(
 }
 
 /// Says how a file differs from what it held at `mark`. `None`: it holds the same, and maybe more after it.
-pub fn misfit(directory: &Directory, name: &str, mark: Mark) -> Result<Option<String>> {
+pub(crate) fn misfit(directory: &Directory, name: &str, mark: Mark) -> Result<Option<String>> {
     let Some(file) = directory.open_file(name)? else {
         return Ok((mark.bytes > 0).then(|| "is missing".to_owned()));
     };

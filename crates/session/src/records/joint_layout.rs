@@ -16,7 +16,7 @@ use stacknets::{Layout, StackToWrite, about_stacks, read_stack, write_stacks};
 /// Largest file: 10 000 agents with 100 000 parameters each.
 const LARGEST_FILE: u64 = 4 << 30;
 /// Key of the timesteps per agent at which a file was written.
-pub const STEPS: &str = "steps";
+pub(crate) const STEPS: &str = "steps";
 
 /// The layouts of all kinds.
 pub struct JointLayout {
@@ -31,7 +31,7 @@ struct KindLayout {
 
 impl JointLayout {
     /// Makes the layouts. `layout`: returns the layout of an agent's network.
-    pub fn new(kinds: &Kinds, layout: impl Fn(&RegionSpec) -> Layout) -> JointLayout {
+    pub(crate) fn new(kinds: &Kinds, layout: impl Fn(&RegionSpec) -> Layout) -> JointLayout {
         let of_kind = |kind: &Kind| KindLayout {
             prefix: kinds.prefix(kind),
             agents: kind.agents.clone(),
@@ -49,7 +49,7 @@ impl JointLayout {
     }
 
     /// Writes a file of these networks. `networks`: one row of parameters per agent.
-    pub fn write(&self, networks: &Ragged<f32>, about: &HashMap<String, String>, path: &Path) -> Result<()> {
+    pub(crate) fn write(&self, networks: &Ragged<f32>, about: &HashMap<String, String>, path: &Path) -> Result<()> {
         let stacks = self.kinds.iter().map(|KindLayout { prefix, layout, agents }| {
             let rows = agents.iter().map(|agent| networks.row(agent.0)).collect();
             StackToWrite { prefix, layout, rows }
@@ -65,7 +65,7 @@ impl JointLayout {
     /// Reads the networks of such a file, and the timesteps per agent at which it was written, if it says so.
     ///
     /// The file is read once: a run that is being trained replaces it at any moment.
-    pub fn read_with_steps(&self, path: &Path) -> Result<(Ragged<f32>, Option<u64>)> {
+    pub(crate) fn read_with_steps(&self, path: &Path) -> Result<(Ragged<f32>, Option<u64>)> {
         let bytes = read_bytes(path, LARGEST_FILE).with_context(|| format!("{}: cannot be read", path.display()))?;
         let mut widths = vec![0; self.kinds.iter().map(|kind| kind.agents.len()).sum()];
         let of_agents =

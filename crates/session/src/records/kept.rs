@@ -19,14 +19,14 @@ use dials_core::outside::{LARGEST_NETWORK, read_bytes};
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Kept {
     /// The domain's table of the config, under its name; paths are empty.
-    pub config: Map<String, Value>,
+    pub(crate) config: Map<String, Value>,
     /// CRC-32 of each file in `networks/`, by its name.
-    pub networks: BTreeMap<String, String>,
+    pub(crate) networks: BTreeMap<String, String>,
 }
 
 impl Kept {
     /// Returns what the run directory `dir` holds. `config`: its config.
-    pub fn of(dir: &Path, config: &RunConfig) -> Result<Kept> {
+    pub(crate) fn of(dir: &Path, config: &RunConfig) -> Result<Kept> {
         let name = config.domain.as_ref().map(DomainConfig::name);
         let table = |name: &str| (name.to_owned(), to_json(config)[name].take());
         Ok(Kept { config: name.map(table).into_iter().collect(), networks: checksums(dir)? })
@@ -37,7 +37,7 @@ impl Kept {
     }
 
     /// Lists the keys of the domain that `config` has other values for.
-    pub fn changed_keys(&self, config: &RunConfig) -> Result<Vec<Difference>> {
+    pub(crate) fn changed_keys(&self, config: &RunConfig) -> Result<Vec<Difference>> {
         if self.config.is_empty() {
             return Ok(Vec::new());
         }
@@ -48,14 +48,14 @@ impl Kept {
 
     /// Lists the files in `networks/` that are there, but are other ones now. The figures of a run need no networks, so a
     /// copy of it may leave them out.
-    pub fn changed_contents(&self, dir: &Path) -> Result<Vec<Difference>> {
+    pub(crate) fn changed_contents(&self, dir: &Path) -> Result<Vec<Difference>> {
         let mut changed = self.changed_files(dir)?;
         changed.retain(|difference| difference.then.is_some() && difference.now.is_some());
         Ok(changed)
     }
 
     /// Lists the files in `networks/` that are other ones now, are missing or are new.
-    pub fn changed_files(&self, dir: &Path) -> Result<Vec<Difference>> {
+    pub(crate) fn changed_files(&self, dir: &Path) -> Result<Vec<Difference>> {
         let now = checksums(dir)?;
         let names: BTreeSet<&String> = self.networks.keys().chain(now.keys()).collect();
         let checksum = |of: &BTreeMap<String, String>, name: &String| of.get(name).map(|checksum| json!(checksum));

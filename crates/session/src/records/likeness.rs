@@ -10,7 +10,7 @@ use super::csv_table::{CsvTable, TableLine};
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct LikenessRecord {
     /// Steps of the evaluation.
-    pub steps: u64,
+    pub(crate) steps: u64,
     /// Mean number of cars on the approaches of a light.
     pub cars: [f64; 2],
     /// Mean speed of these cars in metres per second.

@@ -173,11 +173,11 @@ pub(super) fn training_lines(steps: u64, training: &PolicyTraining) -> Vec<CsvLi
 
 /// Wall time of a period.
 pub(super) struct Wall {
-    pub period: Duration,
+    pub(crate) period: Duration,
     /// Wall time of the run so far.
-    pub elapsed: Duration,
+    pub(crate) elapsed: Duration,
     /// Wall time in which no worker had an order.
-    pub exchange: Duration,
+    pub(crate) exchange: Duration,
 }
 
 /// Makes a line for the mean of all workers, then one per worker. Idle time is neither an activity nor an exchange. The

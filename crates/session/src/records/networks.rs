@@ -18,8 +18,8 @@ use dials_learn::training::state::AgentsState;
 
 /// Places of weights and biases in the networks that are saved.
 pub struct Layouts {
-    pub policies: JointLayout,
-    pub aips: JointLayout,
+    pub(crate) policies: JointLayout,
+    pub(crate) aips: JointLayout,
 }
 
 impl Layouts {

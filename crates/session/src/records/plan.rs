@@ -44,12 +44,12 @@ impl FolderPlan {
     }
 
     /// Lists the names of all planned runs, each once.
-    pub fn runs(&self) -> Vec<&FileName> {
+    pub(crate) fn runs(&self) -> Vec<&FileName> {
         each_once(self.experiments.values().flat_map(|plan| &plan.runs))
     }
 
     /// Lists the names of all planned baselines, each once.
-    pub fn baselines(&self) -> Vec<&FileName> {
+    pub(crate) fn baselines(&self) -> Vec<&FileName> {
         each_once(self.experiments.values().flat_map(|plan| &plan.baselines))
     }
 }

@@ -16,7 +16,7 @@ pub struct ResumePoint {
     /// `None`: there is no checkpoint, so the run begins again.
     pub checkpoint: Option<Checkpoint>,
     /// Names of the checkpoints after it, which no longer fit the files.
-    pub newer: Vec<String>,
+    pub(crate) newer: Vec<String>,
     /// Line for the user, if something was lost.
     pub warning: Option<String>,
 }
@@ -101,7 +101,7 @@ impl ResumePoint {
     }
 
     /// Returns how far a growing file had come.
-    pub fn mark(&self, file: &str) -> Mark {
+    pub(crate) fn mark(&self, file: &str) -> Mark {
         self.checkpoint.as_ref().map_or(Mark::default(), |checkpoint| mark_in(checkpoint, file))
     }
 }

@@ -46,8 +46,8 @@ pub struct RunJson {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Resumed {
     /// Timesteps per agent at which it took over.
-    pub steps: u64,
-    pub versions: Versions,
+    pub(crate) steps: u64,
+    pub(crate) versions: Versions,
 }
 
 /// This program, its libraries and the machine. A field that was not recorded is empty.
@@ -111,7 +111,7 @@ impl RunJson {
     }
 
     /// Returns the build that wrote the run last.
-    pub fn last_versions(&self) -> &Versions {
+    pub(crate) fn last_versions(&self) -> &Versions {
         self.resumed_with.last().map_or(&self.versions, |resumed| &resumed.versions)
     }
 }

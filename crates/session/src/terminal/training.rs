@@ -290,7 +290,7 @@ fn stopping(now: Option<Activity>) -> String {
 }
 
 /// Reads a plain line about a step: returns the timesteps per agent and the words after them. Any other line: `None`.
-pub fn plain_line(line: &str) -> Option<(u64, &str)> {
+pub(crate) fn plain_line(line: &str) -> Option<(u64, &str)> {
     let (steps, words) = line.strip_prefix("step ")?.split_once(": ")?;
     let done = steps.split_once('/').map_or(steps, |(done, _)| done);
     Some((done.parse().ok()?, words))

@@ -56,10 +56,10 @@ pub struct BorderLane {
     /// SUMO's name of the lane.
     pub lane: String,
     /// Its road, an index into [`BorderPlan::roads`]. `None`: it is within a junction.
-    pub road: Option<usize>,
+    pub(crate) road: Option<usize>,
     pub length_m: f64,
     /// Vehicle classes that may drive here.
-    pub classes: Classes,
+    pub(crate) classes: Classes,
     /// Entry that a car has passed which is first seen here. `None`: no entry is near enough.
     pub entry: Option<usize>,
     /// Entry of a car that departs here.
@@ -69,7 +69,7 @@ pub struct BorderLane {
 /// A place where cars come in.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Entry {
-    pub place: EntryPlace,
+    pub(crate) place: EntryPlace,
     /// Way of a car of which nothing is known: the road of the entry, the roads to which the first connections lead, and
     /// the first road behind the region, if there is one.
     pub(crate) default_way: Vec<String>,
@@ -77,7 +77,7 @@ pub struct Entry {
 
 /// Where cars come in.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub enum EntryPlace {
+pub(crate) enum EntryPlace {
     /// At the beginning of this lane, an index into [`BorderPlan::lanes`].
     Lane(usize),
     /// On this road, where they depart: SUMO's name.

@@ -32,15 +32,15 @@ pub struct Interval {
 /// A way of a light's program from one green to another.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(crate) struct ProgramChange {
-    pub from: usize,
-    pub to: usize,
+    pub(crate) from: usize,
+    pub(crate) to: usize,
     /// States that the program shows in between.
-    pub between: Vec<SignalState>,
+    pub(crate) between: Vec<SignalState>,
 }
 
 /// What a light shows.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Shown {
+pub(crate) enum Shown {
     /// The green of this index.
     Green(usize),
     /// Yellow or all red between two greens.
@@ -48,12 +48,12 @@ pub enum Shown {
 }
 
 impl Shown {
-    pub fn is_green(self) -> bool {
+    pub(crate) fn is_green(self) -> bool {
         matches!(self, Shown::Green(_))
     }
 
     /// Returns the green that is shown; `None` between greens.
-    pub fn green(self) -> Option<usize> {
+    pub(crate) fn green(self) -> Option<usize> {
         match self {
             Shown::Green(green) => Some(green),
             Shown::Between { .. } => None,
@@ -61,7 +61,7 @@ impl Shown {
     }
 
     /// Returns the green that is shown or comes next.
-    pub fn target(self) -> usize {
+    pub(crate) fn target(self) -> usize {
         match self {
             Shown::Green(green) => green,
             Shown::Between { to, .. } => to,
@@ -71,7 +71,7 @@ impl Shown {
 
 /// The meaning of an action.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Choice {
+pub(crate) enum Choice {
     /// 0 keeps the green, 1 goes to the next one. The paper's actions.
     KeepOrSwitch,
     /// The index of a green: the light goes to it or stays there.
@@ -80,7 +80,7 @@ pub enum Choice {
 
 impl PhasePlan {
     /// Makes a plan of at least two greens. `clearing(from, to)` returns what is shown between two different greens.
-    pub fn new(
+    pub(crate) fn new(
         greens: Vec<SignalState>,
         choice: Choice,
         min_green_steps: u32,
@@ -110,7 +110,7 @@ impl PhasePlan {
     }
 
     /// Returns the letters by which states of other programs are recognised, those that cars obey.
-    pub fn cars(&self) -> &BTreeSet<usize> {
+    pub(crate) fn cars(&self) -> &BTreeSet<usize> {
         &self.cars
     }
 
@@ -133,7 +133,7 @@ impl PhasePlan {
         self.own_green_steps
     }
 
-    pub fn choice(&self) -> Choice {
+    pub(crate) fn choice(&self) -> Choice {
         self.choice
     }
 
@@ -146,7 +146,7 @@ impl PhasePlan {
     }
 
     /// Returns the green after this one, in the order of the program.
-    pub fn next(&self, green: usize) -> usize {
+    pub(crate) fn next(&self, green: usize) -> usize {
         (green + 1) % self.greens.len()
     }
 
@@ -164,7 +164,7 @@ impl PhasePlan {
     }
 
     /// Returns the green that an action asks for at a light that shows `shown`.
-    pub fn asked_for(&self, shown: Shown, action: Action) -> usize {
+    pub(crate) fn asked_for(&self, shown: Shown, action: Action) -> usize {
         match self.choice {
             Choice::KeepOrSwitch if action == 0 => shown.target(),
             Choice::KeepOrSwitch => self.next(shown.target()),
@@ -174,7 +174,7 @@ impl PhasePlan {
 
     /// Returns what a state means that another program shows, if the last green was `last`. It stays the same green while
     /// only the letters of people on foot change.
-    pub fn recognise(&self, state: &SignalState, last: usize) -> Shown {
+    pub(crate) fn recognise(&self, state: &SignalState, last: usize) -> Shown {
         if let Some(green) = self.greens.iter().position(|green| green == state) {
             return Shown::Green(green);
         }

@@ -14,15 +14,15 @@ use dials_core::domain::Kinds;
 
 /// The plans of all agents, and what they have in common.
 #[derive(Clone, Debug, PartialEq)]
-pub struct JointPlan {
-    pub agents: Vec<AgentPlan>,
+pub(crate) struct JointPlan {
+    pub(crate) agents: Vec<AgentPlan>,
     /// Borders of the regions and the d-sets of the AIPs (approximate influence predictors). Empty on the paper's grids:
     /// there the approaches are the influence sources, and the observations hold the d-sets.
-    pub borders: Vec<Border>,
-    pub kinds: Kinds,
+    pub(crate) borders: Vec<Border>,
+    pub(crate) kinds: Kinds,
     /// Number of steps of SUMO, seconds, from one decision of the agents to the next.
     pub(crate) decision_steps: usize,
-    pub reward: Reward,
+    pub(crate) reward: Reward,
     /// Deceleration in metres per second squared above which braking is an emergency. `None` if cars of several types
     /// drive: then only the stops are counted that SUMO calls emergencies.
     pub(crate) emergency_decel_mps2: Option<f64>,

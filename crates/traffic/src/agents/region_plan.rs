@@ -31,7 +31,7 @@ pub struct Exit {
     /// SUMO's name of the lane.
     pub lane: String,
     pub length_m: f64,
-    pub speed_limit_mps: f64,
+    pub(crate) speed_limit_mps: f64,
     /// Whether cars on it leave the net without coming to another light.
     pub leaves_the_net: bool,
 }

@@ -8,19 +8,19 @@ use crate::config::DSet;
 /// Which columns an observation has, in this order: cars, light, clock.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Sensor {
-    pub cars: CarColumns,
-    pub light: LightColumns,
+    pub(crate) cars: CarColumns,
+    pub(crate) light: LightColumns,
     /// Number of columns of the clock; 0 for none.
-    pub clock: usize,
+    pub(crate) clock: usize,
     /// Number of steps by which the clock is ahead of the episode.
     pub(crate) clock_ahead: usize,
     /// What the AIP (approximate influence predictor) of a grid sees. That of a scenario sees its borders.
-    pub d_set: DSet,
+    pub(crate) d_set: DSet,
 }
 
 /// How an observation shows the cars on the approaches.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub enum CarColumns {
+pub(crate) enum CarColumns {
     /// A bit for each cell of 10 m, from the lane's end on. One entry per approach: its number of visible cells.
     Cells(Vec<usize>),
     /// Two numbers from 0 to 1 for each approach: the share of it that a queue fills, and the share that cars fill.
@@ -29,7 +29,7 @@ pub enum CarColumns {
 
 /// How an observation shows the light.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum LightColumns {
+pub(crate) enum LightColumns {
     /// One-hot state of the paper's light with two greens: horizontal green, horizontal yellow, vertical yellow, vertical
     /// green.
     FourStates,
@@ -84,7 +84,7 @@ impl Sensor {
 
 impl LightColumns {
     /// Returns the name of every column.
-    pub fn names(self) -> Vec<String> {
+    pub(crate) fn names(self) -> Vec<String> {
         match self {
             LightColumns::FourStates => {
                 ["horizontal green", "horizontal yellow", "vertical yellow", "vertical green"].map(str::to_owned).into()
@@ -97,7 +97,7 @@ impl LightColumns {
     }
 
     /// Returns the number of columns.
-    pub fn columns(self) -> usize {
+    pub(crate) fn columns(self) -> usize {
         match self {
             LightColumns::FourStates => 4,
             LightColumns::TargetAndAge(greens) => greens + 2,

@@ -5,7 +5,7 @@ use super::plan::AgentPlan;
 impl AgentPlan {
     /// Returns the share of an approach's links that have green, from 0 to 1. Cars on a lane that several links share
     /// may want any of them.
-    pub fn share(&self, green: usize, approach: usize) -> f64 {
+    pub(crate) fn share(&self, green: usize, approach: usize) -> f64 {
         let links = &self.region.approaches[approach].links;
         let served = links.iter().filter(|&&link| self.opens(green, link)).count();
         // An approach without links leads nowhere that a light could open.
@@ -13,7 +13,7 @@ impl AgentPlan {
     }
 
     /// Returns whether some link of an approach has green.
-    pub fn serves(&self, green: usize, approach: usize) -> bool {
+    pub(crate) fn serves(&self, green: usize, approach: usize) -> bool {
         self.share(green, approach) > 0.0
     }
 
@@ -34,7 +34,7 @@ impl AgentPlan {
     }
 
     /// Returns the number of greens.
-    pub fn greens(&self) -> usize {
+    pub(crate) fn greens(&self) -> usize {
         self.phases.greens().len()
     }
 

@@ -32,7 +32,7 @@ pub enum RewardTerm {
 
 impl RewardTerm {
     /// Returns what the term is, as docs/environments.md explains it.
-    pub fn words(self) -> &'static str {
+    pub(crate) fn words(self) -> &'static str {
         match self {
             RewardTerm::MeanSpeed => "mean speed of the cars on the approaches, as a share of the limit",
             RewardTerm::ExitSpeed => "mean speed of the cars on the exits, as a share of the limit",
@@ -61,12 +61,12 @@ const MOST_WEIGHT: f64 = 1e6;
 
 impl Reward {
     /// Returns the terms with their weights, in the order of [`RewardTerm`].
-    pub fn terms(&self) -> impl Iterator<Item = (RewardTerm, f64)> {
+    pub(crate) fn terms(&self) -> impl Iterator<Item = (RewardTerm, f64)> {
         self.0.iter().map(|(&term, &weight)| (term, weight))
     }
 
     /// Returns a word of letters, digits and hyphens that no other reward has.
-    pub fn name(&self) -> String {
+    pub(crate) fn name(&self) -> String {
         match serde_json::to_value(self) {
             Ok(serde_json::Value::String(name)) => name,
             weights => format!("weights-{:08x}", crc32fast::hash(weights.unwrap_or_default().to_string().as_bytes())),

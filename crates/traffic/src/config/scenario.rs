@@ -115,13 +115,13 @@ impl ScenarioConfig {
     }
 
     /// Returns the seconds at which an episode begins and ends. An error names the key of the one that is missing.
-    pub fn window_s(&self) -> Result<(u64, u64)> {
+    pub(crate) fn window_s(&self) -> Result<(u64, u64)> {
         let missing = |key: &str| format!("traffic.{key}: is missing here and in the .sumocfg; set it to a second");
         Ok((self.begin_s.with_context(|| missing("begin_s"))?, self.end_s.with_context(|| missing("end_s"))?))
     }
 
     /// Returns a note about the seconds after the last whole decision, if there are any.
-    pub fn unplayed(&self) -> Option<String> {
+    pub(crate) fn unplayed(&self) -> Option<String> {
         let (begin, end) = self.window_s().expect("a checked config has both");
         let seconds = (end - begin) % u64::from(self.decision_s);
         let message = || {

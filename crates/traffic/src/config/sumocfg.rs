@@ -15,7 +15,7 @@ use dials_core::outside::tree::{Element, parse_file, read_whole};
 /// Largest number of files of one kind.
 const MOST_FILES: usize = 1000;
 /// Latest second: 10 billion, some 300 years.
-pub const MOST_SECONDS: u64 = 10_000_000_000;
+pub(crate) const MOST_SECONDS: u64 = 10_000_000_000;
 
 /// Option that names when a waiting car is moved past the jam, and its value here if a .sumocfg does not name it.
 ///
@@ -27,16 +27,16 @@ const TELEPORT: (&str, &str) = ("time-to-teleport", "300");
 #[derive(Clone, Debug, PartialEq)]
 pub struct Sumocfg {
     pub net: PathBuf,
-    pub routes: Vec<PathBuf>,
-    pub additional: Vec<PathBuf>,
+    pub(crate) routes: Vec<PathBuf>,
+    pub(crate) additional: Vec<PathBuf>,
     pub begin_s: u64,
     /// Second of the end, if the file names one.
-    pub end_s: Option<u64>,
+    pub(crate) end_s: Option<u64>,
     /// Options that change traffic, by their names on SUMO's command line without `--`, in the order of the file. The
     /// time to teleport is always among them.
-    pub options: Vec<(String, String)>,
+    pub(crate) options: Vec<(String, String)>,
     /// What of the file this program leaves out, a sentence each.
-    pub left_out: Vec<String>,
+    pub(crate) left_out: Vec<String>,
 }
 
 impl Sumocfg {

@@ -11,28 +11,28 @@ const GREEN_S: [f64; 2] = [5.0, 50.0];
 /// A phase of a light's own program.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct ProgramPhase<'a> {
-    pub state: &'a str,
+    pub(crate) state: &'a str,
     /// Whether it lasts as long as cars come. A link may also have green in yellow and all red of the others.
-    pub is_green: bool,
+    pub(crate) is_green: bool,
     pub(crate) duration_s: f64,
     /// SUMO's `minDur` and `maxDur`, if the program gives them.
-    pub least_s: Option<f64>,
+    pub(crate) least_s: Option<f64>,
     pub(crate) most_s: Option<f64>,
     /// Phases that may follow; empty: the next one in their order.
-    pub next: &'a [usize],
+    pub(crate) next: &'a [usize],
 }
 
 /// What an actuated program is made of.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct Light<'a> {
     /// SUMO's name of the light.
-    pub id: &'a str,
+    pub(crate) id: &'a str,
     /// Time by which the program runs late, in seconds.
     pub(crate) offset_s: f64,
     /// Names and values, such as `max-gap`, of an own program that is actuated, too.
-    pub parameters: &'a [(String, String)],
+    pub(crate) parameters: &'a [(String, String)],
     /// The phases of its own program.
-    pub phases: Vec<ProgramPhase<'a>>,
+    pub(crate) phases: Vec<ProgramPhase<'a>>,
 }
 
 /// Returns an additional file with an actuated program of this name for each light.

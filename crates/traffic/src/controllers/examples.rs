@@ -90,7 +90,6 @@ impl<'a> At<'a> {
             agent: AgentId(0),
             shown,
             shown_steps: 10,
-            obs: &[],
             approaches: vec![cars(&[]); plan.region.approaches.len()],
             exits: vec![cars(&[]); plan.region.exits.len()],
         })

@@ -15,7 +15,7 @@ const FEW_GREENS: usize = 12;
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct FlowRatios {
     /// Greens in their order, each with the ratio that it has to carry.
-    pub greens: Vec<(usize, f64)>,
+    pub(crate) greens: Vec<(usize, f64)>,
     /// Seconds of a cycle in which no green is shown.
     pub(crate) lost_s: f64,
 }

@@ -17,8 +17,8 @@ use libsumo::CarId;
 pub(crate) struct Flows {
     /// Number of cars that came to each approach, one row per light. A car that changes lanes counts on the lane of the
     /// road on which it was last.
-    pub cars: Ragged<u32>,
-    pub seconds: u32,
+    pub(crate) cars: Ragged<u32>,
+    pub(crate) seconds: u32,
 }
 
 /// Counts cars on the GS (global simulator) on separate episodes, with the lights under this rule.

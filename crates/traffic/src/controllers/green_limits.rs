@@ -14,9 +14,9 @@ const MOST: u32 = 50;
 /// Numbers of steps of a green.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct GreenLimits {
-    pub least: u32,
+    pub(crate) least: u32,
     /// After this many steps a green gives way to any other one that is wanted; `None`: never.
-    pub most: Option<u32>,
+    pub(crate) most: Option<u32>,
 }
 
 /// Returns the limits of a grid. Of 1 to 15, max-pressure does best with these on 2x2 (184, against 173 with 5 or 1). For

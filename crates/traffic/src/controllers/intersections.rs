@@ -5,7 +5,7 @@ use std::ops::Range;
 
 use crate::agents::phase_plan::Shown;
 use crate::agents::plan::AgentPlan;
-use dials_core::base::{AgentId, Ragged};
+use dials_core::base::AgentId;
 use libsumo::{CarTable, LaneCars};
 
 /// All intersections, as they are after the last step.
@@ -14,7 +14,6 @@ pub struct Intersections<'a> {
     /// What every light showed in the last step, and for how many steps.
     pub(crate) shown: &'a [Shown],
     pub(crate) shown_steps: &'a [u32],
-    pub(crate) obs: &'a Ragged<f32>,
     /// Cars on the approaches and on the exits of all agents, agent by agent.
     pub(crate) approaches: &'a CarTable,
     pub(crate) exits: &'a CarTable,
@@ -24,13 +23,12 @@ impl<'a> Intersections<'a> {
     /// Returns the intersections, one per agent, in the order of the agents.
     pub fn iter(&self) -> impl Iterator<Item = Intersection<'a>> {
         let (mut approaches, mut exits) = (0, 0);
-        let &Intersections { plans, shown, shown_steps, obs, approaches: cars, exits: gone } = self;
+        let &Intersections { plans, shown, shown_steps, approaches: cars, exits: gone } = self;
         plans.iter().enumerate().map(move |(row, plan)| Intersection {
             plan,
             agent: AgentId(row),
             shown: shown[row],
             shown_steps: shown_steps[row],
-            obs: obs.row(row),
             approaches: lanes(cars, take(&mut approaches, plan.region.approaches.len())),
             exits: lanes(gone, take(&mut exits, plan.region.exits.len())),
         })
@@ -54,7 +52,6 @@ pub struct Intersection<'a> {
     pub(super) agent: AgentId,
     pub(super) shown: Shown,
     pub(super) shown_steps: u32,
-    pub(super) obs: &'a [f32],
     /// Cars on each approach and on each exit, in the order of the plan.
     pub(super) approaches: Vec<LaneCars<'a>>,
     pub(super) exits: Vec<LaneCars<'a>>,
@@ -71,7 +68,7 @@ impl<'a> Intersection<'a> {
     }
 
     /// Returns what the light showed in the last step; at the beginning of an episode, what it will show.
-    pub fn shown(&self) -> Shown {
+    pub(crate) fn shown(&self) -> Shown {
         self.shown
     }
 
@@ -99,11 +96,6 @@ impl<'a> Intersection<'a> {
     pub fn others(&self, green: usize) -> impl Iterator<Item = usize> {
         let greens = self.plan.greens();
         (1..greens).map(move |steps| (green + steps) % greens)
-    }
-
-    /// Returns what a policy would observe.
-    pub fn obs(&self) -> &'a [f32] {
-        self.obs
     }
 
     /// Returns the cars on an approach.
@@ -136,7 +128,7 @@ impl<'a> Intersection<'a> {
 
     /// Returns whether a green is in use: a car is less than `metres` before a stop line that it opens. On a lane that
     /// it opens in part, only a car that moves counts: one that stands waits for another green.
-    pub fn uses(&self, green: usize, metres: f64) -> bool {
+    pub(crate) fn uses(&self, green: usize, metres: f64) -> bool {
         self.plan.served(green).any(|approach| {
             let whole = self.plan.share(green, approach) == 1.0;
             self.speeds_within(approach, metres).any(|speed_mps| whole || speed_mps >= MOVING_MPS)

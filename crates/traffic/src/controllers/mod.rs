@@ -78,7 +78,7 @@ pub const NAMES: &[&str] = &[
 ];
 
 /// Name of the lights that follow their own programs.
-pub const PROGRAM: &str = "program";
+pub(crate) const PROGRAM: &str = "program";
 /// Name of the lights that follow a clock whatever the traffic.
 pub const FIXED_TIME: &str = "fixed-time";
 /// Name of the lights that follow a clock with some leeway.
@@ -136,7 +136,7 @@ pub fn recipe(text: &str, plans: &[AgentPlan]) -> Result<Recipe> {
 }
 
 /// Returns the file that a controller reads, by the text that names the controller. If it reads none: `None`.
-pub fn file_of(text: &str) -> Result<Option<&Path>> {
+pub(crate) fn file_of(text: &str) -> Result<Option<&Path>> {
     let mut arguments = Arguments::of(text);
     let reads_one = [FIXED_TIME, COORDINATED].contains(&arguments.name());
     if reads_one { Ok(arguments.take(FILE)?.map(Path::new)) } else { Ok(None) }

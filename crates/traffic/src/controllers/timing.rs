@@ -19,7 +19,7 @@ pub struct Timing {
 impl Timing {
     /// Makes a timing of a light with these phases. `greens`: the length of each green, 0 to leave it out; one of them
     /// at least is above 0.
-    pub fn new(phases: &PhasePlan, greens: &[u32], offset: u32) -> Timing {
+    pub(crate) fn new(phases: &PhasePlan, greens: &[u32], offset: u32) -> Timing {
         assert_eq!(greens.len(), phases.greens().len(), "a length for each green");
         let shown: Vec<usize> = (0..greens.len()).filter(|&green| greens[green] > 0).collect();
         assert!(!shown.is_empty(), "a light shows some green");
@@ -33,15 +33,15 @@ impl Timing {
     }
 
     /// Returns the length of each green, 0 for a green that is left out.
-    pub fn greens(&self) -> &[u32] {
+    pub(crate) fn greens(&self) -> &[u32] {
         &self.greens
     }
 
-    pub fn offset(&self) -> u32 {
+    pub(crate) fn offset(&self) -> u32 {
         self.offset
     }
 
-    pub fn cycle(&self) -> u32 {
+    pub(crate) fn cycle(&self) -> u32 {
         self.cycle
     }
 
@@ -58,7 +58,7 @@ impl Timing {
     }
 
     /// Returns the green that the clock asks for after this one.
-    pub fn after(&self, green: usize) -> usize {
+    pub(crate) fn after(&self, green: usize) -> usize {
         let next = self.ends.iter().find(|&&(shown, _)| shown > green).unwrap_or(&self.ends[0]);
         next.0
     }
@@ -87,9 +87,9 @@ impl Timing {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct Leeway {
     /// To give an unused green away.
-    pub early: u32,
+    pub(crate) early: u32,
     /// To hold a green for a car that is almost there.
-    pub late: u32,
+    pub(crate) late: u32,
 }
 
 impl Leeway {

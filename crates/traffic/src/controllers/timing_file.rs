@@ -25,42 +25,42 @@ const MOST_BYTES: u64 = 1 << 20;
 pub struct TimingFile {
     /// Green of a grid for the cars from south and north, and from west and east; the same at all intersections.
     #[serde(skip_serializing_if = "Option::is_none")]
-    pub vertical: Option<u32>,
+    pub(crate) vertical: Option<u32>,
     #[serde(skip_serializing_if = "Option::is_none")]
-    pub horizontal: Option<u32>,
+    pub(crate) horizontal: Option<u32>,
     /// Number of steps from the beginning of an episode to the beginning of the first green, for each agent of a grid.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
-    pub offsets: Vec<u32>,
+    pub(crate) offsets: Vec<u32>,
     /// Rows and columns of the grid; `None` for a net that is no grid.
     #[serde(skip_serializing_if = "Option::is_none")]
-    pub shape: Option<[usize; 2]>,
+    pub(crate) shape: Option<[usize; 2]>,
     /// Leeway of `coordinated`: 0 for `fixed-time`.
     #[serde(default)]
-    pub early: u32,
+    pub(crate) early: u32,
     #[serde(default)]
-    pub late: u32,
+    pub(crate) late: u32,
     /// Mean return on the episodes of the tuning, if that was the score.
     #[serde(skip_serializing_if = "Option::is_none")]
-    pub mean_return: Option<f64>,
+    pub(crate) mean_return: Option<f64>,
     /// Mean delay on the episodes of the tuning in seconds, if that was the score.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub(crate) mean_delay_s: Option<f64>,
     pub tuned_on: TunedOn,
     /// Timings of the lights of a net that is no grid.
     #[serde(default, rename = "light", skip_serializing_if = "Vec::is_empty")]
-    pub lights: Vec<LightTiming>,
+    pub(crate) lights: Vec<LightTiming>,
 }
 
 /// Timing of one light.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct LightTiming {
+pub(crate) struct LightTiming {
     /// SUMO's name of the light.
-    pub name: String,
+    pub(crate) name: String,
     /// Length of each green, 0 for a green that is left out.
-    pub greens: Vec<u32>,
+    pub(crate) greens: Vec<u32>,
     /// Number of steps from the beginning of an episode to the beginning of the first green.
-    pub offset: u32,
+    pub(crate) offset: u32,
 }
 
 /// Everything that timings depend on.
@@ -68,18 +68,18 @@ pub struct LightTiming {
 #[serde(deny_unknown_fields)]
 pub struct TunedOn {
     /// Name of the controller: `fixed-time` or `coordinated`.
-    pub controller: String,
+    pub(crate) controller: String,
     /// Name of the network, without its folder, because the folder can change.
     pub network: String,
     /// CRC-32 of the net and the routes.
-    pub network_crc32: String,
-    pub horizon: usize,
-    pub episodes: usize,
+    pub(crate) network_crc32: String,
+    pub(crate) horizon: usize,
+    pub(crate) episodes: usize,
     /// Seed as text, because TOML's numbers end at 2^63.
-    pub seed: String,
+    pub(crate) seed: String,
     /// Version of the search.
-    pub search_version: u32,
-    pub sumo_version: String,
+    pub(crate) search_version: u32,
+    pub(crate) sumo_version: String,
 }
 
 /// What the tuner looks at.
@@ -102,7 +102,7 @@ impl fmt::Display for Score {
 
 impl TimingFile {
     /// Makes a file of what was found for these lights.
-    pub fn new(plans: &[AgentPlan], found: &ClockPlan, score: Score, tuned_on: TunedOn) -> TimingFile {
+    pub(crate) fn new(plans: &[AgentPlan], found: &ClockPlan, score: Score, tuned_on: TunedOn) -> TimingFile {
         let ClockPlan { timings, leeway } = found;
         let is_grid = are_of_a_grid(plans);
         let green = |green: usize| is_grid.then(|| timings[0].greens()[green]);
@@ -140,7 +140,7 @@ impl TimingFile {
     }
 
     /// Returns the CRC-32 of a file.
-    pub fn checksum(path: &Path) -> Result<u32> {
+    pub(crate) fn checksum(path: &Path) -> Result<u32> {
         let bytes =
             read_bytes(path, MOST_BYTES).with_context(|| format!("{}: cannot be read; {WAY_OUT}", path.display()))?;
         Ok(crc32fast::hash(&bytes))
@@ -206,12 +206,12 @@ pub(super) fn shape(plans: &[AgentPlan]) -> [usize; 2] {
 }
 
 #[cfg(test)]
-pub mod tests {
+pub(crate) mod tests {
     use super::*;
     use crate::controllers::examples::{crossing, middle};
     use crate::controllers::timing::Timing;
 
-    pub fn tuned_on(controller: &str) -> TunedOn {
+    pub(crate) fn tuned_on(controller: &str) -> TunedOn {
         TunedOn {
             controller: controller.into(),
             network: "grid_2x2".into(),

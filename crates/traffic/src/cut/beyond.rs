@@ -34,10 +34,10 @@ pub(super) struct Beyond<'a> {
     reach: Reach,
     /// Names that are taken already.
     taken: HashSet<String>,
-    pub gate: Gate,
-    pub exits: Vec<Exit>,
+    pub(crate) gate: Gate,
+    pub(crate) exits: Vec<Exit>,
     /// Only copies.
-    pub parts: Parts,
+    pub(crate) parts: Parts,
 }
 
 impl<'a> Beyond<'a> {

@@ -21,7 +21,7 @@ impl LocalNet {
     ///
     /// Errors: the light controls no cars; it controls something outside of the region; another light controls
     /// something within it; a connection leads out of its junction.
-    pub fn cut(source: &Source<'_>, light: &str, region: &Region, reach: Reach) -> Result<LocalNet> {
+    pub(crate) fn cut(source: &Source<'_>, light: &str, region: &Region, reach: Reach) -> Result<LocalNet> {
         let cut = Cut::new(source, light, region);
         cut.check()?;
         let mut beyond = Beyond::new(source, light, reach);
@@ -224,6 +224,11 @@ mod tests {
         LocalNet::cut(&Source::new(&net, &roads, Vec::new()), light, &region, Reach::default())
     }
 
+    /// Returns the edges of the continuations: copies behind the exits.
+    fn copies(net: &LocalNet) -> Vec<&str> {
+        net.exits.iter().flat_map(|exit| &exit.ways).flat_map(|way| &way.copies).map(String::as_str).collect()
+    }
+
     #[test]
     fn lanes_at_the_border_are_entries_and_exits_have_copies_of_what_follows() {
         let net = cut("J", 10.0, &[]).unwrap();
@@ -236,7 +241,7 @@ mod tests {
         assert_eq!(ends(&net.exits[0]), [(Vec::new(), 190.0)]);
         let behind = ["back+west", "back+near"].map(|copy| (vec![copy.to_owned()], 15.0));
         assert_eq!(ends(&net.exits[1]), behind);
-        assert_eq!(net.copies().collect::<Vec<_>>(), ["back+west", "back+near"]);
+        assert_eq!(copies(&net), ["back+west", "back+near"]);
         let gate = net.gate.as_ref().unwrap();
         assert_eq!((&*gate.light, &gate.lanes[..]), ("J+exits", &["back_0".to_owned()][..]));
         let lanes = ["near_0", "near_1", "north_0", "out_0", "back_0", "back+west_0", "back+near_0", "back+near_1"];
@@ -267,7 +272,7 @@ mod tests {
     #[test]
     fn a_name_that_is_taken_is_not_taken_again() {
         let net = cut("J", 10.0, &[("id=\"far\"", "id=\"back+west\""), ("from=\"far\"", "from=\"back+west\"")]);
-        assert_eq!(net.unwrap().copies().collect::<Vec<_>>(), ["back+west+", "back+near"]);
+        assert_eq!(copies(&net.unwrap()), ["back+west+", "back+near"]);
     }
 
     #[test]

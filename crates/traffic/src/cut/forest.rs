@@ -76,8 +76,8 @@ impl Region {
 
 /// Texts of the files of a forest: the net and the routes.
 pub(crate) struct Forest {
-    pub net: String,
-    pub routes: String,
+    pub(crate) net: String,
+    pub(crate) routes: String,
 }
 
 impl Forest {

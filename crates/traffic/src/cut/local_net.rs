@@ -10,7 +10,7 @@ use crate::network::xml::{Xml, document_with};
 #[derive(Clone, Debug)]
 pub struct LocalNet {
     /// Light that it was cut out for.
-    pub light: String,
+    pub(crate) light: String,
     /// Lanes for cars on the edges that begin at the border.
     pub(crate) entry_lanes: Vec<String>,
     /// Edges that end at the border.
@@ -23,7 +23,7 @@ pub struct LocalNet {
 /// An edge on which cars leave the region.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Exit {
-    pub edge: String,
+    pub(crate) edge: String,
     /// Lanes for cars.
     pub lanes: Vec<String>,
     /// Ways behind it, at least one. A route goes over one of them to its end, or ends earlier.
@@ -34,11 +34,11 @@ pub struct Exit {
 #[derive(Clone, Debug, PartialEq)]
 pub struct Way {
     /// Edges of the whole net, the nearest first. Empty: the exit is a dead end.
-    pub edges: Vec<String>,
+    pub(crate) edges: Vec<String>,
     /// Copies of these edges in the local net. No other exit leads to them.
     pub copies: Vec<String>,
     /// Position on the last edge at which a car has arrived, in metres.
-    pub end_m: f64,
+    pub(crate) end_m: f64,
 }
 
 /// A light of our own at the ends of exit lanes. It always shows green. Red blocks an exit.
@@ -53,13 +53,13 @@ pub struct Gate {
 #[derive(Clone, Debug, Default)]
 pub(super) struct Parts {
     /// Attributes of the root.
-    pub attributes: Vec<(String, String)>,
+    pub(crate) attributes: Vec<(String, String)>,
     /// Elements that nets of one source have in common: its place and its types of edges.
-    pub shared: Vec<Element>,
-    pub edges: Vec<Element>,
-    pub lights: Vec<Element>,
-    pub junctions: Vec<Element>,
-    pub connections: Vec<Element>,
+    pub(crate) shared: Vec<Element>,
+    pub(crate) edges: Vec<Element>,
+    pub(crate) lights: Vec<Element>,
+    pub(crate) junctions: Vec<Element>,
+    pub(crate) connections: Vec<Element>,
     pub(crate) roundabouts: Vec<Element>,
 }
 
@@ -82,20 +82,15 @@ impl LocalNet {
         lanes.map(|lane| lane.attribute("id").expect("read as a lane before"))
     }
 
-    /// Returns the edges of the continuations: copies behind the exits.
-    pub fn copies(&self) -> impl Iterator<Item = &str> {
-        self.exits.iter().flat_map(|exit| &exit.ways).flat_map(|way| &way.copies).map(String::as_str)
-    }
-
     /// Returns whether a lane of `from` leads to `to`.
-    pub fn leads(&self, from: &str, to: &str) -> bool {
+    pub(crate) fn leads(&self, from: &str, to: &str) -> bool {
         let is_it =
             |connection: &Element| connection.attribute("from") == Some(from) && connection.attribute("to") == Some(to);
         self.parts.connections.iter().any(is_it)
     }
 
     /// Returns the root element of the net.
-    pub fn root(&self) -> Element {
+    pub(crate) fn root(&self) -> Element {
         let Parts { attributes, shared, .. } = &self.parts;
         let others = self.parts.in_order().concat();
         Element { name: "net".to_owned(), attributes: attributes.clone(), children: [&shared[..], &others].concat() }

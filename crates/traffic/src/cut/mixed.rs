@@ -63,11 +63,11 @@ impl MixedForest {
 #[derive(Clone, Debug)]
 pub(crate) struct Alone {
     /// Text of the net.
-    pub net: String,
+    pub(crate) net: String,
     /// Name of the road apart, which no other road has.
-    pub apart: String,
+    pub(crate) apart: String,
     /// Number of all lanes.
-    pub lanes: usize,
+    pub(crate) lanes: usize,
 }
 
 impl Alone {

@@ -4,12 +4,12 @@ use crate::network::roads::{EdgeNo, Roads};
 use crate::network::tree::Element;
 
 /// A whole net, as text and as roads.
-pub struct Source<'a> {
-    pub net: &'a Element,
+pub(crate) struct Source<'a> {
+    pub(crate) net: &'a Element,
     /// Roads of this net.
-    pub roads: &'a Roads,
+    pub(crate) roads: &'a Roads,
     /// Programs of lights in other files, which SUMO loads after the net.
-    pub programs: Vec<&'a Element>,
+    pub(crate) programs: Vec<&'a Element>,
     /// Elements by their numbers in `roads`.
     pub(super) junctions: Vec<&'a Element>,
     pub(super) edges: Vec<&'a Element>,
@@ -18,7 +18,7 @@ pub struct Source<'a> {
 
 impl<'a> Source<'a> {
     /// `net`: the root element that `roads` was read from.
-    pub fn new(net: &'a Element, roads: &'a Roads, programs: Vec<&'a Element>) -> Source<'a> {
+    pub(crate) fn new(net: &'a Element, roads: &'a Roads, programs: Vec<&'a Element>) -> Source<'a> {
         let [junctions, edges, connections] =
             ["junction", "edge", "connection"].map(|kind| net.all(kind).collect::<Vec<_>>());
         let counts = [roads.junctions.len(), roads.edges.len(), roads.connections.len()];

@@ -93,7 +93,7 @@ impl Sums {
 
 impl Comparison {
     /// Compares what two simulators showed of a light, second by second.
-    pub fn of(first: &Seen, second: &Seen) -> Comparison {
+    pub(crate) fn of(first: &Seen, second: &Seen) -> Comparison {
         assert_eq!(first.cells.len(), second.cells.len(), "the same seconds");
         let mut cells = Agreement::default();
         for (first, second) in first.cells.iter().zip(&second.cells) {

@@ -27,7 +27,7 @@ pub struct Causes {
 
 impl Causes {
     /// Finds them for a light in a window of the recorded episode.
-    pub fn of(truth: &Truth, traffic: &Traffic, agent: AgentId, window: &Range<usize>) -> Result<Causes> {
+    pub(crate) fn of(truth: &Truth, traffic: &Traffic, agent: AgentId, window: &Range<usize>) -> Result<Causes> {
         let border = traffic.plan.borders.get(agent.0).map(|border| &border.plan);
         Ok(Causes {
             spillback: spillback(truth, traffic, agent, window)?,

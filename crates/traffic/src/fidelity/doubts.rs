@@ -13,7 +13,7 @@ pub const LEAST_SAMPLED: f64 = 0.7;
 /// Least precision and recall of two LSs with other random numbers. Below it they are no measure for a third one.
 pub(crate) const LEAST_OTHER: f64 = 0.6;
 /// Least and most cells that the LS has for one of the global simulator (GS), with sampled entries.
-pub const CELLS: [f64; 2] = [0.85, 1.15];
+pub(crate) const CELLS: [f64; 2] = [0.85, 1.15];
 /// Least and most cars that cross the stop lines in the LS for one in the GS, with sampled entries.
 pub(crate) const PASSED: [f64; 2] = [0.9, 1.1];
 /// Least number of cars that cross the stop lines in the GS. Of fewer, a single one is more than [`PASSED`] allows.

@@ -15,8 +15,8 @@ use libsumo::{CarTable, DepartSpeed};
 
 /// A recorded episode of a grid.
 pub(crate) struct OnGrid<'a> {
-    pub traffic: &'a Traffic,
-    pub truth: &'a Truth,
+    pub(crate) traffic: &'a Traffic,
+    pub(crate) truth: &'a Truth,
 }
 
 impl Again for OnGrid<'_> {

@@ -18,10 +18,10 @@ use libsumo::{CarTable, DepartSpeed, Entering as EnteringCar, Error, Insertion, 
 
 /// A recorded episode of a scenario.
 pub(crate) struct OnScenario<'a> {
-    pub traffic: &'a Traffic,
-    pub truth: &'a Truth,
-    pub parts: Arc<LocalParts>,
-    pub tables: Arc<VisitTables>,
+    pub(crate) traffic: &'a Traffic,
+    pub(crate) truth: &'a Truth,
+    pub(crate) parts: Arc<LocalParts>,
+    pub(crate) tables: Arc<VisitTables>,
 }
 
 impl Again for OnScenario<'_> {

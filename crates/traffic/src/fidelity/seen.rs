@@ -15,10 +15,10 @@ pub(crate) const COMPARED_M: f64 = 200.0;
 
 /// What a simulator shows of a light in a window of the episode.
 #[derive(Clone, Debug)]
-pub struct Seen {
+pub(crate) struct Seen {
     /// Whether there is a car in each cell, `[seconds][cells]`.
-    pub cells: Vec<Vec<bool>>,
-    pub sums: Sums,
+    pub(crate) cells: Vec<Vec<bool>>,
+    pub(crate) sums: Sums,
     window: Range<usize>,
     /// Number of cells of each approach.
     of_approach: Vec<usize>,
@@ -29,7 +29,7 @@ pub struct Seen {
 
 impl Seen {
     /// Begins an episode of a light, of which the seconds `window` are compared.
-    pub fn new(plan: &AgentPlan, window: Range<usize>) -> Seen {
+    pub(crate) fn new(plan: &AgentPlan, window: Range<usize>) -> Seen {
         let approaches = &plan.region.approaches;
         let cells = |length_m: f64, ahead_m: f64| (length_m.min(COMPARED_M - ahead_m).max(0.0) / CELL_M).ceil();
         Seen {
@@ -45,7 +45,7 @@ impl Seen {
 
     /// Notes the cars on the approaches after the next second, those that left the road in it, and the number of those
     /// that wait at the border.
-    pub fn note(&mut self, plan: &AgentPlan, now: CarsAt<'_>, gone: &[CarId], waiting: usize) {
+    pub(crate) fn note(&mut self, plan: &AgentPlan, now: CarsAt<'_>, gone: &[CarId], waiting: usize) {
         if self.window.contains(&self.second) {
             let mut cells = vec![0.0; self.of_approach.iter().sum()];
             let mut rest = &mut cells[..];

@@ -20,15 +20,15 @@ use libsumo::{CarTable, LaneCars};
 
 /// An episode under random greens.
 pub struct Truth {
-    pub seed: Seed,
+    pub(crate) seed: Seed,
     /// Actions of all agents, by decision.
-    pub actions: Vec<Vec<Action>>,
+    pub(crate) actions: Vec<Vec<Action>>,
     /// Influence sources of all regions, by decision.
-    pub sources: Vec<Ragged<u8>>,
+    pub(crate) sources: Vec<Ragged<u8>>,
     /// All cars in every second.
-    pub recording: Recording,
+    pub(crate) recording: Recording,
     /// Visits to the regions of a scenario. A grid of the paper has none.
-    pub visits: Option<Visits>,
+    pub(crate) visits: Option<Visits>,
 }
 
 impl Truth {

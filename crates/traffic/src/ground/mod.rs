@@ -21,30 +21,30 @@ use dials_core::domain::{Result, RoughCosts, Scenario};
 /// What is known of a place as soon as it was read.
 pub(crate) struct About {
     /// The grid, if it is one.
-    pub grid: Option<Grid>,
+    pub(crate) grid: Option<Grid>,
     /// Number of decisions in an episode.
-    pub horizon: usize,
+    pub(crate) horizon: usize,
     /// Why SUMO cannot load the actuated programs of the lights, if it cannot. SUMO's own error would come after it has
     /// taken all memory.
     pub(crate) refuses_actuated: Option<String>,
     /// Message about files that SUMO cannot simulate, with the way out.
     pub(crate) cannot_be_simulated: String,
     /// See [`dials_core::domain::Domain::rough_costs`].
-    pub rough_costs: RoughCosts,
+    pub(crate) rough_costs: RoughCosts,
     /// Name of the reward, if it is another one than the usual.
     pub(crate) unusual_reward: Option<String>,
     /// See [`dials_core::domain::Domain::strange_files`].
-    pub strange_files: Vec<PathBuf>,
+    pub(crate) strange_files: Vec<PathBuf>,
     /// See [`dials_core::domain::Domain::left_out`].
-    pub left_out: Vec<String>,
+    pub(crate) left_out: Vec<String>,
     /// Number to add to the output bias of action 1 of a new policy.
     pub(crate) switch_bias: f32,
     /// Whether cars dawdle at random. The speed factors of cars do not count.
-    pub is_random: bool,
+    pub(crate) is_random: bool,
     /// Returns whether an agent is stuck that ends this share of its green steps.
     pub(crate) is_stuck: fn(f64) -> bool,
     /// Controller to compare a run with.
-    pub rival: &'static str,
+    pub(crate) rival: &'static str,
 }
 
 /// A road network with its cars.

@@ -20,14 +20,14 @@ use dials_core::outside::write_together;
 
 /// The content of one file.
 #[derive(Debug)]
-pub struct Content {
+pub(crate) struct Content {
     bytes: Vec<u8>,
-    pub root: Element,
+    pub(crate) root: Element,
 }
 
 impl Content {
     /// Reads a file. If SUMO, given this file, would open another one: an error.
-    pub fn read(path: &Path) -> Result<Content> {
+    pub(crate) fn read(path: &Path) -> Result<Content> {
         Content::read_cleaned(path, |_| Ok(false))
     }
 
@@ -44,14 +44,14 @@ impl Content {
     }
 
     /// Returns other content, with something changed. Copies hold that.
-    pub fn changed(&self, change: impl FnOnce(&mut Element)) -> Content {
+    pub(crate) fn changed(&self, change: impl FnOnce(&mut Element)) -> Content {
         let mut root = self.root.clone();
         change(&mut root);
         Content { bytes: xml::text(&root).into_bytes(), root }
     }
 
     /// Returns what copies of the file hold.
-    pub fn bytes(&self) -> &[u8] {
+    pub(crate) fn bytes(&self) -> &[u8] {
         &self.bytes
     }
 
@@ -65,7 +65,7 @@ impl Content {
     }
 
     /// Returns the text that SUMO loads: the elements that were read, and nothing else of the file.
-    pub fn text(&self) -> String {
+    pub(crate) fn text(&self) -> String {
         xml::text(&self.root)
     }
 }
@@ -73,10 +73,10 @@ impl Content {
 /// A network whose files were read. Clones share it.
 #[derive(Clone, Debug)]
 pub struct Network {
-    pub files: NetworkFiles,
-    pub net: Arc<Content>,
-    pub routes: Arc<Content>,
-    pub actuated: Arc<Content>,
+    pub(crate) files: NetworkFiles,
+    pub(crate) net: Arc<Content>,
+    pub(crate) routes: Arc<Content>,
+    pub(crate) actuated: Arc<Content>,
 }
 
 impl Network {
@@ -94,12 +94,12 @@ impl Network {
     }
 
     /// Reads the roads.
-    pub fn roads(&self) -> Result<Roads> {
+    pub(crate) fn roads(&self) -> Result<Roads> {
         Roads::read(&self.net.root).with_context(|| self.files.net.display().to_string())
     }
 
     /// Returns the CRC-32 of what determines roads and cars: the net and its routes.
-    pub fn checksum(&self) -> u32 {
+    pub(crate) fn checksum(&self) -> u32 {
         let mut hasher = crc32fast::Hasher::new();
         hasher.update(&self.net.bytes);
         hasher.update(&self.routes.bytes);
@@ -121,7 +121,7 @@ impl Network {
     }
 
     /// Puts the network where SUMO of this process can load it.
-    pub fn for_sumo(&self) -> Result<Loadable> {
+    pub(crate) fn for_sumo(&self) -> Result<Loadable> {
         let NetworkFiles { net, routes, actuated, .. } = &self.files;
         let loadable = Loadable::new(
             actuated::PROGRAM,

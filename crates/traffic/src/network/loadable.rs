@@ -30,7 +30,7 @@ pub struct Loadable {
 impl Loadable {
     /// `program`: name of the actuated programs. `texts`: what the files hold, and the paths that the user knows: the
     /// net, files with routes, additional files, and the actuated programs.
-    pub fn new(
+    pub(crate) fn new(
         program: &str,
         net: (&str, &Path),
         routes: &[(String, PathBuf)],
@@ -57,7 +57,10 @@ impl Loadable {
     }
 
     /// Adds options, without `--`.
-    pub fn with(mut self, options: impl IntoIterator<Item = (impl Into<String>, impl Into<String>)>) -> Loadable {
+    pub(crate) fn with(
+        mut self,
+        options: impl IntoIterator<Item = (impl Into<String>, impl Into<String>)>,
+    ) -> Loadable {
         self.options.extend(options.into_iter().map(|(name, value)| (name.into(), value.into())));
         self
     }

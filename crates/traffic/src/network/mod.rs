@@ -16,4 +16,4 @@ pub mod roads;
 pub mod way_out;
 pub(super) mod xml;
 
-pub(crate) use dials_core::outside::tree;
+pub use dials_core::outside::tree;

@@ -38,7 +38,7 @@ impl fmt::Display for Node {
 }
 
 /// Returns the name of the edge from one node to its neighbour.
-pub fn edge(from: Node, to: Node) -> String {
+pub(crate) fn edge(from: Node, to: Node) -> String {
     format!("{from}_{to}")
 }
 
@@ -54,7 +54,7 @@ pub struct Route {
     pub id: String,
     /// Dead end where the route begins.
     pub from: Node,
-    pub edges: Vec<String>,
+    pub(crate) edges: Vec<String>,
 }
 
 /// A grid of `rows` x `cols` intersections, at least one of each.
@@ -95,13 +95,13 @@ impl Grid {
     }
 
     /// Returns the intersection of an agent.
-    pub fn intersection(self, agent: AgentId) -> Node {
+    pub(crate) fn intersection(self, agent: AgentId) -> Node {
         let (row, col) = self.place(agent);
         Node::Intersection { row, col }
     }
 
     /// Returns the node at the other end of the road that leaves the agent's intersection on `side`.
-    pub fn neighbour(self, agent: AgentId, side: Side) -> Node {
+    pub(crate) fn neighbour(self, agent: AgentId, side: Side) -> Node {
         let (row, col) = self.place(agent);
         match side {
             Side::West if col > 0 => Node::Intersection { row, col: col - 1 },
@@ -149,7 +149,7 @@ impl Grid {
     }
 
     /// Returns every edge once, as (from, to).
-    pub fn edges(self) -> Vec<(Node, Node)> {
+    pub(crate) fn edges(self) -> Vec<(Node, Node)> {
         let mut edges = Vec::new();
         for agent in self.agents() {
             let here = self.intersection(agent);
@@ -165,12 +165,12 @@ impl Grid {
     }
 
     /// Returns whether the road that leaves the agent's intersection on `side` leaves the grid.
-    pub fn leaves(self, agent: AgentId, side: Side) -> bool {
+    pub(crate) fn leaves(self, agent: AgentId, side: Side) -> bool {
         matches!(self.neighbour(agent, side), Node::Boundary { .. })
     }
 
     /// Returns the row and the column of an agent.
-    pub fn place(self, agent: AgentId) -> (usize, usize) {
+    pub(crate) fn place(self, agent: AgentId) -> (usize, usize) {
         assert!(agent.0 < self.rows * self.cols, "agent {agent} lives outside a grid of {self}");
         (agent.0 / self.cols, agent.0 % self.cols)
     }

@@ -19,7 +19,7 @@ const MOST_LETTERS: usize = 600;
 /// A network that was recognised.
 pub struct Recognised {
     pub grid: Grid,
-    pub network: Network,
+    pub(crate) network: Network,
 }
 
 /// Reads a network once and finds the grid that it is made for.

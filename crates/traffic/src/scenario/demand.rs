@@ -53,9 +53,9 @@ pub(super) enum Order {
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub(super) struct Departures {
     /// Ids of edges.
-    pub edges: BTreeSet<String>,
+    pub(crate) edges: BTreeSet<String>,
     /// Ids of junctions: on any edge that begins there.
-    pub junctions: BTreeSet<String>,
+    pub(crate) junctions: BTreeSet<String>,
 }
 
 /// What was read so far, in SUMO's order.

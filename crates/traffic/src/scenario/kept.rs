@@ -18,13 +18,13 @@ const AGENTS: &str = "agents.toml";
 /// An episode that plain SUMO plays in a copy.
 pub(crate) struct Episode<'a> {
     /// Seed that SUMO gets.
-    pub seed: u32,
+    pub(crate) seed: u32,
     /// Second at which it ends.
-    pub end_s: u64,
+    pub(crate) end_s: u64,
     /// Name of the file with further programs of the lights, in the same folder.
-    pub signals: &'a str,
+    pub(crate) signals: &'a str,
     /// Name of the file with the settings of sumo-gui, in the same folder.
-    pub view: &'a str,
+    pub(crate) view: &'a str,
 }
 
 /// Names in a copy. Files of which there may be several are numbered from 1.

@@ -154,7 +154,7 @@ impl SumoScenario {
     }
 
     /// Returns the root element of the net.
-    pub fn net(&self) -> &Element {
+    pub(crate) fn net(&self) -> &Element {
         &self.net.content.root
     }
 
@@ -185,7 +185,7 @@ impl SumoScenario {
     }
 
     /// Returns the file of overrides, its path and its text, if the config names one.
-    pub fn agents(&self) -> Option<(&Path, &str)> {
+    pub(crate) fn agents(&self) -> Option<(&Path, &str)> {
         self.agents.as_ref().map(|(path, text)| (path.as_path(), &**text))
     }
 
@@ -195,7 +195,7 @@ impl SumoScenario {
     }
 
     /// Returns the options with which SUMO plays the scenario, without `--`.
-    pub fn options(&self) -> &[(String, String)] {
+    pub(crate) fn options(&self) -> &[(String, String)] {
         &self.options
     }
 

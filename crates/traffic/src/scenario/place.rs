@@ -12,8 +12,8 @@ use dials_core::outside::excerpt;
 /// An element and the file that it stands in.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Place<'a> {
-    pub file: &'a Path,
-    pub element: &'a Element,
+    pub(crate) file: &'a Path,
+    pub(crate) element: &'a Element,
 }
 
 impl Display for Place<'_> {

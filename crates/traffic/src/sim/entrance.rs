@@ -20,14 +20,14 @@ const BEFORE_END_M: f64 = 0.01;
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct Comer {
     /// Lane on which it begins, an index into [`BorderPlan::lanes`].
-    pub lane: usize,
-    pub position_m: f64,
-    pub speed: DepartSpeed,
+    pub(crate) lane: usize,
+    pub(crate) position_m: f64,
+    pub(crate) speed: DepartSpeed,
     /// Number of its route in [`Ways`].
-    pub way: usize,
+    pub(crate) way: usize,
     /// Its vehicle type. `None`: the usual one.
-    pub vehicle_type: Option<String>,
-    pub speed_factor: f64,
+    pub(crate) vehicle_type: Option<String>,
+    pub(crate) speed_factor: f64,
     /// Whether it has found no room before.
     waited: bool,
 }

@@ -72,7 +72,7 @@ pub struct GlobalTraffic {
 
 impl GlobalTraffic {
     /// Loads the simulator. The first episode goes on the `tape`, with these roads.
-    pub fn load(
+    pub(crate) fn load(
         plan: Arc<JointPlan>,
         source: Loadable,
         control: SignalControl,
@@ -153,7 +153,7 @@ impl GlobalTraffic {
     }
 
     /// Returns the visits since the last reset, if they are recorded.
-    pub fn visits(&self) -> Option<&Visits> {
+    pub(crate) fn visits(&self) -> Option<&Visits> {
         self.borders.as_ref().and_then(Borders::visits)
     }
 
@@ -168,7 +168,6 @@ impl GlobalTraffic {
             plans: &self.plan.agents,
             shown: &self.shown.now,
             shown_steps: &self.shown.steps,
-            obs: &self.last.percept.obs,
             approaches: &self.cars,
             exits: &self.outgoing,
         };

@@ -23,9 +23,9 @@ pub(crate) struct IntersectionHandles {
 
 /// One intersection to register: SUMO's names, and the plan of its light.
 pub(crate) struct Place {
-    pub light: String,
-    pub approaches: Vec<String>,
-    pub phases: Arc<PhasePlan>,
+    pub(crate) light: String,
+    pub(crate) approaches: Vec<String>,
+    pub(crate) phases: Arc<PhasePlan>,
 }
 
 impl IntersectionHandles {

@@ -76,7 +76,12 @@ pub struct LocalTraffic {
 
 impl LocalTraffic {
     /// Loads a forest of `rows` copies of the `local` net. The first episode of the first row goes on the `tape`.
-    pub fn load(local: &Network, rows: usize, config: &TrafficConfig, tape: Option<&Tape>) -> Result<LocalTraffic> {
+    pub(crate) fn load(
+        local: &Network,
+        rows: usize,
+        config: &TrafficConfig,
+        tape: Option<&Tape>,
+    ) -> Result<LocalTraffic> {
         let spec = region::spec(config);
         ensure!(rows >= 1, "a forest of 0 regions: needs at least one");
         let forest = Forest::of(local, rows);

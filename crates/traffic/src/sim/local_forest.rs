@@ -29,50 +29,50 @@ const OWN_TYPE: &str = "DEFAULT_VEHTYPE";
 /// What local simulators of a scenario are made of.
 pub(crate) struct LocalParts {
     /// Local net of each agent, in their order.
-    pub nets: Vec<LocalNet>,
+    pub(crate) nets: Vec<LocalNet>,
     /// Text of a file with all vehicle types.
-    pub types: String,
+    pub(crate) types: String,
     /// Options of SUMO that say how cars drive, without `--`.
-    pub options: Vec<(String, String)>,
+    pub(crate) options: Vec<(String, String)>,
     /// The scenario, as the user knows it.
-    pub name: String,
+    pub(crate) name: String,
 }
 
 /// A loaded forest.
 pub(crate) struct LocalForest {
-    pub simulation: Simulation,
-    pub rows: Vec<RowPlace>,
+    pub(crate) simulation: Simulation,
+    pub(crate) rows: Vec<RowPlace>,
     /// Lights and approaches, one row each.
     pub(crate) handles: IntersectionHandles,
     /// Names of vehicle types, with their numbers. The first one is the usual one.
     types: Vec<(String, TypeId)>,
     /// Types and speed factors of the cars that entered on the road apart, one in each second so far.
-    pub first: Vec<(String, f64)>,
+    pub(crate) first: Vec<(String, f64)>,
 }
 
 /// What SUMO has of a row.
 pub(crate) struct RowPlace {
-    pub agent: AgentId,
+    pub(crate) agent: AgentId,
     /// Root of the row's random streams.
-    pub seed: Seed,
+    pub(crate) seed: Seed,
     /// All lanes, also those behind the exits. They have consecutive numbers.
-    pub lanes: Vec<LaneId>,
-    pub first_lane: u32,
+    pub(crate) lanes: Vec<LaneId>,
+    pub(crate) first_lane: u32,
     /// Lanes of the border plan, in its order.
-    pub border: Vec<LaneId>,
+    pub(crate) border: Vec<LaneId>,
     /// Lanes on which cars leave the light, in the order of the region plan.
-    pub exits: Vec<LaneId>,
-    pub gate: Option<RowGate>,
-    pub ways: Arc<Ways>,
+    pub(crate) exits: Vec<LaneId>,
+    pub(crate) gate: Option<RowGate>,
+    pub(crate) ways: Arc<Ways>,
     /// Routes by their numbers in `ways`.
-    pub routes: Vec<RouteId>,
+    pub(crate) routes: Vec<RouteId>,
 }
 
 /// The light at the exits of a row.
 pub(crate) struct RowGate {
-    pub light: LightId,
+    pub(crate) light: LightId,
     /// Number of letters.
-    pub letters: usize,
+    pub(crate) letters: usize,
     /// Letter of each exit of the border plan.
     pub(crate) of_exit: Vec<Option<usize>>,
 }

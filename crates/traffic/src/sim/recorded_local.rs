@@ -16,15 +16,15 @@ use dials_core::base::AgentId;
 /// What a replay of a local simulator is made of. Names are those of the local net, without the prefix of a row.
 #[derive(Clone, Debug)]
 pub struct LocalFiles {
-    pub net: LocalNet,
+    pub(crate) net: LocalNet,
     /// Text of a file with all vehicle types.
-    pub types: String,
+    pub(crate) types: String,
     /// Options of SUMO that say how cars drive, without `--`.
-    pub options: Vec<(String, String)>,
+    pub(crate) options: Vec<(String, String)>,
     /// Positions at which cars have arrived, by route. Cars on other routes drive to the end.
     pub(crate) ends_m: HashMap<String, f64>,
     /// Types and speed factors of the cars that entered on the road apart, one in each second before the episode.
-    pub first: Vec<(String, f64)>,
+    pub(crate) first: Vec<(String, f64)>,
 }
 
 impl LocalFiles {

@@ -16,9 +16,9 @@ use crate::sim::recorded_local::LocalFiles;
 #[derive(Clone, Debug)]
 pub struct RecordedRoads {
     pub files: RecordedFiles,
-    pub roads: Roads,
+    pub(crate) roads: Roads,
     /// Plans of the agents, in their order.
-    pub agents: Vec<AgentPlan>,
+    pub(crate) agents: Vec<AgentPlan>,
     /// All lanes on which cars can be, with those inside of intersections, in the order of the net.
     pub lanes: Vec<Lane>,
     /// Numbers of the lanes, by name.
@@ -40,16 +40,16 @@ pub enum RecordedFiles {
 
 #[derive(Clone, Debug)]
 pub struct GridFiles {
-    pub grid: Grid,
+    pub(crate) grid: Grid,
     /// Text of the net, as SUMO loaded it.
-    pub net: String,
+    pub(crate) net: String,
     pub(crate) vehicle_types: Vec<Element>,
 }
 
 #[derive(Clone, Debug, PartialEq)]
 pub struct Lane {
     pub name: String,
-    pub length_m: f64,
+    pub(crate) length_m: f64,
 }
 
 impl RecordedRoads {
@@ -63,7 +63,7 @@ impl RecordedRoads {
     }
 
     /// Returns the roads of a scenario with these agents.
-    pub fn of_scenario(files: &SumoScenario, agents: Vec<AgentPlan>) -> Result<RecordedRoads> {
+    pub(crate) fn of_scenario(files: &SumoScenario, agents: Vec<AgentPlan>) -> Result<RecordedRoads> {
         let roads = files.roads()?;
         let mut lights: Vec<String> = agents.iter().map(|agent| agent.light.clone()).collect();
         for program in &roads.programs {
@@ -107,13 +107,8 @@ impl RecordedRoads {
         }
     }
 
-    /// Returns the length of a lane in metres.
-    pub fn length_m(&self, name: &str) -> Result<f64> {
-        Ok(self.lanes[self.number(name)?].length_m)
-    }
-
     /// Returns the index of a lane in [`RecordedRoads::lanes`].
-    pub fn number(&self, lane: &str) -> Result<usize> {
+    pub(crate) fn number(&self, lane: &str) -> Result<usize> {
         self.numbers.get(lane).copied().with_context(|| format!("no lane `{lane}` was recorded"))
     }
 

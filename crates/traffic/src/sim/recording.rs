@@ -51,7 +51,7 @@ pub struct Entry {
     pub car: Departure,
     /// Speed that SUMO was told, which is not always the speed that it chose. SUMO 1.15 refuses some cars that ask for
     /// exactly the speed that it had found safe itself, because of the last bit.
-    pub speed: DepartSpeed,
+    pub(crate) speed: DepartSpeed,
 }
 
 /// One step of a second: step `t` leads from second `t` to second `t + 1`.
@@ -62,7 +62,7 @@ pub struct Step {
     /// Cars after the step, lane by lane in the order of [`RecordedRoads::lanes`].
     pub cars: CarTable,
     /// Cars that ended their trip or began to teleport in the step.
-    pub gone: Vec<CarId>,
+    pub(crate) gone: Vec<CarId>,
 }
 
 impl Recording {

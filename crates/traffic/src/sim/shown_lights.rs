@@ -7,11 +7,11 @@ use libsumo::{SignalState, Simulation};
 
 /// What every light shows, `[agents]`: now, a second ago, and at the last decision.
 pub(super) struct ShownLights {
-    pub now: Vec<Shown>,
-    pub before: Vec<Shown>,
+    pub(crate) now: Vec<Shown>,
+    pub(crate) before: Vec<Shown>,
     pub(crate) at_decision: Vec<Shown>,
     /// Number of seconds for which every light has shown what it shows.
-    pub steps: Vec<u32>,
+    pub(crate) steps: Vec<u32>,
     /// States that SUMO last gave, if it runs the lights.
     states: Vec<SignalState>,
 }

@@ -20,7 +20,7 @@ pub(crate) struct Tally {
     car_steps: u64,
     speed_sum_mps: f64,
     departed: u64,
-    pub arrived: u64,
+    pub(crate) arrived: u64,
     backlog: u64,
     teleports: u64,
     collisions: u64,

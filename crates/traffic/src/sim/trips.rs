@@ -19,13 +19,13 @@ pub(crate) struct TripFile {
 pub(crate) struct Trips {
     /// Travel time from entering the net to leaving it or to the end of the episode. The mean is over all cars that
     /// entered.
-    pub travel_time_s: f64,
+    pub(crate) travel_time_s: f64,
     /// Time lost by driving slower than allowed and by waiting at the boundary before entering. The mean is over all
     /// cars, including those that never entered. Source: Ault and Sharon, "Reinforcement Learning Benchmarks for
     /// Traffic Signal Control" (RESCO), NeurIPS Datasets and Benchmarks 2021.
-    pub delay_s: f64,
+    pub(crate) delay_s: f64,
     /// Time below 0.1 m/s after entering. The mean is over all cars that entered.
-    pub waiting_time_s: f64,
+    pub(crate) waiting_time_s: f64,
 }
 
 impl TripFile {

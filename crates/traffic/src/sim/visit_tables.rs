@@ -30,7 +30,7 @@ const OWN_CLASS: &str = "passenger";
 impl VisitTables {
     /// Sorts the visits of a whole episode. Visits without an entry or a way are left out. So are those of vehicles that may
     /// not use the lane of their entry: they came by a lane beside it.
-    pub fn new(visits: Visits, borders: &[Border]) -> VisitTables {
+    pub(crate) fn new(visits: Visits, borders: &[Border]) -> VisitTables {
         let parts = Parts::of(visits.seconds);
         let mut places: Vec<Vec<Vec<Vec<usize>>>> =
             borders.iter().map(|border| vec![vec![Vec::new(); parts.count]; border.plan.entries.len()]).collect();

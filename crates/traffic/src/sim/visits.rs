@@ -49,22 +49,22 @@ pub struct Visit {
 pub struct Driver {
     /// SUMO's name.
     pub name: String,
-    pub vehicle_type: String,
+    pub(crate) vehicle_type: String,
     /// SUMO's class of this type.
-    pub vehicle_class: String,
+    pub(crate) vehicle_class: String,
     /// Desired speed as a share of the limit.
-    pub speed_factor: f64,
+    pub(crate) speed_factor: f64,
 }
 
 /// A car that came on a region.
 pub(crate) struct Arrival {
-    pub car: Car,
+    pub(crate) car: Car,
     /// Index into [`BorderPlan::lanes`].
-    pub lane: usize,
+    pub(crate) lane: usize,
     /// The nearest entry, as in [`Visit::entry`].
-    pub entry: Option<usize>,
-    pub departed: bool,
-    pub route: RouteNow,
+    pub(crate) entry: Option<usize>,
+    pub(crate) departed: bool,
+    pub(crate) route: RouteNow,
 }
 
 /// Writes the visits down, second by second.

@@ -20,9 +20,9 @@ pub(crate) struct Ways {
 /// A route in a local net.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct LocalRoute {
-    pub edges: Vec<String>,
+    pub(crate) edges: Vec<String>,
     /// Position on the last edge at which a car has arrived. `None`: its end.
-    pub end_m: Option<f64>,
+    pub(crate) end_m: Option<f64>,
 }
 
 impl Ways {

@@ -5,16 +5,16 @@ use super::{Bounds, ENOUGH_SEEDS, mean, student_t, variance};
 /// A mean and its uncertainty.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct UncertainMean {
-    pub mean: f64,
+    pub(crate) mean: f64,
     /// Variance of the mean.
-    pub variance: f64,
+    pub(crate) variance: f64,
     /// Degrees of freedom of the variance.
-    pub freedom: f64,
+    pub(crate) freedom: f64,
 }
 
 impl UncertainMean {
     /// Computes the mean of one value per seed; `None` with fewer than [`ENOUGH_SEEDS`].
-    pub fn of(values: &[f64]) -> Option<Self> {
+    pub(crate) fn of(values: &[f64]) -> Option<Self> {
         let count = values.len() as f64;
         (values.len() >= ENOUGH_SEEDS).then(|| UncertainMean {
             mean: mean(values),

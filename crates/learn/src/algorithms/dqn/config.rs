@@ -19,10 +19,10 @@ pub struct DqnConfig {
     pub learning_starts: u64,
     /// Timesteps per agent between two updates; a multiple of `copies`.
     #[schemars(range(min = 1, max = 1_000_000))]
-    pub update_every_steps: usize,
+    pub(crate) update_every_steps: usize,
     /// Number of gradient steps per update.
     #[schemars(range(min = 1, max = 10_000))]
-    pub gradient_steps: usize,
+    pub(crate) gradient_steps: usize,
     /// Number of samples per agent and gradient step.
     #[schemars(range(min = 1))]
     pub minibatch: usize,
@@ -32,18 +32,18 @@ pub struct DqnConfig {
     pub gamma: f64,
     /// Timesteps per agent after which the target network becomes a copy of the network.
     #[schemars(range(min = 1))]
-    pub target_every_steps: u64,
+    pub(crate) target_every_steps: u64,
     /// Share of random actions at the first step. It falls linearly.
-    pub epsilon: f64,
+    pub(crate) epsilon: f64,
     /// Share of random actions in the end.
-    pub final_epsilon: f64,
+    pub(crate) final_epsilon: f64,
     /// Timesteps per agent over which the share of random actions falls.
     #[schemars(range(min = 1))]
     pub epsilon_steps: u64,
     /// Largest length of the gradient of an agent's loss (Euclidean norm); a longer one is shortened to it. If left out,
     /// there is no limit.
     #[serde(skip_serializing_if = "Option::is_none")]
-    pub max_gradient_norm: Option<f64>,
+    pub(crate) max_gradient_norm: Option<f64>,
     /// Whether the network chooses the next action, and the target network only values it (van Hasselt et al. 2016).
     pub double: bool,
     /// Whether the network has a value of the state and advantages of the actions (Wang et al. 2016).
@@ -51,11 +51,11 @@ pub struct DqnConfig {
     /// Whether samples are drawn by their last error (Schaul et al. 2016) and not uniformly.
     pub prioritised: bool,
     /// Exponent of the error in a sample's priority, if `prioritised`.
-    pub priority_exponent: f64,
+    pub(crate) priority_exponent: f64,
     /// Exponent of the correction for drawing by priority; 1 corrects in full.
-    pub importance_exponent: f64,
+    pub(crate) importance_exponent: f64,
     /// Meaning of the end of an episode at the horizon for the return.
-    pub time_limit: TimeLimit,
+    pub(crate) time_limit: TimeLimit,
 }
 
 impl Default for DqnConfig {

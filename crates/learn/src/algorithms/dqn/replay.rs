@@ -23,25 +23,25 @@ pub(super) struct Replay {
 
 /// A decision to be remembered.
 pub(super) struct Decision<'a> {
-    pub obs: &'a [f32],
-    pub action: Action,
-    pub reward: f32,
-    pub next_obs: &'a [f32],
+    pub(crate) obs: &'a [f32],
+    pub(crate) action: Action,
+    pub(crate) reward: f32,
+    pub(crate) next_obs: &'a [f32],
     /// Discount of what follows; 0 if nothing does.
-    pub discount: f32,
+    pub(crate) discount: f32,
     /// Which actions are allowed next; `None` without masks.
-    pub next_mask: Option<&'a [bool]>,
+    pub(crate) next_mask: Option<&'a [bool]>,
 }
 
 /// A remembered decision.
 pub(super) struct Remembered<'a> {
-    pub obs: &'a [f32],
-    pub action: Action,
-    pub reward: f32,
-    pub next_obs: &'a [f32],
-    pub discount: f32,
+    pub(crate) obs: &'a [f32],
+    pub(crate) action: Action,
+    pub(crate) reward: f32,
+    pub(crate) next_obs: &'a [f32],
+    pub(crate) discount: f32,
     /// 1 where an action is allowed next; empty without masks.
-    pub next_mask: &'a [f32],
+    pub(crate) next_mask: &'a [f32],
 }
 
 /// Returns the number of values of a decision.

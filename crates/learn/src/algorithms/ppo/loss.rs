@@ -13,28 +13,28 @@ use crate::policy::sampling;
 /// Weights of the loss.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Weights {
-    pub clip: f32,
+    pub(crate) clip: f32,
     /// Clip range of the value.
-    pub value_clip: f32,
-    pub value: f32,
-    pub entropy: f32,
+    pub(crate) value_clip: f32,
+    pub(crate) value: f32,
+    pub(crate) entropy: f32,
 }
 
 /// Means over the samples of an agent.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Losses {
-    pub surrogate: f64,
-    pub value: f64,
-    pub entropy: f64,
+    pub(crate) surrogate: f64,
+    pub(crate) value: f64,
+    pub(crate) entropy: f64,
     /// Mean of `ln pi_old - ln pi`, an estimate of the KL divergence.
-    pub kl: f64,
+    pub(crate) kl: f64,
     /// Share of the samples whose ratio left the clip range.
-    pub clipped: f64,
+    pub(crate) clipped: f64,
 }
 
 impl Losses {
     /// Adds `weight` times other means.
-    pub fn add(&mut self, other: &Losses, weight: f64) {
+    pub(crate) fn add(&mut self, other: &Losses, weight: f64) {
         self.surrogate += weight * other.surrogate;
         self.value += weight * other.value;
         self.entropy += weight * other.entropy;

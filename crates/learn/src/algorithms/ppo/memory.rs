@@ -46,44 +46,44 @@ impl Memory {
     }
 
     /// Returns the number of samples per agent.
-    pub fn capacity(&self) -> usize {
+    pub(crate) fn capacity(&self) -> usize {
         self.capacity
     }
 
     /// Returns the number of steps per sequence.
-    pub fn length(&self) -> usize {
+    pub(crate) fn length(&self) -> usize {
         self.length
     }
 
     /// Returns the number of sequences per agent; sequence s has the slots from `s * length` on.
-    pub fn sequences(&self) -> usize {
+    pub(crate) fn sequences(&self) -> usize {
         self.capacity / self.length
     }
 
-    pub fn obs(&self, agent: usize, slot: usize) -> &[f32] {
+    pub(crate) fn obs(&self, agent: usize, slot: usize) -> &[f32] {
         self.obs.row(agent * self.capacity + slot)
     }
 
     /// Returns the actions that were allowed; empty if all always are.
-    pub fn mask(&self, agent: usize, slot: usize) -> &[bool] {
+    pub(crate) fn mask(&self, agent: usize, slot: usize) -> &[bool] {
         self.masks.as_ref().map_or(&[], |masks| masks.row(agent * self.capacity + slot))
     }
 
-    pub fn sample(&self, agent: usize, slot: usize) -> &Sample {
+    pub(crate) fn sample(&self, agent: usize, slot: usize) -> &Sample {
         &self.samples[agent * self.capacity + slot]
     }
 
-    pub fn sample_mut(&mut self, agent: usize, slot: usize) -> &mut Sample {
+    pub(crate) fn sample_mut(&mut self, agent: usize, slot: usize) -> &mut Sample {
         &mut self.samples[agent * self.capacity + slot]
     }
 
     /// Returns the hidden state in which a sequence began.
-    pub fn state(&self, agent: usize, sequence: usize) -> &[f32] {
+    pub(crate) fn state(&self, agent: usize, sequence: usize) -> &[f32] {
         self.states.row(agent * self.sequences() + sequence)
     }
 
     /// Records which actions were allowed at a decision.
-    pub fn remember_mask(&mut self, agent: usize, slot: usize, mask: &[bool]) {
+    pub(crate) fn remember_mask(&mut self, agent: usize, slot: usize, mask: &[bool]) {
         if let Some(masks) = &mut self.masks {
             masks.row_mut(agent * self.capacity + slot).copy_from_slice(mask);
         }

@@ -118,7 +118,7 @@ fn gradient_steps(steps: u64, config: &Config, kind: &Kind) -> u64 {
 }
 
 /// The learner of some agents of one kind.
-pub struct Ppo {
+pub(crate) struct Ppo {
     config: Config,
     policies: PolicyStack,
     adam: Adam,

@@ -17,11 +17,11 @@ pub(super) struct Rollout {
     /// Whether the value of the last row stands for what would come for all rows, see `gs.shared_policy`.
     shared_bootstrap: bool,
     /// Dice for the actions, one per row.
-    pub dice: Vec<Dice>,
+    pub(crate) dice: Vec<Dice>,
     /// Hidden states of the policies, one per row.
-    pub states: States,
+    pub(crate) states: States,
     /// Whether an episode begins with the row's next decision.
-    pub starts: Vec<bool>,
+    pub(crate) starts: Vec<bool>,
     first_slot: usize,
     /// `[steps so far, rows]`; the same for the values and the ends.
     rewards: Vec<f32>,

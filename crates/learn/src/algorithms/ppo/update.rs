@@ -28,7 +28,7 @@ pub struct Decayed {
 
 impl Decayed {
     /// Returns their values after the share `done` of the total steps.
-    pub fn at(config: &PpoConfig, done: f64) -> Self {
+    pub(crate) fn at(config: &PpoConfig, done: f64) -> Self {
         let decay = |from: f64, to: f64| from + (to - from) * done.clamp(0.0, 1.0);
         Decayed { learning_rate: decay(config.learning_rate, 1e-10), clip: decay(config.clip, 1e-5) }
     }

@@ -21,35 +21,35 @@ const LARGE: usize = 1 << 20;
 /// The state that the crew and its links share.
 pub(super) struct Desk {
     /// Taken at the end only.
-    pub post: Option<Post>,
-    pub lifelines: Lifelines,
+    pub(crate) post: Option<Post>,
+    pub(crate) lifelines: Lifelines,
     /// By rank.
-    pub members: Vec<Member>,
+    pub(crate) members: Vec<Member>,
     /// By worker.
-    pub seats: Vec<Seat>,
+    pub(crate) seats: Vec<Seat>,
 }
 
 /// A rank. Nothing is noted of rank 0.
 #[derive(Default)]
 pub(super) struct Member {
     /// Name of its machine, and what computes there, once it is prepared.
-    pub prepared: Option<(String, String)>,
+    pub(crate) prepared: Option<(String, String)>,
     /// Its lifeline was cut.
-    pub is_dead: bool,
+    pub(crate) is_dead: bool,
     /// It said its last word.
-    pub has_ended: bool,
+    pub(crate) has_ended: bool,
 }
 
 /// A worker.
 pub(super) struct Seat {
-    pub agents: Range<usize>,
+    pub(crate) agents: Range<usize>,
     /// Frames that are not posted yet.
-    pub outgoing: VecDeque<Frame>,
-    pub news: VecDeque<News<Parcel>>,
+    pub(crate) outgoing: VecDeque<Frame>,
+    pub(crate) news: VecDeque<News<Parcel>>,
     /// Log in the run directory, once the worker is started.
-    pub log: Option<File>,
+    pub(crate) log: Option<File>,
     /// How the worker ended.
-    pub how: Option<String>,
+    pub(crate) how: Option<String>,
 }
 
 impl Seat {

@@ -6,7 +6,7 @@ use crate::fleet::link::Frame;
 
 /// A list of frames that only grows. A frame stays at its place as long as the list, so MPI may read it there.
 pub(super) struct Kept {
-    pub frame: Frame,
+    pub(crate) frame: Frame,
     next: OnceCell<Box<Kept>>,
 }
 

@@ -33,16 +33,16 @@ pub(super) enum Letter {
 /// A letter on its way, with what the receiver must know of its frame.
 #[derive(Debug, Serialize, Deserialize)]
 pub(super) struct Envelope {
-    pub letter: Letter,
-    pub frame: Option<Enclosed>,
+    pub(crate) letter: Letter,
+    pub(crate) frame: Option<Enclosed>,
 }
 
 /// How a frame comes with its letter.
 #[derive(Debug, Serialize, Deserialize)]
 pub(super) struct Enclosed {
     /// Number of bytes.
-    pub length: usize,
+    pub(crate) length: usize,
     /// Ranks that receive it together in one broadcast of rank 0, which is the first of them. `None`: it comes right
     /// after the letter.
-    pub together: Option<Vec<Rank>>,
+    pub(crate) together: Option<Vec<Rank>>,
 }

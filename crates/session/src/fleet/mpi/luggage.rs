@@ -17,9 +17,9 @@ const LONGEST: u64 = 8 << 30;
 #[derive(Serialize, Deserialize)]
 pub(super) struct Luggage {
     /// Config whose paths lead from the folder in which the files are unpacked.
-    pub config_json: String,
+    pub(crate) config_json: String,
     files: Vec<PackedFile>,
-    pub lifeline: Address,
+    pub(crate) lifeline: Address,
 }
 
 #[derive(Serialize, Deserialize)]

@@ -38,11 +38,11 @@ const FRAME: mpi::Tag = 2;
 
 /// The post of this rank. Dropping it sends what was posted, and leaves the job. All ranks leave together.
 pub(super) struct Post {
-    pub rank: usize,
+    pub(crate) rank: usize,
     /// Number of ranks.
-    pub ranks: usize,
+    pub(crate) ranks: usize,
     /// Name of the machine.
-    pub host: String,
+    pub(crate) host: String,
     outbox: Option<Sender<Outgoing>>,
     inbox: Receiver<Received>,
     thread: Option<JoinHandle<()>>,
@@ -50,23 +50,23 @@ pub(super) struct Post {
 
 /// A letter to other ranks.
 pub(super) struct Outgoing {
-    pub to: Vec<Rank>,
-    pub letter: Letter,
-    pub frame: Option<Frame>,
+    pub(crate) to: Vec<Rank>,
+    pub(crate) letter: Letter,
+    pub(crate) frame: Option<Frame>,
     /// Whether rank 0 sends the frame in one broadcast.
-    pub together: bool,
+    pub(crate) together: bool,
 }
 
 /// A letter that has come.
 pub(super) struct Received {
-    pub from: usize,
-    pub letter: Letter,
-    pub frame: Option<Parcel>,
+    pub(crate) from: usize,
+    pub(crate) letter: Letter,
+    pub(crate) frame: Option<Parcel>,
 }
 
 /// A frame that waits for being read.
 pub(super) struct Parcel {
-    pub frame: Vec<u8>,
+    pub(crate) frame: Vec<u8>,
     length: usize,
     waiting: Arc<AtomicUsize>,
 }

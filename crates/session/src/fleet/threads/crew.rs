@@ -30,12 +30,12 @@ pub(super) type FateAt = (usize, Fate);
 
 /// The crew of threads.
 pub(super) struct ThreadCrew {
-    pub domain: Arc<dyn Domain>,
-    pub bell: Bell,
-    pub can_replace: bool,
+    pub(crate) domain: Arc<dyn Domain>,
+    pub(crate) bell: Bell,
+    pub(crate) can_replace: bool,
     /// Fates by worker. The next one in a list strikes the next worker that is started with that number.
-    pub fates: Vec<Vec<FateAt>>,
-    pub most_growth: MostGrowth,
+    pub(crate) fates: Vec<Vec<FateAt>>,
+    pub(crate) most_growth: MostGrowth,
 }
 
 impl Crew for ThreadCrew {

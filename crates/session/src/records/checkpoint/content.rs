@@ -38,7 +38,7 @@ impl<'a> Part<'a> {
 }
 
 /// Tensors by name, and the metadata, as safetensors takes them.
-pub type Sealed<'a> = (Vec<(String, TensorView<'a>)>, HashMap<String, String>);
+pub(crate) type Sealed<'a> = (Vec<(String, TensorView<'a>)>, HashMap<String, String>);
 
 /// Adds the digest to the tensors and the text of a checkpoint.
 pub fn seal<'a>(text: String, parts: &[Part<'a>]) -> Result<Sealed<'a>> {
@@ -48,7 +48,7 @@ pub fn seal<'a>(text: String, parts: &[Part<'a>]) -> Result<Sealed<'a>> {
 }
 
 /// Reads the text of a checkpoint and the tensors of [`seal`], in the order of their names.
-pub fn unseal(bytes: &[u8]) -> Result<(serde_json::Value, Vec<Part<'_>>)> {
+pub(crate) fn unseal(bytes: &[u8]) -> Result<(serde_json::Value, Vec<Part<'_>>)> {
     let file = SafeTensors::deserialize(bytes).context("it is cut short, or not a safetensors file")?;
     let (_, header) = SafeTensors::read_metadata(bytes)?;
     let metadata = header.metadata().as_ref().context("it is not a checkpoint")?;

@@ -39,7 +39,7 @@ use owner::{NotOfThisRun, Owner};
 use size::most_bytes;
 
 /// Number of checkpoints that are kept, the newest ones.
-pub const KEPT: usize = 3;
+pub(crate) const KEPT: usize = 3;
 /// Name of the format.
 const FORMAT: &str = "dials-traffic checkpoint 1";
 
@@ -95,7 +95,7 @@ pub fn write(folder: &Directory, owner: &Owner, agents: &AgentsState, progress: 
 }
 
 /// Removes the checkpoints that are no longer kept. A process that is killed at it leaves some.
-pub fn remove_old(folder: &Directory) -> Result<()> {
+pub(crate) fn remove_old(folder: &Directory) -> Result<()> {
     let all = list(folder)?;
     all[..all.len().saturating_sub(KEPT)].iter().try_for_each(|old| folder.remove(old))
 }

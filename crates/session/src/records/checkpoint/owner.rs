@@ -15,10 +15,10 @@ use dials_core::outside::Printable;
 /// The run in a directory: its config, what it simulates, and its agents.
 #[derive(Clone, Debug)]
 pub struct Owner {
-    pub config: RunConfig,
+    pub(crate) config: RunConfig,
     /// The scenario, as in `run.json`: with the checksums of the networks. Without its name, which copies of it have lost.
-    pub scenario: Value,
-    pub kinds: Kinds,
+    pub(crate) scenario: Value,
+    pub(crate) kinds: Kinds,
 }
 
 /// A checkpoint that is sound, but not of this run as it is now. A usage error: the message says what differs, and the
@@ -35,7 +35,7 @@ impl Owner {
 
     /// Returns an error if the `run.json` in `dir` describes another seed or scenario. A run without a checkpoint begins
     /// again, but as the run that was described.
-    pub fn check_described(&self, dir: &Path) -> Result<()> {
+    pub(crate) fn check_described(&self, dir: &Path) -> Result<()> {
         let about = RunJson::read(dir)?;
         let [then, now] = [about.seed, self.config.learning.seed].map(|seed| json!({ "seed": seed }));
         let found = [differing(&then, &now), self.changes_since(dir, &about)?].concat();
@@ -45,7 +45,7 @@ impl Owner {
     /// Returns an error if the networks or the domain's keys are other ones than `run.json` in `dir` says. Policies that
     /// were trained on those are not for these. The rules of the environment may be those of another version of this
     /// program: whoever scores the policies says so.
-    pub fn check_unchanged(&self, dir: &Path) -> Result<()> {
+    pub(crate) fn check_unchanged(&self, dir: &Path) -> Result<()> {
         let mut found = self.changes_since(dir, &RunJson::read(dir)?)?;
         found.retain(|difference| !difference.key.starts_with("scenario.rules."));
         refuse(&place_of(dir), &found, TO_PLAY).map_err(Into::into)
@@ -73,7 +73,7 @@ impl Owner {
 
     /// Returns an error if training with `config` and on `scenario` cannot continue as this run. `until`: the step that
     /// it has come to.
-    pub fn check(&self, config: &RunConfig, scenario: &Value, until: u64) -> Result<(), NotOfThisRun> {
+    pub(crate) fn check(&self, config: &RunConfig, scenario: &Value, until: u64) -> Result<(), NotOfThisRun> {
         let mut found = differences(config, &self.config);
         found.extend(self.differences_from(scenario));
         refuse("", &found, TO_RESUME)?;
@@ -90,7 +90,7 @@ impl Owner {
 
 /// Returns an error if the domain's keys or the contents of the networks are other ones than `about`, the `run.json` in
 /// `dir`, says. For readers of the figures alone, who need neither the domain nor the networks. `config`: that of the run.
-pub fn check_kept(dir: &Path, config: &RunConfig, about: &RunJson) -> Result<()> {
+pub(crate) fn check_kept(dir: &Path, config: &RunConfig, about: &RunJson) -> Result<()> {
     let found = [about.kept.changed_keys(config)?, about.kept.changed_contents(dir)?].concat();
     refuse(&place_of(dir), &found, TO_READ).map_err(Into::into)
 }

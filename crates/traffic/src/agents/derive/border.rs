@@ -32,7 +32,7 @@ const MOST_ROADS: usize = 32;
 
 /// Makes the border of a region. `departs_on`: roads on which cars depart; roads elsewhere do not matter. `decision_s`:
 /// number of seconds of a decision.
-pub fn border(roads: &Roads, region: &Region, departs_on: &BTreeSet<EdgeNo>, decision_s: usize) -> BorderPlan {
+pub(crate) fn border(roads: &Roads, region: &Region, departs_on: &BTreeSet<EdgeNo>, decision_s: usize) -> BorderPlan {
     let edges = region.edges(roads);
     let within = |junction: JunctionNo| region.own.contains(&junction) || region.passed.contains(&junction);
     let order = lanes(roads, &edges, within);

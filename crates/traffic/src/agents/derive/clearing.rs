@@ -14,7 +14,7 @@ const YELLOW_S: u32 = 3;
 
 /// Durations of the states between the greens of a light.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Times {
+pub(crate) struct Times {
     yellow: Seconds,
     all_red: Seconds,
 }
@@ -56,7 +56,7 @@ impl Times {
     /// Returns the durations of a light. `all_red_s`: that of all changes; without it the program's own.
     ///
     /// The yellow of a program that shows none in a change is the longest that it has, or else 3 s.
-    pub fn of(greens: &Greens, yellow: Yellow, all_red_s: Option<u32>) -> Times {
+    pub(crate) fn of(greens: &Greens, yellow: Yellow, all_red_s: Option<u32>) -> Times {
         let changes = greens.changes();
         let yellow = match yellow {
             Yellow::Seconds(seconds) => Seconds::all(seconds),
@@ -85,7 +85,7 @@ fn lasting_s(between: &[&Phase], is_such: impl Fn(&Phase) -> bool) -> f64 {
 
 /// Returns what is shown between two greens. Links that go from green to red show yellow, and all others keep their
 /// letter. If no link does, nothing has to be cleared.
-pub fn between(from: &SignalState, to: &SignalState, times: &Times) -> Vec<Interval> {
+pub(crate) fn between(from: &SignalState, to: &SignalState, times: &Times) -> Vec<Interval> {
     if !letters(from, to).any(|(old, new)| is_lost(old, new)) {
         return Vec::new();
     }

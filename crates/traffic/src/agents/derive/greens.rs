@@ -20,7 +20,7 @@ pub struct Change<'a> {
 }
 
 /// Returns whether a letter lets cars go.
-pub fn goes(letter: char) -> bool {
+pub(crate) fn goes(letter: char) -> bool {
     matches!(letter, 'G' | 'g')
 }
 
@@ -73,12 +73,12 @@ impl<'a> Greens<'a> {
     }
 
     /// Returns the greens, in the order of the program.
-    pub fn states(&self) -> &[SignalState] {
+    pub(crate) fn states(&self) -> &[SignalState] {
         &self.states
     }
 
     /// Returns whether a phase of the program shows one of the greens, and is no part of a change.
-    pub fn is_green(&self, phase: usize) -> bool {
+    pub(crate) fn is_green(&self, phase: usize) -> bool {
         self.of_phase[phase].is_some()
     }
 

@@ -50,12 +50,12 @@ pub struct Rules {
     pub yellow: Yellow,
     /// Least number of seconds of a green; at least 1.
     pub min_green_s: u32,
-    pub cars: CarsSeen,
+    pub(crate) cars: CarsSeen,
 }
 
 /// How an observation shows cars.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum CarsSeen {
+pub(crate) enum CarsSeen {
     /// A bit for each cell of 10 m.
     Cells,
     /// Queue and density of each lane.
@@ -89,7 +89,7 @@ pub struct Agent {
 
 impl Derived {
     /// Returns the plans of the agents, in their order.
-    pub fn plans(&self) -> Vec<AgentPlan> {
+    pub(crate) fn plans(&self) -> Vec<AgentPlan> {
         self.agents.iter().map(|agent| agent.plan.clone()).collect()
     }
 

@@ -25,13 +25,13 @@ pub struct Overrides {
 
 /// What the file says of one light.
 #[derive(Clone, Debug, Default, PartialEq)]
-pub struct LightOverride {
+pub(crate) struct LightOverride {
     /// Greens instead of those of its program.
-    pub greens: Option<Vec<SignalState>>,
+    pub(crate) greens: Option<Vec<SignalState>>,
     /// Edges on which its agent sees cars, instead of those that the derivation finds.
-    pub approaches: Option<Vec<String>>,
+    pub(crate) approaches: Option<Vec<String>>,
     /// Seconds of yellow.
-    pub yellow_s: Option<u32>,
+    pub(crate) yellow_s: Option<u32>,
     /// Seconds in which links that lose green show red after yellow.
     pub(crate) all_red_s: Option<u32>,
 }
@@ -67,14 +67,14 @@ impl Overrides {
     }
 
     /// Returns what the file says of a light; nothing if it does not name it.
-    pub fn of(&self, light: &str) -> &LightOverride {
+    pub(crate) fn of(&self, light: &str) -> &LightOverride {
         const NOTHING: &LightOverride =
             &LightOverride { greens: None, approaches: None, yellow_s: None, all_red_s: None };
         self.lights.get(light).unwrap_or(NOTHING)
     }
 
     /// Returns whether the file lets a light learn.
-    pub fn learns(&self, light: &str) -> bool {
+    pub(crate) fn learns(&self, light: &str) -> bool {
         let names = |list: &Option<Vec<String>>| list.as_ref().map(|names| names.iter().any(|name| name == light));
         names(&self.learn).unwrap_or(true) && !names(&self.keep).unwrap_or(false)
     }

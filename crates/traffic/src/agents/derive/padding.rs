@@ -34,7 +34,7 @@ pub struct InfluencePadding {
     /// Number of influence sources of every agent. Those that an agent does not have never happen.
     pub sources: usize,
     /// Number of parts of an episode, the same for all agents.
-    pub parts: usize,
+    pub(crate) parts: usize,
 }
 
 impl InfluencePadding {

@@ -19,7 +19,7 @@ pub struct Region {
     /// Lanes on which cars come to the light, with the distance from the end of each to the stop line in metres.
     pub ahead_m: BTreeMap<LaneNo, f64>,
     /// How far before the stop line its agent sees cars, in metres.
-    pub approach_m: f64,
+    pub(crate) approach_m: f64,
 }
 
 impl Region {
@@ -30,7 +30,7 @@ impl Region {
     /// any.
     ///
     /// Errors: one of these edges is not in the net or does not lead to the light.
-    pub fn of(
+    pub(crate) fn of(
         roads: &Roads,
         lit: &BTreeSet<JunctionNo>,
         light: &str,
@@ -104,7 +104,7 @@ impl Region {
     }
 
     /// Returns the middle of the light's junctions.
-    pub fn place_m(&self, roads: &Roads) -> Place {
+    pub(crate) fn place_m(&self, roads: &Roads) -> Place {
         let places = self.own.iter().map(|&junction| roads.junction(junction).place_m);
         let [x, y] = places.fold([0.0; 2], |sum, place| [sum[0] + place[0], sum[1] + place[1]]);
         [x, y].map(|sum| sum / self.own.len() as f64)

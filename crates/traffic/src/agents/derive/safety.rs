@@ -14,7 +14,7 @@ use libsumo::SignalState;
 ///
 /// Errors: two links that cross have `G` at once, and no phase of the program gives it to both. Derived states are safe
 /// because they are made of the program's; greens that a person wrote may not be.
-pub fn check(roads: &Roads, program: &Program, phases: &PhasePlan) -> Result<()> {
+pub(crate) fn check(roads: &Roads, program: &Program, phases: &PhasePlan) -> Result<()> {
     let crossing = roads.crossing_letters(&program.light)?;
     let own: Vec<&SignalState> = program.phases.iter().map(|phase| &phase.state).collect();
     for state in states(phases) {

@@ -17,7 +17,7 @@ const LEEWAY_CHANGES: [(i64, i64); 4] = [(1, 0), (-1, 0), (0, 1), (0, -1)];
 /// Timings of all lights.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(crate) struct Candidate {
-    pub timings: Vec<Timing>,
+    pub(crate) timings: Vec<Timing>,
     /// Leeway of all lights; `None`: they have none.
     pub(crate) leeway: Option<Leeway>,
 }

@@ -34,10 +34,10 @@ const LEEWAY_CHANGES: [(i64, i64); 4] = [(1, 0), (-1, 0), (0, 1), (0, -1)];
 /// The shape of a grid.
 #[derive(Clone, Copy)]
 pub(crate) struct Shape<'a> {
-    pub rows: usize,
-    pub cols: usize,
+    pub(crate) rows: usize,
+    pub(crate) cols: usize,
     /// Phases of every light: green for south and north, then for west and east.
-    pub phases: &'a PhasePlan,
+    pub(crate) phases: &'a PhasePlan,
 }
 
 /// Timings with one cycle and split for all intersections. Each offset is the sum of one per row and one per column.
@@ -126,10 +126,10 @@ fn quarters(count: usize) -> Range<usize> {
 
 /// A search on a grid.
 pub(crate) struct Search<'a> {
-    pub grid: Shape<'a>,
+    pub(crate) grid: Shape<'a>,
     /// Leeway to begin with; `None`: the lights have none.
     pub(crate) leeway: Option<Leeway>,
-    pub judge: Judge<'a>,
+    pub(crate) judge: Judge<'a>,
 }
 
 impl Search<'_> {

@@ -18,17 +18,17 @@ use dials_core::base::statistics::mean;
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Ranked {
     /// Number of episodes played, and the most that there can be.
-    pub played: usize,
-    pub at_most: usize,
+    pub(crate) played: usize,
+    pub(crate) at_most: usize,
     /// Best mean so far.
-    pub best: f64,
+    pub(crate) best: f64,
 }
 
 /// Plays candidates, with the functions that return what they earn in an episode and that report progress.
 pub(crate) struct Judge<'a> {
-    pub episodes: usize,
-    pub score: &'a mut dyn FnMut(&ClockPlan, usize) -> Result<f64>,
-    pub report: &'a mut dyn FnMut(Ranked),
+    pub(crate) episodes: usize,
+    pub(crate) score: &'a mut dyn FnMut(&ClockPlan, usize) -> Result<f64>,
+    pub(crate) report: &'a mut dyn FnMut(Ranked),
 }
 
 impl Judge<'_> {

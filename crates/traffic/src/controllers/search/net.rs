@@ -34,12 +34,12 @@ const WALK: usize = 30;
 
 /// A search on any net.
 pub(crate) struct Search<'a> {
-    pub plans: &'a [AgentPlan],
+    pub(crate) plans: &'a [AgentPlan],
     /// Flow ratios of the lights' greens.
     pub(crate) ratios: &'a [FlowRatios],
     /// Leeway to begin with; `None`: the lights have none.
     pub(crate) leeway: Option<Leeway>,
-    pub judge: Judge<'a>,
+    pub(crate) judge: Judge<'a>,
 }
 
 impl Search<'_> {

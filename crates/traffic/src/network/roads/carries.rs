@@ -40,7 +40,7 @@ pub(crate) fn allows(lane: &Element, class: &str) -> bool {
 
 /// The vehicle classes that may use a lane.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Classes {
+pub(crate) struct Classes {
     listed: Vec<String>,
     /// Whether those that are listed may use it, or all others.
     listed_may: bool,
@@ -50,7 +50,7 @@ impl Classes {
     /// Returns those of a lane. `allow` wins over `disallow`; without both, everybody may.
     ///
     /// Source: SUMO 1.15, `parseVehicleClasses` in `src/utils/common/SUMOVehicleClass.cpp`.
-    pub fn of(lane: &Element) -> Classes {
+    pub(crate) fn of(lane: &Element) -> Classes {
         let listed = |key: &str| -> Option<Vec<String>> {
             Some(lane.attribute(key)?.split_whitespace().map(str::to_owned).collect())
         };
@@ -61,7 +61,7 @@ impl Classes {
     }
 
     /// Returns whether a class is among them.
-    pub fn has(&self, class: &str) -> bool {
+    pub(crate) fn has(&self, class: &str) -> bool {
         let is_listed = self.listed.iter().any(|other| other == class || other == "all");
         class == EVERYWHERE || is_listed == self.listed_may
     }

@@ -43,15 +43,15 @@ pub struct EdgeNo(pub usize);
 pub struct LaneNo(pub usize);
 
 /// A place in the coordinates of the net, in metres.
-pub type Place = [f64; 2];
+pub(crate) type Place = [f64; 2];
 
 /// A road network. Everything is in the order of its file.
 #[derive(Clone, Debug, Default)]
 pub struct Roads {
     pub junctions: Vec<Junction>,
     pub edges: Vec<Edge>,
-    pub lanes: Vec<Lane>,
-    pub connections: Vec<Connection>,
+    pub(crate) lanes: Vec<Lane>,
+    pub(crate) connections: Vec<Connection>,
     /// Programs of the lights. A light may have several, in the order in which SUMO loads them. It runs the last one.
     pub programs: Vec<Program>,
     edge_numbers: HashMap<String, EdgeNo>,
@@ -64,17 +64,15 @@ pub struct Roads {
     of_light: HashMap<String, Vec<usize>>,
 }
 
-/// A place where edges meet. The inside of a large junction has junctions of its own, of kind `internal`.
+/// A place where edges meet. The inside of a large junction has junctions of its own.
 #[derive(Clone, Debug)]
 pub struct Junction {
     pub id: String,
-    /// SUMO's type, such as `priority` or `traffic_light`.
-    pub kind: String,
     pub place_m: Place,
     /// Outline; may be empty.
     pub shape: Vec<Place>,
     /// Lanes that end here, in SUMO's order. Empty for junctions inside of others.
-    pub incoming: Vec<LaneNo>,
+    pub(crate) incoming: Vec<LaneNo>,
     /// Right of way of each link, in the order of [`Roads::links_of`].
     pub requests: Vec<Request>,
 }
@@ -85,7 +83,7 @@ pub struct Request {
     /// Whether this link yields to another one. One entry per link of the junction.
     pub(crate) yields_to: Vec<bool>,
     /// Whether this link crosses another one. One entry per link of the junction.
-    pub crosses: Vec<bool>,
+    pub(crate) crosses: Vec<bool>,
 }
 
 /// What an edge is: SUMO's attribute `function`.
@@ -103,36 +101,36 @@ pub enum Function {
 /// A road in one direction, or a part of a junction.
 #[derive(Clone, Debug)]
 pub struct Edge {
-    pub id: String,
+    pub(crate) id: String,
     pub function: Function,
     /// Junctions where a road begins and ends. Parts of a junction have none.
     pub ends: Option<[JunctionNo; 2]>,
     /// Lanes from the right to the left.
-    pub lanes: Vec<LaneNo>,
+    pub(crate) lanes: Vec<LaneNo>,
 }
 
 /// A lane of an edge, or of the inside of a junction.
 #[derive(Clone, Debug)]
 pub struct Lane {
-    pub id: String,
+    pub(crate) id: String,
     pub edge: EdgeNo,
-    pub length_m: f64,
-    pub speed_limit_mps: f64,
+    pub(crate) length_m: f64,
+    pub(crate) speed_limit_mps: f64,
     pub shape: Vec<Place>,
     /// Whether passenger cars or buses may drive here.
     pub carries_cars: bool,
     /// Whether anything may drive here that drives on roads, such as bicycles.
     pub(crate) carries_vehicles: bool,
-    pub classes: Classes,
+    pub(crate) classes: Classes,
 }
 
 /// A way from one lane to the next.
 #[derive(Clone, Debug)]
 pub struct Connection {
-    pub from: LaneNo,
-    pub to: LaneNo,
+    pub(crate) from: LaneNo,
+    pub(crate) to: LaneNo,
     /// First lane within the junction.
-    pub via: Option<LaneNo>,
+    pub(crate) via: Option<LaneNo>,
     /// Light that controls it.
     pub signal: Option<Signal>,
     /// Whether it turns back into the opposite direction.
@@ -142,7 +140,7 @@ pub struct Connection {
 /// The letter of a light that a connection obeys.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Signal {
-    pub light: String,
+    pub(crate) light: String,
     /// Index of the letter in the light's state: SUMO's `linkIndex`.
     pub letter: usize,
 }
@@ -181,7 +179,7 @@ impl Roads {
         &self.junctions[junction.0]
     }
 
-    pub fn edge(&self, edge: EdgeNo) -> &Edge {
+    pub(crate) fn edge(&self, edge: EdgeNo) -> &Edge {
         &self.edges[edge.0]
     }
 
@@ -200,13 +198,13 @@ impl Roads {
     }
 
     /// Returns the edges that are roads: those with two ends, not the insides of junctions.
-    pub fn roads(&self) -> impl Iterator<Item = (EdgeNo, &Edge)> {
+    pub(crate) fn roads(&self) -> impl Iterator<Item = (EdgeNo, &Edge)> {
         let numbered = self.edges.iter().enumerate().map(|(number, edge)| (EdgeNo(number), edge));
         numbered.filter(|(_, edge)| edge.ends.is_some())
     }
 
     /// Returns the connections that begin at a lane, in the order of the file.
-    pub fn from_lane(&self, lane: LaneNo) -> impl Iterator<Item = &Connection> {
+    pub(crate) fn from_lane(&self, lane: LaneNo) -> impl Iterator<Item = &Connection> {
         self.from_lane[lane.0].iter().map(|&number| &self.connections[number])
     }
 
@@ -216,7 +214,7 @@ impl Roads {
     }
 
     /// Returns whether a lane is one of a road, and not within a junction.
-    pub fn is_road(&self, lane: LaneNo) -> bool {
+    pub(crate) fn is_road(&self, lane: LaneNo) -> bool {
         self.edge(self.lane(lane).edge).function == Function::Road
     }
 
@@ -231,7 +229,7 @@ impl Roads {
     }
 
     /// Returns whether cars can use a connection.
-    pub fn carries_cars(&self, connection: &Connection) -> bool {
+    pub(crate) fn carries_cars(&self, connection: &Connection) -> bool {
         self.lane(connection.from).carries_cars && self.lane(connection.to).carries_cars
     }
 

@@ -16,13 +16,13 @@ pub struct Program {
     /// SUMO's name of the light.
     pub light: String,
     /// Name of the program among those of its light: SUMO's `programID`.
-    pub id: String,
+    pub(crate) id: String,
     /// SUMO's type, such as `static` or `actuated`.
     pub kind: String,
     /// Time by which the program runs late, in seconds.
     pub(crate) offset_s: f64,
     /// Names and values of its `<param>`, such as `max-gap`.
-    pub parameters: Vec<(String, String)>,
+    pub(crate) parameters: Vec<(String, String)>,
     /// Phases in their order, at least one. Their states have the same length.
     pub phases: Vec<Phase>,
 }
@@ -35,12 +35,12 @@ pub struct Phase {
     pub(crate) limits_s: [Option<f64>; 2],
     pub state: SignalState,
     /// Phases that may follow; empty: the next one in their order.
-    pub next: Vec<usize>,
+    pub(crate) next: Vec<usize>,
 }
 
 impl Program {
     /// Reads a `<tlLogic>`.
-    pub fn read(element: &Element) -> Result<Program> {
+    pub(crate) fn read(element: &Element) -> Result<Program> {
         let light = text(element, "id")?.to_owned();
         let phases = element.all("phase").map(|phase| read_phase(phase).with_context(|| tag(element)));
         let phases = phases.collect::<Result<Vec<_>>>()?;
@@ -70,7 +70,7 @@ impl Program {
     }
 
     /// Returns the phases that may follow a phase.
-    pub fn after(&self, phase: usize) -> Vec<usize> {
+    pub(crate) fn after(&self, phase: usize) -> Vec<usize> {
         match &self.phases[phase].next[..] {
             [] => vec![(phase + 1) % self.phases.len()],
             next => next.to_vec(),

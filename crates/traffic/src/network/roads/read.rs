@@ -23,7 +23,7 @@ const SLOWEST_MPS: f64 = 0.1;
 
 impl Roads {
     /// Reads the root element of a net. An error names the element, its id and the attribute.
-    pub fn read(net: &Element) -> Result<Roads> {
+    pub(crate) fn read(net: &Element) -> Result<Roads> {
         ensure!(net.name == "net", "is not a SUMO network: its root is {}, not <net>", tag(net));
         let mut roads = Roads::default();
         let mut junction_numbers = HashMap::new();
@@ -100,14 +100,13 @@ impl Roads {
     }
 
     fn read_junction(&self, element: &Element) -> Result<Junction> {
-        let kind = text(element, "type")?.to_owned();
+        let kind = text(element, "type")?;
         let names = element.attribute("incLanes").unwrap_or_default().split_whitespace();
         let lane = |id: &str| known(element, "incLanes", self.lane_named(id));
         // A junction within another one lists lanes in another order.
         let incoming = if kind == "internal" { Vec::new() } else { names.map(lane).collect::<Result<_>>()? };
         Ok(Junction {
             id: text(element, "id")?.to_owned(),
-            kind,
             place_m: [number(element, "x", f64::NEG_INFINITY)?, number(element, "y", f64::NEG_INFINITY)?],
             shape: shape(element)?,
             incoming,

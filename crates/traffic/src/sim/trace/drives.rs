@@ -9,11 +9,11 @@ use libsumo::CarId;
 
 /// A lane on a way.
 pub(crate) struct Stretch {
-    pub lane: String,
+    pub(crate) lane: String,
     /// Metres from the beginning of the way to that of the lane.
-    pub begin_m: f64,
+    pub(crate) begin_m: f64,
     /// Metres on the way for a metre on the lane. Lanes side by side may differ in length.
-    pub scale: f64,
+    pub(crate) scale: f64,
 }
 
 /// Returns the points of each drive on these lanes: seconds, and metres from the beginning of the way. A car that leaves

@@ -57,7 +57,7 @@ pub fn trace(recording: &Recording, route: Option<&Route>) -> Result<RoadTrace> 
 }
 
 /// Returns the map of a scenario. `None`: a grid, which needs none.
-pub fn road_map(roads: &RecordedRoads) -> Option<RoadMap> {
+pub(crate) fn road_map(roads: &RecordedRoads) -> Option<RoadMap> {
     roads.grid().is_none().then(|| map(roads))
 }
 

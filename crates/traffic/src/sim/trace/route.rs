@@ -15,7 +15,7 @@ pub struct Route(Vec<EdgeNo>);
 
 impl Route {
     /// Reads the names of edges, separated by commas or blanks. An error says which edge is wrong.
-    pub fn read(text: &str, roads: &Roads) -> Result<Route> {
+    pub(crate) fn read(text: &str, roads: &Roads) -> Result<Route> {
         let names: Vec<&str> = text.split([',', ' ']).filter(|name| !name.is_empty()).collect();
         ensure!(!names.is_empty(), "names no edge; name edges that follow each other, separated by commas");
         let mut edges: Vec<EdgeNo> = Vec::new();
@@ -56,13 +56,13 @@ impl Route {
         best.cloned().map(Route)
     }
 
-    pub fn edges(&self) -> &[EdgeNo] {
+    pub(crate) fn edges(&self) -> &[EdgeNo] {
         &self.0
     }
 }
 
 /// Returns the connections that lead from an edge to the next one.
-pub fn ways(roads: &Roads, from: EdgeNo, to: EdgeNo) -> impl Iterator<Item = &Connection> {
+pub(crate) fn ways(roads: &Roads, from: EdgeNo, to: EdgeNo) -> impl Iterator<Item = &Connection> {
     let lanes = roads.edge(from).lanes.iter();
     lanes.flat_map(|&lane| roads.from_lane(lane)).filter(move |way| roads.lane(way.to).edge == to)
 }
