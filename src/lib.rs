@@ -1,11 +1,12 @@
 //! The command line of dials-traffic.
 //!
 //! - [`cli`]: flags and subcommands. `run`: one short file per subcommand.
-//! - `film`: a replay as GIF or mp4. `features`, `program`: what this build is.
+//! - `film`: a replay as GIF or mp4. `libtorch`: the program beside this one that is linked with libtorch. `features`, `program`: what this build is.
 
 pub mod cli;
 mod features;
 mod film;
+mod libtorch;
 mod program;
 mod run;
 

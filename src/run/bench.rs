@@ -8,9 +8,9 @@ use anyhow::{Context, anyhow};
 use serde_json::json;
 
 use super::train::{cores, settings_with};
-use crate::cli;
 use crate::features::command_for_feature;
 use crate::program::PROGRAM;
+use crate::{cli, libtorch};
 use dials_core::base::counted;
 use dials_core::domain::Domain;
 use dials_core::outside::{Directory, temporary_dir};
@@ -31,16 +31,22 @@ use dials_session::records::networks::Layouts;
 use dials_session::records::run_log::RunLog;
 use dials_session::terminal::measuring::BenchProgress;
 use dials_session::terminal::{answer, json as in_json, tell, warn};
-use stacknets::Peak;
+use stacknets::peak;
 
-/// Time for measuring matrix products at peak speed.
-const PEAK_TIME: Duration = Duration::from_secs(1);
+/// Time for measuring matrix products at peak speed, of each kind.
+const PEAK_TIME: Duration = Duration::from_millis(500);
 /// A worker that is silent for this long is lost.
 const PATIENCE: Duration = Duration::from_secs(600);
 
+/// Peak speed of matrix products on one core, in floating-point operations per second.
+#[derive(Clone, Copy)]
+struct Peak {
+    ours: f64,
+    /// Speed of libtorch, which most software of this kind uses; `None` in a build without it.
+    libtorch: Option<f64>,
+}
+
 pub(super) fn bench(args: &cli::BenchArgs) -> Result<()> {
-    #[cfg(feature = "torch")]
-    super::blas::keep_to_one_thread();
     let config = load(&args.config, &settings_with(&args.settings, args.simulator.as_deref())).map_err(Error::Usage)?;
     if config.learning.predictor_in_use() == Some(Predictor::Marginals) {
         let reason = "marginal-dials costs the same as dials without the training of AIPs; measure dials instead";
@@ -60,7 +66,7 @@ pub(super) fn bench(args: &cli::BenchArgs) -> Result<()> {
         args.seconds,
         (PEAK_TIME + whole).as_secs_f64().ceil()
     ));
-    let peak = Peak::measure(PEAK_TIME);
+    let peak = Peak { ours: peak(PEAK_TIME), libtorch: libtorch::peak(PEAK_TIME).map_err(Error::Run)? };
     let mut costs = Vec::new();
     let mut interrupted = false;
     for workers in doubling(most) {

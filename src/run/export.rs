@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 use anyhow::{Context, ensure};
 
 use super::python::to_load;
-use crate::cli;
+use crate::{cli, libtorch};
 use dials_core::domain::{Kind, Kinds};
 use dials_core::outside::{Printable, folder_of};
 use dials_learn::config::PolicyConfig;
@@ -16,10 +16,10 @@ use dials_session::error::{Error, Result};
 use dials_session::outputs;
 use dials_session::places::{self, Existing};
 use dials_session::terminal::answer;
-use stacknets::check_script;
+use stacknets::{StackToWrite, stack_as_bytes};
 
 pub(super) fn export(args: &cli::ExportArgs) -> Result<()> {
-    check_script().map_err(Error::Usage)?;
+    libtorch::check().map_err(Error::Usage)?;
     let run = directory::open(&args.run_dir).map_err(Error::Usage)?;
     run.tell_still_trained(&args.run_dir);
     let existing = Existing::of_named(args.force);
@@ -63,7 +63,10 @@ fn write_scripts(
         stack.load(&policies.pick(kind.agents.iter().map(|agent| agent.0)).into_rows());
         let name = file.file_name().unwrap_or_default().to_string_lossy();
         let failed = || format!("{}: cannot be written", file.display());
-        let module = stack.script(&name).with_context(failed)?;
+        let parameters = stack.parameters();
+        let rows = parameters.values().iter().collect();
+        let networks = stack_as_bytes(&StackToWrite { prefix: "", layout: parameters.layout(), rows })?;
+        let module = libtorch::script(&networks, &name).with_context(failed)?;
         places::make_file(file, existing, |beside| Ok(fs::write(beside, &module)?))?;
     }
     Ok(())
@@ -101,14 +104,10 @@ fn how_to_use(file: &Path, kind: &Kind, config: &PolicyConfig) -> String {
 }
 
 #[cfg(test)]
-#[cfg(feature = "torch")]
 mod tests {
     use super::*;
-    use dials_core::base::{AgentId, Seed};
     use dials_core::domain::Domain;
-    use dials_learn::training::block::initial_policies;
     use dials_testkit::toy::{Coins, CoinsAndDice};
-    use tch::{CModule, Tensor};
 
     #[test]
     fn every_kind_has_a_file_of_its_own() {
@@ -119,37 +118,5 @@ mod tests {
         assert_eq!(files(&Coins::new(1), "a/policies.pt"), ["a/policies.pt"]);
         assert_eq!(files(&CoinsAndDice::new(1), "a/policies.pt"), ["a/policies.coin.pt", "a/policies.die.pt"]);
         assert_eq!(files(&CoinsAndDice::new(1), "plain"), ["plain.coin", "plain.die"]);
-    }
-
-    #[test]
-    fn the_module_of_a_kind_says_what_its_policies_say() {
-        let (domain, config) = (CoinsAndDice::new(1), dials_session::config::RunConfig::default());
-        let stacks = domain.kinds().iter().map(|kind| initial_policies(&domain, &config.learning, &kind.agents));
-        let stacks: Vec<PolicyStack> = stacks.collect();
-        let row = |agent: usize| {
-            let place = domain.kinds().place(AgentId(agent));
-            stacks[place.kind].parameters().values().row(place.row)
-        };
-        let mut policies = JointPolicy::default();
-        (0..4).for_each(|agent| policies.push(row(agent)));
-        let dir = tempfile::tempdir().unwrap();
-        let files = files_of(&dir.path().join("policies.pt"), domain.kinds());
-        write_scripts(domain.kinds(), &config.learning.policy, &policies, &files, Existing::Refuse).unwrap();
-        let shown = Seed::new(1);
-        for ((kind, stack), file) in domain.kinds().iter().zip(&stacks).zip(&files) {
-            let mut gs = domain.global_simulator().unwrap();
-            let percept = gs.reset(shown).unwrap();
-            let obs = percept.obs.pick(kind.agents.iter().map(|agent| agent.0)).into_rows();
-            let ours: Vec<f32> = stack
-                .judge(&obs, &mut stack.states(2))
-                .rows()
-                .flat_map(|(logits, value)| logits.iter().copied().chain([value]).collect::<Vec<f32>>())
-                .collect();
-            let obs = Tensor::of_slice(obs.as_slice()).view([2, 1, kind.spec.obs_dim as i64]);
-            let theirs = CModule::load(file).unwrap().forward_ts(&[obs]).unwrap().contiguous().view([-1]);
-            let theirs = Vec::<f32>::from(&theirs);
-            assert_eq!(ours.len(), theirs.len());
-            assert!(ours.iter().zip(&theirs).all(|(a, b)| (a - b).abs() < 1e-5), "{ours:?} {theirs:?}");
-        }
     }
 }

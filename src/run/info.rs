@@ -1,7 +1,8 @@
 //! `info`: prints versions and where each part was found.
 
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
+use crate::libtorch;
 use crate::program::PROGRAM;
 use dials_session::build;
 use dials_session::error::{Error, Result};
@@ -14,7 +15,7 @@ pub(super) fn info() -> Result<()> {
     let mut lines = vec![
         format!("dials-traffic {} (commit {})", build.dials_traffic, build.git_commit),
         format!("{} at {}", build.sumo, place(loaded_library("libsumocpp.so"))),
-        libtorch(&build),
+        about_libtorch(&build)?,
         format!("{} at {}", build.libm, place(loaded_library("libm.so"))),
         format!("{}, with {}", build.cpu, build.vector_instructions),
     ];
@@ -24,12 +25,13 @@ pub(super) fn info() -> Result<()> {
 }
 
 /// Describes libtorch and its BLAS, if this program was built with them.
-fn libtorch(build: &Versions) -> String {
-    if !cfg!(feature = "torch") {
-        return "no libtorch: built without the feature `torch`".to_owned();
+fn about_libtorch(build: &Versions) -> Result<String> {
+    if libtorch::check().is_err() {
+        return Ok("no libtorch: built without the feature `torch`".to_owned());
     }
-    let [torch, blas] = ["libtorch_cpu.so", "blas"].map(|library| place(loaded_library(library)));
-    format!("libtorch {} at {torch}\nBLAS at {blas}", build.libtorch)
+    let libraries = libtorch::libraries().map_err(Error::Run)?;
+    let [torch, blas] = ["libtorch_cpu.so", "blas"].map(|name| place(named(&libraries, name)));
+    Ok(format!("libtorch {} at {torch}\nBLAS at {blas}", build.libtorch))
 }
 
 /// Returns the path, or that there is none.
@@ -40,9 +42,12 @@ pub(super) fn place(found: Option<PathBuf>) -> String {
 /// Finds the file of a shared library that this process has loaded. `name`: part of its file name.
 pub(super) fn loaded_library(name: &str) -> Option<PathBuf> {
     let maps = std::fs::read_to_string("/proc/self/maps").ok()?;
-    let files = maps.lines().filter_map(|line| line.split_whitespace().nth(5));
-    files
-        .map(Path::new)
-        .find(|path| path.file_name().is_some_and(|file| file.to_string_lossy().contains(name)))
-        .map(Path::to_owned)
+    let files: Vec<PathBuf> =
+        maps.lines().filter_map(|line| line.split_whitespace().nth(5)).map(PathBuf::from).collect();
+    named(&files, name)
+}
+
+fn named(files: &[PathBuf], name: &str) -> Option<PathBuf> {
+    let is_it = |path: &&PathBuf| path.file_name().is_some_and(|file| file.to_string_lossy().contains(name));
+    files.iter().find(is_it).cloned()
 }

@@ -16,11 +16,8 @@
 //! - `build`: the program, libraries and machine that compute a run.
 //! - `subject`: what `evaluate` and `baseline` play. `cast`: the players of the episode that `replay` records.
 //! - One flag each: `csv_files` (`--csv`), `plot` and `render` (pictures), `tune` (lights that go by the clock), `video` (films).
-//! - `blas`: keeps libtorch to one thread for `bench`.
 
 mod bench;
-#[cfg(feature = "torch")]
-mod blas;
 
 mod cast;
 mod check;

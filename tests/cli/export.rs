@@ -12,6 +12,8 @@ use dials_learn::config::PolicyConfig;
 use dials_learn::policy::PolicyStack;
 use rand::Rng;
 use safetensors::tensor::{Dtype, TensorView};
+#[cfg(feature = "torch")]
+use stacknets::stack_as_bytes;
 use stacknets::{StackToWrite, write_stacks};
 #[cfg(feature = "torch")]
 use tch::{CModule, IValue, Tensor};
@@ -93,7 +95,12 @@ fn a_script_says_what_the_policies_say_for_any_batch() {
         let state_width = case.stack.state_width();
         let dir = tempfile::tempdir().unwrap();
         let path = dir.path().join("policies.pt");
-        std::fs::write(&path, case.stack.script("policies.pt").unwrap()).unwrap();
+        let parameters = case.stack.parameters();
+        let rows = parameters.values().iter().collect();
+        let networks = stack_as_bytes(&StackToWrite { prefix: "", layout: parameters.layout(), rows }).unwrap();
+        let mut program = assert_cmd::Command::new(env!("CARGO_BIN_EXE_dials-traffic-torch"));
+        let output = program.args(["script", "policies.pt"]).write_stdin(networks).assert().success();
+        fs::write(&path, &output.get_output().stdout).unwrap();
         let module = CModule::load(&path).unwrap();
         let mut inputs = vec![IValue::Tensor(tensor(&case.obs))];
         if state_width > 0 {

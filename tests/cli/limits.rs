@@ -240,8 +240,7 @@ fn not_tested(what: &str, why: &str) {
 /// that.
 fn with_processes(most: u32, args: &[OsString]) -> Command {
     let mut command = limited(&format!("--nproc={most}"), args);
-    // OpenBLAS, which comes with libtorch, would start a thread per core and interrupt the process if it cannot.
-    command.uid(NOBODY).env("OPENBLAS_NUM_THREADS", "1");
+    command.uid(NOBODY);
     command
 }
 
@@ -290,13 +289,13 @@ fn memory_that_is_refused_is_one_error_and_no_abort() {
     let dir = tempfile::tempdir().unwrap();
     let config = write_config(dir.path());
     let mut told = 0;
-    // SUMO's libraries alone take about 350 MB of address space, and libtorch's as much again.
-    let libraries: u64 = if cfg!(feature = "torch") { 700 } else { 350 };
+    // SUMO's libraries alone take about 350 MB of address space.
+    let libraries: u64 = 350;
     for megabytes in [100, 200, 300, 400, 600].map(|more| libraries + more) {
         let out = dir.path().join(format!("run{megabytes}"));
         // Four agents with 4 million parameters each, and three copies of them for the optimiser.
         let args = train(&config, &out, &["--workers", "1", "--set", "policy.hidden=[2048, 2048]"]);
-        let ended = run(limited(&format!("--as={}", megabytes * 1_000_000), &args).env("OPENBLAS_NUM_THREADS", "1"));
+        let ended = run(&mut limited(&format!("--as={}", megabytes * 1_000_000), &args));
         ended.assert_orderly();
         if ended.stderr.contains("out of memory") {
             told += 1;
@@ -339,7 +338,7 @@ fn a_file_that_may_not_grow_is_named_with_the_way_out() {
     }
 }
 
-/// libtorch would end the process.
+/// libtorch would end its process.
 #[cfg(feature = "torch")]
 #[test]
 fn policies_that_have_no_room_are_one_error_and_nothing_stays() {

@@ -42,10 +42,10 @@ impl Shape {
 }
 
 /// Side of the square matrices whose product shows the machine's peak speed.
-pub(crate) const SIDE: usize = 1024;
+pub const SIDE: usize = 1024;
 
 /// Returns the operations per second of the fastest product of [`SIDE`] among those that fit into `time`.
-pub(crate) fn fastest(time: Duration, mut product: impl FnMut()) -> f64 {
+pub fn fastest_product(time: Duration, mut product: impl FnMut()) -> f64 {
     let begun = Instant::now();
     let mut fastest = f64::INFINITY;
     while begun.elapsed() < time || fastest.is_infinite() {

@@ -58,7 +58,7 @@
 //!   [`Learner::descend`]s. Learners are independent: [`Threads::map`] shares them among threads.
 //! - To *save*: [`Parameters::values`] is a plain table, [`Rows`]; [`Layout`] says which weight is where. [`write_stacks`] and
 //!   [`read_stack`] make files of it, [`Moments`] is the optimiser's state.
-//! - To *measure*: [`Shape::forward_flops`], [`Shape::backward_flops`] and [`Peak`] give a lower bound for the time.
+//! - To *measure*: [`Shape::forward_flops`], [`Shape::backward_flops`] and [`peak`] give a lower bound for the time.
 //!
 //! # Shapes
 //!
@@ -82,12 +82,11 @@
 // From top to bottom:
 // - `stack`: a stack; `network`: one network of it, forward and backward; `gru`: its recurrent part; `states`: the hidden
 //   states between steps; `adam`: the optimiser.
-// - `shape`, `parameters`: layers of a network, and its row of parameters; `rows`: tables; `stack_file`: safetensors;
-//   `script`: TorchScript (`no_script` replaces it in builds without libtorch).
+// - `shape`, `parameters`: layers of a network, and its row of parameters; `rows`: tables; `stack_file`: safetensors.
 // - `product`, `few_rows`, `activations`, `buffer`: the arithmetic; `vectors`: the width of its registers;
 //   `order_of_sums` (tests): the order in which products of 256 bits add up.
 // - `threads`: threads that share the networks.
-// - `flops`, `peak`, `yardstick` (libtorch's speed): for benchmarks.
+// - `flops`, `peak`: for benchmarks.
 mod activations;
 mod adam;
 mod buffer;
@@ -101,8 +100,6 @@ mod parameters;
 mod peak;
 mod product;
 mod rows;
-#[cfg_attr(not(feature = "torch"), path = "no_script.rs")]
-mod script;
 mod shape;
 mod stack;
 mod stack_file;
@@ -111,19 +108,17 @@ mod states;
 mod testing;
 mod threads;
 mod vectors;
-#[cfg(feature = "torch")]
-mod yardstick;
 
 pub use activations::sigmoid;
 pub use adam::{Adam, Learner, Moments};
+pub use flops::{SIDE, fastest_product};
 pub use network::{Network, Sequences, Trace};
 pub use parameters::Parameters;
-pub use peak::Peak;
+pub use peak::peak;
 pub use rows::Rows;
-pub use script::{check_script, script};
 pub use shape::{Layout, Shape};
 pub use stack::Stack;
-pub use stack_file::{StackToWrite, about_stacks, read_stack, write_stacks};
+pub use stack_file::{StackToWrite, about_stacks, read_stack, stack_as_bytes, write_stacks};
 pub use states::States;
 pub use threads::Threads;
 pub use vectors::{VectorWidth, use_vectors, vector_instructions};

@@ -7,7 +7,7 @@ use std::ops::Range;
 use std::path::Path;
 
 use anyhow::{Context, Result, bail, ensure};
-use safetensors::tensor::{Dtype, SafeTensors, View, serialize_to_file};
+use safetensors::tensor::{Dtype, SafeTensors, View, serialize, serialize_to_file};
 
 use super::{Layout, Rows};
 
@@ -19,6 +19,14 @@ pub struct StackToWrite<'a> {
     pub layout: &'a Layout,
     /// Parameters, one row per network, as `layout` describes them.
     pub rows: Vec<&'a [f32]>,
+}
+
+impl StackToWrite<'_> {
+    fn tensors(&self) -> impl Iterator<Item = (String, Tensor<'_>)> {
+        let StackToWrite { prefix, layout, rows } = self;
+        let blocks = layout.blocks(rows.len());
+        blocks.map(move |(name, shape, place)| (format!("{prefix}{name}"), Tensor { shape, rows, place }))
+    }
 }
 
 /// A tensor that becomes bytes only when it is written: a thousand networks need no second copy in memory.
@@ -52,11 +60,12 @@ impl View for Tensor<'_> {
 /// Writes the stacks as a safetensors file: one tensor per weight and bias, `[networks, ...]`, under the stack's prefix and
 /// the block's name. `about` goes into the file's metadata. Returns an error if the file cannot be written.
 pub fn write_stacks(stacks: &[StackToWrite<'_>], about: &HashMap<String, String>, path: &Path) -> Result<()> {
-    let tensors = stacks.iter().flat_map(|StackToWrite { prefix, layout, rows }| {
-        let blocks = layout.blocks(rows.len());
-        blocks.map(move |(name, shape, place)| (format!("{prefix}{name}"), Tensor { shape, rows, place }))
-    });
-    Ok(serialize_to_file(tensors, Some(about.clone()), path)?)
+    Ok(serialize_to_file(stacks.iter().flat_map(StackToWrite::tensors), Some(about.clone()), path)?)
+}
+
+/// Returns the bytes of a file of [`write_stacks`] with one stack.
+pub fn stack_as_bytes(stack: &StackToWrite<'_>) -> Result<Vec<u8>> {
+    Ok(serialize(stack.tensors(), None)?)
 }
 
 /// Returns the metadata `about` that [`write_stacks`] put into a file. `bytes`: those of the file. If there is none, or the

@@ -10,8 +10,8 @@ pub mod sampling;
 
 use crate::config::PolicyConfig;
 use dials_core::base::{AgentId, Ragged, Rows, Seed};
-use dials_core::domain::{Percept, RegionSpec, Result};
-use stacknets::{Adam, Learner, Network, Parameters, Shape, Stack, States, Threads, script};
+use dials_core::domain::{Percept, RegionSpec};
+use stacknets::{Adam, Learner, Network, Parameters, Shape, Stack, States, Threads};
 
 pub use controller::{JointPolicyController, Selection, StackController};
 pub use demonstrations::Demonstrations;
@@ -148,14 +148,6 @@ impl PolicyStack {
     /// Copies the parameters of `policies`, one row per agent of the stack.
     pub fn load(&mut self, policies: &Rows<f32>) {
         self.net.parameters_mut().load(policies);
-    }
-
-    /// Returns the policies as a TorchScript module: the bytes of a file.
-    ///
-    /// `forward(obs)`, or `forward(obs, states)` for policies with a GRU, returns one table `[agents, batch, ..]` of the logits, the value and, with a GRU, the next state. `obs`:
-    /// `[agents, batch, obs_dim]`, for any batch. `name`: that of the archive in the file.
-    pub fn script(&self, name: &str) -> Result<Vec<u8>> {
-        script(&self.net, name)
     }
 
     /// Uses these threads from now on.

@@ -123,8 +123,6 @@ impl<T: Send + 'static> ChildProcess<T> {
         }
         let process = command
             .arg(WORKER)
-            // Otherwise BLAS, which came with libtorch, would keep a thread per core in every worker for nothing.
-            .env("OPENBLAS_NUM_THREADS", "1")
             .stdin(Stdio::from(OwnedFd::from(theirs)))
             .stdout(log.file()?)
             .stderr(log.file()?)

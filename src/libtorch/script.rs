@@ -1,8 +1,7 @@
-//! Stacks as TorchScript: a file that PyTorch and its C++ library open without this program.
+//! Networks as TorchScript: a file that PyTorch and its C++ library open without this program.
 
 use std::fs::File;
 use std::io::{Read, Seek};
-use std::ops::Range;
 use std::os::fd::AsRawFd;
 use std::os::unix::fs::symlink;
 use std::path::Path;
@@ -10,35 +9,24 @@ use std::path::Path;
 use anyhow::{Context, Result, anyhow, ensure};
 use rustix::fs::{MemfdFlags, memfd_create};
 use rustix::process::{Resource, getrlimit};
+use safetensors::SafeTensors;
 use tch::{CModule, Device, Kind, Tensor};
-
-use super::Stack;
-use super::gru::{INPUT, INPUT_BIAS, STATE, STATE_BIAS};
-use super::shape::Shape;
 
 /// More bytes than a module has beside its parameters.
 const CODE: usize = 1 << 20;
+/// Beginnings of the names of the tensors of each tower.
+const TOWERS: [&str; 2] = ["", "critic."];
 
-/// Returns an error if this build cannot write TorchScript: that takes the feature `torch`.
-pub fn check_script() -> Result<()> {
-    Ok(())
-}
-
-/// Returns all networks as one TorchScript module, parameters included: the bytes of a file that PyTorch and libtorch open.
-/// The archive in it gets the name `name`. Takes the feature `torch`: see [`check_script`].
-///
-/// `forward(inputs)` takes `[networks, batch, in]`, for any batch, and returns the outputs, `[networks, batch, out]`. With
-/// a GRU it is one step. `forward(inputs, states)` also takes the states before it, `[networks, batch, hidden]`. It
-/// returns the outputs and then the states after it in one table, `[networks, batch, out + hidden]`, because a traced
-/// function has a single result.
-pub fn script(stack: &Stack, name: &str) -> Result<Vec<u8>> {
-    let (shape, networks) = (stack.shape(), stack.parameters().networks() as i64);
+/// Returns all networks as one TorchScript module, parameters included. `networks`: bytes of a safetensors file.
+pub(crate) fn script(networks: &[u8], name: &str) -> Result<Vec<u8>> {
+    let file = SafeTensors::deserialize(networks).context("no networks on standard input")?;
+    let towers: Vec<Tower> = TOWERS.iter().filter_map(|prefix| Tower::of(&file, prefix)).collect();
+    let first = towers.first().context("no layers")?;
+    let (count, inputs) = first.inputs();
+    let states = first.gru.as_ref().map(|gru| gru.state_weight.size()[1] * towers.len() as i64);
     // Their values do not matter: only the operations on them are recorded.
-    let table = |width: usize| Tensor::zeros(&[networks, 2, width as i64], (Kind::Float, Device::Cpu));
-    let states = Some(shape.state_width()).filter(|&width| width > 0);
-    let arguments: Vec<Tensor> = [shape.inputs].into_iter().chain(states).map(table).collect();
-    let towers: Vec<Tower> =
-        shape.towers().iter().enumerate().map(|(index, shape)| Tower::of(stack, shape, index)).collect();
+    let table = |width: i64| Tensor::zeros(&[count, 2, width], (Kind::Float, Device::Cpu));
+    let arguments: Vec<Tensor> = [inputs].into_iter().chain(states).map(table).collect();
     let mut forward = |arguments: &[Tensor]| match arguments {
         [inputs] => vec![side_by_side(towers.iter().map(|tower| tower.layers(inputs)).collect())],
         [inputs, states] => {
@@ -52,7 +40,7 @@ pub fn script(stack: &Stack, name: &str) -> Result<Vec<u8>> {
         _ => unreachable!("the arguments are inputs and perhaps states"),
     };
     let module = tch::no_grad(|| CModule::create_by_tracing("Networks", "forward", &arguments, &mut forward))?;
-    in_memory(name, size_of_val(stack.parameters().values().as_slice()), |path| module.save(path))
+    in_memory(name, networks.len(), |path| module.save(path))
 }
 
 /// Returns the bytes that libtorch writes to a file.
@@ -90,38 +78,55 @@ fn side_by_side(mut tables: Vec<Tensor>) -> Tensor {
 /// One tower of all networks as tensors. They are made before the trace. If a tensor is made during the trace, the module records
 /// how it is made and not its values.
 struct Tower {
-    /// Weights and biases in the order of the layout, `[networks, ...]`.
-    blocks: Vec<Tensor>,
-    first_layer: usize,
-    hidden: usize,
+    gru: Option<Gru>,
+    /// Weights `[networks, in, out]` and biases `[networks, 1, out]` of the linear layers.
+    layers: Vec<[Tensor; 2]>,
+}
+
+/// The recurrent part of a tower. Columns are those of the gates r, z and n.
+struct Gru {
+    input_weight: Tensor,
+    state_weight: Tensor,
+    input_bias: Tensor,
+    state_bias: Tensor,
 }
 
 impl Tower {
-    /// `shape`: that of the tower alone; `index`: its number in the network.
-    fn of(stack: &Stack, shape: &Shape, index: usize) -> Tower {
-        let parameters = stack.parameters();
-        let block = |(_, shape, place): (&str, Vec<usize>, Range<usize>)| {
-            let values: Vec<f32> = parameters.values().iter().flat_map(|row| &row[place.clone()]).copied().collect();
-            let shape: Vec<i64> = shape.into_iter().map(|n| n as i64).collect();
-            Tensor::of_slice(&values).view(&shape[..])
+    /// Returns the tower whose tensors have names that begin like this. If there is none: `None`.
+    fn of(file: &SafeTensors<'_>, prefix: &str) -> Option<Tower> {
+        let tensor = |name: &str| {
+            let view = file.tensor(&format!("{prefix}{name}")).ok()?;
+            let values: Vec<f32> =
+                view.data().as_chunks::<4>().0.iter().map(|&value| f32::from_le_bytes(value)).collect();
+            let shape: Vec<i64> = view.shape().iter().map(|&length| length as i64).collect();
+            Some(Tensor::of_slice(&values).view(&shape[..]))
         };
-        let (first, count) = (index * shape.blocks_per_tower(), shape.blocks_per_tower());
-        Tower {
-            blocks: parameters.layout().blocks(parameters.networks()).skip(first).take(count).map(block).collect(),
-            first_layer: shape.first_layer(),
-            hidden: shape.hidden.len(),
-        }
+        let layer = |number: usize| {
+            Some([tensor(&format!("layers.{number}.weight"))?, tensor(&format!("layers.{number}.bias"))?])
+        };
+        let gru = || {
+            Some(Gru {
+                input_weight: tensor("gru.input_weight")?,
+                state_weight: tensor("gru.state_weight")?,
+                input_bias: tensor("gru.input_bias")?,
+                state_bias: tensor("gru.state_bias")?,
+            })
+        };
+        let layers: Vec<[Tensor; 2]> = (0..).map_while(layer).collect();
+        (!layers.is_empty()).then(|| Tower { gru: gru(), layers })
     }
 
-    /// Computes `bias + inputs x weight` for every network.
-    fn affine(&self, inputs: &Tensor, weight: usize, bias: usize) -> Tensor {
-        self.blocks[bias].baddbmm(inputs, &self.blocks[weight], 1, 1)
+    /// Returns the number of networks, and of their inputs.
+    fn inputs(&self) -> (i64, i64) {
+        let first = self.gru.as_ref().map_or(&self.layers[0][0], |gru| &gru.input_weight).size();
+        (first[0], first[1])
     }
 
-    /// Computes the state after one step, with the same arithmetic as [`super::gru::forward`].
+    /// Computes the state after one step, with the same arithmetic as the crate `stacknets`.
     fn gru_step(&self, inputs: &Tensor, state: &Tensor) -> Tensor {
-        let from_inputs = self.affine(inputs, INPUT, INPUT_BIAS).chunk(3, 2); // r, z, n: [networks, batch, hidden] each
-        let from_state = self.affine(state, STATE, STATE_BIAS).chunk(3, 2);
+        let gru = self.gru.as_ref().expect("only networks with states are given states");
+        let from_inputs = affine(inputs, &gru.input_weight, &gru.input_bias).chunk(3, 2); // r, z, n: [networks, batch, hidden] each
+        let from_state = affine(state, &gru.state_weight, &gru.state_bias).chunk(3, 2);
         let r = (&from_inputs[0] + &from_state[0]).sigmoid();
         let z = (&from_inputs[1] + &from_state[1]).sigmoid();
         let n = (&from_inputs[2] + r * &from_state[2]).tanh();
@@ -130,13 +135,17 @@ impl Tower {
 
     fn layers(&self, inputs: &Tensor) -> Tensor {
         let mut values = inputs.shallow_clone();
-        for layer in 0..=self.hidden {
-            let block = self.first_layer + 2 * layer;
-            values = self.affine(&values, block, block + 1);
-            if layer < self.hidden {
+        for (layer, [weight, bias]) in self.layers.iter().enumerate() {
+            values = affine(&values, weight, bias);
+            if layer + 1 < self.layers.len() {
                 values = values.relu();
             }
         }
         values
     }
+}
+
+/// Computes `bias + inputs x weight` for every network.
+fn affine(inputs: &Tensor, weight: &Tensor, bias: &Tensor) -> Tensor {
+    bias.baddbmm(inputs, weight, 1, 1)
 }
