@@ -59,6 +59,10 @@ impl<T: Copy + Default> Ragged<T> {
         self.ends.len()
     }
 
+    pub fn is_empty(&self) -> bool {
+        self.ends.is_empty()
+    }
+
     fn begin(&self, row: usize) -> usize {
         if row == 0 { 0 } else { self.ends[row - 1] }
     }

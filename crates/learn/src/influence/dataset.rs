@@ -45,6 +45,10 @@ impl Dataset {
         self.d_sets.len()
     }
 
+    pub fn is_empty(&self) -> bool {
+        self.d_sets.is_empty()
+    }
+
     pub fn episodes(&self) -> usize {
         self.len() / self.horizon
     }

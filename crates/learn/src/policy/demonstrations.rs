@@ -38,6 +38,10 @@ impl Demonstrations {
         self.actions.len()
     }
 
+    pub fn is_empty(&self) -> bool {
+        self.actions.is_empty()
+    }
+
     pub fn episodes(&self) -> usize {
         self.len() / self.horizon
     }
