@@ -106,7 +106,7 @@ mod tests {
     use super::*;
     use dials_core::base::{AgentId, Seed};
     use dials_core::domain::Domain;
-    use dials_learn::training::block::initial_policies;
+    use dials_learn::worker::block::initial_policies;
     use dials_testkit::toy::{Coins, CoinsAndDice};
     use tch::{CModule, Tensor};
 

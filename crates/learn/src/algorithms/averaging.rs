@@ -7,7 +7,7 @@
 
 use crate::algorithms;
 use crate::config::Config;
-use crate::training::state::AgentsState;
+use crate::state::AgentsState;
 use dials_core::base::{AgentId, Ragged};
 use dials_core::domain::Kinds;
 

@@ -24,8 +24,8 @@ use crate::config::Config;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
+use crate::environments::Experience;
 use crate::policy::{PolicyStack, Reading};
-use crate::training::environment::Experience;
 use dials_core::base::{AgentId, Stopwatch};
 use dials_core::domain::{Action, Kind, Percept, RegionSpec, Result};
 use stacknets::Shape;

@@ -27,7 +27,7 @@ use serde::{Deserialize, Serialize};
 pub use crate::algorithms::AlgorithmName;
 pub use crate::algorithms::dqn::DqnConfig;
 pub use crate::algorithms::ppo::{PpoConfig, TimeLimit};
-pub use crate::influence::Predictor;
+pub use crate::predictors::Predictor;
 pub use aip::{AipConfig, Retrain};
 pub use check::held_out_episodes;
 pub use evaluation::EvaluationConfig;

@@ -6,10 +6,10 @@ use anyhow::ensure;
 use serde::{Deserialize, Serialize};
 
 use super::{Check, Step, on_its_way};
-use crate::influence::Dataset;
+use crate::fleet::Fleet;
+use crate::observer::Observer;
+use crate::predictors::Dataset;
 use crate::training::collect::{Purpose, collect_episode};
-use crate::training::fleet::Fleet;
-use crate::training::observer::Observer;
 use crate::worker::Worker;
 use dials_core::base::AgentId;
 use dials_core::domain::Result;

@@ -8,12 +8,12 @@ use serde::{Deserialize, Serialize};
 
 use super::{Check, Step, on_its_way};
 use crate::algorithms::imitation::demonstrate;
+use crate::environments::timed::Timed;
+use crate::fleet::Fleet;
+use crate::observer::Observer;
 use crate::policy::Demonstrations;
-use crate::training::fleet::Fleet;
-use crate::training::observer::Observer;
-use crate::training::progress::Reporting;
-use crate::training::timed::Timed;
 use crate::worker::Worker;
+use crate::worker::reporting::Reporting;
 use dials_core::base::{Activity, Phase, RandomPurpose, Seed, Stopwatch};
 use dials_core::domain::{Baseline, GlobalSimulator, Result};
 

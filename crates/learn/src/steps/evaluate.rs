@@ -7,8 +7,8 @@ use serde::{Deserialize, Serialize};
 
 use super::{Check, Step, on_its_way};
 use crate::evaluation::{EpisodeReport, Evaluation, episode_seed, play};
-use crate::training::fleet::Fleet;
-use crate::training::observer::Observer;
+use crate::fleet::Fleet;
+use crate::observer::Observer;
 use crate::worker::Worker;
 use dials_core::base::{Activity, Seed};
 use dials_core::domain::{Measures, Result};

@@ -7,9 +7,9 @@ use serde::{Deserialize, Serialize};
 
 use super::{Check, Step, on_its_way};
 use crate::algorithms::imitation::ImitationLoss;
+use crate::fleet::{Fleet, Stop, of_owners};
+use crate::observer::Observer;
 use crate::policy::{Demonstrations, JointPolicy};
-use crate::training::fleet::{Fleet, Stop, of_owners};
-use crate::training::observer::Observer;
 use crate::worker::Worker;
 use dials_core::base::{Activity, Stopwatch, Work};
 use dials_core::domain::Result;

@@ -6,11 +6,11 @@ use anyhow::ensure;
 use serde::{Deserialize, Serialize};
 
 use super::{Check, Step, on_its_way};
-use crate::influence::{Dataset, FreshLoss};
+use crate::fleet::{Fleet, Stop, of_owners};
+use crate::observer::Observer;
+use crate::predictors::{Dataset, FreshLoss};
+use crate::state::fits::Fit;
 use crate::training::collect::Purpose;
-use crate::training::fits::Fit;
-use crate::training::fleet::{Fleet, Stop, of_owners};
-use crate::training::observer::Observer;
 use crate::worker::Worker;
 use dials_core::base::{Activity, AgentId, Stopwatch};
 use dials_core::domain::Result;

@@ -1,7 +1,7 @@
 //! The steps of Algorithm 1 that workers carry out, one file and one type each: the request, what a worker does, its
 //! reply, and how the replies of all workers are put together.
 //!
-//! A [`Fleet`](crate::training::fleet::Fleet) takes requests to workers, wherever they are. A worker that says what cannot be right counts as lost, so
+//! A [`Fleet`](crate::fleet::Fleet) takes requests to workers, wherever they are. A worker that says what cannot be right counts as lost, so
 //! each step has a check of its replies.
 //!
 //! - [`evaluate`], [`demonstrate`], [`collect`]: episodes on the global simulator, shared out among all workers.
@@ -19,8 +19,8 @@ pub mod train_policies;
 
 use serde::{Deserialize, Serialize};
 
-use crate::training::fits::Fit;
-use crate::training::observer::Observer;
+use crate::observer::Observer;
+use crate::state::fits::Fit;
 use crate::worker::Worker;
 use dials_core::domain::Result;
 

@@ -4,8 +4,8 @@ use anyhow::ensure;
 use serde::{Deserialize, Serialize};
 
 use super::{Check, Step, on_its_way};
-use crate::training::observer::Observer;
-use crate::training::state::AgentsState;
+use crate::observer::Observer;
+use crate::state::AgentsState;
 use crate::worker::Worker;
 use dials_core::domain::Result;
 

@@ -7,12 +7,12 @@ use serde::{Deserialize, Serialize};
 
 use super::{Check, Step, on_its_way};
 use crate::config::{Period, Simulator};
+use crate::fleet::{Fleet, Stop};
+use crate::observer::Observer;
+use crate::state::AgentsState;
 use crate::training::answers::PolicyTraining;
-use crate::training::block::train_policies_on_the_gs;
-use crate::training::fleet::{Fleet, Stop};
-use crate::training::observer::Observer;
-use crate::training::state::AgentsState;
 use crate::worker::Worker;
+use crate::worker::block::train_policies_on_the_gs;
 use dials_core::base::{Activity, Stopwatch, Work};
 use dials_core::domain::Result;
 

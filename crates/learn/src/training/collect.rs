@@ -4,7 +4,7 @@
 use serde::{Deserialize, Serialize};
 
 use crate::config::{Config, Retrain};
-use crate::influence::Dataset;
+use crate::predictors::Dataset;
 use dials_core::base::{Activity, RandomPurpose, Seed};
 use dials_core::domain::{Controller, GlobalSimulator, Result};
 

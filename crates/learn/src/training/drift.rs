@@ -9,7 +9,7 @@
 
 use serde::{Deserialize, Serialize};
 
-use crate::influence::FreshLoss;
+use crate::predictors::FreshLoss;
 
 /// When the loss of the AIPs is measured.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -35,9 +35,9 @@ impl Moment {
 #[serde(deny_unknown_fields)]
 pub struct Drift {
     /// Share right after the last training, if there was one.
-    pub(super) share_after_training: Option<f64>,
+    pub(crate) share_after_training: Option<f64>,
     /// Share at the last measurement.
-    pub(super) share_now: Option<f64>,
+    pub(crate) share_now: Option<f64>,
 }
 
 impl Drift {

@@ -1,12 +1,12 @@
 //! What Algorithm 1 reports as it proceeds. The listener may write files; training does not know.
 
-use super::answers::{FleetLoad, PolicyTraining};
-use super::drift::Moment;
-use super::standing::Standing;
-use super::state::AgentsState;
 use crate::algorithms::imitation::ImitationLoss;
 use crate::evaluation::Evaluation;
-use crate::influence::{AipLoss, FreshLoss};
+use crate::predictors::{AipLoss, FreshLoss};
+use crate::progress::Standing;
+use crate::state::AgentsState;
+use crate::training::answers::{FleetLoad, PolicyTraining};
+use crate::training::drift::Moment;
 use dials_core::domain::Result;
 
 /// A record of what happened. It returns no information: how training continues is in [`Standing`]. An error ends the

@@ -9,16 +9,16 @@ use dials_core::base::{Activity, Phase, Stopwatch};
 use dials_core::domain::{Kinds, Result, RoughCosts};
 use dials_learn::algorithms;
 use dials_learn::config::{AipTraining, Period, Simulator};
-use dials_learn::influence::Dataset;
+use dials_learn::fleet::Fleet;
+use dials_learn::predictors::Dataset;
+use dials_learn::progress::Standing;
 use dials_learn::steps::collect::collect_datasets;
 use dials_learn::steps::evaluate::evaluate;
 use dials_learn::steps::train_aips::train_aips;
 use dials_learn::steps::train_policies::train_policies;
 use dials_learn::training::answers::FleetLoad;
 use dials_learn::training::collect::Purpose;
-use dials_learn::training::fleet::Fleet;
 use dials_learn::training::journal::Journal;
-use dials_learn::training::standing::Standing;
 
 /// Shares of the time. The rest is for the start of processes and for a first guess of the speed.
 const EVALUATION: f64 = 0.1;

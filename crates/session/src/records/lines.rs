@@ -8,7 +8,7 @@ use dials_core::base::{Activity, Phase, Timesheet};
 use dials_learn::algorithms::Metrics;
 use dials_learn::algorithms::imitation::ImitationLoss;
 use dials_learn::evaluation::{Evaluation, Summary};
-use dials_learn::influence::{AipLoss, FreshLoss, mean_loss};
+use dials_learn::predictors::{AipLoss, FreshLoss, mean_loss};
 use dials_learn::training::answers::{FleetLoad, Footprint, PolicyTraining};
 use dials_learn::training::drift::Moment;
 

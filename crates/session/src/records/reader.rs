@@ -218,11 +218,11 @@ mod tests {
     use dials_core::outside::Directory;
     use dials_learn::algorithms::{Metrics, Tables};
     use dials_learn::evaluation;
-    use dials_learn::influence;
+    use dials_learn::predictors;
+    use dials_learn::progress::Standing;
+    use dials_learn::state::AgentsState;
     use dials_learn::training::answers::{AgentTraining, FleetLoad, Footprint, PolicyTraining, WorkerLoad};
     use dials_learn::training::journal::Journal;
-    use dials_learn::training::standing::Standing;
-    use dials_learn::training::state::AgentsState;
     use dials_testkit::toy::Coins;
     use stacknets::Layout;
     use std::time::Duration;

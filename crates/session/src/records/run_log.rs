@@ -22,12 +22,12 @@ use super::tensorboard::{Scalar, first_record, scalars_of, scalars_record};
 use dials_core::outside::Directory;
 use dials_learn::algorithms::imitation::ImitationLoss;
 use dials_learn::evaluation::Evaluation;
-use dials_learn::influence::{AipLoss, FreshLoss};
+use dials_learn::predictors::{AipLoss, FreshLoss};
+use dials_learn::progress::Standing;
+use dials_learn::state::AgentsState;
 use dials_learn::training::answers::{FleetLoad, PolicyTraining};
 use dials_learn::training::drift::Moment;
 use dials_learn::training::journal::Journal;
-use dials_learn::training::standing::Standing;
-use dials_learn::training::state::AgentsState;
 
 /// A journal that writes a run directory.
 pub struct RunLog {
@@ -210,7 +210,7 @@ mod tests {
     use dials_core::base::Ragged;
     use dials_core::domain::Domain;
     use dials_learn::algorithms::{Metrics, Tables};
-    use dials_learn::influence::AipLoss;
+    use dials_learn::predictors::AipLoss;
     use dials_learn::training::answers::AgentTraining;
     use dials_testkit::toy::Coins;
     use stacknets::Layout;

@@ -17,8 +17,8 @@ pub mod update;
 
 use super::{Algorithm, Layout, Learner, Metrics, NumberTable, Tables};
 use crate::config::Config;
+use crate::environments::Experience;
 use crate::policy::{PolicyStack, Reading};
-use crate::training::environment::Experience;
 pub use config::{PpoConfig, TimeLimit};
 use dials_core::base::{AgentId, Dice, Ragged, RandomPurpose, Seed, Stopwatch};
 use dials_core::domain::{Action, Kind, Percept, RegionSpec, Result};

@@ -3,8 +3,8 @@
 use super::gae::advantages;
 use super::memory::{Memory, Sample};
 use crate::config::{PpoConfig, TimeLimit};
+use crate::environments::Experience;
 use crate::policy::{PolicyStack, sampling};
-use crate::training::environment::Experience;
 use dials_core::base::{Dice, Phase, Rows, Stopwatch};
 use dials_core::domain::{Action, Percept};
 use stacknets::States;

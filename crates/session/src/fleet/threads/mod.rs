@@ -20,14 +20,14 @@ use crate::config::RunConfig;
 use dials_core::base::Ragged;
 use dials_core::domain::Domain;
 use dials_learn::config::{AlgorithmName, Config, PolicyConfig, Simulator};
+use dials_learn::dials;
 use dials_learn::evaluation::Evaluation;
+use dials_learn::fleet::Fleet;
+use dials_learn::observer::{Observer, Silent};
+use dials_learn::progress::Standing;
+use dials_learn::state::AgentsState;
 use dials_learn::training::answers::{FleetLoad, PolicyTraining};
-use dials_learn::training::dials;
-use dials_learn::training::fleet::Fleet;
 use dials_learn::training::journal::{Journal, Unrecorded};
-use dials_learn::training::observer::{Observer, Silent};
-use dials_learn::training::standing::Standing;
-use dials_learn::training::state::AgentsState;
 use dials_testkit::toy::{Coins, CoinsAndDice};
 
 /// An observer that keeps the warnings.

@@ -6,9 +6,9 @@
 
 use anyhow::ensure;
 
-use super::environment::{Environment, Experience};
-use super::stream::{AgentStream, Trail, fingerprint, rows_of, rows_of_mut};
-use super::timed::Timed;
+use crate::environments::timed::Timed;
+use crate::environments::{Environment, Experience};
+use crate::state::stream::{AgentStream, Trail, fingerprint, rows_of, rows_of_mut};
 use dials_core::base::{Seed, Stopwatch};
 use dials_core::domain::{Action, GlobalSimulator, JointPercept, Kinds, Percept, Result};
 

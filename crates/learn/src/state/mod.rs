@@ -1,10 +1,13 @@
 //! The state of agents: everything in a run that must survive a period.
 
+pub mod fits;
+pub mod stream;
+
 use serde::{Deserialize, Serialize};
 
-use super::stream::AgentStream;
 use crate::algorithms::Tables;
 use crate::policy::JointPolicy;
+use crate::state::stream::AgentStream;
 use dials_core::base::Ragged;
 
 /// State of some agents after a period. Each table has one row per agent, as wide as its kind has it.

@@ -1,13 +1,10 @@
 //! Algorithm 1 of the paper: MARL with DIALS.
 
-use super::collect::Purpose;
-use super::drift::Moment;
-use super::fleet::Fleet;
-use super::journal::Journal;
-use super::observer::{Interrupted, Observer};
-use super::standing::Standing;
 use crate::algorithms::averaging::average;
 use crate::config::{Config, rest_of_schedule};
+use crate::fleet::Fleet;
+use crate::observer::{Interrupted, Observer};
+use crate::progress::Standing;
 use crate::steps::collect::collect_datasets;
 use crate::steps::demonstrate::collect_demonstrations;
 use crate::steps::evaluate::evaluate;
@@ -15,6 +12,9 @@ use crate::steps::imitate::imitate;
 use crate::steps::measure_aips::measure_aips;
 use crate::steps::train_aips::train_aips;
 use crate::steps::train_policies::train_policies;
+use crate::training::collect::Purpose;
+use crate::training::drift::Moment;
+use crate::training::journal::Journal;
 use dials_core::domain::Result;
 
 /// Trains the policies of all agents as the config says, from their current state.

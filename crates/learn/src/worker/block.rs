@@ -6,18 +6,18 @@
 
 use std::sync::Arc;
 
-use super::answers::{AgentTraining, PolicyTraining};
-use super::environment::Environment;
-use super::global::GlobalEnvironment;
-use super::ials::Ials;
 use super::returns::EpisodeReturns;
-use super::state::AgentsState;
-use super::stream::AgentStream;
 use crate::algorithms::imitation::{ImitationLoss, imitate};
 use crate::algorithms::{self, Learner, Metrics};
 use crate::config::{Config, Period, Simulator};
-use crate::influence::{AipLoss, Dataset, FreshLoss, TrainablePredictor, measure, train};
+use crate::environments::Environment;
+use crate::environments::global::GlobalEnvironment;
+use crate::environments::ials::Ials;
 use crate::policy::{Demonstrations, JointPolicy, PolicyStack};
+use crate::predictors::{AipLoss, Dataset, FreshLoss, TrainablePredictor, measure, train};
+use crate::state::AgentsState;
+use crate::state::stream::AgentStream;
+use crate::training::answers::{AgentTraining, PolicyTraining};
 use dials_core::base::{AgentId, Phase, Ragged, RandomPurpose, Seed, Stopwatch, Work};
 use dials_core::domain::{Action, Domain, RegionSpec, Result};
 use stacknets::Threads;
@@ -178,7 +178,7 @@ pub fn training_episodes(config: &Config) -> Seed {
 }
 
 /// Returns the number of steps of an episode that policies are trained on.
-pub(super) fn episode_steps(spec: &RegionSpec, config: &Config) -> usize {
+pub(crate) fn episode_steps(spec: &RegionSpec, config: &Config) -> usize {
     if config.simulator == Simulator::Global { spec.horizon } else { spec.local_horizon }
 }
 

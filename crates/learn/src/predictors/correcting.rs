@@ -190,7 +190,7 @@ impl TrainablePredictor for CorrectingAips {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::influence::{AipLoss, train};
+    use crate::predictors::{AipLoss, train};
     use rand::Rng;
 
     fn spec(parts: usize, sources: usize) -> RegionSpec {

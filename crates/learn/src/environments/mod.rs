@@ -1,6 +1,10 @@
 //! What a learning agent sees of a simulator: decisions, rewards and ends of episodes, row by row.
 
-use super::stream::AgentStream;
+pub(crate) mod global;
+pub mod ials;
+pub(crate) mod timed;
+
+use crate::state::stream::AgentStream;
 use dials_core::base::{Rows, Stopwatch};
 use dials_core::domain::{Action, Percept, RegionSpec, Result};
 

@@ -2,10 +2,10 @@
 
 use std::ops::Range;
 
-use super::answers::FleetLoad;
-use super::state::AgentsState;
 use crate::config::Config;
+use crate::state::AgentsState;
 use crate::steps::Step;
+use crate::training::answers::FleetLoad;
 use dials_core::base::Activity;
 use dials_core::domain::{Domain, Result};
 

@@ -1,9 +1,9 @@
 //! Observers of a run, which may also ask it to stop.
 
-use super::drift::Drift;
 use crate::algorithms::imitation::ImitationLoss;
 use crate::evaluation::Evaluation;
-use crate::influence::{AipLoss, FreshLoss};
+use crate::predictors::{AipLoss, FreshLoss};
+use crate::training::drift::Drift;
 use dials_core::base::Activity;
 
 /// An observer of the progress.

@@ -4,10 +4,10 @@ use std::slice::from_ref;
 
 use anyhow::ensure;
 
-use super::environment::{Environment, Experience};
-use super::stream::{AgentStream, Trail, fingerprint, longest, rows_of, rows_of_mut};
-use super::timed::Timed;
-use crate::influence::InfluencePredictor;
+use crate::environments::timed::Timed;
+use crate::environments::{Environment, Experience};
+use crate::predictors::InfluencePredictor;
+use crate::state::stream::{AgentStream, Trail, fingerprint, longest, rows_of, rows_of_mut};
 use dials_core::base::{Dice, Phase, Rows, Stopwatch};
 use dials_core::domain::{Action, Beginning, LocalSimulator, Percept, Result};
 
@@ -79,7 +79,7 @@ impl<'a> Ials<'a> {
 }
 
 /// Returns the number of steps by which the first episode of a staggered copy is shorter.
-pub(super) fn head_start(copy: usize, copies: usize, horizon: usize) -> usize {
+pub(crate) fn head_start(copy: usize, copies: usize, horizon: usize) -> usize {
     copy * horizon / copies
 }
 
@@ -185,7 +185,7 @@ impl Environment for Ials<'_> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::training::stream::RowStream;
+    use crate::state::stream::RowStream;
     use dials_core::base::{AgentId, Seed};
     use dials_core::domain::Domain;
     use dials_testkit::toy::Coins;

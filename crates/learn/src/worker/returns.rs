@@ -1,7 +1,7 @@
 //! Returns of the episodes that end in a period of training.
 
-use super::environment::Experience;
-use super::stream::{AgentStream, rows_of, rows_of_mut};
+use crate::environments::Experience;
+use crate::state::stream::{AgentStream, rows_of, rows_of_mut};
 
 /// Returns of the episodes that ended in this period, per agent.
 ///
@@ -53,7 +53,7 @@ impl EpisodeReturns {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::training::stream::RowStream;
+    use crate::state::stream::RowStream;
     use dials_core::base::{Rows, Seed};
 
     #[test]

@@ -2,8 +2,8 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::drift::Drift;
 use crate::config::{AipTraining, Config, Period};
+use crate::training::drift::Drift;
 
 /// How far training has come. The default is its beginning.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
@@ -32,7 +32,7 @@ impl Standing {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::influence::FreshLoss;
+    use crate::predictors::FreshLoss;
     use crate::training::drift::Moment;
 
     #[test]

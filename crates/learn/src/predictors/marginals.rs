@@ -211,7 +211,7 @@ impl PredictorKind for Constants {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::influence::train;
+    use crate::predictors::train;
     use dials_core::base::{AgentId, Seed};
 
     fn spec(sources: SourceSpec) -> RegionSpec {
@@ -225,7 +225,7 @@ mod tests {
         dataset
     }
 
-    fn trained(spec: &RegionSpec, datasets: &[Dataset]) -> (Marginals, Vec<crate::influence::AipLoss>) {
+    fn trained(spec: &RegionSpec, datasets: &[Dataset]) -> (Marginals, Vec<crate::predictors::AipLoss>) {
         let mut marginals = Marginals::new(datasets.len(), spec);
         let agents = AgentId::all(datasets.len());
         let losses = train(

@@ -3,7 +3,7 @@
 //! Some episodes take longer than the coordinator waits for a word of its workers: a whole day of a large map. A worker
 //! that spoke only between episodes would look as if it hung.
 
-use super::observer::Observer;
+use crate::observer::Observer;
 use dials_core::base::{Activity, Seed};
 use dials_core::domain::{Action, Controller, JointPercept, Result};
 

@@ -70,7 +70,7 @@ fn split(dataset: &Dataset, share: f64) -> (usize, usize) {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::influence::AipStack;
+    use crate::predictors::AipStack;
     use dials_core::domain::{RegionSpec, SourceSpec};
     use rand::Rng;
 

@@ -4,6 +4,10 @@
 //! only during a period, because libsumo holds one simulation per process, and between periods the worker runs the
 //! global simulator (GS). A period begins where [`AgentsState`] left the one before it, down to the cars on the road.
 
+pub mod block;
+pub(crate) mod reporting;
+mod returns;
+
 use std::ops::Range;
 use std::sync::Arc;
 use std::time::Instant;
@@ -11,12 +15,12 @@ use std::time::Instant;
 use anyhow::Context;
 
 use crate::config::Config;
+use crate::environments::timed::{Timed, TimedController};
+use crate::observer::Observer;
 use crate::policy::{JointPolicy, JointPolicyController, Selection};
-use crate::training::block::{AgentBlock, agents_per_block};
-use crate::training::observer::Observer;
-use crate::training::progress::Reporting;
-use crate::training::state::AgentsState;
-use crate::training::timed::{Timed, TimedController};
+use crate::state::AgentsState;
+use crate::worker::block::{AgentBlock, agents_per_block};
+use crate::worker::reporting::Reporting;
 use dials_core::base::{Activity, AgentId, Phase, Ragged, Stopwatch, Timesheet};
 use dials_core::domain::{Controller, Domain, GlobalSimulator, Result};
 use stacknets::Threads;

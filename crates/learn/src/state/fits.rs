@@ -8,14 +8,14 @@ use std::ops::Range;
 
 use anyhow::{Context, ensure};
 
-use super::block::episode_steps;
-use super::ials::head_start;
-use super::standing::Standing;
-use super::state::AgentsState;
-use super::stream::{AgentStream, RowStream};
 use crate::algorithms::{self, Layout, Tables};
 use crate::config::{Config, Simulator, schedule};
+use crate::environments::ials::head_start;
 use crate::policy::PolicyStack;
+use crate::progress::Standing;
+use crate::state::AgentsState;
+use crate::state::stream::{AgentStream, RowStream};
+use crate::worker::block::episode_steps;
 use dials_core::base::{AgentId, Ragged, is_stuck};
 use dials_core::domain::{Kinds, RegionSpec, Result};
 

@@ -39,7 +39,7 @@ pub fn measure(predictor: &dyn TrainablePredictor, datasets: &[Dataset], watch: 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::influence::Marginals;
+    use crate::predictors::Marginals;
     use dials_core::domain::{Kinds, RegionSpec, SourceSpec};
 
     #[test]
