@@ -19,8 +19,8 @@ use dials_learn::config::*;
 use dials_learn::dials;
 use dials_learn::evaluation::Evaluation;
 use dials_learn::observer::Observer;
-use dials_learn::progress::Standing;
-use dials_learn::training::journal::Unrecorded;
+use dials_learn::observer::Unrecorded;
+use dials_learn::progress::TrainingProgress;
 use dials_session::fleet::in_process;
 use dials_testkit::conformance;
 use rand::Rng;
@@ -223,5 +223,5 @@ pub(crate) fn main() -> Result<()> {
         ..Config::default()
     };
     let mut fleet = in_process(brigade, config.clone(), Rc::new(Printer))?;
-    dials::train(&config, &mut fleet, Standing::default(), &mut Unrecorded, &Printer)
+    dials::train(&config, &mut fleet, TrainingProgress::default(), &mut Unrecorded, &Printer)
 }

@@ -7,7 +7,7 @@ use dials_learn::config::AipConfig;
 use dials_learn::evaluation::{Evaluation, play_episodes};
 use dials_learn::policy::Demonstrations;
 use dials_learn::predictors::{AipStack, Dataset, train};
-use dials_learn::training::collect::collect_episode;
+use dials_learn::steps::collect::collect_episode;
 use dials_testkit::conformance;
 use dials_warehouse::Warehouse;
 use dials_warehouse::config::WarehouseConfig;

@@ -1,12 +1,14 @@
 //! The fleet of workers, as the steps of Algorithm 1 see it.
 
 use std::ops::Range;
+use std::time::Duration;
+
+use serde::{Deserialize, Serialize};
 
 use crate::config::Config;
 use crate::state::AgentsState;
 use crate::steps::Step;
-use crate::training::answers::FleetLoad;
-use dials_core::base::Activity;
+use dials_core::base::{Activity, Timesheet};
 use dials_core::domain::{Domain, Result};
 
 /// When a request to stop takes effect.
@@ -65,4 +67,39 @@ pub trait Fleet {
 /// Takes the items of some agents from the front of a list with one item per agent. Owners are asked in order.
 pub(crate) fn of_owners<T>(items: &mut Vec<T>, agents: &Range<usize>) -> Vec<T> {
     items.drain(..agents.len()).collect()
+}
+
+/// What a fleet has spent.
+#[derive(Clone, Debug, Default)]
+pub struct FleetLoad {
+    pub workers: Vec<WorkerLoad>,
+    /// Wall time in which at least one worker had an order. Messages and files took the rest.
+    pub at_work: Duration,
+    /// Memory of the coordinator's process; `None` if that process is itself the worker.
+    pub coordinator: Option<Footprint>,
+    /// CPU time of the coordinator's process.
+    pub coordinator_cpu: Duration,
+}
+
+/// What one worker has spent.
+#[derive(Clone, Debug, Default, Serialize, Deserialize)]
+pub struct WorkerLoad {
+    pub timesheet: Timesheet,
+    pub footprint: Footprint,
+}
+
+/// Memory of a process, in KiB; 0 if the system does not report it.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Footprint {
+    /// Peak resident memory, shared libraries counted in full.
+    pub peak_rss_kib: u64,
+    /// Proportional share: each shared page is divided among the processes that share it, so these can be added up.
+    pub pss_kib: u64,
+}
+
+impl Footprint {
+    /// Returns the larger value of each figure.
+    pub fn max(self, other: Footprint) -> Footprint {
+        Footprint { peak_rss_kib: self.peak_rss_kib.max(other.peak_rss_kib), pss_kib: self.pss_kib.max(other.pss_kib) }
+    }
 }

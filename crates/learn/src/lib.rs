@@ -26,5 +26,4 @@ pub mod predictors;
 pub mod progress;
 pub mod state;
 pub mod steps;
-pub mod training;
 pub mod worker;

@@ -1,10 +1,14 @@
-//! Observers of a run, which may also ask it to stop.
+//! Who watches a run: observers, which may also ask it to stop, and recorders, which may write files.
 
 use crate::algorithms::imitation::ImitationLoss;
 use crate::evaluation::Evaluation;
+use crate::fleet::FleetLoad;
 use crate::predictors::{AipLoss, FreshLoss};
-use crate::training::drift::Drift;
+use crate::progress::{Drift, Moment, TrainingProgress};
+use crate::state::AgentsState;
+use crate::steps::train_policies::PolicyTraining;
 use dials_core::base::Activity;
+use dials_core::domain::Result;
 
 /// An observer of the progress.
 pub trait Observer {
@@ -47,3 +51,55 @@ impl Observer for Silent {}
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("stopped")]
 pub struct Interrupted;
+
+/// A record of what happened. It returns no information: how training continues is in [`TrainingProgress`]. An error ends the
+/// training.
+///
+/// `agents`: all agents, as they are after the event.
+pub trait Recorder {
+    /// Training begins, or continues, with these agents.
+    fn begun(&mut self, _agents: &AgentsState) -> Result<()> {
+        Ok(())
+    }
+
+    /// The policies have imitated a controller.
+    fn imitated(&mut self, _agents: &AgentsState, _losses: &[ImitationLoss]) -> Result<()> {
+        Ok(())
+    }
+
+    /// The joint policy was evaluated.
+    fn evaluated(&mut self, _agents: &AgentsState, _evaluation: &Evaluation) -> Result<()> {
+        Ok(())
+    }
+
+    /// The AIPs were trained.
+    fn aips_trained(&mut self, _agents: &AgentsState, _losses: &[AipLoss]) -> Result<()> {
+        Ok(())
+    }
+
+    /// The loss of the AIPs was measured on new episodes.
+    fn aips_measured(&mut self, _agents: &AgentsState, _after: Moment, _losses: &[FreshLoss]) -> Result<()> {
+        Ok(())
+    }
+
+    /// A period of training is over. Training can continue from here with `agents` and `progress`.
+    fn period_done(
+        &mut self,
+        _agents: &AgentsState,
+        _progress: &TrainingProgress,
+        _training: &PolicyTraining,
+        _load: FleetLoad,
+    ) -> Result<()> {
+        Ok(())
+    }
+
+    /// The last evaluation is over.
+    fn finished(&mut self, _agents: &AgentsState, _load: FleetLoad) -> Result<()> {
+        Ok(())
+    }
+}
+
+/// A recorder that records nothing.
+pub struct Unrecorded;
+
+impl Recorder for Unrecorded {}

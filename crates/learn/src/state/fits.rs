@@ -9,18 +9,14 @@ use std::ops::Range;
 use anyhow::{Context, ensure};
 
 use crate::algorithms::{self, Layout, Tables};
-use crate::config::{Config, Simulator, schedule};
+use crate::config::{Config, Simulator};
 use crate::environments::ials::head_start;
 use crate::policy::PolicyStack;
-use crate::progress::Standing;
 use crate::state::AgentsState;
 use crate::state::stream::{AgentStream, RowStream};
 use crate::worker::block::episode_steps;
 use dials_core::base::{AgentId, Ragged, is_stuck};
 use dials_core::domain::{Kinds, RegionSpec, Result};
-
-/// Longest wall time of a run that is believed, in seconds: three hundred years.
-const LONGEST_S: f64 = 1e10;
 
 /// Number of parameters of every agent's policy and influence predictor.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -41,36 +37,6 @@ impl Widths {
         };
         Widths { policies: of_agents(0), aips: of_agents(1) }
     }
-}
-
-/// Returns an error that says how the standing contradicts the config that it was reached with, or the state.
-pub fn check_standing(standing: &Standing, state: &AgentsState, elapsed_s: f64, config: &Config) -> Result<()> {
-    let Standing { until, evaluated_at, drift } = *standing;
-    let ends_there = schedule(config).iter().any(|period| period.end == until);
-    ensure!(ends_there, "it ends a period at step {until}, where its own schedule has none");
-    let steps = config.update_at_or_after(until);
-    ensure!(
-        state.steps == steps,
-        "its period ends at step {until}, so training is at step {steps}, but it is at step {}",
-        state.steps
-    );
-    ensure!(
-        evaluated_at.is_none_or(|at| at <= state.steps),
-        "its last evaluation is at step {}, after its own step {}",
-        evaluated_at.unwrap_or(0),
-        state.steps
-    );
-    ensure!((0.0..=LONGEST_S).contains(&elapsed_s), "it was written after {elapsed_s} seconds, which cannot be");
-    let shares = [drift.share_after_training, drift.share_now];
-    ensure!(
-        shares.into_iter().flatten().all(|share| share >= 0.0 && share.is_finite()),
-        "its drift is {drift:?}, but a loss is a positive number"
-    );
-    ensure!(
-        drift.share_after_training.is_none() || config.trains_predictors(),
-        "its drift counts from a training of influence predictors, and this run trains none"
-    );
-    Ok(())
 }
 
 /// Some agents of a run, next to each other: what a state of them must be like.
@@ -242,26 +208,4 @@ fn check_row(row: &RowStream, copy: usize, steps: u64, config: &Config, spec: &R
         }
     }
     Ok(())
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn a_checkpoint_ends_a_period_of_its_own_schedule() {
-        let mut config = Config { total_steps: 250, ..Config::default() };
-        (config.ppo.memory, config.evaluation.every_steps, config.aip.retrain_every_steps) = (128, 100, 1000);
-        let checked = |until: u64, steps: u64| {
-            let state = AgentsState { steps, ..AgentsState::nobody() };
-            let standing = Standing { until, ..Standing::default() };
-            check_standing(&standing, &state, 0.0, &config).map_err(|error| error.to_string())
-        };
-        // Training is at 256 from step 129 on, so nothing is left to train at step 200.
-        assert_eq!([checked(100, 128), checked(200, 256)], [const { Ok(()) }; 2]);
-        for none in [0, 150, 250] {
-            let error = checked(none, 256).unwrap_err();
-            assert!(error.ends_with(&format!("step {none}, where its own schedule has none")), "{error}");
-        }
-    }
 }

@@ -10,7 +10,7 @@ use crate::fleet::{Fleet, Stop, of_owners};
 use crate::observer::Observer;
 use crate::predictors::{Dataset, FreshLoss};
 use crate::state::fits::Fit;
-use crate::training::collect::Purpose;
+use crate::steps::collect::Purpose;
 use crate::worker::Worker;
 use dials_core::base::{Activity, AgentId, Stopwatch};
 use dials_core::domain::Result;

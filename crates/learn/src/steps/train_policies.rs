@@ -6,11 +6,11 @@ use anyhow::ensure;
 use serde::{Deserialize, Serialize};
 
 use super::{Check, Step, on_its_way};
+use crate::algorithms::Metrics;
 use crate::config::{Period, Simulator};
 use crate::fleet::{Fleet, Stop};
 use crate::observer::Observer;
 use crate::state::AgentsState;
-use crate::training::answers::PolicyTraining;
 use crate::worker::Worker;
 use crate::worker::block::train_policies_on_the_gs;
 use dials_core::base::{Activity, Stopwatch, Work};
@@ -69,6 +69,44 @@ impl Step for TrainPolicies {
     }
 
     on_its_way!(TrainPolicies);
+}
+
+/// Results of one period of training.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+pub struct PolicyTraining {
+    pub agents: Vec<AgentTraining>,
+    /// Means over the period's updates.
+    pub metrics: Metrics,
+    /// Number of updates of every agent. Without any, the metrics mean nothing.
+    pub updates: usize,
+    /// Totals that the local simulators counted in the period.
+    pub counters: Vec<(String, u64)>,
+}
+
+impl PolicyTraining {
+    /// Joins the results of groups of agents in the same period, in order. Counters of the same name are added up.
+    pub(crate) fn joined(parts: Vec<PolicyTraining>) -> PolicyTraining {
+        let join = |mut whole: PolicyTraining, next: PolicyTraining| {
+            whole.agents.extend(next.agents);
+            whole.metrics.extend(next.metrics);
+            for (name, more) in next.counters {
+                match whole.counters.iter_mut().find(|(known, _)| *known == name) {
+                    Some((_, count)) => *count = count.saturating_add(more),
+                    None => whole.counters.push((name, more)),
+                }
+            }
+            whole
+        };
+        parts.into_iter().reduce(join).expect("somebody trained")
+    }
+}
+
+/// One agent's episodes of a period.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct AgentTraining {
+    /// Mean return of the episodes that ended in the period, on the simulator that the agent trained on.
+    pub mean_return: Option<f64>,
+    pub episodes: u64,
 }
 
 /// Trains all policies until the end of the period.

@@ -6,7 +6,6 @@
 
 pub mod block;
 pub(crate) mod reporting;
-mod returns;
 
 use std::ops::Range;
 use std::sync::Arc;

@@ -22,11 +22,11 @@ use dials_core::base::{Activity, AgentId};
 use dials_core::domain::Domain;
 use dials_learn::config::{Config, Simulator};
 use dials_learn::fleet::{Fleet, Stop};
+use dials_learn::fleet::{FleetLoad, WorkerLoad};
 use dials_learn::observer::{Interrupted, Observer};
 use dials_learn::state::AgentsState;
 use dials_learn::state::fits::{Fit, Widths};
 use dials_learn::steps::{ReportState, Step};
-use dials_learn::training::answers::{FleetLoad, WorkerLoad};
 
 /// Number of times that a worker may be lost at the same order before the run gives up.
 const DEATHS_IN_A_ROW: usize = 3;
