@@ -4,17 +4,18 @@
 //! object among the agents and bootstraps all of them with the last agent's observation, so its GS curves are not a
 //! fair baseline. `gs.shared_policy` does the same: all rows of a kind hold one policy, see [`crate::algorithms::ppo`].
 
+use std::time::Instant;
+
 use anyhow::ensure;
 
-use crate::environments::timed::Timed;
-use crate::environments::{Environment, Experience};
+use super::{Environment, Experience, add_steps};
 use crate::state::stream::{AgentStream, Trail, fingerprint, rows_of, rows_of_mut};
-use dials_core::base::{Seed, Stopwatch};
+use dials_core::base::{Phase, Seed, Stopwatch};
 use dials_core::domain::{Action, GlobalSimulator, JointPercept, Kinds, Percept, Result};
 
 /// The GS as an [`Environment`]: all regions end together, and the next episode has the next seed.
 pub(crate) struct GlobalEnvironment {
-    simulator: Timed<dyn GlobalSimulator>,
+    simulator: Box<dyn GlobalSimulator>,
     kinds: Kinds,
     episodes: Seed,
     /// One trail per agent of each kind, all of the same episode and length.
@@ -31,17 +32,16 @@ impl GlobalEnvironment {
     /// from there. `episodes`: the stream of the episodes' seeds. `alive` is called at every step, because many may have
     /// to be replayed.
     pub(crate) fn resume(
-        simulator: Box<dyn GlobalSimulator>,
+        mut simulator: Box<dyn GlobalSimulator>,
         episodes: Seed,
         streams: &[&[AgentStream]],
         alive: &mut dyn FnMut(),
     ) -> Result<GlobalEnvironment> {
-        let mut simulator = Timed::new(simulator);
         let kinds = simulator.kinds().clone();
         let trails: Vec<Vec<Trail>> =
             streams.iter().map(|streams| rows_of(streams).map(|row| row.trail.clone()).collect()).collect();
         let mut percepts: Vec<Percept> = kinds.iter().map(|kind| Percept::new(kind.agents.len(), &kind.spec)).collect();
-        retrace(&mut simulator, &kinds, episodes, &trails, &mut percepts, alive)?;
+        retrace(&mut *simulator, &kinds, episodes, &trails, &mut percepts, alive)?;
         // The caller has timed this; it is not part of the steps to come.
         simulator.take_watch();
         let experiences = kinds.iter().map(|kind| Experience::new(kind.agents.len(), &kind.spec)).collect();
@@ -52,7 +52,7 @@ impl GlobalEnvironment {
 
 /// Replays the trails and writes what the GS shows at their end.
 fn retrace(
-    simulator: &mut Timed<dyn GlobalSimulator>,
+    simulator: &mut dyn GlobalSimulator,
     kinds: &Kinds,
     episodes: Seed,
     trails: &[Vec<Trail>],
@@ -105,7 +105,9 @@ impl Environment for GlobalEnvironment {
             }
         }
         let end = self.trails[0][0].steps() == self.kinds.horizon();
+        let begun = Instant::now();
         let transition = self.simulator.step(&self.actions)?;
+        let steps = begun.elapsed();
         for (kind, experience) in self.kinds.iter().zip(&mut self.experiences) {
             let agents = || kind.agents.iter().map(|agent| agent.0);
             experience.rewards.iter_mut().zip(agents()).for_each(|(reward, agent)| *reward = transition.rewards[agent]);
@@ -119,12 +121,16 @@ impl Environment for GlobalEnvironment {
         }
         let percept = if end {
             self.trails.iter_mut().flatten().for_each(Trail::end_episode);
-            self.simulator.reset(episode_seed(self.episodes, self.trails[0][0].episode))?
+            let episode = episode_seed(self.episodes, self.trails[0][0].episode);
+            let begun = Instant::now();
+            let percept = self.simulator.reset(episode)?;
+            watch.note(Phase::Reset, begun.elapsed());
+            percept
         } else {
             &transition.percept
         };
         show(percept, &self.kinds, &mut self.percepts);
-        watch.add(&self.simulator.take_watch());
+        add_steps(watch, &self.simulator.take_watch(), steps);
         Ok(())
     }
 

@@ -1,11 +1,11 @@
 //! Algorithm 3: trajectories of the influence-augmented local simulators (IALS).
 
 use std::slice::from_ref;
+use std::time::Instant;
 
 use anyhow::ensure;
 
-use crate::environments::timed::Timed;
-use crate::environments::{Environment, Experience};
+use super::{Environment, Experience, add_steps};
 use crate::predictors::InfluencePredictor;
 use crate::state::stream::{AgentStream, Trail, fingerprint, longest, rows_of, rows_of_mut};
 use dials_core::base::{Dice, Phase, Rows, Stopwatch};
@@ -13,7 +13,7 @@ use dials_core::domain::{Action, Beginning, LocalSimulator, Percept, Result};
 
 /// Local simulators of one kind, and the influence predictor that drives them. Every row has its own episode.
 pub struct Ials<'a> {
-    simulator: Timed<dyn LocalSimulator>,
+    simulator: Box<dyn LocalSimulator>,
     predictor: &'a mut dyn InfluencePredictor,
     dice: Vec<Dice>,
     /// Number of steps by which the first episode of each row is shorter.
@@ -37,16 +37,15 @@ impl<'a> Ials<'a> {
     /// was trained since then has the hidden state that it would have had itself. `alive` is called at every step of
     /// them.
     pub fn resume(
-        simulator: Box<dyn LocalSimulator>,
+        mut simulator: Box<dyn LocalSimulator>,
         predictor: &'a mut dyn InfluencePredictor,
         streams: &[AgentStream],
         stagger: bool,
         alive: &mut dyn FnMut(),
     ) -> Result<Self> {
-        let mut simulator = Timed::new(simulator);
         let trails: Vec<Trail> = rows_of(streams).map(|row| row.trail.clone()).collect();
         predictor.begin(trails.len());
-        let percept = retrace(&mut simulator, predictor, &trails, alive)?;
+        let percept = retrace(&mut *simulator, predictor, &trails, alive)?;
         let counted = simulator.counters().into_iter().map(|(_, count)| count).collect();
         // The caller has timed this; it is not part of the steps to come.
         simulator.take_watch();
@@ -88,7 +87,7 @@ pub(crate) fn head_start(copy: usize, copies: usize, horizon: usize) -> usize {
 /// All trails end together. A row whose episode is younger than the oldest one waits, and is reset when its episode
 /// begins.
 fn retrace(
-    simulator: &mut Timed<dyn LocalSimulator>,
+    simulator: &mut dyn LocalSimulator,
     predictor: &mut dyn InfluencePredictor,
     trails: &[Trail],
     alive: &mut dyn FnMut(),
@@ -141,7 +140,9 @@ impl Environment for Ials<'_> {
         });
         // x_{t+1} ~ T(. | x_t, a_t, u_t)
         let horizon = self.simulator.spec().local_horizon;
+        let begun = Instant::now();
         let transition = self.simulator.step(actions, &self.sources)?;
+        let steps = begun.elapsed();
         self.experience.rewards.copy_from_slice(&transition.rewards);
         let mut over = Vec::new();
         for (row, (trail, end)) in self.trails.iter_mut().zip(&mut self.experience.ends).enumerate() {
@@ -161,10 +162,13 @@ impl Environment for Ials<'_> {
             &transition.percept
         } else {
             self.predictor.forget(&over.iter().map(|beginning| beginning.row).collect::<Vec<_>>());
-            self.simulator.reset(&over)?
+            let begun = Instant::now();
+            let percept = self.simulator.reset(&over)?;
+            watch.note(Phase::Reset, begun.elapsed());
+            percept
         };
         self.percept.copy_from(percept);
-        watch.add(&self.simulator.take_watch());
+        add_steps(watch, &self.simulator.take_watch(), steps);
         Ok(())
     }
 

@@ -2,10 +2,11 @@
 
 pub(crate) mod global;
 pub mod ials;
-pub(crate) mod timed;
+
+use std::time::Duration;
 
 use crate::state::stream::AgentStream;
-use dials_core::base::{Rows, Stopwatch};
+use dials_core::base::{Phase, Rows, Stopwatch};
 use dials_core::domain::{Action, Percept, RegionSpec, Result};
 
 /// A simulator without end that policies act in: the global simulator (GS) or the influence-augmented local simulators
@@ -25,6 +26,13 @@ pub trait Environment {
 
     /// Writes down how far the rows of each kind have come, so that another environment can continue from there.
     fn leave(&mut self, streams: &mut [&mut [AgentStream]]);
+}
+
+/// Adds the time of a simulator's steps. Of it, `own` is what the simulator itself has measured, see
+/// [`LocalSimulator::take_watch`](dials_core::domain::LocalSimulator::take_watch); the rest is its own step.
+pub(crate) fn add_steps(watch: &mut Stopwatch, own: &Stopwatch, steps: Duration) {
+    watch.add(own);
+    watch.note(Phase::SimulatorStep, steps.saturating_sub(own.total()));
 }
 
 /// Result of one decision in every row.
@@ -54,5 +62,18 @@ impl Experience {
 
     pub fn any_end(&self) -> bool {
         self.ends.contains(&true)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_a_simulator_does_not_report_of_its_steps_is_its_own_step() {
+        let (mut watch, mut own) = (Stopwatch::default(), Stopwatch::default());
+        own.note(Phase::Reading, Duration::from_secs(2));
+        add_steps(&mut watch, &own, Duration::from_secs(7));
+        assert_eq!([Phase::Reading, Phase::SimulatorStep].map(|phase| watch.spent(phase).as_secs()), [2, 5]);
     }
 }

@@ -146,13 +146,7 @@ fn draw(probabilities: &[f32], dice: &mut Dice) -> u8 {
 
 /// Counts how often each source took each of its values, `[sources][classes]`, in some of the samples.
 pub fn frequencies(sources: &SourceSpec, dataset: &Dataset, samples: Range<usize>) -> Vec<Vec<f64>> {
-    let mut counts: Vec<Vec<u64>> = sources.classes.iter().map(|&classes| vec![0; usize::from(classes)]).collect();
-    for sample in samples.clone() {
-        let observed = dataset.sources.row(sample);
-        counts.iter_mut().zip(observed).for_each(|(counts, &u)| counts[usize::from(u)] += 1);
-    }
-    let share = |count: &u64| *count as f64 / samples.len() as f64;
-    counts.iter().map(|counts| counts.iter().map(share).collect()).collect()
+    PartFrequencies::of(&SourceSpec { parts: 0, ..sources.clone() }, dataset, samples).whole()
 }
 
 /// Returns the cross-entropy of predicting the frequencies `p` if the true ones are `q`.
@@ -228,14 +222,8 @@ mod tests {
     fn trained(spec: &RegionSpec, datasets: &[Dataset]) -> (Marginals, Vec<crate::predictors::AipLoss>) {
         let mut marginals = Marginals::new(datasets.len(), spec);
         let agents = AgentId::all(datasets.len());
-        let losses = train(
-            &mut marginals,
-            &agents,
-            datasets,
-            &AipConfig::default(),
-            Seed::new(0),
-            Work { watch: &mut Stopwatch::default(), progress: &mut |_| () },
-        );
+        let work = Work { watch: &mut Stopwatch::default(), progress: &mut |_| () };
+        let losses = train(&mut marginals, &agents, datasets, &AipConfig::default(), Seed::new(0), work);
         (marginals, losses)
     }
 

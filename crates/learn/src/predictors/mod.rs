@@ -5,19 +5,15 @@
 //! (AIP), one network per agent; without training it is the predictor of untrained-DIALS. [`Marginals`] are constants,
 //! the predictors of marginal-DIALS.
 //!
-//! - `aip`, `marginals`: the two predictors; `correcting`: AIPs that correct constants.
-//! - `dataset`: pairs `(l_t, u_t)` of one agent from the global simulator (GS).
-//! - `train`, `descent`, `best`: fit a predictor to a [`Dataset`]; `measure`: its loss on one that it has not seen.
+//! - `aip`, `marginals`: the two predictors. `dataset`: pairs `(l_t, u_t)` of one agent from the GS.
+//! - `train`: fits a predictor to a [`Dataset`], and measures its loss; `descent`: how AIPs learn.
 //! - `parts`: how often sources took their values in each part of an episode.
 //! - `sources`: the distribution that logits stand for: sampling, cross-entropy and its gradient.
 
 mod aip;
-mod best;
-mod correcting;
 mod dataset;
 mod descent;
 mod marginals;
-mod measure;
 mod parts;
 mod sources;
 mod train;
@@ -34,11 +30,9 @@ use dials_core::domain::{RegionSpec, Result, SourceSpec};
 use stacknets::Layout;
 
 pub use aip::AipStack;
-pub use correcting::CorrectingAips;
 pub use dataset::Dataset;
 pub use marginals::{Marginals, frequencies};
-pub use measure::{FreshLoss, measure};
-pub use train::{AipLoss, train};
+pub use train::{AipLoss, FreshLoss, measure, train};
 
 /// Mean cross-entropy of every influence source, in nats.
 pub(crate) type CrossEntropies = Vec<f64>;
@@ -158,10 +152,10 @@ macro_rules! predictors {
 predictors! {
     /// Approximate influence predictors (AIPs) that are trained every F steps.
     #[default]
-    Network = "aip", "dials", "local simulators with trained influence predictors (AIPs)", aip::Aips;
+    Network = "aip", "dials", "local simulators with trained influence predictors (AIPs)", aip::Aips::Trained;
     /// Random AIPs that are never trained.
     Untrained = "untrained", "untrained-dials", "local simulators with random predictors that are never trained",
-        aip::UntrainedAips;
+        aip::Aips::Untrained;
     /// Constant probabilities instead of AIPs, measured on the global simulator (GS) when DIALS would train its AIPs.
     Marginals = "marginals", "marginal-dials",
         "local simulators with constant arrival probabilities, measured on the global simulator", marginals::Constants;

@@ -8,14 +8,13 @@ use serde::{Deserialize, Serialize};
 
 use super::{Check, Step, on_its_way};
 use crate::algorithms::imitation::demonstrate;
-use crate::environments::timed::Timed;
 use crate::fleet::Fleet;
 use crate::observer::Observer;
 use crate::policy::Demonstrations;
 use crate::worker::Worker;
-use crate::worker::reporting::Reporting;
+use crate::worker::watched::Watched;
 use dials_core::base::{Activity, Phase, RandomPurpose, Seed, Stopwatch};
-use dials_core::domain::{Baseline, GlobalSimulator, Result};
+use dials_core::domain::{Baseline, Result};
 
 /// Asks for what all agents see and do while a controller plays these episodes.
 #[derive(Debug, Serialize, Deserialize)]
@@ -33,16 +32,15 @@ impl Step for Demonstrate {
         let (config, domain) = (&worker.config, &worker.domain);
         let seed = Seed::new(config.seed).fork(RandomPurpose::Demonstrations);
         let mut demonstrations = Demonstrations::of_all(domain.kinds());
-        let Baseline { simulator, mut controller } =
+        let Baseline { mut simulator, mut controller } =
             watch.time(Phase::Loading, || domain.baseline(&self.controller))?;
-        let mut simulator = Timed::new(simulator);
         let decisions = self.episodes.len() * domain.kinds().horizon();
-        let mut controller = Reporting::new(&mut *controller, observer, Activity::Collection, decisions);
+        let mut controller = Watched::new(&mut *controller, observer, Activity::Collection, decisions);
         for episode in self.episodes {
             let seed = seed.for_episode(episode);
-            demonstrate(&mut simulator, &mut controller, seed, config.imitation.slips, &mut demonstrations)?;
+            demonstrate(&mut *simulator, &mut controller, seed, config.imitation.slips, &mut demonstrations)?;
         }
-        watch.add(&simulator.take_watch());
+        controller.add_to(&mut watch, &mut *simulator);
         drop(simulator);
         // They train policies. What is collected for AIPs is counted apart.
         worker.note(Activity::Training, begun.elapsed(), &watch);

@@ -5,7 +5,7 @@
 //! global simulator (GS). A period begins where [`AgentsState`] left the one before it, down to the cars on the road.
 
 pub mod block;
-pub(crate) mod reporting;
+pub(crate) mod watched;
 
 use std::ops::Range;
 use std::sync::Arc;
@@ -14,12 +14,11 @@ use std::time::Instant;
 use anyhow::Context;
 
 use crate::config::Config;
-use crate::environments::timed::{Timed, TimedController};
 use crate::observer::Observer;
 use crate::policy::{JointPolicy, JointPolicyController, Selection};
 use crate::state::AgentsState;
 use crate::worker::block::{AgentBlock, agents_per_block};
-use crate::worker::reporting::Reporting;
+use crate::worker::watched::Watched;
 use dials_core::base::{Activity, AgentId, Phase, Ragged, Stopwatch, Timesheet};
 use dials_core::domain::{Controller, Domain, GlobalSimulator, Result};
 use stacknets::Threads;
@@ -147,14 +146,12 @@ impl Worker {
     ) -> Result<()> {
         let policies = self.joint.take().context("no policies were sent before this step")?;
         let (begun, mut watch) = (Instant::now(), Stopwatch::default());
-        let mut simulator = Timed::new(watch.time(Phase::Loading, || self.domain.global_simulator())?);
+        let mut simulator = watch.time(Phase::Loading, || self.domain.global_simulator())?;
         let (kinds, config) = (self.domain.kinds(), &self.config);
-        let mut controller =
-            TimedController::new(JointPolicyController::new(kinds, config, &policies, Selection::Sampled));
-        let mut reporting = Reporting::new(&mut controller, observer, activity, episodes.len() * kinds.horizon());
-        episodes.into_iter().try_for_each(|episode| play(&mut simulator, &mut reporting, episode))?;
-        watch.add(&simulator.take_watch());
-        watch.add(&controller.watch);
+        let mut controller = JointPolicyController::new(kinds, config, &policies, Selection::Sampled);
+        let mut controller = Watched::new(&mut controller, observer, activity, episodes.len() * kinds.horizon());
+        episodes.into_iter().try_for_each(|episode| play(&mut *simulator, &mut controller, episode))?;
+        controller.add_to(&mut watch, &mut *simulator);
         drop(simulator);
         self.timesheet.note(activity, begun.elapsed(), &watch);
         Ok(())
