@@ -6,8 +6,17 @@ use std::collections::BTreeMap;
 use anyhow::ensure;
 use serde::{Deserialize, Serialize};
 
-use dials_core::base::{Dice, Ragged, is_stuck};
+use crate::config::Config;
+use dials_core::base::{AgentId, Dice, Ragged, RandomPurpose, Seed, is_stuck};
 use dials_core::domain::Result;
+use stacknets::{Adam, Moments, Parameters};
+
+/// Names of the tables of a [`Base`], as in checkpoints.
+const FIRST_MOMENTS: &str = "first_moments";
+const SECOND_MOMENTS: &str = "second_moments";
+const ACTING: &str = "acting";
+const MINIBATCHES: &str = "minibatches";
+const GRADIENT_STEPS: &str = "gradient_steps";
 
 /// Tables of some agents, by name.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
@@ -18,6 +27,68 @@ pub struct Tables {
     pub dice: BTreeMap<String, Vec<Vec<Dice>>>,
     /// Counts that are the same for all agents.
     pub counts: BTreeMap<String, u64>,
+}
+
+/// What every learner keeps: its optimiser and its dice.
+pub(super) struct Base {
+    pub(super) adam: Adam,
+    /// Dice for the actions, one per row.
+    pub(super) acting: Vec<Dice>,
+    /// Dice for the minibatches, one per agent.
+    pub(super) minibatches: Vec<Dice>,
+}
+
+impl Base {
+    pub(super) fn new(config: &Config, agents: &[AgentId], parameters: &Parameters) -> Base {
+        let seed = |purpose: RandomPurpose, agent: &AgentId| Seed::new(config.seed).fork(purpose).for_agent(*agent);
+        let of_copies = |agent| {
+            let seed = seed(RandomPurpose::Acting, agent);
+            (0..config.copies()).map(move |copy| seed.for_copy(copy).dice())
+        };
+        Base {
+            adam: Adam::new(parameters),
+            acting: agents.iter().flat_map(of_copies).collect(),
+            minibatches: agents.iter().map(|agent| seed(RandomPurpose::PolicyMinibatches, agent).dice()).collect(),
+        }
+    }
+
+    /// Returns the layout of its tables. `parameters`: number of those of an agent's policy.
+    pub(super) fn layout(config: &Config, parameters: usize, gradient_steps: u64) -> Layout {
+        let moments =
+            NumberTable { name: FIRST_MOMENTS, width: parameters, averaged: true, squares: false, learnt: true };
+        Layout {
+            numbers: vec![moments, NumberTable { name: SECOND_MOMENTS, squares: true, ..moments }],
+            dice: vec![(ACTING, config.copies()), (MINIBATCHES, 1)],
+            counts: vec![(GRADIENT_STEPS, gradient_steps)],
+        }
+    }
+
+    /// Returns the number of rows per agent.
+    pub(super) fn copies(&self) -> usize {
+        self.acting.len() / self.minibatches.len()
+    }
+
+    pub(super) fn tables(&self) -> Tables {
+        let Moments { first, second, steps } = self.adam.moments().clone();
+        let acting: Vec<_> = self.acting.chunks(self.copies()).map(<[Dice]>::to_vec).collect();
+        let minibatches = self.minibatches.iter().map(|dice| vec![dice.clone()]).collect();
+        Tables {
+            numbers: [(FIRST_MOMENTS.to_owned(), first.into()), (SECOND_MOMENTS.to_owned(), second.into())].into(),
+            dice: [(ACTING.to_owned(), acting), (MINIBATCHES.to_owned(), minibatches)].into(),
+            counts: [(GRADIENT_STEPS.to_owned(), u64::from(steps))].into(),
+        }
+    }
+
+    /// Continues from such tables.
+    pub(super) fn load(&mut self, tables: &mut Tables) {
+        self.adam.restore(Moments {
+            first: tables.take_numbers(FIRST_MOMENTS).into_rows(),
+            second: tables.take_numbers(SECOND_MOMENTS).into_rows(),
+            steps: u32::try_from(tables.counts[GRADIENT_STEPS]).expect("the layout gives this number"),
+        });
+        let mut dice = |name| tables.dice.remove(name).expect("a learner keeps these dice").concat();
+        (self.acting, self.minibatches) = (dice(ACTING), dice(MINIBATCHES));
+    }
 }
 
 /// Names and sizes of the tables of one agent.
@@ -49,11 +120,6 @@ impl Tables {
     /// Returns the numbers of a name. Panics if there are none: the caller checked the layout, or made them.
     pub(crate) fn take_numbers(&mut self, name: &str) -> Ragged<f32> {
         self.numbers.remove(name).unwrap_or_else(|| panic!("a learner keeps the table `{name}`"))
-    }
-
-    /// Returns the dice of a name, like [`Tables::take_numbers`].
-    pub(crate) fn take_dice(&mut self, name: &str) -> Vec<Vec<Dice>> {
-        self.dice.remove(name).unwrap_or_else(|| panic!("a learner keeps the dice `{name}`"))
     }
 
     /// Returns the tables of some of the agents, in this order.

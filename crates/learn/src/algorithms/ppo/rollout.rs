@@ -16,12 +16,10 @@ pub(super) struct Rollout {
     config: PpoConfig,
     /// Whether the value of the last row stands for what would come for all rows, see `gs.shared_policy`.
     shared_bootstrap: bool,
-    /// Dice for the actions, one per row.
-    pub(crate) dice: Vec<Dice>,
     /// Hidden states of the policies, one per row.
     pub(crate) states: States,
     /// Whether an episode begins with the row's next decision.
-    pub(crate) starts: Vec<bool>,
+    starts: Vec<bool>,
     first_slot: usize,
     /// `[steps so far, rows]`; the same for the values and the ends.
     rewards: Vec<f32>,
@@ -30,13 +28,12 @@ pub(super) struct Rollout {
 }
 
 impl Rollout {
-    /// Begins the first rollout. `dice`, `states`: one per row.
-    pub(super) fn new(config: &PpoConfig, shared_bootstrap: bool, dice: Vec<Dice>, states: States) -> Rollout {
+    /// Begins the first rollout. `states`: one per row.
+    pub(super) fn new(config: &PpoConfig, shared_bootstrap: bool, states: States) -> Rollout {
         Rollout {
             config: config.clone(),
             shared_bootstrap,
-            starts: vec![true; dice.len()],
-            dice,
+            starts: vec![true; states.rows()],
             states,
             first_slot: 0,
             rewards: Vec::new(),
@@ -46,7 +43,7 @@ impl Rollout {
     }
 
     fn rows(&self) -> usize {
-        self.dice.len()
+        self.starts.len()
     }
 
     /// Returns the agent of a row, and the slot for its step `t`.
@@ -55,8 +52,14 @@ impl Rollout {
         (row / copies, self.first_slot + row % copies * self.config.rollout_steps + t)
     }
 
-    /// Chooses one action per row, and records the decisions.
-    pub(super) fn act(&mut self, policies: &PolicyStack, memory: &mut Memory, percept: &Percept) -> Vec<Action> {
+    /// Chooses one action per row, and records the decisions. `dice`: one per row.
+    pub(super) fn act(
+        &mut self,
+        policies: &PolicyStack,
+        dice: &mut [Dice],
+        memory: &mut Memory,
+        percept: &Percept,
+    ) -> Vec<Action> {
         let t = self.rewards.len() / self.rows();
         let before = self.states.clone();
         let judgement = policies.decide(percept, &mut self.states);
@@ -64,7 +67,7 @@ impl Rollout {
         let mut actions = Vec::with_capacity(self.rows());
         for (row, (logits, value)) in judgement.rows().enumerate() {
             sampling::log_softmax(logits, &mut log_probs);
-            let action = sampling::draw(&log_probs, &mut self.dice[row]);
+            let action = sampling::draw(&log_probs, &mut dice[row]);
             let (agent, slot) = self.slot(t, row, policies.agents());
             let log_prob = log_probs[usize::from(action)];
             let sample = Sample { action, log_prob, value, start: self.starts[row], ..Sample::default() };
@@ -222,8 +225,7 @@ mod tests {
 
     /// Begins the rollouts of two agents with two copies each.
     fn begun(policies: &PolicyStack, config: &PpoConfig, shared_bootstrap: bool) -> Rollout {
-        let dice = (0..4).map(|row| Seed::new(7).for_copy(row).dice()).collect();
-        Rollout::new(config, shared_bootstrap, dice, policies.states(4))
+        Rollout::new(config, shared_bootstrap, policies.states(4))
     }
 
     /// Records two rollouts of four steps in a memory of 16 per agent.
@@ -234,10 +236,11 @@ mod tests {
         let mut memory = Memory::new(2, 16, length, &scripted.spec, recurrent.unwrap_or(0));
         let config = PpoConfig { rollout_steps: T, time_limit, ..PpoConfig::default() };
         let mut rollout = begun(&policies, &config, false);
+        let mut dice: Vec<Dice> = (0..4).map(|row| Seed::new(7).for_copy(row).dice()).collect();
         let watch = &mut Stopwatch::default();
         for is_last in [false, true] {
             for t in 1..=T {
-                rollout.act(&policies, &mut memory, &scripted.percept);
+                rollout.act(&policies, &mut dice, &mut memory, &scripted.percept);
                 scripted.step();
                 assert_eq!(rollout.take_in(&policies, &scripted.experience, watch), t == T);
             }
