@@ -336,15 +336,6 @@ mod tests {
     }
 
     #[test]
-    fn what_is_drawn_at_random_cannot_be_imitated() {
-        let (_, losses) = imitated(&Coins::new(50), "random", 0, &small(None, false), &config());
-        // 4 held-out episodes of 50: standard deviation of the share of hits sqrt(0.25 / 200) = 0.035.
-        for loss in losses {
-            assert!((loss.accuracy[1] - 0.5).abs() < 0.11 && loss.cross_entropy[1] > 0.67, "{loss:?}");
-        }
-    }
-
-    #[test]
     fn the_value_is_left_alone() {
         for policy in [small(None, false), small(Some(8), true)] {
             let config = ImitationConfig { minibatch: 4, epochs: 1, ..config() };

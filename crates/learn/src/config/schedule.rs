@@ -224,11 +224,6 @@ mod tests {
     }
 
     #[test]
-    fn marginals_are_measured_when_aips_would_be_trained() {
-        assert_eq!(bounds(&config("marginal-dials", 250, 100, 60)), bounds(&config("dials", 250, 100, 60)));
-    }
-
-    #[test]
     fn aips_that_are_trained_once_or_on_drift_are_trained_at_the_first_step() {
         for (retrain, later) in [(Retrain::Once, AipTraining::No), (Retrain::Drift, AipTraining::IfDrifted)] {
             let mut config = config("dials", 150, 60, 50);
@@ -247,13 +242,6 @@ mod tests {
         for simulator in ["gs", "untrained-dials"] {
             assert_eq!(bounds(&config(simulator, 100, 10, 50)), [(0, 50, false, true), (50, 100, false, true)]);
         }
-    }
-
-    #[test]
-    fn a_run_that_stops_early_keeps_its_schedule_up_to_there() {
-        let mut config = config("dials", 1000, 1000, 100);
-        config.stop_at_steps = Some(150);
-        assert_eq!(bounds(&config), [(0, 100, true, true), (100, 150, false, true)]);
     }
 
     #[test]
@@ -284,18 +272,5 @@ mod tests {
         assert_eq!(rest_of_schedule(&config, 150), [last]);
         config.stop_at_steps = Some(200);
         assert_eq!(rest_of_schedule(&config, 150), []);
-    }
-
-    #[test]
-    fn a_schedule_goes_on_at_its_own_bounds_and_within_a_period_of_another_one() {
-        let config = config("dials", 250, 100, 60);
-        let all = schedule(&config);
-        assert_eq!(rest_of_schedule(&config, 0), all);
-        assert_eq!(rest_of_schedule(&config, 100), all[2..]);
-        assert_eq!(rest_of_schedule(&config, 250), []);
-        let rest = rest_of_schedule(&config, 130);
-        let rest_of_period =
-            Period { start: 130, end: 180, train_aips: AipTraining::No, evaluate: false, average: false };
-        assert_eq!((rest[0], &rest[1..]), (rest_of_period, &all[4..]));
     }
 }

@@ -272,15 +272,10 @@ mod tests {
 
     #[test]
     fn the_predictor_sees_the_d_set_from_before_the_step_it_drives() {
-        let (spy, _, shown) = run(false, 3);
+        let (spy, ends, shown) = run(false, 5);
         assert_eq!(spy.seen[0].as_slice(), [0.0; 4], "an episode begins with both coins at 0");
         assert_eq!(spy.seen[1], shown[0]);
         assert_eq!(shown[0].as_slice(), [1.0; 4], "action 1 and source 1 turn both coins to 1");
-    }
-
-    #[test]
-    fn copies_in_step_end_together_and_begin_again() {
-        let (spy, ends, shown) = run(false, 5);
         assert_eq!(ends, [[false; 2], [false; 2], [false; 2], [true; 2], [false; 2]]);
         assert_eq!(spy.forgotten, [[0, 1], [0, 1]]);
         assert_eq!(shown[3].as_slice(), [0.0; 4], "after the end the next episode is shown");

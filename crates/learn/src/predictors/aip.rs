@@ -327,22 +327,6 @@ mod tests {
         (0..rows).map(|copy| Seed::new(9).for_copy(copy).dice()).collect()
     }
 
-    #[test]
-    fn sampled_frequencies_are_the_predicted_probabilities() {
-        let spec = RegionSpec { d_set_dim: 1, ..spec(0, 2) };
-        let config = AipConfig { hidden: vec![1], ..AipConfig::default() };
-        let mut aip = AipStack::new(&[AgentId(0)], &spec, &config, Seed::new(0));
-        // The hidden unit is off; the output biases are logit(0.2) = -1.3863 and logit(0.9) = 2.1972.
-        aip.load(&Rows::from_vec(vec![0.0, -1.0, 0.0, 0.0, -1.3863, 2.1972], 6));
-        let rows = 20_000;
-        let mut drawn = Rows::new(rows, 2);
-        aip.begin(rows);
-        aip.sample(&Rows::new(rows, 1), &mut dice(rows), &mut drawn);
-        let frequency = |source| drawn.iter().map(|row| f64::from(row[source])).sum::<f64>() / rows as f64;
-        // Standard errors: sqrt(0.16 / 20000) = 0.0028 and sqrt(0.09 / 20000) = 0.0021.
-        assert!((frequency(0) - 0.2).abs() < 0.0113 && (frequency(1) - 0.9).abs() < 0.0085);
-    }
-
     /// Makes 200 episodes of two parts. Source 0 happens with probability 0.9 if the third column is 1, else with 0.2.
     /// Source 1 is a coin that falls on 1 with probability 0.1 in the first half and 0.6 in the second. Source 2 never
     /// happens.

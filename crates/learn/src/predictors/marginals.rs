@@ -227,13 +227,26 @@ mod tests {
         (marginals, losses)
     }
 
+    /// Draws the sources of every row once.
+    fn drawn(marginals: &mut Marginals, d_set: &Rows<f32>) -> Rows<u8> {
+        let mut dice: Vec<Dice> = (0..d_set.len()).map(|row| Seed::new(5).for_copy(row).dice()).collect();
+        let mut drawn = Rows::new(d_set.len(), marginals.sources.count());
+        marginals.begin(d_set.len());
+        marginals.sample(d_set, &mut dice, &mut drawn);
+        drawn
+    }
+
     #[test]
     fn they_are_the_frequencies_of_the_training_episodes_and_their_loss_is_worked_out_by_hand() {
         let spec = spec(SourceSpec::bits(1));
         // Agent 0: every third of the 90 training samples, and all ten that are held out. Agent 1: never.
         let datasets = [dataset(&spec, |t| vec![u8::from(t % 3 == 0 || t >= 90)]), dataset(&spec, |_| vec![0])];
-        let (marginals, losses) = trained(&spec, &datasets);
+        let (mut marginals, losses) = trained(&spec, &datasets);
         assert_eq!(marginals.values().as_slice(), [2.0 / 3.0, 1.0 / 3.0, 1.0, 0.0]);
+        // Every copy draws from the frequencies of its agent.
+        let drawn = drawn(&mut marginals, &Rows::new(2000, 1));
+        let ones = |rows: std::ops::Range<usize>| rows.filter(|&row| drawn.row(row) == [1]).count();
+        assert!(ones(0..1000).abs_diff(333) < 60 && ones(1000..2000) == 0, "standard deviation 15");
         // Before: ln 2 everywhere. H(1/3) = 0.636514; held out -ln(1/3) = 1.098612, and 0 if nothing ever happens.
         for (loss, [training, held_out]) in losses.iter().zip([[0.636_514, 1.098_612], [0.0, 0.0]]) {
             assert!((loss.training[0][0] - 2_f64.ln()).abs() < 1e-7 && (loss.held_out[0][0] - 2_f64.ln()).abs() < 1e-7);
@@ -252,10 +265,7 @@ mod tests {
         // Among 90 samples every class of the choice comes 30 times, and the bit in every tenth.
         let (mut marginals, _) = trained(&spec, &[dataset(&spec, |t| vec![(t % 3) as u8, u8::from(t % 10 == 0)])]);
         assert_eq!(marginals.values().as_slice(), [third, third, third, 0.9, 0.1]);
-        let mut dice: Vec<Dice> = (0..10_000).map(|row| Seed::new(5).for_copy(row).dice()).collect();
-        let mut drawn = Rows::new(10_000, 2);
-        marginals.begin(10_000);
-        marginals.sample(&Rows::new(10_000, 1), &mut dice, &mut drawn);
+        let drawn = drawn(&mut marginals, &Rows::new(10_000, 1));
         // Standard errors: sqrt(2/9 / 10000) = 0.0047 and 0.003.
         let share = |source: usize, class| drawn.iter().filter(|row| row[source] == class).count() as f64 / 1e4;
         assert!((share(0, 2) - 1.0 / 3.0).abs() < 0.019 && (share(1, 1) - 0.1).abs() < 0.012);
@@ -279,30 +289,10 @@ mod tests {
         assert!((losses[0].held_out[1][0] - 0.021_506).abs() < 1e-6 && losses[0].marginals[0] > 0.0);
         Marginals::check(&spec.sources, marginals.values().row(0)).unwrap();
         assert!(Marginals::check(&spec.sources, &[0.5, 0.5, 0.5, 0.6]).is_err(), "the second part");
-        let mut dice: Vec<Dice> = (0..2000).map(|row| Seed::new(5).for_copy(row).dice()).collect();
         let d_set: Vec<f32> = (0..2000).flat_map(|row| if row % 2 == 0 { [1.0, 0.0] } else { [0.0, 1.0] }).collect();
-        let mut drawn = Rows::new(2000, 1);
-        marginals.begin(2000);
-        marginals.sample(&Rows::from_vec(d_set, 2), &mut dice, &mut drawn);
+        let drawn = drawn(&mut marginals, &Rows::from_vec(d_set, 2));
         let count = |parity: usize| drawn.iter().skip(parity).step_by(2).filter(|row| row[0] == 1).count();
         // 979 and 21 of 1000, standard deviation 4.6.
         assert!(count(0) > 955 && count(1) < 45, "{} {}", count(0), count(1));
-    }
-
-    #[test]
-    fn every_copy_of_an_agent_draws_from_the_frequencies_of_its_agent() {
-        let spec = spec(SourceSpec { classes: vec![3; 2], parts: 0 });
-        let (always_two, mixed) = (dataset(&spec, |_| vec![2, 0]), dataset(&spec, |t| vec![(t % 5 / 2) as u8, 1])); // 2, 2 and 1 in five
-        let (mut marginals, _) = trained(&spec, &[always_two, mixed]);
-        let rows = 20_000;
-        let mut dice: Vec<Dice> = (0..rows).map(|row| Seed::new(5).for_copy(row).dice()).collect();
-        let mut drawn = Rows::new(rows, 2);
-        marginals.begin(rows);
-        marginals.sample(&Rows::new(rows, 1), &mut dice, &mut drawn);
-        assert!((0..rows / 2).all(|row| drawn.row(row) == [2, 0]));
-        let count = |class| (rows / 2..rows).filter(|&row| drawn.row(row)[0] == class).count() as f64 / 1e4;
-        // Standard errors of 10000 draws: sqrt(0.24 / 10000) = 0.0049 and sqrt(0.16 / 10000) = 0.004.
-        assert!((count(0) - 0.4).abs() < 0.02 && (count(1) - 0.4).abs() < 0.02 && (count(2) - 0.2).abs() < 0.016);
-        assert!((rows / 2..rows).all(|row| drawn.row(row)[1] == 1));
     }
 }

@@ -111,51 +111,6 @@ mod tests {
         RegionSpec { obs_dim, d_set_dim, n_actions: 2, masks: false, sources, horizon, local_horizon: horizon }
     }
 
-    /// Makes two sources with a known conditional distribution: P(u_0 = 1 | x) is 0.9 if x_0 = 1 and 0.2 otherwise; u_1
-    /// is a fair coin.
-    fn known_dataset(agent: AgentId) -> Dataset {
-        let spec = spec(3, SourceSpec::bits(2), 100);
-        let mut dataset = Dataset::new(&spec);
-        let mut dice = Seed::new(21).for_agent(agent).dice();
-        for _ in 0..20_000 {
-            let x: [bool; 3] = dice.random();
-            let u = [dice.random_bool(if x[0] { 0.9 } else { 0.2 }), dice.random_bool(0.5)];
-            dataset.push(&x.map(|bit| f32::from(u8::from(bit))), &u.map(u8::from));
-        }
-        dataset
-    }
-
-    fn config() -> AipConfig {
-        AipConfig { hidden: vec![16, 16], learning_rate: 1e-3, epochs: 12, ..AipConfig::default() }
-    }
-
-    fn trained(agents: &[AgentId], config: &AipConfig) -> (Vec<AipLoss>, Vec<f32>) {
-        let spec = spec(3, SourceSpec::bits(2), 100);
-        let mut aips = AipStack::new(agents, &spec, config, Seed::new(1));
-        let datasets: Vec<Dataset> = agents.iter().map(|&agent| known_dataset(agent)).collect();
-        let work = Work { watch: &mut Stopwatch::default(), progress: &mut |_| () };
-        let losses = train(&mut aips, agents, &datasets, config, Seed::new(2), work);
-        let values = aips.values().as_slice().to_vec();
-        (losses, values)
-    }
-
-    #[test]
-    fn an_aip_reaches_the_entropy_of_a_known_distribution() {
-        // Without a hidden layer an AIP is a logistic regression, which can give both probabilities, too.
-        let linear = AipConfig { hidden: Vec::new(), learning_rate: 1e-2, ..config() };
-        let losses = [config(), linear].into_iter().flat_map(|config| trained(&AgentId::all(2), &config).0);
-        // H(0.9) = 0.3251 and H(0.2) = 0.5004, each half of the time: 0.4127; the coin: ln 2 = 0.6931.
-        // The marginal of u_0 is 0.55: H = 0.6881. 2000 held-out samples: standard error of the loss about 0.012.
-        for loss in losses {
-            assert!((loss.held_out[0][0] - 0.69).abs() < 0.08, "untrained {:?}", loss.held_out[0]);
-            assert!((loss.held_out[1][0] - 0.4127).abs() < 0.04, "{:?}", loss.held_out[1]);
-            assert!((loss.held_out[1][1] - 2_f64.ln()).abs() < 0.01, "{:?}", loss.held_out[1]);
-            assert!((loss.training[1][0] - 0.4127).abs() < 0.02, "{:?}", loss.training[1]);
-            assert!((loss.marginals[0] - 0.6881).abs() < 0.01, "{:?}", loss.marginals);
-            assert!((loss.frequencies[0] - 0.55).abs() < 0.015, "{:?}", loss.frequencies);
-        }
-    }
-
     #[test]
     fn the_last_episodes_measure_and_are_not_trained_on() {
         // u = x in the first 18 episodes, u = 1 - x in the last two: a predictor that learns u = x is wrong there.
@@ -204,14 +159,6 @@ mod tests {
         assert_eq!(before, after, "the first parameters were the best");
         let [before, after] = losses(None);
         assert!(after[0] > before[0] + 0.5, "{before:?} {after:?}");
-    }
-
-    #[test]
-    fn agents_train_alike_in_any_company() {
-        let (both, together) = trained(&[AgentId(0), AgentId(1)], &config());
-        let (single, alone) = trained(&[AgentId(1)], &config());
-        assert_eq!(single[0], both[1]);
-        assert_eq!(alone, together[together.len() / 2..]);
     }
 
     /// Makes a source that repeats what the d-set showed two steps ago: only a memory can predict it.

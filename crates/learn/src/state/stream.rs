@@ -126,14 +126,4 @@ mod tests {
         let masked = |mask: [bool; 2]| Percept { masks: Some(Rows::from_vec(mask.to_vec(), 2)), ..percept([0.0; 4]) };
         assert_ne!(fingerprint(&masked([true, false]), 0), fingerprint(&masked([true, true]), 0));
     }
-
-    #[test]
-    fn a_trail_holds_one_episode() {
-        let mut trail = Trail::default();
-        trail.push(1, &[0, 1]);
-        trail.push(0, &[1, 1]);
-        assert_eq!((trail.steps(), trail.sources_at(1, 2)), (2, &[1, 1][..]));
-        trail.end_episode();
-        assert_eq!(trail, Trail { episode: 1, ..Trail::default() });
-    }
 }

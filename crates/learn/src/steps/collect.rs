@@ -137,8 +137,6 @@ pub fn collect_datasets(fleet: &mut impl Fleet, purpose: Purpose) -> Result<Vec<
 #[cfg(test)]
 mod tests {
     use super::*;
-    use dials_core::domain::Domain;
-    use dials_testkit::toy::Coins;
 
     #[test]
     fn every_purpose_has_episodes_of_its_own() {
@@ -148,27 +146,5 @@ mod tests {
         let mut streams = purposes.map(|purpose| purpose.stream(&config).for_episode(0)).to_vec();
         streams.push(crate::evaluation::episode_seed(Seed::new(config.evaluation.seed), 0));
         assert!((0..4).all(|i| (0..i).all(|j| streams[i] != streams[j])));
-    }
-
-    #[test]
-    fn a_dataset_holds_the_closed_form_influence_of_copying_coins() {
-        let coins = Coins::new(500);
-        let mut baseline = coins.baseline("copy").unwrap();
-        let mut datasets = Dataset::of_all(coins.kinds());
-        for episode in 0..20 {
-            let seed = Seed::new(8).for_episode(episode);
-            collect_episode(&mut *baseline.simulator, &mut *baseline.controller, seed, &mut datasets).unwrap();
-        }
-        // P(u = x) = 0.8^2 + 0.2^2 = 0.68; 10000 samples: standard error sqrt(0.68 * 0.32 / 10000) = 0.0047.
-        for dataset in datasets {
-            assert_eq!((dataset.len(), dataset.episodes()), (10_000, 20));
-            let mut d_set = [0.0; 2];
-            let mut is_equal = |sample: usize| {
-                dataset.d_sets.read(sample, &mut d_set);
-                d_set[0] == f32::from(dataset.sources.row(sample)[0])
-            };
-            let equal = (0..dataset.len()).filter(|&sample| is_equal(sample)).count();
-            assert!((equal as f64 / 10_000.0 - 0.68).abs() < 0.019, "{equal}");
-        }
     }
 }
