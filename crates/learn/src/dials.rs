@@ -17,8 +17,8 @@ use dials_core::domain::Result;
 
 /// Trains the policies of all agents as the config says, from their current state.
 ///
-/// The numbers are the lines of Algorithm 1. Training on the GS and with untrained AIPs is the same loop without lines 3
-/// to 6. With marginals, lines 4 to 6 measure them instead of training AIPs.
+/// The numbers are the lines of Algorithm 1. Training on the GS and with untrained AIPs is the same loop without lines
+/// 3 to 6. With marginals, lines 4 to 6 measure them instead of training AIPs.
 pub fn train(
     config: &Config,
     fleet: &mut impl Fleet,

@@ -1,4 +1,4 @@
-//! Evaluation: plays episodes on the global simulator (GS) under a controller, and summarises them.
+//! Evaluation: plays episodes on the GS under a controller, and summarises them.
 //!
 //! - `finding`: a player and its episodes.
 //! - `table`: one player, as text. `comparison`: several players, as text.

@@ -35,8 +35,8 @@ pub trait Fleet {
     /// Changes the state of all agents, here and at the workers.
     fn change(&mut self, change: impl FnOnce(&mut AgentsState)) -> Result<()>;
 
-    /// Shares episodes out among all workers. Returns their replies, in the order of the episodes. A request to stop takes
-    /// effect at once.
+    /// Shares episodes out among all workers. Returns their replies, in the order of the episodes. A request to stop
+    /// takes effect at once.
     ///
     /// `with_policies`: whether the workers need the joint policy.
     fn ask_all<S: Step>(
@@ -47,8 +47,8 @@ pub trait Fleet {
         step: impl FnMut(Range<usize>) -> S,
     ) -> Result<Vec<S::Reply>>;
 
-    /// Asks every worker that owns agents; `step` gets its agents, in order. `take` gets every reply with the state of all
-    /// agents and the agents of the worker, in any order. Returns what it returned, in the order of the agents.
+    /// Asks every worker that owns agents; `step` gets its agents, in order. `take` gets every reply with the state of
+    /// all agents and the agents of the worker, in any order. Returns what it returned, in the order of the agents.
     fn ask_owners<S: Step, T>(
         &mut self,
         activity: Activity,

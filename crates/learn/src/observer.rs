@@ -52,8 +52,8 @@ impl Observer for Silent {}
 #[error("stopped")]
 pub struct Interrupted;
 
-/// A record of what happened. It returns no information: how training continues is in [`TrainingProgress`]. An error ends the
-/// training.
+/// A record of what happened. It returns no information: how training continues is in [`TrainingProgress`]. An error
+/// ends the training.
 ///
 /// `agents`: all agents, as they are after the event.
 pub trait Recorder {

@@ -1,8 +1,7 @@
 //! The properties that every domain must have, as one check that a test of the domain calls.
 //!
-//! For the GS (global simulator): shapes and ranges, repeatability from the seed, and the alignment of influence
-//! samples. For the LS (local simulators) of every kind: a reset of one row leaves the others alone, and a row can be
-//! retraced in another simulator, to the bit.
+//! For the GS: shapes and ranges, repeatability from the seed, and the alignment of influence samples. For the LS of
+//! every kind: a reset of one row leaves the others alone, and a row can be retraced in another simulator, to the bit.
 //!
 //! The check also returns how well the LS reproduces the GS when the recorded sources drive it. Shares of equal
 //! observation entries are 1 for domains whose local transition is exact, and the error of the rewards is 0 for them.

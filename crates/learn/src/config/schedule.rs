@@ -14,7 +14,7 @@ pub struct Period {
     pub end: u64,
     /// Whether to evaluate the joint policy first.
     pub evaluate: bool,
-    /// Whether to then collect datasets and train the AIPs (approximate influence predictors).
+    /// Whether to then collect datasets and train the AIPs.
     pub train_aips: AipTraining,
     /// Whether the agents of a kind get the mean of their policies at its end.
     pub average: bool,

@@ -26,7 +26,7 @@ pub struct ShortForm {
     /// What the policies train on, in words.
     pub help: &'static str,
     pub(crate) simulator: Simulator,
-    /// Predictor of local simulators. On the GS (global simulator) there is nothing to predict: `None`.
+    /// Predictor of local simulators. On the GS there is nothing to predict: `None`.
     pub predictor: Option<Predictor>,
 }
 
@@ -82,7 +82,7 @@ impl Config {
         short_forms().into_iter().find(same).expect("every predictor has a short form")
     }
 
-    /// Returns what predicts the influence. On the GS (global simulator) there is nothing to predict: `None`.
+    /// Returns what predicts the influence. On the GS there is nothing to predict: `None`.
     pub fn predictor_in_use(&self) -> Option<Predictor> {
         (self.simulator == Simulator::Local).then_some(self.predictor)
     }

@@ -1,4 +1,4 @@
-//! Training on the global simulator (GS): the baseline that DIALS is compared with.
+//! Training on the GS: the baseline that DIALS is compared with.
 //!
 //! DEVIATION 6: every agent has its own policy and bootstraps with its own value. The authors' code shares one policy
 //! object among the agents and bootstraps all of them with the last agent's observation, so its GS curves are not a
@@ -29,8 +29,8 @@ pub(crate) struct GlobalEnvironment {
 
 impl GlobalEnvironment {
     /// Brings a new GS to the state in which `streams`, one per agent of each kind, left the old one, and continues
-    /// from there. `episodes`: the stream of the episodes' seeds. `alive` is called at every step, because many may have
-    /// to be replayed.
+    /// from there. `episodes`: the stream of the episodes' seeds. `alive` is called at every step, because many may
+    /// have to be replayed.
     pub(crate) fn resume(
         mut simulator: Box<dyn GlobalSimulator>,
         episodes: Seed,

@@ -33,9 +33,8 @@ impl<'a> Ials<'a> {
     /// as if `c / copies` of the horizon had passed. So the copies of an agent end at different times, and its memory
     /// holds all parts of an episode.
     ///
-    /// The predictor sees the d-sets (its inputs) of the trails again. So an AIP (approximate influence predictor) that
-    /// was trained since then has the hidden state that it would have had itself. `alive` is called at every step of
-    /// them.
+    /// The predictor sees the d-sets (its inputs) of the trails again. So an AIP that was trained since then has the
+    /// hidden state that it would have had itself. `alive` is called at every step of them.
     pub fn resume(
         mut simulator: Box<dyn LocalSimulator>,
         predictor: &'a mut dyn InfluencePredictor,

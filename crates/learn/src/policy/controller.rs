@@ -1,4 +1,4 @@
-//! Policies that act: a stack on rows of its kind, and a joint policy on the GS (global simulator), in evaluation and
+//! Policies that act: a stack on rows of its kind, and a joint policy on the GS, in evaluation and
 //! in the collection of datasets.
 
 use super::{JointPolicy, PolicyStack, sampling};

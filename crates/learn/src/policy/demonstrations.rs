@@ -5,8 +5,7 @@ use serde::{Deserialize, Serialize};
 use dials_core::base::{CompactRows, Rows};
 use dials_core::domain::{Action, Kinds, RegionSpec};
 
-/// Observations and actions of one agent in the order in which the GS (global simulator) made them: whole episodes, one
-/// after another.
+/// Observations and actions of one agent in the order in which the GS made them: whole episodes, one after another.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Demonstrations {
     /// `[samples, obs_dim]`

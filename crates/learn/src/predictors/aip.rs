@@ -1,8 +1,8 @@
-//! The approximate influence predictors (AIPs) of many agents as one stack, alone or as corrections of constants.
+//! The AIPs of many agents as one stack, alone or as corrections of constants.
 //!
-//! Where cars are rare, a network alone is worse than constants, because it learns what only its training episodes show.
-//! A correction (`aip.correct_marginals`) begins at the constants of the part of the episode: the outputs of the network
-//! are added to their logits. The held-out episodes decide source by source whether it stays.
+//! Where cars are rare, a network alone is worse than constants, because it learns what only its training episodes
+//! show. A correction (`aip.correct_marginals`) begins at the constants of the part of the episode: the outputs of the
+//! network are added to their logits. The held-out episodes decide source by source whether it stays.
 
 use std::ops::Range;
 

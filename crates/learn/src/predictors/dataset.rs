@@ -5,8 +5,7 @@ use serde::{Deserialize, Serialize};
 use dials_core::base::{AgentId, CompactRows, Rows};
 use dials_core::domain::{Kinds, RegionSpec};
 
-/// Pairs `(l_t, u_t)` of one agent in the order in which the GS (global simulator) made them: whole episodes, one after
-/// another.
+/// Pairs `(l_t, u_t)` of one agent in the order in which the GS made them: whole episodes, one after another.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Dataset {
     /// `[samples, d_set_dim]`

@@ -1,7 +1,6 @@
-//! Constant predictors: how often each influence source took each value on the global simulator (GS), whatever the
-//! d-set shows.
+//! Constant predictors: how often each influence source took each value on the GS, whatever the d-set shows.
 //!
-//! They are the predictors of marginal-DIALS. It shows what an AIP (approximate influence predictor) adds to knowing
+//! They are the predictors of marginal-DIALS. It shows what an AIP adds to knowing
 //! how busy the neighbours are. They are also the yardstick for the loss of the AIPs.
 //!
 //! In a domain whose episodes have parts, they are constant within each part.

@@ -97,7 +97,7 @@ pub trait TrainablePredictor: InfluencePredictor {
 
 /// A kind of predictor, as a config chooses it.
 pub trait PredictorKind {
-    /// Returns whether it is fitted to datasets from the GS (global simulator).
+    /// Returns whether it is fitted to datasets from the GS.
     fn learns(&self) -> bool;
 
     /// Returns whether a key of `[aip]` changes anything.

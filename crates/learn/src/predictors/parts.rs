@@ -1,5 +1,4 @@
-//! How often influence sources took their values, part by part of the episode: the constants that AIPs (approximate
-//! influence predictors) are compared with.
+//! How often influence sources took their values, part by part of the episode: the constants that AIPs are compared with.
 //!
 //! Domains whose traffic changes within an episode have parts, which the first columns of their d-sets tell. Without
 //! parts there is one constant per source.

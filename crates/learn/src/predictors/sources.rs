@@ -1,5 +1,4 @@
-//! The distribution of influence sources that the logits of an AIP (approximate influence predictor) stand for:
-//! sampling, cross-entropy and its gradient.
+//! The distribution of influence sources that the logits of an AIP stand for: sampling, cross-entropy and its gradient.
 
 use rand::Rng;
 

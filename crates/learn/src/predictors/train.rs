@@ -1,5 +1,5 @@
-//! Training of the influence predictors on the datasets (Algorithm 1, lines 4 to 6), and their loss: before and after it,
-//! and on new episodes, from which they do not learn.
+//! Training of the influence predictors on the datasets (Algorithm 1, lines 4 to 6), and their loss: before and after
+//! it, and on new episodes, from which they do not learn.
 
 use serde::{Deserialize, Serialize};
 

@@ -18,7 +18,7 @@ pub struct AgentsState {
     pub policies: JointPolicy,
     /// What the learners keep beside the policies. (The optimiser of the AIPs starts from zero at each training.)
     pub learners: Tables,
-    /// What the influence predictors have learnt: weights of AIPs (approximate influence predictors), or constants.
+    /// What the influence predictors have learnt: weights of AIPs, or constants.
     pub aips: Ragged<f32>,
     /// Unfinished episodes.
     pub streams: Vec<AgentStream>,

@@ -2,9 +2,8 @@
 //!
 //! Evaluations, datasets and checkpoints cut training into periods, and at each cut the simulators are lost. SUMO holds
 //! one simulation per process, and cannot save the middle of one exactly. But a local region follows from its actions
-//! and influence sources since its episode began, and the global simulator (GS) from its seed and actions. A [`Trail`]
-//! keeps these. Replayed in a new simulator, they lead to exactly the same state. So training continues as if there had
-//! been no cut.
+//! and influence sources since its episode began, and the GS from its seed and actions. A [`Trail`] keeps these.
+//! Replayed in a new simulator, they lead to exactly the same state. So training continues as if there had been no cut.
 
 use serde::{Deserialize, Serialize};
 

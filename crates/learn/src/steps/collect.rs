@@ -1,11 +1,11 @@
-//! Algorithm 2: datasets for the influence predictors, from episodes on the global simulator (GS).
+//! Algorithm 2: datasets for the influence predictors, from episodes on the GS.
 
 use std::ops::Range;
 
 use anyhow::ensure;
 use serde::{Deserialize, Serialize};
 
-use super::{Check, Step, on_its_way};
+use super::{Check, Step};
 use crate::config::{Config, Retrain};
 use crate::fleet::Fleet;
 use crate::observer::Observer;
@@ -116,8 +116,6 @@ impl Step for Collect {
             Ok(())
         })
     }
-
-    on_its_way!(Collect);
 }
 
 /// Runs Algorithm 2: one dataset per agent, under the joint policy.

@@ -1,4 +1,4 @@
-//! Demonstrations: episodes on the global simulator (GS) in which a hand-coded controller decides.
+//! Demonstrations: episodes on the GS in which a hand-coded controller decides.
 
 use std::ops::Range;
 use std::time::Instant;
@@ -6,7 +6,7 @@ use std::time::Instant;
 use anyhow::ensure;
 use serde::{Deserialize, Serialize};
 
-use super::{Check, Step, on_its_way};
+use super::{Check, Step};
 use crate::algorithms::imitation::demonstrate;
 use crate::fleet::Fleet;
 use crate::observer::Observer;
@@ -63,8 +63,6 @@ impl Step for Demonstrate {
             Ok(())
         })
     }
-
-    on_its_way!(Demonstrate);
 }
 
 /// Lets a controller play on the GS. Returns what every agent saw and did.

@@ -1,11 +1,11 @@
-//! Evaluation of the joint policy on the global simulator (GS).
+//! Evaluation of the joint policy on the GS.
 
 use std::ops::Range;
 
 use anyhow::ensure;
 use serde::{Deserialize, Serialize};
 
-use super::{Check, Step, on_its_way};
+use super::{Check, Step};
 use crate::evaluation::{EpisodeReport, Evaluation, episode_seed, play};
 use crate::fleet::Fleet;
 use crate::observer::Observer;
@@ -48,8 +48,6 @@ impl Step for Evaluate {
             Ok(())
         })
     }
-
-    on_its_way!(Evaluate);
 }
 
 /// Evaluates the joint policy on the first `episodes` evaluation episodes.

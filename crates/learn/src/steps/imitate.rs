@@ -1,17 +1,16 @@
 //! The imitation of a controller, before the training.
 
-use std::time::Instant;
-
 use anyhow::ensure;
 use serde::{Deserialize, Serialize};
 
-use super::{Check, Step, on_its_way};
+use super::{Check, Step};
 use crate::algorithms::imitation::ImitationLoss;
 use crate::fleet::{Fleet, Stop, of_owners};
 use crate::observer::Observer;
 use crate::policy::{Demonstrations, JointPolicy};
 use crate::worker::Worker;
-use dials_core::base::{Activity, Stopwatch, Work};
+use crate::worker::block::AgentBlock;
+use dials_core::base::Activity;
 use dials_core::domain::Result;
 
 /// Asks a worker to make the policies of its agents imitate their demonstrations.
@@ -24,16 +23,8 @@ impl Step for Imitate {
     type Reply = (Vec<ImitationLoss>, JointPolicy);
 
     fn run(self, worker: &mut Worker, observer: &dyn Observer) -> Result<(Vec<ImitationLoss>, JointPolicy)> {
-        let (begun, mut watch) = (Instant::now(), Stopwatch::default());
-        let count = worker.blocks.len() as f64;
-        let mut losses = Vec::new();
-        let demonstrations = worker.by_block(self.demonstrations);
-        for (done, (block, demonstrations)) in worker.blocks.iter_mut().zip(&demonstrations).enumerate() {
-            let progress = &mut |share| observer.busy(Activity::Training, (done as f64 + share) / count);
-            losses.extend(block.imitate(demonstrations, Work { watch: &mut watch, progress }));
-        }
-        worker.note(Activity::Training, begun.elapsed(), &watch);
-        Ok((worker.in_order(losses), worker.policies()))
+        let losses = worker.in_blocks(Activity::Training, self.demonstrations, observer, AgentBlock::imitate);
+        Ok((losses, worker.policies()))
     }
 
     fn check(&self) -> Check<(Vec<ImitationLoss>, JointPolicy)> {
@@ -42,8 +33,6 @@ impl Step for Imitate {
             fit.check_policies("policies", policies)
         })
     }
-
-    on_its_way!(Imitate);
 }
 
 /// Makes every agent's policy imitate its demonstrations, and returns how well it does.

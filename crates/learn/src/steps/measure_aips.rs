@@ -1,18 +1,16 @@
-//! The loss of the influence predictors (AIPs) on datasets that they were not trained on.
-
-use std::time::Instant;
+//! The loss of the AIPs on datasets that they were not trained on.
 
 use anyhow::ensure;
 use serde::{Deserialize, Serialize};
 
-use super::{Check, Step, on_its_way};
+use super::{Check, Step};
 use crate::fleet::{Fleet, Stop, of_owners};
 use crate::observer::Observer;
 use crate::predictors::{Dataset, FreshLoss};
 use crate::state::fits::Fit;
 use crate::steps::collect::Purpose;
 use crate::worker::Worker;
-use dials_core::base::{Activity, AgentId, Stopwatch};
+use dials_core::base::{Activity, AgentId};
 use dials_core::domain::Result;
 
 /// Asks a worker to measure the loss of the predictors of its agents on their datasets.
@@ -24,15 +22,11 @@ pub struct MeasureAips {
 impl Step for MeasureAips {
     type Reply = Vec<FreshLoss>;
 
-    fn run(self, worker: &mut Worker, _observer: &dyn Observer) -> Result<Vec<FreshLoss>> {
-        let (begun, mut watch) = (Instant::now(), Stopwatch::default());
-        let mut losses = Vec::new();
-        let datasets = worker.by_block(self.datasets);
-        for (block, datasets) in worker.blocks.iter().zip(&datasets) {
-            losses.extend(block.measure_aips(datasets, &mut watch));
-        }
-        worker.note(Purpose::Measuring.activity(&worker.config), begun.elapsed(), &watch);
-        Ok(worker.in_order(losses))
+    fn run(self, worker: &mut Worker, observer: &dyn Observer) -> Result<Vec<FreshLoss>> {
+        let activity = Purpose::Measuring.activity(&worker.config);
+        Ok(worker.in_blocks(activity, self.datasets, observer, |block, datasets, work| {
+            block.measure_aips(datasets, work.watch)
+        }))
     }
 
     fn check(&self) -> Check<Vec<FreshLoss>> {
@@ -40,8 +34,6 @@ impl Step for MeasureAips {
             check_losses(fit, losses.iter().map(|loss| vec![loss.predictor.len(), loss.marginals.len()]))
         })
     }
-
-    on_its_way!(MeasureAips);
 }
 
 /// Checks the numbers of losses of every agent: one per influence source that it has.

@@ -1,8 +1,8 @@
 //! The steps of Algorithm 1 that workers carry out, one file and one type each: the request, what a worker does, its
 //! reply, and how the replies of all workers are put together.
 //!
-//! A [`Fleet`](crate::fleet::Fleet) takes requests to workers, wherever they are. A worker that says what cannot be right counts as lost, so
-//! each step has a check of its replies.
+//! A [`Fleet`](crate::fleet::Fleet) takes requests to workers, wherever they are. A worker that says what cannot be
+//! right counts as lost, so each step has a check of its replies.
 //!
 //! - [`evaluate`], [`demonstrate`], [`collect`]: episodes on the global simulator, shared out among all workers.
 //! - [`imitate`], [`train_aips`], [`measure_aips`], [`train_policies`]: work of each worker on its own agents.
@@ -37,7 +37,7 @@ use train_policies::TrainPolicies;
 pub type Check<Reply> = Box<dyn Fn(&Reply, &Fit<'_>) -> Result<()>>;
 
 /// A step of Algorithm 1, as one worker gets it.
-pub trait Step: Sized {
+pub trait Step: Route {
     type Reply;
 
     /// Carries the step out.
@@ -50,12 +50,17 @@ pub trait Step: Sized {
     fn trains_until(&self) -> Option<u64> {
         None
     }
+}
 
+/// The way of a step to a worker, and of its reply back.
+pub trait Route: Sized {
     /// Makes the request that goes to a worker.
     fn request(self) -> Request;
 
     /// Returns the reply to this step; `None` if it is the reply to another one.
-    fn reply(reply: Reply) -> Option<Self::Reply>;
+    fn reply(reply: Reply) -> Option<Self::Reply>
+    where
+        Self: Step;
 }
 
 /// Makes the two enums of all steps from their list. A new step is a file, and a line below.
@@ -81,25 +86,21 @@ macro_rules! steps {
                 }
             }
         }
-    };
-}
 
-/// The part of `impl Step` that is the same for all.
-macro_rules! on_its_way {
-    ($Step:ident) => {
-        fn request(self) -> $crate::steps::Request {
-            $crate::steps::Request::$Step(self)
-        }
-
-        fn reply(reply: $crate::steps::Reply) -> Option<Self::Reply> {
-            match reply {
-                $crate::steps::Reply::$Step(reply) => Some(reply),
-                _ => None,
+        $(impl Route for $Step {
+            fn request(self) -> Request {
+                Request::$Step(self)
             }
-        }
+
+            fn reply(reply: Reply) -> Option<<$Step as Step>::Reply> {
+                match reply {
+                    Reply::$Step(reply) => Some(reply),
+                    _ => None,
+                }
+            }
+        })*
     };
 }
-use on_its_way;
 
 steps! {
     ReportState,

@@ -3,7 +3,7 @@
 use anyhow::ensure;
 use serde::{Deserialize, Serialize};
 
-use super::{Check, Step, on_its_way};
+use super::{Check, Step};
 use crate::observer::Observer;
 use crate::state::AgentsState;
 use crate::worker::Worker;
@@ -26,6 +26,4 @@ impl Step for ReportState {
             fit.check(state)
         })
     }
-
-    on_its_way!(ReportState);
 }

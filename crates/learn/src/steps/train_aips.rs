@@ -1,17 +1,15 @@
-//! The training of the influence predictors (AIPs), each on the dataset of its agent.
-
-use std::time::Instant;
+//! The training of the AIPs, each on the dataset of its agent.
 
 use serde::{Deserialize, Serialize};
 
 use super::measure_aips::check_losses;
-use super::{Check, Step, on_its_way};
+use super::{Check, Step};
 use crate::config::Period;
 use crate::fleet::{Fleet, Stop, of_owners};
 use crate::observer::Observer;
 use crate::predictors::{AipLoss, Dataset};
 use crate::worker::Worker;
-use dials_core::base::{Activity, Ragged, Stopwatch, Work};
+use dials_core::base::{Activity, Ragged};
 use dials_core::domain::Result;
 
 /// Asks a worker to train the predictors of its agents on their datasets.
@@ -26,16 +24,10 @@ impl Step for TrainAips {
     type Reply = (Vec<AipLoss>, Ragged<f32>);
 
     fn run(self, worker: &mut Worker, observer: &dyn Observer) -> Result<(Vec<AipLoss>, Ragged<f32>)> {
-        let (begun, mut watch) = (Instant::now(), Stopwatch::default());
-        let count = worker.blocks.len() as f64;
-        let mut losses = Vec::new();
-        let datasets = worker.by_block(self.datasets);
-        for (done, (block, datasets)) in worker.blocks.iter_mut().zip(&datasets).enumerate() {
-            let progress = &mut |share| observer.busy(Activity::AipTraining, (done as f64 + share) / count);
-            losses.extend(block.train_aips(datasets, &self.period, Work { watch: &mut watch, progress }));
-        }
-        worker.note(Activity::AipTraining, begun.elapsed(), &watch);
-        Ok((worker.in_order(losses), worker.aips()))
+        let losses = worker.in_blocks(Activity::AipTraining, self.datasets, observer, |block, datasets, work| {
+            block.train_aips(datasets, &self.period, work)
+        });
+        Ok((losses, worker.aips()))
     }
 
     fn check(&self) -> Check<(Vec<AipLoss>, Ragged<f32>)> {
@@ -50,8 +42,6 @@ impl Step for TrainAips {
             fit.check_aips("aips", aips)
         })
     }
-
-    on_its_way!(TrainAips);
 }
 
 /// Trains every agent's predictor on its dataset and returns the losses.

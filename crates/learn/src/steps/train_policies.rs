@@ -5,7 +5,7 @@ use std::time::Instant;
 use anyhow::ensure;
 use serde::{Deserialize, Serialize};
 
-use super::{Check, Step, on_its_way};
+use super::{Check, Step};
 use crate::algorithms::Metrics;
 use crate::config::{Period, Simulator};
 use crate::fleet::{Fleet, Stop};
@@ -25,7 +25,7 @@ pub struct TrainPolicies {
 impl Step for TrainPolicies {
     type Reply = (PolicyTraining, AgentsState);
 
-    /// Trains block after block, or all at once on the global simulator (GS).
+    /// Trains block after block, or all at once on the GS.
     fn run(self, worker: &mut Worker, observer: &dyn Observer) -> Result<(PolicyTraining, AgentsState)> {
         let period = &self.period;
         let (begun, mut watch) = (Instant::now(), Stopwatch::default());
@@ -67,8 +67,6 @@ impl Step for TrainPolicies {
     fn trains_until(&self) -> Option<u64> {
         Some(self.period.end)
     }
-
-    on_its_way!(TrainPolicies);
 }
 
 /// Results of one period of training.

@@ -2,7 +2,7 @@
 //!
 //! A worker trains its blocks one after the other, each for the whole period. Between two exchanges agents know nothing
 //! of each other, so the order changes no number. The networks and cars of a few agents stay in the cache; those of a
-//! hundred do not. On the global simulator (GS) all blocks act in one simulation, one block per kind.
+//! hundred do not. On the GS all blocks act in one simulation, one block per kind.
 
 use std::sync::Arc;
 
@@ -138,8 +138,8 @@ impl AgentBlock {
         self.predictor.values().into()
     }
 
-    /// Trains the policies on local simulators until the end of the period (Algorithm 1, lines 7 to 12). `work`: progress
-    /// is the number of timesteps so far.
+    /// Trains the policies on local simulators until the end of the period (Algorithm 1, lines 7 to 12). `work`:
+    /// progress is the number of timesteps so far.
     pub(crate) fn train_policies(&mut self, period: &Period, work: Work<'_, u64>) -> Result<PolicyTraining> {
         let AgentBlock { domain, config, agents, learner, predictor } = self;
         let make = || domain.local_simulator(agents, config.copies(), training_episodes(config));
@@ -181,8 +181,8 @@ pub(crate) fn episode_steps(spec: &RegionSpec, config: &Config) -> usize {
     if config.simulator == Simulator::Global { spec.horizon } else { spec.local_horizon }
 }
 
-/// Lets the learners act and learn until the first update at or after the end of the period. `learners`: one per kind of
-/// the environment, all after the same number of steps.
+/// Lets the learners act and learn until the first update at or after the end of the period. `learners`: one per kind
+/// of the environment, all after the same number of steps.
 fn learn(
     learners: &mut [&mut KindLearner],
     environment: &mut dyn Environment,

@@ -1,8 +1,8 @@
 //! A worker: a share of the agents for the whole run, with all that belongs to them.
 //!
-//! Its [`AgentBlock`]s hold policies, AIPs (approximate influence predictors) and optimisers. Local simulators exist
+//! Its [`AgentBlock`]s hold policies, AIPs and optimisers. Local simulators exist
 //! only during a period, because libsumo holds one simulation per process, and between periods the worker runs the
-//! global simulator (GS). A period begins where [`AgentsState`] left the one before it, down to the cars on the road.
+//! GS. A period begins where [`AgentsState`] left the one before it, down to the cars on the road.
 
 pub mod block;
 pub(crate) mod watched;
@@ -19,7 +19,7 @@ use crate::policy::{JointPolicy, JointPolicyController, Selection};
 use crate::state::AgentsState;
 use crate::worker::block::{AgentBlock, agents_per_block};
 use crate::worker::watched::Watched;
-use dials_core::base::{Activity, AgentId, Phase, Ragged, Stopwatch, Timesheet};
+use dials_core::base::{Activity, AgentId, Phase, Ragged, Stopwatch, Timesheet, Work};
 use dials_core::domain::{Controller, Domain, GlobalSimulator, Result};
 use stacknets::Threads;
 
@@ -94,11 +94,26 @@ impl Worker {
         self.places.concat()
     }
 
-    /// Splits one value per agent into the values of each block.
-    pub(crate) fn by_block<T>(&self, of_agents: Vec<T>) -> Vec<Vec<T>> {
-        let mut of_agents: Vec<Option<T>> = of_agents.into_iter().map(Some).collect();
+    /// Lets every block work on what is given to its agents. Returns one result per agent. Both are in their order.
+    pub(crate) fn in_blocks<D, T>(
+        &mut self,
+        activity: Activity,
+        of_agents: Vec<D>,
+        observer: &dyn Observer,
+        mut work: impl FnMut(&mut AgentBlock, &[D], Work<'_, f64>) -> Vec<T>,
+    ) -> Vec<T> {
+        let (begun, mut watch) = (Instant::now(), Stopwatch::default());
+        let mut of_agents: Vec<Option<D>> = of_agents.into_iter().map(Some).collect();
         let mut take = |&place: &usize| of_agents[place].take().expect("an agent is in one block");
-        self.places.iter().map(|places| places.iter().map(&mut take).collect()).collect()
+        let count = self.blocks.len() as f64;
+        let mut results = Vec::new();
+        for (done, (block, places)) in self.blocks.iter_mut().zip(&self.places).enumerate() {
+            let of_block: Vec<D> = places.iter().map(&mut take).collect();
+            let progress = &mut |share| observer.busy(activity, (done as f64 + share) / count);
+            results.extend(work(block, &of_block, Work { watch: &mut watch, progress }));
+        }
+        self.timesheet.note(activity, begun.elapsed(), &watch);
+        self.in_order(results)
     }
 
     /// Returns the time spent since the last call.

@@ -82,7 +82,7 @@ impl Domain for Coins {
     }
 }
 
-/// Writes what a region shows to its agent and to its AIP (approximate influence predictor): both coins.
+/// Writes what a region shows to its agent and to its AIP: both coins.
 fn show(obs: &mut [f32], d_set: &mut [f32], coins: [f32; 2]) {
     obs.copy_from_slice(&coins);
     d_set.copy_from_slice(&coins);

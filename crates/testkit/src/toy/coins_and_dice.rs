@@ -173,7 +173,7 @@ impl CoinOrDie {
     }
 }
 
-/// The GS (global simulator).
+/// The GS.
 struct TableGame {
     kinds: Kinds,
     regions: Vec<CoinOrDie>,
@@ -237,7 +237,7 @@ impl GlobalSimulator for TableGame {
     }
 }
 
-/// The LS (local simulator) of agents of one kind.
+/// The LS of agents of one kind.
 struct Seats {
     spec: RegionSpec,
     regions: Vec<CoinOrDie>,

@@ -271,8 +271,8 @@ impl Minibatch {
         self.starts.resize(self.slots.len(), false);
     }
 
-    /// Computes `r + gamma Q_target(s', a')`, where `a'` is the best next action by the network (double) or by the target
-    /// network itself.
+    /// Computes `r + gamma Q_target(s', a')`, where `a'` is the best next action by the network (double) or by the
+    /// target network itself.
     fn find_targets(&mut self, config: &DqnConfig, network: Network<'_>, target: Network<'_>) {
         let batch = self.slots.len();
         let sequences = Sequences { steps: 1, states: &[], starts: &self.starts };
@@ -298,8 +298,8 @@ impl Minibatch {
         }
     }
 
-    /// Compares the values of the actions with their targets, and writes the gradient of the mean loss. Returns the means
-    /// of the losses and of the values.
+    /// Compares the values of the actions with their targets, and writes the gradient of the mean loss. Returns the
+    /// means of the losses and of the values.
     fn compare(&mut self, config: &DqnConfig, network: Network<'_>) -> (f32, f32) {
         let batch = self.slots.len();
         let sequences = Sequences { steps: 1, states: &[], starts: &self.starts };
