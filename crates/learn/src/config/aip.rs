@@ -22,22 +22,21 @@ pub struct AipConfig {
     /// When the AIPs are trained again after their first training, which is at step 0: all of them or none.
     #[schemars(extend("source" = "P"))]
     pub retrain: Retrain,
-    /// Timesteps per agent between two trainings of the AIPs (F), for `aip.retrain = "every"`; at least `ppo.memory`.
-    /// The default is the paper's best for traffic.
+    /// Timesteps per agent between two trainings of the AIPs (F), for `aip.retrain = "every"`; at least `ppo.memory`. The
+    /// default is the paper's best for traffic.
     ///
     /// DEVIATION 12: our configs of the warehouse have 500K and not 4M, the paper's best there: AIPs that only know how
     /// random robots move are no better than constants.
     #[schemars(range(min = 1), extend("source" = "P"))]
     pub retrain_every_steps: u64,
-    /// Threshold in percent for `aip.retrain = "drift"`. The AIPs' loss on new episodes is divided by the loss of the
-    /// best constants. The AIPs are retrained when this share has grown by more than the threshold since their last
-    /// training.
+    /// Threshold in percent for `aip.retrain = "drift"`. The AIPs' loss on new episodes is divided by the loss of the best
+    /// constants. The AIPs are retrained when this share has grown by more than the threshold since their last training.
     pub drift_threshold: f64,
     /// Number of GS (global simulator) steps per dataset, rounded up to whole episodes, at least two: one is held out.
     #[schemars(range(min = 1, max = 10_000_000), extend("source" = "P"))]
     pub dataset_steps: usize,
-    /// Share of the episodes, the last ones, that only measure the loss. They also decide when `aip.patience` is over,
-    /// and which sources keep their constants. Scenarios: 0.2.
+    /// Share of the episodes, the last ones, that only measure the loss. They also decide when `aip.patience` is over, and
+    /// which sources keep their constants. Scenarios: 0.2.
     pub held_out: f64,
     /// Learning rate of the AIPs.
     #[schemars(extend("source" = "P"))]
@@ -51,8 +50,8 @@ pub struct AipConfig {
         extend("source" = "P", "advice" = "for AIPs that are never trained: predictor = \"untrained\"")
     )]
     pub epochs: usize,
-    /// Number of epochs without a lower loss on the held-out episodes after which the training of an agent's AIP ends.
-    /// The AIP then has the parameters of its best epoch. If left out, all epochs are trained and the last one counts.
+    /// Number of epochs without a lower loss on the held-out episodes after which the training of an agent's AIP ends. The
+    /// AIP then has the parameters of its best epoch. If left out, all epochs are trained and the last one counts.
     /// Scenarios: 3.
     #[serde(skip_serializing_if = "Option::is_none")]
     #[schemars(range(min = 1, max = 100_000))]

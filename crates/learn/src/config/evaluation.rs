@@ -24,8 +24,8 @@ pub struct EvaluationConfig {
     #[schemars(range(min = 1, max = 100_000))]
     pub final_episodes: usize,
     /// Number of separate episodes, the same ones each time, on which every evaluation measures the loss of the AIPs; 0
-    /// for none. `aip.retrain = "drift"` needs them. They take under 1 % of the time. Our configs: 4 for traffic, 20
-    /// for the warehouse.
+    /// for none. `aip.retrain = "drift"` needs them. They take under 1 % of the time. Our configs: 4 for traffic, 20 for
+    /// the warehouse.
     #[schemars(range(max = 100_000))]
     pub aip_loss_episodes: usize,
 }

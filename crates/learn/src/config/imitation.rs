@@ -15,8 +15,8 @@ pub struct ImitationConfig {
     #[schemars(range(min = 1, max = 10_000_000))]
     pub dataset_steps: usize,
     /// Share of the decisions in which a random action is carried out instead of the controller's. So policies also
-    /// learn what the controller does where it would not have come by itself, and where small errors lead them.
-    /// `actuated` and `program` never slip.
+    /// learn what the controller does where it would not have come by itself, and where small errors lead them. `actuated`
+    /// and `program` never slip.
     pub(crate) slips: f64,
     /// Share of the episodes, the last ones, that only measure the imitation.
     pub(crate) held_out: f64,

@@ -3,8 +3,8 @@
 //! Whoever reads them from a file adds the table of a domain. Defaults are the paper's for traffic (appendix
 //! "Hyperparameters"); the files under `configs/` show where they differ.
 //!
-//! Every key is a field: its comment is its row in docs/configuration.md, its limits stand beside it, and what else
-//! must hold for it is checked in the file of its table.
+//! Every key is a field: its comment is its row in docs/configuration.md, its limits stand beside it, and what else must
+//! hold for it is checked in the file of its table.
 //!
 //! - `simulator`: what the policies train on, and what predicts the influence there.
 //!
@@ -90,8 +90,8 @@ pub struct LocalSimulatorsConfig {
 #[serde(deny_unknown_fields, default)]
 pub struct GsConfig {
     /// Whether the agents of a kind share one policy, and bootstrap with the value of the last one of them, as in the
-    /// authors' code. An update takes minibatches from the samples of all of them. It does not go with
-    /// `policy.imitate`. See DEVIATION 6: by default every agent learns for itself.
+    /// authors' code. An update takes minibatches from the samples of all of them. It does not go with `policy.imitate`.
+    /// See DEVIATION 6: by default every agent learns for itself.
     #[schemars(extend("source" = "C"))]
     pub shared_policy: bool,
 }
@@ -100,8 +100,8 @@ pub struct GsConfig {
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct CheckpointsConfig {
-    /// Timesteps per agent between further checkpoints, besides those at every evaluation, every training of the AIPs
-    /// and every mean of the policies; at least `ppo.memory`. Changes no number.
+    /// Timesteps per agent between further checkpoints, besides those at every evaluation, every training of the AIPs and
+    /// every mean of the policies; at least `ppo.memory`. Changes no number.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub every_steps: Option<u64>,
 }

@@ -33,12 +33,12 @@ pub struct PolicyConfig {
     /// the layers that the policy needs. Our configs of the paper's grids choose it.
     pub separate_critic: bool,
     /// Timesteps per agent after which all agents of a kind get the mean of their policies, and of their optimisers'
-    /// moments. They also begin with one policy. If left out, they never do. Best a divisor of
-    /// `evaluation.every_steps`, so that the mean is evaluated; 10 000 did well, with a learning rate of 2e-3. At most
-    /// `total_steps`. It does not go with `gs.shared_policy` or `policy.imitate`.
+    /// moments. They also begin with one policy. If left out, they never do. Best a divisor of `evaluation.every_steps`,
+    /// so that the mean is evaluated; 10 000 did well, with a learning rate of 2e-3. At most `total_steps`. It does not go
+    /// with `gs.shared_policy` or `policy.imitate`.
     ///
-    /// DEVIATION 19: in the paper every agent keeps its own policy. With this key agents also learn from each other,
-    /// and still train in parallel.
+    /// DEVIATION 19: in the paper every agent keeps its own policy. With this key agents also learn from each other, and
+    /// still train in parallel.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub average_every_steps: Option<u64>,
 }

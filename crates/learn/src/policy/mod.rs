@@ -11,7 +11,7 @@ pub mod sampling;
 use crate::config::PolicyConfig;
 use dials_core::base::{AgentId, Ragged, Rows, Seed};
 use dials_core::domain::{Percept, RegionSpec, Result};
-use stacknets::{Adam, Learner, Network, Parameters, Shape, Stack, States, Threads, script};
+use stacknets::{Adam, Learner, Parameters, Shape, Stack, States, script};
 
 pub use controller::{JointPolicyController, Selection, StackController};
 pub use demonstrations::Demonstrations;
@@ -26,7 +26,7 @@ pub type JointPolicy = Ragged<f32>;
 /// Source: DIALS paper, appendix "Hyperparameters" (traffic: 256 and 128; warehouse: GRU 256 and 128).
 pub struct PolicyStack {
     n_actions: usize,
-    net: Stack,
+    pub(crate) net: Stack,
     reading: Reading,
 }
 
@@ -91,11 +91,6 @@ impl PolicyStack {
         self.net.parameters().networks()
     }
 
-    /// Returns the network of one agent.
-    pub(crate) fn network(&self, agent: usize) -> Network<'_> {
-        self.net.network(agent)
-    }
-
     pub(crate) fn n_actions(&self) -> usize {
         self.n_actions
     }
@@ -136,11 +131,6 @@ impl PolicyStack {
         judgement
     }
 
-    /// Copies the policy of the first agent to all others.
-    pub(crate) fn spread_first(&mut self) {
-        self.net.spread_first();
-    }
-
     pub fn parameters(&self) -> &Parameters {
         self.net.parameters()
     }
@@ -156,15 +146,6 @@ impl PolicyStack {
     /// `[agents, batch, obs_dim]`, for any batch. `name`: that of the archive in the file.
     pub fn script(&self, name: &str) -> Result<Vec<u8>> {
         script(&self.net, name)
-    }
-
-    /// Uses these threads from now on.
-    pub(crate) fn use_threads(&mut self, threads: Threads) {
-        self.net.use_threads(threads);
-    }
-
-    pub(crate) fn threads(&self) -> &Threads {
-        self.net.threads()
     }
 
     /// Returns every agent's policy with its part of the optimiser, for `steps` gradient steps each.

@@ -73,7 +73,7 @@ impl AgentBlock {
     /// Makes a block. `agents`: at least one, all of one kind.
     pub(crate) fn new(domain: Arc<dyn Domain>, config: &Config, agents: &[AgentId], threads: Threads) -> Self {
         let mut policies = initial_policies(&*domain, config, agents);
-        policies.use_threads(threads);
+        policies.net.use_threads(threads);
         let spec = domain.kinds().of(agents[0]).spec.clone();
         let learner = KindLearner {
             learner: algorithms::of(config).learner(config, &spec, agents, policies),

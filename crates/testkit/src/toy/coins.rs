@@ -193,6 +193,7 @@ impl Controller for CopyTheNeighbour {
 mod tests {
     use super::*;
     use crate::conformance;
+    use dials_learn::evaluation::play;
 
     #[test]
     fn the_coins_conform() {
@@ -202,19 +203,10 @@ mod tests {
 
     #[test]
     fn copying_earns_everything_and_random_coins_half() {
-        let total = |name: &str| -> f32 {
+        let total = |name: &str| {
             let mut baseline = Coins::new(1000).baseline(name).unwrap();
-            let mut percept = baseline.simulator.reset(Seed::new(3)).unwrap().clone();
-            baseline.controller.begin(Seed::new(3));
-            let mut actions = [0; 2];
-            (0..1000)
-                .map(|_| {
-                    baseline.controller.act(&percept, &mut actions).unwrap();
-                    let transition = baseline.simulator.step(&actions).unwrap();
-                    percept = transition.percept.clone();
-                    transition.rewards.iter().sum::<f32>() / 2.0
-                })
-                .sum()
+            let report = play(&mut *baseline.simulator, &mut *baseline.controller, Seed::new(3)).unwrap();
+            report.returns.iter().sum::<f64>() / 2.0
         };
         assert_eq!(total("copy"), 1000.0);
         // 2000 fair coins: standard deviation of the mean total 500 is 1000 * 0.5 / sqrt(2000) = 11.

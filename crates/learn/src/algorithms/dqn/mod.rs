@@ -156,7 +156,7 @@ impl Dqn {
     /// Makes the gradient steps of all agents.
     fn update(&mut self, watch: &mut Stopwatch) -> Metrics {
         let Dqn { config, policies, target, replay, base: Base { adam, minibatches, .. }, .. } = self;
-        let threads = policies.threads().clone();
+        let threads = policies.net.threads().clone();
         let learners = policies.learners(adam, config.gradient_steps as u32);
         let begun = Instant::now();
         let agents = learners.into_iter().zip(minibatches).enumerate().collect();
@@ -166,7 +166,7 @@ impl Dqn {
             for _ in 0..config.gradient_steps {
                 of_agent.watch.time(Phase::Bookkeeping, || batch.draw(config, of_replay, agent, dice));
                 of_agent.watch.time(Phase::Forward, || {
-                    batch.find_targets(config, learner.network(), of_target.network(agent));
+                    batch.find_targets(config, learner.network(), of_target.net.network(agent));
                     let (loss, value) = batch.compare(config, learner.network());
                     of_agent.loss += f64::from(loss) / config.gradient_steps as f64;
                     of_agent.value += f64::from(value) / config.gradient_steps as f64;

@@ -70,7 +70,7 @@ pub fn update(
     let (learning, taught) = if settings.shared { (1, all) } else { (all, 1) };
     let steps = settings.ppo.epochs * taught * (memory.capacity() / settings.ppo.minibatch);
     let only = (settings.learns == Learns::Critic).then(|| policies.only_critic());
-    let threads = policies.threads().clone();
+    let threads = policies.net.threads().clone();
     let learners = policies.learners(adam, steps as u32);
     let agents = learners.into_iter().zip(dice).enumerate().take(learning).collect();
     let begun = Instant::now();
@@ -81,7 +81,7 @@ pub fn update(
     done.iter().for_each(|(_, of_agent)| phases.add(of_agent));
     watch.add(&phases.scaled_to(begun.elapsed()));
     if settings.shared {
-        policies.spread_first();
+        policies.net.spread_first();
         adam.spread_first();
     }
     done.into_iter().flat_map(|(losses, _)| vec![losses; taught]).collect()
@@ -293,7 +293,7 @@ mod tests {
     #[test]
     fn agents_with_one_policy_keep_it_and_learn_from_the_samples_of_all() {
         let (mut stack, mut memory) = material(Some(3), false);
-        stack.spread_first();
+        stack.net.spread_first();
         let mut adam = Adam::new(stack.parameters());
         let before = stack.parameters().values().row(0).to_vec();
         let losses = updated(&mut stack, &mut adam, &memory, Learns::Everything, true);
@@ -306,7 +306,7 @@ mod tests {
         assert!([&moments.first, &moments.second].iter().all(|rows| rows.row(2) == rows.row(0)));
         // A sample of the last agent changes the policy of all.
         let (mut other, _) = material(Some(3), false);
-        other.spread_first();
+        other.net.spread_first();
         memory.sample_mut(2, 15).ret += 1.0;
         updated(&mut other, &mut Adam::new(stack.parameters()), &memory, Learns::Everything, true);
         assert_ne!(other.parameters().values().row(0), rows.row(0));
