@@ -49,14 +49,8 @@ pub trait Algorithm: Debug {
     /// Returns how decisions are read from the outputs of a network.
     fn reading(&self) -> Reading;
 
-    /// Makes the learner of some agents of one kind. `policies`: theirs, one row per agent.
-    fn learner(
-        &self,
-        config: &Config,
-        spec: &RegionSpec,
-        agents: &[AgentId],
-        policies: PolicyStack,
-    ) -> Box<dyn Learner>;
+    /// Makes the learner of some agents of one kind. `stack`: their policies, one row per agent.
+    fn learner(&self, config: &Config, spec: &RegionSpec, agents: &[AgentId], stack: PolicyStack) -> Box<dyn Learner>;
 
     /// Returns which tables its learner keeps, and how large they are for an agent of this kind after this number of
     /// timesteps.

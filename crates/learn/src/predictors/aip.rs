@@ -8,9 +8,9 @@ use std::ops::Range;
 
 use anyhow::ensure;
 
-use super::descent::{cross_entropies, descend};
+use super::descent::{descend, losses};
 use super::parts::{PartFrequencies, part_of};
-use super::{CrossEntropies, Dataset, InfluencePredictor, PredictorKind, TrainablePredictor, sources};
+use super::{CrossEntropies, Dataset, InfluencePredictor, Lesson, PredictorKind, TrainablePredictor, sources};
 use crate::config::AipConfig;
 use dials_core::base::{AgentId, Dice, Rows, Seed, Stopwatch, Work};
 use dials_core::domain::{RegionSpec, Result, SourceSpec, logits_of};
@@ -125,18 +125,12 @@ impl AipStack {
         self.net.step(&inputs, &mut self.states)
     }
 
-    /// Lets every source listen whose correction is better than its constants on the samples after the first ones.
-    ///
-    /// `frequencies`: those of the first samples, from which the constants are.
-    fn choose_who_listens(
-        &mut self,
-        datasets: &[Dataset],
-        samples: usize,
-        frequencies: &[PartFrequencies],
-        watch: &mut Stopwatch,
-    ) {
+    /// Lets every source listen whose correction is better than its constants on the held-out samples. `frequencies`: of
+    /// the others, from which the constants are.
+    fn choose_who_listens(&mut self, lesson: Lesson<'_>, frequencies: &[PartFrequencies], watch: &mut Stopwatch) {
+        let Lesson { datasets, samples, .. } = lesson;
         let held_out = samples..datasets[0].len();
-        let corrected = cross_entropies(self, datasets, held_out.clone(), watch);
+        let corrected = losses(self, datasets, held_out.clone(), watch);
         let AipStack { sources, constants: Some(constants), .. } = self else { return };
         for (agent, (dataset, corrected)) in datasets.iter().zip(corrected).enumerate() {
             let seen = PartFrequencies::of(sources, dataset, held_out.clone());
@@ -213,19 +207,12 @@ impl TrainablePredictor for AipStack {
         }
     }
 
-    fn learn(
-        &mut self,
-        datasets: &[Dataset],
-        samples: usize,
-        config: &AipConfig,
-        dice: &mut [Dice],
-        work: Work<'_, f64>,
-    ) {
+    fn learn(&mut self, lesson: Lesson<'_>, dice: &mut [Dice], work: Work<'_, f64>) {
         let Work { watch, progress } = work;
         let mut frequencies: Vec<PartFrequencies> = Vec::new();
         if let Some(constants) = &mut self.constants {
-            for (agent, dataset) in datasets.iter().enumerate() {
-                frequencies.push(PartFrequencies::of(&self.sources, dataset, 0..samples));
+            for (agent, dataset) in lesson.datasets.iter().enumerate() {
+                frequencies.push(PartFrequencies::of(&self.sources, dataset, 0..lesson.samples));
                 let probabilities = frequencies[agent].probabilities();
                 let logits = probabilities.iter().flatten().flat_map(|classes| logits(classes));
                 let places = constants.logits.row_mut(agent).iter_mut();
@@ -233,19 +220,14 @@ impl TrainablePredictor for AipStack {
             }
             constants.listens.fill(1.0);
         }
-        descend(self, datasets, samples, config, dice, Work { watch: &mut *watch, progress });
+        descend(self, lesson, dice, Work { watch: &mut *watch, progress });
         if self.constants.is_some() {
-            self.choose_who_listens(datasets, samples, &frequencies, watch);
+            self.choose_who_listens(lesson, &frequencies, watch);
         }
     }
 
-    fn cross_entropies(
-        &self,
-        datasets: &[Dataset],
-        samples: Range<usize>,
-        watch: &mut Stopwatch,
-    ) -> Vec<CrossEntropies> {
-        cross_entropies(self, datasets, samples, watch)
+    fn losses(&self, datasets: &[Dataset], samples: Range<usize>, watch: &mut Stopwatch) -> Vec<CrossEntropies> {
+        losses(self, datasets, samples, watch)
     }
 
     fn on_marginals(&self, agent: usize) -> Vec<bool> {
@@ -279,14 +261,8 @@ impl PredictorKind for Aips {
         self.learns() || ["hidden", "recurrent"].contains(&key)
     }
 
-    fn make(
-        &self,
-        agents: &[AgentId],
-        spec: &RegionSpec,
-        config: &AipConfig,
-        seed: Seed,
-    ) -> Box<dyn TrainablePredictor> {
-        Box::new(AipStack::new(agents, spec, &self.settings(config), seed))
+    fn make(&self, agents: &[AgentId], spec: &RegionSpec, aip: &AipConfig, seed: Seed) -> Box<dyn TrainablePredictor> {
+        Box::new(AipStack::new(agents, spec, &self.settings(aip), seed))
     }
 
     fn layout(&self, spec: &RegionSpec, config: &AipConfig) -> Layout {
@@ -384,7 +360,7 @@ mod tests {
         Aips::Trained.check_values(&spec(2, 3), &config(), values.row(0)).unwrap();
         let mut again = AipStack::new(&[AgentId(0)], &spec(2, 3), &config(), Seed::new(9));
         again.load(&values);
-        let losses = |aips: &AipStack| aips.cross_entropies(&[dataset()], 0..20_000, &mut Stopwatch::default());
+        let losses = |aips: &AipStack| aips.losses(&[dataset()], 0..20_000, &mut Stopwatch::default());
         assert_eq!(losses(&again), losses(&aips));
         assert_eq!(again.on_marginals(0), aips.on_marginals(0));
         let mut wrong = values.row(0).to_vec();

@@ -6,8 +6,7 @@ use rand::seq::SliceRandom;
 
 use super::aip::{Constants, scaled};
 use super::parts::part_of;
-use super::{AipStack, CrossEntropies, Dataset, sources};
-use crate::config::AipConfig;
+use super::{AipStack, CrossEntropies, Dataset, Lesson, sources};
 use dials_core::base::{Dice, Phase, Stopwatch, Work};
 use dials_core::domain::SourceSpec;
 use stacknets::{Adam, Network, Sequences, Trace};
@@ -15,20 +14,14 @@ use stacknets::{Adam, Network, Sequences, Trace};
 /// Number of samples for which losses are measured at once.
 const LOSS_CHUNK: usize = 512;
 
-/// Trains every agent's AIP on the first `samples` of its own dataset.
+/// Trains every agent's AIP on its own dataset.
 ///
 /// Adam starts from zero and the incomplete last batch of an epoch is dropped, as in the authors' code. The weights
 /// continue from the previous training. AIPs with memory are trained on whole episodes, others on single samples.
-/// Minibatches are drawn from `dice`, one per agent. The samples after the first ones decide when to stop early, if the
-/// config says so.
-pub(super) fn descend(
-    aips: &mut AipStack,
-    datasets: &[Dataset],
-    samples: usize,
-    config: &AipConfig,
-    dice: &mut [Dice],
-    work: Work<'_, f64>,
-) {
+/// Minibatches are drawn from `dice`, one per agent. The held-out samples decide when to stop early, if the config says
+/// so.
+pub(super) fn descend(aips: &mut AipStack, lesson: Lesson<'_>, dice: &mut [Dice], work: Work<'_, f64>) {
+    let Lesson { datasets, samples, config } = lesson;
     let Work { watch, progress } = work;
     let steps = sequence_length(aips, datasets);
     let AipStack { sources: spec, net, constants, .. } = aips;
@@ -42,7 +35,7 @@ pub(super) fn descend(
         let mut best = config.patience.map(BestSoFar::new);
         let held_out = |room: &mut LearningBuffers, network: Network<'_>, watch: &mut Stopwatch| -> f64 {
             let held_out = Samples { dataset, steps, range: samples..dataset.len() };
-            room.cross_entropies(network, constants, spec, held_out, watch).iter().sum()
+            room.losses(network, constants, spec, held_out, watch).iter().sum()
         };
         if let Some(best) = &mut best {
             best.note(held_out(&mut room, learner.network(), watch), learner.values());
@@ -76,7 +69,7 @@ pub(super) fn descend(
 }
 
 /// Returns the mean cross-entropy of every agent and source over some of the samples, whole episodes.
-pub(super) fn cross_entropies(
+pub(super) fn losses(
     aips: &AipStack,
     datasets: &[Dataset],
     samples: Range<usize>,
@@ -87,7 +80,7 @@ pub(super) fn cross_entropies(
     let of_agent = |(agent, dataset)| {
         let constants = aips.constants.as_ref().map(|constants| (constants, agent));
         let samples = Samples { dataset, steps, range: samples.clone() };
-        room.cross_entropies(aips.net.network(agent), constants, spec, samples, watch)
+        room.losses(aips.net.network(agent), constants, spec, samples, watch)
     };
     datasets.iter().enumerate().map(of_agent).collect()
 }
@@ -176,7 +169,7 @@ impl LearningBuffers {
     }
 
     /// Returns the mean cross-entropy of every source over some samples.
-    fn cross_entropies(
+    fn losses(
         &mut self,
         network: Network<'_>,
         constants: Option<(&Constants, usize)>,

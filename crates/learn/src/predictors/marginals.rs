@@ -12,7 +12,7 @@ use rand::Rng;
 
 use super::parts::{PartFrequencies, part_of};
 use super::sources::of_sources;
-use super::{CrossEntropies, Dataset, InfluencePredictor, PredictorKind, TrainablePredictor};
+use super::{CrossEntropies, Dataset, InfluencePredictor, Lesson, PredictorKind, TrainablePredictor};
 use crate::config::AipConfig;
 use dials_core::base::{AgentId, Dice, Rows, Seed, Stopwatch, Work};
 use dials_core::domain::{RegionSpec, Result, SourceSpec};
@@ -100,28 +100,16 @@ impl TrainablePredictor for Marginals {
         self.probabilities.copy_from(values);
     }
 
-    fn learn(
-        &mut self,
-        datasets: &[Dataset],
-        samples: usize,
-        _config: &AipConfig,
-        _dice: &mut [Dice],
-        work: Work<'_, f64>,
-    ) {
-        for (agent, dataset) in datasets.iter().enumerate() {
-            let measured = PartFrequencies::of(&self.sources, dataset, 0..samples).probabilities();
+    fn learn(&mut self, lesson: Lesson<'_>, _dice: &mut [Dice], work: Work<'_, f64>) {
+        for (agent, dataset) in lesson.datasets.iter().enumerate() {
+            let measured = PartFrequencies::of(&self.sources, dataset, 0..lesson.samples).probabilities();
             let measured = measured.into_iter().flatten().flatten();
             self.probabilities.row_mut(agent).iter_mut().zip(measured).for_each(|(p, measured)| *p = measured as f32);
         }
         (work.progress)(1.0);
     }
 
-    fn cross_entropies(
-        &self,
-        datasets: &[Dataset],
-        samples: Range<usize>,
-        _watch: &mut Stopwatch,
-    ) -> Vec<CrossEntropies> {
+    fn losses(&self, datasets: &[Dataset], samples: Range<usize>, _: &mut Stopwatch) -> Vec<CrossEntropies> {
         let per_agent = datasets.iter().zip(self.probabilities.iter()).map(|(dataset, probabilities)| {
             let as_numbers = |classes: &[f32]| classes.iter().map(|&p| f64::from(p)).collect::<Vec<f64>>();
             let of_part = |of_part| of_sources(&self.sources, of_part, usize::from).map(as_numbers).collect();
@@ -178,13 +166,7 @@ impl PredictorKind for Constants {
         !of_networks.contains(&key)
     }
 
-    fn make(
-        &self,
-        agents: &[AgentId],
-        spec: &RegionSpec,
-        _config: &AipConfig,
-        _seed: Seed,
-    ) -> Box<dyn TrainablePredictor> {
+    fn make(&self, agents: &[AgentId], spec: &RegionSpec, _: &AipConfig, _: Seed) -> Box<dyn TrainablePredictor> {
         Box::new(Marginals::new(agents.len(), spec))
     }
 

@@ -59,6 +59,16 @@ pub trait InfluencePredictor {
     fn sample(&mut self, d_set: &Rows<f32>, dice: &mut [Dice], sources: &mut Rows<u8>);
 }
 
+/// What the predictors of some agents learn from.
+#[derive(Clone, Copy)]
+pub struct Lesson<'a> {
+    /// One per agent, all of the same length.
+    pub(crate) datasets: &'a [Dataset],
+    /// Number of samples to learn from, whole episodes. The others are held out.
+    pub(crate) samples: usize,
+    pub(crate) config: &'a AipConfig,
+}
+
 /// A predictor for each of some agents that learns from datasets. A run trains it, saves it, and continues from it.
 pub trait TrainablePredictor: InfluencePredictor {
     fn sources(&self) -> &SourceSpec;
@@ -69,24 +79,11 @@ pub trait TrainablePredictor: InfluencePredictor {
     /// Copies what another one has learnt.
     fn load(&mut self, values: &Rows<f32>);
 
-    /// Learns from the first `samples` of every agent's dataset, whole episodes. `dice`: one per agent. `progress` is
-    /// called with the share that is done.
-    fn learn(
-        &mut self,
-        datasets: &[Dataset],
-        samples: usize,
-        config: &AipConfig,
-        dice: &mut [Dice],
-        work: Work<'_, f64>,
-    );
+    /// Learns. `dice`: one per agent. `progress` is called with the share that is done.
+    fn learn(&mut self, lesson: Lesson<'_>, dice: &mut [Dice], work: Work<'_, f64>);
 
     /// Returns the mean cross-entropies of every agent over some samples of its dataset, whole episodes.
-    fn cross_entropies(
-        &self,
-        datasets: &[Dataset],
-        samples: Range<usize>,
-        watch: &mut Stopwatch,
-    ) -> Vec<CrossEntropies>;
+    fn losses(&self, datasets: &[Dataset], samples: Range<usize>, watch: &mut Stopwatch) -> Vec<CrossEntropies>;
 
     /// Returns whether each source of an agent keeps its constants, because the last training found them better. Empty
     /// for predictors that do not choose.
@@ -104,13 +101,7 @@ pub trait PredictorKind {
     fn reads(&self, key: &str) -> bool;
 
     /// Makes the first predictor of `agents`, each agent's from its own stream.
-    fn make(
-        &self,
-        agents: &[AgentId],
-        spec: &RegionSpec,
-        config: &AipConfig,
-        seed: Seed,
-    ) -> Box<dyn TrainablePredictor>;
+    fn make(&self, agents: &[AgentId], spec: &RegionSpec, aip: &AipConfig, seed: Seed) -> Box<dyn TrainablePredictor>;
 
     /// Returns the layout of what it has learnt.
     fn layout(&self, spec: &RegionSpec, config: &AipConfig) -> Layout;

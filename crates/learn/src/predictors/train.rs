@@ -4,7 +4,7 @@
 use serde::{Deserialize, Serialize};
 
 use super::parts::PartFrequencies;
-use super::{CrossEntropies, Dataset, TrainablePredictor, mean_loss};
+use super::{CrossEntropies, Dataset, Lesson, TrainablePredictor, mean_loss};
 use crate::config::{AipConfig, held_out_episodes};
 use dials_core::base::{AgentId, Dice, Seed, Stopwatch, Work};
 
@@ -40,11 +40,11 @@ pub fn train(
     let Work { watch, progress } = work;
     let (first, last) = split(&datasets[0], config.held_out);
     let both = |predictor: &dyn TrainablePredictor, watch: &mut Stopwatch| {
-        [0..first, first..last].map(|samples| predictor.cross_entropies(datasets, samples, watch))
+        [0..first, first..last].map(|samples| predictor.losses(datasets, samples, watch))
     };
     let before = both(predictor, watch);
     let mut dice: Vec<Dice> = agents.iter().map(|&agent| seed.for_agent(agent).dice()).collect();
-    predictor.learn(datasets, first, config, &mut dice, Work { watch, progress });
+    predictor.learn(Lesson { datasets, samples: first, config }, &mut dice, Work { watch, progress });
     let after = both(predictor, watch);
     let per_agent = datasets.iter().enumerate().map(|(agent, dataset)| {
         let [seen, held_out] =
@@ -90,7 +90,7 @@ impl FreshLoss {
 
 /// Measures every agent's predictor on its own dataset. All datasets have the same length.
 pub fn measure(predictor: &dyn TrainablePredictor, datasets: &[Dataset], watch: &mut Stopwatch) -> Vec<FreshLoss> {
-    let losses = predictor.cross_entropies(datasets, 0..datasets[0].len(), watch);
+    let losses = predictor.losses(datasets, 0..datasets[0].len(), watch);
     let per_agent = losses.into_iter().zip(datasets).map(|(predictor_loss, dataset)| {
         let seen = PartFrequencies::of(predictor.sources(), dataset, 0..dataset.len());
         FreshLoss { predictor: dataset.only_own(predictor_loss), marginals: dataset.only_own(seen.entropies()) }

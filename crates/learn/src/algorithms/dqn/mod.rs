@@ -65,14 +65,8 @@ impl Algorithm for DqnConfig {
         Reading::Greedy
     }
 
-    fn learner(
-        &self,
-        config: &Config,
-        spec: &RegionSpec,
-        agents: &[AgentId],
-        policies: PolicyStack,
-    ) -> Box<dyn Learner> {
-        Box::new(Dqn::new(self, config, spec, agents, policies))
+    fn learner(&self, config: &Config, spec: &RegionSpec, agents: &[AgentId], stack: PolicyStack) -> Box<dyn Learner> {
+        Box::new(Dqn::new(self, config, spec, agents, stack))
     }
 
     fn layout(&self, config: &Config, kind: &Kind, steps: u64) -> Layout {

@@ -197,17 +197,6 @@ mod tests {
     }
 
     #[test]
-    fn a_replay_comes_back_from_its_table() {
-        for count in [2, 5] {
-            let replay = filled(count, 3);
-            let mut again = Replay::new(2, 3, &spec(true));
-            again.load(&replay.table(), replay.written);
-            assert_eq!((again.len(), again.table()), (replay.len(), replay.table()));
-            assert_eq!(again.values, replay.values);
-        }
-    }
-
-    #[test]
     fn decisions_are_drawn_as_often_as_their_priorities_say() {
         let mut replay = filled(3, 3);
         replay.set_priority(0, 1, 7.0);

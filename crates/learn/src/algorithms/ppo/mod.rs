@@ -45,14 +45,8 @@ impl Algorithm for PpoConfig {
         Reading::Probabilities
     }
 
-    fn learner(
-        &self,
-        config: &Config,
-        spec: &RegionSpec,
-        agents: &[AgentId],
-        policies: PolicyStack,
-    ) -> Box<dyn Learner> {
-        Box::new(Ppo::new(config, spec, agents, policies))
+    fn learner(&self, config: &Config, spec: &RegionSpec, agents: &[AgentId], stack: PolicyStack) -> Box<dyn Learner> {
+        Box::new(Ppo::new(config, spec, agents, stack))
     }
 
     fn layout(&self, config: &Config, kind: &Kind, steps: u64) -> Layout {

@@ -289,26 +289,4 @@ mod tests {
         assert!((0.1e-3..share * 1.001e-3).contains(&length(&low.1)), "{}", length(&low.1));
         assert!(length(&without.1) > 0.1, "{}", length(&without.1));
     }
-
-    #[test]
-    fn agents_with_one_policy_keep_it_and_learn_from_the_samples_of_all() {
-        let (mut stack, mut memory) = material(Some(3), false);
-        stack.net.spread_first();
-        let mut adam = Adam::new(stack.parameters());
-        let before = stack.parameters().values().row(0).to_vec();
-        let losses = updated(&mut stack, &mut adam, &memory, Learns::Everything, true);
-        assert_eq!(losses, vec![losses[0]; 3]);
-        // 3 epochs of 3 agents with 2 minibatches each.
-        assert_eq!(adam.moments().steps, 18);
-        let rows = stack.parameters().values().clone();
-        assert!((1..3).all(|agent| rows.row(agent) == rows.row(0)) && rows.row(0) != before);
-        let moments = adam.moments();
-        assert!([&moments.first, &moments.second].iter().all(|rows| rows.row(2) == rows.row(0)));
-        // A sample of the last agent changes the policy of all.
-        let (mut other, _) = material(Some(3), false);
-        other.net.spread_first();
-        memory.sample_mut(2, 15).ret += 1.0;
-        updated(&mut other, &mut Adam::new(stack.parameters()), &memory, Learns::Everything, true);
-        assert_ne!(other.parameters().values().row(0), rows.row(0));
-    }
 }
