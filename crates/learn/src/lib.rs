@@ -19,6 +19,8 @@ pub mod config;
 pub mod dials;
 pub mod environments;
 pub mod evaluation;
+#[cfg(test)]
+mod fixtures;
 pub mod fleet;
 pub mod observer;
 pub mod policy;

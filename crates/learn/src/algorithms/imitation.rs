@@ -264,7 +264,8 @@ impl Buffers {
 mod tests {
     use super::*;
     use crate::config::PolicyConfig;
-    use dials_core::domain::{Baseline, Domain, RegionSpec, SourceSpec};
+    use crate::fixtures::region;
+    use dials_core::domain::{Baseline, Domain, SourceSpec};
     use dials_testkit::toy::{Coins, CoinsAndDice};
 
     fn config() -> ImitationConfig {
@@ -353,15 +354,7 @@ mod tests {
 
     #[test]
     fn cross_entropy_and_gradient_are_worked_out_by_hand_without_what_has_no_effect() {
-        let spec = RegionSpec {
-            obs_dim: 1,
-            d_set_dim: 1,
-            n_actions: 2,
-            masks: false,
-            sources: SourceSpec::bits(1),
-            horizon: 3,
-            local_horizon: 3,
-        };
+        let spec = region(1, 1, SourceSpec::bits(1), 3);
         let mut demonstrations = Demonstrations::new(&spec);
         for action in [Some(0), None, Some(1)] {
             demonstrations.push(&[1.0], &[], action);
@@ -381,10 +374,7 @@ mod tests {
         assert!((found.cross_entropy() - 0.836_988).abs() < 1e-6);
         assert_eq!((found.decisions, found.accuracy()), (2, 0.5));
         let expected = [-0.375, 0.375, 0.0, 0.0, 0.0, 0.0, 0.125, -0.125, 0.0];
-        assert!(
-            room.gradient.iter().zip(expected).all(|(a, b): (&f32, f32)| (a - b).abs() < 1e-6),
-            "{:?}",
-            room.gradient
-        );
+        let equal = room.gradient.iter().zip(expected).all(|(a, b): (&f32, f32)| (a - b).abs() < 1e-6);
+        assert!(equal, "{:?}", room.gradient);
     }
 }

@@ -291,16 +291,12 @@ impl PredictorKind for Aips {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::predictors::{AipLoss, train};
+    use crate::fixtures::{dice, region, trained};
+    use crate::predictors::AipLoss;
     use rand::Rng;
 
     fn spec(parts: usize, sources: usize) -> RegionSpec {
-        let sources = SourceSpec { parts, ..SourceSpec::bits(sources) };
-        RegionSpec { obs_dim: 1, d_set_dim: 4, n_actions: 2, masks: false, sources, horizon: 100, local_horizon: 100 }
-    }
-
-    fn dice(rows: usize) -> Vec<Dice> {
-        (0..rows).map(|copy| Seed::new(9).for_copy(copy).dice()).collect()
+        region(1, 4, SourceSpec { parts, ..SourceSpec::bits(sources) }, 100)
     }
 
     /// Makes 200 episodes of two parts. Source 0 happens with probability 0.9 if the third column is 1, else with 0.2.
@@ -330,17 +326,15 @@ mod tests {
         }
     }
 
-    fn trained() -> (AipStack, AipLoss) {
-        let agents = [AgentId(0)];
-        let mut aips = AipStack::new(&agents, &spec(2, 3), &config(), Seed::new(1));
-        let work = Work { watch: &mut Stopwatch::default(), progress: &mut |_| () };
-        let loss = train(&mut aips, &agents, &[dataset()], &config(), Seed::new(2), work).remove(0);
+    fn learnt() -> (AipStack, AipLoss) {
+        let mut aips = AipStack::new(&[AgentId(0)], &spec(2, 3), &config(), Seed::new(1));
+        let loss = trained(&mut aips, &[dataset()], &config()).remove(0);
         (aips, loss)
     }
 
     #[test]
     fn it_learns_what_the_d_set_tells_and_is_never_worse_than_marginals_on_held_out_episodes() {
-        let (_, loss) = trained();
+        let (_, loss) = learnt();
         // H(0.9) = 0.3251 and H(0.2) = 0.5004, each half of the time: 0.4127. Marginals: H(0.55) = 0.6881.
         assert!((loss.held_out[1][0] - 0.4127).abs() < 0.04 && (loss.marginals[0] - 0.6881).abs() < 0.01, "{loss:?}");
         // H(0.1) = 0.3251 and H(0.6) = 0.6730: 0.4991. The parts tell all there is to know.
@@ -354,7 +348,7 @@ mod tests {
 
     #[test]
     fn what_it_learnt_is_kept_as_values() {
-        let (aips, _) = trained();
+        let (aips, _) = learnt();
         let values = aips.values();
         assert_eq!(values.width(), AipStack::layout(&spec(2, 3), &config()).width());
         Aips::Trained.check_values(&spec(2, 3), &config(), values.row(0)).unwrap();

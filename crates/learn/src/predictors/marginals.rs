@@ -186,11 +186,11 @@ impl PredictorKind for Constants {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::predictors::train;
-    use dials_core::base::{AgentId, Seed};
+    use crate::fixtures::{dice, region, trained};
+    use crate::predictors::AipLoss;
 
     fn spec(sources: SourceSpec) -> RegionSpec {
-        RegionSpec { obs_dim: 1, d_set_dim: 1, n_actions: 2, masks: false, sources, horizon: 10, local_horizon: 10 }
+        region(1, 1, sources, 10)
     }
 
     /// Makes ten episodes of ten samples whose sources are `u(sample)`.
@@ -200,20 +200,17 @@ mod tests {
         dataset
     }
 
-    fn trained(spec: &RegionSpec, datasets: &[Dataset]) -> (Marginals, Vec<crate::predictors::AipLoss>) {
+    fn measured(spec: &RegionSpec, datasets: &[Dataset]) -> (Marginals, Vec<AipLoss>) {
         let mut marginals = Marginals::new(datasets.len(), spec);
-        let agents = AgentId::all(datasets.len());
-        let work = Work { watch: &mut Stopwatch::default(), progress: &mut |_| () };
-        let losses = train(&mut marginals, &agents, datasets, &AipConfig::default(), Seed::new(0), work);
+        let losses = trained(&mut marginals, datasets, &AipConfig::default());
         (marginals, losses)
     }
 
     /// Draws the sources of every row once.
     fn drawn(marginals: &mut Marginals, d_set: &Rows<f32>) -> Rows<u8> {
-        let mut dice: Vec<Dice> = (0..d_set.len()).map(|row| Seed::new(5).for_copy(row).dice()).collect();
         let mut drawn = Rows::new(d_set.len(), marginals.sources.count());
         marginals.begin(d_set.len());
-        marginals.sample(d_set, &mut dice, &mut drawn);
+        marginals.sample(d_set, &mut dice(d_set.len()), &mut drawn);
         drawn
     }
 
@@ -222,7 +219,7 @@ mod tests {
         let spec = spec(SourceSpec::bits(1));
         // Agent 0: every third of the 90 training samples, and all ten that are held out. Agent 1: never.
         let datasets = [dataset(&spec, |t| vec![u8::from(t % 3 == 0 || t >= 90)]), dataset(&spec, |_| vec![0])];
-        let (mut marginals, losses) = trained(&spec, &datasets);
+        let (mut marginals, losses) = measured(&spec, &datasets);
         assert_eq!(marginals.values().as_slice(), [2.0 / 3.0, 1.0 / 3.0, 1.0, 0.0]);
         // Every copy draws from the frequencies of its agent.
         let drawn = drawn(&mut marginals, &Rows::new(2000, 1));
@@ -244,7 +241,7 @@ mod tests {
         let third = 1.0 / 3.0;
         assert_eq!(Marginals::new(1, &spec).values().as_slice(), [third, third, third, 0.5, 0.5]);
         // Among 90 samples every class of the choice comes 30 times, and the bit in every tenth.
-        let (mut marginals, _) = trained(&spec, &[dataset(&spec, |t| vec![(t % 3) as u8, u8::from(t % 10 == 0)])]);
+        let (mut marginals, _) = measured(&spec, &[dataset(&spec, |t| vec![(t % 3) as u8, u8::from(t % 10 == 0)])]);
         assert_eq!(marginals.values().as_slice(), [third, third, third, 0.9, 0.1]);
         let drawn = drawn(&mut marginals, &Rows::new(10_000, 1));
         // Standard errors: sqrt(2/9 / 10000) = 0.0047 and 0.003.
@@ -261,7 +258,7 @@ mod tests {
             let early = sample % 10 < 5;
             dataset.push(&[f32::from(u8::from(early)), f32::from(u8::from(!early))], &[u8::from(early)]);
         }
-        let (mut marginals, losses) = trained(&spec, &[dataset]);
+        let (mut marginals, losses) = measured(&spec, &[dataset]);
         // 450 samples of each part, and 20 of the whole, half of which happen: 460 / 470 and 10 / 470.
         let expected = [10.0 / 470.0, 460.0 / 470.0, 460.0 / 470.0, 10.0 / 470.0];
         assert!(marginals.values().as_slice().iter().zip(expected).all(|(p, expected)| (p - expected).abs() < 1e-6));

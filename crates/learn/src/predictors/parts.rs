@@ -107,20 +107,12 @@ impl PartFrequencies {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use dials_core::domain::RegionSpec;
+    use crate::fixtures::region;
 
     /// Makes a source that is 1 in every second sample of part 0 and in every tenth of part 1, twenty samples each.
     fn dataset() -> (SourceSpec, Dataset) {
         let sources = SourceSpec { parts: 2, ..SourceSpec::bits(1) };
-        let spec = RegionSpec {
-            obs_dim: 1,
-            d_set_dim: 3,
-            n_actions: 2,
-            masks: false,
-            sources: sources.clone(),
-            horizon: 40,
-            local_horizon: 40,
-        };
+        let spec = region(1, 3, sources.clone(), 40);
         let mut dataset = Dataset::new(&spec);
         for sample in 0..40 {
             let part = sample / 20;

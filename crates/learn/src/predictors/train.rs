@@ -101,109 +101,65 @@ pub fn measure(predictor: &dyn TrainablePredictor, datasets: &[Dataset], watch: 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::fixtures::{region, trained};
     use crate::predictors::{AipStack, Marginals};
-    use dials_core::domain::{Kinds, RegionSpec, SourceSpec};
+    use dials_core::domain::{Kinds, SourceSpec};
     use rand::Rng;
 
-    /// Returns a region whose d-set of `d_set_dim` values is its whole observation, with episodes of `horizon` steps.
-    fn spec(d_set_dim: usize, sources: SourceSpec, horizon: usize) -> RegionSpec {
-        let obs_dim = d_set_dim;
-        RegionSpec { obs_dim, d_set_dim, n_actions: 2, masks: false, sources, horizon, local_horizon: horizon }
-    }
-
     #[test]
-    fn the_last_episodes_measure_and_are_not_trained_on() {
+    fn the_last_episodes_only_measure_and_stop_a_training_that_makes_them_worse() {
         // u = x in the first 18 episodes, u = 1 - x in the last two: a predictor that learns u = x is wrong there.
-        let spec = spec(1, SourceSpec::bits(1), 100);
+        let spec = region(1, 1, SourceSpec::bits(1), 100);
         let mut dataset = Dataset::new(&spec);
         let mut dice = Seed::new(31).dice();
         for sample in 0..2000 {
             let x: bool = dice.random();
             dataset.push(&[f32::from(u8::from(x))], &[u8::from(x != (sample >= 1800))]);
         }
-        let config = AipConfig { hidden: vec![8], learning_rate: 1e-2, epochs: 30, ..AipConfig::default() };
-        let mut aips = AipStack::new(&[AgentId(0)], &spec, &config, Seed::new(1));
-        let loss = train(
-            &mut aips,
-            &[AgentId(0)],
-            &[dataset],
-            &config,
-            Seed::new(2),
-            Work { watch: &mut Stopwatch::default(), progress: &mut |_| () },
-        )
-        .remove(0);
-        // Certain of u = x where it holds: p > 0.95, so -ln(1 - p) > 3 in the end. Trained on all it would be ln 10 = 2.3.
-        assert!(loss.training[1][0] < 0.05, "{:?}", loss.training);
-        assert!(loss.held_out[1][0] > 3.0, "{:?}", loss.held_out);
-    }
-
-    #[test]
-    fn training_that_makes_held_out_episodes_worse_stops_early() {
-        // The same contradiction: every epoch makes the held-out episodes worse.
-        let spec = spec(1, SourceSpec::bits(1), 100);
-        let mut dataset = Dataset::new(&spec);
-        let mut dice = Seed::new(31).dice();
-        for sample in 0..2000 {
-            let x: bool = dice.random();
-            dataset.push(&[f32::from(u8::from(x))], &[u8::from(x != (sample >= 1800))]);
-        }
-        let agents = [AgentId(0)];
-        let losses = |patience: Option<usize>| {
+        let loss = |patience: Option<usize>| {
             let config =
-                AipConfig { hidden: vec![8], learning_rate: 1e-2, epochs: 9, patience, ..AipConfig::default() };
-            let mut aips = AipStack::new(&agents, &spec, &config, Seed::new(1));
-            let work = Work { watch: &mut Stopwatch::default(), progress: &mut |_| () };
-            train(&mut aips, &agents, std::slice::from_ref(&dataset), &config, Seed::new(2), work).remove(0).held_out
+                AipConfig { hidden: vec![8], learning_rate: 1e-2, epochs: 30, patience, ..AipConfig::default() };
+            let mut aips = AipStack::new(&[AgentId(0)], &spec, &config, Seed::new(1));
+            trained(&mut aips, std::slice::from_ref(&dataset), &config).remove(0)
         };
-        let [before, after] = losses(Some(1));
+        // Certain of u = x where it holds: p > 0.95, so -ln(1 - p) > 3 in the end. Trained on all it would be ln 10 = 2.3.
+        let AipLoss { training, held_out, .. } = loss(None);
+        assert!(training[1][0] < 0.05 && held_out[1][0] > 3.0, "{training:?} {held_out:?}");
+        let [before, after] = loss(Some(1)).held_out;
         assert_eq!(before, after, "the first parameters were the best");
-        let [before, after] = losses(None);
-        assert!(after[0] > before[0] + 0.5, "{before:?} {after:?}");
-    }
-
-    /// Makes a source that repeats what the d-set showed two steps ago: only a memory can predict it.
-    fn delayed_dataset() -> Dataset {
-        let spec = spec(3, SourceSpec { classes: vec![3], parts: 0 }, 20);
-        let mut dataset = Dataset::new(&spec);
-        let mut dice = Seed::new(31).dice();
-        for _ in 0..200 {
-            let mut shown = [0_u8; 2];
-            for _ in 0..20 {
-                let class = dice.random_range(0..3_u8);
-                let mut d_set = [0.0; 3];
-                d_set[usize::from(class)] = 1.0;
-                dataset.push(&d_set, &[shown[0]]);
-                shown = [shown[1], class];
-            }
-        }
-        dataset
     }
 
     #[test]
     fn an_aip_with_memory_learns_what_one_without_cannot() {
-        let spec = spec(3, SourceSpec { classes: vec![3], parts: 0 }, 20);
-        let loss = |recurrent: Option<usize>| {
-            let batch = if recurrent.is_some() { 20 } else { 128 };
-            let config = AipConfig {
-                recurrent,
-                hidden: vec![16],
-                learning_rate: 1e-2,
-                epochs: 30,
-                batch,
-                ..AipConfig::default()
-            };
+        // A source that repeats what the d-set showed two steps ago.
+        let spec = region(3, 3, SourceSpec { classes: vec![3], parts: 0 }, 20);
+        let mut dataset = Dataset::new(&spec);
+        let mut dice = Seed::new(31).dice();
+        let mut shown = [0_u8; 2];
+        for sample in 0..4000 {
+            if sample % 20 == 0 {
+                shown = [0; 2];
+            }
+            let class = dice.random_range(0..3_u8);
+            let mut d_set = [0.0; 3];
+            d_set[usize::from(class)] = 1.0;
+            dataset.push(&d_set, &[shown[0]]);
+            shown = [shown[1], class];
+        }
+        let loss = |recurrent, batch| {
+            let network = AipConfig { recurrent, hidden: vec![16], ..AipConfig::default() };
+            let config = AipConfig { learning_rate: 1e-2, epochs: 30, batch, ..network };
             let mut aips = AipStack::new(&[AgentId(0)], &spec, &config, Seed::new(1));
-            let work = Work { watch: &mut Stopwatch::default(), progress: &mut |_| () };
-            train(&mut aips, &[AgentId(0)], &[delayed_dataset()], &config, Seed::new(2), work)[0].held_out[1][0]
+            trained(&mut aips, std::slice::from_ref(&dataset), &config)[0].held_out[1][0]
         };
         // Without memory: the two first steps are sure (0), the others a die of three, 18 / 20 * ln 3 = 0.989 at least.
-        let (with, without) = (loss(Some(16)), loss(None));
+        let (with, without) = (loss(Some(16), 20), loss(None, 128));
         assert!(with < 0.2 && without > 0.95, "{with} {without}");
     }
 
     #[test]
     fn losses_on_fresh_episodes_are_worked_out_by_hand() {
-        let spec = spec(1, SourceSpec::bits(2), 4);
+        let spec = region(1, 1, SourceSpec::bits(2), 4);
         let mut dataset = Dataset::new(&spec);
         (0..8).for_each(|t| dataset.push(&[0.0], &[u8::from(t % 4 == 0), 1]));
         // Constants of 1/2 lose ln 2 on everything; the best ones lose H(1/4) = 0.562335, and nothing on a sure source.
@@ -216,7 +172,7 @@ mod tests {
 
     #[test]
     fn sources_that_an_agent_does_not_have_do_not_count() {
-        let spec = spec(1, SourceSpec::bits(3), 4);
+        let spec = region(1, 1, SourceSpec::bits(3), 4);
         let kinds = Kinds::one(3, spec.clone()).with_sources(vec![3, 1, 0]);
         let mut datasets = Dataset::of_all(&kinds);
         for t in 0..8 {

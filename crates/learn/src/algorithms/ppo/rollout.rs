@@ -155,6 +155,7 @@ impl Rollout {
 mod tests {
     use super::*;
     use crate::config::PolicyConfig;
+    use crate::fixtures::{dice, region};
     use dials_core::base::{AgentId, Seed};
     use dials_core::domain::{RegionSpec, SourceSpec};
 
@@ -169,16 +170,7 @@ mod tests {
 
     impl Scripted {
         fn new() -> Self {
-            let sources = SourceSpec::bits(1);
-            let spec = RegionSpec {
-                obs_dim: 1,
-                d_set_dim: 1,
-                n_actions: 2,
-                masks: false,
-                sources,
-                horizon: 3,
-                local_horizon: 3,
-            };
+            let spec = region(1, 1, SourceSpec::bits(1), 3);
             let mut scripted =
                 Scripted { ages: [0; 4], percept: Percept::new(4, &spec), experience: Experience::new(4, &spec), spec };
             scripted.show();
@@ -190,17 +182,7 @@ mod tests {
                 self.percept.obs.row_mut(row)[0] = shown(row, age);
             }
         }
-    }
 
-    fn shown(row: usize, age: usize) -> f32 {
-        (10 * row + age) as f32
-    }
-
-    fn reward(row: usize, age: usize) -> f32 {
-        row as f32 + age as f32 / 10.0
-    }
-
-    impl Scripted {
         fn step(&mut self) {
             for row in 0..4 {
                 self.experience.rewards[row] = reward(row, self.ages[row]);
@@ -213,6 +195,14 @@ mod tests {
             }
             self.show();
         }
+    }
+
+    fn shown(row: usize, age: usize) -> f32 {
+        (10 * row + age) as f32
+    }
+
+    fn reward(row: usize, age: usize) -> f32 {
+        row as f32 + age as f32 / 10.0
     }
 
     /// Makes networks whose value is the observation plus, with memory, a part of the state.
@@ -236,7 +226,7 @@ mod tests {
         let mut memory = Memory::new(2, 16, length, &scripted.spec, recurrent.unwrap_or(0));
         let config = PpoConfig { rollout_steps: T, time_limit, ..PpoConfig::default() };
         let mut rollout = begun(&policies, &config, false);
-        let mut dice: Vec<Dice> = (0..4).map(|row| Seed::new(7).for_copy(row).dice()).collect();
+        let mut dice = dice(4);
         let watch = &mut Stopwatch::default();
         for is_last in [false, true] {
             for t in 1..=T {
@@ -249,37 +239,45 @@ mod tests {
         (memory, policies)
     }
 
-    /// Returns what row `row` goes through, step by step, in both rollouts and the step after: (age, state before).
-    fn lived(policies: &PolicyStack, row: usize) -> (Vec<usize>, Vec<f32>, Vec<f32>) {
-        let (mut ages, mut values, mut last_values) = (vec![], vec![], vec![]);
-        let mut states = policies.states(2);
-        let agent = row / 2;
-        let mut age = 0;
+    /// What a row goes through in both rollouts and the step after, step by step.
+    #[derive(Default)]
+    struct Lived {
+        ages: Vec<usize>,
+        values: Vec<f32>,
+        /// Value of what the step shows before the next episode begins.
+        last_values: Vec<f32>,
+        /// Hidden state before the step.
+        states: Vec<Vec<f32>>,
+    }
+
+    fn lived(policies: &PolicyStack, row: usize) -> Lived {
+        let (agent, mut age, mut states) = (row / 2, 0, policies.states(2));
+        let mut lived = Lived::default();
         for _ in 0..=2 * T {
             let value_of = |age: usize, states: &mut States| {
                 let obs = Rows::from_vec(vec![shown(row, age); 2], 1);
                 policies.judge(&obs, states).rows().nth(agent).unwrap().1
             };
-            ages.push(age);
-            values.push(value_of(age, &mut states));
-            last_values.push(value_of(age + 1, &mut states.clone()));
+            lived.ages.push(age);
+            lived.states.push(states.row(agent).to_vec());
+            lived.values.push(value_of(age, &mut states));
+            lived.last_values.push(value_of(age + 1, &mut states.clone()));
             age += 1;
             if row == 1 && age == 3 {
-                age = 0;
-                states = policies.states(2);
+                (age, states) = (0, policies.states(2));
             }
         }
-        (ages, values, last_values)
+        lived
     }
 
     #[test]
-    fn every_decision_is_in_its_slot_with_its_advantage() {
+    fn every_decision_is_in_its_slot_with_its_advantage_and_sequences_keep_the_state_that_they_began_in() {
         for (recurrent, time_limit) in
             [(None, TimeLimit::Terminal), (None, TimeLimit::Bootstrap), (Some(3), TimeLimit::Bootstrap)]
         {
             let (memory, policies) = recorded(recurrent, time_limit);
             for row in 0..4 {
-                let (ages, values, last_values) = lived(&policies, row);
+                let Lived { ages, values, last_values, states } = lived(&policies, row);
                 for rollout in 0..2 {
                     let steps = rollout * T..(rollout + 1) * T;
                     let ends: Vec<bool> = steps.clone().map(|t| row == 1 && ages[t] == 2).collect();
@@ -299,6 +297,10 @@ mod tests {
                         assert!((sample.value - values[step]).abs() < 1e-5);
                         assert!((sample.advantage - expected[t]).abs() < 1e-4, "{sample:?} {}", expected[t]);
                         assert!((sample.ret - sample.advantage - sample.value).abs() < 1e-5);
+                        if recurrent.is_some() && slot.is_multiple_of(2) {
+                            let kept = memory.state(agent, slot / 2).iter().zip(&states[step]);
+                            assert!(kept.into_iter().all(|(a, b)| (a - b).abs() < 1e-6), "row {row}, step {step}");
+                        }
                     }
                 }
             }
@@ -314,28 +316,5 @@ mod tests {
         let own = values(false);
         assert!(own[0] != own[3]);
         assert_eq!(values(true), [own[3]; 4]);
-    }
-
-    #[test]
-    fn a_sequence_keeps_the_state_that_it_began_in() {
-        let (memory, policies) = recorded(Some(3), TimeLimit::Terminal);
-        for row in 0..4 {
-            let mut states = policies.states(2);
-            let mut age = 0;
-            for step in 0..2 * T {
-                let slot = step / T * 8 + row % 2 * T + step % T;
-                if slot.is_multiple_of(2) {
-                    let kept = memory.state(row / 2, slot / 2);
-                    let state = states.row(row / 2);
-                    assert!(kept.iter().zip(state).all(|(a, b)| (a - b).abs() < 1e-6), "row {row}, step {step}");
-                }
-                policies.judge(&Rows::from_vec(vec![shown(row, age); 2], 1), &mut states);
-                age += 1;
-                if row == 1 && age == 3 {
-                    age = 0;
-                    states = policies.states(2);
-                }
-            }
-        }
     }
 }

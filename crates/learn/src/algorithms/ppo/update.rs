@@ -197,8 +197,9 @@ mod tests {
 
     use super::*;
     use crate::config::PolicyConfig;
+    use crate::fixtures::region;
     use dials_core::base::{AgentId, Seed};
-    use dials_core::domain::{RegionSpec, SourceSpec};
+    use dials_core::domain::SourceSpec;
 
     #[test]
     fn learning_rate_and_clip_decay_over_the_total_steps() {
@@ -212,9 +213,7 @@ mod tests {
 
     /// Returns a stack of three agents and a memory of 16 random samples for each.
     fn material(recurrent: Option<usize>, separate_critic: bool) -> (PolicyStack, Memory) {
-        let sources = SourceSpec::bits(1);
-        let spec =
-            RegionSpec { obs_dim: 4, d_set_dim: 1, n_actions: 2, masks: false, sources, horizon: 8, local_horizon: 8 };
+        let spec = region(4, 1, SourceSpec::bits(1), 8);
         let policy = PolicyConfig { recurrent, hidden: vec![6], separate_critic, ..PolicyConfig::default() };
         let stack = PolicyStack::new(&AgentId::all(3), &spec, &policy, &[0.0; 2], Seed::new(1));
         let length = if recurrent.is_some() { 4 } else { 1 };
@@ -231,23 +230,13 @@ mod tests {
         (stack, memory)
     }
 
-    fn updated(stack: &mut PolicyStack, adam: &mut Adam, memory: &Memory, learns: Learns, shared: bool) -> Vec<Losses> {
-        updated_with(None, stack, adam, memory, learns, shared)
-    }
-
-    fn updated_with(
-        max_gradient_norm: Option<f64>,
-        stack: &mut PolicyStack,
-        adam: &mut Adam,
-        memory: &Memory,
-        learns: Learns,
-        shared: bool,
-    ) -> Vec<Losses> {
-        let ppo = PpoConfig { memory: 16, minibatch: 8, max_gradient_norm, ..PpoConfig::default() };
+    /// Updates all agents. `limit`: of the length of a gradient.
+    fn updated(stack: &mut PolicyStack, adam: &mut Adam, memory: &Memory, learns: Learns, limit: Option<f64>) -> f64 {
+        let ppo = PpoConfig { memory: 16, minibatch: 8, max_gradient_norm: limit, ..PpoConfig::default() };
         let decayed = Decayed { learning_rate: 1e-2, clip: 0.1 };
         let mut dice: Vec<Dice> = (0..3).map(|agent| Seed::new(3).for_agent(AgentId(agent)).dice()).collect();
-        let settings = Settings { ppo: &ppo, decayed, learns, shared };
-        update(stack, adam, memory, &mut dice, settings, &mut Stopwatch::default())
+        let settings = Settings { ppo: &ppo, decayed, learns, shared: false };
+        update(stack, adam, memory, &mut dice, settings, &mut Stopwatch::default())[0].value
     }
 
     #[test]
@@ -256,7 +245,7 @@ mod tests {
             let (mut stack, memory) = material(recurrent, separate);
             let before = stack.parameters().values().clone();
             let mut adam = Adam::new(stack.parameters());
-            let losses = [0, 1].map(|_| updated(&mut stack, &mut adam, &memory, Learns::Critic, false)[0].value);
+            let losses = [0, 1].map(|_| updated(&mut stack, &mut adam, &memory, Learns::Critic, None));
             assert!(losses[1] < losses[0], "{losses:?}");
             let critic = stack.only_critic();
             for agent in 0..3 {
@@ -277,7 +266,7 @@ mod tests {
         let after = |limit: Option<f64>| {
             let (mut stack, memory) = material(None, false);
             let mut adam = Adam::new(stack.parameters());
-            updated_with(limit, &mut stack, &mut adam, &memory, Learns::Everything, false);
+            updated(&mut stack, &mut adam, &memory, Learns::Everything, limit);
             (stack.parameters().values().clone(), adam.moments().first.row(0).to_vec())
         };
         let (without, high, low) = (after(None), after(Some(1e6)), after(Some(1e-3)));
