@@ -6,20 +6,21 @@
 //!
 //! - [`evaluate`], [`demonstrate`], [`collect`]: episodes on the global simulator, shared out among all workers.
 //! - [`imitate`], [`train_aips`], [`measure_aips`], [`train_policies`]: work of each worker on its own agents.
-//! - `report_state`: the state of a worker's agents.
+//! - [`ReportState`]: the state of a worker's agents.
 
 pub mod collect;
 pub mod demonstrate;
 pub mod evaluate;
 pub mod imitate;
 pub mod measure_aips;
-mod report_state;
 pub mod train_aips;
 pub mod train_policies;
 
+use anyhow::ensure;
 use serde::{Deserialize, Serialize};
 
 use crate::observer::Observer;
+use crate::state::AgentsState;
 use crate::state::fits::Fit;
 use crate::worker::Worker;
 use dials_core::domain::Result;
@@ -29,7 +30,6 @@ use demonstrate::Demonstrate;
 use evaluate::Evaluate;
 use imitate::Imitate;
 use measure_aips::MeasureAips;
-pub use report_state::ReportState;
 use train_aips::TrainAips;
 use train_policies::TrainPolicies;
 
@@ -61,6 +61,25 @@ pub trait Route: Sized {
     fn reply(reply: Reply) -> Option<Self::Reply>
     where
         Self: Step;
+}
+
+/// Asks for the state of the worker's agents before the first step.
+#[derive(Clone, Copy, Debug, Serialize, Deserialize)]
+pub struct ReportState;
+
+impl Step for ReportState {
+    type Reply = AgentsState;
+
+    fn run(self, worker: &mut Worker, _observer: &dyn Observer) -> Result<AgentsState> {
+        Ok(worker.state())
+    }
+
+    fn check(&self) -> Check<AgentsState> {
+        Box::new(|state, fit| {
+            ensure!(state.steps == 0, "its agents are at step {}, not at 0", state.steps);
+            fit.check(state)
+        })
+    }
 }
 
 /// Makes the two enums of all steps from their list. A new step is a file, and a line below.
