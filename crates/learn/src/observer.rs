@@ -10,7 +10,6 @@ use crate::steps::train_policies::PolicyTraining;
 use dials_core::base::Activity;
 use dials_core::domain::Result;
 
-/// An observer of the progress.
 pub trait Observer {
     /// The policies have been trained for N timesteps per agent.
     fn trained(&self, _steps: u64) {}
@@ -18,7 +17,6 @@ pub trait Observer {
     /// Another activity is going on, and this share of it (`0..=1`) is done.
     fn busy(&self, _activity: Activity, _share: f64) {}
 
-    /// The policies have imitated a controller.
     fn imitated(&self, _controller: &str, _losses: &[ImitationLoss]) {}
 
     fn evaluated(&self, _steps: u64, _evaluation: &Evaluation) {}
@@ -28,7 +26,6 @@ pub trait Observer {
     /// The loss of the AIPs was measured on new episodes; the drift compares it with that after their last training.
     fn aips_measured(&self, _losses: &[FreshLoss], _drift: &Drift) {}
 
-    /// A worker was lost and started again.
     fn worker_lost(&self, _message: &str) {}
 
     /// Returns whether the run was asked to stop at the next point at which nothing is lost.
@@ -42,7 +39,6 @@ pub trait Observer {
     }
 }
 
-/// An observer that ignores everything.
 pub struct Silent;
 
 impl Observer for Silent {}
@@ -62,17 +58,14 @@ pub trait Recorder {
         Ok(())
     }
 
-    /// The policies have imitated a controller.
     fn imitated(&mut self, _agents: &AgentsState, _losses: &[ImitationLoss]) -> Result<()> {
         Ok(())
     }
 
-    /// The joint policy was evaluated.
     fn evaluated(&mut self, _agents: &AgentsState, _evaluation: &Evaluation) -> Result<()> {
         Ok(())
     }
 
-    /// The AIPs were trained.
     fn aips_trained(&mut self, _agents: &AgentsState, _losses: &[AipLoss]) -> Result<()> {
         Ok(())
     }
@@ -99,7 +92,6 @@ pub trait Recorder {
     }
 }
 
-/// A recorder that records nothing.
 pub struct Unrecorded;
 
 impl Recorder for Unrecorded {}

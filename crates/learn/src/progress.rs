@@ -20,7 +20,6 @@ pub struct TrainingProgress {
     pub until: u64,
     /// Timesteps per agent at the last evaluation. A schedule that has changed does not repeat it.
     pub evaluated_at: Option<u64>,
-    /// Drift of the AIPs since their last training.
     pub drift: Drift,
 }
 
@@ -68,9 +67,7 @@ impl TrainingProgress {
 /// When the loss of the AIPs is measured.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Moment {
-    /// After an evaluation of the joint policy.
     Evaluation,
-    /// After a training of the AIPs.
     Training,
 }
 

@@ -28,7 +28,6 @@ pub struct ImitationLoss {
 }
 
 impl ImitationLoss {
-    /// Returns the means over agents.
     pub fn mean_of(losses: &[ImitationLoss]) -> ImitationLoss {
         let mean = |pick: &dyn Fn(&ImitationLoss) -> f64| losses.iter().map(pick).sum::<f64>() / losses.len() as f64;
         ImitationLoss {
@@ -140,7 +139,6 @@ fn sequence_length(policies: &PolicyStack, demonstrations: &Demonstrations) -> u
     if policies.state_width() > 0 { demonstrations.horizon } else { 1 }
 }
 
-/// Sums over decisions.
 #[derive(Clone, Copy, Default)]
 struct Comparison {
     decisions: usize,
@@ -168,7 +166,6 @@ impl Comparison {
 /// then by sequence.
 #[derive(Default)]
 struct Buffers {
-    /// Number of steps of a sequence.
     length: usize,
     n_actions: usize,
     obs: Vec<f32>,
@@ -184,7 +181,6 @@ struct Buffers {
 }
 
 impl Buffers {
-    /// Copies some sequences.
     fn gather(&mut self, from: &Demonstrations, sequences: impl ExactSizeIterator<Item = usize> + Clone) {
         let width = from.obs.width();
         self.obs.resize(sequences.len() * self.length * width, 0.0);
@@ -238,7 +234,6 @@ impl Buffers {
         found
     }
 
-    /// Compares a network with some of the sequences.
     fn measure(
         &mut self,
         network: Network<'_>,

@@ -25,19 +25,9 @@ impl Metrics {
         mean
     }
 
-    /// Appends the agents of other metrics with the same names.
     pub(crate) fn extend(&mut self, other: Metrics) {
         for ((_, values), (_, others)) in self.of_agents.iter_mut().zip(other.of_agents) {
             values.extend(others);
-        }
-    }
-
-    /// Puts the values of the agents into another order: `order[i]` is the place of the i-th value.
-    pub(crate) fn reorder(&mut self, order: &[usize]) {
-        for (_, values) in &mut self.of_agents {
-            let mut sorted = vec![0.0; values.len()];
-            order.iter().zip(values.iter()).for_each(|(&place, &value)| sorted[place] = value);
-            *values = sorted;
         }
     }
 
@@ -64,11 +54,10 @@ mod tests {
     }
 
     #[test]
-    fn the_agents_of_several_learners_are_put_in_their_order() {
+    fn the_agents_of_several_learners_are_joined() {
         let mut both = losses(&[1.0, 3.0], 0.1);
         both.extend(losses(&[2.0], 0.1));
-        both.reorder(&[0, 2, 1]);
-        assert_eq!(both, losses(&[1.0, 2.0, 3.0], 0.1));
+        assert_eq!(both, losses(&[1.0, 3.0, 2.0], 0.1));
         assert_eq!(both.names().collect::<Vec<_>>(), ["loss", "rate"]);
     }
 }

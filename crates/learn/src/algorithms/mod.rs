@@ -46,7 +46,6 @@ pub trait Algorithm: Debug {
     /// Returns the key that says how many timesteps per agent there are between two updates, and its value.
     fn updates(&self) -> (&'static str, u64);
 
-    /// Returns how decisions are read from the outputs of a network.
     fn reading(&self) -> Reading;
 
     /// Makes the learner of some agents of one kind. `stack`: their policies, one row per agent.
@@ -74,7 +73,6 @@ macro_rules! algorithms {
             $($(#[$about])* $Name,)*
         }
 
-        /// Returns the algorithm of a config.
         pub fn of(config: &Config) -> &dyn Algorithm {
             match config.algorithm {
                 $(AlgorithmName::$Name => &config.$table,)*
@@ -111,13 +109,11 @@ impl AlgorithmName {
 ///
 /// Rows are ordered by agent, then by copy.
 pub trait Learner {
-    /// Returns the policies, one row per agent.
     fn policies(&self) -> &PolicyStack;
 
     /// Returns the policies, to be changed: by an imitation, or by a state.
     fn policies_mut(&mut self) -> &mut PolicyStack;
 
-    /// Chooses an action for every row.
     fn act(&mut self, percept: &Percept) -> Vec<Action>;
 
     /// Takes in what the last actions brought, and updates the policies if that is due. Returns the metrics of the
@@ -132,6 +128,5 @@ pub trait Learner {
     /// Returns what it keeps from one period to the next, beside the policies. It is called between two updates only.
     fn tables(&self) -> Tables;
 
-    /// Continues from such tables.
     fn load(&mut self, tables: Tables);
 }

@@ -63,7 +63,6 @@ impl Base {
         }
     }
 
-    /// Returns the number of rows per agent.
     pub(super) fn copies(&self) -> usize {
         self.acting.len() / self.minibatches.len()
     }
@@ -79,7 +78,6 @@ impl Base {
         }
     }
 
-    /// Continues from such tables.
     pub(super) fn load(&mut self, tables: &mut Tables) {
         self.adam.restore(Moments {
             first: tables.take_numbers(FIRST_MOMENTS).into_rows(),
@@ -101,11 +99,9 @@ pub struct Layout {
     pub(crate) counts: Vec<(&'static str, u64)>,
 }
 
-/// A table of numbers.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct NumberTable {
     pub name: &'static str,
-    /// Number of values of an agent.
     pub width: usize,
     /// Whether agents that get the mean of their policies get the mean of this, too.
     pub(crate) averaged: bool,
@@ -122,7 +118,6 @@ impl Tables {
         self.numbers.remove(name).unwrap_or_else(|| panic!("a learner keeps the table `{name}`"))
     }
 
-    /// Returns the tables of some of the agents, in this order.
     pub(crate) fn share(&self, agents: impl IntoIterator<Item = usize> + Clone) -> Tables {
         let numbers = self.numbers.iter().map(|(name, table)| (name.clone(), table.pick(agents.clone())));
         let dice = self
@@ -132,7 +127,6 @@ impl Tables {
         Tables { numbers: numbers.collect(), dice: dice.collect(), counts: self.counts.clone() }
     }
 
-    /// Overwrites the tables of the agents from `first` on.
     pub(crate) fn replace(&mut self, first: usize, part: &Tables) {
         self.counts.clone_from(&part.counts);
         for (name, table) in &part.numbers {
@@ -144,7 +138,6 @@ impl Tables {
         }
     }
 
-    /// Appends the tables of further agents.
     pub(crate) fn extend(&mut self, other: Tables) {
         self.counts = other.counts;
         for (name, table) in other.numbers {

@@ -45,7 +45,6 @@ pub fn short_forms() -> Vec<ShortForm> {
 }
 
 impl ShortForm {
-    /// Returns the short form of this name.
     pub fn called(name: &str) -> Option<ShortForm> {
         short_forms().into_iter().find(|form| form.name == name)
     }
@@ -75,7 +74,6 @@ impl<'de> Deserialize<'de> for ShortForm {
 }
 
 impl Config {
-    /// Returns both keys in one word.
     pub fn short_form(&self) -> ShortForm {
         let predictor = self.predictor_in_use();
         let same = |form: &ShortForm| form.simulator == self.simulator && form.predictor == predictor;

@@ -23,7 +23,6 @@ pub(crate) struct GlobalEnvironment {
     /// One percept per kind; the same for the experiences.
     percepts: Vec<Percept>,
     experiences: Vec<Experience>,
-    /// Actions of all agents.
     actions: Vec<Action>,
 }
 

@@ -13,7 +13,6 @@ use stacknets::States;
 pub enum Selection {
     /// Drawn from the policy, as in training.
     Sampled,
-    /// The most probable one.
     Greedy,
 }
 

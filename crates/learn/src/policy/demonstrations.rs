@@ -28,7 +28,6 @@ impl Demonstrations {
         }
     }
 
-    /// Makes empty demonstrations, one per agent.
     pub fn of_all(kinds: &Kinds) -> Vec<Demonstrations> {
         kinds.specs().map(Demonstrations::new).collect()
     }
@@ -67,7 +66,6 @@ impl Demonstrations {
         self.actions.push(action);
     }
 
-    /// Appends the episodes of other demonstrations of the same agent.
     pub(crate) fn extend(&mut self, other: &Demonstrations) {
         self.obs.extend(&other.obs);
         if let (Some(mine), Some(theirs)) = (&mut self.masks, &other.masks) {

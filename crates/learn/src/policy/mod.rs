@@ -56,7 +56,6 @@ impl Judgement {
 }
 
 impl PolicyStack {
-    /// Returns the shape of a policy network.
     pub fn shape(spec: &RegionSpec, config: &PolicyConfig) -> Shape {
         Shape {
             inputs: spec.obs_dim,
@@ -81,7 +80,6 @@ impl PolicyStack {
         PolicyStack { n_actions: spec.n_actions, net, reading: Reading::Probabilities }
     }
 
-    /// Reads the outputs of the networks in this way from now on.
     pub(crate) fn read_as(mut self, reading: Reading) -> Self {
         self.reading = reading;
         self
@@ -105,7 +103,6 @@ impl PolicyStack {
         self.net.shape().only_for_the_last_output()
     }
 
-    /// Makes cleared states for this number of rows.
     pub fn states(&self, rows: usize) -> States {
         self.net.states(rows)
     }
@@ -135,7 +132,6 @@ impl PolicyStack {
         self.net.parameters()
     }
 
-    /// Copies the parameters of `policies`, one row per agent of the stack.
     pub fn load(&mut self, policies: &Rows<f32>) {
         self.net.parameters_mut().load(policies);
     }

@@ -73,7 +73,6 @@ fn logits(classes: &[f64]) -> Vec<f64> {
 }
 
 impl AipStack {
-    /// Returns the shape of an AIP.
     pub fn shape(spec: &RegionSpec, config: &AipConfig) -> Shape {
         Shape {
             inputs: spec.d_set_dim,
@@ -119,7 +118,6 @@ impl AipStack {
         (0..values.len()).for_each(|agent| values.row_mut(agent)[last.clone()].fill(0.0));
     }
 
-    /// Runs one step of all rows. Returns the outputs of the networks.
     fn outputs(&mut self, d_set: &Rows<f32>) -> Rows<f32> {
         let inputs = Rows::from_vec(d_set.as_slice().iter().map(|&x| scaled(x)).collect(), d_set.width());
         self.net.step(&inputs, &mut self.states)
@@ -145,7 +143,6 @@ impl AipStack {
     }
 }
 
-/// Scales a value of a d-set for the network.
 pub(super) fn scaled(x: f32) -> f32 {
     (x - 0.5) / 0.5
 }

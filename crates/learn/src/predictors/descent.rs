@@ -168,7 +168,6 @@ impl LearningBuffers {
         }
     }
 
-    /// Returns the mean cross-entropy of every source over some samples.
     fn losses(
         &mut self,
         network: Network<'_>,
@@ -222,7 +221,6 @@ impl BestSoFar {
         self.since >= self.patience
     }
 
-    /// Returns the best parameters.
     fn values(&self) -> &[f32] {
         &self.values
     }

@@ -83,7 +83,6 @@ impl Dataset {
         self.len() / self.horizon
     }
 
-    /// Appends the episodes of another dataset of the same agent.
     pub fn extend(&mut self, other: &Dataset) {
         self.d_sets.extend(&other.d_sets);
         self.sources.extend(&other.sources);
@@ -182,7 +181,6 @@ macro_rules! predictors {
             /// All predictors, with the short form of training with each, and its help.
             pub(crate) const ALL: &[(Predictor, &str, &str)] = &[$((Predictor::$Name, $form, $help),)*];
 
-            /// Returns its kind.
             pub fn kind(self) -> &'static dyn PredictorKind {
                 match self {
                     $(Predictor::$Name => &$kind,)*

@@ -43,23 +43,19 @@ impl Widths {
 pub struct Fit<'a> {
     pub config: &'a Config,
     pub kinds: &'a Kinds,
-    /// Widths of all agents of the run.
     pub widths: &'a Widths,
     pub agents: Range<usize>,
 }
 
 impl Fit<'_> {
-    /// Returns the kinds' description of each of the agents.
     pub(crate) fn specs(&self) -> impl Iterator<Item = &RegionSpec> {
         self.agents.clone().map(|agent| &self.kinds.of(AgentId(agent)).spec)
     }
 
-    /// Returns an error if a table does not have the parameters of these agents' policies.
     pub(crate) fn check_policies(&self, name: &str, table: &Ragged<f32>) -> Result<()> {
         self.check_widths(name, table, &self.widths.policies)
     }
 
-    /// Returns an error if a table does not have the parameters of these agents' influence predictors.
     pub(crate) fn check_aips(&self, name: &str, table: &Ragged<f32>) -> Result<()> {
         self.check_widths(name, table, &self.widths.aips)
     }

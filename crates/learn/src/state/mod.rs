@@ -13,19 +13,16 @@ use dials_core::base::Ragged;
 /// State of some agents after a period. Each table has one row per agent, as wide as its kind has it.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct AgentsState {
-    /// Timesteps per agent so far.
     pub steps: u64,
     pub policies: JointPolicy,
     /// What the learners keep beside the policies. (The optimiser of the AIPs starts from zero at each training.)
     pub learners: Tables,
     /// What the influence predictors have learnt: weights of AIPs, or constants.
     pub aips: Ragged<f32>,
-    /// Unfinished episodes.
     pub streams: Vec<AgentStream>,
 }
 
 impl AgentsState {
-    /// Returns the state of no agents at all.
     pub fn nobody() -> AgentsState {
         AgentsState {
             steps: 0,
@@ -40,7 +37,6 @@ impl AgentsState {
         self.policies.len()
     }
 
-    /// Returns the state of some of the agents, in this order.
     pub fn share(&self, agents: impl IntoIterator<Item = usize> + Clone) -> AgentsState {
         AgentsState {
             steps: self.steps,
@@ -51,7 +47,6 @@ impl AgentsState {
         }
     }
 
-    /// Overwrites the state of the agents from `first` on.
     pub(crate) fn replace(&mut self, first: usize, part: &AgentsState) {
         self.steps = part.steps;
         self.policies.replace(first, &part.policies);

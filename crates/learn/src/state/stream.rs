@@ -33,7 +33,6 @@ pub struct RowStream {
 pub struct Trail {
     /// Number of the episode in this row, from 0.
     pub episode: u64,
-    /// Actions, one per step.
     pub actions: Vec<Action>,
     /// Influence sources, step after step; empty on the GS.
     pub sources: Vec<u8>,
@@ -50,7 +49,6 @@ impl RowStream {
 }
 
 impl AgentStream {
-    /// Makes the stream of an agent at the beginning of training.
     pub fn begin(config: &Config, agent: AgentId) -> AgentStream {
         let influence = Seed::new(config.seed).fork(RandomPurpose::Influence).for_agent(agent);
         let row = |copy: usize| RowStream::begin(influence.for_copy(copy).dice());
@@ -63,13 +61,11 @@ pub(crate) fn rows_of(streams: &[AgentStream]) -> impl Iterator<Item = &RowStrea
     streams.iter().flat_map(|stream| &stream.rows)
 }
 
-/// Returns the rows of [`rows_of`], for writing.
 pub(crate) fn rows_of_mut(streams: &mut [AgentStream]) -> impl Iterator<Item = &mut RowStream> {
     streams.iter_mut().flat_map(|stream| &mut stream.rows)
 }
 
 impl Trail {
-    /// Returns the number of steps since the episode began.
     pub fn steps(&self) -> usize {
         self.actions.len()
     }
@@ -79,13 +75,11 @@ impl Trail {
         &self.sources[step * width..][..width]
     }
 
-    /// Appends a step.
     pub(crate) fn push(&mut self, action: Action, sources: &[u8]) {
         self.actions.push(action);
         self.sources.extend_from_slice(sources);
     }
 
-    /// Ends the episode and begins the next one.
     pub(crate) fn end_episode(&mut self) {
         self.episode += 1;
         self.actions.clear();
@@ -93,7 +87,6 @@ impl Trail {
     }
 }
 
-/// Returns the number of steps of the longest trail.
 pub(crate) fn longest(trails: &[Trail]) -> usize {
     trails.iter().map(Trail::steps).max().unwrap_or(0)
 }

@@ -31,7 +31,6 @@ impl Purpose {
         }
     }
 
-    /// Returns the stream of the episodes.
     pub(crate) fn stream(self, config: &Config) -> Seed {
         match self {
             Purpose::Training { steps } => Seed::new(config.seed).fork(RandomPurpose::Collection).for_steps(steps),
@@ -72,7 +71,6 @@ pub fn collect_episode(
     Ok(())
 }
 
-/// Asks for the datasets of all agents from these episodes.
 #[derive(Debug, Serialize, Deserialize)]
 pub struct Collect {
     pub purpose: Purpose,

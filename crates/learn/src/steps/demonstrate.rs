@@ -16,7 +16,6 @@ use crate::worker::watched::Watched;
 use dials_core::base::{Activity, Phase, RandomPurpose, Seed, Stopwatch};
 use dials_core::domain::{Baseline, Result};
 
-/// Asks for what all agents see and do while a controller plays these episodes.
 #[derive(Debug, Serialize, Deserialize)]
 pub struct Demonstrate {
     pub(crate) controller: String,

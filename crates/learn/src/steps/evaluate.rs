@@ -13,7 +13,6 @@ use crate::worker::Worker;
 use dials_core::base::{Activity, Seed};
 use dials_core::domain::{Measures, Result};
 
-/// Asks for these evaluation episodes.
 #[derive(Debug, Serialize, Deserialize)]
 pub struct Evaluate {
     pub episodes: Range<usize>,

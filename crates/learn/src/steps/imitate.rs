@@ -13,7 +13,6 @@ use crate::worker::block::AgentBlock;
 use dials_core::base::Activity;
 use dials_core::domain::Result;
 
-/// Asks a worker to make the policies of its agents imitate their demonstrations.
 #[derive(Debug, Serialize, Deserialize)]
 pub struct Imitate {
     pub(crate) demonstrations: Vec<Demonstrations>,

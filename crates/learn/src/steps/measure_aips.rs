@@ -13,7 +13,6 @@ use crate::worker::Worker;
 use dials_core::base::{Activity, AgentId};
 use dials_core::domain::Result;
 
-/// Asks a worker to measure the loss of the predictors of its agents on their datasets.
 #[derive(Debug, Serialize, Deserialize)]
 pub struct MeasureAips {
     pub datasets: Vec<Dataset>,

@@ -40,10 +40,8 @@ pub type Check<Reply> = Box<dyn Fn(&Reply, &Fit<'_>) -> Result<()>>;
 pub trait Step: Route {
     type Reply;
 
-    /// Carries the step out.
     fn run(self, worker: &mut Worker, observer: &dyn Observer) -> Result<Self::Reply>;
 
-    /// Returns the check of its reply.
     fn check(&self) -> Check<Self::Reply>;
 
     /// Returns up to which timestep per agent it trains, if it does.
@@ -54,7 +52,6 @@ pub trait Step: Route {
 
 /// The way of a step to a worker, and of its reply back.
 pub trait Route: Sized {
-    /// Makes the request that goes to a worker.
     fn request(self) -> Request;
 
     /// Returns the reply to this step; `None` if it is the reply to another one.
@@ -85,20 +82,17 @@ impl Step for ReportState {
 /// Makes the two enums of all steps from their list. A new step is a file, and a line below.
 macro_rules! steps {
     ($($Step:ident),* $(,)?) => {
-        /// A step on its way to a worker.
         #[derive(Debug, Serialize, Deserialize)]
         pub enum Request {
             $($Step($Step),)*
         }
 
-        /// A reply on its way back.
         #[derive(Debug, Serialize, Deserialize)]
         pub enum Reply {
             $($Step(<$Step as Step>::Reply),)*
         }
 
         impl Request {
-            /// Carries the step out.
             pub fn run(self, worker: &mut Worker, observer: &dyn Observer) -> Result<Reply> {
                 match self {
                     $(Request::$Step(step) => step.run(worker, observer).map(Reply::$Step),)*

@@ -12,7 +12,6 @@ use crate::worker::Worker;
 use dials_core::base::{Activity, Ragged};
 use dials_core::domain::Result;
 
-/// Asks a worker to train the predictors of its agents on their datasets.
 #[derive(Debug, Serialize, Deserialize)]
 pub struct TrainAips {
     pub datasets: Vec<Dataset>,

@@ -16,7 +16,6 @@ use crate::worker::block::train_policies_on_the_gs;
 use dials_core::base::{Activity, Stopwatch, Work};
 use dials_core::domain::Result;
 
-/// Asks a worker to train the policies of its agents until the end of the period.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct TrainPolicies {
     pub period: Period,
@@ -47,7 +46,9 @@ impl Step for TrainPolicies {
         worker.note(Activity::Training, begun.elapsed(), &watch);
         let mut training = PolicyTraining::joined(parts);
         training.agents = worker.in_order(training.agents);
-        training.metrics.reorder(&worker.places());
+        for (_, values) in &mut training.metrics.of_agents {
+            *values = worker.in_order(std::mem::take(values));
+        }
         Ok((training, worker.state()))
     }
 

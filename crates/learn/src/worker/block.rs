@@ -39,9 +39,7 @@ pub(crate) struct AgentBlock {
 struct KindLearner {
     spec: RegionSpec,
     learner: Box<dyn Learner>,
-    /// Timesteps per agent so far.
     steps: u64,
-    /// One stream per agent.
     streams: Vec<AgentStream>,
 }
 
@@ -90,7 +88,6 @@ impl AgentBlock {
         }
     }
 
-    /// Returns the state of the agents.
     pub(crate) fn state(&self) -> AgentsState {
         let KindLearner { learner, steps, streams, .. } = &self.learner;
         AgentsState {
@@ -102,7 +99,6 @@ impl AgentBlock {
         }
     }
 
-    /// Continues from a state of the same agents.
     pub(crate) fn restore(&mut self, state: AgentsState) {
         self.learner.steps = state.steps;
         self.learner.streams = state.streams;
@@ -123,7 +119,6 @@ impl AgentBlock {
         imitate(self.learner.learner.policies_mut(), &self.agents, demonstrations, &self.config.imitation, seed, work)
     }
 
-    /// Returns the policies, one row per agent.
     pub(crate) fn policies(&self) -> JointPolicy {
         self.learner.learner.policies().parameters().values().clone().into()
     }
@@ -133,7 +128,6 @@ impl AgentBlock {
         measure(&*self.predictor, datasets, watch)
     }
 
-    /// Returns what the influence predictors have learnt, one row per agent.
     pub(crate) fn aips(&self) -> Ragged<f32> {
         self.predictor.values().into()
     }
@@ -171,7 +165,6 @@ pub(crate) fn train_policies_on_the_gs(
     learn(&mut learners, &mut gs, config, period, work)
 }
 
-/// Returns the stream of the episodes that policies are trained in.
 pub fn training_episodes(config: &Config) -> Seed {
     Seed::new(config.seed).fork(RandomPurpose::TrainingEpisodes)
 }

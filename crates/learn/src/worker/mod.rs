@@ -57,7 +57,6 @@ impl Worker {
         }
     }
 
-    /// Returns the state of its agents.
     pub fn state(&self) -> AgentsState {
         let joined = AgentsState::joined(self.blocks.iter().map(AgentBlock::state).collect());
         match self.order() {
@@ -66,7 +65,6 @@ impl Worker {
         }
     }
 
-    /// Continues from a state of the same agents.
     pub fn restore(&mut self, state: &AgentsState) {
         for (block, places) in self.blocks.iter_mut().zip(&self.places) {
             block.restore(state.share(places.iter().copied()));
@@ -87,11 +85,6 @@ impl Worker {
         let mut with_places: Vec<(usize, T)> = self.places.iter().flatten().copied().zip(by_block).collect();
         with_places.sort_by_key(|&(place, _)| place);
         with_places.into_iter().map(|(_, of_agent)| of_agent).collect()
-    }
-
-    /// Returns the place of each of its agents, block after block.
-    pub(crate) fn places(&self) -> Vec<usize> {
-        self.places.concat()
     }
 
     /// Lets every block work on what is given to its agents. Returns one result per agent. Both are in their order.
@@ -116,7 +109,6 @@ impl Worker {
         self.in_order(results)
     }
 
-    /// Returns the time spent since the last call.
     pub fn take_timesheet(&mut self) -> Timesheet {
         self.timesheet.take()
     }
@@ -126,17 +118,14 @@ impl Worker {
         self.joint = Some(joint);
     }
 
-    /// Books the time of an activity.
     pub(crate) fn note(&mut self, activity: Activity, whole: std::time::Duration, phases: &Stopwatch) {
         self.timesheet.note(activity, whole, phases);
     }
 
-    /// Returns what the influence predictors of its agents have learnt, one row each.
     pub fn aips(&self) -> Ragged<f32> {
         self.joined(AgentBlock::aips)
     }
 
-    /// Returns the policies of its agents, one row each.
     pub fn policies(&self) -> JointPolicy {
         self.joined(AgentBlock::policies)
     }

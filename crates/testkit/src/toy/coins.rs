@@ -23,7 +23,6 @@ use dials_core::domain::{
 pub const NOISE: f64 = 0.2;
 const AGENTS: usize = 2;
 
-/// The domain of two coupled coins.
 pub struct Coins {
     kinds: Kinds,
 }

@@ -27,12 +27,10 @@ use dials_core::domain::{
     Kind, Kinds, LocalSimulator, Measures, Percept, RegionSpec, Result, Scenario, SourceSpec, Transition,
 };
 
-/// Number of faces of a die.
 const FACES: u8 = 3;
 const COINS: [usize; 2] = [0, 2];
 const DICE: [usize; 2] = [1, 3];
 
-/// The domain of two coins and two dice.
 pub struct CoinsAndDice {
     kinds: Kinds,
 }
@@ -135,7 +133,6 @@ impl CoinOrDie {
         };
     }
 
-    /// Returns the best action.
     fn best(self) -> Action {
         match self {
             CoinOrDie::Coin { die, .. } => u8::from(die == 0),
@@ -143,7 +140,6 @@ impl CoinOrDie {
         }
     }
 
-    /// Makes the transition and returns the reward.
     fn step(&mut self, action: Action, sources: &[u8]) -> f32 {
         let reward = f32::from(u8::from(action == self.best()));
         *self = match self {
@@ -173,7 +169,6 @@ impl CoinOrDie {
     }
 }
 
-/// The GS.
 struct TableGame {
     kinds: Kinds,
     regions: Vec<CoinOrDie>,
@@ -237,7 +232,6 @@ impl GlobalSimulator for TableGame {
     }
 }
 
-/// The LS of agents of one kind.
 struct Seats {
     spec: RegionSpec,
     regions: Vec<CoinOrDie>,

@@ -92,7 +92,6 @@ impl Algorithm for DqnConfig {
     }
 }
 
-/// The learner of some agents of one kind.
 pub(crate) struct Dqn {
     config: DqnConfig,
     policies: PolicyStack,
@@ -102,7 +101,6 @@ pub(crate) struct Dqn {
     /// What the last actions answered: observations, and the actions themselves.
     obs: Rows<f32>,
     actions: Vec<Action>,
-    /// Timesteps per agent so far.
     steps: u64,
 }
 
@@ -147,7 +145,6 @@ impl Dqn {
         }
     }
 
-    /// Makes the gradient steps of all agents.
     fn update(&mut self, watch: &mut Stopwatch) -> Metrics {
         let Dqn { config, policies, target, replay, base: Base { adam, minibatches, .. }, .. } = self;
         let threads = policies.net.threads().clone();

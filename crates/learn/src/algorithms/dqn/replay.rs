@@ -114,7 +114,6 @@ impl Replay {
         self.row_mut(agent, slot)[at] = priority;
     }
 
-    /// Draws slots uniformly.
     pub(super) fn draw(&self, count: usize, dice: &mut Dice) -> Vec<usize> {
         (0..count).map(|_| dice.random_range(0..self.len())).collect()
     }
@@ -138,7 +137,6 @@ impl Replay {
         (0..count).map(draw).unzip()
     }
 
-    /// Returns what it holds, one row per agent.
     pub(super) fn table(&self) -> Ragged<f32> {
         let width = self.len() * self.width();
         let ring = self.capacity * self.width();

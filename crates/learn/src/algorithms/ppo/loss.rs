@@ -10,7 +10,6 @@
 use super::memory::Sample;
 use crate::policy::sampling;
 
-/// Weights of the loss.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Weights {
     pub(crate) clip: f32,
@@ -33,7 +32,6 @@ pub struct Losses {
 }
 
 impl Losses {
-    /// Adds `weight` times other means.
     pub(crate) fn add(&mut self, other: &Losses, weight: f64) {
         self.surrogate += weight * other.surrogate;
         self.value += weight * other.value;

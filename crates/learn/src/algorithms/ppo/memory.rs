@@ -45,12 +45,10 @@ impl Memory {
         }
     }
 
-    /// Returns the number of samples per agent.
     pub(crate) fn capacity(&self) -> usize {
         self.capacity
     }
 
-    /// Returns the number of steps per sequence.
     pub(crate) fn length(&self) -> usize {
         self.length
     }
@@ -77,12 +75,10 @@ impl Memory {
         &mut self.samples[agent * self.capacity + slot]
     }
 
-    /// Returns the hidden state in which a sequence began.
     pub(crate) fn state(&self, agent: usize, sequence: usize) -> &[f32] {
         self.states.row(agent * self.sequences() + sequence)
     }
 
-    /// Records which actions were allowed at a decision.
     pub(crate) fn remember_mask(&mut self, agent: usize, slot: usize, mask: &[bool]) {
         if let Some(masks) = &mut self.masks {
             masks.row_mut(agent * self.capacity + slot).copy_from_slice(mask);

@@ -97,7 +97,6 @@ fn gradient_steps(steps: u64, config: &Config, kind: &Kind) -> u64 {
     since.saturating_mul(per_update as u64)
 }
 
-/// The learner of some agents of one kind.
 pub(crate) struct Ppo {
     config: Config,
     policies: PolicyStack,

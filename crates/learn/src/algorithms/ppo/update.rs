@@ -43,7 +43,6 @@ pub enum Learns {
     Critic,
 }
 
-/// Settings of an update.
 #[derive(Clone, Copy, Debug)]
 pub struct Settings<'a> {
     pub ppo: &'a PpoConfig,
@@ -87,7 +86,6 @@ pub fn update(
     done.into_iter().flat_map(|(losses, _)| vec![losses; taught]).collect()
 }
 
-/// Working memory of an update, used by one agent after another.
 #[derive(Default)]
 struct UpdateBuffers {
     minibatch: Minibatch,
@@ -152,7 +150,6 @@ impl UpdateBuffers {
 /// Some sequences of the memory; rows are ordered by step, then by sequence.
 #[derive(Default)]
 struct Minibatch {
-    /// Number of steps of each sequence.
     length: usize,
     obs: Vec<f32>,
     /// `[rows, n_actions]`; empty if the kind has no masks.
