@@ -31,6 +31,7 @@ use dials_core::domain::{Action, Kind, Percept, RegionSpec, Result};
 use stacknets::Shape;
 
 pub use metrics::Metrics;
+pub(crate) use tables::check_finite;
 pub use tables::{Layout, NumberTable, Tables};
 
 /// Settings of an algorithm: its table in a config.

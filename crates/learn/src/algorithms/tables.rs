@@ -183,13 +183,19 @@ impl Tables {
     pub(crate) fn check_numbers(&self, index: usize, layout: &Layout) -> Result<()> {
         for NumberTable { name, squares, .. } in &layout.numbers {
             let row = self.numbers[*name].row(index);
-            if let Some(bad) = row.iter().find(|value| !value.is_finite()) {
-                anyhow::bail!("its table `{name}` holds {bad}, which is not a finite number");
-            }
+            check_finite(name, row)?;
             if let Some(bad) = row.iter().find(|&&value| *squares && value < 0.0) {
                 anyhow::bail!("its table `{name}` holds {bad}, but they are squares");
             }
         }
         Ok(())
+    }
+}
+
+/// Returns an error if an agent's row of a table holds what is no finite number.
+pub(crate) fn check_finite(name: &str, row: &[f32]) -> Result<()> {
+    match row.iter().find(|value| !value.is_finite()) {
+        Some(bad) => anyhow::bail!("its table `{name}` holds {bad}, which is not a finite number"),
+        None => Ok(()),
     }
 }

@@ -5,7 +5,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::Config;
-use super::check::{held_out_episodes, positive, share};
+use super::check::{check_batch, inner_share, positive, share};
 
 /// The imitation, if `policy.imitate` names a controller. Otherwise no key of this table is read.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
@@ -59,11 +59,7 @@ pub(super) fn check(config: &Config) -> Result<()> {
     let imitation = &config.imitation;
     share("imitation.slips", imitation.slips, "0.05 is the default")?;
     positive("imitation.learning_rate", imitation.learning_rate, "1e-3 is the default")?;
-    ensure!(
-        imitation.held_out > 0.0 && imitation.held_out < 1.0,
-        "imitation.held_out = {}: must be between 0 and 1, both excluded",
-        imitation.held_out
-    );
+    inner_share("imitation.held_out", imitation.held_out)?;
     if let Some(name) = &config.policy.imitate {
         ensure!(
             !name.contains(":file=") && !name.contains(",file="),
@@ -103,17 +99,9 @@ pub(super) fn check_episodes(config: &Config, horizon: usize) -> Result<()> {
          out",
         imitation.dataset_steps
     );
-    let episodes = episodes - held_out_episodes(episodes, imitation.held_out);
-    let (training, what) = match config.policy.recurrent {
-        Some(_) => (episodes, "episodes"),
-        None => (episodes * horizon, "samples"),
-    };
-    ensure!(
-        training >= imitation.minibatch,
-        "imitation.minibatch = {}: must not exceed the {training} training {what} of the dataset",
-        imitation.minibatch
-    );
-    Ok(())
+    let by_episode = config.policy.recurrent.is_some();
+    let size = (episodes, horizon);
+    check_batch("imitation.minibatch", imitation.minibatch, size, imitation.held_out, by_episode, "the dataset")
 }
 
 #[cfg(test)]

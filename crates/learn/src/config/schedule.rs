@@ -133,6 +133,9 @@ mod tests {
                 (240, 250, false, true),
             ]
         );
+        for simulator in ["gs", "untrained-dials"] {
+            assert_eq!(bounds(&config(simulator, 100, 10, 50)), [(0, 50, false, true), (50, 100, false, true)]);
+        }
     }
 
     #[test]
@@ -141,8 +144,8 @@ mod tests {
         config.ppo.memory = 64;
         // 65 and 70 are both at the update at 128, and 130 and 140 at 192. So are 195 and 210 at 256, 260 and 280 at 320.
         let due = work(&config, &schedule(&config));
-        let first = [0, 128, 192, 256, 320].map(|at| due.iter().find(|work| work.at() == at).unwrap());
-        assert!(first.iter().all(|work| matches!(work, Work::Evaluates(_))), "{due:?}");
+        let first = [0, 128, 192, 256, 320].map(|at| due.iter().find(|work| work.0 == at).unwrap());
+        assert!(first.iter().all(|work| work.1 == "evaluates"), "{due:?}");
     }
 
     #[test]
@@ -183,27 +186,13 @@ mod tests {
         assert!(averages(&config("dials", 250, 100, 60)).is_empty());
     }
 
-    /// What a run does, and after which update, in timesteps.
-    #[derive(Debug, PartialEq)]
-    enum Work {
-        Evaluates(u64),
-        TrainsAips(u64),
-        Averages(u64),
-    }
-
-    impl Work {
-        fn at(&self) -> u64 {
-            let (Work::Evaluates(at) | Work::TrainsAips(at) | Work::Averages(at)) = *self;
-            at
-        }
-    }
-
-    fn work(config: &Config, periods: &[Period]) -> Vec<Work> {
+    /// Returns what a run does, each after which update in timesteps.
+    fn work(config: &Config, periods: &[Period]) -> Vec<(u64, &'static str)> {
         let update = |step| config.update_at_or_after(step);
         let of_period = |period: &Period| {
-            let evaluates = period.evaluate.then(|| Work::Evaluates(update(period.start)));
-            let trains = (period.train_aips != AipTraining::No).then(|| Work::TrainsAips(update(period.start)));
-            [evaluates, trains, period.average.then(|| Work::Averages(update(period.end)))].into_iter().flatten()
+            let evaluates = period.evaluate.then(|| (update(period.start), "evaluates"));
+            let trains = (period.train_aips != AipTraining::No).then(|| (update(period.start), "trains AIPs"));
+            [evaluates, trains, period.average.then(|| (update(period.end), "averages"))].into_iter().flatten()
         };
         periods.iter().flat_map(of_period).collect()
     }
@@ -217,7 +206,7 @@ mod tests {
             for stop in 1..500 {
                 let stopped = schedule(&Config { stop_at_steps: Some(stop), ..config.clone() });
                 let rest = rest_of_schedule(&config, stopped.last().unwrap().end);
-                let both: Vec<Work> = work(&config, &stopped).into_iter().chain(work(&config, &rest)).collect();
+                let both = [work(&config, &stopped), work(&config, &rest)].concat();
                 assert_eq!(both, whole, "F = {retrain}, a memory of {memory}, stopped at {stop}");
             }
         }
@@ -234,13 +223,6 @@ mod tests {
             assert_eq!(periods.iter().map(|p| p.train_aips).collect::<Vec<_>>(), [AipTraining::Yes, later, later]);
             config.predictor = Predictor::Untrained;
             assert!(schedule(&config).iter().all(|p| p.train_aips == AipTraining::No));
-        }
-    }
-
-    #[test]
-    fn without_trained_aips_only_evaluations_cut() {
-        for simulator in ["gs", "untrained-dials"] {
-            assert_eq!(bounds(&config(simulator, 100, 10, 50)), [(0, 50, false, true), (50, 100, false, true)]);
         }
     }
 

@@ -8,7 +8,7 @@ use std::ops::Range;
 
 use anyhow::{Context, ensure};
 
-use crate::algorithms::{self, Layout, Tables};
+use crate::algorithms::{self, Layout, Tables, check_finite};
 use crate::config::{Config, Simulator};
 use crate::environments::ials::head_start;
 use crate::policy::PolicyStack;
@@ -52,12 +52,12 @@ impl Fit<'_> {
         self.agents.clone().map(|agent| &self.kinds.of(AgentId(agent)).spec)
     }
 
-    pub(crate) fn check_policies(&self, name: &str, table: &Ragged<f32>) -> Result<()> {
-        self.check_widths(name, table, &self.widths.policies)
+    pub(crate) fn check_policies(&self, table: &Ragged<f32>) -> Result<()> {
+        self.check_widths("policies", table, &self.widths.policies)
     }
 
-    pub(crate) fn check_aips(&self, name: &str, table: &Ragged<f32>) -> Result<()> {
-        self.check_widths(name, table, &self.widths.aips)
+    pub(crate) fn check_aips(&self, table: &Ragged<f32>) -> Result<()> {
+        self.check_widths("aips", table, &self.widths.aips)
     }
 
     /// Returns an error that names the first agent whose state does not fit, and how.
@@ -66,8 +66,8 @@ impl Fit<'_> {
     /// [`Fit::check_numbers`].
     pub fn check(&self, state: &AgentsState) -> Result<()> {
         let AgentsState { steps, policies, learners, aips, streams } = state;
-        self.check_policies("policies", policies)?;
-        self.check_aips("aips", aips)?;
+        self.check_policies(policies)?;
+        self.check_aips(aips)?;
         ensure!(
             streams.len() == self.agents.len(),
             "it has {} streams for {} agents",
@@ -100,12 +100,8 @@ impl Fit<'_> {
     fn check_learners(&self, learners: &Tables, layout: &Layout) -> Result<()> {
         learners.check_names(layout)?;
         let count = self.agents.len();
-        for (name, rows) in learners
-            .numbers
-            .iter()
-            .map(|(name, table)| (name, table.len()))
-            .chain(learners.dice.iter().map(|(name, dice)| (name, dice.len())))
-        {
+        let numbers = learners.numbers.iter().map(|(name, table)| (name, table.len()));
+        for (name, rows) in numbers.chain(learners.dice.iter().map(|(name, dice)| (name, dice.len()))) {
             ensure!(rows == count, "its table `{name}` is of {rows} agents, not of {count}");
         }
         for (name, expected) in &layout.counts {
@@ -124,7 +120,10 @@ impl Fit<'_> {
                 check_finite("aips", state.aips.row(index))?;
                 state.learners.check_numbers(index, &layouts[self.kind_of(agent)])?;
                 self.config.predictor().kind().check_values(spec, &self.config.aip, state.aips.row(index))?;
-                check_rows(&state.streams[index])
+                let bad = state.streams[index].rows.iter().position(|row| !row.rewards.is_finite());
+                let copy = bad.unwrap_or(0);
+                ensure!(bad.is_none(), "copy {copy} of its region: its sum of rewards is not a finite number");
+                Ok(())
             };
             check().with_context(|| format!("agent {agent}"))?;
         }
@@ -140,22 +139,6 @@ impl Fit<'_> {
         }
         Ok(())
     }
-}
-
-/// Returns an error if an agent's row of a table holds what is no finite number.
-fn check_finite(name: &str, row: &[f32]) -> Result<()> {
-    match row.iter().find(|value| !value.is_finite()) {
-        Some(bad) => anyhow::bail!("its table `{name}` holds {bad}, which is not a finite number"),
-        None => Ok(()),
-    }
-}
-
-/// Checks the numbers that the rows of an agent carry on.
-fn check_rows(stream: &AgentStream) -> Result<()> {
-    for (copy, RowStream { rewards, .. }) in stream.rows.iter().enumerate() {
-        ensure!(rewards.is_finite(), "copy {copy} of its region: its sum of rewards is not a finite number");
-    }
-    Ok(())
 }
 
 fn check_stream(stream: &AgentStream, steps: u64, config: &Config, spec: &RegionSpec) -> Result<()> {

@@ -29,7 +29,7 @@ impl Step for Imitate {
     fn check(&self) -> Check<(Vec<ImitationLoss>, JointPolicy)> {
         Box::new(|(losses, policies), fit| {
             ensure!(losses.len() == fit.agents.len(), "{} of its agents have imitated", losses.len());
-            fit.check_policies("policies", policies)
+            fit.check_policies(policies)
         })
     }
 }

@@ -38,7 +38,7 @@ impl Step for TrainAips {
                     lengths.chain([loss.frequencies.len()]).collect()
                 }),
             )?;
-            fit.check_aips("aips", aips)
+            fit.check_aips(aips)
         })
     }
 }
