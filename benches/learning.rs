@@ -80,7 +80,7 @@ impl Setting {
                 let log_prob = -(self.spec.n_actions as f32).ln();
                 let [value, advantage] = dice.random();
                 let sample = Sample { action, log_prob, value, advantage, ret: value + advantage, start: false };
-                memory.remember(agent, slot, &obs, &state, sample);
+                memory.remember(agent, slot, (&obs, &[]), &state, sample);
             }
         }
         memory

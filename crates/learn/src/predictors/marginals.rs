@@ -14,6 +14,7 @@ use super::parts::{PartFrequencies, part_of};
 use super::sources::of_sources;
 use super::{CrossEntropies, Dataset, InfluencePredictor, Lesson, PredictorKind, TrainablePredictor};
 use crate::config::AipConfig;
+use crate::policy::sampling::invert;
 use dials_core::base::{AgentId, Dice, Rows, Seed, Stopwatch, Work};
 use dials_core::domain::{RegionSpec, Result, SourceSpec};
 use stacknets::Layout;
@@ -37,32 +38,6 @@ impl Marginals {
         let probabilities = Rows::from_vec(of_agent.repeat(parts * agents), parts * sources.values());
         Marginals { sources, probabilities, copies: 0 }
     }
-
-    /// Returns the layout of a row of probabilities: a table `[sources, classes]` if all sources have the same number
-    /// of classes, else one source after another. With parts there is one of these for each part.
-    pub(crate) fn layout(spec: &RegionSpec) -> Layout {
-        let SourceSpec { classes, parts } = &spec.sources;
-        let of_part = match classes[..] {
-            [first, ..] if classes.iter().all(|&other| other == first) => vec![classes.len(), usize::from(first)],
-            _ => vec![spec.sources.values()],
-        };
-        let shape = if *parts > 0 { [vec![*parts], of_part].concat() } else { of_part };
-        Layout::new(vec![("probabilities".to_owned(), shape)])
-    }
-
-    /// Returns an error if the probabilities of a source do not add up to 1, or if one is negative.
-    pub(super) fn check(sources: &SourceSpec, probabilities: &[f32]) -> Result<()> {
-        let parts = probabilities.chunks_exact(sources.values());
-        let of_parts = parts.flat_map(|of_part| of_sources(sources, of_part, usize::from).enumerate());
-        for (source, classes) in of_parts {
-            let sum: f32 = classes.iter().sum();
-            ensure!(
-                classes.iter().all(|&p| p >= 0.0) && (sum - 1.0).abs() < 1e-3,
-                "the probabilities of influence source {source} are {classes:?}, which are no distribution"
-            );
-        }
-        Ok(())
-    }
 }
 
 impl InfluencePredictor for Marginals {
@@ -81,7 +56,9 @@ impl InfluencePredictor for Marginals {
             let begin = part_of(&self.sources, d_set.row(row)) * width;
             let of_part = &self.probabilities.row(row / self.copies)[begin..begin + width];
             for (source, probabilities) in sources.iter_mut().zip(of_sources(&self.sources, of_part, usize::from)) {
-                *source = draw(probabilities, dice);
+                let last = || probabilities.iter().rposition(|&p| p > 0.0);
+                let drawn = invert(probabilities.iter().copied(), dice.random()).or_else(last);
+                *source = drawn.expect("some class was seen") as u8;
             }
         }
     }
@@ -118,17 +95,6 @@ impl TrainablePredictor for Marginals {
         });
         per_agent.collect()
     }
-}
-
-/// Draws a class by inversion: one number from the dice.
-fn draw(probabilities: &[f32], dice: &mut Dice) -> u8 {
-    let mut rest = dice.random::<f32>();
-    let drawn = probabilities.iter().position(|p| {
-        rest -= p;
-        rest < 0.0
-    });
-    let possible = || probabilities.iter().rposition(|&p| p > 0.0).expect("some class was seen");
-    drawn.unwrap_or_else(possible) as u8 // rounding may leave a remainder
 }
 
 /// Counts how often each source took each of its values, `[sources][classes]`, in some of the samples.
@@ -170,12 +136,28 @@ impl PredictorKind for Constants {
         Box::new(Marginals::new(agents.len(), spec))
     }
 
+    /// The probabilities are a table `[sources, classes]` if all sources have the same number of classes, else one source
+    /// after another. With parts there is one of these for each part.
     fn layout(&self, spec: &RegionSpec, _config: &AipConfig) -> Layout {
-        Marginals::layout(spec)
+        let SourceSpec { classes, parts } = &spec.sources;
+        let of_part = match classes[..] {
+            [first, ..] if classes.iter().all(|&other| other == first) => vec![classes.len(), usize::from(first)],
+            _ => vec![spec.sources.values()],
+        };
+        let shape = if *parts > 0 { [vec![*parts], of_part].concat() } else { of_part };
+        Layout::new(vec![("probabilities".to_owned(), shape)])
     }
 
     fn check_values(&self, spec: &RegionSpec, _config: &AipConfig, values: &[f32]) -> Result<()> {
-        Marginals::check(&spec.sources, values)
+        let parts = values.chunks_exact(spec.sources.values());
+        for (source, classes) in parts.flat_map(|part| of_sources(&spec.sources, part, usize::from).enumerate()) {
+            let sum: f32 = classes.iter().sum();
+            ensure!(
+                classes.iter().all(|&p| p >= 0.0) && (sum - 1.0).abs() < 1e-3,
+                "the probabilities of influence source {source} are {classes:?}, which are no distribution"
+            );
+        }
+        Ok(())
     }
 
     fn sampling_flops(&self, _spec: &RegionSpec, _config: &AipConfig) -> f64 {
@@ -237,7 +219,11 @@ mod tests {
     #[test]
     fn sources_of_different_numbers_of_classes_keep_their_own_frequencies() {
         let spec = spec(SourceSpec { classes: vec![3, 2], parts: 0 });
-        assert_eq!(Marginals::layout(&spec).blocks(4).next().unwrap().1, [4, 5], "four agents, five classes in all");
+        assert_eq!(
+            Constants.layout(&spec, &AipConfig::default()).blocks(4).next().unwrap().1,
+            [4, 5],
+            "four agents, five classes in all"
+        );
         let third = 1.0 / 3.0;
         assert_eq!(Marginals::new(1, &spec).values().as_slice(), [third, third, third, 0.5, 0.5]);
         // Among 90 samples every class of the choice comes 30 times, and the bit in every tenth.
@@ -262,11 +248,12 @@ mod tests {
         // 450 samples of each part, and 20 of the whole, half of which happen: 460 / 470 and 10 / 470.
         let expected = [10.0 / 470.0, 460.0 / 470.0, 460.0 / 470.0, 10.0 / 470.0];
         assert!(marginals.values().as_slice().iter().zip(expected).all(|(p, expected)| (p - expected).abs() < 1e-6));
-        assert_eq!(Marginals::layout(&spec).blocks(1).next().unwrap().1, [1, 2, 1, 2]);
+        assert_eq!(Constants.layout(&spec, &AipConfig::default()).blocks(1).next().unwrap().1, [1, 2, 1, 2]);
         // -ln(460 / 470) in both parts.
         assert!((losses[0].held_out[1][0] - 0.021_506).abs() < 1e-6 && losses[0].marginals[0] > 0.0);
-        Marginals::check(&spec.sources, marginals.values().row(0)).unwrap();
-        assert!(Marginals::check(&spec.sources, &[0.5, 0.5, 0.5, 0.6]).is_err(), "the second part");
+        let check = |values: &[f32]| Constants.check_values(&spec, &AipConfig::default(), values);
+        check(marginals.values().row(0)).unwrap();
+        assert!(check(&[0.5, 0.5, 0.5, 0.6]).is_err(), "the second part");
         let d_set: Vec<f32> = (0..2000).flat_map(|row| if row % 2 == 0 { [1.0, 0.0] } else { [0.0, 1.0] }).collect();
         let drawn = drawn(&mut marginals, &Rows::from_vec(d_set, 2));
         let count = |parity: usize| drawn.iter().skip(parity).step_by(2).filter(|row| row[0] == 1).count();

@@ -2,6 +2,7 @@
 
 use rand::Rng;
 
+use crate::policy::sampling::invert;
 use dials_core::base::Dice;
 use dials_core::domain::{SourceSpec, logits_of};
 use stacknets::sigmoid;
@@ -27,12 +28,9 @@ pub(super) fn sample(spec: &SourceSpec, logits: &[f32], dice: &mut Dice, sources
             &[logit] => u8::from(dice.random::<f32>() < sigmoid(logit)),
             logits => {
                 let max = logits.iter().copied().fold(f32::NEG_INFINITY, f32::max);
-                let mut rest = dice.random::<f32>() * logits.iter().map(|logit| (logit - max).exp()).sum::<f32>();
-                let drawn = logits.iter().position(|logit| {
-                    rest -= (logit - max).exp();
-                    rest < 0.0
-                });
-                drawn.unwrap_or(logits.len() - 1) as u8 // rounding may leave a remainder
+                let weights = || logits.iter().map(|logit| (logit - max).exp());
+                let drawn = invert(weights(), dice.random::<f32>() * weights().sum::<f32>());
+                drawn.unwrap_or(logits.len() - 1) as u8
             }
         };
     }

@@ -71,10 +71,8 @@ impl Rollout {
             let (agent, slot) = self.slot(t, row, policies.agents());
             let log_prob = log_probs[usize::from(action)];
             let sample = Sample { action, log_prob, value, start: self.starts[row], ..Sample::default() };
-            memory.remember(agent, slot, percept.obs.row(row), before.row(row), sample);
-            if let Some(masks) = &percept.masks {
-                memory.remember_mask(agent, slot, masks.row(row));
-            }
+            let mask = percept.masks.as_ref().map_or(&[][..], |masks| masks.row(row));
+            memory.remember(agent, slot, (percept.obs.row(row), mask), before.row(row), sample);
             actions.push(action);
             self.values.push(value);
         }
@@ -118,7 +116,7 @@ impl Rollout {
         self.values.clear();
         self.ends.clear();
         self.first_slot += self.rows() / policies.agents() * self.config.rollout_steps;
-        let is_full = self.first_slot == memory.capacity();
+        let is_full = self.first_slot == memory.capacity;
         if is_full {
             self.first_slot = 0;
         }

@@ -67,7 +67,7 @@ pub fn update(
 ) -> Vec<Losses> {
     let all = policies.agents();
     let (learning, taught) = if settings.shared { (1, all) } else { (all, 1) };
-    let steps = settings.ppo.epochs * taught * (memory.capacity() / settings.ppo.minibatch);
+    let steps = settings.ppo.epochs * taught * (memory.capacity / settings.ppo.minibatch);
     let only = (settings.learns == Learns::Critic).then(|| policies.only_critic());
     let threads = policies.net.threads().clone();
     let learners = policies.learners(adam, steps as u32);
@@ -117,12 +117,12 @@ impl UpdateBuffers {
         };
         let UpdateBuffers { minibatch, trace, gradient } = self;
         let (mut losses, mut watch) = (Losses::default(), Stopwatch::default());
-        let gradient_steps = ppo.epochs * agents.len() * (memory.capacity() / ppo.minibatch);
+        let gradient_steps = ppo.epochs * agents.len() * (memory.capacity / ppo.minibatch);
         let mut order: Vec<(usize, usize)> =
             agents.flat_map(|agent| (0..memory.sequences()).map(move |sequence| (agent, sequence))).collect();
         for _ in 0..ppo.epochs {
             order.shuffle(dice);
-            for sequences in order.chunks_exact(ppo.minibatch / memory.length()) {
+            for sequences in order.chunks_exact(ppo.minibatch / memory.length) {
                 watch.time(Phase::Bookkeeping, || minibatch.gather(memory, sequences));
                 watch.time(Phase::Forward, || {
                     learner.network().forward(&minibatch.obs, minibatch.sequences(), trace);
@@ -162,7 +162,7 @@ struct Minibatch {
 impl Minibatch {
     /// Copies sequences of the memory: pairs of an agent and the number of its sequence.
     fn gather(&mut self, memory: &Memory, sequences: &[(usize, usize)]) {
-        self.length = memory.length();
+        self.length = memory.length;
         self.obs.clear();
         self.masks.clear();
         self.samples.clear();
@@ -222,7 +222,7 @@ mod tests {
             let (advantage, ret) = (rest[0], 5.0 + rest[1]);
             let sample =
                 Sample { action: slot as u8 % 2, log_prob: 0.5_f32.ln(), value: 0.0, advantage, ret, start: false };
-            memory.remember(agent, slot, &obs, &state, sample);
+            memory.remember(agent, slot, (&obs, &[]), &state, sample);
         }
         (stack, memory)
     }
