@@ -20,7 +20,7 @@ use dials_learn::progress::TrainingProgress;
 use dials_learn::state::AgentsState;
 use dials_learn::steps::Step;
 use dials_learn::steps::collect::Collect;
-use dials_learn::steps::measure_aips::MeasureAips;
+use dials_learn::steps::train_aips::MeasureAips;
 use dials_learn::steps::train_aips::TrainAips;
 use dials_learn::steps::train_policies::TrainPolicies;
 use dials_learn::worker::Worker;

@@ -7,11 +7,9 @@ use crate::observer::Recorder;
 use crate::observer::{Interrupted, Observer};
 use crate::progress::{Moment, TrainingProgress};
 use crate::steps::collect::{Purpose, collect_datasets};
-use crate::steps::demonstrate::collect_demonstrations;
 use crate::steps::evaluate::evaluate;
-use crate::steps::imitate::imitate;
-use crate::steps::measure_aips::measure_aips;
-use crate::steps::train_aips::train_aips;
+use crate::steps::imitate::{collect_demonstrations, imitate};
+use crate::steps::train_aips::{measure_aips, train_aips};
 use crate::steps::train_policies::train_policies;
 use dials_core::domain::Result;
 

@@ -44,7 +44,6 @@ struct GsRecording {
     /// Percepts after every step.
     percepts: Vec<JointPercept>,
     actions: Vec<Vec<Action>>,
-    d_sets: Vec<Ragged<f32>>,
     sources: Vec<Ragged<u8>>,
     rewards: Vec<Vec<f32>>,
 }
@@ -85,8 +84,7 @@ fn record(domain: &dyn Domain, seed: Seed) -> Result<GsRecording> {
     ensure!(gs.kinds() == domain.kinds(), "the GS has other kinds of agents than the domain");
     let mut dice = seed.fork(RandomPurpose::Actions).dice();
     let mut percept = gs.reset(seed.for_episode(0))?.clone();
-    let mut recording =
-        GsRecording { percepts: vec![], actions: vec![], d_sets: vec![], sources: vec![], rewards: vec![] };
+    let mut recording = GsRecording { percepts: vec![], actions: vec![], sources: vec![], rewards: vec![] };
     for _ in 0..domain.kinds().horizon() {
         check_masks(domain, &percept)?;
         let actions = random_actions(&mut dice, domain, &percept);
@@ -102,7 +100,6 @@ fn record(domain: &dyn Domain, seed: Seed) -> Result<GsRecording> {
             done.iter().zip(&actions).all(|(done, action)| done.is_none_or(|done| done == *action)),
             "without hand-coded control, the GS reports other actions than it was given"
         );
-        recording.d_sets.push(sample.d_set.clone());
         recording.sources.push(sample.sources.clone());
         recording.actions.push(actions);
         percept = after;

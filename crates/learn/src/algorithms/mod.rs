@@ -7,14 +7,13 @@
 //! - [`ppo`]: proximal policy optimisation, as in the paper. [`dqn`]: deep Q-learning.
 //! - [`imitation`]: policies that begin by imitating a hand-coded controller.
 //! - [`averaging`]: agents that get the mean of their policies.
-//! - `tables`: what a learner keeps; `metrics`: what it reports.
+//! - `tables`: what a learner keeps, and what it reports.
 //!
 //! A new algorithm is a folder with its [`Algorithm`] and its [`Learner`], and a line in the list below.
 
 pub(crate) mod averaging;
 pub(crate) mod dqn;
 pub mod imitation;
-mod metrics;
 pub mod ppo;
 mod tables;
 
@@ -30,9 +29,8 @@ use dials_core::base::{AgentId, Stopwatch};
 use dials_core::domain::{Action, Kind, Percept, RegionSpec, Result};
 use stacknets::Shape;
 
-pub use metrics::Metrics;
 pub(crate) use tables::check_finite;
-pub use tables::{Layout, NumberTable, Tables};
+pub use tables::{Layout, Metrics, NumberTable, Tables};
 
 /// Settings of an algorithm: its table in a config.
 pub trait Algorithm: Debug {

@@ -1,18 +1,16 @@
-//! The steps of Algorithm 1 that workers carry out, one file and one type each: the request, what a worker does, its
-//! reply, and how the replies of all workers are put together.
+//! The steps of Algorithm 1 that workers carry out, one type each: the request, what a worker does, its reply,
+//! and how the replies of all workers are put together.
 //!
 //! A [`Fleet`](crate::fleet::Fleet) takes requests to workers, wherever they are. A worker that says what cannot be
 //! right counts as lost, so each step has a check of its replies.
 //!
-//! - [`evaluate`], [`demonstrate`], [`collect`]: episodes on the global simulator, shared out among all workers.
-//! - [`imitate`], [`train_aips`], [`measure_aips`], [`train_policies`]: work of each worker on its own agents.
+//! - [`Evaluate`], [`Demonstrate`], [`Collect`]: episodes on the GS, shared out among all workers.
+//! - [`Imitate`], [`TrainAips`], [`MeasureAips`], [`TrainPolicies`]: work of each worker on its own agents.
 //! - [`ReportState`]: the state of a worker's agents.
 
 pub mod collect;
-pub mod demonstrate;
 pub mod evaluate;
 pub mod imitate;
-pub mod measure_aips;
 pub mod train_aips;
 pub mod train_policies;
 
@@ -26,11 +24,9 @@ use crate::worker::Worker;
 use dials_core::domain::Result;
 
 use collect::Collect;
-use demonstrate::Demonstrate;
 use evaluate::Evaluate;
-use imitate::Imitate;
-use measure_aips::MeasureAips;
-use train_aips::TrainAips;
+use imitate::{Demonstrate, Imitate};
+use train_aips::{MeasureAips, TrainAips};
 use train_policies::TrainPolicies;
 
 /// A check of a reply: an error says why it cannot be right. [`Fit`]: the agents of the worker that sent it.
