@@ -10,8 +10,8 @@ use dials_core::domain::{RegionSpec, SourceSpec};
 use dials_learn::algorithms::ppo::gae::advantages;
 use dials_learn::algorithms::ppo::update::{Decayed, Learns, Settings, update};
 use dials_learn::algorithms::ppo::{Memory, Sample};
-use dials_learn::influence::{AipStack, InfluencePredictor};
 use dials_learn::policy::{PolicyStack, sampling};
+use dials_learn::predictors::{AipStack, InfluencePredictor};
 use dials_session::config::{RunConfig, load};
 use rand::Rng;
 use stacknets::Adam;
@@ -80,7 +80,7 @@ impl Setting {
                 let log_prob = -(self.spec.n_actions as f32).ln();
                 let [value, advantage] = dice.random();
                 let sample = Sample { action, log_prob, value, advantage, ret: value + advantage, start: false };
-                memory.remember(agent, slot, &obs, &state, sample);
+                memory.remember(agent, slot, (&obs, &[]), &state, sample);
             }
         }
         memory

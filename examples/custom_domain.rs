@@ -16,11 +16,11 @@ use anyhow::Result;
 use dials_core::base::{AgentId, Dice, Ragged, Rows, Seed};
 use dials_core::domain::*;
 use dials_learn::config::*;
+use dials_learn::dials;
 use dials_learn::evaluation::Evaluation;
-use dials_learn::training::dials;
-use dials_learn::training::journal::Unrecorded;
-use dials_learn::training::observer::Observer;
-use dials_learn::training::standing::Standing;
+use dials_learn::observer::Observer;
+use dials_learn::observer::Unrecorded;
+use dials_learn::progress::TrainingProgress;
 use dials_session::fleet::in_process;
 use dials_testkit::conformance;
 use rand::Rng;
@@ -223,5 +223,5 @@ pub(crate) fn main() -> Result<()> {
         ..Config::default()
     };
     let mut fleet = in_process(brigade, config.clone(), Rc::new(Printer))?;
-    dials::train(&config, &mut fleet, Standing::default(), &mut Unrecorded, &Printer)
+    dials::train(&config, &mut fleet, TrainingProgress::default(), &mut Unrecorded, &Printer)
 }

@@ -15,7 +15,7 @@ use anyhow::{Context, Result, bail, ensure};
 use dials_core::base::{AgentId, Dice, Rows, Seed, Stopwatch, Work};
 use dials_core::domain::{Action, Beginning, Domain, GlobalSimulator, LocalSimulator};
 use dials_learn::config::{AipConfig, Predictor};
-use dials_learn::influence::{Dataset, InfluencePredictor, TrainablePredictor, train};
+use dials_learn::predictors::{Dataset, InfluencePredictor, TrainablePredictor, train};
 use dials_session::domains::DomainConfig;
 use dials_traffic::Traffic;
 use dials_traffic::agents::phases::Light;

@@ -15,7 +15,7 @@ use dials_core::base::counted;
 use dials_core::domain::Domain;
 use dials_core::outside::{Directory, temporary_dir};
 use dials_learn::config::Predictor;
-use dials_learn::training::observer::Interrupted;
+use dials_learn::observer::Interrupted;
 use dials_session::bench::costs::{Costs, Steps};
 use dials_session::bench::measure::{MeasurePlan, expected, measure, short_orders};
 use dials_session::bench::table;

@@ -14,7 +14,7 @@ use crate::cli;
 use crate::program::PROGRAM;
 use dials_core::domain::Domain;
 use dials_core::outside::Directory;
-use dials_learn::training::observer::Observer;
+use dials_learn::observer::Observer;
 #[cfg(feature = "mpi")]
 use dials_session::build;
 use dials_session::config::RunConfig;

@@ -16,10 +16,10 @@ use crate::program::PROGRAM;
 use dials_core::base::{counted, for_terminal};
 use dials_core::domain::Domain;
 use dials_core::outside::{Directory, Whereabouts, folder_of, quoted};
-use dials_learn::training::dials;
-use dials_learn::training::fleet::Fleet;
-use dials_learn::training::observer::Interrupted;
-use dials_learn::training::standing::Standing;
+use dials_learn::dials;
+use dials_learn::fleet::Fleet;
+use dials_learn::observer::Interrupted;
+use dials_learn::progress::TrainingProgress;
 use dials_session::build::{other_build, record_resume};
 use dials_session::config::{RunConfig, load};
 use dials_session::directory;
@@ -220,7 +220,7 @@ impl Run {
         other_build.as_ref().map_or(Ok(()), |build| record_resume(&directory, build, resumes_at))?;
         let plan = Plan { domain: &domain, config, directory: &directory, workers, patience };
         let mut fleet = team.fleet(&plan, progress.clone())?;
-        let mut standing = Standing::default();
+        let mut standing = TrainingProgress::default();
         if let Some(checkpoint) = checkpoint {
             standing = checkpoint.progress.standing;
             fleet.restore(checkpoint.agents)?;

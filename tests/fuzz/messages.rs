@@ -3,11 +3,11 @@
 use anyhow::Result;
 use dials_core::base::{AgentId, Ragged, Seed};
 use dials_learn::algorithms::Tables;
+use dials_learn::fleet::WorkerLoad;
+use dials_learn::state::AgentsState;
+use dials_learn::state::stream::{AgentStream, RowStream, Trail};
 use dials_learn::steps::evaluate::Evaluate;
 use dials_learn::steps::{Reply, ReportState, Request};
-use dials_learn::training::answers::WorkerLoad;
-use dials_learn::training::state::AgentsState;
-use dials_learn::training::stream::{AgentStream, RowStream, Trail};
 use dials_session::fleet::{Order, WorkerReport, encode, receive};
 use serde::Serialize;
 use serde::de::DeserializeOwned;

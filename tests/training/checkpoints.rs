@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 use assert_cmd::Command;
 use dials_core::base::{Dice, Ragged};
 use dials_core::outside::Directory;
-use dials_learn::training::stream::{AgentStream, RowStream};
+use dials_learn::state::stream::{AgentStream, RowStream};
 use dials_session::domains::DomainConfig;
 use dials_session::records::checkpoint::content::{Part, seal};
 use dials_session::records::checkpoint::owner::{NotOfThisRun, Owner};

@@ -10,19 +10,19 @@ use dials_core::base::{AgentId, Seed};
 use dials_core::domain::{Controller, Domain, Result};
 use dials_core::outside::Directory;
 use dials_learn::config::{AipTraining, Config, Period, ShortForm, schedule};
+use dials_learn::dials;
 use dials_learn::evaluation::play;
-use dials_learn::influence::Dataset;
+use dials_learn::fleet::Fleet;
+use dials_learn::observer::{Interrupted, Observer, Silent};
 use dials_learn::policy::{JointPolicyController, PolicyStack, Selection};
+use dials_learn::predictors::Dataset;
+use dials_learn::progress::TrainingProgress;
+use dials_learn::state::AgentsState;
 use dials_learn::steps::Step;
 use dials_learn::steps::collect::Collect;
-use dials_learn::steps::measure_aips::MeasureAips;
+use dials_learn::steps::train_aips::MeasureAips;
 use dials_learn::steps::train_aips::TrainAips;
 use dials_learn::steps::train_policies::TrainPolicies;
-use dials_learn::training::dials;
-use dials_learn::training::fleet::Fleet;
-use dials_learn::training::observer::{Interrupted, Observer, Silent};
-use dials_learn::training::standing::Standing;
-use dials_learn::training::state::AgentsState;
 use dials_learn::worker::Worker;
 use dials_session::bench::costs::{Costs, Steps};
 use dials_session::bench::measure::{MeasurePlan, measure, short_orders};
@@ -84,7 +84,7 @@ fn train(config: &Config, dir: &Path) -> Result<()> {
     let mut log =
         RunLog::begin(Directory::lock(dir)?, Owner::of(&RunConfig::from(config.clone()), &*domain())?, layouts);
     let mut fleet = in_process(domain(), config.clone(), Rc::new(Silent)).unwrap();
-    dials::train(config, &mut fleet, Standing::default(), &mut log, &Silent)
+    dials::train(config, &mut fleet, TrainingProgress::default(), &mut log, &Silent)
 }
 
 fn describe(dir: &Path) {
@@ -213,7 +213,7 @@ fn a_run_that_was_stopped_goes_on_to_the_same_bytes() {
             let point = ResumePoint::find(&directory, &owner).unwrap();
             let (mut log, checkpoint) = RunLog::resume(directory, point, owner, layouts()).unwrap();
             let mut fleet = in_process(domain(), config.clone(), Rc::new(Silent)).unwrap();
-            let standing = checkpoint.map_or(Standing::default(), |checkpoint| {
+            let standing = checkpoint.map_or(TrainingProgress::default(), |checkpoint| {
                 let standing = checkpoint.progress.standing;
                 fleet.restore(checkpoint.agents).unwrap();
                 standing
@@ -251,7 +251,7 @@ fn workers_that_share_the_agents_bring_what_one_worker_brings() {
     let period = Period { start: 0, end: 1000, train_aips: AipTraining::Yes, evaluate: false, average: false };
     let worker = |agents: Vec<AgentId>| Worker::new(domain(), &config, agents, &Threads::one());
     let mut whole = worker(AgentId::all(4));
-    let purpose = dials_learn::training::collect::Purpose::Training { steps: 0 };
+    let purpose = dials_learn::steps::collect::Purpose::Training { steps: 0 };
     let policies = whole.state().policies;
     whole.take_policies(policies);
     let datasets = Collect { purpose, episodes: 0..10 }.run(&mut whole, &Silent).unwrap();

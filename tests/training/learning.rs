@@ -7,9 +7,9 @@ use std::sync::Arc;
 use dials_core::domain::{Domain, Result};
 use dials_core::outside::Directory;
 use dials_learn::config::{AlgorithmName, Config, ShortForm};
-use dials_learn::training::dials;
-use dials_learn::training::observer::Silent;
-use dials_learn::training::standing::Standing;
+use dials_learn::dials;
+use dials_learn::observer::Silent;
+use dials_learn::progress::TrainingProgress;
 use dials_session::config::RunConfig;
 use dials_session::fleet::in_process;
 use dials_session::records::checkpoint::owner::Owner;
@@ -40,7 +40,7 @@ fn train(config: &Config, dir: &Path) -> Result<()> {
     let (owner, layouts) = (Owner::of(&RunConfig::from(config.clone()), &*coins)?, Layouts::of(config, coins.kinds()));
     let mut fleet = in_process(coins, config.clone(), Rc::new(Silent)).unwrap();
     let mut log = RunLog::begin(Directory::lock(dir)?, owner, layouts);
-    dials::train(config, &mut fleet, Standing::default(), &mut log, &Silent)
+    dials::train(config, &mut fleet, TrainingProgress::default(), &mut log, &Silent)
 }
 
 /// Returns the column `name` of the lines about all agents, by steps.

@@ -5,9 +5,9 @@ use dials_core::domain::{Baseline, Beginning, Domain, GlobalSimulator, LocalSimu
 use dials_learn::algorithms::imitation::demonstrate;
 use dials_learn::config::AipConfig;
 use dials_learn::evaluation::{Evaluation, play_episodes};
-use dials_learn::influence::{AipStack, Dataset, train};
 use dials_learn::policy::Demonstrations;
-use dials_learn::training::collect::collect_episode;
+use dials_learn::predictors::{AipStack, Dataset, train};
+use dials_learn::steps::collect::collect_episode;
 use dials_testkit::conformance;
 use dials_warehouse::Warehouse;
 use dials_warehouse::config::WarehouseConfig;

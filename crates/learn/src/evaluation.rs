@@ -1,23 +1,22 @@
-//! Evaluation: plays episodes on the global simulator (GS) under a controller, and summarises them.
+//! Evaluation: plays episodes on the GS under a controller, and summarises them.
 //!
-//! - `finding`: a player and its episodes.
 //! - `table`: one player, as text. `comparison`: several players, as text.
 //! - [`json`], [`csv`]: the same figures for programs.
 
 mod comparison;
 pub mod csv;
-mod finding;
 pub mod json;
 mod table;
 
 use serde::{Deserialize, Serialize};
+use serde_json::Value;
 
-use dials_core::base::statistics::{mean, median, std_error};
+use crate::policy::Selection;
+use dials_core::base::statistics::{Interval, mean, median, std_error};
 use dials_core::base::{RandomPurpose, Rows, Seed};
 use dials_core::domain::{Controller, Domain, GlobalSimulator, Measures, Result};
 
 pub use comparison::comparison;
-pub use finding::{Finding, Player};
 pub use table::table;
 
 /// Name of the return among the [`figures`] of an episode.
@@ -67,6 +66,32 @@ pub fn play_watched(
         watch(simulator)?;
     }
     Ok(EpisodeReport { returns, measures: simulator.measures()? })
+}
+
+/// A controller or policies, with their name in tables and files.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Player {
+    pub label: String,
+    /// Keys and values that identify the player in JSON.
+    pub keys: Vec<(&'static str, Value)>,
+    /// How its policies choose actions; `None` for a controller.
+    pub policies: Option<Selection>,
+    /// Which agents follow them and what the others do, in words; `None`: all agents do.
+    pub others: Option<String>,
+}
+
+/// A player and its episodes. All players of a command play the same episodes.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Finding {
+    pub player: Player,
+    pub episodes: Vec<EpisodeReport>,
+}
+
+impl Finding {
+    /// Returns the mean return of one agent, with its 95 % interval.
+    pub(crate) fn of_agent(&self, agent: usize) -> Interval {
+        Interval::of(&self.episodes.iter().map(|episode| episode.returns[agent]).collect::<Vec<_>>())
+    }
 }
 
 /// Several episodes of one controller.
@@ -204,17 +229,5 @@ mod tests {
         let mut best = domain.baseline("best").unwrap();
         let episodes = play_episodes(&mut *best.simulator, &mut *best.controller, Seed::new(1), 2, &mut |_| ());
         assert_eq!(Evaluation::new(&domain, &episodes.unwrap()).stuck, [false; 4]);
-    }
-
-    #[test]
-    fn the_same_seed_plays_the_same_episodes() {
-        let coins = Coins::new(50);
-        let play = |seed| {
-            let mut baseline = coins.baseline("random").unwrap();
-            let (simulator, controller) = (&mut *baseline.simulator, &mut *baseline.controller);
-            play_episodes(simulator, controller, Seed::new(seed), 3, &mut |_| ()).unwrap()
-        };
-        assert_eq!(play(1), play(1));
-        assert_ne!(play(1), play(2));
     }
 }

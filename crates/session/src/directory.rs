@@ -22,9 +22,9 @@ use crate::terminal::{program, tell};
 use dials_core::base::{AgentId, counted};
 use dials_core::domain::Domain;
 use dials_core::outside::{Directory, Whereabouts, quoted};
-use dials_learn::influence::TrainablePredictor;
 use dials_learn::policy::{JointPolicy, JointPolicyController, Selection};
-use dials_learn::training::block::initial_aips;
+use dials_learn::predictors::TrainablePredictor;
+use dials_learn::worker::block::initial_aips;
 
 /// Makes the directory of a new run and returns it, locked.
 ///

@@ -7,8 +7,8 @@ use std::process::Command;
 
 use dials_core::base::{RandomPurpose, Seed};
 use dials_core::domain::{Action, Controller, Domain, GlobalSimulator, JointPercept};
-use dials_learn::influence::Dataset;
-use dials_learn::training::collect::collect_episode;
+use dials_learn::predictors::Dataset;
+use dials_learn::steps::collect::collect_episode;
 use dials_traffic::Traffic;
 use dials_traffic::agents::border_plan::{BLOCK_M, BLOCK_MPS, BorderPlan};
 use dials_traffic::agents::plan::Border;

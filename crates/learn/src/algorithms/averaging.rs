@@ -7,14 +7,14 @@
 
 use crate::algorithms;
 use crate::config::Config;
-use crate::training::state::AgentsState;
+use crate::state::AgentsState;
 use dials_core::base::{AgentId, Ragged};
 use dials_core::domain::Kinds;
 
 /// Gives all agents of a kind the mean of their policies, and of the tables of their learners that go with them.
 ///
-/// Where the values of an agent are no longer finite, those of its kind stay as they are. A mean would spread NaN to all of
-/// them, and nobody could name the agent that diverged.
+/// Where the values of an agent are no longer finite, those of its kind stay as they are. A mean would spread NaN to
+/// all of them, and nobody could name the agent that diverged.
 pub(crate) fn average(agents: &mut AgentsState, config: &Config, kinds: &Kinds) {
     let steps = agents.steps;
     for kind in kinds.iter() {

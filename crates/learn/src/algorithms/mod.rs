@@ -7,14 +7,13 @@
 //! - [`ppo`]: proximal policy optimisation, as in the paper. [`dqn`]: deep Q-learning.
 //! - [`imitation`]: policies that begin by imitating a hand-coded controller.
 //! - [`averaging`]: agents that get the mean of their policies.
-//! - `tables`: what a learner keeps; `metrics`: what it reports.
+//! - `tables`: what a learner keeps, and what it reports.
 //!
 //! A new algorithm is a folder with its [`Algorithm`] and its [`Learner`], and a line in the list below.
 
 pub(crate) mod averaging;
 pub(crate) mod dqn;
 pub mod imitation;
-mod metrics;
 pub mod ppo;
 mod tables;
 
@@ -24,14 +23,14 @@ use crate::config::Config;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
+use crate::environments::Experience;
 use crate::policy::{PolicyStack, Reading};
-use crate::training::environment::Experience;
 use dials_core::base::{AgentId, Stopwatch};
 use dials_core::domain::{Action, Kind, Percept, RegionSpec, Result};
 use stacknets::Shape;
 
-pub use metrics::Metrics;
-pub use tables::{Layout, NumberTable, Tables};
+pub(crate) use tables::check_finite;
+pub use tables::{Layout, Metrics, NumberTable, Tables};
 
 /// Settings of an algorithm: its table in a config.
 pub trait Algorithm: Debug {
@@ -46,17 +45,10 @@ pub trait Algorithm: Debug {
     /// Returns the key that says how many timesteps per agent there are between two updates, and its value.
     fn updates(&self) -> (&'static str, u64);
 
-    /// Returns how decisions are read from the outputs of a network.
     fn reading(&self) -> Reading;
 
-    /// Makes the learner of some agents of one kind. `policies`: theirs, one row per agent.
-    fn learner(
-        &self,
-        config: &Config,
-        spec: &RegionSpec,
-        agents: &[AgentId],
-        policies: PolicyStack,
-    ) -> Box<dyn Learner>;
+    /// Makes the learner of some agents of one kind. `stack`: their policies, one row per agent.
+    fn learner(&self, config: &Config, spec: &RegionSpec, agents: &[AgentId], stack: PolicyStack) -> Box<dyn Learner>;
 
     /// Returns which tables its learner keeps, and how large they are for an agent of this kind after this number of
     /// timesteps.
@@ -80,7 +72,6 @@ macro_rules! algorithms {
             $($(#[$about])* $Name,)*
         }
 
-        /// Returns the algorithm of a config.
         pub fn of(config: &Config) -> &dyn Algorithm {
             match config.algorithm {
                 $(AlgorithmName::$Name => &config.$table,)*
@@ -117,13 +108,11 @@ impl AlgorithmName {
 ///
 /// Rows are ordered by agent, then by copy.
 pub trait Learner {
-    /// Returns the policies, one row per agent.
     fn policies(&self) -> &PolicyStack;
 
     /// Returns the policies, to be changed: by an imitation, or by a state.
     fn policies_mut(&mut self) -> &mut PolicyStack;
 
-    /// Chooses an action for every row.
     fn act(&mut self, percept: &Percept) -> Vec<Action>;
 
     /// Takes in what the last actions brought, and updates the policies if that is due. Returns the metrics of the
@@ -138,6 +127,5 @@ pub trait Learner {
     /// Returns what it keeps from one period to the next, beside the policies. It is called between two updates only.
     fn tables(&self) -> Tables;
 
-    /// Continues from such tables.
     fn load(&mut self, tables: Tables);
 }

@@ -1,13 +1,22 @@
-//! What learners keep between periods: named tables with a row per agent. Workers and checkpoints carry them without
-//! knowing what they mean.
+//! What learners keep between periods, named tables with a row per agent, and what they report, [`Metrics`]. Workers and
+//! checkpoints carry both without knowing what they mean.
 
 use std::collections::BTreeMap;
 
 use anyhow::ensure;
 use serde::{Deserialize, Serialize};
 
-use dials_core::base::{Dice, Ragged, is_stuck};
+use crate::config::Config;
+use dials_core::base::{AgentId, Dice, Ragged, RandomPurpose, Seed, is_stuck};
 use dials_core::domain::Result;
+use stacknets::{Adam, Moments, Parameters};
+
+/// Names of the tables of a [`Base`], as in checkpoints.
+const FIRST_MOMENTS: &str = "first_moments";
+const SECOND_MOMENTS: &str = "second_moments";
+const ACTING: &str = "acting";
+const MINIBATCHES: &str = "minibatches";
+const GRADIENT_STEPS: &str = "gradient_steps";
 
 /// Tables of some agents, by name.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
@@ -20,6 +29,66 @@ pub struct Tables {
     pub counts: BTreeMap<String, u64>,
 }
 
+/// What every learner keeps: its optimiser and its dice.
+pub(super) struct Base {
+    pub(super) adam: Adam,
+    /// Dice for the actions, one per row.
+    pub(super) acting: Vec<Dice>,
+    /// Dice for the minibatches, one per agent.
+    pub(super) minibatches: Vec<Dice>,
+}
+
+impl Base {
+    pub(super) fn new(config: &Config, agents: &[AgentId], parameters: &Parameters) -> Base {
+        let seed = |purpose: RandomPurpose, agent: &AgentId| Seed::new(config.seed).fork(purpose).for_agent(*agent);
+        let of_copies = |agent| {
+            let seed = seed(RandomPurpose::Acting, agent);
+            (0..config.copies()).map(move |copy| seed.for_copy(copy).dice())
+        };
+        Base {
+            adam: Adam::new(parameters),
+            acting: agents.iter().flat_map(of_copies).collect(),
+            minibatches: agents.iter().map(|agent| seed(RandomPurpose::PolicyMinibatches, agent).dice()).collect(),
+        }
+    }
+
+    /// Returns the layout of its tables. `parameters`: number of those of an agent's policy.
+    pub(super) fn layout(config: &Config, parameters: usize, gradient_steps: u64) -> Layout {
+        let moments =
+            NumberTable { name: FIRST_MOMENTS, width: parameters, averaged: true, squares: false, learnt: true };
+        Layout {
+            numbers: vec![moments, NumberTable { name: SECOND_MOMENTS, squares: true, ..moments }],
+            dice: vec![(ACTING, config.copies()), (MINIBATCHES, 1)],
+            counts: vec![(GRADIENT_STEPS, gradient_steps)],
+        }
+    }
+
+    pub(super) fn copies(&self) -> usize {
+        self.acting.len() / self.minibatches.len()
+    }
+
+    pub(super) fn tables(&self) -> Tables {
+        let Moments { first, second, steps } = self.adam.moments().clone();
+        let acting: Vec<_> = self.acting.chunks(self.copies()).map(<[Dice]>::to_vec).collect();
+        let minibatches = self.minibatches.iter().map(|dice| vec![dice.clone()]).collect();
+        Tables {
+            numbers: [(FIRST_MOMENTS.to_owned(), first.into()), (SECOND_MOMENTS.to_owned(), second.into())].into(),
+            dice: [(ACTING.to_owned(), acting), (MINIBATCHES.to_owned(), minibatches)].into(),
+            counts: [(GRADIENT_STEPS.to_owned(), u64::from(steps))].into(),
+        }
+    }
+
+    pub(super) fn load(&mut self, tables: &mut Tables) {
+        self.adam.restore(Moments {
+            first: tables.take_numbers(FIRST_MOMENTS).into_rows(),
+            second: tables.take_numbers(SECOND_MOMENTS).into_rows(),
+            steps: u32::try_from(tables.counts[GRADIENT_STEPS]).expect("the layout gives this number"),
+        });
+        let mut dice = |name| tables.dice.remove(name).expect("a learner keeps these dice").concat();
+        (self.acting, self.minibatches) = (dice(ACTING), dice(MINIBATCHES));
+    }
+}
+
 /// Names and sizes of the tables of one agent.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Layout {
@@ -30,11 +99,9 @@ pub struct Layout {
     pub(crate) counts: Vec<(&'static str, u64)>,
 }
 
-/// A table of numbers.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct NumberTable {
     pub name: &'static str,
-    /// Number of values of an agent.
     pub width: usize,
     /// Whether agents that get the mean of their policies get the mean of this, too.
     pub(crate) averaged: bool,
@@ -51,12 +118,6 @@ impl Tables {
         self.numbers.remove(name).unwrap_or_else(|| panic!("a learner keeps the table `{name}`"))
     }
 
-    /// Returns the dice of a name, like [`Tables::take_numbers`].
-    pub(crate) fn take_dice(&mut self, name: &str) -> Vec<Vec<Dice>> {
-        self.dice.remove(name).unwrap_or_else(|| panic!("a learner keeps the dice `{name}`"))
-    }
-
-    /// Returns the tables of some of the agents, in this order.
     pub(crate) fn share(&self, agents: impl IntoIterator<Item = usize> + Clone) -> Tables {
         let numbers = self.numbers.iter().map(|(name, table)| (name.clone(), table.pick(agents.clone())));
         let dice = self
@@ -66,7 +127,6 @@ impl Tables {
         Tables { numbers: numbers.collect(), dice: dice.collect(), counts: self.counts.clone() }
     }
 
-    /// Overwrites the tables of the agents from `first` on.
     pub(crate) fn replace(&mut self, first: usize, part: &Tables) {
         self.counts.clone_from(&part.counts);
         for (name, table) in &part.numbers {
@@ -78,7 +138,6 @@ impl Tables {
         }
     }
 
-    /// Appends the tables of further agents.
     pub(crate) fn extend(&mut self, other: Tables) {
         self.counts = other.counts;
         for (name, table) in other.numbers {
@@ -124,13 +183,79 @@ impl Tables {
     pub(crate) fn check_numbers(&self, index: usize, layout: &Layout) -> Result<()> {
         for NumberTable { name, squares, .. } in &layout.numbers {
             let row = self.numbers[*name].row(index);
-            if let Some(bad) = row.iter().find(|value| !value.is_finite()) {
-                anyhow::bail!("its table `{name}` holds {bad}, which is not a finite number");
-            }
+            check_finite(name, row)?;
             if let Some(bad) = row.iter().find(|&&value| *squares && value < 0.0) {
                 anyhow::bail!("its table `{name}` holds {bad}, but they are squares");
             }
         }
         Ok(())
+    }
+}
+
+/// Returns an error if an agent's row of a table holds what is no finite number.
+pub(crate) fn check_finite(name: &str, row: &[f32]) -> Result<()> {
+    match row.iter().find(|value| !value.is_finite()) {
+        Some(bad) => anyhow::bail!("its table `{name}` holds {bad}, which is not a finite number"),
+        None => Ok(()),
+    }
+}
+
+/// Figures of one update, or their means over several. Their names are columns of `training.csv`.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct Metrics {
+    /// Figures with a value per agent, such as losses.
+    pub of_agents: Vec<(String, Vec<f64>)>,
+    /// Settings that were the same for all agents, such as the learning rate.
+    pub settings: Vec<(String, f64)>,
+}
+
+impl Metrics {
+    /// Returns the means over some updates, with the settings of the last one. Without updates: `empty`.
+    pub(crate) fn mean(updates: &[Metrics], empty: Metrics) -> Metrics {
+        let Some(last) = updates.last() else { return empty };
+        let weight = 1.0 / updates.len() as f64;
+        let mut mean = Metrics { settings: last.settings.clone(), ..empty };
+        for update in updates {
+            for ((_, sums), (_, values)) in mean.of_agents.iter_mut().zip(&update.of_agents) {
+                sums.iter_mut().zip(values).for_each(|(sum, value)| *sum += weight * value);
+            }
+        }
+        mean
+    }
+
+    pub(crate) fn extend(&mut self, other: Metrics) {
+        for ((_, values), (_, others)) in self.of_agents.iter_mut().zip(other.of_agents) {
+            values.extend(others);
+        }
+    }
+
+    /// Returns the names of the figures, then of the settings.
+    pub fn names(&self) -> impl Iterator<Item = &str> {
+        let figures = self.of_agents.iter().map(|(name, _)| name.as_str());
+        figures.chain(self.settings.iter().map(|(name, _)| name.as_str()))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn losses(values: &[f64], rate: f64) -> Metrics {
+        Metrics { of_agents: vec![("loss".into(), values.to_vec())], settings: vec![("rate".into(), rate)] }
+    }
+
+    #[test]
+    fn means_are_over_updates_and_the_settings_are_those_of_the_last_one() {
+        let mean = Metrics::mean(&[losses(&[1.0, 4.0], 0.2), losses(&[3.0, 0.0], 0.1)], losses(&[0.0; 2], 0.0));
+        assert_eq!(mean, losses(&[2.0, 2.0], 0.1));
+        assert_eq!(Metrics::mean(&[], losses(&[0.0; 2], 0.3)), losses(&[0.0; 2], 0.3));
+    }
+
+    #[test]
+    fn the_agents_of_several_learners_are_joined() {
+        let mut both = losses(&[1.0, 3.0], 0.1);
+        both.extend(losses(&[2.0], 0.1));
+        assert_eq!(both, losses(&[1.0, 3.0, 2.0], 0.1));
+        assert_eq!(both.names().collect::<Vec<_>>(), ["loss", "rate"]);
     }
 }

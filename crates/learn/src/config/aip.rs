@@ -5,7 +5,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::Config;
-use super::check::{check_hidden, check_recurrent, held_out_episodes, not_negative, positive};
+use super::check::{check_batch, check_hidden, check_recurrent, inner_share, not_negative, positive};
 
 /// The approximate influence predictors (AIPs).
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
@@ -119,12 +119,7 @@ pub(super) fn check(config: &Config) -> Result<()> {
         "aip.retrain = \"drift\": needs the loss of the AIPs at evaluations; set evaluation.aip_loss_episodes, to 4 \
          for traffic or 20 for the warehouse"
     );
-    ensure!(
-        aip.held_out > 0.0 && aip.held_out < 1.0,
-        "aip.held_out = {}: must be between 0 and 1, both excluded",
-        aip.held_out
-    );
-    Ok(())
+    inner_share("aip.held_out", aip.held_out)
 }
 
 /// Checks that the episodes of a dataset fill a batch.
@@ -134,15 +129,5 @@ pub(super) fn check_datasets(config: &Config, horizon: usize) -> Result<()> {
         return Ok(());
     }
     let episodes = config.dataset_episodes(horizon);
-    let episodes = episodes - held_out_episodes(episodes, aip.held_out);
-    let (training, what) = match aip.recurrent {
-        Some(_) => (episodes, "episodes"),
-        None => (episodes * horizon, "samples"),
-    };
-    ensure!(
-        training >= aip.batch,
-        "aip.batch = {}: must not exceed the {training} training {what} of a dataset",
-        aip.batch
-    );
-    Ok(())
+    check_batch("aip.batch", aip.batch, (episodes, horizon), aip.held_out, aip.recurrent.is_some(), "a dataset")
 }

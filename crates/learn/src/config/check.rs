@@ -134,6 +134,22 @@ pub(super) fn check_recurrent(key: &str, width: Option<usize>) -> Result<()> {
     Ok(())
 }
 
+/// Checks that a batch is not larger than what is trained on: `(episodes, horizon)` without the share that is held out,
+/// in whole episodes for a network with a memory, else in samples.
+pub(super) fn check_batch(
+    key: &str,
+    batch: usize,
+    (episodes, horizon): (usize, usize),
+    held_out: f64,
+    by_episode: bool,
+    dataset: &str,
+) -> Result<()> {
+    let training = episodes - held_out_episodes(episodes, held_out);
+    let (training, what) = if by_episode { (training, "episodes") } else { (training * horizon, "samples") };
+    ensure!(training >= batch, "{key} = {batch}: must not exceed the {training} training {what} of {dataset}");
+    Ok(())
+}
+
 /// Returns how many of `episodes` are held out: at least one, and at least one is not.
 pub fn held_out_episodes(episodes: usize, share: f64) -> usize {
     ((episodes as f64 * share) as usize).clamp(1, episodes - 1)
@@ -151,5 +167,10 @@ pub(crate) fn not_negative(key: &str, value: f64, advice: &str) -> Result<()> {
 
 pub(crate) fn share(key: &str, value: f64, advice: &str) -> Result<()> {
     ensure!((0.0..=1.0).contains(&value), "{key} = {value}: must be between 0 and 1 ({advice})");
+    Ok(())
+}
+
+pub(super) fn inner_share(key: &str, value: f64) -> Result<()> {
+    ensure!(value > 0.0 && value < 1.0, "{key} = {value}: must be between 0 and 1, both excluded");
     Ok(())
 }

@@ -5,7 +5,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::Config;
-use super::check::{held_out_episodes, positive, share};
+use super::check::{check_batch, inner_share, positive, share};
 
 /// The imitation, if `policy.imitate` names a controller. Otherwise no key of this table is read.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
@@ -59,11 +59,7 @@ pub(super) fn check(config: &Config) -> Result<()> {
     let imitation = &config.imitation;
     share("imitation.slips", imitation.slips, "0.05 is the default")?;
     positive("imitation.learning_rate", imitation.learning_rate, "1e-3 is the default")?;
-    ensure!(
-        imitation.held_out > 0.0 && imitation.held_out < 1.0,
-        "imitation.held_out = {}: must be between 0 and 1, both excluded",
-        imitation.held_out
-    );
+    inner_share("imitation.held_out", imitation.held_out)?;
     if let Some(name) = &config.policy.imitate {
         ensure!(
             !name.contains(":file=") && !name.contains(",file="),
@@ -103,17 +99,9 @@ pub(super) fn check_episodes(config: &Config, horizon: usize) -> Result<()> {
          out",
         imitation.dataset_steps
     );
-    let episodes = episodes - held_out_episodes(episodes, imitation.held_out);
-    let (training, what) = match config.policy.recurrent {
-        Some(_) => (episodes, "episodes"),
-        None => (episodes * horizon, "samples"),
-    };
-    ensure!(
-        training >= imitation.minibatch,
-        "imitation.minibatch = {}: must not exceed the {training} training {what} of the dataset",
-        imitation.minibatch
-    );
-    Ok(())
+    let by_episode = config.policy.recurrent.is_some();
+    let size = (episodes, horizon);
+    check_batch("imitation.minibatch", imitation.minibatch, size, imitation.held_out, by_episode, "the dataset")
 }
 
 #[cfg(test)]
@@ -128,7 +116,7 @@ mod tests {
 
     #[test]
     fn an_imitation_that_makes_no_sense_is_refused_with_its_key() {
-        for (keys, told) in [
+        for (keys, message) in [
             ("imitation.epochs = 0", "imitation.epochs = 0: must be at least 1"),
             ("imitation.minibatch = 0", "imitation.minibatch = 0: must be at least 1"),
             ("imitation.dataset_steps = 90000000", "imitation.dataset_steps = 90000000: must be at most 10000000"),
@@ -136,30 +124,32 @@ mod tests {
             ("imitation.held_out = 1.0", "imitation.held_out = 1: must be between 0 and 1"),
             ("imitation.learning_rate = nan", "imitation.learning_rate = NaN: must be a positive number"),
         ] {
-            assert!(error(keys).contains(told), "{}", error(keys));
+            assert!(error(keys).contains(message), "{}", error(keys));
         }
-        // Episodes have 100 steps.
-        let imitate = "policy.imitate = 'random'\nimitation";
-        assert!(
-            error(&format!("{imitate}.dataset_steps = 100")).contains("must span at least 2 episodes of 100 steps")
-        );
-        let few = error(&format!("{imitate}.dataset_steps = 200\nimitation.minibatch = 101"));
-        assert!(few.contains("imitation.minibatch = 101: must not exceed the 100 training samples"), "{few}");
-        let memory = error(&format!("policy.recurrent = 8\n{imitate}.dataset_steps = 500"));
-        assert!(memory.contains("imitation.minibatch = 128: must not exceed the 4 training episodes"), "{memory}");
-        assert_eq!(error("imitation.dataset_steps = 100"), "", "nothing is imitated");
-        let never = "total_steps = 10_000\nimitation.critic_steps = 10_000";
-        let told = error(&format!("{never}\npolicy.imitate = 'random'"));
-        assert!(told.contains("imitation.critic_steps = 10000: must be less than total_steps = 10000"), "{told}");
-        assert_eq!(error(never), "", "nothing is imitated");
-        let told = error("policy.imitate = 'fixed-time:file=plan.toml'");
-        assert!(told.contains("a run does not keep this file"), "{told}");
-        let shared = "policy.imitate = 'random'\ngs.shared_policy = true";
-        assert_eq!(error(shared), "", "local simulators do not read it");
-        let told = error(&format!("simulator = 'gs'\n{shared}"));
-        assert!(told.contains("does not go with gs.shared_policy = true; remove one of the two keys"), "{told}");
-        let told = error("policy = { imitate = 'random', average_every_steps = 10_000 }");
-        assert!(told.contains("does not go with policy.average_every_steps = 10000; remove one"), "{told}");
+        // Only if a controller is imitated. Episodes have 100 steps.
+        for (keys, message) in [
+            ("imitation.dataset_steps = 100", "must span at least 2 episodes of 100 steps"),
+            (
+                "imitation.dataset_steps = 200\nimitation.minibatch = 101",
+                "imitation.minibatch = 101: must not exceed the 100 training samples",
+            ),
+            (
+                "policy.recurrent = 8\nimitation.dataset_steps = 500",
+                "imitation.minibatch = 128: must not exceed the 4 training episodes",
+            ),
+            (
+                "total_steps = 10_000\nimitation.critic_steps = 10_000",
+                "imitation.critic_steps = 10000: must be less than total_steps = 10000",
+            ),
+            ("simulator = 'gs'\ngs.shared_policy = true", "does not go with gs.shared_policy = true; remove one"),
+            ("policy.average_every_steps = 10_000", "does not go with policy.average_every_steps = 10000; remove one"),
+        ] {
+            assert_eq!(error(keys), "");
+            let found = error(&format!("{keys}\npolicy.imitate = 'random'"));
+            assert!(found.contains(message), "{found}");
+        }
+        assert_eq!(error("policy.imitate = 'random'\ngs.shared_policy = true"), "", "local simulators do not read it");
+        assert!(error("policy.imitate = 'fixed-time:file=plan.toml'").contains("a run does not keep this file"));
     }
 
     #[test]

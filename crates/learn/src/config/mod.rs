@@ -7,32 +7,28 @@
 //! hold for it is checked in the file of its table.
 //!
 //! - `simulator`: what the policies train on, and what predicts the influence there.
-//!
-//! - `ppo`: the table of the algorithm. `policy`, `aip`, `evaluation`; `imitation`, of a controller before PPO.
+//! - `aip`; `imitation`, of a controller before PPO. The table of an algorithm is in its folder.
 //! - `check`: the limits at the fields, and what holds between tables. `seed`: seeds in files.
 //! - `schedule`: the periods of a run.
 
 mod aip;
 pub(crate) mod check;
-mod evaluation;
 mod imitation;
-mod policy;
 mod schedule;
 mod seed;
 mod simulator;
 
+use check::{check_hidden, check_recurrent};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 pub use crate::algorithms::AlgorithmName;
 pub use crate::algorithms::dqn::DqnConfig;
 pub use crate::algorithms::ppo::{PpoConfig, TimeLimit};
-pub use crate::influence::Predictor;
+pub use crate::predictors::Predictor;
 pub use aip::{AipConfig, Retrain};
 pub use check::held_out_episodes;
-pub use evaluation::EvaluationConfig;
 pub use imitation::ImitationConfig;
-pub use policy::PolicyConfig;
 pub use schedule::{AipTraining, Period, rest_of_schedule, schedule};
 pub use simulator::{ShortForm, Simulator, short_forms};
 
@@ -94,6 +90,94 @@ pub struct GsConfig {
     /// See DEVIATION 6: by default every agent learns for itself.
     #[schemars(extend("source" = "C"))]
     pub shared_policy: bool,
+}
+
+/// The network of an agent's policy and value.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, default)]
+pub struct PolicyConfig {
+    /// Width of a GRU before the hidden layers. If left out, the policy has no memory. Warehouse: 256.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    #[schemars(extend("source" = "P"))]
+    pub recurrent: Option<usize>,
+    /// Widths of the hidden layers, with ReLU. Warehouse: [128].
+    #[schemars(extend("source" = "P"))]
+    pub hidden: Vec<usize>,
+    /// Number of steps over which the gradient flows back through a GRU; must divide `ppo.rollout_steps` and
+    /// `ppo.minibatch`.
+    #[schemars(range(min = 1), extend("source" = "P"))]
+    pub sequence_length: usize,
+    /// [Controller](controllers.md), with parameters but without a `file`, that new policies imitate before PPO begins:
+    /// see [guide.md](guide.md#begin-with-a-controller). If left out, policies begin at random.
+    ///
+    /// DEVIATION 14: the paper's policies begin at random. With this key they begin with what an engineer knows.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub imitate: Option<String>,
+    /// Whether the value has a network of its own, with the same GRU and hidden layers as the policy.
+    ///
+    /// DEVIATION 15: in the paper policy and value share all layers but the last. Then the value's large errors change
+    /// the layers that the policy needs. Our configs of the paper's grids choose it.
+    pub separate_critic: bool,
+    /// Timesteps per agent after which all agents of a kind get the mean of their policies, and of their optimisers'
+    /// moments. They also begin with one policy. If left out, they never do. Best a divisor of `evaluation.every_steps`,
+    /// so that the mean is evaluated; 10 000 did well, with a learning rate of 2e-3. At most `total_steps`. It does not go
+    /// with `gs.shared_policy` or `policy.imitate`.
+    ///
+    /// DEVIATION 19: in the paper every agent keeps its own policy. With this key agents also learn from each other, and
+    /// still train in parallel.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub average_every_steps: Option<u64>,
+}
+
+impl Default for PolicyConfig {
+    fn default() -> Self {
+        PolicyConfig {
+            recurrent: None,
+            hidden: vec![256, 128],
+            sequence_length: 8,
+            imitate: None,
+            separate_critic: false,
+            average_every_steps: None,
+        }
+    }
+}
+
+impl PolicyConfig {
+    fn check(&self) -> anyhow::Result<()> {
+        check_hidden("policy.hidden", &self.hidden, 1)?;
+        check_recurrent("policy.recurrent", self.recurrent)
+    }
+}
+
+/// Evaluation of the joint policy on the GS. It leaves no trace in training.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, default)]
+pub struct EvaluationConfig {
+    /// Timesteps per agent between two evaluations; at least `ppo.memory`. There is also one at step 0 and one at the end.
+    #[schemars(range(min = 1))]
+    pub every_steps: u64,
+    /// Root of the random streams of all evaluation episodes. Runs with the same value are evaluated on the same
+    /// traffic, whatever their own seed. So their returns can be compared episode by episode.
+    #[serde(with = "seed")]
+    #[schemars(with = "u64")]
+    pub seed: u64,
+    /// Number of episodes per evaluation during training, the same ones each time. Warehouse: 100.
+    #[schemars(range(min = 1, max = 100_000))]
+    pub episodes: usize,
+    /// Number of episodes of the evaluation at the end of training: the episodes above and further ones.
+    #[schemars(range(min = 1, max = 100_000))]
+    pub final_episodes: usize,
+    /// Number of separate episodes, the same ones each time, on which every evaluation measures the loss of the AIPs; 0
+    /// for none. `aip.retrain = "drift"` needs them. They take under 1 % of the time. Our configs: 4 for traffic, 20 for
+    /// the warehouse.
+    #[schemars(range(max = 100_000))]
+    pub aip_loss_episodes: usize,
+}
+
+impl Default for EvaluationConfig {
+    fn default() -> Self {
+        EvaluationConfig { every_steps: 100_000, seed: 0, episodes: 20, final_episodes: 100, aip_loss_episodes: 0 }
+    }
 }
 
 /// The checkpoints, from which a stopped run continues.

@@ -14,7 +14,7 @@ pub struct Period {
     pub end: u64,
     /// Whether to evaluate the joint policy first.
     pub evaluate: bool,
-    /// Whether to then collect datasets and train the AIPs (approximate influence predictors).
+    /// Whether to then collect datasets and train the AIPs.
     pub train_aips: AipTraining,
     /// Whether the agents of a kind get the mean of their policies at its end.
     pub average: bool,
@@ -133,6 +133,9 @@ mod tests {
                 (240, 250, false, true),
             ]
         );
+        for simulator in ["gs", "untrained-dials"] {
+            assert_eq!(bounds(&config(simulator, 100, 10, 50)), [(0, 50, false, true), (50, 100, false, true)]);
+        }
     }
 
     #[test]
@@ -141,8 +144,8 @@ mod tests {
         config.ppo.memory = 64;
         // 65 and 70 are both at the update at 128, and 130 and 140 at 192. So are 195 and 210 at 256, 260 and 280 at 320.
         let due = work(&config, &schedule(&config));
-        let first = [0, 128, 192, 256, 320].map(|at| due.iter().find(|work| work.at() == at).unwrap());
-        assert!(first.iter().all(|work| matches!(work, Work::Evaluates(_))), "{due:?}");
+        let first = [0, 128, 192, 256, 320].map(|at| due.iter().find(|work| work.0 == at).unwrap());
+        assert!(first.iter().all(|work| work.1 == "evaluates"), "{due:?}");
     }
 
     #[test]
@@ -183,27 +186,13 @@ mod tests {
         assert!(averages(&config("dials", 250, 100, 60)).is_empty());
     }
 
-    /// What a run does, and after which update, in timesteps.
-    #[derive(Debug, PartialEq)]
-    enum Work {
-        Evaluates(u64),
-        TrainsAips(u64),
-        Averages(u64),
-    }
-
-    impl Work {
-        fn at(&self) -> u64 {
-            let (Work::Evaluates(at) | Work::TrainsAips(at) | Work::Averages(at)) = *self;
-            at
-        }
-    }
-
-    fn work(config: &Config, periods: &[Period]) -> Vec<Work> {
+    /// Returns what a run does, each after which update in timesteps.
+    fn work(config: &Config, periods: &[Period]) -> Vec<(u64, &'static str)> {
         let update = |step| config.update_at_or_after(step);
         let of_period = |period: &Period| {
-            let evaluates = period.evaluate.then(|| Work::Evaluates(update(period.start)));
-            let trains = (period.train_aips != AipTraining::No).then(|| Work::TrainsAips(update(period.start)));
-            [evaluates, trains, period.average.then(|| Work::Averages(update(period.end)))].into_iter().flatten()
+            let evaluates = period.evaluate.then(|| (update(period.start), "evaluates"));
+            let trains = (period.train_aips != AipTraining::No).then(|| (update(period.start), "trains AIPs"));
+            [evaluates, trains, period.average.then(|| (update(period.end), "averages"))].into_iter().flatten()
         };
         periods.iter().flat_map(of_period).collect()
     }
@@ -217,15 +206,10 @@ mod tests {
             for stop in 1..500 {
                 let stopped = schedule(&Config { stop_at_steps: Some(stop), ..config.clone() });
                 let rest = rest_of_schedule(&config, stopped.last().unwrap().end);
-                let both: Vec<Work> = work(&config, &stopped).into_iter().chain(work(&config, &rest)).collect();
+                let both = [work(&config, &stopped), work(&config, &rest)].concat();
                 assert_eq!(both, whole, "F = {retrain}, a memory of {memory}, stopped at {stop}");
             }
         }
-    }
-
-    #[test]
-    fn marginals_are_measured_when_aips_would_be_trained() {
-        assert_eq!(bounds(&config("marginal-dials", 250, 100, 60)), bounds(&config("dials", 250, 100, 60)));
     }
 
     #[test]
@@ -240,20 +224,6 @@ mod tests {
             config.predictor = Predictor::Untrained;
             assert!(schedule(&config).iter().all(|p| p.train_aips == AipTraining::No));
         }
-    }
-
-    #[test]
-    fn without_trained_aips_only_evaluations_cut() {
-        for simulator in ["gs", "untrained-dials"] {
-            assert_eq!(bounds(&config(simulator, 100, 10, 50)), [(0, 50, false, true), (50, 100, false, true)]);
-        }
-    }
-
-    #[test]
-    fn a_run_that_stops_early_keeps_its_schedule_up_to_there() {
-        let mut config = config("dials", 1000, 1000, 100);
-        config.stop_at_steps = Some(150);
-        assert_eq!(bounds(&config), [(0, 100, true, true), (100, 150, false, true)]);
     }
 
     #[test]
@@ -284,18 +254,5 @@ mod tests {
         assert_eq!(rest_of_schedule(&config, 150), [last]);
         config.stop_at_steps = Some(200);
         assert_eq!(rest_of_schedule(&config, 150), []);
-    }
-
-    #[test]
-    fn a_schedule_goes_on_at_its_own_bounds_and_within_a_period_of_another_one() {
-        let config = config("dials", 250, 100, 60);
-        let all = schedule(&config);
-        assert_eq!(rest_of_schedule(&config, 0), all);
-        assert_eq!(rest_of_schedule(&config, 100), all[2..]);
-        assert_eq!(rest_of_schedule(&config, 250), []);
-        let rest = rest_of_schedule(&config, 130);
-        let rest_of_period =
-            Period { start: 130, end: 180, train_aips: AipTraining::No, evaluate: false, average: false };
-        assert_eq!((rest[0], &rest[1..]), (rest_of_period, &all[4..]));
     }
 }

@@ -5,7 +5,7 @@ use serde::de::Error;
 use serde::{Deserialize, Deserializer, Serialize};
 
 use super::Config;
-use crate::influence::Predictor;
+use crate::predictors::Predictor;
 
 /// Simulators that the policies train on.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
@@ -26,7 +26,7 @@ pub struct ShortForm {
     /// What the policies train on, in words.
     pub help: &'static str,
     pub(crate) simulator: Simulator,
-    /// Predictor of local simulators. On the GS (global simulator) there is nothing to predict: `None`.
+    /// Predictor of local simulators. On the GS there is nothing to predict: `None`.
     pub predictor: Option<Predictor>,
 }
 
@@ -45,7 +45,6 @@ pub fn short_forms() -> Vec<ShortForm> {
 }
 
 impl ShortForm {
-    /// Returns the short form of this name.
     pub fn called(name: &str) -> Option<ShortForm> {
         short_forms().into_iter().find(|form| form.name == name)
     }
@@ -75,14 +74,13 @@ impl<'de> Deserialize<'de> for ShortForm {
 }
 
 impl Config {
-    /// Returns both keys in one word.
     pub fn short_form(&self) -> ShortForm {
         let predictor = self.predictor_in_use();
         let same = |form: &ShortForm| form.simulator == self.simulator && form.predictor == predictor;
         short_forms().into_iter().find(same).expect("every predictor has a short form")
     }
 
-    /// Returns what predicts the influence. On the GS (global simulator) there is nothing to predict: `None`.
+    /// Returns what predicts the influence. On the GS there is nothing to predict: `None`.
     pub fn predictor_in_use(&self) -> Option<Predictor> {
         (self.simulator == Simulator::Local).then_some(self.predictor)
     }

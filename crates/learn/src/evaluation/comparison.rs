@@ -62,12 +62,12 @@ fn signed_cell(interval: Interval) -> String {
     if cell.starts_with('-') { cell } else { format!("+{cell}") }
 }
 
-/// Letters of a label that stands in the line of its cells. A longer one, such as the name of a light of a real map, has a
-/// line of its own.
+/// Letters of a label that stands in the line of its cells. A longer one, such as the name of a light of a real map,
+/// has a line of its own.
 const LABEL_COLUMNS: usize = 40;
 
-/// Returns a table with one line per label. If it is wider than [`TERMINAL_COLUMNS`], its columns are split into several
-/// tables.
+/// Returns a table with one line per label. If it is wider than [`TERMINAL_COLUMNS`], its columns are split into
+/// several tables.
 pub(super) fn blocks(names: &[&str], labels: &[String], cells: &[Vec<String>]) -> String {
     let label_widths = labels.iter().map(|label| label.chars().count());
     let label_width = label_widths.filter(|&width| width <= LABEL_COLUMNS).max().unwrap_or(0);

@@ -3,7 +3,6 @@
 use super::{Finding, figures};
 use dials_core::outside::csv_name;
 
-/// The header and the lines of a CSV file.
 pub struct Lines {
     pub header: Vec<String>,
     pub lines: Vec<Vec<String>>,

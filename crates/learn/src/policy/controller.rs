@@ -1,4 +1,4 @@
-//! Policies that act: a stack on rows of its kind, and a joint policy on the GS (global simulator), in evaluation and
+//! Policies that act: a stack on rows of its kind, and a joint policy on the GS, in evaluation and
 //! in the collection of datasets.
 
 use super::{JointPolicy, PolicyStack, sampling};
@@ -13,7 +13,6 @@ use stacknets::States;
 pub enum Selection {
     /// Drawn from the policy, as in training.
     Sampled,
-    /// The most probable one.
     Greedy,
 }
 

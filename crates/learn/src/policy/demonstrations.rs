@@ -5,8 +5,7 @@ use serde::{Deserialize, Serialize};
 use dials_core::base::{CompactRows, Rows};
 use dials_core::domain::{Action, Kinds, RegionSpec};
 
-/// Observations and actions of one agent in the order in which the GS (global simulator) made them: whole episodes, one
-/// after another.
+/// Observations and actions of one agent in the order in which the GS made them: whole episodes, one after another.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Demonstrations {
     /// `[samples, obs_dim]`
@@ -29,7 +28,6 @@ impl Demonstrations {
         }
     }
 
-    /// Makes empty demonstrations, one per agent.
     pub fn of_all(kinds: &Kinds) -> Vec<Demonstrations> {
         kinds.specs().map(Demonstrations::new).collect()
     }
@@ -72,7 +70,6 @@ impl Demonstrations {
         self.actions.push(action);
     }
 
-    /// Appends the episodes of other demonstrations of the same agent.
     pub(crate) fn extend(&mut self, other: &Demonstrations) {
         self.obs.extend(&other.obs);
         if let (Some(mine), Some(theirs)) = (&mut self.masks, &other.masks) {

@@ -11,7 +11,7 @@ pub mod sampling;
 use crate::config::PolicyConfig;
 use dials_core::base::{AgentId, Ragged, Rows, Seed};
 use dials_core::domain::{Percept, RegionSpec};
-use stacknets::{Adam, Learner, Network, Parameters, Shape, Stack, States, Threads};
+use stacknets::{Adam, Learner, Parameters, Shape, Stack, States};
 
 pub use controller::{JointPolicyController, Selection, StackController};
 pub use demonstrations::Demonstrations;
@@ -26,7 +26,7 @@ pub type JointPolicy = Ragged<f32>;
 /// Source: DIALS paper, appendix "Hyperparameters" (traffic: 256 and 128; warehouse: GRU 256 and 128).
 pub struct PolicyStack {
     n_actions: usize,
-    net: Stack,
+    pub(crate) net: Stack,
     reading: Reading,
 }
 
@@ -56,7 +56,6 @@ impl Judgement {
 }
 
 impl PolicyStack {
-    /// Returns the shape of a policy network.
     pub fn shape(spec: &RegionSpec, config: &PolicyConfig) -> Shape {
         Shape {
             inputs: spec.obs_dim,
@@ -81,7 +80,6 @@ impl PolicyStack {
         PolicyStack { n_actions: spec.n_actions, net, reading: Reading::Probabilities }
     }
 
-    /// Reads the outputs of the networks in this way from now on.
     pub(crate) fn read_as(mut self, reading: Reading) -> Self {
         self.reading = reading;
         self
@@ -89,11 +87,6 @@ impl PolicyStack {
 
     pub(crate) fn agents(&self) -> usize {
         self.net.parameters().networks()
-    }
-
-    /// Returns the network of one agent.
-    pub(crate) fn network(&self, agent: usize) -> Network<'_> {
-        self.net.network(agent)
     }
 
     pub(crate) fn n_actions(&self) -> usize {
@@ -110,7 +103,6 @@ impl PolicyStack {
         self.net.shape().only_for_the_last_output()
     }
 
-    /// Makes cleared states for this number of rows.
     pub fn states(&self, rows: usize) -> States {
         self.net.states(rows)
     }
@@ -136,27 +128,12 @@ impl PolicyStack {
         judgement
     }
 
-    /// Copies the policy of the first agent to all others.
-    pub(crate) fn spread_first(&mut self) {
-        self.net.spread_first();
-    }
-
     pub fn parameters(&self) -> &Parameters {
         self.net.parameters()
     }
 
-    /// Copies the parameters of `policies`, one row per agent of the stack.
     pub fn load(&mut self, policies: &Rows<f32>) {
         self.net.parameters_mut().load(policies);
-    }
-
-    /// Uses these threads from now on.
-    pub(crate) fn use_threads(&mut self, threads: Threads) {
-        self.net.use_threads(threads);
-    }
-
-    pub(crate) fn threads(&self) -> &Threads {
-        self.net.threads()
     }
 
     /// Returns every agent's policy with its part of the optimiser, for `steps` gradient steps each.

@@ -34,18 +34,21 @@ pub fn log_softmax(logits: &[f32], log_probs: &mut [f32]) {
     log_probs.iter_mut().zip(logits).for_each(|(log_prob, logit)| *log_prob = logit - log_sum);
 }
 
-/// Draws from a distribution by inversion: one number from the dice, whatever the number of actions.
+/// Returns the first place at which the sum of the weights exceeds a number: a draw by inversion. Rounding may leave a
+/// remainder: `None`.
+pub(crate) fn invert(weights: impl IntoIterator<Item = f32>, mut rest: f32) -> Option<usize> {
+    weights.into_iter().position(|weight| {
+        rest -= weight;
+        rest < 0.0
+    })
+}
+
+/// Draws from a distribution: one number from the dice, whatever the number of actions. A remainder goes to the last
+/// action that is allowed.
 pub fn draw(log_probs: &[f32], dice: &mut Dice) -> Action {
-    let mut rest = dice.random::<f32>();
-    for (action, log_prob) in log_probs.iter().enumerate() {
-        rest -= log_prob.exp();
-        if rest < 0.0 {
-            return action as Action;
-        }
-    }
-    // Rounding left a remainder, which goes to the last action that is allowed.
-    let last = log_probs.iter().rposition(|&log_prob| log_prob != f32::NEG_INFINITY);
-    last.unwrap_or(log_probs.len() - 1) as Action
+    let last = || log_probs.iter().rposition(|&log_prob| log_prob != f32::NEG_INFINITY);
+    let drawn = invert(log_probs.iter().map(|log_prob| log_prob.exp()), dice.random());
+    drawn.or_else(last).unwrap_or(log_probs.len() - 1) as Action
 }
 
 /// Returns the most probable action; if several are equally probable, the first.

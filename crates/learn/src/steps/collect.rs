@@ -1,20 +1,76 @@
-//! Algorithm 2: datasets for the influence predictors, from episodes on the global simulator (GS).
+//! Algorithm 2: datasets for the influence predictors, from episodes on the GS.
 
 use std::ops::Range;
 
 use anyhow::ensure;
 use serde::{Deserialize, Serialize};
 
-use super::{Check, Step, on_its_way};
-use crate::influence::Dataset;
-use crate::training::collect::{Purpose, collect_episode};
-use crate::training::fleet::Fleet;
-use crate::training::observer::Observer;
+use super::{Check, Step};
+use crate::config::{Config, Retrain};
+use crate::fleet::Fleet;
+use crate::observer::Observer;
+use crate::predictors::Dataset;
 use crate::worker::Worker;
-use dials_core::base::AgentId;
-use dials_core::domain::Result;
+use dials_core::base::{Activity, AgentId, RandomPurpose, Seed};
+use dials_core::domain::{Controller, GlobalSimulator, Result};
 
-/// Asks for the datasets of all agents from these episodes.
+/// Purpose of a dataset. Each purpose has its own stream of episodes, which no evaluation plays.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub enum Purpose {
+    /// Training of the AIPs, at this number of timesteps per agent.
+    Training { steps: u64 },
+    /// Measuring the loss of the AIPs: the same episodes every time, so that only the policies and the AIPs change.
+    Measuring,
+}
+
+impl Purpose {
+    pub fn episodes(self, config: &Config, horizon: usize) -> usize {
+        match self {
+            Purpose::Training { .. } => config.dataset_episodes(horizon),
+            Purpose::Measuring => config.evaluation.aip_loss_episodes,
+        }
+    }
+
+    pub(crate) fn stream(self, config: &Config) -> Seed {
+        match self {
+            Purpose::Training { steps } => Seed::new(config.seed).fork(RandomPurpose::Collection).for_steps(steps),
+            Purpose::Measuring => Seed::new(config.evaluation.seed).fork(RandomPurpose::AipLoss),
+        }
+    }
+
+    /// Returns the activity that the time is booked on. If AIPs are retrained on drift, measuring their loss is part of
+    /// the training.
+    pub(crate) fn activity(self, config: &Config) -> Activity {
+        match self {
+            Purpose::Measuring if config.aip.retrain != Retrain::Drift => Activity::Evaluation,
+            Purpose::Training { .. } | Purpose::Measuring => Activity::Collection,
+        }
+    }
+}
+
+/// Plays one episode and appends every agent's pairs `(l_t, u_t)` to its dataset.
+pub fn collect_episode(
+    simulator: &mut dyn GlobalSimulator,
+    policies: &mut dyn Controller,
+    episode: Seed,
+    datasets: &mut [Dataset],
+) -> Result<()> {
+    let horizon = simulator.kinds().horizon();
+    let mut actions = vec![0; simulator.agents()];
+    policies.begin(episode);
+    simulator.observe_influence()?;
+    let mut percept = simulator.reset(episode)?.clone();
+    for _ in 0..horizon {
+        policies.act(&percept, &mut actions)?;
+        percept.clone_from(&simulator.step(&actions)?.percept);
+        let sample = simulator.influence_sample();
+        for (agent, dataset) in datasets.iter_mut().enumerate() {
+            dataset.push(sample.d_set.row(agent), sample.sources.row(agent));
+        }
+    }
+    Ok(())
+}
+
 #[derive(Debug, Serialize, Deserialize)]
 pub struct Collect {
     pub purpose: Purpose,
@@ -58,8 +114,6 @@ impl Step for Collect {
             Ok(())
         })
     }
-
-    on_its_way!(Collect);
 }
 
 /// Runs Algorithm 2: one dataset per agent, under the joint policy.
@@ -74,4 +128,19 @@ pub fn collect_datasets(fleet: &mut impl Fleet, purpose: Purpose) -> Result<Vec<
         datasets.iter_mut().zip(&parts).for_each(|(dataset, part)| dataset.extend(part));
     }
     Ok(datasets)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_purpose_has_episodes_of_its_own() {
+        let mut config = Config::default();
+        config.seed = config.evaluation.seed; // as close as the two seeds can be
+        let purposes = [Purpose::Measuring, Purpose::Training { steps: 0 }, Purpose::Training { steps: 1 }];
+        let mut streams = purposes.map(|purpose| purpose.stream(&config).for_episode(0)).to_vec();
+        streams.push(crate::evaluation::episode_seed(Seed::new(config.evaluation.seed), 0));
+        assert!((0..4).all(|i| (0..i).all(|j| streams[i] != streams[j])));
+    }
 }

@@ -1,19 +1,18 @@
-//! Evaluation of the joint policy on the global simulator (GS).
+//! Evaluation of the joint policy on the GS.
 
 use std::ops::Range;
 
 use anyhow::ensure;
 use serde::{Deserialize, Serialize};
 
-use super::{Check, Step, on_its_way};
+use super::{Check, Step};
 use crate::evaluation::{EpisodeReport, Evaluation, episode_seed, play};
-use crate::training::fleet::Fleet;
-use crate::training::observer::Observer;
+use crate::fleet::Fleet;
+use crate::observer::Observer;
 use crate::worker::Worker;
 use dials_core::base::{Activity, Seed};
 use dials_core::domain::{Measures, Result};
 
-/// Asks for these evaluation episodes.
 #[derive(Debug, Serialize, Deserialize)]
 pub struct Evaluate {
     pub episodes: Range<usize>,
@@ -48,8 +47,6 @@ impl Step for Evaluate {
             Ok(())
         })
     }
-
-    on_its_way!(Evaluate);
 }
 
 /// Evaluates the joint policy on the first `episodes` evaluation episodes.

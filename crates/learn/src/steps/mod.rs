@@ -1,105 +1,115 @@
-//! The steps of Algorithm 1 that workers carry out, one file and one type each: the request, what a worker does, its
-//! reply, and how the replies of all workers are put together.
+//! The steps of Algorithm 1 that workers carry out, one type each: the request, what a worker does, its reply,
+//! and how the replies of all workers are put together.
 //!
-//! A [`Fleet`](crate::training::fleet::Fleet) takes requests to workers, wherever they are. A worker that says what cannot be right counts as lost, so
-//! each step has a check of its replies.
+//! A [`Fleet`](crate::fleet::Fleet) takes requests to workers, wherever they are. A worker that says what cannot be
+//! right counts as lost, so each step has a check of its replies.
 //!
-//! - [`evaluate`], [`demonstrate`], [`collect`]: episodes on the global simulator, shared out among all workers.
-//! - [`imitate`], [`train_aips`], [`measure_aips`], [`train_policies`]: work of each worker on its own agents.
-//! - `report_state`: the state of a worker's agents.
+//! - [`Evaluate`], [`Demonstrate`], [`Collect`]: episodes on the GS, shared out among all workers.
+//! - [`Imitate`], [`TrainAips`], [`MeasureAips`], [`TrainPolicies`]: work of each worker on its own agents.
+//! - [`ReportState`]: the state of a worker's agents.
 
 pub mod collect;
-pub mod demonstrate;
 pub mod evaluate;
 pub mod imitate;
-pub mod measure_aips;
-mod report_state;
 pub mod train_aips;
 pub mod train_policies;
 
+use anyhow::ensure;
 use serde::{Deserialize, Serialize};
 
-use crate::training::fits::Fit;
-use crate::training::observer::Observer;
+use crate::observer::Observer;
+use crate::state::AgentsState;
+use crate::state::fits::Fit;
 use crate::worker::Worker;
 use dials_core::domain::Result;
 
 use collect::Collect;
-use demonstrate::Demonstrate;
 use evaluate::Evaluate;
-use imitate::Imitate;
-use measure_aips::MeasureAips;
-pub use report_state::ReportState;
-use train_aips::TrainAips;
+use imitate::{Demonstrate, Imitate};
+use train_aips::{MeasureAips, TrainAips};
 use train_policies::TrainPolicies;
 
 /// A check of a reply: an error says why it cannot be right. [`Fit`]: the agents of the worker that sent it.
 pub type Check<Reply> = Box<dyn Fn(&Reply, &Fit<'_>) -> Result<()>>;
 
 /// A step of Algorithm 1, as one worker gets it.
-pub trait Step: Sized {
+pub trait Step: Route {
     type Reply;
 
-    /// Carries the step out.
     fn run(self, worker: &mut Worker, observer: &dyn Observer) -> Result<Self::Reply>;
 
-    /// Returns the check of its reply.
     fn check(&self) -> Check<Self::Reply>;
 
     /// Returns up to which timestep per agent it trains, if it does.
     fn trains_until(&self) -> Option<u64> {
         None
     }
+}
 
-    /// Makes the request that goes to a worker.
+/// The way of a step to a worker, and of its reply back.
+pub trait Route: Sized {
     fn request(self) -> Request;
 
     /// Returns the reply to this step; `None` if it is the reply to another one.
-    fn reply(reply: Reply) -> Option<Self::Reply>;
+    fn reply(reply: Reply) -> Option<Self::Reply>
+    where
+        Self: Step;
+}
+
+/// Asks for the state of the worker's agents before the first step.
+#[derive(Clone, Copy, Debug, Serialize, Deserialize)]
+pub struct ReportState;
+
+impl Step for ReportState {
+    type Reply = AgentsState;
+
+    fn run(self, worker: &mut Worker, _observer: &dyn Observer) -> Result<AgentsState> {
+        Ok(worker.state())
+    }
+
+    fn check(&self) -> Check<AgentsState> {
+        Box::new(|state, fit| {
+            ensure!(state.steps == 0, "its agents are at step {}, not at 0", state.steps);
+            fit.check(state)
+        })
+    }
 }
 
 /// Makes the two enums of all steps from their list. A new step is a file, and a line below.
 macro_rules! steps {
     ($($Step:ident),* $(,)?) => {
-        /// A step on its way to a worker.
         #[derive(Debug, Serialize, Deserialize)]
         pub enum Request {
             $($Step($Step),)*
         }
 
-        /// A reply on its way back.
         #[derive(Debug, Serialize, Deserialize)]
         pub enum Reply {
             $($Step(<$Step as Step>::Reply),)*
         }
 
         impl Request {
-            /// Carries the step out.
             pub fn run(self, worker: &mut Worker, observer: &dyn Observer) -> Result<Reply> {
                 match self {
                     $(Request::$Step(step) => step.run(worker, observer).map(Reply::$Step),)*
                 }
             }
         }
-    };
-}
 
-/// The part of `impl Step` that is the same for all.
-macro_rules! on_its_way {
-    ($Step:ident) => {
-        fn request(self) -> $crate::steps::Request {
-            $crate::steps::Request::$Step(self)
-        }
-
-        fn reply(reply: $crate::steps::Reply) -> Option<Self::Reply> {
-            match reply {
-                $crate::steps::Reply::$Step(reply) => Some(reply),
-                _ => None,
+        $(impl Route for $Step {
+            fn request(self) -> Request {
+                Request::$Step(self)
             }
-        }
+
+            fn reply(reply: Reply) -> Option<<$Step as Step>::Reply> {
+                match reply {
+                    Reply::$Step(reply) => Some(reply),
+                    _ => None,
+                }
+            }
+        })*
     };
 }
-use on_its_way;
 
 steps! {
     ReportState,

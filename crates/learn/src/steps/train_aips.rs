@@ -1,20 +1,19 @@
-//! The training of the influence predictors (AIPs), each on the dataset of its agent.
+//! The training of the AIPs, each on the dataset of its agent, and the measurement of their loss.
 
-use std::time::Instant;
-
+use anyhow::ensure;
 use serde::{Deserialize, Serialize};
 
-use super::measure_aips::check_losses;
-use super::{Check, Step, on_its_way};
+use super::collect::Purpose;
+use super::{Check, Step};
 use crate::config::Period;
-use crate::influence::{AipLoss, Dataset};
-use crate::training::fleet::{Fleet, Stop, of_owners};
-use crate::training::observer::Observer;
+use crate::fleet::{Fleet, Stop, of_owners};
+use crate::observer::Observer;
+use crate::predictors::{AipLoss, Dataset, FreshLoss};
+use crate::state::fits::Fit;
 use crate::worker::Worker;
-use dials_core::base::{Activity, Ragged, Stopwatch, Work};
+use dials_core::base::{Activity, AgentId, Ragged};
 use dials_core::domain::Result;
 
-/// Asks a worker to train the predictors of its agents on their datasets.
 #[derive(Debug, Serialize, Deserialize)]
 pub struct TrainAips {
     pub datasets: Vec<Dataset>,
@@ -26,16 +25,10 @@ impl Step for TrainAips {
     type Reply = (Vec<AipLoss>, Ragged<f32>);
 
     fn run(self, worker: &mut Worker, observer: &dyn Observer) -> Result<(Vec<AipLoss>, Ragged<f32>)> {
-        let (begun, mut watch) = (Instant::now(), Stopwatch::default());
-        let count = worker.blocks.len() as f64;
-        let mut losses = Vec::new();
-        let datasets = worker.by_block(self.datasets);
-        for (done, (block, datasets)) in worker.blocks.iter_mut().zip(&datasets).enumerate() {
-            let progress = &mut |share| observer.busy(Activity::AipTraining, (done as f64 + share) / count);
-            losses.extend(block.train_aips(datasets, &self.period, Work { watch: &mut watch, progress }));
-        }
-        worker.note(Activity::AipTraining, begun.elapsed(), &watch);
-        Ok((worker.in_order(losses), worker.aips()))
+        let losses = worker.in_blocks(Activity::AipTraining, self.datasets, observer, |block, datasets, work| {
+            block.train_aips(datasets, &self.period, work)
+        });
+        Ok((losses, worker.aips()))
     }
 
     fn check(&self) -> Check<(Vec<AipLoss>, Ragged<f32>)> {
@@ -47,11 +40,9 @@ impl Step for TrainAips {
                     lengths.chain([loss.frequencies.len()]).collect()
                 }),
             )?;
-            fit.check_aips("aips", aips)
+            fit.check_aips(aips)
         })
     }
-
-    on_its_way!(TrainAips);
 }
 
 /// Trains every agent's predictor on its dataset and returns the losses.
@@ -61,5 +52,46 @@ pub fn train_aips(fleet: &mut impl Fleet, mut datasets: Vec<Dataset>, period: &P
         state.aips.replace(agents.start, &aips);
         losses
     })?;
+    Ok(parts.concat())
+}
+
+/// The measurement of the loss on datasets from which nothing is learnt.
+#[derive(Debug, Serialize, Deserialize)]
+pub struct MeasureAips {
+    pub datasets: Vec<Dataset>,
+}
+
+impl Step for MeasureAips {
+    type Reply = Vec<FreshLoss>;
+
+    fn run(self, worker: &mut Worker, observer: &dyn Observer) -> Result<Vec<FreshLoss>> {
+        let activity = Purpose::Measuring.activity(&worker.config);
+        Ok(worker.in_blocks(activity, self.datasets, observer, |block, datasets, work| {
+            block.measure_aips(datasets, work.watch)
+        }))
+    }
+
+    fn check(&self) -> Check<Vec<FreshLoss>> {
+        Box::new(|losses, fit| {
+            check_losses(fit, losses.iter().map(|loss| vec![loss.predictor.len(), loss.marginals.len()]))
+        })
+    }
+}
+
+/// Checks the numbers of losses of every agent: one per influence source that it has.
+fn check_losses(fit: &Fit<'_>, losses: impl ExactSizeIterator<Item = Vec<usize>>) -> Result<()> {
+    ensure!(losses.len() == fit.agents.len(), "it measured the AIPs of {} agents", losses.len());
+    let fits = |(agent, lengths): (usize, Vec<usize>)| {
+        let own = fit.kinds.sources(AgentId(agent));
+        lengths.into_iter().all(|count| count == own)
+    };
+    ensure!(fit.agents.clone().zip(losses).all(fits), "it measured other influence sources than its agents have");
+    Ok(())
+}
+
+/// Measures the loss of every agent's predictor on its dataset.
+pub(crate) fn measure_aips(fleet: &mut impl Fleet, mut datasets: Vec<Dataset>) -> Result<Vec<FreshLoss>> {
+    let step = |agents| MeasureAips { datasets: of_owners(&mut datasets, &agents) };
+    let parts = fleet.ask_owners(Activity::Evaluation, Stop::AtOnce, step, |_, _, losses| losses)?;
     Ok(parts.concat())
 }

@@ -5,18 +5,17 @@ use std::time::Instant;
 use anyhow::ensure;
 use serde::{Deserialize, Serialize};
 
-use super::{Check, Step, on_its_way};
+use super::{Check, Step};
+use crate::algorithms::Metrics;
 use crate::config::{Period, Simulator};
-use crate::training::answers::PolicyTraining;
-use crate::training::block::train_policies_on_the_gs;
-use crate::training::fleet::{Fleet, Stop};
-use crate::training::observer::Observer;
-use crate::training::state::AgentsState;
+use crate::fleet::{Fleet, Stop};
+use crate::observer::Observer;
+use crate::state::AgentsState;
 use crate::worker::Worker;
+use crate::worker::block::train_policies_on_the_gs;
 use dials_core::base::{Activity, Stopwatch, Work};
 use dials_core::domain::Result;
 
-/// Asks a worker to train the policies of its agents until the end of the period.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct TrainPolicies {
     pub period: Period,
@@ -25,7 +24,7 @@ pub struct TrainPolicies {
 impl Step for TrainPolicies {
     type Reply = (PolicyTraining, AgentsState);
 
-    /// Trains block after block, or all at once on the global simulator (GS).
+    /// Trains block after block, or all at once on the GS.
     fn run(self, worker: &mut Worker, observer: &dyn Observer) -> Result<(PolicyTraining, AgentsState)> {
         let period = &self.period;
         let (begun, mut watch) = (Instant::now(), Stopwatch::default());
@@ -47,7 +46,9 @@ impl Step for TrainPolicies {
         worker.note(Activity::Training, begun.elapsed(), &watch);
         let mut training = PolicyTraining::joined(parts);
         training.agents = worker.in_order(training.agents);
-        training.metrics.reorder(&worker.places());
+        for (_, values) in &mut training.metrics.of_agents {
+            *values = worker.in_order(std::mem::take(values));
+        }
         Ok((training, worker.state()))
     }
 
@@ -67,8 +68,44 @@ impl Step for TrainPolicies {
     fn trains_until(&self) -> Option<u64> {
         Some(self.period.end)
     }
+}
 
-    on_its_way!(TrainPolicies);
+/// Results of one period of training.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+pub struct PolicyTraining {
+    pub agents: Vec<AgentTraining>,
+    /// Means over the period's updates.
+    pub metrics: Metrics,
+    /// Number of updates of every agent. Without any, the metrics mean nothing.
+    pub updates: usize,
+    /// Totals that the local simulators counted in the period.
+    pub counters: Vec<(String, u64)>,
+}
+
+impl PolicyTraining {
+    /// Joins the results of groups of agents in the same period, in order. Counters of the same name are added up.
+    pub(crate) fn joined(parts: Vec<PolicyTraining>) -> PolicyTraining {
+        let join = |mut whole: PolicyTraining, next: PolicyTraining| {
+            whole.agents.extend(next.agents);
+            whole.metrics.extend(next.metrics);
+            for (name, more) in next.counters {
+                match whole.counters.iter_mut().find(|(known, _)| *known == name) {
+                    Some((_, count)) => *count = count.saturating_add(more),
+                    None => whole.counters.push((name, more)),
+                }
+            }
+            whole
+        };
+        parts.into_iter().reduce(join).expect("somebody trained")
+    }
+}
+
+/// One agent's episodes of a period.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct AgentTraining {
+    /// Mean return of the episodes that ended in the period, on the simulator that the agent trained on.
+    pub mean_return: Option<f64>,
+    pub episodes: u64,
 }
 
 /// Trains all policies until the end of the period.

@@ -4,8 +4,8 @@ use crate::config::RunConfig;
 use dials_core::domain::{Kinds, RegionSpec};
 use dials_learn::algorithms;
 use dials_learn::config::held_out_episodes;
-use dials_learn::influence::AipStack;
 use dials_learn::policy::PolicyStack;
+use dials_learn::predictors::AipStack;
 use stacknets::Shape;
 
 /// Number of operations per agent and unit of work. AIP: approximate influence predictor; GS: global simulator.

@@ -9,16 +9,16 @@ use dials_core::base::{Activity, Phase, Stopwatch};
 use dials_core::domain::{Kinds, Result, RoughCosts};
 use dials_learn::algorithms;
 use dials_learn::config::{AipTraining, Period, Simulator};
-use dials_learn::influence::Dataset;
+use dials_learn::fleet::Fleet;
+use dials_learn::fleet::FleetLoad;
+use dials_learn::observer::Recorder;
+use dials_learn::predictors::Dataset;
+use dials_learn::progress::TrainingProgress;
+use dials_learn::steps::collect::Purpose;
 use dials_learn::steps::collect::collect_datasets;
 use dials_learn::steps::evaluate::evaluate;
 use dials_learn::steps::train_aips::train_aips;
 use dials_learn::steps::train_policies::train_policies;
-use dials_learn::training::answers::FleetLoad;
-use dials_learn::training::collect::Purpose;
-use dials_learn::training::fleet::Fleet;
-use dials_learn::training::journal::Journal;
-use dials_learn::training::standing::Standing;
 
 /// Shares of the time. The rest is for the start of processes and for a first guess of the speed.
 const EVALUATION: f64 = 0.1;
@@ -113,12 +113,12 @@ pub struct MeasurePlan<'a> {
 }
 
 /// Gives orders of every kind to `fleet`, which was made for `plan.config`.
-pub fn measure(plan: &MeasurePlan<'_>, fleet: &mut impl Fleet, journal: &mut dyn Journal) -> Result<Measured> {
+pub fn measure(plan: &MeasurePlan<'_>, fleet: &mut impl Fleet, journal: &mut dyn Recorder) -> Result<Measured> {
     let agents = fleet.agents().agents();
     let mut bench = Bench {
         fleet,
         journal,
-        standing: Standing::default(),
+        standing: TrainingProgress::default(),
         evaluation_episodes: plan.config.learning.evaluation.episodes,
         collection_rounds: rounds_of_a_collection(plan),
         period: Period { start: 0, end: 0, train_aips: AipTraining::No, evaluate: false, average: false },
@@ -208,8 +208,8 @@ fn repeated(dataset: &Dataset, episodes: usize) -> Dataset {
 
 struct Bench<'a, F> {
     fleet: &'a mut F,
-    journal: &'a mut dyn Journal,
-    standing: Standing,
+    journal: &'a mut dyn Recorder,
+    standing: TrainingProgress,
     evaluation_episodes: usize,
     /// Episodes of each worker in a collection.
     collection_rounds: f64,

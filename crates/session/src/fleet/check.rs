@@ -6,7 +6,7 @@ use std::time::Duration;
 use anyhow::{Result, bail, ensure};
 
 use super::message::WorkerReport;
-use dials_learn::training::answers::WorkerLoad;
+use dials_learn::fleet::WorkerLoad;
 
 /// Longest time that a worker may report, about ten years.
 const LONGEST: Duration = Duration::from_secs(10 * 365 * 24 * 3600);

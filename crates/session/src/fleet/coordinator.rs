@@ -21,12 +21,12 @@ use crate::config::RunConfig;
 use dials_core::base::{Activity, AgentId};
 use dials_core::domain::Domain;
 use dials_learn::config::{Config, Simulator};
+use dials_learn::fleet::{Fleet, Stop};
+use dials_learn::fleet::{FleetLoad, WorkerLoad};
+use dials_learn::observer::{Interrupted, Observer};
+use dials_learn::state::AgentsState;
+use dials_learn::state::fits::{Fit, Widths};
 use dials_learn::steps::{ReportState, Step};
-use dials_learn::training::answers::{FleetLoad, WorkerLoad};
-use dials_learn::training::fits::{Fit, Widths};
-use dials_learn::training::fleet::{Fleet, Stop};
-use dials_learn::training::observer::{Interrupted, Observer};
-use dials_learn::training::state::AgentsState;
 
 /// Number of times that a worker may be lost at the same order before the run gives up.
 const DEATHS_IN_A_ROW: usize = 3;
@@ -47,7 +47,7 @@ pub struct Options {
 }
 
 /// Workers that share the agents: each owns a block of consecutive agents, in the order of the workers. A
-/// [`Fleet`](dials_learn::training::fleet::Fleet), whatever its crew consists of.
+/// [`Fleet`](dials_learn::fleet::Fleet), whatever its crew consists of.
 ///
 /// Training on the global simulator (GS) is one simulation. So there the first worker owns all agents and trains them
 /// with several threads; the others help with evaluation.

@@ -5,7 +5,7 @@ use std::time::Duration;
 
 use rustix::time::{ClockId, clock_gettime};
 
-use dials_learn::training::answers::Footprint;
+use dials_learn::fleet::Footprint;
 
 /// Measures the memory of this process.
 pub(super) fn footprint() -> Footprint {

@@ -16,7 +16,7 @@ use super::serve::Server;
 use super::{Coordinator, MostGrowth, Options};
 use crate::config::RunConfig;
 use dials_core::domain::Domain;
-use dials_learn::training::observer::Observer;
+use dials_learn::observer::Observer;
 
 /// Makes the smallest fleet: all agents in this process.
 pub fn in_process(

@@ -3,10 +3,10 @@
 use serde::{Deserialize, Serialize};
 
 use dials_core::base::{Activity, AgentId};
+use dials_learn::fleet::WorkerLoad;
 use dials_learn::policy::JointPolicy;
+use dials_learn::state::AgentsState;
 use dials_learn::steps::{Reply, Request};
-use dials_learn::training::answers::WorkerLoad;
-use dials_learn::training::state::AgentsState;
 
 /// Orders from the coordinator. Every step is answered by one [`WorkerReport::Done`] or [`WorkerReport::Failed`]. The
 /// other orders prepare the next step.

@@ -16,7 +16,7 @@
 //! - `footprint`: memory and CPU time of this process. `growth`: when a worker's process is replaced by a fresh one.
 //! - `threads`: a crew of threads, with which the tests kill and hang workers.
 //!
-//! Only `run` opens this room. Training knows it as a [`Fleet`](dials_learn::training::fleet::Fleet).
+//! Only `run` opens this room. Training knows it as a [`Fleet`](dials_learn::fleet::Fleet).
 
 mod bell;
 mod channel;

@@ -13,9 +13,9 @@ use super::message::{Order, WorkerReport};
 use crate::config::RunConfig;
 use dials_core::base::Activity;
 use dials_core::domain::Domain;
+use dials_learn::fleet::WorkerLoad;
+use dials_learn::observer::Observer;
 use dials_learn::steps::Reply;
-use dials_learn::training::answers::WorkerLoad;
-use dials_learn::training::observer::Observer;
 use dials_learn::worker::Worker;
 use stacknets::Threads;
 

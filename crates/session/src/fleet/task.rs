@@ -8,8 +8,8 @@ use super::channel::encode;
 use super::link::{Frame, Link};
 use super::message::{Order, WorkerReport};
 use dials_core::base::Activity;
+use dials_learn::observer::Observer;
 use dials_learn::steps::{Check, Step};
-use dials_learn::training::observer::Observer;
 
 /// A step that a worker has not answered yet.
 pub(super) struct Task<Reply> {

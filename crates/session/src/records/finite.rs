@@ -7,9 +7,9 @@ use dials_core::domain::Kinds;
 use dials_learn::algorithms;
 use dials_learn::algorithms::imitation::ImitationLoss;
 use dials_learn::config::Config;
-use dials_learn::influence::AipLoss;
-use dials_learn::training::answers::PolicyTraining;
-use dials_learn::training::state::AgentsState;
+use dials_learn::predictors::AipLoss;
+use dials_learn::state::AgentsState;
+use dials_learn::steps::train_policies::PolicyTraining;
 
 /// The error about learning that has diverged. A resume would diverge again.
 #[derive(Debug, thiserror::Error)]

@@ -8,9 +8,10 @@ use dials_core::base::{Activity, Phase, Timesheet};
 use dials_learn::algorithms::Metrics;
 use dials_learn::algorithms::imitation::ImitationLoss;
 use dials_learn::evaluation::{Evaluation, Summary};
-use dials_learn::influence::{AipLoss, FreshLoss, mean_loss};
-use dials_learn::training::answers::{FleetLoad, Footprint, PolicyTraining};
-use dials_learn::training::drift::Moment;
+use dials_learn::fleet::{FleetLoad, Footprint};
+use dials_learn::predictors::{AipLoss, FreshLoss, mean_loss};
+use dials_learn::progress::Moment;
+use dials_learn::steps::train_policies::PolicyTraining;
 
 /// A line of a CSV file, one string per column.
 pub(super) type CsvLine = Vec<String>;
@@ -229,7 +230,7 @@ pub(super) fn memory_lines(steps: u64, load: &FleetLoad) -> Vec<CsvLine> {
 mod tests {
     use super::*;
     use dials_core::base::Stopwatch;
-    use dials_learn::training::answers::WorkerLoad;
+    use dials_learn::fleet::WorkerLoad;
 
     #[test]
     fn sources_on_marginals_are_counted_only_if_aips_choose() {

@@ -29,7 +29,7 @@
 //!   files. [`networks`]: the files of policies and AIPs; [`joint_layout`]: places of all agents' networks in a file.
 //! - [`run_json`]: how the run was called, and what computed it. [`word`]: a word of its command line. [`kept`]: the
 //!   keys and files of the domain, to notice a change.
-//! - [`run_log`]: the [`Journal`](dials_learn::training::journal::Journal) that writes all this during training.
+//! - [`run_log`]: the [`Recorder`](dials_learn::observer::Recorder) that writes all this during training.
 //! - [`run_record`], [`reader`], [`csv_table`]: the contents of a run directory, never of a live one. [`likeness`]: local
 //!   simulators beside the global one.
 //! - [`find`]: runs, baselines and plans under some folders. [`plan`]: the plans of experiments; `json_file`: how plans

@@ -14,7 +14,7 @@ use dials_core::base::Ragged;
 use dials_core::domain::Kinds;
 use dials_core::outside::Directory;
 use dials_learn::config::Config;
-use dials_learn::training::state::AgentsState;
+use dials_learn::state::AgentsState;
 
 /// Places of weights and biases in the networks that are saved.
 pub struct Layouts {

@@ -15,7 +15,7 @@ use super::run_record::{
     AipTrainingRecord, CpuTime, EvaluationRecord, FreshLossRecord, MemoryRecord, PeriodTime, Returns, RunRecord,
 };
 use dials_core::base::{Activity, Phase};
-use dials_learn::training::drift::Moment;
+use dials_learn::progress::Moment;
 
 /// Largest number of worker processes of a run. Every one of them has at least an agent.
 const MOST_WORKERS: u64 = 1_000_000;
@@ -218,11 +218,12 @@ mod tests {
     use dials_core::outside::Directory;
     use dials_learn::algorithms::{Metrics, Tables};
     use dials_learn::evaluation;
-    use dials_learn::influence;
-    use dials_learn::training::answers::{AgentTraining, FleetLoad, Footprint, PolicyTraining, WorkerLoad};
-    use dials_learn::training::journal::Journal;
-    use dials_learn::training::standing::Standing;
-    use dials_learn::training::state::AgentsState;
+    use dials_learn::fleet::{FleetLoad, Footprint, WorkerLoad};
+    use dials_learn::observer::Recorder;
+    use dials_learn::predictors;
+    use dials_learn::progress::TrainingProgress;
+    use dials_learn::state::AgentsState;
+    use dials_learn::steps::train_policies::{AgentTraining, PolicyTraining};
     use dials_testkit::toy::Coins;
     use stacknets::Layout;
     use std::time::Duration;
@@ -253,7 +254,7 @@ mod tests {
         let returns = Rows::from_vec(vec![0.0, 2.0, 4.0, 6.0], 2);
         let played = evaluation::Evaluation { returns, measures: Measures::default(), stuck: vec![false, true] };
         log.evaluated(&agents, &played).unwrap();
-        let loss = |before, after| influence::AipLoss {
+        let loss = |before, after| predictors::AipLoss {
             training: [vec![9.0], vec![9.0]],
             held_out: [vec![before], vec![after]],
             marginals: vec![0.5],
@@ -261,7 +262,7 @@ mod tests {
             on_marginals: Vec::new(),
         };
         log.aips_trained(&agents, &[loss(0.75, 0.25), loss(0.25, 0.25)]).unwrap();
-        let fresh = influence::FreshLoss { predictor: vec![0.375], marginals: vec![0.5] };
+        let fresh = predictors::FreshLoss { predictor: vec![0.375], marginals: vec![0.5] };
         log.aips_measured(&agents, Moment::Training, &[fresh.clone(), fresh]).unwrap();
         let mut timesheet = Timesheet::default();
         timesheet.note(Activity::Evaluation, Duration::from_secs(3), &Default::default());
@@ -273,7 +274,7 @@ mod tests {
         let of_agent = AgentTraining { mean_return: None, episodes: 0 };
         let metrics = Metrics { of_agents: vec![("loss".to_owned(), vec![0.5; 2])], settings: Vec::new() };
         let training = PolicyTraining { agents: vec![of_agent; 2], metrics, updates: 1, counters: Vec::new() };
-        log.period_done(&agents, &Standing::default(), &training, load).unwrap();
+        log.period_done(&agents, &TrainingProgress::default(), &training, load).unwrap();
 
         let read = RunRecord::read(dir.path()).unwrap();
         let [found] = &read.evaluations[..] else { panic!("{:?}", read.evaluations) };

@@ -1,4 +1,4 @@
-//! The [`Journal`] that writes a run directory during the run.
+//! The [`Recorder`] that writes a run directory during the run.
 
 use std::collections::BTreeMap;
 use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
@@ -22,12 +22,13 @@ use super::tensorboard::{Scalar, first_record, scalars_of, scalars_record};
 use dials_core::outside::Directory;
 use dials_learn::algorithms::imitation::ImitationLoss;
 use dials_learn::evaluation::Evaluation;
-use dials_learn::influence::{AipLoss, FreshLoss};
-use dials_learn::training::answers::{FleetLoad, PolicyTraining};
-use dials_learn::training::drift::Moment;
-use dials_learn::training::journal::Journal;
-use dials_learn::training::standing::Standing;
-use dials_learn::training::state::AgentsState;
+use dials_learn::fleet::FleetLoad;
+use dials_learn::observer::Recorder;
+use dials_learn::predictors::{AipLoss, FreshLoss};
+use dials_learn::progress::Moment;
+use dials_learn::progress::TrainingProgress;
+use dials_learn::state::AgentsState;
+use dials_learn::steps::train_policies::PolicyTraining;
 
 /// A journal that writes a run directory.
 pub struct RunLog {
@@ -133,7 +134,7 @@ impl RunLog {
     }
 }
 
-impl Journal for RunLog {
+impl Recorder for RunLog {
     fn begun(&mut self, agents: &AgentsState) -> Result<()> {
         self.steps = agents.steps;
         Ok(())
@@ -168,7 +169,7 @@ impl Journal for RunLog {
     fn period_done(
         &mut self,
         agents: &AgentsState,
-        standing: &Standing,
+        standing: &TrainingProgress,
         training: &PolicyTraining,
         load: FleetLoad,
     ) -> Result<()> {
@@ -210,8 +211,8 @@ mod tests {
     use dials_core::base::Ragged;
     use dials_core::domain::Domain;
     use dials_learn::algorithms::{Metrics, Tables};
-    use dials_learn::influence::AipLoss;
-    use dials_learn::training::answers::AgentTraining;
+    use dials_learn::predictors::AipLoss;
+    use dials_learn::steps::train_policies::AgentTraining;
     use dials_testkit::toy::Coins;
     use stacknets::Layout;
 
@@ -242,7 +243,7 @@ mod tests {
         let layout = || JointLayout::new(coins.kinds(), |_| Layout::new(vec![("w".to_owned(), vec![2])]));
         let layouts = Layouts { policies: layout(), aips: layout() };
         let mut log = RunLog::begin(Directory::lock(dir.path()).unwrap(), Owner::of(&config, &coins).unwrap(), layouts);
-        let standing = Standing::default();
+        let standing = TrainingProgress::default();
         let (training, mut agents) = period([1.0, 2.0, 3.0, 4.0], 0.5);
         log.period_done(&agents, &standing, &training, FleetLoad::default()).unwrap();
         let good = contents(dir.path());

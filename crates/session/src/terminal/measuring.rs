@@ -11,7 +11,7 @@ use super::activity::doing;
 use super::{Talk, Wish, shows_bars, stop_on_signals, talks, tell, warn};
 use dials_core::base::Activity;
 use dials_core::base::counted;
-use dials_learn::training::observer::Observer;
+use dials_learn::observer::Observer;
 
 /// The progress of `bench`: a status line on a terminal, elsewhere one line per fleet.
 ///

@@ -16,9 +16,9 @@ use dials_core::base::statistics::{Interval, mean};
 use dials_core::base::{counted, decimals};
 use dials_learn::algorithms::imitation::ImitationLoss;
 use dials_learn::evaluation::Evaluation;
-use dials_learn::influence::{AipLoss, FreshLoss, mean_loss};
-use dials_learn::training::drift::Drift;
-use dials_learn::training::observer::Observer;
+use dials_learn::observer::Observer;
+use dials_learn::predictors::{AipLoss, FreshLoss, mean_loss};
+use dials_learn::progress::Drift;
 
 /// Interval between plain lines while policies train.
 const PLAIN_LINE_EVERY: Duration = Duration::from_secs(10);

@@ -13,17 +13,17 @@
 use anyhow::bail;
 use rand::Rng;
 
-use dials_core::base::{AgentId, Dice, Ragged, RandomPurpose, Rows, Seed};
+use super::game::{AtRandom, Best, Game, Region, Seats};
+use dials_core::base::{AgentId, Dice, Ragged, Seed};
 use dials_core::domain::{
-    Action, Baseline, Beginning, Controller, Domain, GlobalSimulator, InfluenceSample, JointPercept, JointTransition,
-    Kinds, LocalSimulator, Percept, RegionSpec, Result, Scenario, SourceSpec, Transition,
+    Action, Baseline, Controller, Domain, GlobalSimulator, Kinds, LocalSimulator, RegionSpec, Result, Scenario,
+    SourceSpec,
 };
 
 /// Probability that a coin is seen wrongly.
 pub const NOISE: f64 = 0.2;
 const AGENTS: usize = 2;
 
-/// The domain of two coupled coins.
 pub struct Coins {
     kinds: Kinds,
 }
@@ -50,18 +50,11 @@ impl Domain for Coins {
     }
 
     fn global_simulator(&self) -> Result<Box<dyn GlobalSimulator>> {
-        Ok(Box::new(GlobalCoins {
-            kinds: self.kinds.clone(),
-            last: JointTransition::new(&self.kinds),
-            noise: Seed::new(0).dice(),
-            d_set: Ragged::new([2; AGENTS]),
-            sources: Ragged::new([1; AGENTS]),
-        }))
+        Ok(Box::new(Game::new(&self.kinds, vec![Region::COUPLED; AGENTS], see)))
     }
 
     fn local_simulator(&self, regions: &[AgentId], copies: usize, _seed: Seed) -> Result<Box<dyn LocalSimulator>> {
-        let spec = self.kinds[0].spec.clone();
-        Ok(Box::new(LocalCoins { last: Transition::new(regions.len() * copies, &spec), spec }))
+        Ok(Box::new(Seats::new(&self.kinds[0].spec, vec![Region::COUPLED; regions.len() * copies])))
     }
 
     fn scenario(&self) -> Result<Scenario> {
@@ -74,118 +67,18 @@ impl Domain for Coins {
 
     fn baseline(&self, name: &str) -> Result<Baseline> {
         let controller: Box<dyn Controller> = match name {
-            "random" => Box::new(LayAtRandom { dice: Seed::new(0).dice() }),
-            "copy" => Box::new(CopyTheNeighbour),
+            "random" => Box::new(AtRandom { dice: Seed::new(0).dice() }),
+            "copy" => Box::new(Best),
             _ => bail!("controller `{name}`: unknown; one of {}", self.baselines().join(", ")),
         };
         Ok(Baseline { simulator: self.global_simulator()?, controller })
     }
 }
 
-/// Writes what a region shows to its agent and to its AIP (approximate influence predictor): both coins.
-fn show(obs: &mut [f32], d_set: &mut [f32], coins: [f32; 2]) {
-    obs.copy_from_slice(&coins);
-    d_set.copy_from_slice(&coins);
-}
-
-/// Makes the local transition and returns the reward.
-fn step(obs: &mut [f32], d_set: &mut [f32], action: Action, source: u8) -> f32 {
-    let seen = obs[1];
-    show(obs, d_set, [f32::from(action), f32::from(source)]);
-    f32::from(f32::from(action) == seen)
-}
-
-struct GlobalCoins {
-    kinds: Kinds,
-    last: JointTransition,
-    noise: Dice,
-    d_set: Ragged<f32>,
-    sources: Ragged<u8>,
-}
-
-impl GlobalSimulator for GlobalCoins {
-    fn kinds(&self) -> &Kinds {
-        &self.kinds
-    }
-
-    fn reset(&mut self, episode: Seed) -> Result<&JointPercept> {
-        self.noise = episode.fork(RandomPurpose::Noise).dice();
-        self.last.percept.obs.fill(0.0);
-        self.last.percept.d_set.fill(0.0);
-        Ok(&self.last.percept)
-    }
-
-    fn step(&mut self, actions: &[Action]) -> Result<&JointTransition> {
-        let JointTransition { percept: JointPercept { obs, d_set, .. }, rewards } = &mut self.last;
-        self.d_set.copy_from(d_set);
-        for agent in 0..AGENTS {
-            let neighbour = actions[1 - agent];
-            let source = neighbour ^ u8::from(self.noise.random_bool(NOISE));
-            self.sources.row_mut(agent)[0] = source;
-            rewards[agent] = step(obs.row_mut(agent), d_set.row_mut(agent), actions[agent], source);
-        }
-        Ok(&self.last)
-    }
-
-    fn influence_sample(&self) -> InfluenceSample<'_> {
-        InfluenceSample { d_set: &self.d_set, sources: &self.sources }
-    }
-}
-
-struct LocalCoins {
-    spec: RegionSpec,
-    last: Transition,
-}
-
-impl LocalSimulator for LocalCoins {
-    fn spec(&self) -> &RegionSpec {
-        &self.spec
-    }
-
-    fn rows(&self) -> usize {
-        self.last.rewards.len()
-    }
-
-    fn reset(&mut self, begin: &[Beginning]) -> Result<&Percept> {
-        let Percept { obs, d_set, .. } = &mut self.last.percept;
-        begin.iter().for_each(|&Beginning { row, .. }| show(obs.row_mut(row), d_set.row_mut(row), [0.0, 0.0]));
-        Ok(&self.last.percept)
-    }
-
-    fn step(&mut self, actions: &[Action], sources: &Rows<u8>) -> Result<&Transition> {
-        let Transition { percept: Percept { obs, d_set, .. }, rewards } = &mut self.last;
-        for (row, (&action, source)) in actions.iter().zip(sources.iter()).enumerate() {
-            rewards[row] = step(obs.row_mut(row), d_set.row_mut(row), action, source[0]);
-        }
-        Ok(&self.last)
-    }
-}
-
-struct LayAtRandom {
-    dice: Dice,
-}
-
-impl Controller for LayAtRandom {
-    fn begin(&mut self, episode: Seed) {
-        self.dice = episode.fork(RandomPurpose::Acting).dice();
-    }
-
-    fn act(&mut self, _percept: &JointPercept, actions: &mut [Action]) -> Result<()> {
-        actions.iter_mut().for_each(|action| *action = self.dice.random_range(0..2));
-        Ok(())
-    }
-}
-
-struct CopyTheNeighbour;
-
-impl Controller for CopyTheNeighbour {
-    fn begin(&mut self, _episode: Seed) {}
-
-    fn act(&mut self, percept: &JointPercept, actions: &mut [Action]) -> Result<()> {
-        for (action, obs) in actions.iter_mut().zip(percept.obs.iter()) {
-            *action = obs[1] as Action;
-        }
-        Ok(())
+/// Writes what both agents see of each other's coin.
+fn see(actions: &[Action], noise: &mut Dice, sources: &mut Ragged<u8>) {
+    for agent in 0..AGENTS {
+        sources.row_mut(agent)[0] = actions[1 - agent] ^ u8::from(noise.random_bool(NOISE));
     }
 }
 
@@ -193,6 +86,7 @@ impl Controller for CopyTheNeighbour {
 mod tests {
     use super::*;
     use crate::conformance;
+    use dials_learn::evaluation::play;
 
     #[test]
     fn the_coins_conform() {
@@ -202,19 +96,10 @@ mod tests {
 
     #[test]
     fn copying_earns_everything_and_random_coins_half() {
-        let total = |name: &str| -> f32 {
+        let total = |name: &str| {
             let mut baseline = Coins::new(1000).baseline(name).unwrap();
-            let mut percept = baseline.simulator.reset(Seed::new(3)).unwrap().clone();
-            baseline.controller.begin(Seed::new(3));
-            let mut actions = [0; 2];
-            (0..1000)
-                .map(|_| {
-                    baseline.controller.act(&percept, &mut actions).unwrap();
-                    let transition = baseline.simulator.step(&actions).unwrap();
-                    percept = transition.percept.clone();
-                    transition.rewards.iter().sum::<f32>() / 2.0
-                })
-                .sum()
+            let report = play(&mut *baseline.simulator, &mut *baseline.controller, Seed::new(3)).unwrap();
+            report.returns.iter().sum::<f64>() / 2.0
         };
         assert_eq!(total("copy"), 1000.0);
         // 2000 fair coins: standard deviation of the mean total 500 is 1000 * 0.5 / sqrt(2000) = 11.

@@ -21,18 +21,16 @@ use anyhow::bail;
 use rand::Rng;
 
 use super::NOISE;
-use dials_core::base::{AgentId, Dice, Ragged, RandomPurpose, Rows, Seed};
+use super::game::{AtRandom, Best, FACES, Game, Region, Seats};
+use dials_core::base::{AgentId, Dice, Ragged, Seed};
 use dials_core::domain::{
-    Action, Baseline, Beginning, Controller, Domain, GlobalSimulator, InfluenceSample, JointPercept, JointTransition,
-    Kind, Kinds, LocalSimulator, Measures, Percept, RegionSpec, Result, Scenario, SourceSpec, Transition,
+    Action, Baseline, Controller, Domain, GlobalSimulator, Kind, Kinds, LocalSimulator, Measures, RegionSpec, Result,
+    Scenario, SourceSpec,
 };
 
-/// Number of faces of a die.
-const FACES: u8 = 3;
 const COINS: [usize; 2] = [0, 2];
 const DICE: [usize; 2] = [1, 3];
 
-/// The domain of two coins and two dice.
 pub struct CoinsAndDice {
     kinds: Kinds,
 }
@@ -57,8 +55,8 @@ impl CoinsAndDice {
         CoinsAndDice { kinds: Kinds::new(vec![coins, dice]).expect("four agents of two kinds") }
     }
 
-    fn region(&self, agent: AgentId) -> CoinOrDie {
-        if self.kinds.place(agent).kind == 0 { CoinOrDie::COIN } else { CoinOrDie::DIE }
+    fn region(&self, agent: AgentId) -> Region {
+        if self.kinds.place(agent).kind == 0 { Region::COIN } else { Region::DIE }
     }
 }
 
@@ -72,33 +70,19 @@ impl Domain for CoinsAndDice {
     }
 
     fn global_simulator(&self) -> Result<Box<dyn GlobalSimulator>> {
-        let last = JointTransition::new(&self.kinds);
-        Ok(Box::new(TableGame {
-            regions: AgentId::all(self.agents()).into_iter().map(|agent| self.region(agent)).collect(),
-            noise: Seed::new(0).dice(),
-            d_set: last.percept.d_set.clone(),
-            sources: Ragged::new(self.kinds.specs().map(|spec| spec.sources.count())),
-            firsts: vec![0; self.agents()],
-            steps: 0,
-            last,
-            kinds: self.kinds.clone(),
-        }))
+        let regions = AgentId::all(self.agents()).into_iter().map(|agent| self.region(agent));
+        Ok(Box::new(Game::new(&self.kinds, regions.collect(), see)))
     }
 
     fn local_simulator(&self, regions: &[AgentId], copies: usize, _seed: Seed) -> Result<Box<dyn LocalSimulator>> {
-        let kind = self.kinds.of(regions[0]);
-        Ok(Box::new(Seats {
-            regions: vec![self.region(regions[0]); regions.len() * copies],
-            last: Transition::new(regions.len() * copies, &kind.spec),
-            spec: kind.spec.clone(),
-        }))
+        let spec = &self.kinds.of(regions[0]).spec;
+        Ok(Box::new(Seats::new(spec, vec![self.region(regions[0]); regions.len() * copies])))
     }
 
     /// A coin that always shows side 0 is stuck. A die is never stuck.
     fn stuck(&self, kind: &Kind, measures: &Measures) -> Vec<bool> {
         let (_, shares) = &measures.per_agent[0];
-        let is_stuck =
-            |agent: &AgentId| matches!(self.region(*agent), CoinOrDie::Coin { .. }) && shares[agent.0] > 0.99;
+        let is_stuck = |agent: &AgentId| matches!(self.region(*agent), Region::Coin { .. }) && shares[agent.0] > 0.99;
         kind.agents.iter().map(is_stuck).collect()
     }
 
@@ -116,204 +100,13 @@ impl Domain for CoinsAndDice {
     }
 }
 
-/// The local state of an agent: what it laid and what it saw.
-#[derive(Clone, Copy)]
-enum CoinOrDie {
-    Coin { coin: u8, die: u8 },
-    Die { face: u8, coin: u8, other: u8 },
-}
-
-impl CoinOrDie {
-    /// State at the beginning of an episode.
-    const COIN: CoinOrDie = CoinOrDie::Coin { coin: 0, die: 0 };
-    const DIE: CoinOrDie = CoinOrDie::Die { face: 0, coin: 0, other: 0 };
-
-    fn begin(&mut self) {
-        *self = match self {
-            CoinOrDie::Coin { .. } => CoinOrDie::COIN,
-            CoinOrDie::Die { .. } => CoinOrDie::DIE,
-        };
-    }
-
-    /// Returns the best action.
-    fn best(self) -> Action {
-        match self {
-            CoinOrDie::Coin { die, .. } => u8::from(die == 0),
-            CoinOrDie::Die { face, coin, .. } => (face + if coin == 1 { 1 } else { 2 }) % FACES,
-        }
-    }
-
-    /// Makes the transition and returns the reward.
-    fn step(&mut self, action: Action, sources: &[u8]) -> f32 {
-        let reward = f32::from(u8::from(action == self.best()));
-        *self = match self {
-            CoinOrDie::Coin { .. } => CoinOrDie::Coin { coin: action, die: sources[0] },
-            CoinOrDie::Die { .. } => CoinOrDie::Die { face: action, coin: sources[0], other: sources[1] },
-        };
-        reward
-    }
-
-    /// Writes what the agent sees, which is also its AIP's d-set, and the actions that are allowed.
-    fn show(self, obs: &mut [f32], d_set: &mut [f32], mask: &mut [bool]) {
-        obs.fill(0.0);
-        match self {
-            CoinOrDie::Coin { coin, die } => {
-                obs[0] = f32::from(coin);
-                obs[1 + usize::from(die)] = 1.0;
-            }
-            CoinOrDie::Die { face, coin, other } => {
-                obs[usize::from(face)] = 1.0;
-                obs[3] = f32::from(coin);
-                obs[4 + usize::from(other)] = 1.0;
-                mask.fill(true);
-                mask[usize::from(face)] = false;
-            }
-        }
-        d_set.copy_from_slice(obs);
-    }
-}
-
-/// The GS (global simulator).
-struct TableGame {
-    kinds: Kinds,
-    regions: Vec<CoinOrDie>,
-    noise: Dice,
-    d_set: Ragged<f32>,
-    sources: Ragged<u8>,
-    /// Number of steps of the episode in which each agent took action 0.
-    firsts: Vec<u32>,
-    steps: u32,
-    last: JointTransition,
-}
-
-impl TableGame {
-    fn show(&mut self) {
-        let JointPercept { obs, d_set, masks } = &mut self.last.percept;
-        for (agent, region) in self.regions.iter().enumerate() {
-            region.show(obs.row_mut(agent), d_set.row_mut(agent), masks.row_mut(agent));
-        }
-    }
-}
-
-impl GlobalSimulator for TableGame {
-    fn kinds(&self) -> &Kinds {
-        &self.kinds
-    }
-
-    fn reset(&mut self, episode: Seed) -> Result<&JointPercept> {
-        self.noise = episode.fork(RandomPurpose::Noise).dice();
-        self.regions.iter_mut().for_each(CoinOrDie::begin);
-        self.firsts.fill(0);
-        self.steps = 0;
-        self.show();
-        Ok(&self.last.percept)
-    }
-
-    fn step(&mut self, actions: &[Action]) -> Result<&JointTransition> {
-        self.d_set.copy_from(&self.last.percept.d_set);
-        for pair in 0..2 {
-            let (coin, die) = (COINS[pair], DICE[pair]);
-            let seen = actions[coin] ^ u8::from(self.noise.random_bool(NOISE));
-            self.sources.row_mut(coin)[0] = actions[die];
-            self.sources.row_mut(die).copy_from_slice(&[seen, actions[DICE[1 - pair]]]);
-        }
-        self.steps += 1;
-        self.firsts.iter_mut().zip(actions).for_each(|(count, &action)| *count += u32::from(action == 0));
-        for (agent, region) in self.regions.iter_mut().enumerate() {
-            self.last.rewards[agent] = region.step(actions[agent], self.sources.row(agent));
-        }
-        self.show();
-        Ok(&self.last)
-    }
-
-    fn influence_sample(&self) -> InfluenceSample<'_> {
-        InfluenceSample { d_set: &self.d_set, sources: &self.sources }
-    }
-
-    fn measures(&mut self) -> Result<Measures> {
-        let share = |&count: &u32| f64::from(count) / f64::from(self.steps);
-        let shares = self.firsts.iter().map(share).collect();
-        Ok(Measures { per_agent: vec![("share_of_action_0".to_owned(), shares)], system: Vec::new() })
-    }
-}
-
-/// The LS (local simulator) of agents of one kind.
-struct Seats {
-    spec: RegionSpec,
-    regions: Vec<CoinOrDie>,
-    last: Transition,
-}
-
-impl Seats {
-    fn show(&mut self, row: usize) {
-        let Percept { obs, d_set, masks } = &mut self.last.percept;
-        let mask = masks.as_mut().map_or(&mut [][..], |masks| masks.row_mut(row));
-        self.regions[row].show(obs.row_mut(row), d_set.row_mut(row), mask);
-    }
-}
-
-impl LocalSimulator for Seats {
-    fn spec(&self) -> &RegionSpec {
-        &self.spec
-    }
-
-    fn rows(&self) -> usize {
-        self.regions.len()
-    }
-
-    fn reset(&mut self, begin: &[Beginning]) -> Result<&Percept> {
-        for beginning in begin {
-            self.regions[beginning.row].begin();
-            self.show(beginning.row);
-        }
-        Ok(&self.last.percept)
-    }
-
-    fn step(&mut self, actions: &[Action], sources: &Rows<u8>) -> Result<&Transition> {
-        for (row, &action) in actions.iter().enumerate() {
-            self.last.rewards[row] = self.regions[row].step(action, sources.row(row));
-            self.show(row);
-        }
-        Ok(&self.last)
-    }
-}
-
-struct AtRandom {
-    dice: Dice,
-}
-
-impl Controller for AtRandom {
-    fn begin(&mut self, episode: Seed) {
-        self.dice = episode.fork(RandomPurpose::Acting).dice();
-    }
-
-    fn act(&mut self, percept: &JointPercept, actions: &mut [Action]) -> Result<()> {
-        for (action, mask) in actions.iter_mut().zip(percept.masks.iter()) {
-            *action = self.dice.random_range(0..2);
-            // Among a die's faces: the first or the second one that is allowed.
-            if let Some(masked) = mask.iter().position(|&allowed| !allowed) {
-                *action += u8::from(usize::from(*action) >= masked);
-            }
-        }
-        Ok(())
-    }
-}
-
-struct Best;
-
-impl Controller for Best {
-    fn begin(&mut self, _episode: Seed) {}
-
-    fn act(&mut self, percept: &JointPercept, actions: &mut [Action]) -> Result<()> {
-        let class = |one_hot: &[f32]| one_hot.iter().position(|&x| x == 1.0).unwrap_or(0) as u8;
-        for (action, obs) in actions.iter_mut().zip(percept.obs.iter()) {
-            let region = match obs.len() {
-                4 => CoinOrDie::Coin { coin: obs[0] as u8, die: class(&obs[1..]) },
-                _ => CoinOrDie::Die { face: class(&obs[..3]), coin: obs[3] as u8, other: class(&obs[4..]) },
-            };
-            *action = region.best();
-        }
-        Ok(())
+/// Writes what the agents see of each other.
+fn see(actions: &[Action], noise: &mut Dice, sources: &mut Ragged<u8>) {
+    for pair in 0..2 {
+        let (coin, die) = (COINS[pair], DICE[pair]);
+        let seen = actions[coin] ^ u8::from(noise.random_bool(NOISE));
+        sources.row_mut(coin)[0] = actions[die];
+        sources.row_mut(die).copy_from_slice(&[seen, actions[DICE[1 - pair]]]);
     }
 }
 

@@ -5,6 +5,7 @@
 
 mod coins;
 mod coins_and_dice;
+mod game;
 
 pub use coins::{Coins, NOISE};
 pub use coins_and_dice::CoinsAndDice;

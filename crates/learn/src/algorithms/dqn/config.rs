@@ -40,8 +40,8 @@ pub struct DqnConfig {
     /// Timesteps per agent over which the share of random actions falls.
     #[schemars(range(min = 1))]
     pub epsilon_steps: u64,
-    /// Largest length of the gradient of an agent's loss (Euclidean norm); a longer one is shortened to it. If left out,
-    /// there is no limit.
+    /// Largest length of the gradient of an agent's loss (Euclidean norm); a longer one is shortened to it. If left
+    /// out, there is no limit.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub(crate) max_gradient_norm: Option<f64>,
     /// Whether the network chooses the next action, and the target network only values it (van Hasselt et al. 2016).

@@ -17,25 +17,21 @@ use rand::Rng;
 use rand::seq::IteratorRandom;
 
 use super::ppo::TimeLimit;
+use super::tables::Base;
 use super::{Algorithm, Layout, Learner, Metrics, NumberTable, Tables};
 use crate::config::Config;
+use crate::environments::Experience;
 use crate::policy::{PolicyStack, Reading};
-use crate::training::environment::Experience;
 pub use config::DqnConfig;
-use dials_core::base::{AgentId, Dice, Phase, RandomPurpose, Rows, Seed, Stopwatch};
+use dials_core::base::{AgentId, Dice, Phase, Rows, Stopwatch};
 use dials_core::domain::{Action, Kind, Percept, RegionSpec, Result};
 use replay::{Decision, Replay, width};
-use stacknets::{Adam, Moments, Network, Sequences, Shape, Trace};
+use stacknets::{Network, Sequences, Shape, Trace};
 use values::{action_values, add_gradient, best_action, huber};
 
-/// Names of the tables of [`Dqn`], as in checkpoints.
-const FIRST_MOMENTS: &str = "first_moments";
-const SECOND_MOMENTS: &str = "second_moments";
+/// Names of its own tables, as in checkpoints.
 const TARGET: &str = "target";
 const REPLAY: &str = "replay";
-const ACTING: &str = "acting";
-const MINIBATCHES: &str = "minibatches";
-const GRADIENT_STEPS: &str = "gradient_steps";
 const STEPS: &str = "steps";
 
 /// Priority that is added to every error, so that no decision is forgotten.
@@ -69,31 +65,19 @@ impl Algorithm for DqnConfig {
         Reading::Greedy
     }
 
-    fn learner(
-        &self,
-        config: &Config,
-        spec: &RegionSpec,
-        agents: &[AgentId],
-        policies: PolicyStack,
-    ) -> Box<dyn Learner> {
-        Box::new(Dqn::new(self, config, spec, agents, policies))
+    fn learner(&self, config: &Config, spec: &RegionSpec, agents: &[AgentId], stack: PolicyStack) -> Box<dyn Learner> {
+        Box::new(Dqn::new(self, config, spec, agents, stack))
     }
 
     fn layout(&self, config: &Config, kind: &Kind, steps: u64) -> Layout {
         let parameters = PolicyStack::shape(&kind.spec, &config.policy).layout().width();
-        let table = |name, width| NumberTable { name, width, averaged: true, squares: false, learnt: true };
         let decisions = steps.min(self.replay as u64) as usize;
-        let replay = NumberTable { averaged: false, learnt: false, ..table(REPLAY, decisions * width(&kind.spec)) };
-        Layout {
-            numbers: vec![
-                table(FIRST_MOMENTS, parameters),
-                NumberTable { squares: true, ..table(SECOND_MOMENTS, parameters) },
-                table(TARGET, parameters),
-                replay,
-            ],
-            dice: vec![(ACTING, config.copies()), (MINIBATCHES, 1)],
-            counts: vec![(GRADIENT_STEPS, self.gradient_steps_until(steps)), (STEPS, steps)],
-        }
+        let mut layout = Base::layout(config, parameters, self.gradient_steps_until(steps));
+        let target = NumberTable { name: TARGET, ..layout.numbers[0] };
+        let width = decisions * width(&kind.spec);
+        layout.numbers.extend([target, NumberTable { name: REPLAY, width, averaged: false, learnt: false, ..target }]);
+        layout.counts.push((STEPS, steps));
+        layout
     }
 
     fn learning_rate_key(&self, _config: &Config, _steps: u64) -> &'static str {
@@ -108,54 +92,38 @@ impl Algorithm for DqnConfig {
     }
 }
 
-/// The learner of some agents of one kind.
 pub(crate) struct Dqn {
     config: DqnConfig,
     policies: PolicyStack,
     target: PolicyStack,
-    adam: Adam,
+    base: Base,
     replay: Replay,
-    /// Dice for the actions, one per row.
-    acting: Vec<Dice>,
-    /// Dice for the minibatches, one per agent.
-    minibatches: Vec<Dice>,
     /// What the last actions answered: observations, and the actions themselves.
     obs: Rows<f32>,
     actions: Vec<Action>,
-    /// Timesteps per agent so far.
     steps: u64,
 }
 
 impl Dqn {
     fn new(own: &DqnConfig, config: &Config, spec: &RegionSpec, agents: &[AgentId], policies: PolicyStack) -> Dqn {
-        let dice = |purpose: RandomPurpose, agent: AgentId| Seed::new(config.seed).fork(purpose).for_agent(agent);
-        let of_copies = |&agent: &AgentId| {
-            (0..config.copies()).map(move |copy| dice(RandomPurpose::Acting, agent).for_copy(copy).dice())
-        };
-        let acting: Vec<Dice> = agents.iter().flat_map(of_copies).collect();
+        let base = Base::new(config, agents, policies.parameters());
         let mut target = PolicyStack::blank(agents.len(), spec, &config.policy);
         target.load(policies.parameters().values());
         Dqn {
             config: own.clone(),
             target,
-            adam: Adam::new(policies.parameters()),
             replay: Replay::new(agents.len(), own.replay, spec),
-            minibatches: agents.iter().map(|&agent| dice(RandomPurpose::PolicyMinibatches, agent).dice()).collect(),
-            obs: Rows::new(acting.len(), spec.obs_dim),
-            actions: vec![0; acting.len()],
-            acting,
+            obs: Rows::new(base.acting.len(), spec.obs_dim),
+            actions: vec![0; base.acting.len()],
+            base,
             policies,
             steps: 0,
         }
     }
 
-    fn copies(&self) -> usize {
-        self.acting.len() / self.policies.agents()
-    }
-
     /// Writes down what the last actions brought, copy after copy.
     fn remember(&mut self, experience: &Experience, next: &Percept) {
-        let copies = self.copies();
+        let copies = self.base.copies();
         let priority = if self.config.prioritised { 1.0 } else { 0.0 };
         let Dqn { replay, obs, actions, config, policies, .. } = self;
         for copy in 0..copies {
@@ -177,10 +145,9 @@ impl Dqn {
         }
     }
 
-    /// Makes the gradient steps of all agents.
     fn update(&mut self, watch: &mut Stopwatch) -> Metrics {
-        let Dqn { config, policies, target, adam, replay, minibatches, .. } = self;
-        let threads = policies.threads().clone();
+        let Dqn { config, policies, target, replay, base: Base { adam, minibatches, .. }, .. } = self;
+        let threads = policies.net.threads().clone();
         let learners = policies.learners(adam, config.gradient_steps as u32);
         let begun = Instant::now();
         let agents = learners.into_iter().zip(minibatches).enumerate().collect();
@@ -190,7 +157,7 @@ impl Dqn {
             for _ in 0..config.gradient_steps {
                 of_agent.watch.time(Phase::Bookkeeping, || batch.draw(config, of_replay, agent, dice));
                 of_agent.watch.time(Phase::Forward, || {
-                    batch.find_targets(config, learner.network(), of_target.network(agent));
+                    batch.find_targets(config, learner.network(), of_target.net.network(agent));
                     let (loss, value) = batch.compare(config, learner.network());
                     of_agent.loss += f64::from(loss) / config.gradient_steps as f64;
                     of_agent.value += f64::from(value) / config.gradient_steps as f64;
@@ -295,8 +262,8 @@ impl Minibatch {
         self.starts.resize(self.slots.len(), false);
     }
 
-    /// Computes `r + gamma Q_target(s', a')`, where `a'` is the best next action by the network (double) or by the target
-    /// network itself.
+    /// Computes `r + gamma Q_target(s', a')`, where `a'` is the best next action by the network (double) or by the
+    /// target network itself.
     fn find_targets(&mut self, config: &DqnConfig, network: Network<'_>, target: Network<'_>) {
         let batch = self.slots.len();
         let sequences = Sequences { steps: 1, states: &[], starts: &self.starts };
@@ -322,8 +289,8 @@ impl Minibatch {
         }
     }
 
-    /// Compares the values of the actions with their targets, and writes the gradient of the mean loss. Returns the means
-    /// of the losses and of the values.
+    /// Compares the values of the actions with their targets, and writes the gradient of the mean loss. Returns the
+    /// means of the losses and of the values.
     fn compare(&mut self, config: &DqnConfig, network: Network<'_>) -> (f32, f32) {
         let batch = self.slots.len();
         let sequences = Sequences { steps: 1, states: &[], starts: &self.starts };
@@ -361,8 +328,8 @@ impl Learner for Dqn {
 
     fn act(&mut self, percept: &Percept) -> Vec<Action> {
         let epsilon = self.config.epsilon_at(self.steps);
-        let judgement = self.policies.decide(percept, &mut self.policies.states(self.acting.len()));
-        for (row, ((logits, _), dice)) in judgement.rows().zip(&mut self.acting).enumerate() {
+        let judgement = self.policies.decide(percept, &mut self.policies.states(self.base.acting.len()));
+        for (row, ((logits, _), dice)) in judgement.rows().zip(&mut self.base.acting).enumerate() {
             let allowed = |&action: &usize| percept.masks.as_ref().is_none_or(|masks| masks.row(row)[action]);
             self.actions[row] = if dice.random_bool(epsilon) {
                 (0..logits.len()).filter(allowed).choose(dice).unwrap_or(0) as Action
@@ -390,39 +357,17 @@ impl Learner for Dqn {
     }
 
     fn tables(&self) -> Tables {
-        let Moments { first, second, steps } = self.adam.moments().clone();
-        Tables {
-            numbers: [
-                (FIRST_MOMENTS, first.into()),
-                (SECOND_MOMENTS, second.into()),
-                (TARGET, self.target.parameters().values().clone().into()),
-                (REPLAY, self.replay.table()),
-            ]
-            .map(|(name, table)| (name.to_owned(), table))
-            .into(),
-            dice: [
-                (ACTING, self.acting.chunks(self.copies()).map(<[Dice]>::to_vec).collect::<Vec<_>>()),
-                (MINIBATCHES, self.minibatches.iter().map(|dice| vec![dice.clone()]).collect()),
-            ]
-            .map(|(name, dice)| (name.to_owned(), dice))
-            .into(),
-            counts: [(GRADIENT_STEPS, u64::from(steps)), (STEPS, self.steps)]
-                .map(|(name, count)| (name.to_owned(), count))
-                .into(),
-        }
+        let mut tables = self.base.tables();
+        tables.numbers.insert(TARGET.to_owned(), self.target.parameters().values().clone().into());
+        tables.numbers.insert(REPLAY.to_owned(), self.replay.table());
+        tables.counts.insert(STEPS.to_owned(), self.steps);
+        tables
     }
 
     fn load(&mut self, mut tables: Tables) {
-        let steps = tables.counts[GRADIENT_STEPS];
-        self.adam.restore(Moments {
-            first: tables.take_numbers(FIRST_MOMENTS).into_rows(),
-            second: tables.take_numbers(SECOND_MOMENTS).into_rows(),
-            steps: u32::try_from(steps).expect("the layout gives this number"),
-        });
+        self.base.load(&mut tables);
         self.target.load(&tables.take_numbers(TARGET).into_rows());
         self.steps = tables.counts[STEPS];
         self.replay.load(&tables.take_numbers(REPLAY), self.steps);
-        self.acting = tables.take_dice(ACTING).concat();
-        self.minibatches = tables.take_dice(MINIBATCHES).concat();
     }
 }

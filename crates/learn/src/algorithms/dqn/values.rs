@@ -13,8 +13,8 @@ pub(super) fn action_values(outputs: &[f32], dueling: bool, values: &mut [f32]) 
     }
 }
 
-/// Returns the best of the actions that are allowed; the first of several. `mask`: 0 where an action is not allowed; empty
-/// if all are.
+/// Returns the best of the actions that are allowed; the first of several. `mask`: 0 where an action is not allowed;
+/// empty if all are.
 pub(super) fn best_action(values: &[f32], mask: &[f32]) -> usize {
     let allowed = (0..values.len()).filter(|&action| mask.get(action) != Some(&0.0));
     allowed.reduce(|best, action| if values[action] > values[best] { action } else { best }).unwrap_or(0)

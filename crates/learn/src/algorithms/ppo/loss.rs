@@ -10,7 +10,6 @@
 use super::memory::Sample;
 use crate::policy::sampling;
 
-/// Weights of the loss.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Weights {
     pub(crate) clip: f32,
@@ -33,7 +32,6 @@ pub struct Losses {
 }
 
 impl Losses {
-    /// Adds `weight` times other means.
     pub(crate) fn add(&mut self, other: &Losses, weight: f64) {
         self.surrogate += weight * other.surrogate;
         self.value += weight * other.value;
@@ -179,18 +177,6 @@ mod tests {
         assert!(close(&gradient, &[0.0; 6]), "{gradient:?}");
         // (1.1 * 0.70711 - 0.9 * 0.70711) / 2
         assert!((losses.surrogate - 0.070_711).abs() < 1e-5);
-    }
-
-    #[test]
-    fn the_entropy_bonus_pulls_towards_equal_probabilities() {
-        // p = (0.25, 0.75), H = 0.56234: dH/dlogit = -p (ln p + H) = (0.20599, -0.20599); beta 0.1, batch 2.
-        let weights = Weights { entropy: 0.1, ..WEIGHTS };
-        let samples = [sample(0, 0.25, 0.0, 0.0, 0.0); 2];
-        let outputs = [0.0, 3_f32.ln(), 0.0, 0.0, 3_f32.ln(), 0.0];
-        let mut gradient = [0.0; 6];
-        let losses = loss_and_gradient(&outputs, &[], &samples, weights, &mut gradient);
-        assert!((losses.entropy - 0.562_335).abs() < 1e-5);
-        assert!(close(&gradient, &[-0.010_299, 0.010_299, 0.0, -0.010_299, 0.010_299, 0.0]), "{gradient:?}");
     }
 
     #[test]

@@ -23,8 +23,10 @@ pub struct Sample {
 ///
 /// Rows are ordered by agent, then by sequence, then by step.
 pub struct Memory {
-    capacity: usize,
-    length: usize,
+    /// Number of samples per agent.
+    pub(super) capacity: usize,
+    /// Number of steps per sequence.
+    pub(super) length: usize,
     obs: Rows<f32>,
     /// Actions that were allowed; `None` if the kind has no masks.
     masks: Option<Rows<bool>>,
@@ -43,16 +45,6 @@ impl Memory {
             samples: vec![Sample::default(); agents * capacity],
             states: States::new(agents * capacity / length, state_width),
         }
-    }
-
-    /// Returns the number of samples per agent.
-    pub(crate) fn capacity(&self) -> usize {
-        self.capacity
-    }
-
-    /// Returns the number of steps per sequence.
-    pub(crate) fn length(&self) -> usize {
-        self.length
     }
 
     /// Returns the number of sequences per agent; sequence s has the slots from `s * length` on.
@@ -77,22 +69,17 @@ impl Memory {
         &mut self.samples[agent * self.capacity + slot]
     }
 
-    /// Returns the hidden state in which a sequence began.
     pub(crate) fn state(&self, agent: usize, sequence: usize) -> &[f32] {
         self.states.row(agent * self.sequences() + sequence)
     }
 
-    /// Records which actions were allowed at a decision.
-    pub(crate) fn remember_mask(&mut self, agent: usize, slot: usize, mask: &[bool]) {
-        if let Some(masks) = &mut self.masks {
-            masks.row_mut(agent * self.capacity + slot).copy_from_slice(mask);
-        }
-    }
-
     /// Records a decision and, if a sequence begins with it, the hidden state before it. Its advantage and return
-    /// follow later.
-    pub fn remember(&mut self, agent: usize, slot: usize, obs: &[f32], state: &[f32], sample: Sample) {
-        self.obs.row_mut(agent * self.capacity + slot).copy_from_slice(obs);
+    /// follow later. `seen`: the observation, and the actions that were allowed, or empty.
+    pub fn remember(&mut self, agent: usize, slot: usize, seen: (&[f32], &[bool]), state: &[f32], sample: Sample) {
+        self.obs.row_mut(agent * self.capacity + slot).copy_from_slice(seen.0);
+        if let Some(masks) = &mut self.masks {
+            masks.row_mut(agent * self.capacity + slot).copy_from_slice(seen.1);
+        }
         if slot.is_multiple_of(self.length) {
             self.states.set_row(agent * self.sequences() + slot / self.length, state);
         }

@@ -15,26 +15,22 @@ mod memory;
 mod rollout;
 pub mod update;
 
+use super::tables::Base;
 use super::{Algorithm, Layout, Learner, Metrics, NumberTable, Tables};
 use crate::config::Config;
+use crate::environments::Experience;
 use crate::policy::{PolicyStack, Reading};
-use crate::training::environment::Experience;
 pub use config::{PpoConfig, TimeLimit};
-use dials_core::base::{AgentId, Dice, Ragged, RandomPurpose, Seed, Stopwatch};
+use dials_core::base::{AgentId, Ragged, Stopwatch};
 use dials_core::domain::{Action, Kind, Percept, RegionSpec, Result};
 use loss::Losses;
 pub use memory::{Memory, Sample};
 use rollout::Rollout;
-use stacknets::{Adam, Moments, Shape};
+use stacknets::Shape;
 use update::{Decayed, Learns, Settings, update};
 
-/// Names of the tables of [`Ppo`], as in checkpoints.
-const FIRST_MOMENTS: &str = "first_moments";
-const SECOND_MOMENTS: &str = "second_moments";
+/// Name of the table of hidden states, as in checkpoints.
 const STATES: &str = "states";
-const ACTING: &str = "acting";
-const MINIBATCHES: &str = "minibatches";
-const GRADIENT_STEPS: &str = "gradient_steps";
 
 impl Algorithm for PpoConfig {
     fn check(&self, config: &Config) -> Result<()> {
@@ -49,37 +45,21 @@ impl Algorithm for PpoConfig {
         Reading::Probabilities
     }
 
-    fn learner(
-        &self,
-        config: &Config,
-        spec: &RegionSpec,
-        agents: &[AgentId],
-        policies: PolicyStack,
-    ) -> Box<dyn Learner> {
-        Box::new(Ppo::new(config, spec, agents, policies))
+    fn learner(&self, config: &Config, spec: &RegionSpec, agents: &[AgentId], stack: PolicyStack) -> Box<dyn Learner> {
+        Box::new(Ppo::new(config, spec, agents, stack))
     }
 
     fn layout(&self, config: &Config, kind: &Kind, steps: u64) -> Layout {
         let shape = PolicyStack::shape(&kind.spec, &config.policy);
-        let moments = NumberTable {
-            name: FIRST_MOMENTS,
-            width: shape.layout().width(),
-            averaged: true,
-            squares: false,
-            learnt: true,
-        };
-        let states = NumberTable {
+        let mut layout = Base::layout(config, shape.layout().width(), gradient_steps(steps, config, kind));
+        layout.numbers.push(NumberTable {
             name: STATES,
             width: config.copies() * shape.state_width(),
             averaged: false,
             squares: false,
             learnt: false,
-        };
-        Layout {
-            numbers: vec![moments, NumberTable { name: SECOND_MOMENTS, squares: true, ..moments }, states],
-            dice: vec![(ACTING, config.copies()), (MINIBATCHES, 1)],
-            counts: vec![(GRADIENT_STEPS, gradient_steps(steps, config, kind))],
-        }
+        });
+        layout
     }
 
     fn flops_per_step(&self, config: &Config, shape: &Shape, horizon: usize) -> f64 {
@@ -117,36 +97,25 @@ fn gradient_steps(steps: u64, config: &Config, kind: &Kind) -> u64 {
     since.saturating_mul(per_update as u64)
 }
 
-/// The learner of some agents of one kind.
 pub(crate) struct Ppo {
     config: Config,
     policies: PolicyStack,
-    adam: Adam,
+    base: Base,
     memory: Memory,
     rollout: Rollout,
-    /// Dice for the order of the minibatches, one per agent.
-    minibatches: Vec<Dice>,
 }
 
 impl Ppo {
     fn new(config: &Config, spec: &RegionSpec, agents: &[AgentId], policies: PolicyStack) -> Ppo {
-        let dice = |purpose: RandomPurpose, agent: AgentId| Seed::new(config.seed).fork(purpose).for_agent(agent);
-        let copies = |&agent: &AgentId| {
-            (0..config.copies()).map(move |copy| dice(RandomPurpose::Acting, agent).for_copy(copy).dice())
-        };
-        let acting: Vec<Dice> = agents.iter().flat_map(copies).collect();
-        let states = policies.states(acting.len());
+        let (length, width) = (config.sequence_length(), policies.state_width());
         Ppo {
-            adam: Adam::new(policies.parameters()),
-            memory: Memory::new(
-                agents.len(),
-                config.ppo.memory,
-                config.sequence_length(),
-                spec,
-                policies.state_width(),
+            memory: Memory::new(agents.len(), config.ppo.memory, length, spec, width),
+            rollout: Rollout::new(
+                &config.ppo,
+                config.shares_policies(),
+                policies.states(agents.len() * config.copies()),
             ),
-            rollout: Rollout::new(&config.ppo, config.shares_policies(), acting, states),
-            minibatches: agents.iter().map(|&agent| dice(RandomPurpose::PolicyMinibatches, agent).dice()).collect(),
+            base: Base::new(config, agents, policies.parameters()),
             policies,
             config: config.clone(),
         }
@@ -169,11 +138,11 @@ impl Ppo {
         let before = begun.checked_sub(self.config.ppo.memory as u64).map(|begun| learns_at(&self.config, begun));
         if before.is_some_and(|before| before != learns) {
             // The actor's first steps would be far too long with the step count of the critic.
-            self.adam.begin_again();
+            self.base.adam.begin_again();
         }
         let settings = Settings { ppo: &self.config.ppo, decayed, learns, shared: self.config.shares_policies() };
-        let Ppo { policies, adam, memory, minibatches, .. } = self;
-        metrics(&update(policies, adam, memory, minibatches, settings, watch), decayed)
+        let Base { adam, minibatches, .. } = &mut self.base;
+        metrics(&update(&mut self.policies, adam, &self.memory, minibatches, settings, watch), decayed)
     }
 }
 
@@ -203,7 +172,7 @@ impl Learner for Ppo {
     }
 
     fn act(&mut self, percept: &Percept) -> Vec<Action> {
-        self.rollout.act(&self.policies, &mut self.memory, percept)
+        self.rollout.act(&self.policies, &mut self.base.acting, &mut self.memory, percept)
     }
 
     fn learn(&mut self, experience: &Experience, next: &Percept, steps: u64, watch: &mut Stopwatch) -> Option<Metrics> {
@@ -217,41 +186,18 @@ impl Learner for Ppo {
     }
 
     fn tables(&self) -> Tables {
-        let Moments { first, second, steps } = self.adam.moments().clone();
-        let agents = self.policies.agents();
-        let copies = self.rollout.dice.len() / agents;
-        let width = copies * self.policies.state_width();
-        let states = Ragged::from_vec(self.rollout.states.as_slice().to_vec(), vec![width; agents]);
-        Tables {
-            numbers: [
-                (FIRST_MOMENTS, first.into()),
-                (SECOND_MOMENTS, second.into()),
-                (STATES, states.expect("one state per row")),
-            ]
-            .map(|(name, table)| (name.to_owned(), table))
-            .into(),
-            dice: [
-                (ACTING, self.rollout.dice.chunks(copies).map(<[Dice]>::to_vec).collect()),
-                (MINIBATCHES, self.minibatches.iter().map(|dice| vec![dice.clone()]).collect::<Vec<_>>()),
-            ]
-            .map(|(name, dice)| (name.to_owned(), dice))
-            .into(),
-            counts: [(GRADIENT_STEPS.to_owned(), u64::from(steps))].into(),
-        }
+        let widths = vec![self.base.copies() * self.policies.state_width(); self.policies.agents()];
+        let states = Ragged::from_vec(self.rollout.states.as_slice().to_vec(), widths).expect("one state per row");
+        let mut tables = self.base.tables();
+        tables.numbers.insert(STATES.to_owned(), states);
+        tables
     }
 
     fn load(&mut self, mut tables: Tables) {
-        let steps = tables.counts[GRADIENT_STEPS];
-        self.adam.restore(Moments {
-            first: tables.take_numbers(FIRST_MOMENTS).into_rows(),
-            second: tables.take_numbers(SECOND_MOMENTS).into_rows(),
-            steps: u32::try_from(steps).expect("the layout gives this number"),
-        });
+        self.base.load(&mut tables);
         let states = tables.take_numbers(STATES);
         let width = self.policies.state_width();
         let rows = states.as_slice().chunks_exact(width.max(1)).enumerate();
         rows.for_each(|(row, state)| self.rollout.states.set_row(row, state));
-        self.rollout.dice = tables.take_dice(ACTING).concat();
-        self.minibatches = tables.take_dice(MINIBATCHES).concat();
     }
 }

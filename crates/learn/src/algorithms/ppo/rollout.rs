@@ -3,8 +3,8 @@
 use super::gae::advantages;
 use super::memory::{Memory, Sample};
 use crate::config::{PpoConfig, TimeLimit};
+use crate::environments::Experience;
 use crate::policy::{PolicyStack, sampling};
-use crate::training::environment::Experience;
 use dials_core::base::{Dice, Phase, Rows, Stopwatch};
 use dials_core::domain::{Action, Percept};
 use stacknets::States;
@@ -16,12 +16,10 @@ pub(super) struct Rollout {
     config: PpoConfig,
     /// Whether the value of the last row stands for what would come for all rows, see `gs.shared_policy`.
     shared_bootstrap: bool,
-    /// Dice for the actions, one per row.
-    pub(crate) dice: Vec<Dice>,
     /// Hidden states of the policies, one per row.
     pub(crate) states: States,
     /// Whether an episode begins with the row's next decision.
-    pub(crate) starts: Vec<bool>,
+    starts: Vec<bool>,
     first_slot: usize,
     /// `[steps so far, rows]`; the same for the values and the ends.
     rewards: Vec<f32>,
@@ -30,13 +28,12 @@ pub(super) struct Rollout {
 }
 
 impl Rollout {
-    /// Begins the first rollout. `dice`, `states`: one per row.
-    pub(super) fn new(config: &PpoConfig, shared_bootstrap: bool, dice: Vec<Dice>, states: States) -> Rollout {
+    /// Begins the first rollout. `states`: one per row.
+    pub(super) fn new(config: &PpoConfig, shared_bootstrap: bool, states: States) -> Rollout {
         Rollout {
             config: config.clone(),
             shared_bootstrap,
-            starts: vec![true; dice.len()],
-            dice,
+            starts: vec![true; states.rows()],
             states,
             first_slot: 0,
             rewards: Vec::new(),
@@ -46,7 +43,7 @@ impl Rollout {
     }
 
     fn rows(&self) -> usize {
-        self.dice.len()
+        self.starts.len()
     }
 
     /// Returns the agent of a row, and the slot for its step `t`.
@@ -55,8 +52,14 @@ impl Rollout {
         (row / copies, self.first_slot + row % copies * self.config.rollout_steps + t)
     }
 
-    /// Chooses one action per row, and records the decisions.
-    pub(super) fn act(&mut self, policies: &PolicyStack, memory: &mut Memory, percept: &Percept) -> Vec<Action> {
+    /// Chooses one action per row, and records the decisions. `dice`: one per row.
+    pub(super) fn act(
+        &mut self,
+        policies: &PolicyStack,
+        dice: &mut [Dice],
+        memory: &mut Memory,
+        percept: &Percept,
+    ) -> Vec<Action> {
         let t = self.rewards.len() / self.rows();
         let before = self.states.clone();
         let judgement = policies.decide(percept, &mut self.states);
@@ -64,14 +67,12 @@ impl Rollout {
         let mut actions = Vec::with_capacity(self.rows());
         for (row, (logits, value)) in judgement.rows().enumerate() {
             sampling::log_softmax(logits, &mut log_probs);
-            let action = sampling::draw(&log_probs, &mut self.dice[row]);
+            let action = sampling::draw(&log_probs, &mut dice[row]);
             let (agent, slot) = self.slot(t, row, policies.agents());
             let log_prob = log_probs[usize::from(action)];
             let sample = Sample { action, log_prob, value, start: self.starts[row], ..Sample::default() };
-            memory.remember(agent, slot, percept.obs.row(row), before.row(row), sample);
-            if let Some(masks) = &percept.masks {
-                memory.remember_mask(agent, slot, masks.row(row));
-            }
+            let mask = percept.masks.as_ref().map_or(&[][..], |masks| masks.row(row));
+            memory.remember(agent, slot, (percept.obs.row(row), mask), before.row(row), sample);
             actions.push(action);
             self.values.push(value);
         }
@@ -115,7 +116,7 @@ impl Rollout {
         self.values.clear();
         self.ends.clear();
         self.first_slot += self.rows() / policies.agents() * self.config.rollout_steps;
-        let is_full = self.first_slot == memory.capacity();
+        let is_full = self.first_slot == memory.capacity;
         if is_full {
             self.first_slot = 0;
         }
@@ -152,6 +153,7 @@ impl Rollout {
 mod tests {
     use super::*;
     use crate::config::PolicyConfig;
+    use crate::fixtures::{dice, region};
     use dials_core::base::{AgentId, Seed};
     use dials_core::domain::{RegionSpec, SourceSpec};
 
@@ -166,16 +168,7 @@ mod tests {
 
     impl Scripted {
         fn new() -> Self {
-            let sources = SourceSpec::bits(1);
-            let spec = RegionSpec {
-                obs_dim: 1,
-                d_set_dim: 1,
-                n_actions: 2,
-                masks: false,
-                sources,
-                horizon: 3,
-                local_horizon: 3,
-            };
+            let spec = region(1, 1, SourceSpec::bits(1), 3);
             let mut scripted =
                 Scripted { ages: [0; 4], percept: Percept::new(4, &spec), experience: Experience::new(4, &spec), spec };
             scripted.show();
@@ -187,17 +180,7 @@ mod tests {
                 self.percept.obs.row_mut(row)[0] = shown(row, age);
             }
         }
-    }
 
-    fn shown(row: usize, age: usize) -> f32 {
-        (10 * row + age) as f32
-    }
-
-    fn reward(row: usize, age: usize) -> f32 {
-        row as f32 + age as f32 / 10.0
-    }
-
-    impl Scripted {
         fn step(&mut self) {
             for row in 0..4 {
                 self.experience.rewards[row] = reward(row, self.ages[row]);
@@ -212,6 +195,14 @@ mod tests {
         }
     }
 
+    fn shown(row: usize, age: usize) -> f32 {
+        (10 * row + age) as f32
+    }
+
+    fn reward(row: usize, age: usize) -> f32 {
+        row as f32 + age as f32 / 10.0
+    }
+
     /// Makes networks whose value is the observation plus, with memory, a part of the state.
     fn policies(recurrent: Option<usize>, spec: &RegionSpec) -> PolicyStack {
         let config = PolicyConfig { recurrent, hidden: vec![4], ..PolicyConfig::default() };
@@ -222,8 +213,7 @@ mod tests {
 
     /// Begins the rollouts of two agents with two copies each.
     fn begun(policies: &PolicyStack, config: &PpoConfig, shared_bootstrap: bool) -> Rollout {
-        let dice = (0..4).map(|row| Seed::new(7).for_copy(row).dice()).collect();
-        Rollout::new(config, shared_bootstrap, dice, policies.states(4))
+        Rollout::new(config, shared_bootstrap, policies.states(4))
     }
 
     /// Records two rollouts of four steps in a memory of 16 per agent.
@@ -234,10 +224,11 @@ mod tests {
         let mut memory = Memory::new(2, 16, length, &scripted.spec, recurrent.unwrap_or(0));
         let config = PpoConfig { rollout_steps: T, time_limit, ..PpoConfig::default() };
         let mut rollout = begun(&policies, &config, false);
+        let mut dice = dice(4);
         let watch = &mut Stopwatch::default();
         for is_last in [false, true] {
             for t in 1..=T {
-                rollout.act(&policies, &mut memory, &scripted.percept);
+                rollout.act(&policies, &mut dice, &mut memory, &scripted.percept);
                 scripted.step();
                 assert_eq!(rollout.take_in(&policies, &scripted.experience, watch), t == T);
             }
@@ -246,37 +237,45 @@ mod tests {
         (memory, policies)
     }
 
-    /// Returns what row `row` goes through, step by step, in both rollouts and the step after: (age, state before).
-    fn lived(policies: &PolicyStack, row: usize) -> (Vec<usize>, Vec<f32>, Vec<f32>) {
-        let (mut ages, mut values, mut last_values) = (vec![], vec![], vec![]);
-        let mut states = policies.states(2);
-        let agent = row / 2;
-        let mut age = 0;
+    /// What a row goes through in both rollouts and the step after, step by step.
+    #[derive(Default)]
+    struct Lived {
+        ages: Vec<usize>,
+        values: Vec<f32>,
+        /// Value of what the step shows before the next episode begins.
+        last_values: Vec<f32>,
+        /// Hidden state before the step.
+        states: Vec<Vec<f32>>,
+    }
+
+    fn lived(policies: &PolicyStack, row: usize) -> Lived {
+        let (agent, mut age, mut states) = (row / 2, 0, policies.states(2));
+        let mut lived = Lived::default();
         for _ in 0..=2 * T {
             let value_of = |age: usize, states: &mut States| {
                 let obs = Rows::from_vec(vec![shown(row, age); 2], 1);
                 policies.judge(&obs, states).rows().nth(agent).unwrap().1
             };
-            ages.push(age);
-            values.push(value_of(age, &mut states));
-            last_values.push(value_of(age + 1, &mut states.clone()));
+            lived.ages.push(age);
+            lived.states.push(states.row(agent).to_vec());
+            lived.values.push(value_of(age, &mut states));
+            lived.last_values.push(value_of(age + 1, &mut states.clone()));
             age += 1;
             if row == 1 && age == 3 {
-                age = 0;
-                states = policies.states(2);
+                (age, states) = (0, policies.states(2));
             }
         }
-        (ages, values, last_values)
+        lived
     }
 
     #[test]
-    fn every_decision_is_in_its_slot_with_its_advantage() {
+    fn every_decision_is_in_its_slot_with_its_advantage_and_sequences_keep_the_state_that_they_began_in() {
         for (recurrent, time_limit) in
             [(None, TimeLimit::Terminal), (None, TimeLimit::Bootstrap), (Some(3), TimeLimit::Bootstrap)]
         {
             let (memory, policies) = recorded(recurrent, time_limit);
             for row in 0..4 {
-                let (ages, values, last_values) = lived(&policies, row);
+                let Lived { ages, values, last_values, states } = lived(&policies, row);
                 for rollout in 0..2 {
                     let steps = rollout * T..(rollout + 1) * T;
                     let ends: Vec<bool> = steps.clone().map(|t| row == 1 && ages[t] == 2).collect();
@@ -296,6 +295,10 @@ mod tests {
                         assert!((sample.value - values[step]).abs() < 1e-5);
                         assert!((sample.advantage - expected[t]).abs() < 1e-4, "{sample:?} {}", expected[t]);
                         assert!((sample.ret - sample.advantage - sample.value).abs() < 1e-5);
+                        if recurrent.is_some() && slot.is_multiple_of(2) {
+                            let kept = memory.state(agent, slot / 2).iter().zip(&states[step]);
+                            assert!(kept.into_iter().all(|(a, b)| (a - b).abs() < 1e-6), "row {row}, step {step}");
+                        }
                     }
                 }
             }
@@ -311,28 +314,5 @@ mod tests {
         let own = values(false);
         assert!(own[0] != own[3]);
         assert_eq!(values(true), [own[3]; 4]);
-    }
-
-    #[test]
-    fn a_sequence_keeps_the_state_that_it_began_in() {
-        let (memory, policies) = recorded(Some(3), TimeLimit::Terminal);
-        for row in 0..4 {
-            let mut states = policies.states(2);
-            let mut age = 0;
-            for step in 0..2 * T {
-                let slot = step / T * 8 + row % 2 * T + step % T;
-                if slot.is_multiple_of(2) {
-                    let kept = memory.state(row / 2, slot / 2);
-                    let state = states.row(row / 2);
-                    assert!(kept.iter().zip(state).all(|(a, b)| (a - b).abs() < 1e-6), "row {row}, step {step}");
-                }
-                policies.judge(&Rows::from_vec(vec![shown(row, age); 2], 1), &mut states);
-                age += 1;
-                if row == 1 && age == 3 {
-                    age = 0;
-                    states = policies.states(2);
-                }
-            }
-        }
     }
 }

@@ -43,7 +43,6 @@ pub enum Learns {
     Critic,
 }
 
-/// Settings of an update.
 #[derive(Clone, Copy, Debug)]
 pub struct Settings<'a> {
     pub ppo: &'a PpoConfig,
@@ -68,9 +67,9 @@ pub fn update(
 ) -> Vec<Losses> {
     let all = policies.agents();
     let (learning, taught) = if settings.shared { (1, all) } else { (all, 1) };
-    let steps = settings.ppo.epochs * taught * (memory.capacity() / settings.ppo.minibatch);
+    let steps = settings.ppo.epochs * taught * (memory.capacity / settings.ppo.minibatch);
     let only = (settings.learns == Learns::Critic).then(|| policies.only_critic());
-    let threads = policies.threads().clone();
+    let threads = policies.net.threads().clone();
     let learners = policies.learners(adam, steps as u32);
     let agents = learners.into_iter().zip(dice).enumerate().take(learning).collect();
     let begun = Instant::now();
@@ -81,13 +80,12 @@ pub fn update(
     done.iter().for_each(|(_, of_agent)| phases.add(of_agent));
     watch.add(&phases.scaled_to(begun.elapsed()));
     if settings.shared {
-        policies.spread_first();
+        policies.net.spread_first();
         adam.spread_first();
     }
     done.into_iter().flat_map(|(losses, _)| vec![losses; taught]).collect()
 }
 
-/// Working memory of an update, used by one agent after another.
 #[derive(Default)]
 struct UpdateBuffers {
     minibatch: Minibatch,
@@ -119,12 +117,12 @@ impl UpdateBuffers {
         };
         let UpdateBuffers { minibatch, trace, gradient } = self;
         let (mut losses, mut watch) = (Losses::default(), Stopwatch::default());
-        let gradient_steps = ppo.epochs * agents.len() * (memory.capacity() / ppo.minibatch);
+        let gradient_steps = ppo.epochs * agents.len() * (memory.capacity / ppo.minibatch);
         let mut order: Vec<(usize, usize)> =
             agents.flat_map(|agent| (0..memory.sequences()).map(move |sequence| (agent, sequence))).collect();
         for _ in 0..ppo.epochs {
             order.shuffle(dice);
-            for sequences in order.chunks_exact(ppo.minibatch / memory.length()) {
+            for sequences in order.chunks_exact(ppo.minibatch / memory.length) {
                 watch.time(Phase::Bookkeeping, || minibatch.gather(memory, sequences));
                 watch.time(Phase::Forward, || {
                     learner.network().forward(&minibatch.obs, minibatch.sequences(), trace);
@@ -152,7 +150,6 @@ impl UpdateBuffers {
 /// Some sequences of the memory; rows are ordered by step, then by sequence.
 #[derive(Default)]
 struct Minibatch {
-    /// Number of steps of each sequence.
     length: usize,
     obs: Vec<f32>,
     /// `[rows, n_actions]`; empty if the kind has no masks.
@@ -165,7 +162,7 @@ struct Minibatch {
 impl Minibatch {
     /// Copies sequences of the memory: pairs of an agent and the number of its sequence.
     fn gather(&mut self, memory: &Memory, sequences: &[(usize, usize)]) {
-        self.length = memory.length();
+        self.length = memory.length;
         self.obs.clear();
         self.masks.clear();
         self.samples.clear();
@@ -197,8 +194,9 @@ mod tests {
 
     use super::*;
     use crate::config::PolicyConfig;
+    use crate::fixtures::region;
     use dials_core::base::{AgentId, Seed};
-    use dials_core::domain::{RegionSpec, SourceSpec};
+    use dials_core::domain::SourceSpec;
 
     #[test]
     fn learning_rate_and_clip_decay_over_the_total_steps() {
@@ -212,9 +210,7 @@ mod tests {
 
     /// Returns a stack of three agents and a memory of 16 random samples for each.
     fn material(recurrent: Option<usize>, separate_critic: bool) -> (PolicyStack, Memory) {
-        let sources = SourceSpec::bits(1);
-        let spec =
-            RegionSpec { obs_dim: 4, d_set_dim: 1, n_actions: 2, masks: false, sources, horizon: 8, local_horizon: 8 };
+        let spec = region(4, 1, SourceSpec::bits(1), 8);
         let policy = PolicyConfig { recurrent, hidden: vec![6], separate_critic, ..PolicyConfig::default() };
         let stack = PolicyStack::new(&AgentId::all(3), &spec, &policy, &[0.0; 2], Seed::new(1));
         let length = if recurrent.is_some() { 4 } else { 1 };
@@ -226,28 +222,18 @@ mod tests {
             let (advantage, ret) = (rest[0], 5.0 + rest[1]);
             let sample =
                 Sample { action: slot as u8 % 2, log_prob: 0.5_f32.ln(), value: 0.0, advantage, ret, start: false };
-            memory.remember(agent, slot, &obs, &state, sample);
+            memory.remember(agent, slot, (&obs, &[]), &state, sample);
         }
         (stack, memory)
     }
 
-    fn updated(stack: &mut PolicyStack, adam: &mut Adam, memory: &Memory, learns: Learns, shared: bool) -> Vec<Losses> {
-        updated_with(None, stack, adam, memory, learns, shared)
-    }
-
-    fn updated_with(
-        max_gradient_norm: Option<f64>,
-        stack: &mut PolicyStack,
-        adam: &mut Adam,
-        memory: &Memory,
-        learns: Learns,
-        shared: bool,
-    ) -> Vec<Losses> {
-        let ppo = PpoConfig { memory: 16, minibatch: 8, max_gradient_norm, ..PpoConfig::default() };
+    /// Updates all agents. `limit`: of the length of a gradient.
+    fn updated(stack: &mut PolicyStack, adam: &mut Adam, memory: &Memory, learns: Learns, limit: Option<f64>) -> f64 {
+        let ppo = PpoConfig { memory: 16, minibatch: 8, max_gradient_norm: limit, ..PpoConfig::default() };
         let decayed = Decayed { learning_rate: 1e-2, clip: 0.1 };
         let mut dice: Vec<Dice> = (0..3).map(|agent| Seed::new(3).for_agent(AgentId(agent)).dice()).collect();
-        let settings = Settings { ppo: &ppo, decayed, learns, shared };
-        update(stack, adam, memory, &mut dice, settings, &mut Stopwatch::default())
+        let settings = Settings { ppo: &ppo, decayed, learns, shared: false };
+        update(stack, adam, memory, &mut dice, settings, &mut Stopwatch::default())[0].value
     }
 
     #[test]
@@ -256,7 +242,7 @@ mod tests {
             let (mut stack, memory) = material(recurrent, separate);
             let before = stack.parameters().values().clone();
             let mut adam = Adam::new(stack.parameters());
-            let losses = [0, 1].map(|_| updated(&mut stack, &mut adam, &memory, Learns::Critic, false)[0].value);
+            let losses = [0, 1].map(|_| updated(&mut stack, &mut adam, &memory, Learns::Critic, None));
             assert!(losses[1] < losses[0], "{losses:?}");
             let critic = stack.only_critic();
             for agent in 0..3 {
@@ -277,7 +263,7 @@ mod tests {
         let after = |limit: Option<f64>| {
             let (mut stack, memory) = material(None, false);
             let mut adam = Adam::new(stack.parameters());
-            updated_with(limit, &mut stack, &mut adam, &memory, Learns::Everything, false);
+            updated(&mut stack, &mut adam, &memory, Learns::Everything, limit);
             (stack.parameters().values().clone(), adam.moments().first.row(0).to_vec())
         };
         let (without, high, low) = (after(None), after(Some(1e6)), after(Some(1e-3)));
@@ -288,27 +274,5 @@ mod tests {
         let share = 1.0 - 0.9_f32.powi(6);
         assert!((0.1e-3..share * 1.001e-3).contains(&length(&low.1)), "{}", length(&low.1));
         assert!(length(&without.1) > 0.1, "{}", length(&without.1));
-    }
-
-    #[test]
-    fn agents_with_one_policy_keep_it_and_learn_from_the_samples_of_all() {
-        let (mut stack, mut memory) = material(Some(3), false);
-        stack.spread_first();
-        let mut adam = Adam::new(stack.parameters());
-        let before = stack.parameters().values().row(0).to_vec();
-        let losses = updated(&mut stack, &mut adam, &memory, Learns::Everything, true);
-        assert_eq!(losses, vec![losses[0]; 3]);
-        // 3 epochs of 3 agents with 2 minibatches each.
-        assert_eq!(adam.moments().steps, 18);
-        let rows = stack.parameters().values().clone();
-        assert!((1..3).all(|agent| rows.row(agent) == rows.row(0)) && rows.row(0) != before);
-        let moments = adam.moments();
-        assert!([&moments.first, &moments.second].iter().all(|rows| rows.row(2) == rows.row(0)));
-        // A sample of the last agent changes the policy of all.
-        let (mut other, _) = material(Some(3), false);
-        other.spread_first();
-        memory.sample_mut(2, 15).ret += 1.0;
-        updated(&mut other, &mut Adam::new(stack.parameters()), &memory, Learns::Everything, true);
-        assert_ne!(other.parameters().values().row(0), rows.row(0));
     }
 }

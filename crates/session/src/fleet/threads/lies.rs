@@ -9,10 +9,11 @@ use dials_core::base::{Activity, Ragged, Timesheet};
 use dials_core::domain::Measures;
 use dials_learn::algorithms::Metrics;
 use dials_learn::evaluation::EpisodeReport;
-use dials_learn::influence::{Dataset, FreshLoss};
+use dials_learn::fleet::{Footprint, WorkerLoad};
+use dials_learn::predictors::{Dataset, FreshLoss};
+use dials_learn::state::AgentsState;
 use dials_learn::steps::Reply;
-use dials_learn::training::answers::{AgentTraining, Footprint, PolicyTraining, WorkerLoad};
-use dials_learn::training::state::AgentsState;
+use dials_learn::steps::train_policies::{AgentTraining, PolicyTraining};
 
 /// Makes messages that no worker of two coins may send, whatever its order is.
 pub(super) fn lies() -> Vec<WorkerReport> {

@@ -20,14 +20,15 @@ use crate::config::RunConfig;
 use dials_core::base::Ragged;
 use dials_core::domain::Domain;
 use dials_learn::config::{AlgorithmName, Config, PolicyConfig, Simulator};
+use dials_learn::dials;
 use dials_learn::evaluation::Evaluation;
-use dials_learn::training::answers::{FleetLoad, PolicyTraining};
-use dials_learn::training::dials;
-use dials_learn::training::fleet::Fleet;
-use dials_learn::training::journal::{Journal, Unrecorded};
-use dials_learn::training::observer::{Observer, Silent};
-use dials_learn::training::standing::Standing;
-use dials_learn::training::state::AgentsState;
+use dials_learn::fleet::Fleet;
+use dials_learn::fleet::FleetLoad;
+use dials_learn::observer::{Observer, Silent};
+use dials_learn::observer::{Recorder, Unrecorded};
+use dials_learn::progress::TrainingProgress;
+use dials_learn::state::AgentsState;
+use dials_learn::steps::train_policies::PolicyTraining;
 use dials_testkit::toy::{Coins, CoinsAndDice};
 
 /// An observer that keeps the warnings.
@@ -42,13 +43,13 @@ impl Observer for Warnings {
 
 /// A journal that keeps the state after the first period.
 #[derive(Default)]
-struct Keeper(Option<(AgentsState, Standing)>);
+struct Keeper(Option<(AgentsState, TrainingProgress)>);
 
-impl Journal for Keeper {
+impl Recorder for Keeper {
     fn period_done(
         &mut self,
         agents: &AgentsState,
-        standing: &Standing,
+        standing: &TrainingProgress,
         _training: &PolicyTraining,
         _load: FleetLoad,
     ) -> Result<()> {
@@ -86,7 +87,7 @@ fn coins() -> Arc<dyn Domain> {
 fn undisturbed() -> (AgentsState, Keeper) {
     let (config, mut keeper) = (config(), Keeper::default());
     let mut fleet = in_process(coins(), config.clone(), Rc::new(Silent)).unwrap();
-    dials::train(&config, &mut fleet, Standing::default(), &mut keeper, &Silent).unwrap();
+    dials::train(&config, &mut fleet, TrainingProgress::default(), &mut keeper, &Silent).unwrap();
     (fleet.agents().clone(), keeper)
 }
 
@@ -108,7 +109,7 @@ fn train_as(config: &Config, crew: ThreadCrew) -> (Result<AgentsState, String>, 
     let outcome =
         Coordinator::start(domain, &RunConfig::from(config.clone()), Box::new(crew), options, warnings.clone())
             .and_then(|mut fleet| {
-                dials::train(config, &mut fleet, Standing::default(), &mut Unrecorded, &*warnings)?;
+                dials::train(config, &mut fleet, TrainingProgress::default(), &mut Unrecorded, &*warnings)?;
                 Ok(fleet.agents().clone())
             });
     (outcome.map_err(|error| format!("{error:#}")), warnings.0.take())
@@ -204,7 +205,7 @@ fn training_goes_on_from_a_state_with_workers_that_run_or_are_started_again() {
 #[derive(Default)]
 struct Evaluations(usize);
 
-impl Journal for Evaluations {
+impl Recorder for Evaluations {
     fn evaluated(&mut self, _agents: &AgentsState, _evaluation: &Evaluation) -> Result<()> {
         self.0 += 1;
         Ok(())
@@ -215,7 +216,7 @@ impl Journal for Evaluations {
 fn an_evaluation_that_was_made_is_not_made_again_when_a_period_begins_after_the_same_update() {
     let (agents, standing) = undisturbed().1.0.unwrap();
     for (evaluated_at, evaluations) in [(Some(256), 1), (Some(0), 2)] {
-        let (standing, mut journal) = (Standing { evaluated_at, ..standing }, Evaluations::default());
+        let (standing, mut journal) = (TrainingProgress { evaluated_at, ..standing }, Evaluations::default());
         let mut fleet = in_process(coins(), config(), Rc::new(Silent)).unwrap();
         fleet.restore(agents.clone()).unwrap();
         dials::train(&config(), &mut fleet, standing, &mut journal, &Silent).unwrap();
@@ -229,7 +230,7 @@ fn agents_of_two_kinds_that_take_turns_are_shared_out_and_put_together_again() {
     for simulator in [Simulator::Local, Simulator::Global] {
         let config = Config { simulator, ..config() };
         let mut alone = in_process(domain.clone(), config.clone(), Rc::new(Silent)).unwrap();
-        dials::train(&config, &mut alone, Standing::default(), &mut Unrecorded, &Silent).unwrap();
+        dials::train(&config, &mut alone, TrainingProgress::default(), &mut Unrecorded, &Silent).unwrap();
         let lost: [&[FateAt]; 3] = [&[], &[(2, Fate::Dies)], &[]];
         for crew in [crew(true, [&[]]), crew(false, [&[], &[]]), crew(false, [&[], &[], &[]]), crew(true, lost)] {
             let workers = crew.fates.len();
@@ -255,7 +256,7 @@ fn imitating() -> [(Arc<dyn Domain>, Config); 2] {
 fn trained_alone(domain: &Arc<dyn Domain>, config: &Config) -> (AgentsState, Keeper) {
     let mut keeper = Keeper::default();
     let mut fleet = in_process(domain.clone(), config.clone(), Rc::new(Silent)).unwrap();
-    dials::train(config, &mut fleet, Standing::default(), &mut keeper, &Silent).unwrap();
+    dials::train(config, &mut fleet, TrainingProgress::default(), &mut keeper, &Silent).unwrap();
     (fleet.agents().clone(), keeper)
 }
 

@@ -10,7 +10,7 @@
 //! - [`content`]: the bytes of the file, under one digest.
 //! - [`owner`]: the run that it belongs to: what of the config and of the scenario may have changed since.
 //! - `size`: the largest size that a checkpoint of a run can have.
-//! - [`fits`](dials_learn::training::fits): sizes, actions, trails and counts, each of which follows from the config.
+//! - [`fits`](dials_learn::state::fits): sizes, actions, trails and counts, each of which follows from the config.
 
 pub mod content;
 pub mod owner;
@@ -31,10 +31,10 @@ use content::{Part, seal, unseal};
 use dials_core::base::{AgentId, Dice, Ragged};
 use dials_core::outside::Directory;
 use dials_learn::algorithms::{self, Layout, Tables};
-use dials_learn::training::fits::{Fit, Widths, check_standing};
-use dials_learn::training::standing::Standing;
-use dials_learn::training::state::AgentsState;
-use dials_learn::training::stream::AgentStream;
+use dials_learn::progress::TrainingProgress;
+use dials_learn::state::AgentsState;
+use dials_learn::state::fits::{Fit, Widths};
+use dials_learn::state::stream::AgentStream;
 use owner::{NotOfThisRun, Owner};
 use size::most_bytes;
 
@@ -55,7 +55,7 @@ pub struct Checkpoint {
 #[serde(deny_unknown_fields)]
 pub struct RunProgress {
     /// Where Algorithm 1 continues.
-    pub standing: Standing,
+    pub standing: TrainingProgress,
     /// How far every growing file has come.
     pub growing: BTreeMap<String, Mark>,
     /// Wall time of the run so far.
@@ -189,7 +189,7 @@ impl Checkpoint {
             aips: parts.rows(AIPS, &widths.aips)?,
             streams,
         };
-        check_standing(&progress.standing, &agents, progress.elapsed_s, &config.learning)?;
+        progress.standing.check(&agents, progress.elapsed_s, &config.learning)?;
         let everybody = 0..owner.kinds.agents();
         let fit = Fit { config: &config.learning, kinds: &owner.kinds, widths: &widths, agents: everybody };
         fit.check(&agents)?;

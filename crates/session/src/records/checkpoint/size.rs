@@ -3,7 +3,7 @@
 use super::owner::Owner;
 use dials_core::domain::Kind;
 use dials_learn::algorithms;
-use dials_learn::training::fits::Widths;
+use dials_learn::state::fits::Widths;
 
 /// Returns the largest number of bytes that a checkpoint of this run can have.
 pub(super) fn most_bytes(owner: &Owner) -> u64 {

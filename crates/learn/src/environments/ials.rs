@@ -1,0 +1,291 @@
+//! Algorithm 3: trajectories of the influence-augmented local simulators (IALS).
+
+use std::slice::from_ref;
+use std::time::Instant;
+
+use anyhow::ensure;
+
+use super::{Environment, Experience, add_steps};
+use crate::predictors::InfluencePredictor;
+use crate::state::stream::{AgentStream, Trail, fingerprint, longest, rows_of, rows_of_mut};
+use dials_core::base::{Dice, Phase, Rows, Stopwatch};
+use dials_core::domain::{Action, Beginning, LocalSimulator, Percept, Result};
+
+/// Local simulators of one kind, and the influence predictor that drives them. Every row has its own episode.
+pub struct Ials<'a> {
+    simulator: Box<dyn LocalSimulator>,
+    predictor: &'a mut dyn InfluencePredictor,
+    dice: Vec<Dice>,
+    /// Number of steps by which the first episode of each row is shorter.
+    head_starts: Vec<usize>,
+    trails: Vec<Trail>,
+    percept: Percept,
+    sources: Rows<u8>,
+    experience: Experience,
+    /// Totals of the simulator that belong to earlier periods.
+    counted: Vec<u64>,
+}
+
+impl<'a> Ials<'a> {
+    /// Brings new simulators to the state in which `streams` left the old ones, and continues from there.
+    ///
+    /// `streams`: one per agent, all with the same number of copies. With `stagger`, the first episode of copy c begins
+    /// as if `c / copies` of the horizon had passed. So the copies of an agent end at different times, and its memory
+    /// holds all parts of an episode.
+    ///
+    /// The predictor sees the d-sets (its inputs) of the trails again. So an AIP that was trained since then has the
+    /// hidden state that it would have had itself. `alive` is called at every step of them.
+    pub fn resume(
+        mut simulator: Box<dyn LocalSimulator>,
+        predictor: &'a mut dyn InfluencePredictor,
+        streams: &[AgentStream],
+        stagger: bool,
+        alive: &mut dyn FnMut(),
+    ) -> Result<Self> {
+        let trails: Vec<Trail> = rows_of(streams).map(|row| row.trail.clone()).collect();
+        predictor.begin(trails.len());
+        let percept = retrace(&mut *simulator, predictor, &trails, alive)?;
+        let counted = simulator.counters().into_iter().map(|(_, count)| count).collect();
+        // The caller has timed this; it is not part of the steps to come.
+        simulator.take_watch();
+        let spec = simulator.spec();
+        let head_start =
+            |copy: usize, copies: usize| if stagger { head_start(copy, copies, spec.local_horizon) } else { 0 };
+        let copies = |stream: &AgentStream| stream.rows.len();
+        let head_starts = streams.iter().flat_map(|stream| {
+            let copies = copies(stream);
+            (0..copies).map(move |copy| head_start(copy, copies))
+        });
+        Ok(Ials {
+            predictor,
+            dice: rows_of(streams).map(|row| row.influence.clone()).collect(),
+            head_starts: head_starts.collect(),
+            percept,
+            sources: Rows::new(trails.len(), spec.sources.count()),
+            experience: Experience::new(trails.len(), spec),
+            counted,
+            trails,
+            simulator,
+        })
+    }
+
+    /// Returns what the local simulators counted since [`Ials::resume`].
+    pub fn counters(&self) -> Vec<(&'static str, u64)> {
+        let totals = self.simulator.counters().into_iter().zip(&self.counted);
+        totals.map(|((name, total), before)| (name, total - before)).collect()
+    }
+}
+
+/// Returns the number of steps by which the first episode of a staggered copy is shorter.
+pub(crate) fn head_start(copy: usize, copies: usize, horizon: usize) -> usize {
+    copy * horizon / copies
+}
+
+/// Replays the trails in new simulators. Returns what the rows show at their ends.
+///
+/// All trails end together. A row whose episode is younger than the oldest one waits, and is reset when its episode
+/// begins.
+fn retrace(
+    simulator: &mut dyn LocalSimulator,
+    predictor: &mut dyn InfluencePredictor,
+    trails: &[Trail],
+    alive: &mut dyn FnMut(),
+) -> Result<Percept> {
+    let sources = simulator.spec().sources.clone();
+    let steps = longest(trails);
+    let beginning = |row: usize| Beginning { row, episode: trails[row].episode };
+    let mut percept = simulator.reset(&(0..trails.len()).map(beginning).collect::<Vec<_>>())?.clone();
+    let mut actions = vec![0; trails.len()];
+    let mut influences = Rows::new(trails.len(), sources.count());
+    for step in 0..steps {
+        alive();
+        for (row, trail) in trails.iter().enumerate() {
+            if let Some(step) = (step + trail.steps()).checked_sub(steps) {
+                actions[row] = trail.actions[step];
+                influences.row_mut(row).copy_from_slice(trail.sources_at(step, sources.count()));
+            }
+        }
+        predictor.watch(&percept.d_set);
+        percept.clone_from(&simulator.step(&actions, &influences)?.percept);
+        let due: Vec<usize> = (0..trails.len()).filter(|&row| trails[row].steps() + step + 1 == steps).collect();
+        if !due.is_empty() {
+            predictor.forget(&due);
+            percept.clone_from(simulator.reset(&due.into_iter().map(beginning).collect::<Vec<_>>())?);
+        }
+    }
+    for (row, trail) in trails.iter().enumerate() {
+        ensure!(
+            trail.steps() == 0 || trail.shown == fingerprint(&percept, row),
+            "local simulator {row} did not come back to where training left it after {} steps of its episode {}; \
+             possible causes: another build of SUMO or of this program, or a simulator whose state depends on more than \
+             its actions and sources",
+            trail.steps(),
+            trail.episode
+        );
+    }
+    Ok(percept)
+}
+
+impl Environment for Ials<'_> {
+    fn percepts(&self) -> &[Percept] {
+        from_ref(&self.percept)
+    }
+
+    fn step(&mut self, actions: &[Vec<Action>], watch: &mut Stopwatch) -> Result<()> {
+        let actions = &actions[0];
+        // u_t ~ I(. | l_t): the AIP sees the d-set from before the step.
+        watch.time(Phase::AipSampling, || {
+            self.predictor.sample(&self.percept.d_set, &mut self.dice, &mut self.sources);
+        });
+        // x_{t+1} ~ T(. | x_t, a_t, u_t)
+        let horizon = self.simulator.spec().local_horizon;
+        let begun = Instant::now();
+        let transition = self.simulator.step(actions, &self.sources)?;
+        let steps = begun.elapsed();
+        self.experience.rewards.copy_from_slice(&transition.rewards);
+        let mut over = Vec::new();
+        for (row, (trail, end)) in self.trails.iter_mut().zip(&mut self.experience.ends).enumerate() {
+            trail.push(actions[row], self.sources.row(row));
+            let head_start = if trail.episode == 0 { self.head_starts[row] } else { 0 };
+            *end = trail.steps() + head_start == horizon;
+            if *end {
+                trail.end_episode();
+                over.push(Beginning { row, episode: trail.episode });
+                self.experience.last_obs.row_mut(row).copy_from_slice(transition.percept.obs.row(row));
+                if let (Some(last), Some(masks)) = (&mut self.experience.last_masks, &transition.percept.masks) {
+                    last.row_mut(row).copy_from_slice(masks.row(row));
+                }
+            }
+        }
+        let percept = if over.is_empty() {
+            &transition.percept
+        } else {
+            self.predictor.forget(&over.iter().map(|beginning| beginning.row).collect::<Vec<_>>());
+            let begun = Instant::now();
+            let percept = self.simulator.reset(&over)?;
+            watch.note(Phase::Reset, begun.elapsed());
+            percept
+        };
+        self.percept.copy_from(percept);
+        add_steps(watch, &self.simulator.take_watch(), steps);
+        Ok(())
+    }
+
+    fn experiences(&self) -> &[Experience] {
+        from_ref(&self.experience)
+    }
+
+    fn leave(&mut self, streams: &mut [&mut [AgentStream]]) {
+        let rows = self.trails.iter_mut().zip(&self.dice).zip(rows_of_mut(streams[0]));
+        for (row, ((trail, dice), stream)) in rows.enumerate() {
+            trail.shown = fingerprint(&self.percept, row);
+            stream.trail.clone_from(trail);
+            stream.influence.clone_from(dice);
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::state::stream::RowStream;
+    use dials_core::base::{AgentId, Seed};
+    use dials_core::domain::Domain;
+    use dials_testkit::toy::Coins;
+
+    /// A predictor that predicts a constant and records what it was shown.
+    struct Spy {
+        seen: Vec<Rows<f32>>,
+        forgotten: Vec<Vec<usize>>,
+    }
+
+    impl InfluencePredictor for Spy {
+        fn begin(&mut self, rows: usize) {
+            self.forget(&(0..rows).collect::<Vec<_>>());
+        }
+
+        fn forget(&mut self, rows: &[usize]) {
+            self.forgotten.push(rows.to_vec());
+        }
+
+        fn watch(&mut self, d_set: &Rows<f32>) {
+            self.seen.push(d_set.clone());
+        }
+
+        fn sample(&mut self, d_set: &Rows<f32>, _dice: &mut [Dice], sources: &mut Rows<u8>) {
+            self.seen.push(d_set.clone());
+            sources.fill(1);
+        }
+    }
+
+    /// Returns the stream of an agent with two copies at the beginning of its training.
+    fn fresh() -> AgentStream {
+        let dice = Seed::new(0).dice();
+        AgentStream { rows: vec![RowStream::begin(dice); 2] }
+    }
+
+    fn run(stagger: bool, steps: usize) -> (Spy, Vec<Vec<bool>>, Vec<Rows<f32>>) {
+        let mut spy = Spy { seen: vec![], forgotten: vec![] };
+        let simulator = Coins::new(4).local_simulator(&[AgentId(0)], 2, Seed::new(0)).unwrap();
+        let mut ials = Ials::resume(simulator, &mut spy, &[fresh()], stagger, &mut || ()).unwrap();
+        let (mut ends, mut shown) = (Vec::new(), Vec::new());
+        for _ in 0..steps {
+            ials.step(&[vec![1, 1]], &mut Stopwatch::default()).unwrap();
+            ends.push(ials.experiences()[0].ends.clone());
+            shown.push(ials.percepts()[0].obs.clone());
+        }
+        (spy, ends, shown)
+    }
+
+    #[test]
+    fn a_stream_goes_on_in_new_simulators_as_if_in_the_old_ones() {
+        let actions = |step: usize| [vec![(step / 2 % 2) as Action, (step / 3 % 2) as Action]];
+        let watch = &mut Stopwatch::default();
+        let coins = || Coins::new(4).local_simulator(&[AgentId(0)], 2, Seed::new(0)).unwrap();
+        let (mut whole, mut parts) = ((Vec::new(), Vec::new()), (Vec::new(), Vec::new()));
+        let mut spy = Spy { seen: vec![], forgotten: vec![] };
+        let mut ials = Ials::resume(coins(), &mut spy, &[fresh()], true, &mut || ()).unwrap();
+        for step in 0..12 {
+            ials.step(&actions(step), watch).unwrap();
+            whole.0.push(ials.experiences()[0].ends.clone());
+            whole.1.push(ials.percepts()[0].clone());
+        }
+        let mut stream = [fresh()];
+        for step in 0..12 {
+            let mut spy = Spy { seen: vec![], forgotten: vec![] };
+            let mut ials = Ials::resume(coins(), &mut spy, &stream, true, &mut || ()).unwrap();
+            ials.step(&actions(step), watch).unwrap();
+            parts.0.push(ials.experiences()[0].ends.clone());
+            parts.1.push(ials.percepts()[0].clone());
+            ials.leave(&mut [&mut stream]);
+        }
+        assert_eq!(whole, parts);
+        let trails: Vec<_> = stream[0].rows.iter().map(|row| (row.trail.episode, row.trail.steps())).collect();
+        assert_eq!(trails, [(3, 0), (3, 2)], "twelve steps are three episodes of four, and a shorter one before two");
+
+        stream[0].rows[1].trail.shown ^= 1;
+        let mut spy = Spy { seen: vec![], forgotten: vec![] };
+        let error = Ials::resume(coins(), &mut spy, &stream, true, &mut || ()).err().unwrap().to_string();
+        assert!(error.contains("local simulator 1 did not come back"), "{error}");
+    }
+
+    #[test]
+    fn the_predictor_sees_the_d_set_from_before_the_step_it_drives() {
+        let (spy, ends, shown) = run(false, 5);
+        assert_eq!(spy.seen[0].as_slice(), [0.0; 4], "an episode begins with both coins at 0");
+        assert_eq!(spy.seen[1], shown[0]);
+        assert_eq!(shown[0].as_slice(), [1.0; 4], "action 1 and source 1 turn both coins to 1");
+        assert_eq!(ends, [[false; 2], [false; 2], [false; 2], [true; 2], [false; 2]]);
+        assert_eq!(spy.forgotten, [[0, 1], [0, 1]]);
+        assert_eq!(shown[3].as_slice(), [0.0; 4], "after the end the next episode is shown");
+    }
+
+    #[test]
+    fn staggered_copies_end_at_different_times() {
+        let (spy, ends, _) = run(true, 6);
+        let copy = |copy: usize| ends.iter().map(|ends| ends[copy]).collect::<Vec<_>>();
+        assert_eq!(copy(0), [false, false, false, true, false, false]);
+        assert_eq!(copy(1), [false, true, false, false, false, true]);
+        assert_eq!(spy.forgotten, [vec![0, 1], vec![1], vec![0], vec![1]]);
+    }
+}

@@ -1,0 +1,22 @@
+//! What several unit tests need.
+
+use crate::config::AipConfig;
+use crate::predictors::{AipLoss, Dataset, TrainablePredictor, train};
+use dials_core::base::{AgentId, Dice, Seed, Stopwatch, Work};
+use dials_core::domain::{RegionSpec, SourceSpec};
+
+/// Returns a region of two actions.
+pub(crate) fn region(obs_dim: usize, d_set_dim: usize, sources: SourceSpec, horizon: usize) -> RegionSpec {
+    RegionSpec { obs_dim, d_set_dim, n_actions: 2, masks: false, sources, horizon, local_horizon: horizon }
+}
+
+/// Returns the dice of this number of rows.
+pub(crate) fn dice(rows: usize) -> Vec<Dice> {
+    (0..rows).map(|row| Seed::new(9).for_copy(row).dice()).collect()
+}
+
+/// Trains the predictors of the agents 0, 1, ... on their datasets.
+pub(crate) fn trained(aips: &mut dyn TrainablePredictor, datasets: &[Dataset], config: &AipConfig) -> Vec<AipLoss> {
+    let work = Work { watch: &mut Stopwatch::default(), progress: &mut |_| () };
+    train(aips, &AgentId::all(datasets.len()), datasets, config, Seed::new(2), work)
+}

@@ -1,0 +1,241 @@
+//! How AIPs learn: gradient descent on the cross-entropy, one agent after another.
+
+use std::ops::Range;
+
+use rand::seq::SliceRandom;
+
+use super::aip::{Constants, scaled};
+use super::parts::part_of;
+use super::{AipStack, CrossEntropies, Dataset, Lesson, sources};
+use dials_core::base::{Dice, Phase, Stopwatch, Work};
+use dials_core::domain::SourceSpec;
+use stacknets::{Adam, Network, Sequences, Trace};
+
+/// Number of samples for which losses are measured at once.
+const LOSS_CHUNK: usize = 512;
+
+/// Trains every agent's AIP on its own dataset.
+///
+/// Adam starts from zero and the incomplete last batch of an epoch is dropped, as in the authors' code. The weights
+/// continue from the previous training. AIPs with memory are trained on whole episodes, others on single samples.
+/// Minibatches are drawn from `dice`, one per agent. The held-out samples decide when to stop early, if the config says
+/// so.
+pub(super) fn descend(aips: &mut AipStack, lesson: Lesson<'_>, dice: &mut [Dice], work: Work<'_, f64>) {
+    let Lesson { datasets, samples, config } = lesson;
+    let Work { watch, progress } = work;
+    let steps = sequence_length(aips, datasets);
+    let AipStack { sources: spec, net, constants, .. } = aips;
+    // Sequences of `steps` samples each.
+    let batches = samples / steps / config.batch;
+    let mut room = LearningBuffers::default();
+    let mut adam = Adam::new(net.parameters());
+    let learners = adam.learners(net, (config.epochs * batches) as u32);
+    for (index, ((mut learner, dataset), dice)) in learners.into_iter().zip(datasets).zip(dice).enumerate() {
+        let constants = constants.as_ref().map(|constants| (constants, index));
+        let mut best = config.patience.map(BestSoFar::new);
+        let held_out = |room: &mut LearningBuffers, network: Network<'_>, watch: &mut Stopwatch| -> f64 {
+            let held_out = Samples { dataset, steps, range: samples..dataset.len() };
+            room.losses(network, constants, spec, held_out, watch).iter().sum()
+        };
+        if let Some(best) = &mut best {
+            best.note(held_out(&mut room, learner.network(), watch), learner.values());
+        }
+        let mut order: Vec<usize> = (0..samples / steps).collect();
+        for epoch in 0..config.epochs {
+            order.shuffle(dice);
+            for sequences in order.chunks_exact(config.batch) {
+                watch.time(Phase::Bookkeeping, || room.gather(dataset, spec, steps, sequences.iter().copied()));
+                watch.time(Phase::Forward, || {
+                    room.forward(learner.network(), constants, spec);
+                    room.differentiate(spec);
+                });
+                watch.time(Phase::Backward, || learner.network().backward(&room.gradient, &mut room.trace));
+                watch.time(Phase::Adam, || {
+                    if config.weight_decay > 0.0 {
+                        learner.shrink_weights(config.learning_rate * config.weight_decay);
+                    }
+                    learner.descend(room.trace.gradient(), config.learning_rate);
+                });
+            }
+            progress((index as f64 + (epoch + 1) as f64 / config.epochs as f64) / datasets.len() as f64);
+            if let Some(best) = &mut best
+                && best.note(held_out(&mut room, learner.network(), watch), learner.values())
+            {
+                break;
+            }
+        }
+        best.iter().for_each(|best| learner.load(best.values()));
+    }
+}
+
+/// Returns the mean cross-entropy of every agent and source over some of the samples, whole episodes.
+pub(super) fn losses(
+    aips: &AipStack,
+    datasets: &[Dataset],
+    samples: Range<usize>,
+    watch: &mut Stopwatch,
+) -> Vec<CrossEntropies> {
+    let (steps, spec) = (sequence_length(aips, datasets), &aips.sources);
+    let mut room = LearningBuffers::default();
+    let of_agent = |(agent, dataset)| {
+        let constants = aips.constants.as_ref().map(|constants| (constants, agent));
+        let samples = Samples { dataset, steps, range: samples.clone() };
+        room.losses(aips.net.network(agent), constants, spec, samples, watch)
+    };
+    datasets.iter().enumerate().map(of_agent).collect()
+}
+
+/// Returns the number of samples that an AIP sees in one sequence: an episode if it has a memory, else 1.
+fn sequence_length(aips: &AipStack, datasets: &[Dataset]) -> usize {
+    if aips.net.shape().recurrent.is_some() { datasets[0].horizon } else { 1 }
+}
+
+/// Some of the samples of an agent, which are whole sequences of `steps`.
+struct Samples<'a> {
+    dataset: &'a Dataset,
+    steps: usize,
+    range: Range<usize>,
+}
+
+/// Working memory of a training, one agent after another: some sequences of its dataset, rows ordered by step, then by
+/// sequence.
+#[derive(Default)]
+struct LearningBuffers {
+    steps: usize,
+    d_sets: Vec<f32>,
+    sources: Vec<u8>,
+    /// Part of the episode of each row.
+    parts: Vec<usize>,
+    /// Outputs of the network, with constants added if it corrects some.
+    logits: Vec<f32>,
+    /// Cleared states: sequences begin with episodes, and no episode begins within.
+    states: Vec<f32>,
+    starts: Vec<bool>,
+    trace: Trace,
+    /// Gradient of the loss by the logits.
+    gradient: Vec<f32>,
+}
+
+impl LearningBuffers {
+    /// Copies sequences of `steps` samples.
+    fn gather(
+        &mut self,
+        dataset: &Dataset,
+        spec: &SourceSpec,
+        steps: usize,
+        sequences: impl ExactSizeIterator<Item = usize> + Clone,
+    ) {
+        let (rows, width) = (sequences.len() * steps, dataset.d_sets.width());
+        self.steps = steps;
+        self.d_sets.resize(rows * width, 0.0);
+        self.sources.clear();
+        self.parts.clear();
+        let mut d_sets = self.d_sets.chunks_exact_mut(width);
+        for step in 0..steps {
+            for sequence in sequences.clone() {
+                let sample = sequence * steps + step;
+                let d_set = d_sets.next().expect("a place per row");
+                dataset.d_sets.read(sample, d_set);
+                self.parts.push(part_of(spec, d_set));
+                self.sources.extend_from_slice(dataset.sources.row(sample));
+            }
+        }
+        self.d_sets.iter_mut().for_each(|x| *x = scaled(*x));
+    }
+
+    /// Runs the network. `constants`: what it corrects, and for which agent.
+    fn forward(&mut self, network: Network<'_>, constants: Option<(&Constants, usize)>, spec: &SourceSpec) {
+        let rows = self.sources.len() / spec.count();
+        self.states.resize(rows / self.steps * network.state_width(), 0.0);
+        self.starts.resize(rows, false);
+        let sequences = Sequences { steps: self.steps, states: &self.states, starts: &self.starts };
+        network.forward(&self.d_sets, sequences, &mut self.trace);
+        self.logits.clear();
+        self.logits.extend_from_slice(self.trace.output());
+        if let Some((constants, agent)) = constants {
+            let rows = self.logits.chunks_exact_mut(spec.logits());
+            rows.zip(&self.parts).for_each(|(logits, &part)| constants.correct(agent, spec, part, logits));
+        }
+    }
+
+    /// Computes the gradient of the cross-entropy, averaged over the samples and the sources.
+    fn differentiate(&mut self, spec: &SourceSpec) {
+        self.gradient.resize(self.logits.len(), 0.0);
+        let scale = 1.0 / self.sources.len() as f32;
+        let rows = self.gradient.chunks_exact_mut(spec.logits()).zip(self.logits.chunks_exact(spec.logits()));
+        for ((gradient, logits), observed) in rows.zip(self.sources.chunks_exact(spec.count())) {
+            sources::write_gradient(spec, logits, observed, scale, gradient);
+        }
+    }
+
+    fn losses(
+        &mut self,
+        network: Network<'_>,
+        constants: Option<(&Constants, usize)>,
+        spec: &SourceSpec,
+        Samples { dataset, steps, range }: Samples<'_>,
+        watch: &mut Stopwatch,
+    ) -> CrossEntropies {
+        let mut sums = vec![0.0; spec.count()];
+        let (first, last) = (range.start / steps, range.end / steps);
+        let chunk = (LOSS_CHUNK / steps).max(1);
+        for start in (first..last).step_by(chunk) {
+            watch.time(Phase::Bookkeeping, || self.gather(dataset, spec, steps, start..last.min(start + chunk)));
+            watch.time(Phase::Forward, || {
+                self.forward(network, constants, spec);
+                let rows = self.logits.chunks_exact(spec.logits()).zip(self.sources.chunks_exact(spec.count()));
+                rows.for_each(|(logits, observed)| sources::add_cross_entropies(spec, logits, observed, &mut sums));
+            });
+        }
+        sums.iter_mut().for_each(|sum| *sum /= range.len() as f64);
+        sums
+    }
+}
+
+/// The parameters with the lowest loss on held-out samples.
+struct BestSoFar {
+    patience: usize,
+    /// Lowest loss, infinite before the first one.
+    loss: f64,
+    values: Vec<f32>,
+    /// Number of losses since then.
+    since: usize,
+}
+
+impl BestSoFar {
+    /// Waits for this number of losses that are not lower, at least 1.
+    fn new(patience: usize) -> BestSoFar {
+        BestSoFar { patience, loss: f64::INFINITY, values: Vec::new(), since: 0 }
+    }
+
+    /// Notes the loss of some parameters. Returns whether it is time to stop.
+    fn note(&mut self, loss: f64, values: &[f32]) -> bool {
+        if loss < self.loss || self.values.is_empty() {
+            self.loss = loss;
+            self.values.clear();
+            self.values.extend_from_slice(values);
+            self.since = 0;
+        } else {
+            self.since += 1;
+        }
+        self.since >= self.patience
+    }
+
+    fn values(&self) -> &[f32] {
+        &self.values
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn it_gives_up_after_as_many_losses_as_it_is_patient_and_keeps_the_best() {
+        let mut best = BestSoFar::new(2);
+        let stops = [(3.0, 0.1), (2.0, 0.2), (2.5, 0.3), (1.0, 0.4), (1.0, 0.5), (f64::NAN, 0.6)]
+            .map(|(loss, value)| best.note(loss, &[value]));
+        assert_eq!(stops, [false, false, false, false, false, true]);
+        assert_eq!(best.values(), [0.4]);
+    }
+}

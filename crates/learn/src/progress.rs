@@ -1,0 +1,187 @@
+//! How far Algorithm 1 has come between two periods. With the config and the agents, it decides how training continues.
+
+use serde::{Deserialize, Serialize};
+
+use crate::config::{AipTraining, Config, Period, schedule};
+use crate::predictors::FreshLoss;
+use crate::state::AgentsState;
+use anyhow::ensure;
+use dials_core::domain::Result;
+
+/// Longest wall time of a run that is believed, in seconds: three hundred years.
+const LONGEST_S: f64 = 1e10;
+
+/// How far training has come. The default is its beginning.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct TrainingProgress {
+    /// End of the last period that is over, in timesteps per agent. Not a number of periods: the schedule may change
+    /// when a run is resumed.
+    pub until: u64,
+    /// Timesteps per agent at the last evaluation. A schedule that has changed does not repeat it.
+    pub evaluated_at: Option<u64>,
+    pub drift: Drift,
+}
+
+impl TrainingProgress {
+    /// Returns an error that says how it contradicts the config that it was reached with, or the state.
+    pub fn check(&self, state: &AgentsState, elapsed_s: f64, config: &Config) -> Result<()> {
+        let TrainingProgress { until, evaluated_at, drift } = *self;
+        let ends_there = schedule(config).iter().any(|period| period.end == until);
+        ensure!(ends_there, "it ends a period at step {until}, where its own schedule has none");
+        let steps = config.update_at_or_after(until);
+        ensure!(
+            state.steps == steps,
+            "its period ends at step {until}, so training is at step {steps}, but it is at step {}",
+            state.steps
+        );
+        ensure!(
+            evaluated_at.is_none_or(|at| at <= state.steps),
+            "its last evaluation is at step {}, after its own step {}",
+            evaluated_at.unwrap_or(0),
+            state.steps
+        );
+        ensure!((0.0..=LONGEST_S).contains(&elapsed_s), "it was written after {elapsed_s} seconds, which cannot be");
+        let shares = [drift.share_after_training, drift.share_now];
+        ensure!(
+            shares.into_iter().flatten().all(|share| share >= 0.0 && share.is_finite()),
+            "its drift is {drift:?}, but a loss is a positive number"
+        );
+        ensure!(
+            drift.share_after_training.is_none() || config.trains_predictors(),
+            "its drift counts from a training of influence predictors, and this run trains none"
+        );
+        Ok(())
+    }
+
+    /// Returns whether the AIPs are trained before the policies in this period.
+    pub(crate) fn trains_aips(&self, period: &Period, config: &Config) -> bool {
+        match period.train_aips {
+            AipTraining::No => false,
+            AipTraining::Yes => true,
+            AipTraining::IfDrifted => self.drift.percent() > config.aip.drift_threshold,
+        }
+    }
+}
+
+/// When the loss of the AIPs is measured.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Moment {
+    Evaluation,
+    Training,
+}
+
+impl Moment {
+    pub fn name(self) -> &'static str {
+        match self {
+            Moment::Evaluation => "evaluation",
+            Moment::Training => "training",
+        }
+    }
+}
+
+/// How much AIPs that were trained on earlier policies have become outdated: their loss on new episodes of the GS under
+/// the current joint policy, divided by the loss of the best constants on the same episodes. The loss alone would not
+/// show it. As policies learn, arrivals also become easier or harder to predict, whatever the AIPs know: in our
+/// ablation of the warehouse, the loss of AIPs that were trained once falls from 0.50 to 0.39 nats while they become
+/// worse than constants. What counts is the growth of the share since the last training.
+///
+/// Both losses are means over all agents and sources. Where no source varies, constants have no loss and the share is 1.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Drift {
+    /// Share right after the last training, if there was one.
+    share_after_training: Option<f64>,
+    /// Share at the last measurement.
+    share_now: Option<f64>,
+}
+
+impl Drift {
+    pub(crate) fn note(&mut self, after: Moment, losses: &[FreshLoss]) {
+        let [loss, constants] = FreshLoss::means_of_all(losses);
+        self.share_now = Some(if constants > 0.0 { loss / constants } else { 1.0 });
+        if after == Moment::Training {
+            self.share_after_training = self.share_now;
+        }
+    }
+
+    /// Returns by how many percent the share has grown since the last training; NaN before the first training.
+    pub fn percent(&self) -> f64 {
+        match (self.share_after_training, self.share_now) {
+            (Some(then), Some(now)) => 100.0 * (now / then - 1.0),
+            _ => f64::NAN,
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn drifted_aips_are_trained_again_where_the_schedule_leaves_it_to_the_drift() {
+        let mut config = Config::default();
+        config.aip.drift_threshold = 5.0;
+        let trains = |progress: &TrainingProgress| {
+            [AipTraining::No, AipTraining::IfDrifted, AipTraining::Yes].map(|train_aips| {
+                progress.trains_aips(&Period { start: 0, end: 1, train_aips, evaluate: false, average: false }, &config)
+            })
+        };
+        let mut progress = TrainingProgress::default();
+        assert_eq!(trains(&progress), [false, false, true], "before the first training nothing can have drifted");
+        let losses = |loss| [FreshLoss { predictor: vec![loss], marginals: vec![0.5] }];
+        progress.drift.note(Moment::Training, &losses(0.2));
+        // 0.208 / 0.2 is 4 % more, 0.212 / 0.2 is 6 %.
+        progress.drift.note(Moment::Evaluation, &losses(0.208));
+        assert_eq!(trains(&progress), [false, false, true]);
+        progress.drift.note(Moment::Evaluation, &losses(0.212));
+        assert_eq!(trains(&progress), [false, true, true]);
+    }
+
+    fn losses(of_agents: [f64; 2], constants: f64) -> Vec<FreshLoss> {
+        let of_agent = |loss| FreshLoss { predictor: vec![loss, loss], marginals: vec![constants, constants] };
+        of_agents.map(of_agent).to_vec()
+    }
+
+    #[test]
+    fn it_is_the_growth_of_the_mean_loss_beside_that_of_constants_since_the_last_training() {
+        let mut drift = Drift::default();
+        drift.note(Moment::Evaluation, &losses([0.7, 0.7], 0.5));
+        assert!(drift.percent().is_nan(), "before the first training nothing can have drifted");
+        drift.note(Moment::Training, &losses([0.2, 0.3], 0.5));
+        assert_eq!(drift.percent(), 0.0);
+        drift.note(Moment::Evaluation, &losses([0.25, 0.3], 0.5));
+        assert!((drift.percent() - 10.0).abs() < 1e-9, "0.275 / 0.25");
+        drift.note(Moment::Evaluation, &losses([0.2, 0.25], 0.4));
+        assert!((drift.percent() - 12.5).abs() < 1e-9, "0.225 / 0.4 against 0.25 / 0.5");
+        drift.note(Moment::Evaluation, &losses([0.2, 0.25], 0.5));
+        assert!((drift.percent() + 10.0).abs() < 1e-9, "it may also fall");
+        drift.note(Moment::Training, &losses([0.1, 0.1], 0.5));
+        assert_eq!(drift.percent(), 0.0);
+    }
+
+    #[test]
+    fn it_shows_after_a_training_on_episodes_in_which_nothing_varied() {
+        let mut drift = Drift::default();
+        drift.note(Moment::Training, &losses([0.01, 0.01], 0.0));
+        drift.note(Moment::Evaluation, &losses([0.75, 0.75], 0.5));
+        assert!((drift.percent() - 50.0).abs() < 1e-9);
+    }
+
+    #[test]
+    fn a_checkpoint_ends_a_period_of_its_own_schedule() {
+        let mut config = Config { total_steps: 250, ..Config::default() };
+        (config.ppo.memory, config.evaluation.every_steps, config.aip.retrain_every_steps) = (128, 100, 1000);
+        let checked = |until: u64, steps: u64| {
+            let state = AgentsState { steps, ..AgentsState::nobody() };
+            let progress = TrainingProgress { until, ..TrainingProgress::default() };
+            progress.check(&state, 0.0, &config).map_err(|error| error.to_string())
+        };
+        // Training is at 256 from step 129 on, so nothing is left to train at step 200.
+        assert_eq!([checked(100, 128), checked(200, 256)], [const { Ok(()) }; 2]);
+        for none in [0, 150, 250] {
+            let error = checked(none, 256).unwrap_err();
+            assert!(error.ends_with(&format!("step {none}, where its own schedule has none")), "{error}");
+        }
+    }
+}
