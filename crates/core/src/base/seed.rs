@@ -23,7 +23,7 @@ impl Seed {
 
     /// Returns the stream of one purpose.
     pub fn fork(self, purpose: RandomPurpose) -> Self {
-        self.fork_named(purpose.text())
+        self.fork_named(purpose.name())
     }
 
     /// Returns the stream of a purpose that is not in the list: for domains and controllers of other crates, and for
@@ -100,16 +100,7 @@ pub fn scramble(bits: u64) -> u64 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use rand::Rng;
     use std::collections::HashSet;
-
-    #[test]
-    fn a_stream_depends_on_its_name_alone() {
-        let first: u64 = Seed::new(7).fork(RandomPurpose::Acting).for_agent(AgentId(3)).dice().random();
-        let _other: u64 = Seed::new(7).fork(RandomPurpose::Aip).dice().random();
-        let again: u64 = Seed::new(7).fork(RandomPurpose::Acting).for_agent(AgentId(3)).dice().random();
-        assert_eq!(first, again);
-    }
 
     #[test]
     fn agents_copies_episodes_steps_and_purposes_have_streams_of_their_own() {
@@ -123,10 +114,5 @@ mod tests {
         assert!(
             seen.insert(run.fork_named("a").0) && seen.insert(run.fork_named("b").0) && seen.insert(Seed::new(2).0)
         );
-    }
-
-    #[test]
-    fn seeds_for_sumo_fit_its_31_bits() {
-        assert!((0..1000).all(|i| Seed::new(i).for_sumo() <= i32::MAX as u32));
     }
 }

@@ -4,96 +4,58 @@ use std::time::{Duration, Instant};
 
 use serde::{Deserialize, Serialize};
 
-/// Activity of a worker between two exchanges (the lines of Algorithm 1).
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
-pub enum Activity {
-    /// Training of the policies.
-    Training,
-    /// Algorithm 2: datasets from the GS (global simulator).
-    Collection,
-    /// Training of the AIPs (approximate influence predictors).
-    AipTraining,
-    /// Evaluation episodes on the GS.
-    Evaluation,
-}
-
-impl Activity {
-    pub const ALL: [Activity; 4] =
-        [Activity::Training, Activity::Collection, Activity::AipTraining, Activity::Evaluation];
-
-    /// Returns its name in the columns of `timing.csv`.
-    pub fn name(self) -> &'static str {
-        match self {
-            Activity::Training => "training",
-            Activity::Collection => "collection",
-            Activity::AipTraining => "aip_training",
-            Activity::Evaluation => "evaluation",
-        }
+named! {
+    /// Activity of a worker between two exchanges (the lines of Algorithm 1). Its name is in the columns of `timing.csv`.
+    #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+    pub enum Activity {
+        /// Training of the policies.
+        Training = "training",
+        /// Algorithm 2: datasets from the GS.
+        Collection = "collection",
+        /// Training of the AIPs.
+        AipTraining = "aip_training",
+        /// Evaluation episodes on the GS.
+        Evaluation = "evaluation",
     }
 }
 
-/// Phase of an activity. No activity has all of them.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
-pub enum Phase {
-    /// Making simulators (traffic: networks are written and read).
-    Loading,
-    /// Bringing simulators back to their state at the end of the last period.
-    Retracing,
-    /// Beginning episodes (traffic: cars are removed, lights set; on the GS the network is read again).
-    Reset,
-    /// Setting the simulator's inputs (traffic: lights and cars).
-    Insertion,
-    /// The simulator's own step (traffic: inside SUMO).
-    SimulatorStep,
-    /// Reading the results and turning them into observations and rewards.
-    Reading,
-    /// Forward passes of the policies for decisions and advantages, and drawing actions.
-    Acting,
-    /// Sampling of influence sources from the AIPs.
-    AipSampling,
-    /// Writing samples to memory and arranging them for the networks: advantages, minibatches.
-    Bookkeeping,
-    /// Forward passes of a training, with the loss.
-    Forward,
-    /// Gradients of a training.
-    Backward,
-    /// Steps of the optimiser.
-    Adam,
+named! {
+    /// Phase of an activity. No activity has all of them. Its name is in the columns of `timing.csv`.
+    #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+    pub enum Phase {
+        /// Making simulators (traffic: networks are written and read).
+        Loading = "loading",
+        /// Bringing simulators back to their state at the end of the last period.
+        Retracing = "retracing",
+        /// Beginning episodes (traffic: cars are removed, lights set; on the GS the network is read again).
+        Reset = "reset",
+        /// Setting the simulator's inputs (traffic: lights and cars).
+        Insertion = "insertion",
+        /// The simulator's own step (traffic: inside SUMO).
+        SimulatorStep = "simulator_step",
+        /// Reading the results and turning them into observations and rewards.
+        Reading = "reading",
+        /// Forward passes of the policies for decisions and advantages, and drawing actions.
+        Acting = "acting",
+        /// Sampling of influence sources from the AIPs.
+        AipSampling = "aip_sampling",
+        /// Writing samples to memory and arranging them for the networks: advantages, minibatches.
+        Bookkeeping = "bookkeeping",
+        /// Forward passes of a training, with the loss.
+        Forward = "forward",
+        /// Gradients of a training.
+        Backward = "backward",
+        /// Steps of the optimiser.
+        Adam = "adam",
+    }
 }
 
-impl Phase {
-    pub const ALL: [Phase; 12] = [
-        Phase::Loading,
-        Phase::Retracing,
-        Phase::Reset,
-        Phase::Insertion,
-        Phase::SimulatorStep,
-        Phase::Reading,
-        Phase::Acting,
-        Phase::AipSampling,
-        Phase::Bookkeeping,
-        Phase::Forward,
-        Phase::Backward,
-        Phase::Adam,
-    ];
-
-    /// Returns its name in the columns of `timing.csv`.
-    pub fn name(self) -> &'static str {
-        match self {
-            Phase::Loading => "loading",
-            Phase::Retracing => "retracing",
-            Phase::Reset => "reset",
-            Phase::Insertion => "insertion",
-            Phase::SimulatorStep => "simulator_step",
-            Phase::Reading => "reading",
-            Phase::Acting => "acting",
-            Phase::AipSampling => "aip_sampling",
-            Phase::Bookkeeping => "bookkeeping",
-            Phase::Forward => "forward",
-            Phase::Backward => "backward",
-            Phase::Adam => "adam",
-        }
-    }
+/// Where a long computation reports its times and its progress.
+pub struct Work<'a, Progress> {
+    /// Collects the time of each phase.
+    pub watch: &'a mut Stopwatch,
+    /// Is called from time to time with how far the computation is.
+    pub progress: &'a mut dyn FnMut(Progress),
 }
 
 /// A sum of wall time per phase. A reading costs tens of nanoseconds, so time the work of many rows at once, not of

@@ -277,7 +277,7 @@ impl Directory {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use std::os::unix::fs::{PermissionsExt, symlink};
+    use std::os::unix::fs::PermissionsExt;
 
     fn error<T>(outcome: Result<T>) -> String {
         format!("{:#}", outcome.err().expect("it is refused"))
@@ -298,37 +298,6 @@ mod tests {
         assert_eq!(fs::read_dir(place("run")).unwrap().count(), 0);
         fs::remove_dir_all(place("elsewhere")).unwrap();
         assert!(error(directory.write("a", b"x")).contains("run: was removed while this run was written"));
-        assert!(error(directory.open_to_append("a")).contains("run: was removed while this run was written"));
-    }
-
-    #[test]
-    fn nothing_but_a_file_of_its_own_is_opened_or_replaced() {
-        let dir = tempfile::tempdir().unwrap();
-        let (directory, outside) = (Directory::open(dir.path()).unwrap(), tempfile::NamedTempFile::new().unwrap());
-        fs::write(outside.path(), "precious").unwrap();
-        let path = |name: &str| dir.path().join(name);
-        symlink(outside.path(), path("link")).unwrap();
-        symlink("/nowhere/at/all", path("broken")).unwrap();
-        fs::write(path("file"), "x").unwrap();
-        fs::hard_link(path("file"), path("second")).unwrap();
-        rustix::fs::mknodat(rustix::fs::CWD, path("pipe"), rustix::fs::FileType::Fifo, 0o600.into(), 0).unwrap();
-        for (name, what) in [
-            ("link", "link: is a link"),
-            ("broken", "broken: is a link"),
-            ("second", "second: has 2 names (hard links)"),
-            ("pipe", "pipe: is not a regular file"),
-        ] {
-            let opened = [error(directory.open_file(name)), error(directory.open_to_append(name))];
-            for error in [error(directory.check(name)), error(directory.write(name, b"new"))].iter().chain(&opened) {
-                assert!(error.contains(what) && error.contains("move it away"), "{error}");
-            }
-        }
-        symlink(outside.path().parent().unwrap(), path("folder")).unwrap();
-        assert!(error(directory.make_subdirectory("folder")).contains("folder: is a link"));
-        directory.remove("link").unwrap();
-        assert!(!path("link").exists() && path("pipe").exists());
-        assert_eq!(fs::read(outside.path()).unwrap(), b"precious");
-        assert_eq!(fs::read(path("file")).unwrap(), b"x");
     }
 
     #[test]
