@@ -1,8 +1,9 @@
-//! Amount of arithmetic of a network: the floor under its cost.
+//! Amount of arithmetic of a network, and the peak speed of this machine: the floor under its cost.
 
 use std::time::{Duration, Instant};
 
 use super::Shape;
+use super::product::{Before, Matrix, multiply};
 
 impl Shape {
     /// Returns the floating-point operations in the matrix products of a forward pass, per row: a multiplication and an
@@ -17,11 +18,8 @@ impl Shape {
     /// inputs of the network nor to the state before the first step.
     pub fn backward_flops(&self, steps: usize) -> f64 {
         let of_tower = |tower: &Shape| {
-            let first = if tower.recurrent.is_none() {
-                tower.layers().next().map_or(0, |(inputs, outputs)| inputs * outputs)
-            } else {
-                0
-            };
+            let first_layer = tower.layers().next().map_or(0, |(inputs, outputs)| inputs * outputs);
+            let first = if tower.recurrent.is_none() { first_layer } else { 0 };
             let through_states = tower.state_weights() as f64 * (steps - 1) as f64 / steps as f64;
             tower.forward_flops() + 2.0 * ((tower.layer_weights() - first) as f64 + through_states)
         };
@@ -42,10 +40,48 @@ impl Shape {
 }
 
 /// Side of the square matrices whose product shows the machine's peak speed.
-pub(crate) const SIDE: usize = 1024;
+const SIDE: usize = 1024;
+
+/// Peak speed of matrix products on this machine, in floating-point operations per second on one thread.
+///
+/// With [`Shape::forward_flops`] and [`Shape::backward_flops`] it gives a lower bound for the time of a training.
+#[derive(Clone, Copy, Debug)]
+pub struct Peak {
+    /// Speed of the products that this crate uses.
+    pub ours: f64,
+    /// Speed of libtorch, which most software of this kind uses; `None` in a build without the feature `torch`.
+    pub libtorch: Option<f64>,
+}
+
+impl Peak {
+    /// Measures products of 1024 x 1024 x 1024 in f32: the fastest of those that fit into `time`.
+    pub fn measure(time: Duration) -> Peak {
+        let matrix = vec![0.5; SIDE * SIDE];
+        let mut product = vec![0.0; SIDE * SIDE];
+        let square = Matrix::new(&matrix, SIDE);
+        let ours = fastest(time / 2, || multiply(square, square, &mut product, Before::Overwrite));
+        Peak { ours, libtorch: libtorch_peak(time / 2) }
+    }
+}
+
+#[cfg(feature = "torch")]
+fn libtorch_peak(time: Duration) -> Option<f64> {
+    use tch::{Device, Kind, Tensor};
+
+    tch::set_num_threads(1);
+    let size = [SIDE as i64, SIDE as i64];
+    let tensor = Tensor::rand(&size, (Kind::Float, Device::Cpu));
+    let out = Tensor::empty(&size, (Kind::Float, Device::Cpu));
+    Some(fastest(time, || drop(tensor.matmul_out(&out, &tensor))))
+}
+
+#[cfg(not(feature = "torch"))]
+fn libtorch_peak(_time: Duration) -> Option<f64> {
+    None
+}
 
 /// Returns the operations per second of the fastest product of [`SIDE`] among those that fit into `time`.
-pub(crate) fn fastest(time: Duration, mut product: impl FnMut()) -> f64 {
+fn fastest(time: Duration, mut product: impl FnMut()) -> f64 {
     let begun = Instant::now();
     let mut fastest = f64::INFINITY;
     while begun.elapsed() < time || fastest.is_infinite() {

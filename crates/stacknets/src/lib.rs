@@ -1,61 +1,12 @@
-//! Many equal small neural networks side by side, trained one by one and bit for bit as if each were alone.
-//!
-//! Some methods train hundreds of small networks at once: one per agent, per member of an ensemble, per seed, per sensor.
-//! A tensor library is made for one large network. It pays a graph, tensors and library calls for every minibatch of every
-//! small one, and its results depend on what else is in the batch. This crate holds N networks of the same shape in one
-//! block of memory, `[networks, parameters]`. It computes them network by network, while the network's parameters are in
-//! the cache.
-//!
-//! - **Nothing couples the networks.** A stack of N networks computes what N stacks of one compute, *bit for bit*, with any
-//!   number of threads, in any number of processes (tests hold it).
-//! - **One shape, much used**: inputs -> GRU, if wanted -> hidden layers with ReLU -> linear outputs, in one tower or two
-//!   ([`Shape`]). `f32`, on CPUs.
-//! - **Gradients by hand.** The loss is yours: you give its gradient by the outputs, and get that by all parameters. There
-//!   is no graph and no autograd.
-//! - **Adam** for each network on its own, in one pass over memory.
-//! - **Files** that Python reads: safetensors, and TorchScript with the feature `torch`.
-//!
-//! # Example
-//!
-//! Three networks learn XOR, each with its own random parameters:
-//!
-//! ```
-//! use rand::SeedableRng;
-//! use rand_xoshiro::Xoshiro256PlusPlus;
-//! use stacknets::{Adam, Sequences, Shape, Stack, Trace};
-//!
-//! let shape = Shape { inputs: 2, recurrent: None, hidden: vec![16], outputs: 1, apart: 0 };
-//! let mut stack = Stack::new(shape, (0..3).map(Xoshiro256PlusPlus::seed_from_u64));
-//! let mut adam = Adam::new(stack.parameters());
-//! let (inputs, wanted) = ([0., 0., 0., 1., 1., 0., 1., 1.], [0., 1., 1., 0.]); // [4, 2] and [4, 1]
-//!
-//! let mut trace = Trace::default();
-//! for mut learner in adam.learners(&mut stack, 500) {
-//!     for _ in 0..500 {
-//!         learner.network().forward(&inputs, Sequences::NONE, &mut trace);
-//!         // The loss is half the sum of the squared errors. Its gradient by an output is the error.
-//!         let errors: Vec<f32> = trace.output().iter().zip(wanted).map(|(output, wanted)| output - wanted).collect();
-//!         learner.network().backward(&errors, &mut trace);
-//!         learner.descend(trace.gradient(), 0.01);
-//!     }
-//! }
-//!
-//! for number in 0..3 {
-//!     stack.network(number).forward(&inputs, Sequences::NONE, &mut trace);
-//!     assert!(trace.output().iter().zip(wanted).all(|(output, wanted)| (output - wanted).abs() < 0.05));
-//! }
-//! ```
-//!
-//! `examples/side_by_side.rs` trains a hundred networks with a GRU on several threads, and compares one of them with the
-//! same network alone.
+#![doc = include_str!("../README.md")]
 //!
 //! # How to use it
 //!
 //! - [`Stack`] has the networks, [`Stack::network`] is one of them. To *apply* all at once, with one or more rows of inputs
 //!   each: [`Stack::step`], with [`States`] for networks with a GRU.
-//! - To *train*: [`Adam::learners`] lends each network with its part of the optimiser as a [`Learner`]. It runs
+//! - To *train*: [`Adam::trainers`] lends each network with its part of the optimiser as a [`Trainer`]. It runs
 //!   [`Network::forward`] and [`Network::backward`] over a minibatch, with a [`Trace`] as working memory, and
-//!   [`Learner::descend`]s. Learners are independent: [`Threads::map`] shares them among threads.
+//!   [`Trainer::descend`]s. Trainers are independent: [`Threads::map`] shares them among threads.
 //! - To *save*: [`Parameters::values`] is a plain table, [`Rows`]; [`Layout`] says which weight is where. [`write_stacks`] and
 //!   [`read_stack`] make files of it, [`Moments`] is the optimiser's state.
 //! - To *measure*: [`Shape::forward_flops`], [`Shape::backward_flops`] and [`Peak`] give a lower bound for the time.
@@ -84,13 +35,11 @@
 //   states between steps; `adam`: the optimiser.
 // - `shape`, `parameters`: layers of a network, and its row of parameters; `rows`: tables; `stack_file`: safetensors;
 //   `script`: TorchScript (`no_script` replaces it in builds without libtorch).
-// - `product`, `few_rows`, `activations`, `buffer`: the arithmetic; `vectors`: the width of its registers;
-//   `order_of_sums` (tests): the order in which products of 256 bits add up.
-// - `threads`: threads that share the networks.
-// - `flops`, `peak`, `yardstick` (libtorch's speed): for benchmarks.
+// - `product`, `few_rows`, `activations`: the arithmetic; `vectors`: the width of its registers; `order_of_sums` (tests):
+//   the order in which products of 256 bits add up.
+// - `threads`: threads that share the networks. `flops`: the least work and the peak speed, for benchmarks.
 mod activations;
 mod adam;
-mod buffer;
 mod few_rows;
 mod flops;
 mod gru;
@@ -98,7 +47,6 @@ mod network;
 #[cfg(test)]
 mod order_of_sums;
 mod parameters;
-mod peak;
 mod product;
 mod rows;
 #[cfg_attr(not(feature = "torch"), path = "no_script.rs")]
@@ -111,14 +59,12 @@ mod states;
 mod testing;
 mod threads;
 mod vectors;
-#[cfg(feature = "torch")]
-mod yardstick;
 
 pub use activations::sigmoid;
-pub use adam::{Adam, Learner, Moments};
+pub use adam::{Adam, Moments, Trainer};
+pub use flops::Peak;
 pub use network::{Network, Sequences, Trace};
 pub use parameters::Parameters;
-pub use peak::Peak;
 pub use rows::Rows;
 pub use script::{check_script, script};
 pub use shape::{Layout, Shape};
@@ -127,8 +73,3 @@ pub use stack_file::{StackToWrite, about_stacks, read_stack, write_stacks};
 pub use states::States;
 pub use threads::Threads;
 pub use vectors::{VectorWidth, use_vectors, vector_instructions};
-
-/// The README's example is tested, too.
-#[cfg(doctest)]
-#[doc = include_str!("../README.md")]
-struct Readme;

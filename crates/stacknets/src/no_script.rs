@@ -9,8 +9,7 @@ pub fn check_script() -> Result<()> {
     bail!("TorchScript is written by libtorch, and this program was built without it")
 }
 
-/// Returns all networks as one TorchScript module, parameters included: the bytes of a file that PyTorch and libtorch open.
-/// The archive in it gets the name `name`. Takes the feature `torch`: see [`check_script`].
+/// Takes the feature `torch`: see [`check_script`].
 pub fn script(_net: &Stack, _name: &str) -> Result<Vec<u8>> {
     check_script().map(|()| Vec::new())
 }

@@ -6,8 +6,8 @@ use super::shape::Layout;
 /// The parameters of the networks of one stack, `[networks, width]`. A row is one network, and goes into messages and
 /// files as it is. Its [`Layout`] says which weight is where.
 pub struct Parameters {
-    layout: Layout,
-    values: Rows<f32>,
+    pub(crate) layout: Layout,
+    pub(crate) values: Rows<f32>,
 }
 
 impl Parameters {
@@ -34,10 +34,6 @@ impl Parameters {
     /// Returns all values, `[networks, width]`.
     pub fn values(&self) -> &Rows<f32> {
         &self.values
-    }
-
-    pub(crate) fn layout_and_values_mut(&mut self) -> (&Layout, &mut Rows<f32>) {
-        (&self.layout, &mut self.values)
     }
 
     /// Returns all values, for writing.

@@ -83,14 +83,14 @@ impl Stack {
     }
 
     pub(crate) fn parts_mut(&mut self) -> (&Shape, &Layout, &mut Rows<f32>) {
-        let (layout, values) = self.parameters.layout_and_values_mut();
-        (&self.shape, layout, values)
+        (&self.shape, &self.parameters.layout, &mut self.parameters.values)
     }
 
     /// Adds `bias` to the biases of the first tower's last layer in all networks: one value per output, or per each of the
     /// first outputs.
     pub fn shift_output(&mut self, bias: &[f32]) {
-        let range = self.parameters.layout().range(self.shape.blocks_per_tower() - 1);
+        let layout = self.parameters.layout();
+        let range = layout.of_tower(&self.shape, 0)[self.shape.blocks_per_tower() - 1].place.clone();
         let width = self.parameters.width();
         for row in self.parameters.values_mut().as_mut_slice().chunks_exact_mut(width) {
             row[range.clone()].iter_mut().zip(bias).for_each(|(value, shift)| *value += shift);
@@ -142,7 +142,7 @@ impl Stack {
 mod tests {
     use super::*;
     use crate::testing::{dice, stack};
-    use crate::{Adam, Learner};
+    use crate::{Adam, Trainer};
 
     fn feed_forward(sizes: &[usize]) -> Shape {
         let (inputs, outputs) = (sizes[0], sizes[sizes.len() - 1]);
@@ -398,11 +398,11 @@ mod tests {
             let run = |networks: &[u64], material: &Material, threads: Threads| {
                 let mut stack = stack(shape.clone(), networks);
                 let mut adam = Adam::new(stack.parameters());
-                let learners = adam.learners(&mut stack, 3).into_iter().enumerate().collect();
-                let passes = threads.map(learners, 1, |(): &mut (), (number, mut learner): (usize, Learner<'_>)| {
+                let trainers = adam.trainers(&mut stack, 3).into_iter().enumerate().collect();
+                let passes = threads.map(trainers, 1, |(): &mut (), (number, mut trainer): (usize, Trainer<'_>)| {
                     let pass = |_| {
-                        let (outputs, gradient) = material.outputs_and_gradient(learner.network(), number);
-                        learner.descend(&gradient, 1e-3);
+                        let (outputs, gradient) = material.outputs_and_gradient(trainer.network(), number);
+                        trainer.descend(&gradient, 1e-3);
                         (outputs, gradient)
                     };
                     (0..3).map(pass).collect::<Vec<_>>()

@@ -1,5 +1,4 @@
-//! What simulators show: percepts and transitions of rows of one kind (LS, local simulator), and joint ones of all
-//! agents (GS, global simulator).
+//! What simulators show: percepts and transitions of rows of one kind (LS), and joint ones of all agents (GS).
 
 use super::{Kinds, RegionSpec};
 use crate::base::{Ragged, Rows};

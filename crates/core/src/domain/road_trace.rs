@@ -62,7 +62,7 @@ pub struct Approach {
     pub standing: Vec<Vec<usize>>,
 }
 
-/// A way that cars drive from one end to the other, such as a row of intersections.
+/// A road that cars take from one end to the other, such as a row of intersections.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Corridor {
     /// Name, such as `row 1 of a grid of 2x2`.
@@ -72,7 +72,7 @@ pub struct Corridor {
     pub to: String,
     pub length_m: f64,
     pub crossings: Vec<CorridorLight>,
-    /// Points of each drive: seconds, and metres from the beginning.
+    /// Trajectory of each car: seconds, and metres from the beginning.
     pub cars: Vec<Vec<(f64, f64)>>,
 }
 
@@ -110,8 +110,8 @@ impl RoadTrace {
         for corridor in &mut self.corridors {
             corridor.crossings.iter_mut().for_each(|crossing| cut(&mut crossing.aspects, within.clone()));
             let [begin, end] = [seconds.start, seconds.end].map(|second| second as f64);
-            corridor.cars.iter_mut().for_each(|drive| drive.retain(|(second, _)| (begin..=end).contains(second)));
-            corridor.cars.retain(|drive| !drive.is_empty());
+            corridor.cars.iter_mut().for_each(|points| points.retain(|(second, _)| (begin..=end).contains(second)));
+            corridor.cars.retain(|points| !points.is_empty());
         }
         RoadTrace { seconds, ..self }
     }

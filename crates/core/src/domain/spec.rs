@@ -8,17 +8,15 @@ pub type Action = u8;
 pub struct RegionSpec {
     /// Width of an observation `o_i`.
     pub obs_dim: usize,
-    /// Width of the d-separating set (d-set): what the AIP (approximate influence predictor) sees at each step. It is a
-    /// part of the ALSH (action-local-state history).
+    /// Width of the d-separating set (d-set): what the AIP sees at each step. It is a part of the ALSH.
     pub d_set_dim: usize,
     pub n_actions: usize,
     /// Whether percepts say which actions are allowed. Otherwise all are, always.
     pub masks: bool,
     pub sources: SourceSpec,
-    /// Number of steps of an episode of the GS (global simulator), the same for all kinds of a domain.
+    /// Number of steps of an episode of the GS, the same for all kinds of a domain.
     pub horizon: usize,
-    /// Number of steps of an episode of the LS (local simulators). Each exchange retraces the episodes under way, so long
-    /// ones are dear.
+    /// Number of steps of an episode of the LS. Each exchange retraces the episodes under way, so long ones cost much.
     pub local_horizon: usize,
 }
 

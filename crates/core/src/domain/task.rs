@@ -1,4 +1,4 @@
-//! What an agent sees, does and is paid for, in words. For people only: nothing is computed from it.
+//! What an agent sees, does and is rewarded for, in words. For people only: nothing is computed from it.
 
 use serde::Serialize;
 
@@ -11,9 +11,9 @@ pub struct Task {
     pub observation: Vec<String>,
     /// Names of the actions.
     pub actions: Vec<String>,
-    /// What the agent is paid for a step, a sentence.
+    /// What the agent is rewarded for a step, a sentence.
     pub reward: String,
-    /// Names of the influence sources: what the AIP (approximate influence predictor) predicts.
+    /// Names of the influence sources: what the AIP predicts.
     pub sources: Vec<String>,
     /// Names of the columns of the d-set: what the AIP sees.
     pub d_set: Vec<String>,

@@ -4,7 +4,7 @@ use super::{CorrectingAips, InfluencePredictor, PredictorKind, TrainablePredicto
 use crate::config::AipConfig;
 use dials_core::base::{AgentId, Dice, Rows, Seed};
 use dials_core::domain::{RegionSpec, Result, SourceSpec};
-use stacknets::{Adam, Layout, Learner, Parameters, Shape, Stack, States};
+use stacknets::{Adam, Layout, Parameters, Shape, Stack, States, Trainer};
 
 /// One AIP per agent: d-set -> GRU, if any -> hidden layers -> logits of the influence sources.
 ///
@@ -59,8 +59,8 @@ impl AipStack {
     }
 
     /// Returns every agent's AIP with its part of the optimiser, for `steps` gradient steps each.
-    pub(super) fn learners<'a>(&'a mut self, adam: &'a mut Adam, steps: u32) -> Vec<Learner<'a>> {
-        adam.learners(&mut self.net, steps)
+    pub(super) fn learners<'a>(&'a mut self, adam: &'a mut Adam, steps: u32) -> Vec<Trainer<'a>> {
+        adam.trainers(&mut self.net, steps)
     }
 }
 

@@ -11,7 +11,7 @@ pub mod sampling;
 use crate::config::PolicyConfig;
 use dials_core::base::{AgentId, Ragged, Rows, Seed};
 use dials_core::domain::{Percept, RegionSpec, Result};
-use stacknets::{Adam, Learner, Network, Parameters, Shape, Stack, States, Threads, script};
+use stacknets::{Adam, Network, Parameters, Shape, Stack, States, Threads, Trainer, script};
 
 pub use controller::{JointPolicyController, Selection, StackController};
 pub use demonstrations::Demonstrations;
@@ -168,7 +168,7 @@ impl PolicyStack {
     }
 
     /// Returns every agent's policy with its part of the optimiser, for `steps` gradient steps each.
-    pub fn learners<'a>(&'a mut self, adam: &'a mut Adam, steps: u32) -> Vec<Learner<'a>> {
-        adam.learners(&mut self.net, steps)
+    pub fn learners<'a>(&'a mut self, adam: &'a mut Adam, steps: u32) -> Vec<Trainer<'a>> {
+        adam.trainers(&mut self.net, steps)
     }
 }
