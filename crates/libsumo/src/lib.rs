@@ -1,27 +1,4 @@
-//! [SUMO](https://eclipse.dev/sumo/), the traffic simulator, in this process: a safe interface over its C++ library libsumo.
-//!
-//! For programs that step a simulation, look at it and act on it thousands of times a second: signal control,
-//! optimisation, learning, calibration. TraCI does that over a socket, call by call. Here a call is a function call, reads
-//! and writes go in batches, and neither a C pointer nor a C++ exception comes out.
-//!
-//! ```
-//! use libsumo::{CarTable, Simulation};
-//!
-//! let options = ["-n", "examples/data/crossing.net.xml", "-r", "examples/data/crossing.rou.xml"];
-//! let mut simulation = Simulation::load(&options)?;
-//! let lanes = simulation.register_lanes(&["from_south_0", "from_west_0"])?;
-//! let light = simulation.register_lights(&["middle"])?;
-//! simulation.set_lights(&light, &[&"rG".parse()?])?; // red for the south, green for the west
-//! for _ in 0..100 {
-//!     simulation.step()?;
-//! }
-//! let mut cars = CarTable::new();
-//! simulation.read_lanes(&lanes, &mut cars)?;
-//! assert!(cars.lane(0).halting() > 0 && cars.lane(1).halting() == 0);
-//! # Ok::<(), libsumo::Error>(())
-//! ```
-//!
-//! `examples/crossing.rs` controls this light by the queues before it.
+#![doc = include_str!("../README.md")]
 //!
 //! # One simulation per process
 //!
@@ -60,11 +37,6 @@
 //! [`Simulation::reload`] is then an error, too. What SUMO would misread without a word is refused before it gets
 //! there: unknown letters in the state of a light, a state of another length, a speed that is not a number.
 //!
-//! # What it does not do
-//!
-//! It has the part of libsumo that driving and reading a simulation in batches takes, not all of it: no
-//! pedestrians, no GUI, no subscriptions.
-//!
 //! # Units
 //!
 //! Metres, seconds, metres per second; names say so (`position_m`, `speed_mps`).
@@ -91,8 +63,3 @@ pub use library::load;
 pub use signal::SignalState;
 pub use simulation::Simulation;
 pub use table::{Car, CarTable, LaneCars};
-
-/// The README's example is tested, too.
-#[cfg(doctest)]
-#[doc = include_str!("../README.md")]
-struct Readme;

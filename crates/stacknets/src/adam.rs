@@ -238,27 +238,20 @@ mod tests {
     }
 
     #[test]
-    fn weights_shrink_and_biases_stay() {
+    fn weights_shrink_and_biases_stay_and_a_new_beginning_takes_its_first_step_again() {
         let mut stack = line();
         let mut adam = Adam::new(stack.parameters());
         let mut trainers = adam.trainers(&mut stack, 1);
         trainers[0].shrink_weights(0.25);
         assert_eq!(trainers[0].values(), [0.75, -1.0]);
         trainers[0].load(&[3.0, 4.0]);
-        assert_eq!(stack.parameters().values().as_slice(), [3.0, 4.0]);
-    }
-
-    #[test]
-    fn an_optimiser_that_begins_again_takes_its_first_step_again() {
-        let mut stack = line();
-        let mut adam = Adam::new(stack.parameters());
-        adam.trainers(&mut stack, 1)[0].descend(&[2.0; 2], 0.1);
+        trainers[0].descend(&[2.0; 2], 0.1);
         adam.begin_again();
         assert_eq!(adam, Adam::new(stack.parameters()));
         adam.trainers(&mut stack, 1)[0].descend(&[-7.0; 2], 0.1);
         // A first step is as long as the learning rate, whatever the gradient: forth and back.
         let values = stack.parameters().values().as_slice();
-        assert!((values[0] - 1.0).abs() < 1e-6 && (values[1] + 1.0).abs() < 1e-6, "{values:?}");
+        assert!((values[0] - 3.0).abs() < 1e-6 && (values[1] - 4.0).abs() < 1e-6, "{values:?}");
     }
 
     #[test]

@@ -5,7 +5,7 @@
 
 use std::ffi::OsString;
 use std::fs::{self, File, OpenOptions, TryLockError};
-use std::io::ErrorKind;
+use std::io::{self, ErrorKind};
 use std::os::fd::AsRawFd;
 use std::os::unix::fs::{MetadataExt, OpenOptionsExt};
 use std::path::{Path, PathBuf};
@@ -136,13 +136,11 @@ impl Directory {
     /// Opens a directory within this one; `None` if there is none. A link to one is an error.
     pub fn subdirectory(&self, name: &str) -> Result<Option<Directory>> {
         let path = self.path_of(name);
-        let what = match path.symlink_metadata() {
-            Ok(about) if about.is_dir() => return Directory::open(&path).map(Some),
-            Err(error) if error.kind() == ErrorKind::NotFound => return Ok(None),
-            Err(error) => return Err(self.failed(error.into(), name, "cannot be opened")),
-            Ok(about) if about.is_symlink() => "is a link",
-            Ok(_) => "is no directory",
-        };
+        let Some(about) = self.if_there(path.symlink_metadata(), name, "cannot be opened")? else { return Ok(None) };
+        if about.is_dir() {
+            return Directory::open(&path).map(Some);
+        }
+        let what = if about.is_symlink() { "is a link" } else { "is no directory" };
         bail!("{}: {what}, and this program writes only into directories of its own: move it away", path.display())
     }
 
@@ -184,13 +182,12 @@ impl Directory {
     /// Checks that nothing but a regular file with one name stands at `name`, if anything does.
     pub fn check(&self, name: &str) -> Result<()> {
         let path = self.path_of(name);
-        let what = match path.symlink_metadata() {
-            Ok(about) if about.is_file() && about.nlink() <= 1 => return Ok(()),
-            Err(error) if error.kind() == ErrorKind::NotFound => return Ok(()),
-            Err(error) => return Err(self.failed(error.into(), name, "cannot be read")),
-            Ok(about) if about.is_file() => format!("has {} names (hard links)", about.nlink()),
-            Ok(about) if about.is_symlink() => "is a link".to_owned(),
-            Ok(_) => "is not a regular file".to_owned(),
+        let Some(about) = self.if_there(path.symlink_metadata(), name, "cannot be read")? else { return Ok(()) };
+        let what = match about.nlink() {
+            0 | 1 if about.is_file() => return Ok(()),
+            names if about.is_file() => format!("has {names} names (hard links)"),
+            _ if about.is_symlink() => "is a link".to_owned(),
+            _ => "is not a regular file".to_owned(),
         };
         bail!(
             "{}: {what}, and this program uses only files of its own here: move it away, and put a copy of the file in \
@@ -202,19 +199,13 @@ impl Directory {
     /// Opens a file for reading; `None` if there is none.
     pub fn open_file(&self, name: &str) -> Result<Option<File>> {
         self.check(name)?;
-        match File::open(self.path_of(name)) {
-            Err(error) if error.kind() == ErrorKind::NotFound => Ok(None),
-            opened => opened.map(Some).map_err(|error| self.failed(error.into(), name, "cannot be opened")),
-        }
+        self.if_there(File::open(self.path_of(name)), name, "cannot be opened")
     }
 
     /// Reads a whole file of at most `at_most` bytes; `None` if there is none.
     pub fn read(&self, name: &str, at_most: u64) -> Result<Option<Vec<u8>>> {
         self.check(name)?;
-        match read_bytes(&self.path_of(name), at_most) {
-            Err(error) if error.kind() == ErrorKind::NotFound => Ok(None),
-            read => read.map(Some).map_err(|error| self.failed(error.into(), name, "cannot be read")),
-        }
+        self.if_there(read_bytes(&self.path_of(name), at_most), name, "cannot be read")
     }
 
     /// Opens a file to append to and to read from, and makes it if there is none.
@@ -257,11 +248,14 @@ impl Directory {
 
     /// Removes a file or a link, never what a link leads to. If there is none, nothing happens.
     pub fn remove(&self, name: &str) -> Result<()> {
-        match fs::remove_file(self.path_of(name)) {
-            Err(error) if error.kind() != ErrorKind::NotFound => {
-                Err(self.failed(error.into(), name, "cannot be removed"))
-            }
-            _ => Ok(()),
+        self.if_there(fs::remove_file(self.path_of(name)), name, "cannot be removed").map(drop)
+    }
+
+    /// Returns the outcome of an operation on an entry; `None` if there is no such entry.
+    fn if_there<T>(&self, outcome: io::Result<T>, name: &str, failure: &str) -> Result<Option<T>> {
+        match outcome {
+            Err(error) if error.kind() == ErrorKind::NotFound => Ok(None),
+            outcome => outcome.map(Some).map_err(|error| self.failed(error.into(), name, failure)),
         }
     }
 
