@@ -10,23 +10,6 @@
 //! - To *save*: [`Parameters::values`] is a plain table, [`Rows`]; [`Layout`] says which weight is where. [`write_stacks`] and
 //!   [`read_stack`] make files of it, [`Moments`] is the optimiser's state.
 //! - To *measure*: [`Shape::forward_flops`], [`Shape::backward_flops`] and [`Peak`] give a lower bound for the time.
-//!
-//! # Shapes
-//!
-//! All tables are row-major, and where there is an axis of networks it comes first. Inputs of sequences are
-//! `[steps x sequences, inputs]`: a step's rows are neighbours.
-//!
-//! # Which bits are the same
-//!
-//! The same program with the same inputs gives the same bits on every x86-64 machine with AVX2 and FMA after
-//! [`use_vectors`]`(`[`VectorWidth::Bits256`]`)`. By default products use the widest registers that the machine has, and
-//! machines agree if [`vector_instructions`] agree. A product's bits depend on its shape: a network that gets 32 rows at
-//! once can differ in the last bit from one that gets them one by one. They never depend on the other networks.
-//!
-//! # Errors
-//!
-//! Lengths that do not fit are mistakes of the caller, and panic with both of them. Files, threads and missing instructions
-//! are [`anyhow`] errors that name the file or the cause.
 
 #![warn(missing_docs, unreachable_pub)]
 

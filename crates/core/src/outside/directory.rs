@@ -278,23 +278,6 @@ mod tests {
     }
 
     #[test]
-    fn a_directory_that_went_away_is_an_error_and_what_took_its_place_is_left_alone() {
-        let dir = tempfile::tempdir().unwrap();
-        let place = |name: &str| dir.path().canonicalize().unwrap().join(name);
-        fs::create_dir(place("run")).unwrap();
-        let directory = Directory::lock(&place("run")).unwrap();
-        assert_eq!(directory.whereabouts(), Whereabouts::InPlace);
-        assert!(error(Directory::lock(&place("run"))).contains("run: another process is writing this run"));
-        fs::rename(place("run"), place("elsewhere")).unwrap();
-        fs::create_dir(place("run")).unwrap();
-        assert_eq!(directory.whereabouts(), Whereabouts::Moved(place("elsewhere")));
-        assert!(error(directory.write("a", b"x")).contains("run: was moved to "));
-        assert_eq!(fs::read_dir(place("run")).unwrap().count(), 0);
-        fs::remove_dir_all(place("elsewhere")).unwrap();
-        assert!(error(directory.write("a", b"x")).contains("run: was removed while this run was written"));
-    }
-
-    #[test]
     fn a_file_is_replaced_as_a_whole_or_not_at_all() {
         let dir = tempfile::tempdir().unwrap();
         let directory = Directory::open(dir.path()).unwrap();

@@ -170,21 +170,6 @@ mod tests {
     }
 
     #[test]
-    fn what_a_killed_write_left_is_swept_by_the_next_one_and_what_is_being_written_is_not() {
-        let dir = tempfile::tempdir().unwrap();
-        let made =
-            [".dials-traffic-new-a1B2c3", ".dials-traffic-new-notes", ".dials-traffic-new-ab.cde", ".new-123456"];
-        for name in made {
-            fs::create_dir_all(dir.path().join(name).join("in")).unwrap();
-        }
-        let in_use = StagedDirectory::make_in(dir.path()).unwrap();
-        write_together(dir.path(), &[(dir.path().join("file"), b"new".to_vec())]).unwrap();
-        assert!(in_use.directory().path().exists(), "it is locked");
-        drop(in_use);
-        assert_eq!(names(dir.path()), [made[2], made[1], made[3], "file"], "only the first is a name of this program");
-    }
-
-    #[test]
     fn files_are_written_together_or_not_at_all() {
         let dir = tempfile::tempdir().unwrap();
         let blocked = dir.path().join("b");
