@@ -123,7 +123,7 @@ impl Crossing {
             (starts, array(read.letters.cast::<u8>(), starts[lights.len()] as usize))
         };
         for ends in starts.windows(2) {
-            each(&String::from_utf8_lossy(&letters[ends[0] as usize..ends[1] as usize]))?;
+            each(&text_between(letters, ends))?;
         }
         Ok(())
     }

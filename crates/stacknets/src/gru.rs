@@ -13,6 +13,7 @@
 use multiversion::multiversion;
 
 use super::activations::{sigmoid, tanh};
+use super::network::Sequences;
 use super::product::{Before, Matrix, affine, multiply, resized, sum_rows};
 use super::shape::Block;
 
@@ -46,20 +47,18 @@ pub(crate) struct GruTrace {
     through_weights: Vec<f32>,
 }
 
-/// Runs the unit over sequences.
-///
-/// `inputs`: `[steps x sequences, in]`; `states`, before the first step: `[sequences, hidden]`; `starts`, one per row:
-/// whether the state is cleared before this step.
+/// Runs the unit over `sequences`. `inputs`: `[steps x sequences, in]`.
 pub(crate) fn forward(
     blocks: &[Block],
     values: &[f32],
     inputs: &[f32],
-    steps: usize,
-    states: &[f32],
-    starts: &[bool],
+    sequences: Sequences<'_>,
     trace: &mut GruTrace,
 ) {
-    let hidden = blocks[STATE_BIAS].place.len() / 3;
+    let Sequences { steps, states, starts } = sequences;
+    let [input, state, input_bias, state_bias] =
+        [INPUT, STATE, INPUT_BIAS, STATE_BIAS].map(|block| &values[blocks[block].place.clone()]);
+    let hidden = state_bias.len() / 3;
     let (rows, sequences) = (starts.len(), starts.len() / steps);
     trace.steps = steps;
     trace.starts.clear();
@@ -69,7 +68,7 @@ pub(crate) fn forward(
     let gates = resized(&mut trace.gates, rows * 4 * hidden);
     let from_inputs = resized(&mut trace.from_inputs, rows * 3 * hidden);
     let from_state = resized(&mut trace.from_state, sequences * 3 * hidden);
-    affine(inputs, &values[blocks[INPUT].place.clone()], &values[blocks[INPUT_BIAS].place.clone()], from_inputs);
+    affine(inputs, input, input_bias, from_inputs);
     for step in 0..steps {
         let first = step * sequences;
         let (earlier, now) = outputs.split_at_mut(first * hidden);
@@ -79,7 +78,7 @@ pub(crate) fn forward(
         for ((before, last), &start) in pairs.zip(&starts[first..]) {
             if start { before.fill(0.0) } else { before.copy_from_slice(last) }
         }
-        affine(before, &values[blocks[STATE].place.clone()], &values[blocks[STATE_BIAS].place.clone()], from_state);
+        affine(before, state, state_bias, from_state);
         for sequence in 0..sequences {
             let row = first + sequence;
             update_row(

@@ -16,7 +16,7 @@
 // From top to bottom:
 // - `stack`: a stack; `network`: one network of it, forward and backward; `gru`: its recurrent part; `states`: the hidden
 //   states between steps; `adam`: the optimiser.
-// - `shape`, `parameters`: layers of a network, and its row of parameters; `rows`: tables; `stack_file`: safetensors;
+// - `shape`: layers of a network, and its row of parameters; `rows`: tables; `stack_file`: safetensors;
 //   `script`: TorchScript (`no_script` replaces it in builds without libtorch).
 // - `product`, `few_rows`, `activations`: the arithmetic; `vectors`: the width of its registers; `order_of_sums` (tests):
 //   the order in which products of 256 bits add up.
@@ -29,7 +29,6 @@ mod gru;
 mod network;
 #[cfg(test)]
 mod order_of_sums;
-mod parameters;
 mod product;
 mod rows;
 #[cfg_attr(not(feature = "torch"), path = "no_script.rs")]
@@ -47,10 +46,9 @@ pub use activations::sigmoid;
 pub use adam::{Adam, Moments, Trainer};
 pub use flops::Peak;
 pub use network::{Network, Sequences, Trace};
-pub use parameters::Parameters;
 pub use rows::Rows;
 pub use script::{check_script, script};
-pub use shape::{Layout, Shape};
+pub use shape::{Layout, Parameters, Shape};
 pub use stack::Stack;
 pub use stack_file::{StackToWrite, about_stacks, read_stack, write_stacks};
 pub use states::States;

@@ -202,8 +202,7 @@ impl Tower<'_> {
         trace.values.resize_with(shape.hidden.len() + 2, Vec::new);
         resized(&mut trace.values[0], inputs.len()).copy_from_slice(inputs);
         if shape.recurrent.is_some() {
-            let Sequences { steps, states, starts } = sequences;
-            gru::forward(blocks, values, inputs, steps, states, starts, &mut trace.gru);
+            gru::forward(blocks, values, inputs, sequences, &mut trace.gru);
         }
         for (layer, (_, outputs)) in shape.layers().enumerate() {
             let block = shape.first_layer() + 2 * layer;

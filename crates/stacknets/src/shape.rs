@@ -1,8 +1,8 @@
-//! The layers of a network, and the places of its weights and biases in a row of parameters.
+//! The layers of a network, the places of its weights and biases in a row of parameters, and the rows of a stack.
 
 use std::ops::Range;
 
-use super::gru;
+use super::{Rows, gru};
 
 /// The layers of a network: inputs -> GRU, if any -> hidden layers with ReLU -> linear outputs.
 ///
@@ -168,6 +168,54 @@ impl Layout {
     /// Returns the blocks of a tower of this shape, which is the network's `index`-th.
     pub(crate) fn of_tower(&self, shape: &Shape, index: usize) -> &[Block] {
         &self.blocks[index * shape.blocks_per_tower()..][..shape.blocks_per_tower()]
+    }
+}
+
+/// The parameters of the networks of one stack, `[networks, width]`. A row is one network, and goes into messages and
+/// files as it is. Its [`Layout`] says which weight is where.
+pub struct Parameters {
+    pub(crate) layout: Layout,
+    pub(crate) values: Rows<f32>,
+}
+
+impl Parameters {
+    /// Makes parameters of zeros.
+    pub(crate) fn new(networks: usize, layout: Layout) -> Self {
+        Parameters { values: Rows::new(networks, layout.width()), layout }
+    }
+
+    /// Returns the number of networks.
+    pub fn networks(&self) -> usize {
+        self.values.len()
+    }
+
+    /// Returns the places of weights and biases within a row.
+    pub fn layout(&self) -> &Layout {
+        &self.layout
+    }
+
+    /// Returns the number of parameters per network.
+    pub fn width(&self) -> usize {
+        self.layout.width()
+    }
+
+    /// Returns all values, `[networks, width]`.
+    pub fn values(&self) -> &Rows<f32> {
+        &self.values
+    }
+
+    /// Returns all values, for writing.
+    pub fn values_mut(&mut self) -> &mut Rows<f32> {
+        &mut self.values
+    }
+
+    /// Copies the values of `rows`, one row per network.
+    ///
+    /// # Panics
+    /// If `rows` has a different shape.
+    pub fn load(&mut self, rows: &Rows<f32>) {
+        assert_eq!((rows.len(), rows.width()), (self.networks(), self.width()), "parameters of another stack");
+        self.values.copy_from(rows);
     }
 }
 

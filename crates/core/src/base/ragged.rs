@@ -13,7 +13,6 @@ pub struct Ragged<T> {
     ends: Vec<usize>,
 }
 
-/// A table as it is read, not yet checked.
 #[derive(Deserialize)]
 struct WrittenRagged<T> {
     data: Vec<T>,

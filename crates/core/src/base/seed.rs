@@ -21,7 +21,6 @@ impl Seed {
         Seed(mix(run))
     }
 
-    /// Returns the stream of one purpose.
     pub fn fork(self, purpose: RandomPurpose) -> Self {
         self.fork_named(purpose.name())
     }

@@ -8,11 +8,9 @@ named! {
     /// Activity of a worker between two exchanges (the lines of Algorithm 1). Its name is in the columns of `timing.csv`.
     #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
     pub enum Activity {
-        /// Training of the policies.
         Training = "training",
         /// Algorithm 2: datasets from the GS.
         Collection = "collection",
-        /// Training of the AIPs.
         AipTraining = "aip_training",
         /// Evaluation episodes on the GS.
         Evaluation = "evaluation",
@@ -37,15 +35,12 @@ named! {
         Reading = "reading",
         /// Forward passes of the policies for decisions and advantages, and drawing actions.
         Acting = "acting",
-        /// Sampling of influence sources from the AIPs.
         AipSampling = "aip_sampling",
         /// Writing samples to memory and arranging them for the networks: advantages, minibatches.
         Bookkeeping = "bookkeeping",
         /// Forward passes of a training, with the loss.
         Forward = "forward",
-        /// Gradients of a training.
         Backward = "backward",
-        /// Steps of the optimiser.
         Adam = "adam",
     }
 }
@@ -94,12 +89,10 @@ impl Stopwatch {
         self.spent[phase as usize]
     }
 
-    /// Returns the time of all phases together.
     pub fn total(&self) -> Duration {
         self.spent.iter().sum()
     }
 
-    /// Returns all phases and starts again from zero.
     pub fn take(&mut self) -> Stopwatch {
         std::mem::take(self)
     }
@@ -111,7 +104,6 @@ pub struct Timesheet {
     activities: [(Duration, Stopwatch); Activity::ALL.len()],
     /// CPU time of the whole process, all threads.
     cpu: Duration,
-    /// CPU time of each activity.
     cpu_of: [Duration; Activity::ALL.len()],
 }
 
@@ -155,7 +147,6 @@ impl Timesheet {
         self.cpu
     }
 
-    /// Returns the CPU time of an activity.
     pub fn cpu_of(&self, activity: Activity) -> Duration {
         self.cpu_of[activity as usize]
     }
@@ -169,7 +160,6 @@ impl Timesheet {
         &self.activities[activity as usize].1
     }
 
-    /// Returns the time of all activities together.
     pub(crate) fn total(&self) -> Duration {
         self.activities.iter().map(|(whole, _)| *whole).sum()
     }
@@ -203,11 +193,8 @@ mod tests {
         all.add(&order(Activity::Evaluation, 5, 4));
         // Preparing an order is no activity.
         all.add(&Timesheet::of_cpu(seconds(1)));
-        let of = |activity| all.cpu_of(activity);
-        assert_eq!(
-            (all.cpu(), of(Activity::Training), of(Activity::Evaluation)),
-            (seconds(24), seconds(19), seconds(4))
-        );
-        assert_eq!(of(Activity::Collection), Duration::ZERO);
+        assert_eq!(all.cpu(), seconds(24));
+        let activities = [Activity::Training, Activity::Evaluation, Activity::Collection];
+        assert_eq!(activities.map(|activity| all.cpu_of(activity)), [19, 4, 0].map(seconds));
     }
 }

@@ -1,6 +1,5 @@
 //! Figures, lines and lists for people.
 
-/// Most digits after the point.
 const MOST_DIGITS: f64 = 4.0;
 
 /// Columns of the narrowest terminal that messages are written for.

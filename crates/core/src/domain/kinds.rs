@@ -29,7 +29,6 @@ pub struct Place {
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Kinds {
     kinds: Vec<Kind>,
-    /// Place of each agent.
     places: Vec<Place>,
     /// Number of influence sources that each agent has itself.
     sources: Vec<usize>,
@@ -92,7 +91,6 @@ impl Kinds {
         self.places.len()
     }
 
-    /// Returns the number of kinds.
     pub fn count(&self) -> usize {
         self.kinds.len()
     }
@@ -119,7 +117,6 @@ impl Kinds {
         &self.kinds[self.place(agent).kind]
     }
 
-    /// Returns the spec of every agent, in order.
     pub fn specs(&self) -> impl Iterator<Item = &RegionSpec> + Clone {
         self.places.iter().map(|place| &self.kinds[place.kind].spec)
     }

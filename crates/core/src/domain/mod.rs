@@ -14,13 +14,11 @@
 mod kinds;
 mod percept;
 pub mod road_trace;
-mod road_view;
 mod rough_costs;
 mod scenario;
 mod scene;
 mod spec;
 mod table;
-mod task;
 
 use std::path::{Path, PathBuf};
 
@@ -31,13 +29,12 @@ use crate::base::{AgentId, Ragged, Rows, Seed, Stopwatch};
 
 pub use kinds::{Kind, Kinds, Place};
 pub use percept::{JointPercept, JointTransition, Percept, Transition};
-pub use road_view::{ApproachView, CarView, RoadView};
+pub use road_trace::{ApproachView, CarView, RoadView};
 pub use rough_costs::RoughCosts;
 pub use scenario::{Episode, FirstRow, Map, Rules, Scenario, ScenarioId};
 pub use scene::{Colour, Scene};
-pub use spec::{Action, RegionSpec, SourceSpec, logits_of};
+pub use spec::{Action, RegionSpec, SourceSpec, Task, logits_of};
 pub use table::DomainTable;
-pub use task::Task;
 
 /// Result of a simulator. Its failures have many reasons (SUMO, files), and no room above distinguishes them.
 pub type Result<T> = anyhow::Result<T>;

@@ -42,7 +42,6 @@ impl Percept {
 /// The result of one step of a local simulator.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Transition {
-    /// Percept after the step.
     pub percept: Percept,
     /// Rewards, `[rows]`.
     pub rewards: Vec<f32>,
@@ -89,7 +88,6 @@ impl JointPercept {
 /// The result of one step of the global simulator.
 #[derive(Clone, Debug, PartialEq)]
 pub struct JointTransition {
-    /// Percept after the step.
     pub percept: JointPercept,
     /// Rewards, `[agents]`.
     pub rewards: Vec<f32>,

@@ -35,7 +35,6 @@ pub struct Scenario {
 pub struct ScenarioId {
     /// Name of the domain, one lower-case word.
     pub domain: String,
-    /// Number of agents.
     pub agents: usize,
     pub episode: Episode,
     /// Checksum of the files that the GS simulates, if there are any and they are known.

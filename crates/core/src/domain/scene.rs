@@ -2,7 +2,6 @@
 
 use std::fmt::Write;
 
-/// Red, green and blue.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub struct Colour(pub [u8; 3]);
 
@@ -45,7 +44,6 @@ impl SceneShape {
         }
     }
 
-    /// Returns left, top, right, bottom.
     fn bounds(self) -> [f32; 4] {
         match self {
             SceneShape::Rectangle { x, y, width, height } => [x, y, x + width, y + height],

@@ -4,7 +4,6 @@ use strsim::levenshtein;
 
 use super::Printable;
 
-/// Largest number of names that are returned.
 const MOST: usize = 3;
 
 /// Returns what an error about an unknown name adds: the known names that are most like it, such as ` (did you mean `a`

@@ -35,7 +35,6 @@ pub struct Directory {
 #[error("{}: another process is writing this run; wait until it has ended, or name another directory", .0.display())]
 pub struct Busy(pub PathBuf);
 
-/// Where an opened directory is now.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Whereabouts {
     /// At the path by which it was opened.
@@ -85,7 +84,6 @@ impl Directory {
             .is_ok_and(|directory| matches!(directory.opened.try_lock_shared(), Err(TryLockError::WouldBlock)))
     }
 
-    /// Returns the path by which it was opened.
     pub fn path(&self) -> &Path {
         &self.path
     }
@@ -120,7 +118,6 @@ impl Directory {
         }
     }
 
-    /// Returns the path of an entry.
     pub fn path_of(&self, name: impl AsRef<Path>) -> PathBuf {
         self.path.join(name)
     }

@@ -16,7 +16,6 @@ use super::{Directory, Whereabouts};
 
 /// Beginning of the temporary names, before letters and digits.
 const STAGED: &str = ".dials-traffic-new-";
-/// Number of these letters and digits.
 const RANDOM: usize = 6;
 
 /// A new directory under a temporary name, locked. Dropping it removes it, unless it was moved to its place.
@@ -137,7 +136,6 @@ pub fn write_together(dir: &Path, files: &[(PathBuf, Vec<u8>)]) -> Result<()> {
     written.with_context(unwritable)
 }
 
-/// Returns the folder that a file is in.
 pub fn folder_of(file: &Path) -> &Path {
     file.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."))
 }

@@ -23,11 +23,9 @@ const MOST_ATTRIBUTES: usize = 256;
 /// Largest number of declared namespaces in a file. Each is copied into every element inside.
 const MOST_NAMESPACES: usize = 16;
 
-/// One element and everything inside it.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Element {
     pub name: String,
-    /// Attributes in the order of the file.
     pub attributes: Vec<(String, String)>,
     pub children: Vec<Element>,
 }
@@ -58,7 +56,6 @@ pub fn parse_file(path: &Path, bytes: &[u8]) -> Result<Element> {
     parse(text).map_err(|error| anyhow!("{place}: {error:#}"))
 }
 
-/// Returns the root element of a text.
 pub fn parse(text: &str) -> Result<Element> {
     check_declaration(text)?;
     check_effort(text)?;

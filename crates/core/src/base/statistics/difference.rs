@@ -10,7 +10,6 @@ use super::{Bounds, ENOUGH_SEEDS, mean, student_t, variance};
 /// the shorter one saw the first episodes of the longer one.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Episodes {
-    /// Value of `evaluation.seed`.
     pub seed: u64,
     pub count: usize,
 }
@@ -18,7 +17,6 @@ pub struct Episodes {
 /// Result of a run, or of a controller, on its episodes.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Played {
-    /// Mean return of all agents.
     pub mean: f64,
     pub episodes: Episodes,
     /// Mean return of all agents in each episode.
@@ -55,7 +53,6 @@ pub fn shared_episodes<'a>(mut all: impl Iterator<Item = &'a Played>) -> Option<
     })
 }
 
-/// How values are paired for the subtraction.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Pairing {
     /// The same seed on the same episode.
@@ -108,12 +105,11 @@ pub type BySeed = Vec<(u64, Played)>;
 ///
 /// Panics if a side is empty.
 pub fn between(a: &BySeed, b: &BySeed) -> Difference {
-    let all = || a.iter().chain(b).map(|(_, played)| played);
-    let episodes = shared_episodes(all());
+    let episodes = shared_episodes(a.iter().chain(b).map(|(_, played)| played));
     let same_episodes = episodes.is_some();
     let same_seeds = a.len() == b.len() && a.iter().zip(b).all(|((left, _), (right, _))| left == right);
     let [a, b] = [a, b].map(|side| on_shared(side, episodes));
-    let [of_a, of_b] = [&a, &b].map(means);
+    let [of_a, of_b] = [&a, &b].map(|side| side.iter().map(|(_, played)| played.mean).collect::<Vec<_>>());
     let of_seeds: Vec<(u64, f64)> = match same_seeds {
         true => a.iter().zip(&b).map(|((seed, a), (_, b))| (*seed, of_pair(a, b))).collect(),
         false => Vec::new(),
@@ -181,10 +177,6 @@ fn of_pair(a: &Played, b: &Played) -> f64 {
 pub fn on_shared(side: &BySeed, shared: Option<Episodes>) -> BySeed {
     let count = shared.map_or(usize::MAX, |episodes| episodes.count);
     side.iter().map(|(seed, played)| (*seed, played.on_first(count))).collect()
-}
-
-fn means(side: &BySeed) -> Vec<f64> {
-    side.iter().map(|(_, played)| played.mean).collect()
 }
 
 fn values(of_seeds: &[(u64, f64)]) -> Vec<f64> {

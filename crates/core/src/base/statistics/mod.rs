@@ -6,7 +6,6 @@ use statrs::distribution::{ContinuousCDF, StudentsT};
 
 pub mod difference;
 
-/// Confidence of all intervals.
 const CONFIDENCE: f64 = 0.95;
 
 /// Smallest number of seeds for an interval. With fewer, the values of the seeds are more informative: Student's t
@@ -34,7 +33,6 @@ pub fn std_error(values: &[f64]) -> Option<f64> {
     (values.len() > 1).then(|| (variance(values) / count).sqrt())
 }
 
-/// Computes the unbiased variance of two values or more.
 fn variance(values: &[f64]) -> f64 {
     let mean = mean(values);
     values.iter().map(|value| (value - mean).powi(2)).sum::<f64>() / (values.len() - 1) as f64
@@ -71,7 +69,6 @@ impl Interval {
     }
 }
 
-/// Lower and upper end of an interval.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Bounds {
     pub low: f64,
