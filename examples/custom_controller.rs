@@ -9,7 +9,7 @@ use std::path::Path;
 use anyhow::Result;
 use dials_core::base::Seed;
 use dials_core::base::statistics::Interval;
-use dials_core::domain::{Bystander, Domain, GlobalSimulator};
+use dials_core::domain::{BuiltInControl, Domain, GlobalSimulator};
 use dials_learn::evaluation::{Evaluation, play_episodes};
 use dials_traffic::Traffic;
 use dials_traffic::config::TrafficConfig;
@@ -34,7 +34,7 @@ pub(crate) fn main() -> Result<()> {
     // The seed determines the traffic, so both controllers see the same cars. SUMO allows one simulation per process,
     // so the first simulator is dropped before the second one starts.
     let play = |mut simulator: Box<dyn GlobalSimulator>| -> Result<Evaluation> {
-        let episodes = play_episodes(&mut *simulator, &mut Bystander, Seed::new(1), EPISODES, &mut |_| ())?;
+        let episodes = play_episodes(&mut *simulator, &mut BuiltInControl, Seed::new(1), EPISODES, &mut |_| ())?;
         Ok(Evaluation::new(&traffic, &episodes))
     };
     let rule = HandCoded::rule(Each(more_cars));

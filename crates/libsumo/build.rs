@@ -49,38 +49,29 @@ fn main() {
         );
     };
 
-    if let Err((what, reason, way_out)) = compile(&include, &library, &arch) {
-        tried.push(reason);
-        give_up(what, &tried, way_out);
-    }
+    compile(&include, &library, &arch, &tried);
     // A library where the system does not look is opened by its path.
     let place = if library.starts_with("/usr") { LIBRARY.into() } else { library.join(LIBRARY) };
     println!("cargo:rustc-env=LIBSUMO_LIBRARY={}", place.display());
 }
 
-/// What went wrong, the reason, and what to do.
-type Failure = (&'static str, String, &'static str);
-
 /// Compiles the shim, and for each function of SUMO that it calls one that finds it late. Only on x86-64: elsewhere SUMO
 /// is linked.
-fn compile(include: &Path, library: &Path, arch: &str) -> Result<(), Failure> {
-    let failed = |file: &str, error: cc::Error| {
-        (
-            "the shim over libsumo did not compile",
-            format!("C++ compiler on {file}: {error}"),
-            "on Debian, apt install g++",
-        )
+fn compile(include: &Path, library: &Path, arch: &str, tried: &[String]) {
+    let failed = |file: &str, error: cc::Error| -> ! {
+        let reason = format!("C++ compiler on {file}: {error}");
+        give_up("the shim over libsumo did not compile", &[tried, &[reason]].concat(), "on Debian, apt install g++")
     };
     let mut shim = cc::Build::new();
     shim.cpp(true).std("c++17").opt_level(2).file(SHIM).include(include).flag("-fvisibility=hidden");
-    let objects = shim.try_compile_intermediates().map_err(|error| failed(SHIM, error))?;
-    let late = if arch == "x86_64" { late_functions(&objects, library)? } else { Vec::new() };
+    let objects = shim.try_compile_intermediates().unwrap_or_else(|error| failed(SHIM, error));
+    let late = if arch == "x86_64" { late_functions(&objects, library, tried) } else { Vec::new() };
     let out = PathBuf::from(env::var_os("OUT_DIR").expect("cargo sets it"));
     let lines: String = late.iter().map(|name| format!("late {name}\n")).collect();
     std::fs::write(out.join("sumo_calls.inc"), lines).expect("the folder for outputs can be written to");
     let mut both = cc::Build::new();
     both.cpp(true).file(LATE).include(out).objects(objects);
-    both.try_compile("sumo_shim").map_err(|error| failed(LATE, error))?;
+    both.try_compile("sumo_shim").unwrap_or_else(|error| failed(LATE, error));
     if late.is_empty() {
         // After the shim, because a linker reads from left to right.
         println!("cargo:rustc-link-search=native={}", library.display());
@@ -90,30 +81,27 @@ fn compile(include: &Path, library: &Path, arch: &str) -> Result<(), Failure> {
             println!("cargo:rustc-link-arg=-Wl,-rpath,{}", library.display());
         }
     }
-    Ok(())
 }
 
-/// Returns the names of SUMO's functions that the objects call, and that the library has.
-fn late_functions(objects: &[PathBuf], library: &Path) -> Result<Vec<String>, Failure> {
-    let unlisted =
-        |reason| ("the functions of libsumo cannot be listed", reason, "on Debian, apt install binutils (for `nm`)");
-    let mut called = Vec::new();
-    for object in objects {
-        called.extend(symbols(object, &["--undefined-only"]).map_err(unlisted)?);
-    }
-    called.retain(|(name, _)| OF_SUMO.iter().any(|begin| name.starts_with(begin)));
+/// Returns the names of SUMO's functions that the objects call. The library must have them.
+fn late_functions(objects: &[PathBuf], library: &Path, tried: &[String]) -> Vec<String> {
+    let symbols = |file: &Path, options: &[&str]| {
+        symbols(file, options).unwrap_or_else(|reason| {
+            let way_out = "on Debian, apt install binutils (for `nm`)";
+            give_up("the functions of libsumo cannot be listed", &[tried, &[reason]].concat(), way_out)
+        })
+    };
+    let called = objects.iter().flat_map(|object| symbols(object, &["--undefined-only"])).map(|(name, _)| name);
+    let called: Vec<String> = called.filter(|name| OF_SUMO.iter().any(|begin| name.starts_with(begin))).collect();
     let library = library.join(LIBRARY);
-    let there = symbols(&library, &["--dynamic", "--defined-only"]).map_err(unlisted)?;
+    let there = symbols(&library, &["--dynamic", "--defined-only"]);
     let is_function = |name: &str| there.iter().any(|(other, kind)| other == name && "TW".contains(kind));
-    if let Some((name, _)) = called.iter().find(|(name, _)| !is_function(name)) {
+    if let Some(name) = called.iter().find(|name| !is_function(name)) {
         let reason = format!("{}: has no function {name}", library.display());
-        return Err((
-            "this libsumo lacks what the shim calls",
-            reason,
-            "install SUMO 1.15, the version that was tried",
-        ));
+        let way_out = "install SUMO 1.15, the version that was tried";
+        give_up("this libsumo lacks what the shim calls", &[tried, &[reason]].concat(), way_out);
     }
-    Ok(called.into_iter().map(|(name, _)| name).collect())
+    called
 }
 
 /// Returns the names in a file's table of symbols, each with its kind: one letter, `T` and `W` for functions.

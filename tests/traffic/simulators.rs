@@ -6,7 +6,7 @@ use std::rc::Rc;
 use std::sync::Arc;
 
 use dials_core::base::{AgentId, Dice, Ragged, Rows, Seed, Stopwatch, Work};
-use dials_core::domain::{Action, Beginning, Bystander, Domain, GlobalSimulator, JointTransition, LocalSimulator};
+use dials_core::domain::{Action, Beginning, BuiltInControl, Domain, GlobalSimulator, JointTransition, LocalSimulator};
 use dials_learn::config::AipConfig;
 use dials_learn::observer::Silent;
 use dials_learn::policy::Demonstrations;
@@ -702,7 +702,7 @@ fn the_closed_loop_has_the_cars_and_the_return_of_the_global_simulator() {
     {
         let mut gs = domain.global(controlled(&domain, "gap-out")).unwrap();
         for episode in 0..30 {
-            collect_episode(&mut gs, &mut Bystander, Seed::new(2).for_episode(episode), &mut datasets).unwrap();
+            collect_episode(&mut gs, &mut BuiltInControl, Seed::new(2).for_episode(episode), &mut datasets).unwrap();
         }
         for episode in 30..50 {
             gs.reset(Seed::new(2).for_episode(episode)).unwrap();

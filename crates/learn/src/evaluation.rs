@@ -196,7 +196,7 @@ fn mean_measures(episodes: &[EpisodeReport]) -> Measures {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use dials_core::domain::Bystander;
+    use dials_core::domain::BuiltInControl;
     use dials_testkit::toy::{Coins, CoinsAndDice};
 
     fn report(returns: [f64; 2]) -> EpisodeReport {
@@ -224,7 +224,7 @@ mod tests {
         let domain = CoinsAndDice::new(20);
         let mut simulator = domain.global_simulator().unwrap();
         // All agents always take action 0. That is degenerate for the coins 0 and 2, and not for the dice 1 and 3.
-        let episodes = play_episodes(&mut *simulator, &mut Bystander, Seed::new(1), 2, &mut |_| ()).unwrap();
+        let episodes = play_episodes(&mut *simulator, &mut BuiltInControl, Seed::new(1), 2, &mut |_| ()).unwrap();
         assert_eq!(Evaluation::new(&domain, &episodes).stuck, [true, false, true, false]);
         let mut best = domain.baseline("best").unwrap();
         let episodes = play_episodes(&mut *best.simulator, &mut *best.controller, Seed::new(1), 2, &mut |_| ());

@@ -41,9 +41,6 @@ pub(crate) enum IdKind {
 /// inside).
 #[derive(Debug)]
 pub(crate) struct Crossing {
-    insertions: Vec<ffi::ds_insertion>,
-    starts: Vec<u32>,
-    letters: Vec<u8>,
     not_sync: PhantomData<*const ()>,
     _turn: MutexGuard<'static, ()>,
 }
@@ -58,13 +55,7 @@ impl Crossing {
         // A panic elsewhere poisons the lock but leaves no call half-done: unwinding closed its simulation.
         let turn = TURN.lock().unwrap_or_else(PoisonError::into_inner);
         HAS_TURN.set(true);
-        Ok(Crossing {
-            insertions: Vec::new(),
-            starts: Vec::new(),
-            letters: Vec::new(),
-            not_sync: PhantomData,
-            _turn: turn,
-        })
+        Ok(Crossing { not_sync: PhantomData, _turn: turn })
     }
 
     pub(crate) fn load(&mut self, options: &[impl AsRef<str>]) -> Result<()> {
@@ -132,22 +123,20 @@ impl Crossing {
             (starts, array(read.letters.cast::<u8>(), starts[lights.len()] as usize))
         };
         for ends in starts.windows(2) {
-            each(&String::from_utf8_lossy(&letters[ends[0] as usize..ends[1] as usize]))?;
+            each(&text_between(letters, ends))?;
         }
         Ok(())
     }
 
     /// Sets the lights. There is one state per light, with as many letters as its light has links.
     pub(crate) fn set_lights(&mut self, lights: &[LightId], states: &[&SignalState]) -> Result<()> {
-        assert_eq!(lights.len(), states.len(), "a state for each light");
-        self.letters.clear();
-        self.starts.clear();
-        self.starts.push(0);
+        let mut letters = Vec::new();
+        let mut starts = vec![0];
         for state in states {
-            self.letters.extend_from_slice(state.as_str().as_bytes());
-            self.starts.push(self.letters.len() as u32);
+            letters.extend_from_slice(state.as_str().as_bytes());
+            starts.push(letters.len() as u32);
         }
-        let states = ffi::ds_states { starts: self.starts.as_ptr(), letters: self.letters.as_ptr().cast() };
+        let states = ffi::ds_states { starts: starts.as_ptr(), letters: letters.as_ptr().cast() };
         // SAFETY: we have the turn; a `LightId` is laid out as a `u32`; `starts` has an entry per light and a last one,
         // none of them beyond `letters`.
         let code = unsafe { ffi::ds_set_lights(lights.as_ptr().cast(), lights.len(), &states) };
@@ -162,16 +151,13 @@ impl Crossing {
     }
 
     pub(crate) fn insert(&mut self, cars: &[Insertion]) -> Result<()> {
-        self.insertions.clear();
-        self.insertions.extend(cars.iter().map(|insertion| ffi::ds_insertion {
-            car: insertion.car,
-            position: insertion.position_m,
-            speed: speed_of(insertion.speed),
-            route: insertion.route.0,
-        }));
-        // SAFETY: we have the turn; pointer and length are those of one vector.
-        let code = unsafe { ffi::ds_insert(self.insertions.as_ptr(), self.insertions.len()) };
-        check(code, "add a car")
+        let insertion = |car: &Insertion| ffi::ds_insertion {
+            car: car.car,
+            position: car.position_m,
+            speed: speed_of(car.speed),
+            route: car.route.0,
+        };
+        self.pass(ffi::ds_insert, cars.iter().map(insertion), "add a car")
     }
 
     pub(crate) fn enter(&mut self, cars: &[Entering]) -> Result<()> {
@@ -185,10 +171,7 @@ impl Crossing {
             type_: car.vehicle_type.0,
             lane: car.lane.unwrap_or(u32::MAX),
         };
-        let cars: Vec<ffi::ds_entering> = cars.iter().map(entering).collect();
-        // SAFETY: we have the turn; pointer and length are those of one vector.
-        let code = unsafe { ffi::ds_enter(cars.as_ptr(), cars.len()) };
-        check(code, "add a car")
+        self.pass(ffi::ds_enter, cars.iter().map(entering), "add a car")
     }
 
     pub(crate) fn place(&mut self, cars: &[Placing]) -> Result<()> {
@@ -198,10 +181,23 @@ impl Crossing {
             speed: car.speed_mps,
             lane: car.lane.0,
         };
-        let cars: Vec<ffi::ds_placing> = cars.iter().map(placing).collect();
+        self.pass(ffi::ds_place, cars.iter().map(placing), "place a car")
+    }
+
+    pub(crate) fn remove_cars(&mut self, lanes: &[LaneId]) -> Result<()> {
+        self.pass(ffi::ds_remove_cars, lanes.iter().map(|lane| lane.0), "remove the cars")
+    }
+
+    /// Passes values to a function of the shim that reads an array and its length.
+    fn pass<T>(
+        &mut self,
+        function: unsafe extern "C" fn(*const T, usize) -> c_int,
+        values: impl Iterator<Item = T>,
+        action: &'static str,
+    ) -> Result<()> {
+        let values: Vec<T> = values.collect();
         // SAFETY: we have the turn; pointer and length are those of one vector.
-        let code = unsafe { ffi::ds_place(cars.as_ptr(), cars.len()) };
-        check(code, "place a car")
+        check(unsafe { function(values.as_ptr(), values.len()) }, action)
     }
 
     pub(crate) fn seed_generators(&mut self, first: u32, seeds: &[u32]) -> Result<()> {
@@ -213,12 +209,6 @@ impl Crossing {
     pub(crate) fn clear_pending(&mut self) -> Result<()> {
         // SAFETY: we have the turn.
         check(unsafe { ffi::ds_clear_pending() }, "drop the waiting cars")
-    }
-
-    pub(crate) fn remove_cars(&mut self, lanes: &[LaneId]) -> Result<()> {
-        // SAFETY: we have the turn; a `LaneId` is laid out as a `u32`.
-        let code = unsafe { ffi::ds_remove_cars(lanes.as_ptr().cast(), lanes.len()) };
-        check(code, "remove the cars")
     }
 
     pub(crate) fn departures(&mut self) -> Result<Vec<Departure>> {
@@ -322,19 +312,20 @@ impl Drop for Crossing {
 
 pub(crate) fn version() -> Result<String> {
     library::load()?;
-    let mut text = std::ptr::null();
-    // SAFETY: this one may be called without the turn.
-    check(unsafe { ffi::ds_version(&mut text) }, "return its version")?;
-    // SAFETY: the call succeeded, so `text` is a string that ends in zero and lives as long as the process.
-    Ok(unsafe { CStr::from_ptr(text) }.to_string_lossy().into_owned())
+    constant(ffi::ds_version, "return its version")
 }
 
 pub(crate) fn c_library() -> Result<String> {
-    let mut version = std::ptr::null();
-    // SAFETY: this one may be called without the turn, and without libsumo.
-    check(unsafe { ffi::ds_c_library(&mut version) }, "return the version of the C library")?;
-    // SAFETY: the call succeeded, so `version` is a string that ends in zero and lives as long as the process.
-    Ok(unsafe { CStr::from_ptr(version) }.to_string_lossy().into_owned())
+    constant(ffi::ds_c_library, "return the version of the C library")
+}
+
+/// Returns a text that never changes, from a function of the shim that may be called without the turn.
+fn constant(function: unsafe extern "C" fn(*mut *const c_char) -> c_int, action: &'static str) -> Result<String> {
+    let mut text = ptr::null();
+    // SAFETY: the function may be called without the turn; `text` is only written to.
+    check(unsafe { function(&mut text) }, action)?;
+    // SAFETY: the call succeeded, so `text` is a string that ends in zero and lives as long as the process.
+    Ok(unsafe { CStr::from_ptr(text) }.to_string_lossy().into_owned())
 }
 
 /// Returns a speed as the shim takes it: a negative one means `max`.
@@ -432,7 +423,6 @@ mod tests {
     #[test]
     fn the_reason_is_what_remains_of_sumos_words() {
         assert_eq!(tidy("Process Error\nError: File 'x' is not accessible.\n"), "File 'x' is not accessible.");
-        assert_eq!(tidy("No such program.\n"), "No such program.");
         assert_eq!(tidy("Process Error\n"), "it gave no reason");
     }
 

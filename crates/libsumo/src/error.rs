@@ -46,16 +46,14 @@ pub enum Error {
     },
 
     /// The state has another number of letters than the light has links.
-    #[error("light `{light}` has {links} links, but the state `{state}` has {letters} letters")]
+    #[error("light `{light}` has {links} links, but the state `{state}` has {} letters", .state.len())]
     StateLength {
         /// Name of the light.
         light: String,
         /// Number of its links.
         links: usize,
-        /// The state.
+        /// The state, a letter per link.
         state: String,
-        /// Number of its letters.
-        letters: usize,
     },
 
     /// The letters are no state of a light.

@@ -1,74 +1,4 @@
-//! [SUMO](https://eclipse.dev/sumo/), the traffic simulator, in this process: a safe interface over its C++ library libsumo.
-//!
-//! For programs that step a simulation, look at it and act on it thousands of times a second: signal control,
-//! optimisation, learning, calibration. TraCI does that over a socket, call by call. Here a call is a function call, reads
-//! and writes go in batches, and neither a C pointer nor a C++ exception comes out.
-//!
-//! ```
-//! use libsumo::{CarTable, Simulation};
-//!
-//! let options = ["-n", "examples/data/crossing.net.xml", "-r", "examples/data/crossing.rou.xml"];
-//! let mut simulation = Simulation::load(&options)?;
-//! let lanes = simulation.register_lanes(&["from_south_0", "from_west_0"])?;
-//! let light = simulation.register_lights(&["middle"])?;
-//! simulation.set_lights(&light, &[&"rG".parse()?])?; // red for the south, green for the west
-//! for _ in 0..100 {
-//!     simulation.step()?;
-//! }
-//! let mut cars = CarTable::new();
-//! simulation.read_lanes(&lanes, &mut cars)?;
-//! assert!(cars.lane(0).halting() > 0 && cars.lane(1).halting() == 0);
-//! # Ok::<(), libsumo::Error>(())
-//! ```
-//!
-//! `examples/crossing.rs` controls this light by the queues before it.
-//!
-//! # One simulation per process
-//!
-//! libsumo keeps its simulation in global variables, so a process has room for one. A [`Simulation`] is the guard of that
-//! room: only its holder can call SUMO, and dropping it closes SUMO. Who needs several at a time starts several processes, or
-//! puts several networks side by side into one net. No other libsumo may be in the process, such as one that a Python package
-//! has loaded: they would not share the guard.
-//!
-//! # Threads
-//!
-//! A [`Simulation`] stays in the thread that loaded it: it is neither `Send` nor `Sync`. Other threads may call
-//! [`Simulation::load`] at the same time, and wait there until it is dropped. [`Simulation::version`] and [`load`] wait for
-//! nobody. While SUMO is called, what other C++ code writes to `std::cerr` and `std::cout` is swallowed; Rust's own
-//! output is not.
-//!
-//! # Handles, not names
-//!
-//! Lanes, lights, routes and vehicle types are *registered* once by name, and are numbers from then on: [`LaneId`],
-//! [`LightId`], [`RouteId`], [`TypeId`]. An id belongs to its simulation and to no other. A name that the net does not have is an
-//! error when it is registered, and not in the middle of a run.
-//!
-//! A car (any vehicle of SUMO) is a number, too: [`CarId`]. The names of thousands of cars in every step would cost
-//! more than the step. Only its [`Departure`] has a car's name.
-//!
-//! # What is loaded when
-//!
-//! SUMO's library brings 220 others. Nothing links it. It is loaded by the first call that needs it, or by [`load`]. So a
-//! program starts fast, and without SUMO it still starts: the first call then returns [`Error::Library`] and says what to
-//! do. Building takes SUMO's headers, its library and a C++ compiler. Tried with SUMO 1.15 on Linux and x86-64. On other
-//! processors libsumo is linked as usual.
-//!
-//! # Errors
-//!
-//! SUMO throws, and prints the reason to the terminal. Here both become one [`Error`] with SUMO's words in one line; SUMO
-//! itself is silent. A step that fails leaves a simulation that nobody can trust: every later call but
-//! [`Simulation::reload`] is then an error, too. What SUMO would misread without a word is refused before it gets
-//! there: unknown letters in the state of a light, a state of another length, a speed that is not a number.
-//!
-//! # What it does not do
-//!
-//! It has the part of libsumo that driving and reading a simulation in batches takes, not all of it: no
-//! pedestrians, no GUI, no subscriptions.
-//!
-//! # Units
-//!
-//! Metres, seconds, metres per second; names say so (`position_m`, `speed_mps`).
-
+#![doc = include_str!("../README.md")]
 #![warn(missing_docs, unreachable_pub)]
 
 // From top to bottom: `simulation` (meaning, checks) -> `call` (the only `unsafe`, beside `library`) -> `ffi` (made by bindgen)
@@ -91,8 +21,3 @@ pub use library::load;
 pub use signal::SignalState;
 pub use simulation::Simulation;
 pub use table::{Car, CarTable, LaneCars};
-
-/// The README's example is tested, too.
-#[cfg(doctest)]
-#[doc = include_str!("../README.md")]
-struct Readme;

@@ -45,16 +45,11 @@ impl SignalState {
 }
 
 fn check(letters: &str) -> Result<()> {
-    if letters.is_empty() {
-        return refused(letters, "a light has at least one link".into());
-    }
-    match letters.chars().find(|&letter| !ALPHABET.contains(letter)) {
-        Some(letter) => refused(letters, format!("`{letter}` is not a signal")),
-        None => Ok(()),
-    }
-}
-
-fn refused(letters: &str, reason: String) -> Result<()> {
+    let reason = match letters.chars().find(|&letter| !ALPHABET.contains(letter)) {
+        Some(letter) => format!("`{letter}` is not a signal"),
+        None if letters.is_empty() => "a light has at least one link".to_owned(),
+        None => return Ok(()),
+    };
     Err(Error::State { state: letters.into(), reason, alphabet: ALPHABET })
 }
 

@@ -90,8 +90,7 @@ impl Simulation {
     /// An error leaves the step half-done, so every later call but [`reload`](Self::reload) is an error too. The usual
     /// reason is a car with an impossible route, which SUMO notices only when it inserts the car.
     pub fn step(&mut self) -> Result<()> {
-        self.check_whole()?;
-        let outcome = self.crossing.step();
+        let outcome = self.whole()?.step();
         if let Err(error) = &outcome {
             self.broken = Some(error.to_string());
         }
@@ -107,12 +106,7 @@ impl Simulation {
     /// Reads the cars on `lanes` after the last step into `table`, in the order of `lanes`. The table's memory is used
     /// again.
     pub fn read_lanes(&mut self, lanes: &[LaneId], table: &mut CarTable) -> Result<()> {
-        self.check_whole()?;
-        if lanes.is_empty() {
-            table.fill(&[0], &[], &[], &[]);
-            return Ok(());
-        }
-        self.crossing.read_lanes(lanes, table)
+        self.whole()?.read_lanes(lanes, table)
     }
 
     /// Shows `states[i]` at `lights[i]`, from the next step on until changed. The lights' own programs stop.
@@ -124,8 +118,8 @@ impl Simulation {
     /// # Panics
     /// If there is not a state for each light.
     pub fn set_lights(&mut self, lights: &[LightId], states: &[&SignalState]) -> Result<()> {
-        self.check_whole()?;
         assert_eq!(lights.len(), states.len(), "a state for each light");
+        self.check_whole()?;
         for (id, state) in lights.iter().zip(states) {
             let light = self.lights.get(id.0 as usize).ok_or(Error::UnknownLight { number: id.0 })?;
             if state.links() != light.links {
@@ -133,22 +127,18 @@ impl Simulation {
                     light: light.name.clone(),
                     links: light.links,
                     state: state.to_string(),
-                    letters: state.links(),
                 });
             }
         }
-        if lights.is_empty() { Ok(()) } else { self.crossing.set_lights(lights, states) }
+        self.crossing.set_lights(lights, states)
     }
 
     /// Reads what `lights` show. `states` becomes as long as `lights`.
     pub fn read_lights(&mut self, lights: &[LightId], states: &mut Vec<SignalState>) -> Result<()> {
-        self.check_whole()?;
+        let crossing = self.whole()?;
         states.truncate(lights.len());
-        if lights.is_empty() {
-            return Ok(());
-        }
         let mut done = 0;
-        self.crossing.read_lights(lights, |letters| {
+        crossing.read_lights(lights, |letters| {
             match states.get_mut(done) {
                 Some(state) => state.overwrite(letters)?,
                 None => states.push(SignalState::new(letters)?),
@@ -160,8 +150,7 @@ impl Simulation {
 
     /// Lets a program from the net or an additional file run `lights`. `program`: its `programID`.
     pub fn set_programs(&mut self, lights: &[LightId], program: &str) -> Result<()> {
-        self.check_whole()?;
-        if lights.is_empty() { Ok(()) } else { self.crossing.set_programs(lights, program) }
+        self.whole()?.set_programs(lights, program)
     }
 
     /// Lets cars of vehicle type `car` enter in the next step, on the first lane of their route. The net or the routes must
@@ -172,16 +161,16 @@ impl Simulation {
     /// [`Error::Insertion`] for a number, a position or a speed that is none; then no car is in. If SUMO refuses a car,
     /// the cars before it in `cars` are in and those after it are not.
     pub fn insert(&mut self, cars: &[Insertion]) -> Result<()> {
-        self.check_whole()?;
+        let crossing = self.whole()?;
         cars.iter().try_for_each(check_insertion)?;
-        if cars.is_empty() { Ok(()) } else { self.crossing.insert(cars) }
+        crossing.insert(cars)
     }
 
     /// Lets cars enter in the next step, like [`insert`](Self::insert), each on its lane and with its type.
     pub fn enter(&mut self, cars: &[Entering]) -> Result<()> {
-        self.check_whole()?;
+        let crossing = self.whole()?;
         cars.iter().try_for_each(check_entering)?;
-        if cars.is_empty() { Ok(()) } else { self.crossing.enter(cars) }
+        crossing.enter(cars)
     }
 
     /// Puts cars on the road at once, exactly there and as fast, also where SUMO would find no room: to rebuild a known
@@ -191,9 +180,9 @@ impl Simulation {
     /// [`Error::Insertion`] for a position or a speed that is none; then no car is placed. If SUMO refuses a car, those
     /// before it are placed.
     pub fn place(&mut self, cars: &[Placing]) -> Result<()> {
-        self.check_whole()?;
+        let crossing = self.whole()?;
         cars.iter().try_for_each(check_placing)?;
-        if cars.is_empty() { Ok(()) } else { self.crossing.place(cars) }
+        crossing.place(cars)
     }
 
     /// Seeds the random generators of lanes `first`, `first + 1` and so on, one per seed. SUMO numbers lanes from 0 in the
@@ -207,8 +196,7 @@ impl Simulation {
     /// **This touches SUMO's internals.** libsumo has no such function. The generator of a lane is set by
     /// `MSLane::loadRNGState`, which SUMO uses to load a saved state, and which its library exports (tried with SUMO 1.15).
     pub fn seed_lanes(&mut self, first: u32, seeds: &[u32]) -> Result<()> {
-        self.check_whole()?;
-        if seeds.is_empty() { Ok(()) } else { self.crossing.seed_generators(first, seeds) }
+        self.whole()?.seed_generators(first, seeds)
     }
 
     /// Drops all cars that wait to enter: those that found no room, and those inserted since the last step.
@@ -217,47 +205,40 @@ impl Simulation {
     /// (measured with SUMO 1.15). So this crate keeps a list of the cars added since the last step, and removes these one
     /// by one.
     pub fn clear_pending(&mut self) -> Result<()> {
-        self.check_whole()?;
-        self.crossing.clear_pending()
+        self.whole()?.clear_pending()
     }
 
     /// Removes all cars from `lanes` at once. Cars that wait to enter are not on a lane. Removed cars do not count as
     /// arrived in [`counts`](Self::counts), but are in [`gone`](Self::gone).
     pub fn remove_cars(&mut self, lanes: &[LaneId]) -> Result<()> {
-        self.check_whole()?;
-        if lanes.is_empty() { Ok(()) } else { self.crossing.remove_cars(lanes) }
+        self.whole()?.remove_cars(lanes)
     }
 
     /// Returns the cars that entered in the last step.
     pub fn departures(&mut self) -> Result<Vec<Departure>> {
-        self.check_whole()?;
-        self.crossing.departures()
+        self.whole()?.departures()
     }
 
     /// Returns the numbers of the cars that entered in the last step. This takes less time than [`Self::departures`].
     pub fn departed(&mut self) -> Result<Vec<CarId>> {
-        self.check_whole()?;
-        self.crossing.departed()
+        self.whole()?.departed()
     }
 
     /// Returns the numbers of the cars that ended their trip or began to teleport in the last step, and of those that were
     /// removed after it.
     pub fn gone(&mut self) -> Result<Vec<CarId>> {
-        self.check_whole()?;
-        self.crossing.gone()
+        self.whole()?.gone()
     }
 
     /// Returns the route of a car on the road as it is now: SUMO may have changed it since the car entered. `car`: its
     /// name in SUMO.
     pub fn route(&mut self, car: &str) -> Result<RouteNow> {
-        self.check_whole()?;
-        self.crossing.route(car)
+        self.whole()?.route(car)
     }
 
     /// Returns the counts of the last step.
     pub fn counts(&mut self) -> Result<StepCounts> {
-        self.check_whole()?;
-        self.crossing.counts()
+        self.whole()?.counts()
     }
 
     /// Returns the version of the library, such as `SUMO 1.15.0`. Needs no simulation and waits for none.
@@ -273,6 +254,12 @@ impl Simulation {
     pub fn libm() -> Result<String> {
         let version = call::c_library()?;
         Ok(if version.is_empty() { "unknown".to_owned() } else { format!("glibc {version}") })
+    }
+
+    /// Returns the way to SUMO, unless the simulation is broken.
+    fn whole(&mut self) -> Result<&mut Crossing> {
+        self.check_whole()?;
+        Ok(&mut self.crossing)
     }
 
     fn check_whole(&self) -> Result<()> {
@@ -293,67 +280,55 @@ impl Simulation {
     }
 
     fn register<Id>(&mut self, kind: IdKind, names: &[impl AsRef<str>], id: fn(u32) -> Id) -> Result<Vec<Id>> {
-        self.check_whole()?;
-        if names.is_empty() {
-            return Ok(Vec::new());
-        }
-        let first = self.crossing.register(kind, names)?;
+        let first = self.whole()?.register(kind, names)?;
         Ok((first..).take(names.len()).map(id).collect())
     }
 
     /// Returns the number of links of each light. A light's state has a letter per link, whatever program shows it.
     fn count_links(&mut self, lights: &[LightId]) -> Result<Vec<usize>> {
         let mut links = Vec::with_capacity(lights.len());
-        if !lights.is_empty() {
-            self.crossing.read_lights(lights, |letters| {
-                links.push(letters.len());
-                Ok(())
-            })?;
-        }
+        self.crossing.read_lights(lights, |letters| {
+            links.push(letters.len());
+            Ok(())
+        })?;
         Ok(links)
     }
 }
 
-/// Checks for values that SUMO would misread: it takes `nan` and `inf` as numbers, and counts a negative position from
-/// the end.
 fn check_insertion(insertion: &Insertion) -> Result<()> {
-    let refused = |reason: String| Err(Error::Insertion { car: insertion.car, reason });
-    if insertion.car >= 1 << 63 {
-        return refused("serials from 2^63 on are reserved for cars with names".into());
+    let Insertion { car, position_m, speed, .. } = *insertion;
+    if car >= 1 << 63 {
+        return Err(Error::Insertion { car, reason: "serials from 2^63 on are reserved for cars with names".into() });
     }
-    if !is_number(insertion.position_m) {
-        return refused(format!("position {} m is not on the road", insertion.position_m));
-    }
-    match insertion.speed {
-        DepartSpeed::Fixed(speed_mps) if !is_number(speed_mps) => refused(format!("{speed_mps} m/s is not a speed")),
-        _ => Ok(()),
+    check_position(car, position_m)?;
+    match speed {
+        DepartSpeed::Fixed(speed_mps) => check_speed(car, speed_mps),
+        DepartSpeed::Max => Ok(()),
     }
 }
 
 fn check_entering(entering: &Entering) -> Result<()> {
-    let Entering { insertion, speed_factor, end_m, .. } = entering;
-    check_insertion(insertion)?;
-    let refused = |reason: String| Err(Error::Insertion { car: insertion.car, reason });
-    if !is_number(*speed_factor) {
-        return refused(format!("{speed_factor} is not a speed factor"));
-    }
-    match end_m {
-        Some(end_m) if !is_number(*end_m) => refused(format!("position {end_m} m is not on the road")),
-        _ => Ok(()),
-    }
+    let Entering { insertion, speed_factor, end_m, .. } = *entering;
+    check_insertion(&insertion)?;
+    check_number(insertion.car, speed_factor, || format!("{speed_factor} is not a speed factor"))?;
+    end_m.map_or(Ok(()), |end_m| check_position(insertion.car, end_m))
 }
 
 fn check_placing(placing: &Placing) -> Result<()> {
-    let refused = |reason: String| Err(Error::Insertion { car: placing.car, reason });
-    if !is_number(placing.position_m) {
-        return refused(format!("position {} m is not on the road", placing.position_m));
-    }
-    if !is_number(placing.speed_mps) {
-        return refused(format!("{} m/s is not a speed", placing.speed_mps));
-    }
-    Ok(())
+    check_position(placing.car, placing.position_m)?;
+    check_speed(placing.car, placing.speed_mps)
 }
 
-fn is_number(value: f64) -> bool {
-    value.is_finite() && value >= 0.0
+fn check_position(car: u64, position_m: f64) -> Result<()> {
+    check_number(car, position_m, || format!("position {position_m} m is not on the road"))
+}
+
+fn check_speed(car: u64, speed_mps: f64) -> Result<()> {
+    check_number(car, speed_mps, || format!("{speed_mps} m/s is not a speed"))
+}
+
+/// Checks for values that SUMO would misread: it takes `nan` and `inf` as numbers, and counts a negative position from
+/// the end.
+fn check_number(car: u64, value: f64, reason: impl FnOnce() -> String) -> Result<()> {
+    if value.is_finite() && value >= 0.0 { Ok(()) } else { Err(Error::Insertion { car, reason: reason() }) }
 }

@@ -77,10 +77,14 @@ impl CarTable {
 
     /// Copies one read into the table. `starts` begins with 0 and ends with the number of cars.
     pub(crate) fn fill(&mut self, starts: &[u32], ids: &[u64], positions_m: &[f64], speeds_mps: &[f64]) {
-        refill(&mut self.starts, starts.iter().copied());
-        refill(&mut self.ids, ids.iter().map(|&id| CarId(id)));
-        refill(&mut self.positions_m, positions_m.iter().copied());
-        refill(&mut self.speeds_mps, speeds_mps.iter().copied());
+        self.starts.clear();
+        self.starts.extend_from_slice(starts);
+        self.ids.clear();
+        self.ids.extend(ids.iter().map(|&id| CarId(id)));
+        self.positions_m.clear();
+        self.positions_m.extend_from_slice(positions_m);
+        self.speeds_mps.clear();
+        self.speeds_mps.extend_from_slice(speeds_mps);
     }
 }
 
@@ -88,11 +92,6 @@ impl Default for CarTable {
     fn default() -> Self {
         CarTable::new()
     }
-}
-
-fn refill<T>(buffer: &mut Vec<T>, values: impl Iterator<Item = T>) {
-    buffer.clear();
-    buffer.extend(values);
 }
 
 /// The cars of one lane, the rearmost first. The three slices have the same length.
@@ -119,22 +118,18 @@ impl<'a> LaneCars<'a> {
 
     /// Returns the number of cars that stand: slower than 0.1 m/s, SUMO's own bound.
     pub fn halting(&self) -> usize {
-        self.speeds_mps.iter().filter(|&&speed| speed < HALTING_MPS).count()
+        self.standing().filter(|&(_, stands)| stands).count()
     }
 
     /// Returns the cars, each with whether it stands.
     pub fn standing(&self) -> impl ExactSizeIterator<Item = (CarId, bool)> + use<'a> {
-        let LaneCars { ids, speeds_mps, .. } = *self;
-        ids.iter().zip(speeds_mps).map(|(&id, &speed)| (id, speed < HALTING_MPS))
+        self.iter().map(|car| (car.id, car.speed_mps < HALTING_MPS))
     }
 
     /// Returns the cars, the rearmost first.
     pub fn iter(&self) -> impl ExactSizeIterator<Item = Car> + use<'a> {
         let LaneCars { ids, positions_m, speeds_mps } = *self;
-        ids.iter().zip(positions_m).zip(speeds_mps).map(|((&id, &position_m), &speed_mps)| Car {
-            id,
-            position_m,
-            speed_mps,
-        })
+        let cars = ids.iter().zip(positions_m).zip(speeds_mps);
+        cars.map(|((&id, &position_m), &speed_mps)| Car { id, position_m, speed_mps })
     }
 }

@@ -5,7 +5,7 @@
 use anyhow::Result;
 use rand::{Rng, SeedableRng};
 use rand_xoshiro::Xoshiro256PlusPlus;
-use stacknets::{Adam, Learner, Rows, Sequences, Shape, Stack, Threads, Trace};
+use stacknets::{Adam, Rows, Sequences, Shape, Stack, Threads, Trace, Trainer};
 
 const NETWORKS: u64 = 100;
 /// Length of a sequence, and number of sequences in a minibatch.
@@ -46,27 +46,27 @@ fn train(seeds: &[u64], threads: Threads) -> (Stack, Vec<f32>) {
     let dice = |&seed: &u64| Xoshiro256PlusPlus::seed_from_u64(seed);
     let mut stack = Stack::new(shape, seeds.iter().map(dice));
     let mut adam = Adam::new(stack.parameters());
-    let learners = adam.learners(&mut stack, GRADIENT_STEPS).into_iter().zip(seeds).collect();
-    let losses = threads.map(learners, 2, |room, (learner, &seed)| learn(learner, seed, room));
+    let trainers = adam.trainers(&mut stack, GRADIENT_STEPS).into_iter().zip(seeds).collect();
+    let losses = threads.map(trainers, 2, |room, (trainer, &seed)| learn(trainer, seed, room));
     (stack, losses)
 }
 
 /// Makes all gradient steps of one network. Returns the last loss.
-fn learn(mut learner: Learner<'_>, seed: u64, Room { trace, errors }: &mut Room) -> f32 {
+fn learn(mut trainer: Trainer<'_>, seed: u64, Room { trace, errors }: &mut Room) -> f32 {
     let mut dice = Xoshiro256PlusPlus::seed_from_u64(seed + NETWORKS);
-    let (states, starts) = (vec![0.0; BATCH * learner.network().state_width()], [false; STEPS * BATCH]);
+    let (states, starts) = (vec![0.0; BATCH * trainer.network().state_width()], [false; STEPS * BATCH]);
     for _ in 0..GRADIENT_STEPS {
         // `[STEPS x BATCH, 1]`: random bits. To be learnt: the number of ones in the sequence so far.
         let bits: Vec<f32> = (0..STEPS * BATCH).map(|_| f32::from(u8::from(dice.random_bool(0.5)))).collect();
         let count = |row: usize| bits[row % BATCH..=row].iter().step_by(BATCH).sum::<f32>();
-        learner.network().forward(&bits, Sequences { steps: STEPS, states: &states, starts: &starts }, trace);
+        trainer.network().forward(&bits, Sequences { steps: STEPS, states: &states, starts: &starts }, trace);
         // The loss is the mean of half the squared errors.
         let rows = trace.output().iter().enumerate();
         errors.clear();
         errors.extend(rows.map(|(row, output)| (output - count(row)) / (STEPS * BATCH) as f32));
-        learner.network().backward(errors, trace);
+        trainer.network().backward(errors, trace);
         trace.shorten_gradient(1.0);
-        learner.descend(trace.gradient(), 0.01);
+        trainer.descend(trace.gradient(), 0.01);
     }
     errors.iter().map(|error| error * error).sum::<f32>() * (STEPS * BATCH) as f32
 }

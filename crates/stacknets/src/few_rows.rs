@@ -4,31 +4,15 @@
 
 use pulp::{Simd, WithSimd};
 
-use super::vectors::VectorWidth;
-use super::vectors::dispatch;
-
-/// Largest number of rows for which [`dot_products`] is faster than the library; measured for 256 x 768.
+/// Largest number of rows for which [`DotProducts`] are faster than the library; measured for 256 x 768.
 pub(crate) const FEW_ROWS: usize = 6;
 
 /// Computes `out += row x matrix` for one row, as when each network has a single input at a time.
-///
-/// `matrix`: `[row.len(), out.len()]`.
-pub(crate) fn add_row_by_matrix(width: VectorWidth, row: &[f32], matrix: &[f32], out: &mut [f32]) {
-    dispatch(width, RowByMatrix { row, matrix, out });
-}
-
-/// Computes `out = left x right^T`: every number is the dot product of two rows.
-///
-/// It serves the gradient through the state weight of a GRU, for the few sequences of a minibatch.
-/// `left`: `[rows, depth]`; `right`: `[columns, depth]`; `out`: `[rows, columns]`.
-pub(crate) fn dot_products(width: VectorWidth, left: &[f32], right: &[f32], depth: usize, out: &mut [f32]) {
-    dispatch(width, DotProducts { left, right, depth, out });
-}
-
-struct RowByMatrix<'a> {
-    row: &'a [f32],
-    matrix: &'a [f32],
-    out: &'a mut [f32],
+pub(crate) struct RowByMatrix<'a> {
+    pub(crate) row: &'a [f32],
+    /// `[row.len(), out.len()]`
+    pub(crate) matrix: &'a [f32],
+    pub(crate) out: &'a mut [f32],
 }
 
 impl WithSimd for RowByMatrix<'_> {
@@ -75,14 +59,17 @@ impl RowByMatrix<'_> {
     }
 }
 
-struct DotProducts<'a> {
+/// Computes `out = left x right^T`: every number is the dot product of two rows.
+///
+/// It serves the gradient through the state weight of a GRU, for the few sequences of a minibatch.
+pub(crate) struct DotProducts<'a> {
     /// `[rows, depth]`
-    left: &'a [f32],
+    pub(crate) left: &'a [f32],
     /// `[columns, depth]`
-    right: &'a [f32],
-    depth: usize,
+    pub(crate) right: &'a [f32],
+    pub(crate) depth: usize,
     /// `[rows, columns]`
-    out: &'a mut [f32],
+    pub(crate) out: &'a mut [f32],
 }
 
 impl WithSimd for DotProducts<'_> {

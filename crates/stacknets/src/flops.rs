@@ -1,8 +1,9 @@
-//! Amount of arithmetic of a network: the floor under its cost.
+//! Amount of arithmetic of a network, and the peak speed of this machine: the floor under its cost.
 
 use std::time::{Duration, Instant};
 
 use super::Shape;
+use super::product::{Before, Matrix, multiply};
 
 impl Shape {
     /// Returns the floating-point operations in the matrix products of a forward pass, per row: a multiplication and an
@@ -17,11 +18,8 @@ impl Shape {
     /// inputs of the network nor to the state before the first step.
     pub fn backward_flops(&self, steps: usize) -> f64 {
         let of_tower = |tower: &Shape| {
-            let first = if tower.recurrent.is_none() {
-                tower.layers().next().map_or(0, |(inputs, outputs)| inputs * outputs)
-            } else {
-                0
-            };
+            let first_layer = tower.layers().next().map_or(0, |(inputs, outputs)| inputs * outputs);
+            let first = if tower.recurrent.is_none() { first_layer } else { 0 };
             let through_states = tower.state_weights() as f64 * (steps - 1) as f64 / steps as f64;
             tower.forward_flops() + 2.0 * ((tower.layer_weights() - first) as f64 + through_states)
         };
@@ -43,6 +41,17 @@ impl Shape {
 
 /// Side of the square matrices whose product shows the machine's peak speed.
 pub const SIDE: usize = 1024;
+
+/// Returns the peak speed of this crate's matrix products on this machine, in floating-point operations per second on one
+/// thread: that of products of [`SIDE`] in f32, the fastest of those that fit into `time`.
+///
+/// With [`Shape::forward_flops`] and [`Shape::backward_flops`] it gives a lower bound for the time of a training.
+pub fn peak(time: Duration) -> f64 {
+    let matrix = vec![0.5; SIDE * SIDE];
+    let mut product = vec![0.0; SIDE * SIDE];
+    let square = Matrix::new(&matrix, SIDE);
+    fastest_product(time, || multiply(square, square, &mut product, Before::Overwrite))
+}
 
 /// Returns the operations per second of the fastest product of [`SIDE`] among those that fit into `time`.
 pub fn fastest_product(time: Duration, mut product: impl FnMut()) -> f64 {

@@ -13,9 +13,9 @@
 use multiversion::multiversion;
 
 use super::activations::{sigmoid, tanh};
-use super::buffer::resized;
-use super::product::{Before, Matrix, affine, multiply, sum_rows};
-use super::shape::TowerBlocks;
+use super::network::Sequences;
+use super::product::{Before, Matrix, affine, multiply, resized, sum_rows};
+use super::shape::Block;
 
 /// The first blocks of the parameters of a network with a GRU: `[in, 3 hidden]`, `[hidden, 3 hidden]` and twice
 /// `[1, 3 hidden]`, each in the order r, z, n.
@@ -47,20 +47,18 @@ pub(crate) struct GruTrace {
     through_weights: Vec<f32>,
 }
 
-/// Runs the unit over sequences.
-///
-/// `inputs`: `[steps x sequences, in]`; `states`, before the first step: `[sequences, hidden]`; `starts`, one per row:
-/// whether the state is cleared before this step.
+/// Runs the unit over `sequences`. `inputs`: `[steps x sequences, in]`.
 pub(crate) fn forward(
-    blocks: TowerBlocks<'_>,
+    blocks: &[Block],
     values: &[f32],
     inputs: &[f32],
-    steps: usize,
-    states: &[f32],
-    starts: &[bool],
+    sequences: Sequences<'_>,
     trace: &mut GruTrace,
 ) {
-    let hidden = blocks.range(STATE_BIAS).len() / 3;
+    let Sequences { steps, states, starts } = sequences;
+    let [input, state, input_bias, state_bias] =
+        [INPUT, STATE, INPUT_BIAS, STATE_BIAS].map(|block| &values[blocks[block].place.clone()]);
+    let hidden = state_bias.len() / 3;
     let (rows, sequences) = (starts.len(), starts.len() / steps);
     trace.steps = steps;
     trace.starts.clear();
@@ -70,7 +68,7 @@ pub(crate) fn forward(
     let gates = resized(&mut trace.gates, rows * 4 * hidden);
     let from_inputs = resized(&mut trace.from_inputs, rows * 3 * hidden);
     let from_state = resized(&mut trace.from_state, sequences * 3 * hidden);
-    affine(inputs, &values[blocks.range(INPUT)], &values[blocks.range(INPUT_BIAS)], from_inputs);
+    affine(inputs, input, input_bias, from_inputs);
     for step in 0..steps {
         let first = step * sequences;
         let (earlier, now) = outputs.split_at_mut(first * hidden);
@@ -80,7 +78,7 @@ pub(crate) fn forward(
         for ((before, last), &start) in pairs.zip(&starts[first..]) {
             if start { before.fill(0.0) } else { before.copy_from_slice(last) }
         }
-        affine(before, &values[blocks.range(STATE)], &values[blocks.range(STATE_BIAS)], from_state);
+        affine(before, state, state_bias, from_state);
         for sequence in 0..sequences {
             let row = first + sequence;
             update_row(
@@ -122,14 +120,14 @@ fn thirds(row: &[f32], hidden: usize) -> (&[f32], &[f32], &[f32]) {
 ///
 /// No gradient flows back over a step that begins with a cleared state, nor into the first states.
 pub(crate) fn backward(
-    blocks: TowerBlocks<'_>,
+    blocks: &[Block],
     values: &[f32],
     inputs: &[f32],
     by_outputs: &[f32],
     trace: &mut GruTrace,
     gradient: &mut [f32],
 ) {
-    let hidden = blocks.range(STATE_BIAS).len() / 3;
+    let hidden = blocks[STATE_BIAS].place.len() / 3;
     let (rows, steps) = (trace.starts.len(), trace.steps);
     let sequences = rows / steps;
     let by_input = resized(&mut trace.by_input, rows * 3 * hidden);
@@ -137,7 +135,7 @@ pub(crate) fn backward(
     let carried = resized(&mut trace.carried, sequences * hidden);
     let through_weights = resized(&mut trace.through_weights, sequences * hidden);
     carried.fill(0.0);
-    let state_weight = Matrix::new(&values[blocks.range(STATE)], 3 * hidden);
+    let state_weight = Matrix::new(&values[blocks[STATE].place.clone()], 3 * hidden);
     for step in (0..steps).rev() {
         let first = step * sequences;
         for sequence in 0..sequences {
@@ -168,9 +166,9 @@ pub(crate) fn backward(
     for (weight, bias, from, width, by) in
         [(INPUT, INPUT_BIAS, inputs, width, &*by_input), (STATE, STATE_BIAS, &*trace.before, hidden, &*by_state)]
     {
-        let product = &mut gradient[blocks.range(weight)];
+        let product = &mut gradient[blocks[weight].place.clone()];
         multiply(Matrix::new(from, width).transposed(), Matrix::new(by, 3 * hidden), product, Before::Overwrite);
-        sum_rows(by, &mut gradient[blocks.range(bias)]);
+        sum_rows(by, &mut gradient[blocks[bias].place.clone()]);
     }
 }
 

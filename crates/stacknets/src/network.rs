@@ -1,9 +1,8 @@
 //! One network, seen through a row of parameters: forward and backward.
 
-use super::buffer::resized;
 use super::gru::{self, GruTrace};
-use super::product::{Before, Matrix, affine, multiply, sum_rows};
-use super::shape::{Layout, Shape, TowerBlocks};
+use super::product::{Before, Matrix, affine, multiply, resized, sum_rows};
+use super::shape::{Block, Layout, Shape};
 
 /// One network of a stack: a shape over a row of parameters.
 #[derive(Clone, Copy)]
@@ -186,14 +185,13 @@ fn put_columns(table: &[f32], count: usize, into: &mut [f32], width: usize, firs
 #[derive(Clone, Copy)]
 struct Tower<'a> {
     shape: &'a Shape,
-    blocks: TowerBlocks<'a>,
+    blocks: &'a [Block],
     values: &'a [f32],
 }
 
 impl<'a> Network<'a> {
     fn tower(self, shape: &'a Shape, index: usize) -> Tower<'a> {
-        let blocks = TowerBlocks { layout: self.layout, first: index * shape.blocks_per_tower() };
-        Tower { shape, blocks, values: self.values }
+        Tower { shape, blocks: self.layout.of_tower(shape, index), values: self.values }
     }
 }
 
@@ -204,15 +202,15 @@ impl Tower<'_> {
         trace.values.resize_with(shape.hidden.len() + 2, Vec::new);
         resized(&mut trace.values[0], inputs.len()).copy_from_slice(inputs);
         if shape.recurrent.is_some() {
-            let Sequences { steps, states, starts } = sequences;
-            gru::forward(blocks, values, inputs, steps, states, starts, &mut trace.gru);
+            gru::forward(blocks, values, inputs, sequences, &mut trace.gru);
         }
         for (layer, (_, outputs)) in shape.layers().enumerate() {
             let block = shape.first_layer() + 2 * layer;
             let (before, after) = trace.values.split_at_mut(layer + 1);
             let before = if layer == 0 && shape.recurrent.is_some() { &trace.gru.outputs } else { &before[layer] };
             let after = resized(&mut after[0], rows * outputs);
-            affine(before, &values[blocks.range(block)], &values[blocks.range(block + 1)], after);
+            let [weight, bias] = [block, block + 1].map(|block| &values[blocks[block].place.clone()]);
+            affine(before, weight, bias, after);
             if layer < shape.hidden.len() {
                 // Not `max`, which would hide a NaN.
                 after.iter_mut().for_each(|value| *value = if *value < 0.0 { 0.0 } else { *value });
@@ -230,15 +228,12 @@ impl Tower<'_> {
             let recurrent_below = layer == 0 && shape.recurrent.is_some();
             let before = if recurrent_below { &trace.gru.outputs } else { &trace.values[layer] };
             let after = Matrix::new(by_after, outputs);
-            multiply(
-                Matrix::new(before, inputs).transposed(),
-                after,
-                &mut gradient[blocks.range(block)],
-                Before::Overwrite,
-            );
-            sum_rows(by_after, &mut gradient[blocks.range(block + 1)]);
+            let [weight, bias] = [block, block + 1].map(|block| blocks[block].place.clone());
+            let transposed = Matrix::new(before, inputs).transposed();
+            multiply(transposed, after, &mut gradient[weight.clone()], Before::Overwrite);
+            sum_rows(by_after, &mut gradient[bias]);
             if layer > 0 || recurrent_below {
-                let weight = Matrix::new(&values[blocks.range(block)], outputs);
+                let weight = Matrix::new(&values[weight], outputs);
                 multiply(after, weight.transposed(), resized(by_before, rows * inputs), Before::Overwrite);
                 std::mem::swap(by_after, by_before);
             }

@@ -8,8 +8,7 @@ use rand::Rng;
 use super::few_rows::FEW_ROWS;
 use super::product::{Before, Matrix, multiply_with};
 use super::testing::{Dice, dice};
-use super::vectors::VectorWidth;
-use super::vectors::vector_instructions;
+use super::vectors::{VectorWidth, vector_instructions};
 
 const LANES: usize = 8;
 /// Numbers of the inner dimension that are added up in one call.
@@ -21,27 +20,24 @@ const ACROSS: usize = 16 * 16;
 struct TestProduct<'a> {
     left: Matrix<'a>,
     right: Matrix<'a>,
-    rows: usize,
-    columns: usize,
-    left_values: &'a [f32],
-    right_values: &'a [f32],
+    transposed: [bool; 2],
 }
 
 impl TestProduct<'_> {
     /// Returns the row and the column of the factors, along the inner dimension.
-    fn factors(&self, row: usize, column: usize, depth: usize) -> Vec<(f32, f32)> {
+    fn factors(&self, row: usize, column: usize) -> Vec<(f32, f32)> {
         let ((left_row, left_column), (right_row, right_column)) = (self.left.strides(), self.right.strides());
-        let left = |k: usize| self.left_values[row * left_row as usize + k * left_column as usize];
-        let right = |k: usize| self.right_values[k * right_row as usize + column * right_column as usize];
-        (0..depth).map(|k| (left(k), right(k))).collect()
+        let left = |k: usize| self.left.values[row * left_row as usize + k * left_column as usize];
+        let right = |k: usize| self.right.values[k * right_row as usize + column * right_column as usize];
+        (0..self.left.columns).map(|k| (left(k), right(k))).collect()
     }
 
     /// Computes one number of the product. `start`: the old number, if the product is added to it.
-    fn number(&self, factors: &[(f32, f32)], start: Option<f32>, transposed: [bool; 2]) -> f32 {
-        if self.rows <= FEW_ROWS && transposed == [false, true] && start.is_none() {
+    fn number(&self, factors: &[(f32, f32)], start: Option<f32>) -> f32 {
+        if self.left.rows <= FEW_ROWS && self.transposed == [false, true] && start.is_none() {
             return few_rows(factors);
         }
-        if self.rows == 1 && !transposed[1] {
+        if self.left.rows == 1 && !self.transposed[1] {
             return in_a_row(factors, start.unwrap_or(0.0));
         }
         let mut sum = start;
@@ -54,7 +50,7 @@ impl TestProduct<'_> {
     /// Adds up a part of the inner dimension in the order of the crate `gemm`.
     fn part(&self, factors: &[(f32, f32)], start: Option<f32>) -> f32 {
         let ((left_row, left_column), (right_row, right_column)) = (self.left.strides(), self.right.strides());
-        let (rows, columns) = (self.rows, self.columns);
+        let (rows, columns) = (self.left.rows, self.right.columns);
         let added = |sum: f32| start.map_or(sum, |start| start + sum);
         if left_column == 1 && right_row == 1 && rows * columns <= ACROSS {
             return added(across(factors));
@@ -150,64 +146,55 @@ fn random(count: usize, dice: &mut Dice) -> Vec<f32> {
     (0..count).map(|_| dice.random_range(-1.0..1.0)).collect()
 }
 
-/// Calls `each` with every shape in every order of its factors, its name, and whether the factors are transposed.
-fn for_all_products(mut each: impl FnMut(&TestProduct<'_>, usize, [bool; 2], &str)) {
+/// Calls `each` with every shape in every order of its factors, and with its name.
+fn for_all_products(mut each: impl FnMut(&TestProduct<'_>, &str)) {
     let mut dice = dice(3);
     for [rows, depth, columns] in SHAPES {
         let (a, b) = (random(rows * depth, &mut dice), random(depth * columns, &mut dice));
         for transposed in [[false, false], [false, true], [true, false], [true, true]] {
             let left = if transposed[0] { Matrix::new(&a, rows).transposed() } else { Matrix::new(&a, depth) };
             let right = if transposed[1] { Matrix::new(&b, depth).transposed() } else { Matrix::new(&b, columns) };
-            let shape = TestProduct { left, right, rows, columns, left_values: &a, right_values: &b };
-            each(&shape, depth, transposed, &format!("{rows} x {depth} x {columns}, transposed {transposed:?}"));
+            let name = format!("{rows} x {depth} x {columns}, transposed {transposed:?}");
+            each(&TestProduct { left, right, transposed }, &name);
         }
     }
 }
 
-fn product(width: VectorWidth, shape: &TestProduct<'_>, before: Before) -> Vec<f32> {
-    let mut out: Vec<f32> = (0..shape.rows * shape.columns).map(|i| 0.1 * i as f32).collect();
-    multiply_with(width, shape.left, shape.right, &mut out, before);
+fn product(width: VectorWidth, of: &TestProduct<'_>, before: Before) -> Vec<f32> {
+    let mut out: Vec<f32> = (0..of.left.rows * of.right.columns).map(|i| 0.1 * i as f32).collect();
+    multiply_with(width, of.left, of.right, &mut out, before);
     out
 }
 
-/// Returns whether this machine has the instructions. Without them there is nothing to test.
-fn has_256_bits() -> bool {
-    let has = vector_instructions(VectorWidth::Bits256);
-    has.inspect_err(|error| eprintln!("not tested: {error}")).is_ok()
-}
-
 #[test]
-fn products_of_256_bits_are_to_the_bit_those_of_plain_rust_in_the_same_order() {
-    if !has_256_bits() {
-        return;
-    }
-    for_all_products(|shape, depth, transposed, name| {
+fn the_products_of_the_widest_registers_are_what_the_definition_says() {
+    for_all_products(|of, name| {
         for before in [Before::Overwrite, Before::Add] {
-            let out = product(VectorWidth::Bits256, shape, before);
-            for (i, value) in out.iter().enumerate() {
-                let factors = shape.factors(i / shape.columns, i % shape.columns, depth);
-                let start = (before == Before::Add).then_some(0.1 * i as f32);
-                let expected = shape.number(&factors, start, transposed);
-                assert_eq!(value.to_bits(), expected.to_bits(), "{name}, number {i}: {value} {expected}");
+            for (i, value) in product(VectorWidth::Widest, of, before).into_iter().enumerate() {
+                let factors = of.factors(i / of.right.columns, i % of.right.columns);
+                let start = if before == Before::Add { f64::from(0.1 * i as f32) } else { 0.0 };
+                let exact = start + factors.iter().map(|(l, r)| f64::from(*l) * f64::from(*r)).sum::<f64>();
+                assert!((f64::from(value) - exact).abs() < 1e-3, "{name}, number {i}: {value} {exact}");
             }
         }
     });
 }
 
 #[test]
-fn the_widest_registers_give_the_same_bits_where_they_have_256_and_others_where_they_have_more() {
-    if !has_256_bits() {
-        return;
-    }
-    let names = [VectorWidth::Widest, VectorWidth::Bits256].map(|width| vector_instructions(width).unwrap());
+fn products_of_256_bits_are_to_the_bit_those_of_plain_rust_and_the_widest_differ_if_they_are_wider() {
+    let names = match vector_instructions(VectorWidth::Bits256) {
+        Ok(name) => [name, vector_instructions(VectorWidth::Widest).unwrap()],
+        Err(error) => return eprintln!("not tested: {error}"),
+    };
     let mut different = 0;
-    for_all_products(|shape, _, _, name| {
+    for_all_products(|of, name| {
         for before in [Before::Overwrite, Before::Add] {
-            let [widest, fixed] =
-                [VectorWidth::Widest, VectorWidth::Bits256].map(|width| product(width, shape, before));
-            for (a, b) in widest.iter().zip(&fixed) {
-                assert!((a - b).abs() < 1e-3, "{name}: {a} {b}");
-                different += u32::from(a.to_bits() != b.to_bits());
+            let [out, widest] = [VectorWidth::Bits256, VectorWidth::Widest].map(|width| product(width, of, before));
+            for (i, (value, widest)) in out.iter().zip(widest).enumerate() {
+                let factors = of.factors(i / of.right.columns, i % of.right.columns);
+                let expected = of.number(&factors, (before == Before::Add).then_some(0.1 * i as f32));
+                assert_eq!(value.to_bits(), expected.to_bits(), "{name}, number {i}: {value} {expected}");
+                different += u32::from(value.to_bits() != widest.to_bits());
             }
         }
     });

@@ -48,9 +48,8 @@ use std::ops::Range;
 
 use gemm_common::Parallelism;
 
-use super::few_rows::{FEW_ROWS, add_row_by_matrix, dot_products};
-use super::vectors::VectorWidth;
-use super::vectors::vector_width;
+use super::few_rows::{DotProducts, FEW_ROWS, RowByMatrix};
+use super::vectors::{VectorWidth, dispatch, vector_width};
 
 /// Largest inner dimension of one call of `gemm`, which adds up that many numbers in one go. `gemm` cuts longer ones by
 /// the size of the machine's caches, and then the order of sums would depend on the machine.
@@ -59,9 +58,9 @@ const DEPTH: usize = 512;
 /// A borrowed matrix: row after row or, if transposed, column after column.
 #[derive(Clone, Copy)]
 pub(crate) struct Matrix<'a> {
-    values: &'a [f32],
-    rows: usize,
-    columns: usize,
+    pub(crate) values: &'a [f32],
+    pub(crate) rows: usize,
+    pub(crate) columns: usize,
     transposed: bool,
 }
 
@@ -112,13 +111,13 @@ pub(crate) fn multiply_with(
     assert_eq!(depth, right.rows, "{rows} x {depth} by {} x {columns}", right.rows);
     assert_eq!(out.len(), rows * columns, "{rows} x {columns} values come out");
     if rows <= FEW_ROWS && right.transposed && !left.transposed && before == Before::Overwrite {
-        return dot_products(width, left.values, right.values, depth, out);
+        return dispatch(width, DotProducts { left: left.values, right: right.values, depth, out });
     }
     if rows == 1 && !right.transposed {
         if before == Before::Overwrite {
             out.fill(0.0);
         }
-        return add_row_by_matrix(width, left.values, right.values, out);
+        return dispatch(width, RowByMatrix { row: left.values, matrix: right.values, out });
     }
     // Also once if there is nothing to add up: the result is zeros.
     for first in (0..depth.max(1)).step_by(DEPTH) {
@@ -233,57 +232,15 @@ pub(crate) fn sum_rows(rows: &[f32], sums: &mut [f32]) {
     }
 }
 
+/// Returns a buffer with this length, for passes that work in it one after another. Its contents are undefined.
+pub(crate) fn resized(buffer: &mut Vec<f32>, length: usize) -> &mut [f32] {
+    buffer.resize(length, 0.0);
+    buffer
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::testing::{Dice, dice};
-    use rand::Rng;
-
-    fn random(count: usize, dice: &mut Dice) -> Vec<f32> {
-        (0..count).map(|_| dice.random_range(-1.0..1.0)).collect()
-    }
-
-    /// Computes a number by definition, in double precision.
-    fn by_definition(left: Matrix<'_>, right: Matrix<'_>, row: usize, column: usize) -> f64 {
-        let at = |matrix: Matrix<'_>, row: usize, column: usize| {
-            let (down, across) = matrix.strides();
-            f64::from(matrix.values[row * down as usize + column * across as usize])
-        };
-        (0..left.columns).map(|k| at(left, row, k) * at(right, k, column)).sum()
-    }
-
-    #[test]
-    fn products_of_all_shapes_and_orders_are_what_the_definition_says() {
-        let mut dice = dice(1);
-        for (rows, depth, columns) in [
-            (1, 1, 1),
-            (1, 256, 128),
-            (1, 37, 781),
-            (2, 3, 5),
-            (3, 5, 7),
-            (4, 256, 37),
-            (5, 40, 33),
-            (7, 19, 8),
-            (32, 40, 3),
-        ] {
-            let (a, b) = (random(rows * depth, &mut dice), random(depth * columns, &mut dice));
-            for left in [Matrix::new(&a, depth), Matrix::new(&a, rows).transposed()] {
-                for right in [Matrix::new(&b, columns), Matrix::new(&b, depth).transposed()] {
-                    let mut out = vec![0.5; rows * columns];
-                    for (before, start) in [(Before::Add, 0.5), (Before::Overwrite, 0.0)] {
-                        multiply(left, right, &mut out, before);
-                        for (i, &value) in out.iter().enumerate() {
-                            let exact = start + by_definition(left, right, i / columns, i % columns);
-                            assert!(
-                                (f64::from(value) - exact).abs() < 1e-5,
-                                "{rows} x {depth} x {columns}: {value} {exact}"
-                            );
-                        }
-                    }
-                }
-            }
-        }
-    }
 
     #[test]
     #[should_panic(expected = "2 x 3 by 2 x 3")]

@@ -132,14 +132,6 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_row_is_a_slice_of_the_table() {
-        let rows = Rows::from_vec(vec![1, 2, 3, 4, 5, 6], 2);
-        assert_eq!(rows.len(), 3);
-        assert_eq!(rows.row(1), [3, 4]);
-        assert_eq!(rows.as_slice(), [1, 2, 3, 4, 5, 6]);
-    }
-
-    #[test]
     fn a_torn_table_is_not_received() {
         let received = |width| {
             let parts = postcard::to_stdvec(&(vec![1_u8, 2, 3, 4, 5, 6], width)).unwrap();
@@ -147,11 +139,5 @@ mod tests {
         };
         assert_eq!([2, 6].map(|width: usize| received(width).unwrap()), [3, 1]);
         assert!([0, 4, usize::MAX].into_iter().all(|width| received(width).is_err()));
-    }
-
-    #[test]
-    #[should_panic(expected = "5 values do not make rows of 2")]
-    fn a_torn_table_is_refused() {
-        Rows::from_vec(vec![0; 5], 2);
     }
 }

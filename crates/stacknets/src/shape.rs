@@ -1,8 +1,8 @@
-//! The layers of a network, and the places of its weights and biases in a row of parameters.
+//! The layers of a network, the places of its weights and biases in a row of parameters, and the rows of a stack.
 
 use std::ops::Range;
 
-use super::gru;
+use super::{Rows, gru};
 
 /// The layers of a network: inputs -> GRU, if any -> hidden layers with ReLU -> linear outputs.
 ///
@@ -54,16 +54,13 @@ impl Shape {
         let of_last_tower = if self.apart > 0 { self.apart } else { self.outputs };
         let mut flags = vec![false; layout.width()];
         if of_last_tower == 1 {
-            let first = layout.range(self.blocks_per_tower() * (self.towers().len() - 1)).start;
-            flags[first..].fill(true);
+            let tower = layout.of_tower(self, self.towers().len() - 1);
+            flags[tower[0].place.start..].fill(true);
         } else {
             // The last two blocks: `[in, outputs]` and `[1, outputs]`.
-            for block in layout.blocks.len() - 2..layout.blocks.len() {
-                flags[layout.range(block)]
-                    .iter_mut()
-                    .skip(of_last_tower - 1)
-                    .step_by(of_last_tower)
-                    .for_each(|flag| *flag = true);
+            for block in &layout.blocks[layout.blocks.len() - 2..] {
+                let flags = flags[block.place.clone()].iter_mut();
+                flags.skip(of_last_tower - 1).step_by(of_last_tower).for_each(|flag| *flag = true);
             }
         }
         flags
@@ -89,10 +86,8 @@ impl Shape {
     fn blocks(&self, prefix: &str) -> Vec<(String, Vec<usize>)> {
         let mut blocks = Vec::new();
         if let Some(width) = self.recurrent {
-            blocks.push((format!("{prefix}gru.input_weight"), vec![self.inputs, 3 * width]));
-            blocks.push((format!("{prefix}gru.state_weight"), vec![width, 3 * width]));
-            blocks.push((format!("{prefix}gru.input_bias"), vec![1, 3 * width]));
-            blocks.push((format!("{prefix}gru.state_bias"), vec![1, 3 * width]));
+            let rows = [("input_weight", self.inputs), ("state_weight", width), ("input_bias", 1), ("state_bias", 1)];
+            blocks.extend(rows.map(|(name, rows)| (format!("{prefix}gru.{name}"), vec![rows, 3 * width])));
         }
         for (index, (inputs, outputs)) in self.layers().enumerate() {
             blocks.push((format!("{prefix}layers.{index}.weight"), vec![inputs, outputs]));
@@ -126,31 +121,29 @@ impl Shape {
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Layout {
     width: usize,
-    blocks: Vec<ParameterBlock>,
+    blocks: Vec<Block>,
 }
 
+/// A weight or a bias.
 #[derive(Clone, Debug, PartialEq, Eq)]
-struct ParameterBlock {
+pub(crate) struct Block {
     name: String,
     /// Shape for one network, such as `[in, out]`.
     shape: Vec<usize>,
-    offset: usize,
-    len: usize,
+    /// Place within a row of parameters.
+    pub(crate) place: Range<usize>,
 }
 
 impl Layout {
     /// Makes a layout of blocks with these names and shapes, in order, for rows of a table that come from elsewhere.
     pub fn new(blocks: Vec<(String, Vec<usize>)>) -> Self {
         let mut width = 0;
-        let blocks = blocks
-            .into_iter()
-            .map(|(name, shape)| {
-                let len = shape.iter().product();
-                let block = ParameterBlock { name, shape, offset: width, len };
-                width += len;
-                block
-            })
-            .collect();
+        let place = |(name, shape): (String, Vec<usize>)| {
+            let begin = width;
+            width += shape.iter().product::<usize>();
+            Block { name, shape, place: begin..width }
+        };
+        let blocks = blocks.into_iter().map(place).collect();
         Layout { width, blocks }
     }
 
@@ -162,37 +155,67 @@ impl Layout {
     /// Returns the names of the blocks, their shapes in a stack of `networks` (`[networks, in, out]`), and their places
     /// within a row, in order.
     pub fn blocks(&self, networks: usize) -> impl Iterator<Item = (&str, Vec<usize>, Range<usize>)> {
-        self.blocks.iter().map(move |block| {
-            let shape = std::iter::once(networks).chain(block.shape.iter().copied()).collect();
-            (block.name.as_str(), shape, block.offset..block.offset + block.len)
-        })
+        self.blocks
+            .iter()
+            .map(move |Block { name, shape, place }| (name.as_str(), [&[networks], &shape[..]].concat(), place.clone()))
     }
 
     /// Returns the places of all weights within a row, without the biases.
     pub(crate) fn weights(&self) -> impl Iterator<Item = Range<usize>> {
-        let weights = self.blocks.iter().filter(|block| block.name.ends_with("weight"));
-        weights.map(|block| block.offset..block.offset + block.len)
+        self.blocks.iter().filter(|block| block.name.ends_with("weight")).map(|block| block.place.clone())
     }
 
-    /// Returns the place of a block within a row.
-    pub(crate) fn range(&self, block: usize) -> Range<usize> {
-        let block = &self.blocks[block];
-        block.offset..block.offset + block.len
+    /// Returns the blocks of a tower of this shape, which is the network's `index`-th.
+    pub(crate) fn of_tower(&self, shape: &Shape, index: usize) -> &[Block] {
+        &self.blocks[index * shape.blocks_per_tower()..][..shape.blocks_per_tower()]
     }
 }
 
-/// The blocks of one tower in the layout of a network.
-#[derive(Clone, Copy)]
-pub(crate) struct TowerBlocks<'a> {
-    pub(crate) layout: &'a Layout,
-    /// Its first block.
-    pub(crate) first: usize,
+/// The parameters of the networks of one stack, `[networks, width]`. A row is one network, and goes into messages and
+/// files as it is. Its [`Layout`] says which weight is where.
+pub struct Parameters {
+    pub(crate) layout: Layout,
+    pub(crate) values: Rows<f32>,
 }
 
-impl TowerBlocks<'_> {
-    /// Returns the place of a block within the row of the whole network.
-    pub(crate) fn range(self, block: usize) -> Range<usize> {
-        self.layout.range(self.first + block)
+impl Parameters {
+    /// Makes parameters of zeros.
+    pub(crate) fn new(networks: usize, layout: Layout) -> Self {
+        Parameters { values: Rows::new(networks, layout.width()), layout }
+    }
+
+    /// Returns the number of networks.
+    pub fn networks(&self) -> usize {
+        self.values.len()
+    }
+
+    /// Returns the places of weights and biases within a row.
+    pub fn layout(&self) -> &Layout {
+        &self.layout
+    }
+
+    /// Returns the number of parameters per network.
+    pub fn width(&self) -> usize {
+        self.layout.width()
+    }
+
+    /// Returns all values, `[networks, width]`.
+    pub fn values(&self) -> &Rows<f32> {
+        &self.values
+    }
+
+    /// Returns all values, for writing.
+    pub fn values_mut(&mut self) -> &mut Rows<f32> {
+        &mut self.values
+    }
+
+    /// Copies the values of `rows`, one row per network.
+    ///
+    /// # Panics
+    /// If `rows` has a different shape.
+    pub fn load(&mut self, rows: &Rows<f32>) {
+        assert_eq!((rows.len(), rows.width()), (self.networks(), self.width()), "parameters of another stack");
+        self.values.copy_from(rows);
     }
 }
 

@@ -83,14 +83,14 @@ impl Stack {
     }
 
     pub(crate) fn parts_mut(&mut self) -> (&Shape, &Layout, &mut Rows<f32>) {
-        let (layout, values) = self.parameters.layout_and_values_mut();
-        (&self.shape, layout, values)
+        (&self.shape, &self.parameters.layout, &mut self.parameters.values)
     }
 
     /// Adds `bias` to the biases of the first tower's last layer in all networks: one value per output, or per each of the
     /// first outputs.
     pub fn shift_output(&mut self, bias: &[f32]) {
-        let range = self.parameters.layout().range(self.shape.blocks_per_tower() - 1);
+        let layout = self.parameters.layout();
+        let range = layout.of_tower(&self.shape, 0)[self.shape.blocks_per_tower() - 1].place.clone();
         let width = self.parameters.width();
         for row in self.parameters.values_mut().as_mut_slice().chunks_exact_mut(width) {
             row[range.clone()].iter_mut().zip(bias).for_each(|(value, shift)| *value += shift);
@@ -142,27 +142,28 @@ impl Stack {
 mod tests {
     use super::*;
     use crate::testing::{dice, stack};
-    use crate::{Adam, Learner};
+    use crate::{Adam, Trainer};
 
     fn feed_forward(sizes: &[usize]) -> Shape {
         let (inputs, outputs) = (sizes[0], sizes[sizes.len() - 1]);
         Shape { inputs, recurrent: None, hidden: sizes[1..sizes.len() - 1].to_vec(), outputs, apart: 0 }
     }
 
-    fn random_rows(rows: usize, width: usize, name: &str) -> Rows<f32> {
-        let mut dice = dice(11 + name.len() as u64);
+    fn random_rows(rows: usize, width: usize, seed: u64) -> Rows<f32> {
+        let mut dice = dice(seed);
         Rows::from_vec((0..rows * width).map(|_| dice.random_range(-1.0..1.0)).collect(), width)
     }
 
-    /// Sequences of some networks, with random states that are cleared in one row of four; rows ordered network,
-    /// step, sequence.
+    /// Sequences of some networks, with random states that are cleared in one row of four; rows ordered network, step,
+    /// sequence.
+    #[derive(Clone)]
     struct Material {
         networks: usize,
         inputs: Rows<f32>,
         steps: usize,
         states: States,
         starts: Vec<bool>,
-        output_gradient: Vec<f32>,
+        by_output: Vec<f32>,
     }
 
     impl Material {
@@ -170,17 +171,14 @@ mod tests {
             let rows = networks * steps * batch;
             let mut dice = dice(12);
             let mut states = States::new(networks * batch, shape.state_width());
-            for row in 0..networks * batch {
-                let state: Vec<f32> = (0..shape.state_width()).map(|_| dice.random_range(-1.0..1.0)).collect();
-                states.set_row(row, &state);
-            }
+            states.as_mut_slice().iter_mut().for_each(|value| *value = dice.random_range(-1.0..1.0));
             Material {
                 networks,
-                inputs: random_rows(rows, shape.inputs, "inputs"),
+                inputs: random_rows(rows, shape.inputs, 17),
                 steps,
                 states,
                 starts: (0..rows).map(|_| dice.random_bool(0.25)).collect(),
-                output_gradient: random_rows(rows, shape.outputs, "gradient").as_slice().to_vec(),
+                by_output: random_rows(rows, shape.outputs, 19).into_vec(),
             }
         }
 
@@ -190,12 +188,10 @@ mod tests {
         }
 
         fn forward(&self, network: Network<'_>, number: usize, trace: &mut Trace) {
-            let sequences = Sequences {
-                steps: self.steps,
-                states: self.share(self.states.as_slice(), number),
-                starts: self.share(&self.starts, number),
-            };
-            network.forward(self.share(self.inputs.as_slice(), number), sequences, trace);
+            let [states, inputs] =
+                [self.states.as_slice(), self.inputs.as_slice()].map(|table| self.share(table, number));
+            let sequences = Sequences { steps: self.steps, states, starts: self.share(&self.starts, number) };
+            network.forward(inputs, sequences, trace);
         }
 
         /// Returns the outputs of all networks.
@@ -212,52 +208,26 @@ mod tests {
         fn outputs_and_gradient(&self, network: Network<'_>, number: usize) -> (Vec<f32>, Vec<f32>) {
             let mut trace = Trace::default();
             self.forward(network, number, &mut trace);
-            network.backward(self.share(&self.output_gradient, number), &mut trace);
+            network.backward(self.share(&self.by_output, number), &mut trace);
             (trace.output().to_vec(), trace.gradient().to_vec())
         }
-
-        /// Returns the material of one network alone.
-        fn of_network(&self, number: usize) -> Material {
-            let mut states = States::new(self.states.rows() / self.networks, self.states.row(0).len());
-            states.as_mut_slice().copy_from_slice(self.share(self.states.as_slice(), number));
-            Material {
-                networks: 1,
-                inputs: Rows::from_vec(self.share(self.inputs.as_slice(), number).to_vec(), self.inputs.width()),
-                steps: self.steps,
-                states,
-                starts: self.share(&self.starts, number).to_vec(),
-                output_gradient: self.share(&self.output_gradient, number).to_vec(),
-            }
-        }
-    }
-
-    /// Runs one row through a network without memory.
-    fn one_row(stack: &Stack, inputs: &[f32], by_output: &[f32]) -> (Vec<f32>, Vec<f32>) {
-        let mut trace = Trace::default();
-        stack.network(0).forward(inputs, Sequences::NONE, &mut trace);
-        stack.network(0).backward(by_output, &mut trace);
-        (trace.output().to_vec(), trace.gradient().to_vec())
     }
 
     #[test]
     fn one_hidden_unit_is_worked_out_by_hand() {
+        // w1 = (1, -2), b1 = 0.5, w2 = 3, b2 = -1; x = (2, 0.5): h = relu(2 - 1 + 0.5) = 1.5, y = 3 * 1.5 - 1 = 3.5.
+        // dL/dy = 2: dw2 = 2 * 1.5 = 3, db2 = 2, dh = 2 * 3 = 6, dw1 = 6 * (2, 0.5) = (12, 3), db1 = 6.
+        let open = ([1.0, -2.0, 0.5, 3.0, -1.0], 3.5, [12.0, 3.0, 6.0, 3.0, 2.0]);
+        // h = relu(-2 - 1 + 0.5) = 0: a closed ReLU lets no gradient through.
+        let closed = ([-1.0, -2.0, 0.5, 3.0, -1.0], -1.0, [0.0, 0.0, 0.0, 0.0, 2.0]);
         let mut stack = stack(feed_forward(&[2, 1, 1]), &[0]);
-        // w1 = (1, -2), b1 = 0.5, w2 = 3, b2 = -1; x = (2, 0.5): h = relu(2 - 1 + 0.5) = 1.5, y = 3 * 1.5 - 1 = 3.5
-        stack.parameters_mut().load(&Rows::from_vec(vec![1.0, -2.0, 0.5, 3.0, -1.0], 5));
-        // dL/dy = 2: dw2 = 2 * 1.5 = 3, db2 = 2, dh = 2 * 3 = 6, dw1 = 6 * (2, 0.5) = (12, 3), db1 = 6
-        let (output, gradient) = one_row(&stack, &[2.0, 0.5], &[2.0]);
-        assert_eq!(output, [3.5]);
-        assert_eq!(gradient, [12.0, 3.0, 6.0, 3.0, 2.0]);
-    }
-
-    #[test]
-    fn a_closed_relu_lets_no_gradient_through() {
-        let mut stack = stack(feed_forward(&[1, 1, 1]), &[0]);
-        // h = relu(-1 * 1 + 0) = 0, y = 5 * 0 + 2
-        stack.parameters_mut().load(&Rows::from_vec(vec![-1.0, 0.0, 5.0, 2.0], 4));
-        let (output, gradient) = one_row(&stack, &[1.0], &[1.0]);
-        assert_eq!(output, [2.0]);
-        assert_eq!(gradient, [0.0, 0.0, 0.0, 1.0]);
+        for (parameters, output, gradient) in [open, closed] {
+            stack.parameters_mut().load(&Rows::from_vec(parameters.to_vec(), 5));
+            let mut trace = Trace::default();
+            stack.network(0).forward(&[2.0, 0.5], Sequences::NONE, &mut trace);
+            stack.network(0).backward(&[2.0], &mut trace);
+            assert_eq!((trace.output(), trace.gradient()), (&[output][..], &gradient[..]));
+        }
     }
 
     #[test]
@@ -307,17 +277,15 @@ mod tests {
                 let width = alone.parameters().width();
                 let own = first_parameter..first_parameter + width;
                 alone.parameters_mut().load(&Rows::from_vec(row[own.clone()].to_vec(), width));
-                let mut its = Material::new(&both, 1, 4, 3);
-                let state = shape.state_width();
-                its.states = States::new(3, state);
+                let mut states = States::new(3, shape.state_width());
                 for sequence in 0..3 {
                     let whole = material.states.row(sequence);
-                    its.states.set_row(sequence, &whole[tower * state..][..state]);
+                    states.set_row(sequence, &whole[tower * shape.state_width()..][..shape.state_width()]);
                 }
                 let columns = |table: &[f32]| -> Vec<f32> {
                     table.chunks_exact(3).flat_map(|row| &row[first_output..][..shape.outputs]).copied().collect()
                 };
-                its.output_gradient = columns(&material.output_gradient);
+                let its = Material { states, by_output: columns(&material.by_output), ..material.clone() };
                 let (of_alone, gradient_alone) = its.outputs_and_gradient(alone.network(0), 0);
                 assert_eq!(of_alone, columns(&outputs), "tower {tower}");
                 assert_eq!(gradient_alone, gradient[own], "tower {tower}");
@@ -335,7 +303,7 @@ mod tests {
             // A seed with which no ReLU changes sides within the shifts.
             let mut stack = stack(shape, &[0, 1]);
             let loss = |stack: &Stack| -> f64 {
-                material.outputs(stack).iter().zip(&material.output_gradient).map(|(y, w)| f64::from(y * w)).sum()
+                material.outputs(stack).iter().zip(&material.by_output).map(|(y, w)| f64::from(y * w)).sum()
             };
             let gradients =
                 [0, 1].map(|number| material.outputs_and_gradient(stack.network(number), number).1).concat();
@@ -395,26 +363,27 @@ mod tests {
         {
             let material = Material::new(shape, networks.len(), steps, batch);
             // All outputs and gradients of three gradient steps, network by network, and the values after them.
-            let run = |networks: &[u64], material: &Material, threads: Threads| {
-                let mut stack = stack(shape.clone(), networks);
+            let run = |places: &[usize], threads: Threads| {
+                let seeds: Vec<u64> = places.iter().map(|&place| networks[place]).collect();
+                let mut stack = stack(shape.clone(), &seeds);
                 let mut adam = Adam::new(stack.parameters());
-                let learners = adam.learners(&mut stack, 3).into_iter().enumerate().collect();
-                let passes = threads.map(learners, 1, |(): &mut (), (number, mut learner): (usize, Learner<'_>)| {
+                let trainers = adam.trainers(&mut stack, 3).into_iter().zip(places).collect();
+                let passes = threads.map(trainers, 1, |(): &mut (), (mut trainer, &place): (Trainer<'_>, _)| {
                     let pass = |_| {
-                        let (outputs, gradient) = material.outputs_and_gradient(learner.network(), number);
-                        learner.descend(&gradient, 1e-3);
+                        let (outputs, gradient) = material.outputs_and_gradient(trainer.network(), place);
+                        trainer.descend(&gradient, 1e-3);
                         (outputs, gradient)
                     };
                     (0..3).map(pass).collect::<Vec<_>>()
                 });
                 (passes, stack.parameters().values().clone())
             };
-            let (passes, values) = run(&networks, &material, Threads::one());
-            assert_eq!(run(&networks, &material, Threads::new(2).unwrap()), (passes.clone(), values.clone()));
-            for (i, &number) in networks.iter().enumerate() {
-                let single = run(&[number], &material.of_network(i), Threads::one());
-                assert_eq!(single.0[0], passes[i], "outputs and gradients, {steps} x {batch}");
-                assert_eq!(single.1.row(0), values.row(i), "values, {steps} x {batch}");
+            let (passes, values) = run(&[0, 1, 2], Threads::one());
+            assert_eq!(run(&[0, 1, 2], Threads::new(2).unwrap()), (passes.clone(), values.clone()));
+            for place in 0..3 {
+                let single = run(&[place], Threads::one());
+                assert_eq!(single.0[0], passes[place], "outputs and gradients, {steps} x {batch}");
+                assert_eq!(single.1.row(0), values.row(place), "values, {steps} x {batch}");
             }
         }
     }

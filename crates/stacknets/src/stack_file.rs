@@ -122,20 +122,18 @@ mod tests {
     use crate::testing::stack;
     use crate::{Shape, Stack};
 
-    fn read_file(path: &Path, prefix: &str, layout: &Layout, networks: &[usize]) -> Result<Rows<f32>> {
-        let names: Vec<String> = networks.iter().map(|number| format!("network {number}")).collect();
+    fn read_file(path: &Path, prefix: &str, layout: &Layout, networks: usize) -> Result<Rows<f32>> {
+        let names: Vec<String> = (0..networks).map(|number| format!("network {number}")).collect();
         read_stack(&std::fs::read(path).unwrap(), path, prefix, layout, &names)
     }
 
-    fn write_stack(layout: &Layout, rows: &Rows<f32>, path: &Path) {
-        let stack = StackToWrite { prefix: "", layout, rows: rows.iter().collect() };
-        write_stacks(&[stack], &HashMap::new(), path).unwrap();
+    fn error(path: &Path, prefix: &str, layout: &Layout, networks: usize) -> String {
+        read_file(path, prefix, layout, networks).unwrap_err().to_string()
     }
 
     #[test]
-    fn stacks_of_one_file_come_back_by_their_prefixes() {
+    fn stacks_of_one_file_come_back_by_their_prefixes_and_other_shapes_are_errors() {
         let shape = |inputs| Shape { inputs, recurrent: None, hidden: vec![5], outputs: 2, apart: 0 };
-        let (one, other) = ([0, 2], [1]);
         let nets = [stack(shape(4), &[0, 2]), stack(shape(3), &[1])];
         let [first, second] = nets.each_ref().map(Stack::parameters);
         let stacks = [("a.", first), ("b.", second)].map(|(prefix, parameters)| StackToWrite {
@@ -144,23 +142,15 @@ mod tests {
             rows: parameters.values().iter().collect(),
         });
         let file = tempfile::NamedTempFile::new().unwrap();
-        write_stacks(&stacks, &HashMap::new(), file.path()).unwrap();
-        assert_eq!(read_file(file.path(), "a.", first.layout(), &one).unwrap(), *first.values());
-        assert_eq!(read_file(file.path(), "b.", second.layout(), &other).unwrap(), *second.values());
-        let error = read_file(file.path(), "", first.layout(), &one).unwrap_err().to_string();
-        assert!(error.contains("no tensor `layers.0.weight`"), "{error}");
-    }
-
-    #[test]
-    fn a_stack_comes_back_as_it_was() {
-        let shape = Shape { inputs: 4, recurrent: None, hidden: vec![5], outputs: 2, apart: 0 };
-        let stack = stack(shape, &[0, 1, 2]);
-        let file = tempfile::NamedTempFile::new().unwrap();
-        write_stack(stack.parameters().layout(), stack.parameters().values(), file.path());
-        assert_eq!(
-            read_file(file.path(), "", stack.parameters().layout(), &[0, 1, 2]).unwrap(),
-            *stack.parameters().values()
-        );
+        let path = file.path();
+        write_stacks(&stacks, &HashMap::new(), path).unwrap();
+        assert_eq!(read_file(path, "a.", first.layout(), 2).unwrap(), *first.values());
+        assert_eq!(read_file(path, "b.", second.layout(), 1).unwrap(), *second.values());
+        assert!(error(path, "", first.layout(), 2).contains("no tensor `layers.0.weight`"));
+        assert!(error(path, "a.", first.layout(), 3).contains("must be F32 [3, 4, 5]"));
+        let bytes = std::fs::read(path).unwrap();
+        std::fs::write(path, &bytes[..bytes.len() / 2]).unwrap();
+        assert!(error(path, "a.", first.layout(), 2).contains("cut short"));
     }
 
     #[test]
@@ -170,32 +160,16 @@ mod tests {
         let stack = stack(shape, &[0, 1, 2]);
         let layout = stack.parameters().layout();
         let file = tempfile::NamedTempFile::new().unwrap();
-        for (column, name) in [(11, "layers.0.weight"), (12, "layers.0.bias")] {
-            for (bad, word) in [(f32::NAN, "NaN"), (f32::INFINITY, "inf"), (f32::NEG_INFINITY, "-inf")] {
-                let mut values = stack.parameters().values().clone();
-                values.row_mut(2)[column] = bad;
-                write_stack(layout, &values, file.path());
-                let error = read_file(file.path(), "", layout, &[0, 1, 2]).unwrap_err().to_string();
-                let expected = format!(
-                    "{}: `{name}` of network 2 holds {word}, which is not a finite number",
-                    file.path().display()
-                );
-                assert!(error.starts_with(&expected) && error.ends_with("or train again"), "{error}");
-            }
+        for (column, name, bad, word) in
+            [(11, "layers.0.weight", f32::NAN, "NaN"), (12, "layers.0.bias", f32::NEG_INFINITY, "-inf")]
+        {
+            let mut values = stack.parameters().values().clone();
+            values.row_mut(2)[column] = bad;
+            let stack = StackToWrite { prefix: "", layout, rows: values.iter().collect() };
+            write_stacks(&[stack], &HashMap::new(), file.path()).unwrap();
+            let error = error(file.path(), "", layout, 3);
+            let expected = format!("`{name}` of network 2 holds {word}, which is not a finite number");
+            assert!(error.contains(&expected) && error.ends_with("or train again"), "{error}");
         }
-    }
-
-    #[test]
-    fn a_stack_of_another_shape_or_a_torn_file_is_a_clear_error() {
-        let shape = Shape { inputs: 4, recurrent: None, hidden: vec![5], outputs: 2, apart: 0 };
-        let stack = stack(shape, &[0, 1, 2]);
-        let file = tempfile::NamedTempFile::new().unwrap();
-        write_stack(stack.parameters().layout(), stack.parameters().values(), file.path());
-        let bytes = std::fs::read(file.path()).unwrap();
-        let error = read_file(file.path(), "", stack.parameters().layout(), &[0, 1]).unwrap_err().to_string();
-        assert!(error.contains("must be F32 [2, 4, 5]"), "{error}");
-        std::fs::write(file.path(), &bytes[..bytes.len() / 2]).unwrap();
-        let error = read_file(file.path(), "", stack.parameters().layout(), &[0, 1, 2]).unwrap_err().to_string();
-        assert!(error.contains("cut short"), "{error}");
     }
 }

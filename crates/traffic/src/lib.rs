@@ -66,8 +66,8 @@ use controllers::{HandCoded, Trials};
 use dials_core::base::{AgentId, RandomPurpose, Rows, Seed};
 use dials_core::domain::road_trace::RoadMap;
 use dials_core::domain::{
-    Baseline, Beginning, Bystander, Domain, GlobalSimulator, Kind, Kinds, LocalSimulator, Measures, Result, RoughCosts,
-    Scenario, Task,
+    Baseline, Beginning, BuiltInControl, Domain, GlobalSimulator, Kind, Kinds, LocalSimulator, Measures, Result,
+    RoughCosts, Scenario, Task,
 };
 use ground::on_grid::OnGrid;
 use ground::on_scenario::OnScenario;
@@ -296,7 +296,7 @@ impl Domain for Traffic {
     fn baseline(&self, name: &str) -> Result<Baseline> {
         // Hand-coded control sees more than an observation shows, so it lives in the simulator.
         let simulator = self.with_background(name, &AgentId::all(self.agents()))?;
-        Ok(Baseline { simulator, controller: Box::new(Bystander) })
+        Ok(Baseline { simulator, controller: Box::new(BuiltInControl) })
     }
 
     fn check_baseline(&self, name: &str) -> Result<()> {

@@ -22,7 +22,7 @@ use anyhow::bail;
 use config::WarehouseConfig;
 use dials_core::base::{AgentId, Seed};
 use dials_core::domain::{
-    Baseline, Bystander, Domain, FirstRow, GlobalSimulator, Kind, Kinds, LocalSimulator, Map, Measures, Result,
+    Baseline, BuiltInControl, Domain, FirstRow, GlobalSimulator, Kind, Kinds, LocalSimulator, Map, Measures, Result,
     RoughCosts, Rules, Scenario, Task,
 };
 use global::{GlobalWarehouse, ITEMS};
@@ -84,7 +84,7 @@ impl Domain for Warehouse {
         };
         // The rules use ages, which no observation shows, so they run inside the simulator.
         let simulator = Box::new(GlobalWarehouse::new(&self.layout, self.horizon, Some(rule)));
-        Ok(Baseline { simulator, controller: Box::new(Bystander) })
+        Ok(Baseline { simulator, controller: Box::new(BuiltInControl) })
     }
 
     fn scenario(&self) -> Result<Scenario> {

@@ -1,38 +1,66 @@
-//! What every room uses. Nothing here knows about simulators, networks or learning, and nothing here does input or
-//! output.
+//! What every crate uses. Nothing here knows about simulators, networks or learning, and nothing does input or output.
 //!
 //! - `seed`, `purpose`: random streams by name, and the list of their purposes.
 //! - [`Rows`], `ragged`, `compact`: tables of one width, of rows of different widths, and of bits.
-//! - `units`: ids of agents and other units.
-//! - `stopwatch`: time by activity and phase; `work`: where a long computation reports its times and its progress.
-//! - `counted`: numbers of things, in the singular or the plural. `decimals`: how many digits a figure needs. `wrapped`:
-//!   text in lines of a limited width. `repeated`: what stands twice in a list. `keys`: the keys of a table.
+//! - `stopwatch`: time by activity and phase.
+//! - `text`: figures and lines for people. `keys`: the keys of a table.
 //! - [`statistics`]: means, intervals and differences.
 
+use std::fmt;
+
+use serde::{Deserialize, Serialize};
+
+/// Makes an enum of plain variants, each with a text, from one list: `ALL` has all of them, and `name` returns the text.
+macro_rules! named {
+    ($(#[$about:meta])* pub enum $type:ident { $($(#[$doc:meta])* $variant:ident = $text:literal,)* }) => {
+        $(#[$about])*
+        pub enum $type {
+            $($(#[$doc])* $variant,)*
+        }
+
+        impl $type {
+            pub const ALL: [$type; [$($text),*].len()] = [$($type::$variant),*];
+
+            pub fn name(self) -> &'static str {
+                match self {
+                    $($type::$variant => $text,)*
+                }
+            }
+        }
+    };
+}
+
 mod compact;
-mod counted;
-mod decimals;
 mod keys;
 mod purpose;
 mod ragged;
-mod repeated;
 mod seed;
 pub mod statistics;
 mod stopwatch;
-mod units;
-mod work;
-mod wrapped;
+mod text;
 
 pub use compact::CompactRows;
-pub use counted::counted;
-pub use decimals::decimals;
 pub use keys::keys_of;
 pub use purpose::RandomPurpose;
 pub use ragged::Ragged;
-pub use repeated::repeated;
 pub use seed::{Dice, Seed, is_stuck, scramble};
 pub use stacknets::Rows;
-pub use stopwatch::{Activity, Phase, Stopwatch, Timesheet};
-pub use units::AgentId;
-pub use work::Work;
-pub use wrapped::{TERMINAL_COLUMNS, for_terminal, wrapped};
+pub use stopwatch::{Activity, Phase, Stopwatch, Timesheet, Work};
+pub use text::{TERMINAL_COLUMNS, counted, decimals, for_terminal, repeated, wrapped};
+
+/// Agent of the whole system, numbered from 0 in the domain's order (traffic: row-major from the south-west corner).
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
+pub struct AgentId(pub usize);
+
+impl AgentId {
+    /// Returns the agents `0..count`.
+    pub fn all(count: usize) -> Vec<AgentId> {
+        (0..count).map(AgentId).collect()
+    }
+}
+
+impl fmt::Display for AgentId {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        self.0.fmt(f)
+    }
+}

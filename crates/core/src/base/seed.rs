@@ -21,9 +21,8 @@ impl Seed {
         Seed(mix(run))
     }
 
-    /// Returns the stream of one purpose.
     pub fn fork(self, purpose: RandomPurpose) -> Self {
-        self.fork_named(purpose.text())
+        self.fork_named(purpose.name())
     }
 
     /// Returns the stream of a purpose that is not in the list: for domains and controllers of other crates, and for
@@ -100,33 +99,16 @@ pub fn scramble(bits: u64) -> u64 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use rand::Rng;
     use std::collections::HashSet;
-
-    #[test]
-    fn a_stream_depends_on_its_name_alone() {
-        let first: u64 = Seed::new(7).fork(RandomPurpose::Acting).for_agent(AgentId(3)).dice().random();
-        let _other: u64 = Seed::new(7).fork(RandomPurpose::Aip).dice().random();
-        let again: u64 = Seed::new(7).fork(RandomPurpose::Acting).for_agent(AgentId(3)).dice().random();
-        assert_eq!(first, again);
-    }
 
     #[test]
     fn agents_copies_episodes_steps_and_purposes_have_streams_of_their_own() {
         let run = Seed::new(1);
-        let mut seen = HashSet::new();
+        let mut seeds = vec![run.fork_named("a"), run.fork_named("b"), Seed::new(2)];
         for i in 0..100 {
-            for seed in [run.for_agent(AgentId(i)), run.for_copy(i), run.for_episode(i), run.for_steps(i as u64)] {
-                assert!(seen.insert(seed.0));
-            }
+            seeds.extend([run.for_agent(AgentId(i)), run.for_copy(i), run.for_episode(i), run.for_steps(i as u64)]);
         }
-        assert!(
-            seen.insert(run.fork_named("a").0) && seen.insert(run.fork_named("b").0) && seen.insert(Seed::new(2).0)
-        );
-    }
-
-    #[test]
-    fn seeds_for_sumo_fit_its_31_bits() {
-        assert!((0..1000).all(|i| Seed::new(i).for_sumo() <= i32::MAX as u32));
+        let different: HashSet<u64> = seeds.iter().map(|seed| seed.0).collect();
+        assert_eq!(different.len(), seeds.len());
     }
 }

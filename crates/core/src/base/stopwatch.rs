@@ -4,96 +4,53 @@ use std::time::{Duration, Instant};
 
 use serde::{Deserialize, Serialize};
 
-/// Activity of a worker between two exchanges (the lines of Algorithm 1).
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
-pub enum Activity {
-    /// Training of the policies.
-    Training,
-    /// Algorithm 2: datasets from the GS (global simulator).
-    Collection,
-    /// Training of the AIPs (approximate influence predictors).
-    AipTraining,
-    /// Evaluation episodes on the GS.
-    Evaluation,
-}
-
-impl Activity {
-    pub const ALL: [Activity; 4] =
-        [Activity::Training, Activity::Collection, Activity::AipTraining, Activity::Evaluation];
-
-    /// Returns its name in the columns of `timing.csv`.
-    pub fn name(self) -> &'static str {
-        match self {
-            Activity::Training => "training",
-            Activity::Collection => "collection",
-            Activity::AipTraining => "aip_training",
-            Activity::Evaluation => "evaluation",
-        }
+named! {
+    /// Activity of a worker between two exchanges (the lines of Algorithm 1). Its name is in the columns of `timing.csv`.
+    #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+    pub enum Activity {
+        Training = "training",
+        /// Algorithm 2: datasets from the GS.
+        Collection = "collection",
+        AipTraining = "aip_training",
+        /// Evaluation episodes on the GS.
+        Evaluation = "evaluation",
     }
 }
 
-/// Phase of an activity. No activity has all of them.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
-pub enum Phase {
-    /// Making simulators (traffic: networks are written and read).
-    Loading,
-    /// Bringing simulators back to their state at the end of the last period.
-    Retracing,
-    /// Beginning episodes (traffic: cars are removed, lights set; on the GS the network is read again).
-    Reset,
-    /// Setting the simulator's inputs (traffic: lights and cars).
-    Insertion,
-    /// The simulator's own step (traffic: inside SUMO).
-    SimulatorStep,
-    /// Reading the results and turning them into observations and rewards.
-    Reading,
-    /// Forward passes of the policies for decisions and advantages, and drawing actions.
-    Acting,
-    /// Sampling of influence sources from the AIPs.
-    AipSampling,
-    /// Writing samples to memory and arranging them for the networks: advantages, minibatches.
-    Bookkeeping,
-    /// Forward passes of a training, with the loss.
-    Forward,
-    /// Gradients of a training.
-    Backward,
-    /// Steps of the optimiser.
-    Adam,
+named! {
+    /// Phase of an activity. No activity has all of them. Its name is in the columns of `timing.csv`.
+    #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+    pub enum Phase {
+        /// Making simulators (traffic: networks are written and read).
+        Loading = "loading",
+        /// Bringing simulators back to their state at the end of the last period.
+        Retracing = "retracing",
+        /// Beginning episodes (traffic: cars are removed, lights set; on the GS the network is read again).
+        Reset = "reset",
+        /// Setting the simulator's inputs (traffic: lights and cars).
+        Insertion = "insertion",
+        /// The simulator's own step (traffic: inside SUMO).
+        SimulatorStep = "simulator_step",
+        /// Reading the results and turning them into observations and rewards.
+        Reading = "reading",
+        /// Forward passes of the policies for decisions and advantages, and drawing actions.
+        Acting = "acting",
+        AipSampling = "aip_sampling",
+        /// Writing samples to memory and arranging them for the networks: advantages, minibatches.
+        Bookkeeping = "bookkeeping",
+        /// Forward passes of a training, with the loss.
+        Forward = "forward",
+        Backward = "backward",
+        Adam = "adam",
+    }
 }
 
-impl Phase {
-    pub const ALL: [Phase; 12] = [
-        Phase::Loading,
-        Phase::Retracing,
-        Phase::Reset,
-        Phase::Insertion,
-        Phase::SimulatorStep,
-        Phase::Reading,
-        Phase::Acting,
-        Phase::AipSampling,
-        Phase::Bookkeeping,
-        Phase::Forward,
-        Phase::Backward,
-        Phase::Adam,
-    ];
-
-    /// Returns its name in the columns of `timing.csv`.
-    pub fn name(self) -> &'static str {
-        match self {
-            Phase::Loading => "loading",
-            Phase::Retracing => "retracing",
-            Phase::Reset => "reset",
-            Phase::Insertion => "insertion",
-            Phase::SimulatorStep => "simulator_step",
-            Phase::Reading => "reading",
-            Phase::Acting => "acting",
-            Phase::AipSampling => "aip_sampling",
-            Phase::Bookkeeping => "bookkeeping",
-            Phase::Forward => "forward",
-            Phase::Backward => "backward",
-            Phase::Adam => "adam",
-        }
-    }
+/// Where a long computation reports its times and its progress.
+pub struct Work<'a, Progress> {
+    /// Collects the time of each phase.
+    pub watch: &'a mut Stopwatch,
+    /// Is called from time to time with how far the computation is.
+    pub progress: &'a mut dyn FnMut(Progress),
 }
 
 /// A sum of wall time per phase. A reading costs tens of nanoseconds, so time the work of many rows at once, not of
@@ -132,12 +89,10 @@ impl Stopwatch {
         self.spent[phase as usize]
     }
 
-    /// Returns the time of all phases together.
     pub fn total(&self) -> Duration {
         self.spent.iter().sum()
     }
 
-    /// Returns all phases and starts again from zero.
     pub fn take(&mut self) -> Stopwatch {
         std::mem::take(self)
     }
@@ -149,7 +104,6 @@ pub struct Timesheet {
     activities: [(Duration, Stopwatch); Activity::ALL.len()],
     /// CPU time of the whole process, all threads.
     cpu: Duration,
-    /// CPU time of each activity.
     cpu_of: [Duration; Activity::ALL.len()],
 }
 
@@ -193,7 +147,6 @@ impl Timesheet {
         self.cpu
     }
 
-    /// Returns the CPU time of an activity.
     pub fn cpu_of(&self, activity: Activity) -> Duration {
         self.cpu_of[activity as usize]
     }
@@ -207,7 +160,6 @@ impl Timesheet {
         &self.activities[activity as usize].1
     }
 
-    /// Returns the time of all activities together.
     pub(crate) fn total(&self) -> Duration {
         self.activities.iter().map(|(whole, _)| *whole).sum()
     }
@@ -241,11 +193,8 @@ mod tests {
         all.add(&order(Activity::Evaluation, 5, 4));
         // Preparing an order is no activity.
         all.add(&Timesheet::of_cpu(seconds(1)));
-        let of = |activity| all.cpu_of(activity);
-        assert_eq!(
-            (all.cpu(), of(Activity::Training), of(Activity::Evaluation)),
-            (seconds(24), seconds(19), seconds(4))
-        );
-        assert_eq!(of(Activity::Collection), Duration::ZERO);
+        assert_eq!(all.cpu(), seconds(24));
+        let activities = [Activity::Training, Activity::Evaluation, Activity::Collection];
+        assert_eq!(activities.map(|activity| all.cpu_of(activity)), [19, 4, 0].map(seconds));
     }
 }

@@ -29,7 +29,6 @@ pub struct Place {
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Kinds {
     kinds: Vec<Kind>,
-    /// Place of each agent.
     places: Vec<Place>,
     /// Number of influence sources that each agent has itself.
     sources: Vec<usize>,
@@ -42,36 +41,24 @@ impl Kinds {
         ensure!(!kinds.is_empty(), "a domain has at least one kind of agents");
         let mut places = vec![None; kinds.iter().map(|kind| kind.agents.len()).sum()];
         let mut names = BTreeSet::new();
-        for (index, kind) in kinds.iter().enumerate() {
-            let Kind { name, spec, agents } = kind;
+        for (index, Kind { name, spec, agents }) in kinds.iter().enumerate() {
+            let check = |holds: bool, wrong: &str| {
+                ensure!(holds, "kind `{name}`: {wrong}");
+                Ok(())
+            };
             let letters = |c: char| c.is_ascii_lowercase() || c.is_ascii_digit() || "-_".contains(c);
-            ensure!(
-                !name.is_empty() && name.chars().all(letters),
-                "kind `{name}`: not a name of letters a to z, digits, - and _"
-            );
-            ensure!(names.insert(name), "kind `{name}`: there are two of this name");
-            ensure!(!agents.is_empty(), "kind `{name}`: it has no agents");
-            ensure!(agents.is_sorted(), "kind `{name}`: its agents are not in ascending order");
-            let horizon = kinds[0].spec.horizon;
-            ensure!(
-                spec.horizon == horizon,
-                "kind `{name}`: its horizon is {}, but that of others is {horizon}",
-                spec.horizon
-            );
-            ensure!(
-                spec.sources.classes.iter().all(|&classes| classes > 1),
-                "kind `{name}`: a source has fewer than two classes"
-            );
+            let is_name = !name.is_empty() && name.chars().all(letters);
+            check(is_name, "not a name of letters a to z, digits, - and _")?;
+            check(names.insert(name), "there are two of this name")?;
+            check(!agents.is_empty(), "it has no agents")?;
+            check(agents.is_sorted(), "its agents are not in ascending order")?;
+            let (own, others) = (spec.horizon, kinds[0].spec.horizon);
+            check(own == others, &format!("its horizon is {own}, but that of others is {others}"))?;
+            check(spec.sources.classes.iter().all(|&classes| classes > 1), "a source has fewer than two classes")?;
             for (row, agent) in agents.iter().enumerate() {
-                let place: Option<&mut Option<Place>> = places.get_mut(agent.0);
-                let place = place.ok_or_else(|| {
-                    anyhow::anyhow!("kind `{name}`: it has agent {agent}, but a lower number is missing")
-                })?;
-                ensure!(
-                    place.is_none(),
-                    "kind `{name}`: it has agent {agent}, which another kind or place already has"
-                );
-                *place = Some(Place { kind: index, row });
+                ensure!(agent.0 < places.len(), "kind `{name}`: it has agent {agent}, but a lower number is missing");
+                let taken = places[agent.0].replace(Place { kind: index, row }).is_some();
+                ensure!(!taken, "kind `{name}`: it has agent {agent}, which another kind or place already has");
             }
         }
         let places = places.into_iter().map(|place| place.expect("n agents in n places, no two in one"));
@@ -90,7 +77,7 @@ impl Kinds {
         Kinds { kinds, places, sources }
     }
 
-    /// Says how many influence sources each agent has itself. Its kind may have more: the last ones then never happen to
+    /// Sets how many influence sources each agent has itself. Its kind may have more: the last ones then never happen to
     /// this agent. Without this, every agent has all sources of its kind.
     pub fn with_sources(mut self, sources: Vec<usize>) -> Kinds {
         assert_eq!(sources.len(), self.agents(), "one number per agent");
@@ -100,12 +87,10 @@ impl Kinds {
         self
     }
 
-    /// Returns the number of agents of all kinds.
     pub fn agents(&self) -> usize {
         self.places.len()
     }
 
-    /// Returns the number of kinds.
     pub fn count(&self) -> usize {
         self.kinds.len()
     }
@@ -132,7 +117,6 @@ impl Kinds {
         &self.kinds[self.place(agent).kind]
     }
 
-    /// Returns the spec of every agent, in order.
     pub fn specs(&self) -> impl Iterator<Item = &RegionSpec> + Clone {
         self.places.iter().map(|place| &self.kinds[place.kind].spec)
     }
@@ -167,34 +151,19 @@ mod tests {
 
     fn kind(name: &str, horizon: usize, agents: &[usize]) -> Kind {
         let sources = SourceSpec::bits(1);
-        let spec = RegionSpec {
-            obs_dim: 1,
-            d_set_dim: 1,
-            n_actions: 2,
-            masks: false,
-            sources,
-            horizon,
-            local_horizon: horizon,
-        };
+        let (obs_dim, d_set_dim, n_actions, local_horizon) = (1, 1, 2, horizon);
+        let spec = RegionSpec { obs_dim, d_set_dim, n_actions, masks: false, sources, horizon, local_horizon };
         Kind { name: name.to_owned(), spec, agents: agents.iter().map(|&agent| AgentId(agent)).collect() }
     }
 
     #[test]
     fn kinds_may_interleave_and_every_agent_is_found() {
         let kinds = Kinds::new(vec![kind("a", 5, &[0, 2]), kind("b", 5, &[1, 3, 4])]).unwrap();
-        assert_eq!((kinds.agents(), kinds.count(), kinds.horizon()), (5, 2, 5));
-        let places: Vec<(usize, usize)> =
-            AgentId::all(5).into_iter().map(|agent| kinds.place(agent)).map(|place| (place.kind, place.row)).collect();
-        assert_eq!(places, [(0, 0), (1, 0), (0, 1), (1, 1), (1, 2)]);
-        assert_eq!(kinds.of(AgentId(3)).name, "b");
+        let places = AgentId::all(5).into_iter().map(|agent| kinds.place(agent)).map(|place| (place.kind, place.row));
+        assert_eq!(places.collect::<Vec<_>>(), [(0, 0), (1, 0), (0, 1), (1, 1), (1, 2)]);
         assert_eq!([kinds.prefix(&kinds[0]), kinds.prefix(&kinds[1])], ["a.", "b."]);
-    }
-
-    #[test]
-    fn one_kind_has_all_agents_and_no_prefix() {
-        let kinds = Kinds::one(3, kind("x", 7, &[]).spec);
-        assert_eq!((kinds.agents(), kinds.count(), kinds[0].agents.len()), (3, 1, 3));
-        assert_eq!(kinds.prefix(&kinds[0]), "");
+        let one = Kinds::one(3, kind("x", 7, &[]).spec);
+        assert_eq!((one.agents(), one.count(), one.prefix(&one[0])), (3, 1, String::new()));
     }
 
     #[test]

@@ -6,30 +6,19 @@
 //! [`RegionSpec`].
 //!
 //! Agents of equal shape form a [`Kind`]; a domain lists its [`Kinds`]. A local simulator has rows of one kind. The GS
-//! has one row per agent, as wide as its kind needs.
+//! has one row per agent, as wide as its kind needs. What simulators show is a [`Percept`].
 //!
-//! Pictures of episodes are drawn from a [`Scene`] or a [`road_trace`].
-//!
-//! A new domain implements the three traits and passes [`conformance`]; [`toy`] has the smallest ones.
-//!
-//! - `spec`: the shape of a region; `kinds`: the agents that have it; `percept`: what simulators show to agents.
-//! - `scenario`: what a run simulates, for its files; `rough_costs`: a guess of how long a run takes.
-//! - `table`: what the config of a domain must provide.
-//! - `task`: what an agent sees, does and is paid for, in words.
-//! - `road_view`: what is on the roads of a light now. `scene`: a picture of the state.
-//!   [`road_trace`]: an episode of traffic, for pictures.
-//! - [`conformance`]: the properties that every domain must have; [`toy`]: domains for tests.
+//! A new domain implements the three traits and passes `conformance` of the crate `dials-testkit`, which also has the
+//! smallest domains. Pictures of episodes are drawn from a [`Scene`] or a [`road_trace`].
 
 mod kinds;
 mod percept;
 pub mod road_trace;
-mod road_view;
 mod rough_costs;
 mod scenario;
 mod scene;
 mod spec;
 mod table;
-mod task;
 
 use std::path::{Path, PathBuf};
 
@@ -40,13 +29,12 @@ use crate::base::{AgentId, Ragged, Rows, Seed, Stopwatch};
 
 pub use kinds::{Kind, Kinds, Place};
 pub use percept::{JointPercept, JointTransition, Percept, Transition};
-pub use road_view::{ApproachView, CarView, RoadView};
+pub use road_trace::{ApproachView, CarView, RoadView};
 pub use rough_costs::RoughCosts;
 pub use scenario::{Episode, FirstRow, Map, Rules, Scenario, ScenarioId};
 pub use scene::{Colour, Scene};
-pub use spec::{Action, RegionSpec, SourceSpec, logits_of};
+pub use spec::{Action, RegionSpec, SourceSpec, Task, logits_of};
 pub use table::DomainTable;
-pub use task::Task;
 
 /// Result of a simulator. Its failures have many reasons (SUMO, files), and no room above distinguishes them.
 pub type Result<T> = anyhow::Result<T>;
@@ -79,8 +67,8 @@ pub trait GlobalSimulator {
     /// Makes one step under the joint action, `[agents]`.
     fn step(&mut self, actions: &[Action]) -> Result<&JointTransition>;
 
-    /// Makes d-sets and influence samples true from the next reset on. Until then a simulator for which they are dear may
-    /// leave them zero.
+    /// Makes d-sets and influence samples true from the next reset on. Until then a simulator for which they cost
+    /// much may leave them zero.
     fn observe_influence(&mut self) -> Result<()> {
         Ok(())
     }
@@ -122,8 +110,7 @@ pub trait GlobalSimulator {
         Vec::new()
     }
 
-    /// Makes [`GlobalSimulator::scene`] return pictures from the next reset on, if the domain draws some only when it is
-    /// asked to, because they are dear.
+    /// Makes [`GlobalSimulator::scene`] return pictures from the next reset on, if the domain draws them only on demand.
     fn watch_scene(&mut self) -> Result<()> {
         Ok(())
     }
@@ -161,7 +148,7 @@ impl Beginning {
 ///
 /// A row depends on its region and copy, the seed of the simulator and the number of the episode. It also depends on
 /// the actions and sources since the episode began, but not on other rows or earlier episodes. So training can
-/// stop anywhere and continue in a new simulator that is driven to the same state. [`conformance`] checks this.
+/// stop anywhere and continue in a new simulator that is driven to the same state. `conformance` checks this.
 pub trait LocalSimulator {
     /// Returns the spec of its kind.
     fn spec(&self) -> &RegionSpec;
@@ -214,9 +201,9 @@ pub struct Baseline {
 }
 
 /// A controller that leaves everything to hand-coded control inside the simulator.
-pub struct Bystander;
+pub struct BuiltInControl;
 
-impl Controller for Bystander {
+impl Controller for BuiltInControl {
     fn decides(&self) -> bool {
         false
     }
@@ -268,7 +255,7 @@ pub trait Domain: Send + Sync {
         }
     }
 
-    /// Returns what an agent sees, does and is paid for, in words.
+    /// Returns what an agent sees, does and is rewarded for, in words.
     fn task(&self, agent: AgentId) -> Task {
         Task::of_shape(&self.kinds().of(agent).spec)
     }
@@ -344,8 +331,8 @@ pub trait Domain: Send + Sync {
         Ok(())
     }
 
-    /// Makes the local simulators of all agents once, if each differs from the others, so that a run is told early what
-    /// cannot be simulated alone.
+    /// Makes the local simulators of all agents once, if each differs from the others, so that an error about
+    /// what cannot be simulated alone comes early.
     fn try_local(&self) -> Result<()> {
         Ok(())
     }

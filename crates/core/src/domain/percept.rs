@@ -1,5 +1,4 @@
-//! What simulators show: percepts and transitions of rows of one kind (LS, local simulator), and joint ones of all
-//! agents (GS, global simulator).
+//! What simulators show: percepts and transitions of rows of one kind (LS), and joint ones of all agents (GS).
 
 use super::{Kinds, RegionSpec};
 use crate::base::{Ragged, Rows};
@@ -43,7 +42,6 @@ impl Percept {
 /// The result of one step of a local simulator.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Transition {
-    /// Percept after the step.
     pub percept: Percept,
     /// Rewards, `[rows]`.
     pub rewards: Vec<f32>,
@@ -90,7 +88,6 @@ impl JointPercept {
 /// The result of one step of the global simulator.
 #[derive(Clone, Debug, PartialEq)]
 pub struct JointTransition {
-    /// Percept after the step.
     pub percept: JointPercept,
     /// Rewards, `[agents]`.
     pub rewards: Vec<f32>,

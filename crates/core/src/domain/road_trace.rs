@@ -1,6 +1,8 @@
-//! Cars and lights on roads in an episode, second by second, for pictures. Has no simulator's types or names.
+//! Cars and lights on roads: in an episode, second by second, for pictures, and at one moment. Has no simulator's types.
 
 use std::ops::Range;
+
+use serde::Serialize;
 
 /// A line in metres, east and north.
 pub type Line = Vec<[f64; 2]>;
@@ -11,7 +13,6 @@ pub struct RoadTrace {
     /// Seconds of the episode that the lists below are of.
     pub seconds: Range<usize>,
     pub layout: Layout,
-    /// Names of the intersections.
     pub names: Vec<String>,
     /// Greens of the lights in words for a legend, such as the directions that they are for.
     pub greens: Vec<String>,
@@ -21,7 +22,6 @@ pub struct RoadTrace {
     pub corridors: Vec<Corridor>,
 }
 
-/// Where the intersections are.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Layout {
     /// A grid. Agents are numbered row by row from the south-west corner, eastwards and then northwards.
@@ -30,14 +30,12 @@ pub enum Layout {
     Map(RoadMap),
 }
 
-/// The roads of a network.
 #[derive(Clone, Debug, PartialEq)]
 pub struct RoadMap {
     /// The network in words, such as `scenario town`.
     pub place: String,
     /// Outlines of the junctions; some may be empty.
     pub junctions: Vec<Line>,
-    /// All lanes for cars.
     pub lanes: Vec<Line>,
     /// Places of the lights of the agents.
     pub lights_m: Vec<[f64; 2]>,
@@ -62,7 +60,7 @@ pub struct Approach {
     pub standing: Vec<Vec<usize>>,
 }
 
-/// A way that cars drive from one end to the other, such as a row of intersections.
+/// A road that cars take from one end to the other, such as a row of intersections.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Corridor {
     /// Name, such as `row 1 of a grid of 2x2`.
@@ -72,7 +70,7 @@ pub struct Corridor {
     pub to: String,
     pub length_m: f64,
     pub crossings: Vec<CorridorLight>,
-    /// Points of each drive: seconds, and metres from the beginning.
+    /// Trajectory of each car: seconds, and metres from the beginning.
     pub cars: Vec<Vec<(f64, f64)>>,
 }
 
@@ -110,8 +108,8 @@ impl RoadTrace {
         for corridor in &mut self.corridors {
             corridor.crossings.iter_mut().for_each(|crossing| cut(&mut crossing.aspects, within.clone()));
             let [begin, end] = [seconds.start, seconds.end].map(|second| second as f64);
-            corridor.cars.iter_mut().for_each(|drive| drive.retain(|(second, _)| (begin..=end).contains(second)));
-            corridor.cars.retain(|drive| !drive.is_empty());
+            corridor.cars.iter_mut().for_each(|points| points.retain(|(second, _)| (begin..=end).contains(second)));
+            corridor.cars.retain(|points| !points.is_empty());
         }
         RoadTrace { seconds, ..self }
     }
@@ -123,4 +121,41 @@ impl RoadTrace {
             Layout::Map(map) => map.place.clone(),
         }
     }
+}
+
+/// What is on the roads of one light now: more than its observation shows. For observations and rewards that a user of the
+/// library defines.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct RoadView {
+    /// Index of the green that is shown, or that comes next.
+    pub green: usize,
+    /// Whether yellow or red for all is shown, between two greens.
+    pub between: bool,
+    /// Number of seconds for which the light has shown what it shows.
+    pub shown_s: u32,
+    /// Lanes to the stop lines, in the order of observations.
+    pub approaches: Vec<ApproachView>,
+}
+
+/// A lane on which cars come to the light.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct ApproachView {
+    /// SUMO's name of the lane.
+    pub lane: String,
+    pub length_m: f64,
+    pub speed_limit_mps: f64,
+    /// Distance from the end of the lane to the stop line, along the lanes between them.
+    pub ahead_m: f64,
+    /// Cars, the rearmost first.
+    pub cars: Vec<CarView>,
+}
+
+/// A car on an approach.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct CarView {
+    /// Distance of its front from the beginning of the lane.
+    pub position_m: f64,
+    pub speed_mps: f64,
+    /// Number of seconds for which it has stood on the approaches of this light.
+    pub waited_s: u32,
 }

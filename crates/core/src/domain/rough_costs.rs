@@ -5,7 +5,7 @@
 pub struct RoughCosts {
     /// Core-seconds of training on local simulators, per agent and timestep.
     pub training_s: f64,
-    /// Core-seconds of training on the GS (global simulator), per agent and timestep.
+    /// Core-seconds of training on the GS, per agent and timestep.
     pub training_on_gs_s: f64,
     /// Core-seconds of collecting a dataset and training on it, per agent, GS step and epoch.
     pub influence_s: f64,
@@ -17,7 +17,7 @@ pub struct RoughCosts {
     pub agent_mb: f64,
 }
 
-/// Costs of a domain that gives none: about those of ours.
+/// Costs of a domain that gives none: about those of traffic and the warehouse.
 impl Default for RoughCosts {
     fn default() -> Self {
         RoughCosts {

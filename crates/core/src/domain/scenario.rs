@@ -35,10 +35,9 @@ pub struct Scenario {
 pub struct ScenarioId {
     /// Name of the domain, one lower-case word.
     pub domain: String,
-    /// Number of agents.
     pub agents: usize,
     pub episode: Episode,
-    /// Checksum of the files that the GS (global simulator) simulates, if there are any and they are known.
+    /// Checksum of the files that the GS simulates, if there are any and they are known.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub checksum: Option<String>,
     /// Name of the rules, if they are not the usual ones of the first version of the environment. [`Scenario`] writes its
@@ -47,12 +46,12 @@ pub struct ScenarioId {
     pub rules: Option<String>,
 }
 
-/// The rules by which agents see and are paid.
+/// The rules by which agents see and are rewarded.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Rules {
     /// Version of the environment. It counts up when the same actions have other results than before.
     pub environment: u32,
-    /// What an agent is paid for, in words.
+    /// What an agent is rewarded for, in words.
     pub reward: String,
     /// What an agent sees, in words.
     pub observation: String,
@@ -183,76 +182,59 @@ impl ScenarioId {
 mod tests {
     use super::*;
 
+    fn traffic(horizon: usize) -> Scenario {
+        Scenario::new("traffic", 4, horizon)
+    }
+
+    fn with_rules(environment: u32, reward: &str, unusual: Option<&str>) -> Scenario {
+        let rules = Rules { environment, reward: reward.to_owned(), observation: "cells".to_owned() };
+        traffic(300).with_rules(rules, unusual.map(str::to_owned))
+    }
+
     #[test]
-    fn scenarios_of_as_many_agents_are_told_apart_by_what_differs() {
-        let scenario = |horizon, checksum: Option<u32>| {
-            let scenario = Scenario::new("traffic", 4, horizon);
-            checksum.map_or(scenario.clone(), |checksum| scenario.with_checksum(checksum)).id
-        };
-        let titles = |scenarios: &[ScenarioId]| -> Vec<String> {
-            let all = scenarios.iter().map(|scenario| (scenario, None));
-            scenarios.iter().map(|scenario| scenario.title_among(None, all.clone())).collect()
-        };
-        assert_eq!(titles(&[scenario(300, Some(1))]), ["traffic, 4 agents"]);
-        assert_eq!(
-            titles(&[scenario(300, Some(1)), scenario(100, Some(1))]),
-            ["traffic, 4 agents, 300 steps", "traffic, 4 agents, 100 steps"]
-        );
-        assert_eq!(
-            titles(&[scenario(300, Some(0x1a)), scenario(300, None)]),
-            ["traffic, 4 agents, checksum 0000001a", "traffic, 4 agents, checksum unknown"]
-        );
+    fn scenarios_are_distinguished_by_what_differs() {
+        let marked = |horizon, checksum| traffic(horizon).with_checksum(checksum).id;
+        let by_queue = with_rules(1, "queue", Some("queue")).id;
+        for (one, other, titles) in [
+            (marked(300, 1), marked(300, 1), ["traffic, 4 agents"; 2]),
+            (marked(300, 1), marked(100, 1), ["traffic, 4 agents, 300 steps", "traffic, 4 agents, 100 steps"]),
+            (
+                marked(300, 0x1a),
+                traffic(300).id,
+                ["traffic, 4 agents, checksum 0000001a", "traffic, 4 agents, checksum unknown"],
+            ),
+            (traffic(300).id, by_queue, ["traffic, 4 agents, rules usual", "traffic, 4 agents, rules queue"]),
+        ] {
+            let all = [&one, &other].map(|id| (id, None));
+            assert_eq!([&one, &other].map(|id| id.title_among(None, all.into_iter())), titles);
+        }
     }
 
     #[test]
     fn a_scenario_with_a_name_is_called_by_it() {
-        let [town, ring] = [1, 2].map(|checksum| Scenario::new("traffic", 4, 300).with_checksum(checksum).id);
+        let [town, ring] = [1, 2].map(|checksum| traffic(300).with_checksum(checksum).id);
         let all = [(&town, Some("town")), (&ring, None)].into_iter();
         assert_eq!(town.title_among(Some("town"), all.clone()), "town, 4 agents");
         assert_eq!(ring.title_among(None, all), "traffic, 4 agents");
         let twice = [(&town, Some("town")), (&ring, Some("town"))].into_iter();
         assert_eq!(ring.title_among(Some("town"), twice), "town, 4 agents, checksum 00000002");
-        let named = |name: &str| Scenario::new("traffic", 4, 300).with_name(name).name;
+        let named = |name: &str| traffic(300).with_name(name).name;
         assert_eq!(named("my town (1)").unwrap(), "my_town__1_");
         assert_eq!(["", "...", "\u{57ce}"].map(named), [None, None, None]);
         assert_eq!(named(&"long".repeat(30)).unwrap().len(), 40);
     }
 
     #[test]
-    fn a_scenario_with_unusual_rules_comes_back_from_its_record() {
-        let rules = Rules { environment: 1, reward: "queues".to_owned(), observation: "cells".to_owned() };
-        let scenario = Scenario::new("traffic", 4, 300).with_rules(rules, Some("queue".to_owned()));
-        let text = serde_json::to_string(&scenario).unwrap();
-        assert_eq!(serde_json::from_str::<Scenario>(&text).unwrap(), scenario, "{text}");
-    }
-
-    #[test]
-    fn scenarios_have_words() {
-        let scenario = Scenario::new("warehouse", 25, 100);
-        assert_eq!(scenario.id.word(), "warehouse-25-100");
-        assert_eq!(scenario.with_checksum(0x1a).id.word(), "warehouse-25-100-0000001a");
-    }
-
-    #[test]
     fn other_rules_are_another_scenario_and_the_usual_ones_are_not_named() {
-        let rules = |environment, reward: &str| Rules {
-            environment,
-            reward: reward.to_owned(),
-            observation: "cells".to_owned(),
-        };
-        let scenario = |rules, unusual: Option<&str>| {
-            Scenario::new("traffic", 4, 300).with_rules(rules, unusual.map(str::to_owned)).id
-        };
-        let usual = scenario(rules(1, "speed"), None);
-        assert_eq!(usual, Scenario::new("traffic", 4, 300).id, "as in runs that recorded no rules");
-        let (paid, later) = (scenario(rules(1, "queue"), Some("queue")), scenario(rules(2, "speed"), None));
-        assert_eq!([paid.word(), later.word()], ["traffic-4-300-queue", "traffic-4-300-v2"]);
-        let both = [(&usual, None), (&paid, None)].into_iter();
-        assert_eq!(usual.title_among(None, both.clone()), "traffic, 4 agents, rules usual");
-        assert_eq!(paid.title_among(None, both), "traffic, 4 agents, rules queue");
-        let told = rules(2, "speed").differences(&rules(1, "queue"), ["A", "B"]);
+        assert_eq!(with_rules(1, "speed", None).id, traffic(300).id, "as in runs that recorded no rules");
+        let words =
+            [with_rules(1, "queue", Some("queue")), with_rules(2, "speed", None), traffic(300).with_checksum(0x1a)];
+        let expected = ["traffic-4-300-queue", "traffic-4-300-v2", "traffic-4-300-0000001a"];
+        assert_eq!(words.map(|scenario| scenario.id.word()), expected);
+        let [one, other] = [with_rules(2, "speed", None), with_rules(1, "queue", None)].map(|all| all.rules.unwrap());
         let versions = ["version of the environment in A: 2", "version of the environment in B: 1"];
-        assert_eq!(told, [versions, ["reward in A: speed", "reward in B: queue"]].concat());
+        let rewards = ["reward in A: speed", "reward in B: queue"];
+        assert_eq!(one.differences(&other, ["A", "B"]), [versions, rewards].concat());
     }
 
     #[test]
@@ -269,6 +251,9 @@ mod tests {
             "files": { "ants.hill": "0000002b" },
         });
         assert_eq!(serde_json::to_value(&scenario).unwrap(), json);
-        assert_eq!(serde_json::from_value::<Scenario>(json).unwrap(), scenario);
+        for scenario in [scenario, with_rules(1, "queues", Some("queue"))] {
+            let text = serde_json::to_string(&scenario).unwrap();
+            assert_eq!(serde_json::from_str::<Scenario>(&text).unwrap(), scenario, "{text}");
+        }
     }
 }

@@ -2,7 +2,6 @@
 
 use std::fmt::Write;
 
-/// Red, green and blue.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub struct Colour(pub [u8; 3]);
 
@@ -45,7 +44,6 @@ impl SceneShape {
         }
     }
 
-    /// Returns left, top, right, bottom.
     fn bounds(self) -> [f32; 4] {
         match self {
             SceneShape::Rectangle { x, y, width, height } => [x, y, x + width, y + height],
@@ -64,12 +62,11 @@ impl Scene {
         Scene { width, height, background, shapes: Vec::new(), legend: Vec::new() }
     }
 
-    /// Returns width and height.
     pub fn size(&self) -> [f32; 2] {
         [self.width, self.height]
     }
 
-    /// Says what a colour means.
+    /// Adds a line to the legend.
     pub fn explain(&mut self, colour: Colour, words: &'static str) {
         self.legend.push((colour, words));
     }
@@ -168,45 +165,35 @@ mod tests {
     const WHITE: Colour = Colour([255; 3]);
     const RED: Colour = Colour([255, 0, 0]);
 
+    /// Returns the red ones of the pixels.
+    fn red((_, _, pixels): (usize, usize, Vec<Colour>)) -> Vec<usize> {
+        (0..pixels.len()).filter(|&pixel| pixels[pixel] == RED).collect()
+    }
+
     #[test]
     fn later_shapes_cover_earlier_ones() {
         let mut scene = Scene::new(2.0, 1.0, WHITE);
         scene.rectangle(0.0, 0.0, 1.0, 1.0, Colour([0; 3]));
         scene.rectangle(0.5, 0.0, 1.0, 1.0, RED);
-        let (width, height, pixels) = scene.to_pixels(2);
-        assert_eq!((width, height), (4, 2));
-        assert_eq!(pixels[..4], [Colour([0; 3]), RED, RED, WHITE]);
+        assert_eq!(scene.to_pixels(2).2[..4], [Colour([0; 3]), RED, RED, WHITE]);
     }
 
     #[test]
-    fn an_svg_has_its_title_and_what_the_colours_mean() {
-        let mut scene = Scene::new(3.0, 3.0, WHITE);
-        scene.explain(RED, "a fire");
-        let svg = scene.to_svg(24.0, "step 7");
+    fn svg_and_pixels_show_the_same_shapes_and_an_svg_has_a_title_and_a_legend() {
+        let mut line = Scene::new(4.0, 4.0, WHITE);
+        line.line([0.0, 0.0], [4.0, 4.0], 0.5, RED);
+        let svg = line.to_svg(10.0, "a line");
+        assert!(svg.contains("<line x1=\"0\" y1=\"0\" x2=\"4\" y2=\"4\" stroke=\"#ff0000\" stroke-width=\"0.5\"/>"));
+        // The middles of the other pixels are at least 0.7 away from the diagonal.
+        assert_eq!(red(line.to_pixels(1)), [0, 5, 10, 15]);
+        let mut disc = Scene::new(3.0, 3.0, WHITE);
+        disc.disc(1.5, 1.5, 0.6, RED);
+        disc.explain(RED, "a fire");
+        let svg = disc.to_svg(24.0, "step 7");
+        assert!(svg.contains("<circle cx=\"1.5\" cy=\"1.5\" r=\"0.6\" fill=\"#ff0000\"/>"), "{svg}");
+        assert_eq!(red(disc.to_pixels(1)), [4]);
         // A line is one unit high here: one above for the title, one below for the legend.
         assert!(svg.contains("viewBox=\"0 -1 3 5\"") && svg.contains(">step 7</text>"), "{svg}");
         assert!(svg.contains("fill=\"#ff0000\"/><text x=\"1.2\" y=\"3.7\">a fire</text>"), "{svg}");
-    }
-
-    #[test]
-    fn svg_and_pixels_show_the_same_line() {
-        let mut scene = Scene::new(4.0, 4.0, WHITE);
-        scene.line([0.0, 0.0], [4.0, 4.0], 0.5, RED);
-        let svg = scene.to_svg(10.0, "a line");
-        assert!(svg.contains("<line x1=\"0\" y1=\"0\" x2=\"4\" y2=\"4\" stroke=\"#ff0000\" stroke-width=\"0.5\"/>"));
-        let (_, _, pixels) = scene.to_pixels(1);
-        // The middles of the other pixels are at least 0.7 away from the diagonal.
-        let red: Vec<usize> = (0..16).filter(|&pixel| pixels[pixel] == RED).collect();
-        assert_eq!(red, [0, 5, 10, 15]);
-    }
-
-    #[test]
-    fn svg_and_pixels_show_the_same_disc() {
-        let mut scene = Scene::new(3.0, 3.0, WHITE);
-        scene.disc(1.5, 1.5, 0.6, RED);
-        assert!(scene.to_svg(10.0, "step 0").contains("<circle cx=\"1.5\" cy=\"1.5\" r=\"0.6\" fill=\"#ff0000\"/>"));
-        let (_, _, pixels) = scene.to_pixels(1);
-        assert_eq!(pixels.iter().position(|&pixel| pixel == RED), Some(4));
-        assert_eq!(pixels.iter().filter(|&&pixel| pixel == RED).count(), 1);
     }
 }

@@ -1,4 +1,7 @@
-//! The shape of one local region: everything that networks and learning need to know of a domain.
+//! The shape of one local region: everything that networks and learning need to know of a domain. And its task in words,
+//! for people only: nothing is computed from it.
+
+use serde::Serialize;
 
 /// An action of one agent: an index below [`RegionSpec::n_actions`].
 pub type Action = u8;
@@ -8,17 +11,15 @@ pub type Action = u8;
 pub struct RegionSpec {
     /// Width of an observation `o_i`.
     pub obs_dim: usize,
-    /// Width of the d-separating set (d-set): what the AIP (approximate influence predictor) sees at each step. It is a
-    /// part of the ALSH (action-local-state history).
+    /// Width of the d-separating set (d-set): what the AIP sees at each step. It is a part of the ALSH.
     pub d_set_dim: usize,
     pub n_actions: usize,
     /// Whether percepts say which actions are allowed. Otherwise all are, always.
     pub masks: bool,
     pub sources: SourceSpec,
-    /// Number of steps of an episode of the GS (global simulator), the same for all kinds of a domain.
+    /// Number of steps of an episode of the GS, the same for all kinds of a domain.
     pub horizon: usize,
-    /// Number of steps of an episode of the LS (local simulators). Each exchange retraces the episodes under way, so long
-    /// ones are dear.
+    /// Number of steps of an episode of the LS. Each exchange retraces the episodes under way, so long ones cost much.
     pub local_horizon: usize,
 }
 
@@ -59,6 +60,33 @@ impl SourceSpec {
 /// Returns the number of logits for a source of `classes` classes.
 pub fn logits_of(classes: u8) -> usize {
     if classes == 2 { 1 } else { usize::from(classes) }
+}
+
+/// The task of one agent. Its lists have no padding: an agent that is smaller than its kind has fewer names here.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize)]
+pub struct Task {
+    pub observation: Vec<String>,
+    pub actions: Vec<String>,
+    /// What the agent is rewarded for a step, a sentence.
+    pub reward: String,
+    /// Names of the influence sources: what the AIP predicts.
+    pub sources: Vec<String>,
+    /// Names of the columns of the d-set: what the AIP sees.
+    pub d_set: Vec<String>,
+}
+
+impl Task {
+    /// Returns the task of an agent of which only the shape is known.
+    pub(crate) fn of_shape(spec: &RegionSpec) -> Task {
+        let numbered = |name: &str, count: usize| (0..count).map(|number| format!("{name}[{number}]")).collect();
+        Task {
+            observation: numbered("observation", spec.obs_dim),
+            actions: numbered("action", spec.n_actions),
+            reward: "not described by this domain".to_owned(),
+            sources: numbered("source", spec.sources.count()),
+            d_set: numbered("d-set", spec.d_set_dim),
+        }
+    }
 }
 
 #[cfg(test)]

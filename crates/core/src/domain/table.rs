@@ -24,7 +24,7 @@ pub trait DomainTable {
         Vec::new()
     }
 
-    /// Returns the keys that only local simulators read. On the global simulator (GS) they change nothing.
+    /// Returns the keys that only local simulators read. On the GS they change nothing.
     fn local_keys(&self) -> &'static [&'static str] {
         &[]
     }

@@ -5,7 +5,7 @@
 
 use std::ffi::OsString;
 use std::fs::{self, File, OpenOptions, TryLockError};
-use std::io::ErrorKind;
+use std::io::{self, ErrorKind};
 use std::os::fd::AsRawFd;
 use std::os::unix::fs::{MetadataExt, OpenOptionsExt};
 use std::path::{Path, PathBuf};
@@ -35,7 +35,6 @@ pub struct Directory {
 #[error("{}: another process is writing this run; wait until it has ended, or name another directory", .0.display())]
 pub struct Busy(pub PathBuf);
 
-/// Where an opened directory is now.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Whereabouts {
     /// At the path by which it was opened.
@@ -85,7 +84,6 @@ impl Directory {
             .is_ok_and(|directory| matches!(directory.opened.try_lock_shared(), Err(TryLockError::WouldBlock)))
     }
 
-    /// Returns the path by which it was opened.
     pub fn path(&self) -> &Path {
         &self.path
     }
@@ -120,7 +118,6 @@ impl Directory {
         }
     }
 
-    /// Returns the path of an entry.
     pub fn path_of(&self, name: impl AsRef<Path>) -> PathBuf {
         self.path.join(name)
     }
@@ -136,13 +133,11 @@ impl Directory {
     /// Opens a directory within this one; `None` if there is none. A link to one is an error.
     pub fn subdirectory(&self, name: &str) -> Result<Option<Directory>> {
         let path = self.path_of(name);
-        let what = match path.symlink_metadata() {
-            Ok(about) if about.is_dir() => return Directory::open(&path).map(Some),
-            Err(error) if error.kind() == ErrorKind::NotFound => return Ok(None),
-            Err(error) => return Err(self.failed(error.into(), name, "cannot be opened")),
-            Ok(about) if about.is_symlink() => "is a link",
-            Ok(_) => "is no directory",
-        };
+        let Some(about) = self.if_there(path.symlink_metadata(), name, "cannot be opened")? else { return Ok(None) };
+        if about.is_dir() {
+            return Directory::open(&path).map(Some);
+        }
+        let what = if about.is_symlink() { "is a link" } else { "is no directory" };
         bail!("{}: {what}, and this program writes only into directories of its own: move it away", path.display())
     }
 
@@ -184,13 +179,12 @@ impl Directory {
     /// Checks that nothing but a regular file with one name stands at `name`, if anything does.
     pub fn check(&self, name: &str) -> Result<()> {
         let path = self.path_of(name);
-        let what = match path.symlink_metadata() {
-            Ok(about) if about.is_file() && about.nlink() <= 1 => return Ok(()),
-            Err(error) if error.kind() == ErrorKind::NotFound => return Ok(()),
-            Err(error) => return Err(self.failed(error.into(), name, "cannot be read")),
-            Ok(about) if about.is_file() => format!("has {} names (hard links)", about.nlink()),
-            Ok(about) if about.is_symlink() => "is a link".to_owned(),
-            Ok(_) => "is not a regular file".to_owned(),
+        let Some(about) = self.if_there(path.symlink_metadata(), name, "cannot be read")? else { return Ok(()) };
+        let what = match about.nlink() {
+            0 | 1 if about.is_file() => return Ok(()),
+            names if about.is_file() => format!("has {names} names (hard links)"),
+            _ if about.is_symlink() => "is a link".to_owned(),
+            _ => "is not a regular file".to_owned(),
         };
         bail!(
             "{}: {what}, and this program uses only files of its own here: move it away, and put a copy of the file in \
@@ -202,19 +196,13 @@ impl Directory {
     /// Opens a file for reading; `None` if there is none.
     pub fn open_file(&self, name: &str) -> Result<Option<File>> {
         self.check(name)?;
-        match File::open(self.path_of(name)) {
-            Err(error) if error.kind() == ErrorKind::NotFound => Ok(None),
-            opened => opened.map(Some).map_err(|error| self.failed(error.into(), name, "cannot be opened")),
-        }
+        self.if_there(File::open(self.path_of(name)), name, "cannot be opened")
     }
 
     /// Reads a whole file of at most `at_most` bytes; `None` if there is none.
     pub fn read(&self, name: &str, at_most: u64) -> Result<Option<Vec<u8>>> {
         self.check(name)?;
-        match read_bytes(&self.path_of(name), at_most) {
-            Err(error) if error.kind() == ErrorKind::NotFound => Ok(None),
-            read => read.map(Some).map_err(|error| self.failed(error.into(), name, "cannot be read")),
-        }
+        self.if_there(read_bytes(&self.path_of(name), at_most), name, "cannot be read")
     }
 
     /// Opens a file to append to and to read from, and makes it if there is none.
@@ -257,11 +245,14 @@ impl Directory {
 
     /// Removes a file or a link, never what a link leads to. If there is none, nothing happens.
     pub fn remove(&self, name: &str) -> Result<()> {
-        match fs::remove_file(self.path_of(name)) {
-            Err(error) if error.kind() != ErrorKind::NotFound => {
-                Err(self.failed(error.into(), name, "cannot be removed"))
-            }
-            _ => Ok(()),
+        self.if_there(fs::remove_file(self.path_of(name)), name, "cannot be removed").map(drop)
+    }
+
+    /// Returns the outcome of an operation on an entry; `None` if there is no such entry.
+    fn if_there<T>(&self, outcome: io::Result<T>, name: &str, failure: &str) -> Result<Option<T>> {
+        match outcome {
+            Err(error) if error.kind() == ErrorKind::NotFound => Ok(None),
+            outcome => outcome.map(Some).map_err(|error| self.failed(error.into(), name, failure)),
         }
     }
 
@@ -277,58 +268,10 @@ impl Directory {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use std::os::unix::fs::{PermissionsExt, symlink};
+    use std::os::unix::fs::PermissionsExt;
 
     fn error<T>(outcome: Result<T>) -> String {
         format!("{:#}", outcome.err().expect("it is refused"))
-    }
-
-    #[test]
-    fn a_directory_that_went_away_is_an_error_and_what_took_its_place_is_left_alone() {
-        let dir = tempfile::tempdir().unwrap();
-        let place = |name: &str| dir.path().canonicalize().unwrap().join(name);
-        fs::create_dir(place("run")).unwrap();
-        let directory = Directory::lock(&place("run")).unwrap();
-        assert_eq!(directory.whereabouts(), Whereabouts::InPlace);
-        assert!(error(Directory::lock(&place("run"))).contains("run: another process is writing this run"));
-        fs::rename(place("run"), place("elsewhere")).unwrap();
-        fs::create_dir(place("run")).unwrap();
-        assert_eq!(directory.whereabouts(), Whereabouts::Moved(place("elsewhere")));
-        assert!(error(directory.write("a", b"x")).contains("run: was moved to "));
-        assert_eq!(fs::read_dir(place("run")).unwrap().count(), 0);
-        fs::remove_dir_all(place("elsewhere")).unwrap();
-        assert!(error(directory.write("a", b"x")).contains("run: was removed while this run was written"));
-        assert!(error(directory.open_to_append("a")).contains("run: was removed while this run was written"));
-    }
-
-    #[test]
-    fn nothing_but_a_file_of_its_own_is_opened_or_replaced() {
-        let dir = tempfile::tempdir().unwrap();
-        let (directory, outside) = (Directory::open(dir.path()).unwrap(), tempfile::NamedTempFile::new().unwrap());
-        fs::write(outside.path(), "precious").unwrap();
-        let path = |name: &str| dir.path().join(name);
-        symlink(outside.path(), path("link")).unwrap();
-        symlink("/nowhere/at/all", path("broken")).unwrap();
-        fs::write(path("file"), "x").unwrap();
-        fs::hard_link(path("file"), path("second")).unwrap();
-        rustix::fs::mknodat(rustix::fs::CWD, path("pipe"), rustix::fs::FileType::Fifo, 0o600.into(), 0).unwrap();
-        for (name, what) in [
-            ("link", "link: is a link"),
-            ("broken", "broken: is a link"),
-            ("second", "second: has 2 names (hard links)"),
-            ("pipe", "pipe: is not a regular file"),
-        ] {
-            let opened = [error(directory.open_file(name)), error(directory.open_to_append(name))];
-            for error in [error(directory.check(name)), error(directory.write(name, b"new"))].iter().chain(&opened) {
-                assert!(error.contains(what) && error.contains("move it away"), "{error}");
-            }
-        }
-        symlink(outside.path().parent().unwrap(), path("folder")).unwrap();
-        assert!(error(directory.make_subdirectory("folder")).contains("folder: is a link"));
-        directory.remove("link").unwrap();
-        assert!(!path("link").exists() && path("pipe").exists());
-        assert_eq!(fs::read(outside.path()).unwrap(), b"precious");
-        assert_eq!(fs::read(path("file")).unwrap(), b"x");
     }
 
     #[test]

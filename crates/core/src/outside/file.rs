@@ -1,14 +1,18 @@
-//! Files that others may have written, read whole.
+//! Files that others may have written, read whole: plain ones, and those that gzip packed.
 
 use std::fs::OpenOptions;
 use std::io::{Error, ErrorKind, Read, Result};
 use std::os::unix::fs::OpenOptionsExt;
 use std::path::Path;
 
+use flate2::read::MultiGzDecoder;
 use rustix::fs::OFlags;
 
 /// Largest file of a network in bytes. That of a grid of 10 000 intersections has 55 MB.
 pub const LARGEST_NETWORK: u64 = 256 << 20;
+
+/// Beginning of a file that gzip packed.
+const GZIP: &[u8] = &[0x1f, 0x8b];
 
 /// Reads a regular file of at most `at_most` bytes.
 ///
@@ -41,10 +45,34 @@ pub fn read_text(path: &Path, at_most: u64) -> Result<String> {
     })
 }
 
+/// Returns the content of a packed file, and any other bytes as they are. SUMO reads packed networks, too.
+///
+/// More than `at_most` bytes are an error of kind `FileTooLarge`. What is no whole gzip file is one of kind `InvalidData`.
+pub(super) fn unpacked(bytes: Vec<u8>, at_most: u64) -> Result<Vec<u8>> {
+    if !bytes.starts_with(GZIP) {
+        return Ok(bytes);
+    }
+    let mut content = Vec::new();
+    // A small file may unpack to a thousand times its size.
+    MultiGzDecoder::new(&bytes[..]).take(at_most.saturating_add(1)).read_to_end(&mut content).map_err(|error| {
+        Error::new(ErrorKind::InvalidData, format!("it is packed with gzip, but damaged ({error}); pack it again"))
+    })?;
+    if content.len() as u64 > at_most {
+        let message = format!("it is packed with gzip, and unpacked it has more than {at_most} bytes, the limit");
+        return Err(Error::new(ErrorKind::FileTooLarge, message));
+    }
+    Ok(content)
+}
+
 #[cfg(test)]
 mod tests {
-    use super::*;
     use std::fs;
+    use std::io::Write;
+
+    use flate2::Compression;
+    use flate2::write::GzEncoder;
+
+    use super::*;
 
     #[test]
     fn a_file_is_read_up_to_its_limit() {
@@ -53,22 +81,50 @@ mod tests {
         fs::write(&path, "four").unwrap();
         assert_eq!(read_text(&path, 4).unwrap(), "four");
         let error = read_bytes(&path, 3).unwrap_err();
-        assert_eq!(
-            (error.kind(), error.to_string().as_str()),
-            (ErrorKind::FileTooLarge, "it has more than 3 bytes, the limit")
-        );
+        assert_eq!((error.kind(), error.to_string()), (ErrorKind::FileTooLarge, limit(3)));
         fs::write(&path, b"ab\xffc").unwrap();
         assert_eq!(read_text(&path, 4).unwrap_err().to_string(), "it is not UTF-8 text from byte 2 on");
         assert_eq!(read_bytes(&dir.path().join("none"), 4).unwrap_err().kind(), ErrorKind::NotFound);
-    }
-
-    #[test]
-    fn what_has_no_end_is_refused_at_once() {
-        let dir = tempfile::tempdir().unwrap();
         let pipe = dir.path().join("pipe");
         rustix::fs::mknodat(rustix::fs::CWD, &pipe, rustix::fs::FileType::Fifo, 0o600.into(), 0).unwrap();
         for path in [&pipe, Path::new("/dev/zero"), dir.path()] {
             assert_eq!(read_bytes(path, 4).unwrap_err().to_string(), "it is not a regular file", "{}", path.display());
+        }
+    }
+
+    fn limit(bytes: usize) -> String {
+        format!("it has more than {bytes} bytes, the limit")
+    }
+
+    fn packed(content: &[u8]) -> Vec<u8> {
+        let mut encoder = GzEncoder::new(Vec::new(), Compression::best());
+        encoder.write_all(content).unwrap();
+        encoder.finish().unwrap()
+    }
+
+    #[test]
+    fn a_packed_file_is_unpacked_up_to_the_limit_and_another_one_stays() {
+        assert_eq!(unpacked(b"<net/>".to_vec(), 6).unwrap(), b"<net/>");
+        // Programs that pack in parallel write several pieces, one after another.
+        assert_eq!(unpacked([packed(b"<net"), packed(b"/>")].concat(), 6).unwrap(), b"<net/>");
+        let bomb = packed(&vec![b' '; 10_000_000]);
+        assert!(bomb.len() < 20_000, "{}", bomb.len());
+        let error = unpacked(bomb, 9_999_999).unwrap_err();
+        let message = "it is packed with gzip, and unpacked it has more than 9999999 bytes, the limit".to_owned();
+        assert_eq!((error.kind(), error.to_string()), (ErrorKind::FileTooLarge, message));
+    }
+
+    #[test]
+    fn a_damaged_packed_file_is_an_error() {
+        let whole = packed(b"<net/>");
+        let mut wrong = whole.clone();
+        // The checksum stands before the last four bytes.
+        let place = wrong.len() - 5;
+        wrong[place] ^= 1;
+        for damaged in [&whole[..10], &whole[..whole.len() - 1], &wrong, &[&whole[..], b"more"].concat()] {
+            let error = unpacked(damaged.to_vec(), 100).unwrap_err();
+            assert_eq!(error.kind(), ErrorKind::InvalidData, "{error}");
+            assert!(error.to_string().starts_with("it is packed with gzip, but damaged ("), "{error}");
         }
     }
 }

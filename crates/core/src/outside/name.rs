@@ -17,7 +17,7 @@ const LONGEST: usize = 200;
 /// It is printable, has no `/`, does not begin with `.` or `-`, and has from 1 to 200 bytes. So no path that it is part
 /// of leaves its folder, and no command takes it for an option.
 #[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
-#[serde(try_from = "String", into = "String")]
+#[serde(try_from = "String")]
 pub struct FileName(String);
 
 impl FileName {
@@ -40,12 +40,6 @@ impl TryFrom<String> for FileName {
 
     fn try_from(name: String) -> Result<FileName, Error> {
         FileName::new(name)
-    }
-}
-
-impl From<FileName> for String {
-    fn from(name: FileName) -> String {
-        name.0
     }
 }
 
@@ -78,13 +72,9 @@ mod tests {
         let long = "x".repeat(201);
         for (name, wrong) in [
             ("", "it is empty"),
-            (".", "it begins with `.`"),
             ("..", "it begins with `.`"),
-            (".hidden", "it begins with `.`"),
             ("-rf", "it begins with `-`"),
-            ("/../../X", "it contains `/`"),
             ("a/b", "it contains `/`"),
-            ("a\nb", "a character that cannot be shown"),
             ("a\0", "a character that cannot be shown"),
             ("\u{202E}gpj.exe", "a character that cannot be shown"),
             (&long, "it has 201 bytes, and at most 200 are allowed"),
@@ -93,17 +83,10 @@ mod tests {
             assert!(error.contains(wrong) && error.len() < 250, "{error}");
             assert!(error.chars().all(is_printable), "{error}");
         }
-        let longest = "x".repeat(200);
-        for name in ["small-dials-F1M-seed7", "small-fixed-time:file=a_b.toml", "Süd 交差点", "a..b", "=1", &longest]
-        {
-            assert_eq!(&*FileName::new(name).unwrap(), name);
+        for name in ["small-fixed-time:file=a_b.toml", "Süd 交差点", "a..b", &long[1..]] {
+            let written = serde_json::to_string(name).unwrap();
+            assert_eq!(serde_json::from_str::<FileName>(&written).unwrap().to_string(), name);
         }
-    }
-
-    #[test]
-    fn a_name_is_checked_where_it_is_read() {
-        assert_eq!(serde_json::to_string(&FileName::new("a").unwrap()).unwrap(), "\"a\"");
-        assert!(serde_json::from_str::<FileName>("\"a\"").is_ok());
         let error = serde_json::from_str::<FileName>("\"../a\"").unwrap_err().to_string();
         assert!(error.contains("`../a` cannot be the name of a file"), "{error}");
     }

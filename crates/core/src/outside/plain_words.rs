@@ -53,17 +53,14 @@ mod tests {
     use super::*;
 
     #[test]
-    fn an_unknown_value_is_told_with_those_that_are_allowed() {
-        let several = "line 1\nunknown variant `c`, expected one of `a`, `b`, `d`\n";
-        assert_eq!(in_plain_words(several), "line 1\n`c` is no allowed value; allowed: `a`, `b`, `d`\n");
-        let two = "unknown variant `c`, expected `a` or `b`";
-        assert_eq!(in_plain_words(two), "`c` is no allowed value; allowed: `a` or `b`");
-        assert_eq!(in_plain_words("unknown field `c`, expected `a`"), "unknown field `c`, expected `a`");
-    }
-
-    #[test]
-    fn a_value_of_another_type_is_told_with_what_is_needed() {
+    fn what_is_given_stands_beside_what_is_needed() {
         for (message, plain) in [
+            (
+                "line 1\nunknown variant `c`, expected one of `a`, `b`, `d`\n",
+                "line 1\n`c` is no allowed value; allowed: `a`, `b`, `d`\n",
+            ),
+            ("unknown variant `c`, expected `a` or `b`", "`c` is no allowed value; allowed: `a` or `b`"),
+            ("unknown field `c`, expected `a`", "unknown field `c`, expected `a`"),
             (
                 "invalid type: string \"a\", expected f64\nin `ppo.gamma`",
                 "\"a\" is given, but a number is needed\nin `ppo.gamma`",
@@ -72,14 +69,7 @@ mod tests {
                 "invalid value: integer `-1`, expected u64",
                 "`-1` is given, but a whole number such as 1000000 is needed",
             ),
-            (
-                "line 1\ninvalid type: sequence, expected a string\n",
-                "line 1\na list is given, but a text in quotes is needed\n",
-            ),
-            (
-                "invalid type: boolean `true`, expected a sequence",
-                "`true` is given, but a list such as [1, 2] is needed",
-            ),
+            ("invalid type: sequence, expected a string\n", "a list is given, but a text in quotes is needed\n"),
             ("invalid type: map, expected a reward", "a table is given, but a reward is needed"),
             ("invalid type: integer `3`, expected struct PpoConfig", "`3` is given, but a table is needed"),
         ] {

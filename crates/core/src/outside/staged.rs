@@ -16,7 +16,6 @@ use super::{Directory, Whereabouts};
 
 /// Beginning of the temporary names, before letters and digits.
 const STAGED: &str = ".dials-traffic-new-";
-/// Number of these letters and digits.
 const RANDOM: usize = 6;
 
 /// A new directory under a temporary name, locked. Dropping it removes it, unless it was moved to its place.
@@ -137,7 +136,6 @@ pub fn write_together(dir: &Path, files: &[(PathBuf, Vec<u8>)]) -> Result<()> {
     written.with_context(unwritable)
 }
 
-/// Returns the folder that a file is in.
 pub fn folder_of(file: &Path) -> &Path {
     file.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."))
 }
@@ -167,21 +165,6 @@ mod tests {
         // Not `is_locked`: a child that another test begins shares the lock, until it has become its program.
         assert!(Directory::lock(&place("free")).is_ok());
         assert_eq!(fs::read(place("free/a")).unwrap(), b"x");
-    }
-
-    #[test]
-    fn what_a_killed_write_left_is_swept_by_the_next_one_and_what_is_being_written_is_not() {
-        let dir = tempfile::tempdir().unwrap();
-        let made =
-            [".dials-traffic-new-a1B2c3", ".dials-traffic-new-notes", ".dials-traffic-new-ab.cde", ".new-123456"];
-        for name in made {
-            fs::create_dir_all(dir.path().join(name).join("in")).unwrap();
-        }
-        let in_use = StagedDirectory::make_in(dir.path()).unwrap();
-        write_together(dir.path(), &[(dir.path().join("file"), b"new".to_vec())]).unwrap();
-        assert!(in_use.directory().path().exists(), "it is locked");
-        drop(in_use);
-        assert_eq!(names(dir.path()), [made[2], made[1], made[3], "file"], "only the first is a name of this program");
     }
 
     #[test]

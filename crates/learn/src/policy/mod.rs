@@ -11,7 +11,7 @@ pub mod sampling;
 use crate::config::PolicyConfig;
 use dials_core::base::{AgentId, Ragged, Rows, Seed};
 use dials_core::domain::{Percept, RegionSpec};
-use stacknets::{Adam, Learner, Parameters, Shape, Stack, States};
+use stacknets::{Adam, Parameters, Shape, Stack, States, Trainer};
 
 pub use controller::{JointPolicyController, Selection, StackController};
 pub use demonstrations::Demonstrations;
@@ -137,7 +137,7 @@ impl PolicyStack {
     }
 
     /// Returns every agent's policy with its part of the optimiser, for `steps` gradient steps each.
-    pub fn learners<'a>(&'a mut self, adam: &'a mut Adam, steps: u32) -> Vec<Learner<'a>> {
-        adam.learners(&mut self.net, steps)
+    pub fn learners<'a>(&'a mut self, adam: &'a mut Adam, steps: u32) -> Vec<Trainer<'a>> {
+        adam.trainers(&mut self.net, steps)
     }
 }

@@ -29,7 +29,7 @@ pub(super) fn descend(aips: &mut AipStack, lesson: Lesson<'_>, dice: &mut [Dice]
     let batches = samples / steps / config.batch;
     let mut room = LearningBuffers::default();
     let mut adam = Adam::new(net.parameters());
-    let learners = adam.learners(net, (config.epochs * batches) as u32);
+    let learners = adam.trainers(net, (config.epochs * batches) as u32);
     for (index, ((mut learner, dataset), dice)) in learners.into_iter().zip(datasets).zip(dice).enumerate() {
         let constants = constants.as_ref().map(|constants| (constants, index));
         let mut best = config.patience.map(BestSoFar::new);

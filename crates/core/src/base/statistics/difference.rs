@@ -4,13 +4,12 @@
 //! which is the same on both sides, cancels out, and only the spread between seeds remains. The result holds for these
 //! episodes. If one side played more of the same ones, the first ones count, which both have.
 
-use super::{Bounds, UncertainMean, interval_of, mean, welch};
+use super::{Bounds, ENOUGH_SEEDS, mean, student_t, variance};
 
 /// Episodes of an evaluation. Two evaluations with the same episodes saw the same traffic, and with the same seed alone
 /// the shorter one saw the first episodes of the longer one.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Episodes {
-    /// Value of `evaluation.seed`.
     pub seed: u64,
     pub count: usize,
 }
@@ -18,7 +17,6 @@ pub struct Episodes {
 /// Result of a run, or of a controller, on its episodes.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Played {
-    /// Mean return of all agents.
     pub mean: f64,
     pub episodes: Episodes,
     /// Mean return of all agents in each episode.
@@ -55,7 +53,6 @@ pub fn shared_episodes<'a>(mut all: impl Iterator<Item = &'a Played>) -> Option<
     })
 }
 
-/// How values are paired for the subtraction.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Pairing {
     /// The same seed on the same episode.
@@ -108,19 +105,18 @@ pub type BySeed = Vec<(u64, Played)>;
 ///
 /// Panics if a side is empty.
 pub fn between(a: &BySeed, b: &BySeed) -> Difference {
-    let all = || a.iter().chain(b).map(|(_, played)| played);
-    let episodes = shared_episodes(all());
+    let episodes = shared_episodes(a.iter().chain(b).map(|(_, played)| played));
     let same_episodes = episodes.is_some();
     let same_seeds = a.len() == b.len() && a.iter().zip(b).all(|((left, _), (right, _))| left == right);
     let [a, b] = [a, b].map(|side| on_shared(side, episodes));
-    let [of_a, of_b] = [&a, &b].map(means);
+    let [of_a, of_b] = [&a, &b].map(|side| side.iter().map(|(_, played)| played.mean).collect::<Vec<_>>());
     let of_seeds: Vec<(u64, f64)> = match same_seeds {
         true => a.iter().zip(&b).map(|((seed, a), (_, b))| (*seed, of_pair(a, b))).collect(),
         false => Vec::new(),
     };
     let interval = match same_seeds {
-        true => interval_of(&values(&of_seeds)),
-        false => UncertainMean::of(&of_a).zip(UncertainMean::of(&of_b)).map(|(a, b)| welch(a, b)),
+        true => Bounds::of_seeds(&values(&of_seeds)),
+        false => welch(&of_a, &of_b),
     };
     Difference {
         mean: mean(&of_b) - mean(&of_a),
@@ -141,20 +137,31 @@ pub fn between(a: &BySeed, b: &BySeed) -> Difference {
 ///
 /// Panics if the group is empty.
 pub fn to_controller(group: &BySeed, controller: &Played) -> Difference {
-    let episodes = shared_episodes(group.iter().map(|(_, played)| played).chain([controller]));
-    let same_episodes = episodes.is_some();
-    let group = on_shared(group, episodes);
-    let shared = episodes.map_or_else(|| controller.clone(), |episodes| controller.on_first(episodes.count));
-    let of_seeds: Vec<(u64, f64)> = group.iter().map(|(seed, own)| (*seed, of_pair(&shared, own))).collect();
-    let interval = interval_of(&values(&of_seeds)).filter(|_| same_episodes);
+    // As if the controller had played once for each seed.
+    let same = group.iter().map(|(seed, _)| (*seed, controller.clone())).collect();
+    let found = between(&same, group);
     Difference {
-        mean: mean(&values(&of_seeds)),
-        pairing: if same_episodes { Pairing::Episode } else { Pairing::Nothing },
-        episodes,
-        seeds: [group.len(); 2],
-        of_seeds,
-        interval,
+        mean: mean(&values(&found.of_seeds)),
+        pairing: if found.episodes.is_some() { Pairing::Episode } else { Pairing::Nothing },
+        ..found
     }
+}
+
+/// Computes the interval of the mean of `b` minus that of `a`, two groups of unequal variance with one value per seed.
+/// `None` if one has fewer than [`ENOUGH_SEEDS`].
+///
+/// Source: Welch 1947.
+fn welch(a: &[f64], b: &[f64]) -> Option<Bounds> {
+    if a.len().min(b.len()) < ENOUGH_SEEDS {
+        return None;
+    }
+    let of_mean = |values: &[f64]| variance(values) / values.len() as f64;
+    let freedom = |values: &[f64]| values.len() as f64 - 1.0;
+    let variance = of_mean(a) + of_mean(b);
+    let below = of_mean(a).powi(2) / freedom(a) + of_mean(b).powi(2) / freedom(b);
+    // Without any variance, every number of degrees of freedom gives the same interval, of width 0.
+    let freedom = if below > 0.0 { variance.powi(2) / below } else { 1.0 };
+    Some(Bounds::around(mean(b) - mean(a), student_t(freedom) * variance.sqrt()))
 }
 
 /// Computes `b - a`: the mean over the episodes of the difference in each. If the episodes differ: the difference of
@@ -172,18 +179,15 @@ pub fn on_shared(side: &BySeed, shared: Option<Episodes>) -> BySeed {
     side.iter().map(|(seed, played)| (*seed, played.on_first(count))).collect()
 }
 
-fn means(side: &BySeed) -> Vec<f64> {
-    side.iter().map(|(_, played)| played.mean).collect()
-}
-
 fn values(of_seeds: &[(u64, f64)]) -> Vec<f64> {
     of_seeds.iter().map(|(_, difference)| *difference).collect()
 }
 
 #[cfg(test)]
 mod tests {
-    use super::super::student_t;
     use super::*;
+
+    const FIVE: [f64; 5] = [1.0, 2.0, 3.0, 4.0, 5.0];
 
     fn assert_near(found: f64, expected: f64) {
         assert!((found - expected).abs() < 1e-6, "{found} is not {expected}");
@@ -201,75 +205,56 @@ mod tests {
     #[test]
     fn the_same_seeds_on_the_same_episodes_are_paired_by_both() {
         // Episodes of 10 and 50; b is above a by s + 1 in the first and by s - 1 in the second, so by s.
-        let a = side((1..=5).map(|_| played(0, &[10.0, 50.0])));
-        let b = side((1..=5).map(|seed| played(0, &[11.0 + f64::from(seed), 49.0 + f64::from(seed)])));
+        let a = side(FIVE.map(|_| played(0, &[10.0, 50.0])));
+        let b = side(FIVE.map(|seed| played(0, &[11.0 + seed, 49.0 + seed])));
         let found = between(&a, &b);
         assert_eq!((found.pairing, found.seeds), (Pairing::EpisodeAndSeed, [5, 5]));
         assert_eq!(found.of_seeds, [(1, 1.0), (2, 2.0), (3, 3.0), (4, 4.0), (5, 5.0)]);
         // Mean 3, variance 2.5, error sqrt(0.5).
         assert_near(found.mean, 3.0);
         assert_near(found.interval.unwrap().high, 3.0 + student_t(4.0) * 0.5_f64.sqrt());
-    }
-
-    #[test]
-    fn with_three_seeds_there_are_their_differences_and_no_interval() {
-        let a = side([10.0, 20.0, 30.0].map(|value| played(0, &[value, value])));
-        let b = side([11.0, 22.0, 33.0].map(|value| played(0, &[value, value])));
-        let found = between(&a, &b);
-        assert_eq!((found.mean, found.interval), (2.0, None));
-        assert_eq!(found.of_seeds, [(1, 1.0), (2, 2.0), (3, 3.0)]);
+        let three = between(&a[..3].to_vec(), &b[..3].to_vec());
+        assert_eq!((three.of_seeds.len(), three.interval), (3, None));
     }
 
     #[test]
     fn other_seeds_on_the_same_episodes_are_compared_as_welch_does() {
-        let values = [1.0, 2.0, 3.0, 4.0, 5.0];
-        let a = side(values.map(|value| played(0, &[value])));
-        let b: BySeed = (11..).zip(values.map(|value| played(0, &[value + 7.0]))).collect();
-        let found = between(&a, &b);
-        assert_eq!((found.mean, found.pairing), (7.0, Pairing::Episode));
+        let a = side(FIVE.map(|value| played(0, &[value])));
+        let others = |value: fn(f64) -> f64| (11..).zip(FIVE.map(|own| played(0, &[value(own)]))).collect();
+        let found = between(&a, &others(|value| 10.0 * value));
+        assert_eq!((found.mean, found.pairing), (27.0, Pairing::Episode));
         assert!(found.of_seeds.is_empty());
-        // Both variances 0.5: error 1, freedom 1 / (2 x 0.25 / 4) = 8.
-        assert_near(found.interval.unwrap().low, 7.0 - student_t(8.0));
+        // Variances of the means 2.5 / 5 and 250 / 5: error sqrt(50.5), freedom 50.5^2 / ((0.5^2 + 50^2) / 4).
+        let freedom = 50.5 * 50.5 / (2500.25 / 4.0);
+        assert_near(found.interval.unwrap().low, 27.0 - student_t(freedom) * 50.5_f64.sqrt());
+        let sure = side(FIVE.map(|_| played(0, &[1.0])));
+        assert_eq!(between(&sure, &others(|_| 3.0)).interval, Some(Bounds { low: 2.0, high: 2.0 }));
     }
 
     #[test]
     fn episodes_that_differ_between_the_sides_alone_leave_no_interval() {
-        let values = [1.0, 2.0, 3.0, 4.0, 5.0];
-        let on = |seed, episodes: usize| side(values.map(|value| played(seed, &vec![value; episodes])));
+        let on = |seed, episodes: usize| side(FIVE.map(|value| played(seed, &vec![value; episodes])));
         let found = between(&on(0, 2), &on(1, 2));
         assert_eq!((found.mean, found.pairing, found.interval), (0.0, Pairing::Seed, None));
         assert_eq!(found.of_seeds.len(), 5, "the differences of the seeds are returned anyway");
+        let found = to_controller(&on(0, 2), &played(1, &[2.0]));
+        assert_eq!((found.mean, found.pairing, found.interval), (1.0, Pairing::Nothing, None));
     }
 
     #[test]
     fn of_more_episodes_with_the_same_seed_the_first_ones_are_paired() {
         // The further episodes are far better, which must not count.
-        let values = [1.0, 2.0, 3.0, 4.0, 5.0];
-        let long = side(values.map(|above| played(0, &[10.0 + above, 14.0 + above, 99.0])));
-        let short = side(values.map(|_| played(0, &[10.0, 14.0])));
+        let long = side(FIVE.map(|above| played(0, &[10.0 + above, 14.0 + above, 99.0])));
+        let short = side(FIVE.map(|_| played(0, &[10.0, 14.0])));
         let found = between(&short, &long);
         assert_eq!((found.mean, found.pairing), (3.0, Pairing::EpisodeAndSeed));
         assert_eq!(found.episodes, Some(Episodes { seed: 0, count: 2 }));
-        assert_near(found.interval.unwrap().low, 3.0 - student_t(4.0) * 0.5_f64.sqrt());
-        let group = side(values.map(|above| played(0, &[10.0 + above, 14.0 + above])));
-        let found = to_controller(&group, &played(0, &[10.0, 14.0, 99.0]));
-        assert_eq!((found.mean, found.pairing), (3.0, Pairing::Episode));
-        assert_eq!(to_controller(&long, &played(0, &[10.0, 14.0])).mean, 3.0);
-    }
-
-    #[test]
-    fn a_controller_is_subtracted_episode_by_episode_from_every_seed() {
-        let group = side([1.0, 2.0, 3.0, 4.0, 5.0].map(|above| played(0, &[10.0 + above, 14.0 + above])));
-        let found = to_controller(&group, &played(0, &[10.0, 14.0]));
-        assert_eq!((found.mean, found.pairing), (3.0, Pairing::Episode));
-        assert_near(found.interval.unwrap().low, 3.0 - student_t(4.0) * 0.5_f64.sqrt());
-    }
-
-    #[test]
-    fn against_a_controller_on_other_episodes_there_is_no_interval() {
-        let values = [11.0, 12.0, 13.0, 14.0, 15.0];
-        let group = side(values.map(|value| played(0, &[value])));
-        let found = to_controller(&group, &played(1, &[12.0]));
-        assert_eq!((found.mean, found.pairing, found.interval), (1.0, Pairing::Nothing, None));
+        let group = side(FIVE.map(|above| played(0, &[10.0 + above, 14.0 + above])));
+        for (group, controller) in [(&group, &[10.0, 14.0][..]), (&group, &[10.0, 14.0, 99.0]), (&long, &[10.0, 14.0])]
+        {
+            let found = to_controller(group, &played(0, controller));
+            assert_eq!((found.mean, found.pairing), (3.0, Pairing::Episode));
+            assert_near(found.interval.unwrap().low, 3.0 - student_t(4.0) * 0.5_f64.sqrt());
+        }
     }
 }

@@ -15,7 +15,7 @@ use super::memory::{Memory, Sample};
 use crate::config::PpoConfig;
 use crate::policy::PolicyStack;
 use dials_core::base::{Dice, Phase, Stopwatch};
-use stacknets::{Adam, Learner, Sequences, Trace};
+use stacknets::{Adam, Sequences, Trace, Trainer};
 
 /// The two settings that decay over a run.
 ///
@@ -100,7 +100,7 @@ impl UpdateBuffers {
     /// `only`: which parameters change; `None` for all.
     fn learn(
         &mut self,
-        mut learner: Learner<'_>,
+        mut learner: Trainer<'_>,
         memory: &Memory,
         agents: Range<usize>,
         dice: &mut Dice,

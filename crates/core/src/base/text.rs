@@ -1,9 +1,38 @@
-//! Text in lines of a limited width.
+//! Figures, lines and lists for people.
+
+const MOST_DIGITS: f64 = 4.0;
 
 /// Columns of the narrowest terminal that messages are written for.
 pub const TERMINAL_COLUMNS: usize = 80;
+
 /// Columns by which the further lines of a broken line are indented.
 const INDENT: usize = 2;
+
+/// Returns a number with its noun: `1 run`, `2 runs`. `noun`: one whose plural ends in `s`.
+pub fn counted(number: usize, noun: &str) -> String {
+    format!("{number} {noun}{}", if number == 1 { "" } else { "s" })
+}
+
+/// Returns the first item that equals an earlier one; `None` if all differ.
+pub fn repeated<T: PartialEq>(items: &[T]) -> Option<&T> {
+    (0..items.len()).find(|&place| items[..place].contains(&items[place])).map(|place| &items[place])
+}
+
+/// Returns the number of digits after the point of a figure and of the half-width of its interval, if that is known.
+///
+/// Returns of traffic on the paper's grids, from 50 on, have one. Smaller figures have two, and more if two digits of
+/// the half-width would not be seen otherwise. Figures below 5 without an interval have three.
+pub fn decimals(figure: f64, half_width: Option<f64>) -> usize {
+    let size = figure.abs();
+    match half_width {
+        _ if size >= 50.0 => 1,
+        Some(half_width) if half_width > 0.0 => (1.0 - half_width.log10().floor()).clamp(2.0, MOST_DIGITS) as usize,
+        // Counts that are the same in all episodes need no more.
+        Some(0.0) => 2,
+        _ if 0.0 < size && size < 5.0 => 3,
+        _ => 2,
+    }
+}
 
 /// Breaks a label at blanks into lines of at most `characters` characters, if its words are not longer.
 pub fn wrapped(label: &str, characters: usize) -> Vec<String> {
@@ -34,6 +63,27 @@ pub fn for_terminal(line: &str) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn only_one_is_singular() {
+        assert_eq!([0, 1, 2].map(|number| counted(number, "run")), ["0 runs", "1 run", "2 runs"]);
+    }
+
+    #[test]
+    fn the_first_one_that_came_before_is_found() {
+        assert_eq!(repeated(&[1, 2, 3, 2, 1]), Some(&2));
+        assert_eq!(repeated(&[1, 2, 3]), None);
+    }
+
+    #[test]
+    fn small_figures_have_more_digits_and_those_near_200_have_one() {
+        assert_eq!([217.44, -60.0, 13.09, -1.04, 0.0].map(|figure| decimals(figure, None)), [1, 1, 2, 3, 2]);
+        assert_eq!(decimals(217.44, Some(0.01)), 1);
+        // Two digits of the half-width: 2.3, 0.11, 0.012, 0.0012, and no more than four.
+        let widths = [2.3, 0.11, 0.012, 0.0012, 0.00012];
+        assert_eq!(widths.map(|width| decimals(-1.04, Some(width))), [2, 2, 3, 4, 4]);
+        assert_eq!([0.0, f64::NAN, f64::INFINITY].map(|width| decimals(-1.04, Some(width))), [2, 3, 2]);
+    }
 
     #[test]
     fn long_labels_are_broken_at_blanks() {
