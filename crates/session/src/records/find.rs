@@ -8,8 +8,7 @@ use std::path::{Path, PathBuf};
 use anyhow::{Context, Result, bail, ensure};
 use serde::Deserialize;
 
-use super::json_file::read_json;
-use super::plan::{FolderPlan, PLAN};
+use super::plan::{FolderPlan, PLAN, read_json};
 use crate::records::csv_table::LARGEST;
 use crate::records::files::is_run_dir;
 use crate::records::run_record::RunRecord;

@@ -59,7 +59,7 @@ pub(crate) fn check_imitation(agents: &AgentsState, losses: &[ImitationLoss]) ->
     }
 }
 
-/// Returns an error that names the first agent whose AIP (approximate influence predictor) has diverged.
+/// Returns an error that names the first agent whose AIP has diverged.
 pub(crate) fn check_aips(agents: &AgentsState, losses: &[AipLoss]) -> Result<()> {
     for (agent, loss) in losses.iter().enumerate() {
         if !loss.training.iter().chain(&loss.held_out).flatten().all(|loss| loss.is_finite()) {

@@ -5,6 +5,7 @@ use std::collections::BTreeMap;
 use toml::{Table, Value};
 
 use crate::config::RunConfig;
+pub use crate::config::resume::differing;
 use dials_core::domain::Scenario;
 use dials_learn::algorithms;
 use dials_learn::config::ShortForm;
@@ -87,8 +88,7 @@ fn form_ignores(form: ShortForm, key: &str) -> bool {
     }
 }
 
-/// Returns whether a key changes nothing with this retraining of the approximate influence predictors (AIPs), or without
-/// an imitation. `imitates`: whether the policies imitate a controller first.
+/// Returns whether a key changes nothing with this retraining of the AIPs, or without an imitation. `imitates`: whether the policies imitate a controller first.
 fn is_of_others(retraining: &Retraining, imitates: bool, key: &str) -> bool {
     match key {
         // Only retraining on drift depends on what these episodes measure.
@@ -134,15 +134,6 @@ pub fn steps_text(steps: u64) -> String {
         100_000..1_000_000 => format!("{}K", rounded(1e3, 1.0)),
         _ => format!("{}M", rounded(1e6, 100.0)),
     }
-}
-
-/// Returns the keys whose values differ, in order. `None`: this side has no such key.
-pub fn differing(a: &BTreeMap<String, String>, b: &BTreeMap<String, String>) -> Vec<(String, [Option<String>; 2])> {
-    let mut keys: Vec<&String> = a.keys().chain(b.keys()).collect();
-    keys.sort();
-    keys.dedup();
-    let differing = keys.into_iter().filter(|key| a.get(*key) != b.get(*key));
-    differing.map(|key| (key.clone(), [a.get(key).cloned(), b.get(key).cloned()])).collect()
 }
 
 #[cfg(test)]

@@ -2,7 +2,6 @@
 
 use std::path::PathBuf;
 
-use super::likeness::LikenessRecord;
 use super::run_json::RunJson;
 use crate::config::RunConfig;
 use dials_core::domain::Scenario;
@@ -15,10 +14,9 @@ pub struct RunRecord {
     pub about: RunJson,
     /// Evaluations, in order of steps.
     pub evaluations: Vec<EvaluationRecord>,
-    /// Trainings of the AIPs (approximate influence predictors), in order of steps.
+    /// Trainings of the AIPs, in order of steps.
     pub aip_trainings: Vec<AipTrainingRecord>,
-    /// Cross-entropies of the AIPs on new GS (global simulator) data, in order of steps; empty if the run did not
-    /// measure them.
+    /// Cross-entropies of the AIPs on new GS data, in order of steps; empty if the run did not measure them.
     pub fresh_losses: Vec<FreshLossRecord>,
     /// Local simulators beside the global one, in order of steps; empty if the domain does not compare them.
     pub likeness: Vec<LikenessRecord>,
@@ -72,6 +70,18 @@ pub struct FreshLossRecord {
     pub loss: f64,
     /// Cross-entropy of the best constant.
     pub marginals: f64,
+}
+
+/// What the GS and the local simulators show of the same lights: the GS in an evaluation, the local ones in the training
+/// before it. Pairs are of the GS, then of the local ones.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct LikenessRecord {
+    /// Steps of the evaluation.
+    pub(crate) steps: u64,
+    /// Mean number of cars on the approaches of a light.
+    pub cars: [f64; 2],
+    /// Mean speed of these cars in metres per second.
+    pub speed_mps: [f64; 2],
 }
 
 /// Wall and CPU seconds since the run began, at the end of a period.

@@ -6,7 +6,7 @@ use anyhow::Result;
 use serde_json::{Value, json};
 
 use crate::config::RunConfig;
-use crate::config::resume::{Difference, differences, differing};
+use crate::config::resume::{Difference, differences, differing_json};
 use crate::records::files;
 use crate::records::run_json::RunJson;
 use dials_core::domain::{Domain, Kinds, Scenario};
@@ -38,7 +38,7 @@ impl Owner {
     pub(crate) fn check_described(&self, dir: &Path) -> Result<()> {
         let about = RunJson::read(dir)?;
         let [then, now] = [about.seed, self.config.learning.seed].map(|seed| json!({ "seed": seed }));
-        let found = [differing(&then, &now), self.changes_since(dir, &about)?].concat();
+        let found = [differing_json(&then, &now), self.changes_since(dir, &about)?].concat();
         refuse(&place_of(dir), &found, TO_RESUME).map_err(Into::into)
     }
 
@@ -67,7 +67,7 @@ impl Owner {
 
     /// Lists what differs from another scenario.
     fn differences_from(&self, scenario: &Value) -> Vec<Difference> {
-        let differing = differing(scenario, &self.scenario).into_iter();
+        let differing = differing_json(scenario, &self.scenario).into_iter();
         differing.map(|found| Difference { key: format!("scenario.{}", found.key), ..found }).collect()
     }
 
