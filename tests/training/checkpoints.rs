@@ -4,7 +4,6 @@ use std::collections::{BTreeMap, HashMap};
 use std::fs;
 use std::path::{Path, PathBuf};
 
-use assert_cmd::Command;
 use dials_core::base::{Dice, Ragged};
 use dials_core::outside::Directory;
 use dials_learn::training::stream::{AgentStream, RowStream};
@@ -16,6 +15,8 @@ use dials_session::records::growing::Mark;
 use dials_warehouse::Warehouse;
 use safetensors::tensor::{Dtype, SafeTensors, TensorView};
 use serde_json::{Value, json};
+
+use crate::place::Place;
 
 /// A warehouse of four robots, five updates. The horizon divides no period, so checkpoints lie within episodes.
 const WAREHOUSE: &str = "total_steps = 640\n[warehouse]\nagents_per_side = 2\nhorizon = 23\n\
@@ -33,33 +34,6 @@ fn traffic() -> String {
          [aip]\nhidden = [7]\nretrain_every_steps = 256\ndataset_steps = 40\nbatch = 8\nepochs = 1\n\
          [evaluation]\nevery_steps = 128\nepisodes = 1\nfinal_episodes = 1\n"
     )
-}
-
-struct Place {
-    dir: tempfile::TempDir,
-}
-
-impl Place {
-    fn new(config: &str) -> Place {
-        let dir = tempfile::tempdir().unwrap();
-        fs::write(dir.path().join("c.toml"), config).unwrap();
-        Place { dir }
-    }
-
-    fn command(&self, words: &[&str]) -> Command {
-        let mut command = assert_cmd::cargo::cargo_bin_cmd!("dials-traffic");
-        command.current_dir(self.dir.path()).args(words);
-        command
-    }
-
-    fn train(&self, out: &str, more: &[&str]) -> PathBuf {
-        self.command(&["train", "c.toml", "--out", out, "--workers", "0"]).args(more).assert().success();
-        self.dir.path().join(out)
-    }
-
-    fn resume(&self, run: &str) -> Command {
-        self.command(&["train", "--resume", run, "--workers", "0"])
-    }
 }
 
 /// Replaces a line of the config in a run directory.

@@ -30,7 +30,7 @@ use dials_learn::training::block::initial_aips;
 /// The directory is self-contained: it holds the config, the networks and the circumstances of the run.
 pub fn create(path: &Path, existing: Existing, config: &RunConfig, program: Program) -> Result<Directory> {
     // The run loads its networks from there later.
-    domains::check_place(config, &places::place(path, existing)?)?;
+    domains::find(config)?.check_place(&places::place(path, existing)?.join(files::NETWORKS))?;
     check_not_of_a_run("--out", path)?;
     places::make(path, existing, |dir| describe(dir, config, program))
 }
@@ -74,7 +74,7 @@ pub struct TrainedRun {
 
 impl TrainedRun {
     /// Says of which step the policies are, if somebody is still training the run.
-    pub fn tell_still_trained(&self, path: &Path) {
+    pub fn note_still_trained(&self, path: &Path) {
         if let Some(steps) = self.still_trained_at {
             tell(format_args!("{}: is still being trained; its policies are those of step {steps}", path.display()));
         }

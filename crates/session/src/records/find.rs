@@ -85,8 +85,10 @@ pub struct Found {
 }
 
 impl Found {
-    fn leave_out(&mut self, path: &Path, error: &anyhow::Error) {
-        self.unreadable.push(LeftOut { dir: path.to_owned(), reason: format!("{error:#}") });
+    /// Returns what was read from `path`. If that failed, it is left out.
+    fn unless_left_out<T>(&mut self, path: &Path, read: Result<T>) -> Option<T> {
+        let reason = |error: anyhow::Error| LeftOut { dir: path.to_owned(), reason: format!("{error:#}") };
+        read.map_err(|error| self.unreadable.push(reason(error))).ok()
     }
 }
 
@@ -116,31 +118,21 @@ fn search(folder: &Path, depth: usize, seen: &mut BTreeMap<PathBuf, bool>, found
         return Ok(holds);
     }
     if is_run_dir(folder) {
-        match RunRecord::read(folder) {
-            Ok(run) => found.runs.push(run),
-            Err(error) => found.leave_out(folder, &error),
-        }
+        let run = found.unless_left_out(folder, RunRecord::read(folder));
+        found.runs.extend(run);
         seen.insert(place, true);
         return Ok(true);
     }
     // Until it has been searched: a link back to it adds nothing.
     seen.insert(place.clone(), false);
     let mut holds = read_plan(folder, found);
-    let entries = match entries_of(folder) {
-        Ok(entries) => entries,
-        Err(error) => {
-            found.leave_out(folder, &error);
-            Vec::new()
-        }
-    };
+    let entries = found.unless_left_out(folder, entries_of(folder)).unwrap_or_default();
     for entry in entries.iter().filter(|entry| entry.is_dir() && depth > 0 && !is_aside(entry)) {
         if entry.file_name().is_some_and(|name| name == BASELINES) {
             read_baselines(entry, found);
         } else {
-            match search(entry, depth - 1, seen, found) {
-                Ok(inside) => holds |= inside,
-                Err(error) => found.leave_out(entry, &error),
-            }
+            let inside = search(entry, depth - 1, seen, found);
+            holds |= found.unless_left_out(entry, inside).unwrap_or(false);
         }
     }
     seen.insert(place, holds);
@@ -164,14 +156,8 @@ fn entries_of(folder: &Path) -> Result<Vec<PathBuf>> {
 
 /// Reads the plan in a folder. Returns whether there is one that names a run, or one that cannot be read.
 fn read_plan(folder: &Path, found: &mut Found) -> bool {
-    let plan = match FolderPlan::read(folder) {
-        Ok(Some(plan)) => plan,
-        Ok(None) => return false,
-        Err(error) => {
-            found.leave_out(&folder.join(PLAN), &error);
-            return true;
-        }
-    };
+    let Some(plan) = found.unless_left_out(&folder.join(PLAN), FolderPlan::read(folder)) else { return true };
+    let Some(plan) = plan else { return false };
     let runs = plan.runs();
     found.missing.extend(runs.iter().map(|name| folder.join(name)).filter(|run| !is_run_dir(run)));
     let baselines = plan.baselines().into_iter().map(|name| baseline_file(folder, name));
@@ -180,17 +166,13 @@ fn read_plan(folder: &Path, found: &mut Found) -> bool {
 }
 
 fn read_baselines(folder: &Path, found: &mut Found) {
-    let mut paths = match entries_of(folder) {
-        Ok(paths) => paths,
-        Err(error) => return found.leave_out(folder, &error),
-    };
+    let mut paths = found.unless_left_out(folder, entries_of(folder)).unwrap_or_default();
     paths.retain(|path| path.extension().is_some_and(|extension| extension == "json"));
     for path in paths {
-        match read_baseline(&path) {
-            // Two experiments on one scenario measure the same baselines.
-            Ok(baseline) if found.baselines.iter().any(|(_, other)| other.says_the_same_as(&baseline)) => {}
-            Ok(baseline) => found.baselines.push((path, baseline)),
-            Err(error) => found.leave_out(&path, &error),
+        let Some(baseline) = found.unless_left_out(&path, read_baseline(&path)) else { continue };
+        // Two experiments on one scenario measure the same baselines.
+        if !found.baselines.iter().any(|(_, other)| other.says_the_same_as(&baseline)) {
+            found.baselines.push((path, baseline));
         }
     }
 }

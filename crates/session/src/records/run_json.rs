@@ -209,28 +209,25 @@ mod tests {
     #[test]
     fn a_scenario_has_plain_words_because_files_are_named_after_them() {
         let dir = tempfile::tempdir().unwrap();
-        let read = |domain: &str, agents: u64, unit: &str, checksum: &str| {
-            let episode = json!({ "length": 5, "unit": unit });
-            let mut about = serde_json::to_value(run(Vec::new())).unwrap();
-            about["scenario"] = json!({ "domain": domain, "agents": agents, "episode": episode, "checksum": checksum });
-            fs::write(dir.path().join(files::RUN), about.to_string()).unwrap();
-            RunJson::read(dir.path()).map_err(|error| format!("{error:#}"))
-        };
-        read("traffic", 4, "steps", "1a2b3c4d").unwrap();
         let long = "a".repeat(51);
-        for bad in ["", "../x", "/x", "-x", "a b", "ü", "a\u{1b}b", "a\nb", "a](b)", &long] {
-            assert!(read(bad, 4, "steps", "1").unwrap_err().contains("scenario: domain is `"), "{bad:?}");
-            assert!(read("ants", 4, "steps", bad).unwrap_err().contains("scenario: checksum is `"), "{bad:?}");
-        }
-        for bad in ["../x", "a b", &long] {
-            let scenario = Scenario { name: Some(bad.to_owned()), ..Scenario::new("ants", 4, 5) };
-            RunJson { scenario, ..run(Vec::new()) }.write(&Directory::open(dir.path()).unwrap()).unwrap();
-            let error = format!("{:#}", RunJson::read(dir.path()).unwrap_err());
-            assert!(error.contains("scenario: name is `"), "{error}");
-        }
-        assert!(read("ants", 4, "st\u{202e}eps", "1").unwrap_err().contains("scenario: unit is `st\\u{202e}eps`"));
-        for agents in [0, 1_000_001, u64::MAX] {
-            assert!(read("ants", agents, "steps", "1").unwrap_err().contains("scenario: agents is"), "{agents}");
+        let bad = ["", "../x", "/x", "-x", "a b", "ü", "a\u{1b}b", "a\nb", "a](b)", &long].map(|word| json!(word));
+        for (key, values) in [
+            ("/domain", &bad[..]),
+            ("/name", &bad),
+            ("/checksum", &bad),
+            ("/agents", &[json!(0), json!(1_000_001), json!(u64::MAX)]),
+            ("/episode/unit", &[json!("st\u{202e}eps")]),
+        ] {
+            for value in values {
+                let scenario = Scenario { name: Some("x".to_owned()), ..Scenario::new("ants", 4, 5) };
+                let mut about = serde_json::to_value(RunJson::new(scenario, Vec::new(), 1)).unwrap();
+                about["scenario"]["checksum"] = json!("1a2b3c4d");
+                *about["scenario"].pointer_mut(key).unwrap() = value.clone();
+                fs::write(dir.path().join(files::RUN), about.to_string()).unwrap();
+                let error = format!("{:#}", RunJson::read(dir.path()).unwrap_err());
+                let name = key.rsplit('/').next().unwrap();
+                assert!(error.contains(&format!("scenario: {name} is ")), "{value}: {error}");
+            }
         }
     }
 
