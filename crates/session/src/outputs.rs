@@ -9,8 +9,7 @@ use anyhow::{Context, Result, bail, ensure};
 use super::places::{Existing, is_free};
 use crate::experiment::LOGS;
 use crate::records::files;
-use crate::records::find::BASELINES;
-use crate::records::plan::PLAN;
+use crate::records::find::{BASELINES, PLAN};
 use dials_core::outside::folder_of;
 
 /// Checks that `option` may make `path` anew, and that this takes no name from a run.

@@ -53,34 +53,24 @@ pub fn place(path: &Path, existing: Existing) -> Result<PathBuf> {
 pub fn make(path: &Path, existing: Existing, fill: impl FnOnce(&Directory) -> Result<()>) -> Result<Directory> {
     let parent = folder_of(path);
     let new_folders: Vec<&Path> = parent.ancestors().take_while(|folder| !folder.exists()).collect();
-    fill_and_move(path, parent, existing, fill).inspect_err(|_| {
-        new_folders.iter().for_each(|folder| drop(fs::remove_dir(folder)));
-    })
-}
-
-fn fill_and_move(
-    path: &Path,
-    parent: &Path,
-    existing: Existing,
-    fill: impl FnOnce(&Directory) -> Result<()>,
-) -> Result<Directory> {
-    let failed = || format!("{}: cannot be made", path.display());
-    if !parent.exists() {
+    let made = || -> Result<Directory> {
+        let failed = || format!("{}: cannot be made", path.display());
         fs::create_dir_all(parent).with_context(failed)?;
-    }
-    let mut staged = StagedDirectory::make_in(parent)
-        .with_context(|| format!("{}: cannot be written to", parent.display()))
-        .with_context(failed)?;
-    fill(staged.directory())?;
-    staged.directory().sync_tree()?;
-    // Another process may take the same place at any moment, so nothing is decided before the directory is there.
-    loop {
-        let place = place(path, existing)?;
-        clear(&place, existing)?;
-        if let Some(made) = staged.move_to(&place)? {
-            return Ok(made);
+        let mut staged = StagedDirectory::make_in(parent)
+            .with_context(|| format!("{}: cannot be written to", parent.display()))
+            .with_context(failed)?;
+        fill(staged.directory())?;
+        staged.directory().sync_tree()?;
+        // Another process may take the same place at any moment, so nothing is decided before the directory is there.
+        loop {
+            let place = place(path, existing)?;
+            clear(&place, existing)?;
+            if let Some(made) = staged.move_to(&place)? {
+                return Ok(made);
+            }
         }
-    }
+    };
+    made().inspect_err(|_| new_folders.iter().for_each(|folder| drop(fs::remove_dir(folder))))
 }
 
 /// Makes a file at `path`, or returns an error and leaves everything as it was. `write` gets a path of the same name in

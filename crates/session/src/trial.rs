@@ -8,7 +8,7 @@ use std::collections::BTreeSet;
 use std::io::{Read, Write};
 use std::os::unix::process::{CommandExt, ExitStatusExt};
 use std::path::PathBuf;
-use std::process::{Child, Command, ExitStatus, Stdio};
+use std::process::{Command, ExitStatus, Stdio};
 use std::sync::{Mutex, PoisonError};
 use std::thread;
 use std::time::{Duration, Instant};
@@ -92,7 +92,13 @@ pub fn watch(mut command: Command, input: String, patience: Duration) -> Result<
     // A child that has died does not read. Its end says more than this error would.
     let write = thread::spawn(move || drop(stdin.write_all(input.as_bytes())));
     let read = thread::spawn(move || last_words(&mut stderr));
-    let status = ended_within(&mut child, patience);
+    let begun = Instant::now();
+    let status = loop {
+        match child.try_wait() {
+            Ok(None) if begun.elapsed() < patience => thread::sleep(LOOK_EVERY),
+            ended => break ended,
+        }
+    };
     if !matches!(status, Ok(Some(_))) {
         drop(child.kill());
         drop(child.wait());
@@ -100,20 +106,7 @@ pub fn watch(mut command: Command, input: String, patience: Duration) -> Result<
     // Both pipes are closed with the child, so both threads end.
     drop(write.join());
     let said = read.join().map_err(|_| anyhow!("cannot read what the process that tries it says"))?;
-    Ok(End { status: status?, said })
-}
-
-fn ended_within(child: &mut Child, patience: Duration) -> Result<Option<ExitStatus>> {
-    let begun = Instant::now();
-    loop {
-        if let Some(status) = child.try_wait().context("cannot wait for the process that tries it")? {
-            return Ok(Some(status));
-        }
-        if begun.elapsed() >= patience {
-            return Ok(None);
-        }
-        thread::sleep(LOOK_EVERY);
-    }
+    Ok(End { status: status.context("cannot wait for the process that tries it")?, said })
 }
 
 /// Reads to the end and keeps the last words.

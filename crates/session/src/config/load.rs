@@ -61,52 +61,38 @@ fn read(path: &Path, settings: &[String]) -> Result<RunConfig> {
 /// Returns a config with the settings laid over it. Errors name the key: the text was read before.
 fn with(mut table: Table, settings: &[String]) -> Result<RunConfig> {
     settings.iter().try_for_each(|setting| lay_over(&mut table, setting))?;
-    serde_path_to_error::deserialize(Value::Table(table))
-        .map_err(|error| anyhow!("--set: {}{}", place_of(&error), in_plain_words(error.inner().to_string().trim())))
+    serde_path_to_error::deserialize(Value::Table(table)).map_err(|error| {
+        let key = if error.path().iter().next().is_some() { format!("{}: ", error.path()) } else { String::new() };
+        anyhow!("--set: {key}{}", in_plain_words(error.inner().to_string().trim()))
+    })
 }
 
-/// Returns an error if `path` is clearly something else than a config. `text`: its contents.
-fn check_is_config(path: &Path, text: &str) -> Result<()> {
-    let shown = path.display();
-    let ending = path.extension().and_then(|ending| ending.to_str());
-    let parsed = text.parse::<Table>().ok();
-    let is_experiment = parsed.as_ref().is_some_and(|table| table.contains_key("grid"));
-    ensure!(!is_experiment, "{shown}: is an experiment file, not a config; use: dials-traffic experiment {shown}");
-    ensure!(
-        parsed.is_some() || ending == Some("toml"),
-        "{shown}: is not a config; a config is a .toml file such as configs/smoke_traffic.toml, or a .sumocfg"
-    );
-    Ok(())
-}
-
-/// Returns an error if `path` is a folder.
-fn check_is_file(path: &Path) -> Result<()> {
+/// Reads a config file. What is clearly something else is an error that says what it is.
+fn table_in(path: &Path) -> Result<Table> {
     let shown = path.display();
     let inside = path.join("config.toml");
     ensure!(!inside.is_file(), "{shown}: is a run directory, not a config; its config is {}", inside.display());
     ensure!(!path.is_dir(), "{shown}: is a folder, not a config; name a .toml file in it, or a .sumocfg");
-    Ok(())
-}
-
-/// Reads a config file.
-fn table_in(path: &Path) -> Result<Table> {
-    check_is_file(path)?;
-    let text = read_text(path, LARGEST_FILE).with_context(|| format!("{}: cannot be read", path.display()))?;
-    check_is_config(path, &text)?;
-    let in_file = |error: &dyn std::fmt::Display| anyhow!("{}: {}", path.display(), in_plain_words(&error.to_string()));
-    let name = text.parse::<Table>().ok().and_then(|table| table.get("simulator")?.as_str().map(str::to_owned));
-    if let Some(form) = name.as_deref().and_then(ShortForm::called).filter(|form| form.predictor.is_some()) {
-        let keys = form.keys();
+    let text = read_text(path, LARGEST_FILE).with_context(|| format!("{shown}: cannot be read"))?;
+    let parsed = text.parse::<Table>().ok();
+    let is_experiment = parsed.as_ref().is_some_and(|table| table.contains_key("grid"));
+    ensure!(!is_experiment, "{shown}: is an experiment file, not a config; use: dials-traffic experiment {shown}");
+    ensure!(
+        parsed.is_some() || path.extension().is_some_and(|ending| ending == "toml"),
+        "{shown}: is not a config; a config is a .toml file such as configs/smoke_traffic.toml, or a .sumocfg"
+    );
+    let simulator = parsed.as_ref().and_then(|table| table.get("simulator")?.as_str());
+    if let Some(form) = simulator.and_then(ShortForm::called).filter(|form| form.predictor.is_some()) {
         bail!(
-            "{}: simulator = \"{}\": is a word for the command line; a config has two keys: {}",
-            path.display(),
+            "{shown}: simulator = \"{}\": is a word for the command line; a config has two keys: {}",
             form.name,
-            keys.trim().replace('\n', " and ")
+            form.keys().trim().replace('\n', " and ")
         );
     }
-    // Read first without the settings, because only these errors contain the line number.
-    let _: RunConfig = toml::from_str(&text).map_err(|error| in_file(&error))?;
-    toml::from_str(&text).map_err(|error| in_file(&error))
+    // Read without the settings, because only these errors contain the line number.
+    let _: RunConfig =
+        toml::from_str(&text).map_err(|error| anyhow!("{shown}: {}", in_plain_words(&error.to_string())))?;
+    Ok(parsed.expect("what is read as a config is TOML"))
 }
 
 /// Returns a config that names nothing but a .sumocfg.
@@ -144,11 +130,6 @@ fn fill_in(table: &mut Table, defaults: Table) {
             (Some(_), _) => (),
         }
     }
-}
-
-/// Returns the key of an error, if it is about a single one.
-fn place_of<E>(error: &serde_path_to_error::Error<E>) -> String {
-    if error.path().iter().next().is_some() { format!("{}: ", error.path()) } else { String::new() }
 }
 
 /// Returns the config as the text of a config file.
@@ -309,22 +290,6 @@ mod tests {
     }
 
     #[test]
-    fn every_seed_of_64_bits_can_be_set_and_kept() {
-        for seed in [0, 1 << 63, u64::MAX] {
-            let config = load_text(SMALL, &[&format!("seed={seed}")]).unwrap();
-            assert_eq!(config.learning.seed, seed);
-            let text = to_toml(&config).unwrap();
-            assert_eq!(load_text(&text, &[]).unwrap().learning.seed, seed, "{text}");
-            let json = serde_json::to_string(&config).unwrap();
-            assert_eq!(serde_json::from_str::<RunConfig>(&json).unwrap().learning.seed, seed, "{json}");
-        }
-        for (setting, message) in [("seed=-1", "`-1`"), ("seed=x", "\"x\""), ("seed=1.5", "1.5")] {
-            let error = error_of(SMALL, &[setting]);
-            assert!(error.contains(message) && error.contains("a number from 0 to 18446744073709551615"), "{error}");
-        }
-    }
-
-    #[test]
     fn bad_input_names_the_key_and_what_is_allowed() {
         let in_file = |line: &str| error_of(&format!("{line}\n{SMALL}"), &[]);
         let unknown = in_file("aip.retrian = 3");
@@ -335,6 +300,7 @@ mod tests {
         let average = "policy.average_every_steps=";
         let hidden = "must list at most 16 layers, each at most 4096 wide";
         for (settings, message) in [
+            ("seed=-1", "`-1` is given, but a number from 0 to 18446744073709551615"),
             ("ppo.clip=high", "ppo.clip: \"high\" is given, but a number is needed"),
             ("ppo.clip", "must be key=value"),
             ("ppo.max_gradient_norm=nan", "for no limit"),

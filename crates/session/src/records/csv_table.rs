@@ -212,24 +212,6 @@ mod tests {
     }
 
     #[test]
-    fn steps_never_go_back() {
-        let steps = |text: &str, later: bool| -> Result<Vec<u64>> {
-            let mut order = Order::default();
-            let next = |line| if later { order.later(line) } else { order.next(line) };
-            CsvTable::of(&format!("steps\n{text}")).lines().map(next).collect()
-        };
-        assert_eq!(steps("0\n5\n5\n", false).unwrap(), [0, 5, 5]);
-        assert_eq!(steps("0\n5\n7\n", true).unwrap(), [0, 5, 7]);
-        for (text, later) in [("0\n5\n4\n", false), ("0\n5\n5\n", true)] {
-            let error = steps(text, later).unwrap_err().to_string();
-            assert!(
-                error.contains("t.csv: line 4: `steps` holds ") && error.contains("later than 5 before"),
-                "{error}"
-            );
-        }
-    }
-
-    #[test]
     fn what_is_no_table_is_refused_in_a_few_words() {
         let dir = tempfile::tempdir().unwrap();
         let path = dir.path().join("t.csv");

@@ -8,7 +8,7 @@ use crate::config::RunConfig;
 pub use crate::config::resume::differing;
 use dials_core::domain::Scenario;
 use dials_learn::algorithms;
-use dials_learn::config::ShortForm;
+use dials_learn::config::{Retrain, ShortForm};
 
 /// A method: a way of training, whatever the seed and the scenario.
 #[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord)]
@@ -29,9 +29,6 @@ impl Method {
         flatten("", &table, &mut keys);
         let form = config.learning.short_form();
         keys.remove("predictor");
-        let (_, other_algorithms) = algorithms::tables(&config.learning);
-        let is_of_another = |key: &str| key.split_once('.').is_some_and(|(table, _)| other_algorithms.contains(&table));
-        keys.retain(|key, _| !is_of_another(key));
         keys.insert("simulator".to_owned(), form.name.to_owned());
         if let Some(mut domain) = config.domain.clone() {
             // The same file has another path in every run, so its checksum replaces the path, if it is known.
@@ -42,7 +39,23 @@ impl Method {
                 domain.table().local_keys().iter().for_each(|key| drop(keys.remove(&domain.key(key))));
             }
         }
-        Method::of_keys(form, keys)
+        let aip = &config.learning.aip;
+        let retraining = match aip.retrain {
+            _ if !form.trains_predictors() => Retraining::Never,
+            Retrain::Every => Retraining::Every(aip.retrain_every_steps),
+            Retrain::Once => Retraining::Once,
+            Retrain::Drift => Retraining::Drift,
+        };
+        let (_, other_algorithms) = algorithms::tables(&config.learning);
+        let is_of_another = |key: &str| key.split_once('.').is_some_and(|(table, _)| other_algorithms.contains(&table));
+        let imitates = keys.contains_key("policy.imitate");
+        keys.retain(|key, _| {
+            !is_no_method(key)
+                && !is_of_another(key)
+                && !form_ignores(form, key)
+                && !is_of_others(&retraining, imitates, key)
+        });
+        Method { simulator: form.name.to_owned(), retraining, keys }
     }
 
     /// Returns whether this method leaves out a key that another one of the same simulator has, and would read it: the
@@ -50,15 +63,6 @@ impl Method {
     pub fn has_off(&self, key: &str) -> bool {
         let imitates = self.keys.contains_key("policy.imitate");
         !self.keys.contains_key(key) && !is_of_others(&self.retraining, imitates, key)
-    }
-
-    fn of_keys(form: ShortForm, mut keys: BTreeMap<String, String>) -> Method {
-        let retraining = if form.trains_predictors() { Retraining::of(&keys) } else { Retraining::Never };
-        let imitates = keys.contains_key("policy.imitate");
-        keys.retain(|key, _| {
-            !is_no_method(key) && !form_ignores(form, key) && !is_of_others(&retraining, imitates, key)
-        });
-        Method { simulator: form.name.to_owned(), retraining, keys }
     }
 }
 
@@ -88,7 +92,8 @@ fn form_ignores(form: ShortForm, key: &str) -> bool {
     }
 }
 
-/// Returns whether a key changes nothing with this retraining of the AIPs, or without an imitation. `imitates`: whether the policies imitate a controller first.
+/// Returns whether a key changes nothing with this retraining of the AIPs, or without an imitation. `imitates`: whether
+/// the policies imitate a controller first.
 fn is_of_others(retraining: &Retraining, imitates: bool, key: &str) -> bool {
     match key {
         // Only retraining on drift depends on what these episodes measure.
@@ -109,19 +114,6 @@ pub enum Retraining {
     Once,
     /// When the loss of the AIPs has grown.
     Drift,
-}
-
-impl Retraining {
-    /// Reads the retraining from the keys of a config.
-    fn of(keys: &BTreeMap<String, String>) -> Self {
-        match keys.get("aip.retrain").map(String::as_str) {
-            Some("once") => Retraining::Once,
-            Some("drift") => Retraining::Drift,
-            _ => {
-                Retraining::Every(keys.get("aip.retrain_every_steps").and_then(|every| every.parse().ok()).unwrap_or(0))
-            }
-        }
-    }
 }
 
 /// Writes a number of steps: `1M`, `500K`, `128`. It rounds 150 016 to `150K`, because periods are whole updates of the

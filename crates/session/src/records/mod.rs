@@ -26,12 +26,10 @@
 //! - `lines`: the lines of the CSV files. [`finite`]: refuses to write networks that have diverged.
 //! - [`checkpoint`]: the state of all agents, from which a run continues. [`resume_point`]: which checkpoint fits the
 //!   files. [`networks`]: the files of policies and AIPs.
-//! - [`run_json`]: how the run was called, and what computed it. [`kept`]: the keys and files of the domain, to notice a
-//!   change.
+//! - [`run_json`]: how the run was called, what computed it, and the keys and files of its domain, to notice a change.
 //! - [`run_log`]: writes all this during training.
 //! - [`run_record`], [`reader`], [`csv_table`]: the contents of a run directory, never of a live one.
-//! - [`find`]: runs, baselines and plans under some folders. [`plan`]: the plans of experiments. [`method`]: the part of a
-//!   config that makes runs comparable.
+//! - [`find`]: runs, baselines and plans under some folders. [`method`]: the part of a config that makes runs comparable.
 
 pub mod checkpoint;
 pub(crate) mod columns;
@@ -40,11 +38,9 @@ pub mod files;
 pub mod find;
 pub mod finite;
 pub mod growing;
-pub(crate) mod kept;
 mod lines;
 pub mod method;
 pub mod networks;
-pub mod plan;
 pub(crate) mod reader;
 pub mod resume_point;
 pub mod run_json;

@@ -152,25 +152,3 @@ fn write(layout: &JointLayout, directory: &Directory, name: &str, networks: &Rag
     let about = HashMap::from([(STEPS.to_owned(), steps.to_string())]);
     directory.write_with(name, |beside| layout.write(networks, &about, beside))
 }
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use dials_core::domain::Domain;
-    use dials_testkit::toy::CoinsAndDice;
-
-    #[test]
-    fn networks_of_kinds_that_interleave_come_back_agent_by_agent() {
-        let domain = CoinsAndDice::new(5);
-        let layout = JointLayout::new(domain.kinds(), |spec| Layout::new(vec![("w".to_owned(), vec![spec.n_actions])]));
-        // Coins have two actions, dice three.
-        let networks = Ragged::from_vec((0..10).map(|i| i as f32).collect(), [2, 3, 2, 3]).unwrap();
-        let file = tempfile::NamedTempFile::new().unwrap();
-        layout.write(&networks, &HashMap::new(), file.path()).unwrap();
-        assert_eq!(layout.read(file.path()).unwrap(), networks);
-        let dice = Layout::new(vec![("w".to_owned(), vec![3])]);
-        let bytes = std::fs::read(file.path()).unwrap();
-        let rows = read_stack(&bytes, file.path(), "die.", &dice, &[AgentId(1), AgentId(3)]).unwrap();
-        assert_eq!(rows.as_slice(), [2.0, 3.0, 4.0, 7.0, 8.0, 9.0]);
-    }
-}

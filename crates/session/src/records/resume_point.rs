@@ -4,7 +4,8 @@ use anyhow::Result;
 
 use super::checkpoint::owner::Owner;
 use super::checkpoint::{self, Checkpoint};
-use super::csv_table::LARGEST_FILE;
+use super::columns;
+use super::csv_table::CsvTable;
 use super::files;
 use super::growing::{Mark, misfit};
 use dials_core::outside::{Directory, sweep};
@@ -87,13 +88,10 @@ impl ResumePoint {
     }
 }
 
-/// Returns of how many numbers of timesteps a CSV file of the run has whole lines.
+/// Returns of how many numbers of timesteps a CSV file of the run has lines.
 fn blocks_in(directory: &Directory, file: &str) -> Result<usize> {
-    let bytes = directory.read(file, LARGEST_FILE)?.unwrap_or_default();
-    // A kill may have cut the last line.
-    let whole = bytes.iter().rposition(|&byte| byte == b'\n').unwrap_or(0);
-    let lines = bytes[..whole].split(|&byte| byte == b'\n').skip(1);
-    let mut steps: Vec<&[u8]> = lines.map(|line| line.split(|&byte| byte == b',').next().unwrap_or(line)).collect();
+    let table = CsvTable::read(&directory.path_of(file))?;
+    let mut steps: Vec<_> = table.lines().map(|line| line.text(columns::STEPS)).collect();
     steps.dedup();
     Ok(steps.len())
 }

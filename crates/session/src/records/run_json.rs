@@ -1,16 +1,20 @@
 //! `run.json`: how a run was called, and what it was computed with.
 
+use std::collections::BTreeMap;
 use std::ffi::{OsStr, OsString};
 use std::os::unix::ffi::{OsStrExt, OsStringExt};
 use std::path::Path;
 
 use anyhow::{Context, Result, ensure};
 use serde::{Deserialize, Serialize};
+use serde_json::{Map, Value, json};
 
-use super::files;
-use super::kept::Kept;
+use super::files::{self, NETWORKS};
+use crate::config::RunConfig;
+use crate::config::resume::{Difference, differences, differing, to_json};
+use crate::domains::DomainConfig;
 use dials_core::domain::Scenario;
-use dials_core::outside::{Directory, excerpt, is_printable, read_text};
+use dials_core::outside::{Directory, LARGEST_NETWORK, excerpt, is_printable, read_bytes, read_text};
 
 /// Largest file. A command line has at most two mebibytes on Linux, and escapes may double it.
 const LARGEST_FILE: u64 = 8 << 20;
@@ -41,6 +45,70 @@ pub struct RunJson {
     pub workers: Option<usize>,
     /// Build that the run was begun with.
     pub versions: Versions,
+}
+
+/// The domain of a run as it was when the run began, so that a change to a run directory can be named.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct Kept {
+    /// The domain's table of the config, under its name; paths are empty.
+    pub(crate) config: Map<String, Value>,
+    /// CRC-32 of each file in `networks/`, by its name.
+    pub(crate) networks: BTreeMap<String, String>,
+}
+
+impl Kept {
+    /// Returns what the run directory `dir` holds. `config`: its config.
+    pub(crate) fn of(dir: &Path, config: &RunConfig) -> Result<Kept> {
+        let name = config.domain.as_ref().map(DomainConfig::name);
+        let table = |name: &str| (name.to_owned(), to_json(config)[name].take());
+        Ok(Kept { config: name.map(table).into_iter().collect(), networks: checksums(dir)? })
+    }
+
+    pub(crate) fn is_empty(&self) -> bool {
+        *self == Kept::default()
+    }
+
+    /// Lists the keys of the domain that `config` has other values for.
+    pub(crate) fn changed_keys(&self, config: &RunConfig) -> Result<Vec<Difference>> {
+        if self.config.is_empty() {
+            return Ok(Vec::new());
+        }
+        let then = serde_json::from_value(json!(self.config)).context("the domain of run.json cannot be read")?;
+        let now = RunConfig { domain: config.domain.clone(), ..RunConfig::default() };
+        Ok(differences(&then, &now))
+    }
+
+    /// Lists the files in `networks/` that are there, but are other ones now. The figures of a run need no networks, so a
+    /// copy of it may leave them out.
+    pub(crate) fn changed_contents(&self, dir: &Path) -> Result<Vec<Difference>> {
+        let mut changed = self.changed_files(dir)?;
+        changed.retain(|difference| difference.then.is_some() && difference.now.is_some());
+        Ok(changed)
+    }
+
+    /// Lists the files in `networks/` that are other ones now, are missing or are new.
+    pub(crate) fn changed_files(&self, dir: &Path) -> Result<Vec<Difference>> {
+        let of_file = |(name, checksums): (String, [Option<String>; 2])| {
+            let [then, now] = checksums.map(|checksum| checksum.map(Value::String));
+            Difference { key: format!("{NETWORKS}/{name}"), then, now }
+        };
+        Ok(differing(&self.networks, &checksums(dir)?).into_iter().map(of_file).collect())
+    }
+}
+
+/// Returns the CRC-32 of each file in `networks/`, by its name. A domain without files has no such folder.
+fn checksums(dir: &Path) -> Result<BTreeMap<String, String>> {
+    let folder = dir.join(NETWORKS);
+    if !folder.is_dir() {
+        return Ok(BTreeMap::new());
+    }
+    let checksum = |name: OsString| {
+        let path = folder.join(&name);
+        let bytes =
+            read_bytes(&path, LARGEST_NETWORK).with_context(|| format!("{}: cannot be read", path.display()))?;
+        Ok((name.to_string_lossy().into_owned(), format!("{:08x}", crc32fast::hash(&bytes))))
+    };
+    Directory::open(&folder)?.names()?.into_iter().map(checksum).collect()
 }
 
 /// A word of a command line. JSON is UTF-8, so a word of other bytes is an object: one character per byte, of the same
@@ -186,7 +254,6 @@ impl Versions {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use serde_json::json;
     use std::fs;
 
     fn run(agents: Vec<String>) -> RunJson {

@@ -32,8 +32,8 @@ use dials_learn::training::state::AgentsState;
 pub struct RunLog {
     /// Run directory, which is locked as long as this process may write.
     directory: Directory,
-    /// Files that grow, in the order of [`files::GROWING`].
-    growing: [GrowingFile; files::GROWING.len()],
+    /// Files that grow, by their names.
+    growing: BTreeMap<&'static str, GrowingFile>,
     layouts: Layouts,
     owner: Owner,
     /// Timesteps per agent at the last exchange.
@@ -50,7 +50,7 @@ impl RunLog {
         let now = Instant::now();
         RunLog {
             directory,
-            growing: files::GROWING.map(|name| GrowingFile::new(name, Mark::default())),
+            growing: files::GROWING.map(|name| (name, GrowingFile::new(name, Mark::default()))).into(),
             layouts,
             owner,
             steps: 0,
@@ -75,8 +75,8 @@ impl RunLog {
             point.newer.iter().try_for_each(|name| folder.remove(name))?;
             folder.sync()?;
         }
-        log.growing = files::GROWING.map(|name| GrowingFile::new(name, point.mark(name)));
-        log.growing.iter().try_for_each(|file| file.cut(&log.directory))?;
+        log.growing = files::GROWING.map(|name| (name, GrowingFile::new(name, point.mark(name)))).into();
+        log.growing.values().try_for_each(|file| file.cut(&log.directory))?;
         let progress = point.checkpoint.as_ref().map(|checkpoint| &checkpoint.progress);
         log.elapsed_before = Duration::from_secs_f64(progress.map_or(0.0, |progress| progress.elapsed_s));
         Ok((log, point.checkpoint))
@@ -103,8 +103,7 @@ impl RunLog {
     }
 
     fn append(&mut self, file: &str, steps: u64, lines: &Lines) -> Result<()> {
-        let place = place_of(file);
-        self.growing[place].append_lines(&self.directory, lines)?;
+        self.growing.get_mut(file).expect("the file grows").append_lines(&self.directory, lines)?;
         self.append_scalars(steps, &scalars_of(file, lines))
     }
 
@@ -114,7 +113,7 @@ impl RunLog {
             return Ok(());
         }
         let now = SystemTime::now().duration_since(UNIX_EPOCH).map_or(0.0, |time| time.as_secs_f64());
-        self.growing[place_of(files::EVENTS)].append(&self.directory, |new| {
+        self.growing.get_mut(files::EVENTS).expect("the file grows").append(&self.directory, |new| {
             let first = if new { first_record(now) } else { Vec::new() };
             Ok([first, scalars_record(now, steps, scalars)].concat())
         })
@@ -122,16 +121,11 @@ impl RunLog {
 
     /// Makes everything written so far durable, so that a checkpoint may count on it. Returns how far the files are.
     fn sync(&mut self) -> Result<BTreeMap<String, Mark>> {
-        self.growing.iter_mut().try_for_each(|file| file.sync(&self.directory))?;
+        self.growing.values_mut().try_for_each(|file| file.sync(&self.directory))?;
         self.directory.sync()?;
-        let marks = files::GROWING.iter().zip(&self.growing).map(|(name, file)| ((*name).to_owned(), file.mark()));
+        let marks = self.growing.iter().map(|(&name, file)| (name.to_owned(), file.mark()));
         Ok(marks.filter(|(_, mark)| mark.bytes > 0).collect())
     }
-}
-
-/// Returns the place of a file among those that grow.
-fn place_of(file: &str) -> usize {
-    files::GROWING.iter().position(|name| *name == file).expect("the file grows")
 }
 
 impl Journal for RunLog {
