@@ -176,17 +176,13 @@ pub(super) fn timing_lines(steps: u64, load: &FleetLoad, wall: &Wall) -> Lines {
         let mean = |pick: &dyn Fn(&Timesheet) -> Duration| {
             of.iter().map(|timesheet| pick(timesheet).as_secs_f64()).sum::<f64>() / of.len().max(1) as f64
         };
-        let whole = [wall.period, wall.elapsed, wall.exchange].map(|time| time.as_secs_f64());
+        let cpu = of.iter().map(|timesheet| timesheet.cpu()).sum::<Duration>() + coordinator_cpu;
+        let cpu_of_evaluation = of.iter().map(|timesheet| timesheet.cpu_of(Activity::Evaluation)).sum();
+        let whole = [wall.period, wall.elapsed, cpu, cpu_of_evaluation, wall.exchange].map(|time| time.as_secs_f64());
+        let [period, .., exchange] = whole;
         let activities = Activity::ALL.map(|activity| mean(&|timesheet| timesheet.whole(activity)));
-        let idle = (whole[0] - whole[2] - activities.iter().sum::<f64>()).max(0.0);
+        let idle = (period - exchange - activities.iter().sum::<f64>()).max(0.0);
         let phases = Phase::ALL.map(|phase| mean(&|timesheet| timesheet.phases(Activity::Training).spent(phase)));
-        let cpu = [
-            of.iter().map(|timesheet| timesheet.cpu()).sum::<Duration>() + coordinator_cpu,
-            of.iter().map(|timesheet| timesheet.cpu_of(Activity::Evaluation)).sum(),
-        ];
-        let [period, elapsed, exchange] = whole;
-        let [cpu, cpu_of_evaluation] = cpu.map(|time| time.as_secs_f64());
-        let whole = [period, elapsed, cpu, cpu_of_evaluation, exchange];
         let mut line = begin(steps, worker);
         extend(&mut line, whole.into_iter().chain(activities).chain([idle]).chain(phases), 3);
         line

@@ -18,7 +18,6 @@ use dials_core::domain::{Kind, Kinds, RegionSpec};
 use dials_core::outside::{Directory, read_bytes};
 use dials_learn::config::{AipConfig, Config, PolicyConfig, Predictor};
 use dials_learn::policy::PolicyStack;
-use dials_learn::training::state::AgentsState;
 use stacknets::{Layout, StackToWrite, about_stacks, read_stack, write_stacks};
 
 /// Largest file: 10 000 agents with 100 000 parameters each.
@@ -55,13 +54,15 @@ impl JointLayout {
         JointLayout::new(kinds, |spec| choice.kind().layout(spec, config))
     }
 
-    /// Writes a file of these networks. `networks`: one row of parameters per agent.
-    pub(crate) fn write(&self, networks: &Ragged<f32>, about: &HashMap<String, String>, path: &Path) -> Result<()> {
+    /// Writes a file of these networks. `networks`: one row of parameters per agent; `steps`: timesteps per agent that they
+    /// have learnt.
+    pub(super) fn write(&self, directory: &Directory, name: &str, networks: &Ragged<f32>, steps: u64) -> Result<()> {
         let stacks = self.kinds.iter().map(|KindLayout { prefix, layout, agents }| {
             let rows = agents.iter().map(|agent| networks.row(agent.0)).collect();
             StackToWrite { prefix, layout, rows }
         });
-        write_stacks(&stacks.collect::<Vec<_>>(), about, path)
+        let about = HashMap::from([(STEPS.to_owned(), steps.to_string())]);
+        directory.write_with(name, |beside| write_stacks(&stacks.collect::<Vec<_>>(), &about, beside))
     }
 
     /// Reads the networks of such a file, one row of parameters per agent.
@@ -103,15 +104,6 @@ impl Layouts {
         }
     }
 
-    pub(super) fn write_policies(&self, directory: &Directory, agents: &AgentsState) -> Result<()> {
-        write(&self.policies, directory, files::POLICIES, &agents.policies, agents.steps)
-    }
-
-    /// `steps`: timesteps per agent at which these AIPs were trained.
-    pub(super) fn write_aips(&self, directory: &Directory, agents: &AgentsState, steps: u64) -> Result<()> {
-        write(&self.aips, directory, files::AIPS, &agents.aips, steps)
-    }
-
     /// Makes the files hold what the run had at the checkpoint of `point`. Returns the names of those that were lost or
     /// damaged. A file that is only newer, because the run was killed after it, is no loss.
     pub fn restore(&self, directory: &Directory, config: &RunConfig, point: &ResumePoint) -> Result<Vec<&'static str>> {
@@ -126,7 +118,7 @@ impl Layouts {
             if !is_newer {
                 restored.push(name);
             }
-            write(layout, directory, name, networks, steps)
+            layout.write(directory, name, networks, steps)
         };
         restore(files::POLICIES, &self.policies, &agents.policies, agents.steps)?;
         if config.learning.predictor_in_use().is_some_and(|predictor| predictor.kind().learns())
@@ -145,10 +137,4 @@ fn trained_at(directory: &Directory, point: &ResumePoint) -> Result<Option<u64>>
     bytes.truncate(point.mark(files::AIP_LOSS).bytes as usize);
     let text = String::from_utf8_lossy(&bytes);
     Ok(text.lines().last().and_then(|line| line.split(',').next()?.parse().ok()))
-}
-
-/// `steps`: timesteps per agent that the networks have learnt.
-fn write(layout: &JointLayout, directory: &Directory, name: &str, networks: &Ragged<f32>, steps: u64) -> Result<()> {
-    let about = HashMap::from([(STEPS.to_owned(), steps.to_string())]);
-    directory.write_with(name, |beside| layout.write(networks, &about, beside))
 }

@@ -180,18 +180,15 @@ fn read_likeness(returns: &CsvTable, training: &CsvTable) -> Result<Vec<Likeness
     Ok(found)
 }
 
-/// Activities that are not part of training the policies. If a file lacks the column of one, no time was spent on it.
-const EVALUATION: &[Activity] = &[Activity::Evaluation];
-const INFLUENCE: &[Activity] = &[Activity::Collection, Activity::AipTraining];
-/// Phases of the policies' training in which PPO makes its gradient steps.
-const UPDATE: [Phase; 3] = [Phase::Forward, Phase::Backward, Phase::Adam];
-
-/// Reads sums of seconds since the run began.
+/// Reads sums of seconds since the run began. If a file lacks a column of seconds, no time was spent on that.
 ///
 /// A period waits for its slowest worker. So the wall time of an activity is that of the worker that took longest.
 fn read_periods(table: &CsvTable) -> Result<Vec<PeriodTime>> {
-    let columns_of = |activities: &[Activity]| activities.iter().copied().map(columns::seconds_of).collect::<Vec<_>>();
-    let parts = [columns_of(EVALUATION), columns_of(INFLUENCE), UPDATE.map(columns::seconds_of_phase).to_vec()];
+    let evaluation = vec![Activity::Evaluation.name()];
+    let influence = vec![Activity::Collection.name(), Activity::AipTraining.name()];
+    // The phases of the policies' training in which PPO makes its gradient steps.
+    let update = vec![Phase::Forward.name(), Phase::Backward.name(), Phase::Adam.name()];
+    let parts = [evaluation, influence, update];
     let (mut spent, mut cpu) = ([0.0; 3], CpuTime::default());
     let (mut periods, mut order) = (Vec::new(), Order::default());
     for block in table.blocks(columns::WORKER) {
@@ -199,9 +196,10 @@ fn read_periods(table: &CsvTable) -> Result<Vec<PeriodTime>> {
         if !line.is_of_all(columns::WORKER) {
             continue;
         }
-        for (sum, columns) in spent.iter_mut().zip(&parts) {
-            for column in columns {
-                let of_workers = block.iter().map(|line| Ok(line.number(column)?.unwrap_or(0.0)));
+        for (sum, names) in spent.iter_mut().zip(&parts) {
+            for name in names {
+                let column = columns::seconds_of(name);
+                let of_workers = block.iter().map(|line| Ok(line.number(&column)?.unwrap_or(0.0)));
                 *sum += of_workers.collect::<Result<Vec<f64>>>()?.into_iter().fold(0.0, f64::max);
             }
         }

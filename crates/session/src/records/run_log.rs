@@ -150,7 +150,7 @@ impl Journal for RunLog {
     fn aips_trained(&mut self, agents: &AgentsState, losses: &[AipLoss]) -> Result<()> {
         check_aips(agents, losses)?;
         self.append(files::AIP_LOSS, agents.steps, &aip_lines(agents.steps, losses))?;
-        self.layouts.write_aips(&self.directory, agents, agents.steps)
+        self.layouts.aips.write(&self.directory, files::AIPS, &agents.aips, agents.steps)
     }
 
     fn aips_measured(&mut self, agents: &AgentsState, after: Moment, losses: &[FreshLoss]) -> Result<()> {
@@ -167,7 +167,7 @@ impl Journal for RunLog {
     ) -> Result<()> {
         check_policies(training, agents, &self.owner.config.learning, &self.owner.kinds, self.steps)?;
         self.append(files::TRAINING, agents.steps, &training_lines(agents.steps, training))?;
-        self.layouts.write_policies(&self.directory, agents)?;
+        self.layouts.policies.write(&self.directory, files::POLICIES, &agents.policies, agents.steps)?;
         self.append_load(agents, load)?;
         let progress = RunProgress {
             standing: *standing,
