@@ -55,7 +55,9 @@ pub fn make(path: &Path, existing: Existing, fill: impl FnOnce(&Directory) -> Re
     let new_folders: Vec<&Path> = parent.ancestors().take_while(|folder| !folder.exists()).collect();
     let made = || -> Result<Directory> {
         let failed = || format!("{}: cannot be made", path.display());
-        fs::create_dir_all(parent).with_context(failed)?;
+        if !parent.exists() {
+            fs::create_dir_all(parent).with_context(failed)?;
+        }
         let mut staged = StagedDirectory::make_in(parent)
             .with_context(|| format!("{}: cannot be written to", parent.display()))
             .with_context(failed)?;

@@ -216,11 +216,9 @@ fn read_memory(table: &CsvTable) -> Result<Option<MemoryRecord>> {
     let mut memory: Option<MemoryRecord> = None;
     for line in table.lines() {
         let (rss, pss) = (line.required(columns::PEAK_RSS_MB)?, line.required(columns::PSS_MB)?);
-        let here = if line.is_of_all(columns::PROCESS) {
-            MemoryRecord { process_mb: 0.0, total_mb: rss, total_pss_mb: pss }
-        } else {
-            MemoryRecord { process_mb: rss, total_mb: 0.0, total_pss_mb: 0.0 }
-        };
+        let [process_mb, total_mb, total_pss_mb] =
+            if line.is_of_all(columns::PROCESS) { [0.0, rss, pss] } else { [rss, 0.0, 0.0] };
+        let here = MemoryRecord { process_mb, total_mb, total_pss_mb };
         memory = Some(memory.map_or(here, |so_far| so_far.max(here)));
     }
     Ok(memory)
