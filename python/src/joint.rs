@@ -9,8 +9,9 @@ use dials_core::base::{AgentId, Seed};
 use dials_core::domain::{Action, GlobalSimulator, JointPercept, RegionSpec};
 use dials_learn::evaluation::episode_seed;
 use dials_session::domains::traffic;
-use dials_session::replays::keep;
+use dials_session::places::{self, Existing};
 use dials_traffic::sim::recording::Tape;
+use dials_traffic::sim::replay;
 use serde_json::{Value, json};
 
 use crate::agent;
@@ -191,10 +192,15 @@ impl Joint {
     fn keep(&self, request: &KeepRequest) -> Result<Vec<u8>> {
         let tape = self.tape.as_ref().context("save_replay: make the environment with record=True")?;
         let recording = tape.take().context("save_replay: this episode was saved already")?;
-        let kept = keep(&recording, &request.folder);
+        let folder = &request.folder;
+        // SUMO does not play it here: this process holds a simulation.
+        let kept = replay::check_place(folder).and_then(|()| {
+            places::make(folder, Existing::Refuse, |staged| replay::write(&recording, staged.path())).map(drop)
+        });
         if kept.is_err() {
             tape.put_back(recording); // Another folder may do.
         }
-        Ok(kept?.as_os_str().as_bytes().to_vec())
+        kept?;
+        Ok(replay::config_in(folder).as_os_str().as_bytes().to_vec())
     }
 }

@@ -65,7 +65,7 @@ impl ReplayedEpisode {
             bail!("{}: a config has no policies; add --controller, or name a run directory", subject.display());
         }
         let run = directory::open(subject)?;
-        run.tell_still_trained(subject);
+        run.note_still_trained(subject);
         let selection = if args.greedy { Selection::Greedy } else { Selection::Sampled };
         let cast = match &args.local {
             None => Cast::Policies(run.controller(selection)),

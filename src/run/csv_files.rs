@@ -6,10 +6,9 @@ use anyhow::Result;
 
 use dials_core::outside::Directory;
 use dials_learn::evaluation::Finding;
-use dials_learn::evaluation::csv::{Lines, by_agent, by_episode};
+use dials_learn::evaluation::csv::{by_agent, by_episode};
 use dials_session::outputs;
 use dials_session::places::{self, Existing};
-use dials_session::records::csv::block;
 use dials_session::records::growing::{GrowingFile, Mark};
 
 /// The CSV files of `--csv`. The lines of each player are written as soon as it has played.
@@ -32,11 +31,7 @@ impl CsvFiles {
     }
 
     pub(super) fn append(&mut self, finding: &Finding) -> Result<()> {
-        for (file, Lines { header, lines }) in
-            [(&mut self.episodes, by_episode(finding)), (&mut self.agents, by_agent(finding))]
-        {
-            file.append(&self.directory, |new| block(&header, &lines, new))?;
-        }
-        Ok(())
+        self.episodes.append_lines(&self.directory, &by_episode(finding))?;
+        self.agents.append_lines(&self.directory, &by_agent(finding))
     }
 }

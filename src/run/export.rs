@@ -21,7 +21,7 @@ use stacknets::{StackToWrite, stack_as_bytes};
 pub(super) fn export(args: &cli::ExportArgs) -> Result<()> {
     libtorch::check().map_err(Error::Usage)?;
     let run = directory::open(&args.run_dir).map_err(Error::Usage)?;
-    run.tell_still_trained(&args.run_dir);
+    run.note_still_trained(&args.run_dir);
     let existing = Existing::of_named(args.force);
     let files = files_of(&args.out, run.domain.kinds());
     files.iter().try_for_each(|file| check_free(file, existing)).map_err(Error::Usage)?;

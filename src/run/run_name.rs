@@ -42,8 +42,7 @@ fn listed(settings: &[String]) -> String {
     for (key, value) in settings.iter().filter_map(|setting| setting.split_once('=')) {
         let (key, value) = (key.trim(), value.trim());
         // The name says the first three elsewhere.
-        let said = ["seed", "simulator", "predictor"].contains(&key)
-            || CHANGEABLE.iter().any(|changeable| changeable.key == key);
+        let said = ["seed", "simulator", "predictor"].contains(&key) || CHANGEABLE.contains(&key);
         kept.retain(|(other, _)| *other != key);
         if !said {
             kept.push((key, value));

@@ -142,7 +142,7 @@ impl Subject {
             Subject::Controller(name) => domain.baseline(name),
             Subject::Run { dir, greedy, background } => {
                 let run = fitting(dir, domain)?;
-                run.tell_still_trained(dir);
+                run.note_still_trained(dir);
                 let selection = if *greedy { Selection::Greedy } else { Selection::Sampled };
                 let controller = Box::new(run.controller(selection));
                 let simulator = match background {

@@ -1,10 +1,12 @@
 //! What `run.json` says of the build, when a run may continue with another build, and registers of one width for all.
 
 use std::fs;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 use assert_cmd::Command;
 use serde_json::{Value, json};
+
+use crate::place::Place;
 
 /// A warehouse of four robots, two periods. It has a GRU, minibatches and weights that fill registers of any width.
 const CONFIG: &str = "total_steps = 256\n[warehouse]\nagents_per_side = 2\nhorizon = 16\n\
@@ -13,29 +15,6 @@ const CONFIG: &str = "total_steps = 256\n[warehouse]\nagents_per_side = 2\nhoriz
                       [evaluation]\nevery_steps = 128\nepisodes = 2\n";
 
 const RESULTS: [&str; 4] = ["returns.csv", "training.csv", "policies.safetensors", "aips.safetensors"];
-
-struct Place {
-    dir: tempfile::TempDir,
-}
-
-impl Place {
-    fn new() -> Place {
-        let dir = tempfile::tempdir().unwrap();
-        fs::write(dir.path().join("c.toml"), CONFIG).unwrap();
-        Place { dir }
-    }
-
-    fn command(&self, words: &[&str]) -> Command {
-        let mut command = assert_cmd::cargo::cargo_bin_cmd!("dials-traffic");
-        command.current_dir(self.dir.path()).args(words);
-        command
-    }
-
-    fn train(&self, out: &str, more: &[&str]) -> PathBuf {
-        self.command(&["train", "c.toml", "--out", out, "--workers", "0"]).args(more).assert().success();
-        self.dir.path().join(out)
-    }
-}
 
 fn results(run: &Path) -> Vec<Vec<u8>> {
     RESULTS.iter().map(|file| fs::read(run.join(file)).unwrap()).collect()
@@ -84,7 +63,7 @@ fn assert_refused(mut command: Command, run: &str, here: &Value) {
 
 #[test]
 fn a_run_says_what_it_was_computed_with() {
-    let place = Place::new();
+    let place = Place::new(CONFIG);
     let versions = run_json(&place.train("run", &[]))["versions"].clone();
     let text = |key: &str| versions[key].as_str().unwrap().to_owned();
     assert!(text("sumo").starts_with("SUMO 1."), "{versions}");
@@ -96,10 +75,10 @@ fn a_run_says_what_it_was_computed_with() {
 
 #[test]
 fn a_run_of_another_build_goes_on_only_where_that_is_asked_for_and_records_it() {
-    let place = Place::new();
+    let place = Place::new(CONFIG);
     let run = place.train("run", &[]);
     let resume = |more: &[&str]| {
-        let mut command = place.command(&["train", "--resume", "run", "--workers", "0"]);
+        let mut command = place.resume("run");
         command.args(more);
         command
     };
@@ -127,7 +106,7 @@ fn a_run_of_another_build_goes_on_only_where_that_is_asked_for_and_records_it() 
 
 #[test]
 fn an_experiment_resumes_runs_of_another_build_only_where_that_is_asked_for() {
-    let place = Place::new();
+    let place = Place::new(CONFIG);
     fs::write(place.dir.path().join("e.toml"), "seeds = [1, 2]\n[[grid]]\nconfigs = ['c.toml']\n").unwrap();
     let experiment = |more: &[&str]| {
         let mut command = place.command(&["experiment", "e.toml", "--out", "runs"]);
@@ -148,7 +127,7 @@ fn an_experiment_resumes_runs_of_another_build_only_where_that_is_asked_for() {
 
 #[test]
 fn accepting_another_build_makes_no_sense_for_a_new_run() {
-    Place::new().command(&["train", "c.toml", "--accept-other-build"]).assert().code(2);
+    Place::new(CONFIG).command(&["train", "c.toml", "--accept-other-build"]).assert().code(2);
 }
 
 #[test]
@@ -157,7 +136,7 @@ fn registers_of_256_bits_are_used_by_every_process_of_a_run_and_of_its_evaluatio
         eprintln!("not tested: this machine has no AVX2 and FMA");
         return;
     }
-    let place = Place::new();
+    let place = Place::new(CONFIG);
     let fixed = ["--set", "numerics.vector_width=256-bit"];
     let widest = place.train("widest", &[]);
     let inline = place.train("inline", &fixed);
@@ -184,7 +163,7 @@ fn registers_of_256_bits_are_used_by_every_process_of_a_run_and_of_its_evaluatio
 
 #[test]
 fn a_width_that_nobody_knows_is_refused_with_those_there_are() {
-    let place = Place::new();
+    let place = Place::new(CONFIG);
     let said = |value: &str| {
         let setting = format!("numerics.vector_width={value}");
         let mut command = place.command(&["train", "c.toml", "--out", "run", "--set", &setting]);

@@ -17,3 +17,6 @@ mod inspect;
 mod limits;
 mod live;
 mod report;
+
+#[path = "../shared/place.rs"]
+mod place;

@@ -17,7 +17,7 @@ use dials_session::domains::DomainConfig;
 use dials_session::records::checkpoint::owner::Owner;
 use dials_session::records::checkpoint::{self, Checkpoint, RunProgress};
 use dials_session::records::files::{AIPS, CONFIG, GROWING, POLICIES};
-use dials_session::records::joint_layout::JointLayout;
+use dials_session::records::networks::JointLayout;
 use dials_warehouse::Warehouse;
 use serde::{Deserialize, Serialize};
 use tempfile::TempDir;

@@ -4,18 +4,19 @@ use std::collections::{BTreeMap, HashMap};
 use std::fs;
 use std::path::{Path, PathBuf};
 
-use assert_cmd::Command;
 use dials_core::base::{Dice, Ragged};
 use dials_core::outside::Directory;
 use dials_learn::state::stream::{AgentStream, RowStream};
 use dials_session::domains::DomainConfig;
-use dials_session::records::checkpoint::content::{Part, seal};
+use dials_session::records::checkpoint::content::{Tensors, flat, seal};
 use dials_session::records::checkpoint::owner::{NotOfThisRun, Owner};
 use dials_session::records::checkpoint::{self, Checkpoint};
 use dials_session::records::growing::Mark;
 use dials_warehouse::Warehouse;
 use safetensors::tensor::{Dtype, SafeTensors, TensorView};
 use serde_json::{Value, json};
+
+use crate::place::Place;
 
 /// A warehouse of four robots, five updates. The horizon divides no period, so checkpoints lie within episodes.
 const WAREHOUSE: &str = "total_steps = 640\n[warehouse]\nagents_per_side = 2\nhorizon = 23\n\
@@ -33,33 +34,6 @@ fn traffic() -> String {
          [aip]\nhidden = [7]\nretrain_every_steps = 256\ndataset_steps = 40\nbatch = 8\nepochs = 1\n\
          [evaluation]\nevery_steps = 128\nepisodes = 1\nfinal_episodes = 1\n"
     )
-}
-
-struct Place {
-    dir: tempfile::TempDir,
-}
-
-impl Place {
-    fn new(config: &str) -> Place {
-        let dir = tempfile::tempdir().unwrap();
-        fs::write(dir.path().join("c.toml"), config).unwrap();
-        Place { dir }
-    }
-
-    fn command(&self, words: &[&str]) -> Command {
-        let mut command = assert_cmd::cargo::cargo_bin_cmd!("dials-traffic");
-        command.current_dir(self.dir.path()).args(words);
-        command
-    }
-
-    fn train(&self, out: &str, more: &[&str]) -> PathBuf {
-        self.command(&["train", "c.toml", "--out", out, "--workers", "0"]).args(more).assert().success();
-        self.dir.path().join(out)
-    }
-
-    fn resume(&self, run: &str) -> Command {
-        self.command(&["train", "--resume", run, "--workers", "0"])
-    }
 }
 
 /// Replaces a line of the config in a run directory.
@@ -300,28 +274,24 @@ impl Sound {
     }
 
     /// Returns the file of another text or of other tensors, with its right digest.
-    fn crafted(&self, change: impl Fn(&mut Value, &mut Vec<Part<'_>>)) -> Vec<u8> {
+    fn crafted(&self, change: impl Fn(&mut Value, &mut Tensors<'_>)) -> Vec<u8> {
         self.resealed(change, |_, _| ())
     }
 
     /// The same, with other metadata after the digest was made.
     fn resealed(
         &self,
-        change: impl Fn(&mut Value, &mut Vec<Part<'_>>),
-        after: impl Fn(&mut HashMap<String, String>, &mut Vec<(String, TensorView<'_>)>),
+        change: impl Fn(&mut Value, &mut Tensors<'_>),
+        after: impl Fn(&mut HashMap<String, String>, &mut Tensors<'_>),
     ) -> Vec<u8> {
         let (_, header) = SafeTensors::read_metadata(&self.bytes).unwrap();
         let mut text = serde_json::from_str(&header.metadata().as_ref().unwrap()["checkpoint"]).unwrap();
         let file = SafeTensors::deserialize(&self.bytes).unwrap();
-        let part = |name: &'static str| {
-            let tensor = file.tensor(name).unwrap();
-            Part { name: name.into(), dtype: tensor.dtype(), shape: tensor.shape().to_vec(), bytes: tensor.data() }
-        };
-        let mut parts = PARTS.map(part).to_vec();
-        change(&mut text, &mut parts);
-        let (mut views, mut metadata) = seal(text.to_string(), &parts).unwrap();
-        after(&mut metadata, &mut views);
-        safetensors::serialize(views, Some(metadata)).unwrap()
+        let mut tensors: Tensors<'_> = file.tensors().into_iter().collect();
+        change(&mut text, &mut tensors);
+        let mut metadata = seal(text.to_string(), &tensors);
+        after(&mut metadata, &mut tensors);
+        safetensors::serialize(tensors, Some(metadata)).unwrap()
     }
 
     fn error_of(&self, bytes: &[u8]) -> anyhow::Error {
@@ -337,9 +307,17 @@ impl Sound {
     }
 }
 
-/// Names of all tensors, in order.
-const PARTS: [&str; 6] =
-    ["aips", "learners.first_moments", "learners.second_moments", "learners.states", "policies", "streams"];
+/// Replaces a tensor by one of one dimension.
+fn put<'a>(tensors: &mut Tensors<'a>, name: &str, dtype: Dtype, bytes: &'a [u8]) {
+    tensors.insert(name.to_owned(), flat(dtype, bytes).unwrap());
+}
+
+/// Gives a tensor another shape.
+fn shape(tensors: &mut Tensors<'_>, name: &str, of: impl Fn(usize) -> Vec<usize>) {
+    let tensor = &tensors[name];
+    let other = TensorView::new(tensor.dtype(), of(tensor.shape()[0]), tensor.data()).unwrap();
+    tensors.insert(name.to_owned(), other);
+}
 
 fn row(checkpoint: &mut Checkpoint) -> &mut RowStream {
     &mut checkpoint.agents.streams[2].rows[1]
@@ -483,34 +461,36 @@ fn a_file_of_another_form_is_refused_with_its_reason() {
     for (told, change) in texts {
         sound.assert_error(&sound.crafted(|text, _| change(text)), told);
     }
-    type ChangeParts = fn(&mut Vec<Part<'_>>);
-    let parts: [(&str, ChangeParts); 12] = [
-        ("it has no tensor `policies`", |parts| drop(parts.remove(4))),
-        ("it has no tensor `streams`", |parts| drop(parts.pop())),
-        ("it has tensors that no checkpoint of this run has", |parts| parts.push(Part::flat("zz", Dtype::U8, b"1"))),
-        ("its tensor `policies` is I32", |parts| parts[4].dtype = Dtype::I32),
-        ("not F32 of one dimension", |parts| parts[4].shape = vec![1, parts[4].shape[0]]),
-        ("not F32 of one dimension", |parts| parts[3].shape.push(1)),
-        ("its table `policies` has", |parts| parts[4].bytes = parts[0].bytes),
-        ("its table `learners.first_moments` has 0 values", |parts| parts[1].bytes = b""),
-        ("the state of training cannot be read", |parts| parts[5].bytes = b""),
+    type ChangeTensors = fn(&mut Tensors<'_>);
+    let tensors: [(&str, ChangeTensors); 12] = [
+        ("it has no tensor `policies`", |tensors| drop(tensors.remove("policies"))),
+        ("it has no tensor `streams`", |tensors| drop(tensors.remove("streams"))),
+        ("it has tensors that no checkpoint of this run has", |tensors| put(tensors, "zz", Dtype::U8, b"1")),
+        ("its tensor `policies` is I32", |tensors| {
+            let bytes = tensors["policies"].data();
+            put(tensors, "policies", Dtype::I32, bytes);
+        }),
+        ("not F32 of one dimension", |tensors| shape(tensors, "policies", |length| vec![1, length])),
+        ("not F32 of one dimension", |tensors| shape(tensors, "learners.states", |length| vec![length, 1])),
+        ("its table `policies` has", |tensors| {
+            let bytes = tensors["aips"].data();
+            put(tensors, "policies", Dtype::F32, bytes);
+        }),
+        ("its table `learners.first_moments` has 0 values", |tensors| {
+            put(tensors, "learners.first_moments", Dtype::F32, b"");
+        }),
+        ("the state of training cannot be read", |tensors| put(tensors, "streams", Dtype::U8, b"")),
         // Lengths of 2^63 and more, of agents and of copies.
-        ("the state of training cannot be read", |parts| parts[5].bytes = &[0xff; 9]),
-        ("the state of training cannot be read", |parts| {
-            parts[5].bytes = &[1, 1, 2, 3, 4, 0xff, 0xff, 0xff, 0xff, 0xff, 0xff, 0xff, 0xff, 0xff, 1];
+        ("the state of training cannot be read", |tensors| put(tensors, "streams", Dtype::U8, &[0xff; 9])),
+        ("the state of training cannot be read", |tensors| {
+            let bytes = &[1, 1, 2, 3, 4, 0xff, 0xff, 0xff, 0xff, 0xff, 0xff, 0xff, 0xff, 0xff, 1];
+            put(tensors, "streams", Dtype::U8, bytes);
         }),
         // No streams, no dice, no counts, and a byte.
-        ("it has 1 bytes after the state of training", |parts| parts[5].bytes = &[0, 0, 0, 0]),
+        ("it has 1 bytes after the state of training", |tensors| put(tensors, "streams", Dtype::U8, &[0, 0, 0, 0])),
     ];
-    for (told, change) in parts {
-        let bytes = sound.crafted(|_, parts| {
-            change(parts);
-            // The shape follows the bytes where the case is not about shapes.
-            for part in parts.iter_mut().filter(|part| part.shape.len() == 1) {
-                part.shape = Part::flat("", part.dtype, part.bytes).shape;
-            }
-        });
-        sound.assert_error(&bytes, told);
+    for (expected, change) in tensors {
+        sound.assert_error(&sound.crafted(|_, tensors| change(tensors)), expected);
     }
     type ChangeMetadata = fn(&mut HashMap<String, String>);
     let metadata: [(&str, ChangeMetadata); 5] = [
@@ -524,7 +504,7 @@ fn a_file_of_another_form_is_refused_with_its_reason() {
         sound.assert_error(&sound.resealed(|_, _| (), |metadata, _| change(metadata)), told);
     }
     let more = TensorView::new(Dtype::U8, vec![1], b"1").unwrap();
-    let bytes = sound.resealed(|_, _| (), |_, views| views.push(("more".to_owned(), more.clone())));
+    let bytes = sound.resealed(|_, _| (), |_, tensors| drop(tensors.insert("more".to_owned(), more.clone())));
     sound.assert_error(&bytes, "its digest is wrong");
 }
 
@@ -558,13 +538,11 @@ fn a_crafted_file_in_a_run_directory_is_an_error_that_names_it_and_the_way_out()
         fs::write(&path, bytes).unwrap();
         assert_refused(&sound.place, "run", 1, &[way_out, told]);
     }
-    fs::write(&path, vec![0; 64 << 20]).unwrap();
-    assert_refused(
-        &sound.place,
-        "run",
-        1,
-        &["step_000000000384.safetensors: cannot be read", "has more than", "the limit"],
-    );
+    fs::File::create(&path).unwrap().set_len(1 << 40).unwrap();
+    let output = sound.place.resume("run").assert().code(1).get_output().clone();
+    let said = String::from_utf8(output.stderr).unwrap();
+    assert!(said.contains("step_000000000384.safetensors: cannot be read"), "{said}");
+    assert!(said.contains("it has more than 34359738368 bytes, the limit"), "{said}");
     edit(&run, "stop_at_steps = 300\n", "");
     // Numbers that are finite, but too large to compute with: nothing says that training did not lead to them.
     let huge = sound.file_of(|c| {

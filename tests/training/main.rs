@@ -10,3 +10,6 @@ mod learning;
 mod mpi;
 mod run_directory;
 mod warehouse;
+
+#[path = "../shared/place.rs"]
+mod place;

@@ -8,9 +8,8 @@ use super::group::Comparison;
 use super::paper;
 use super::pictures::comparable;
 use super::words::{certainty, difference, figure, figure_like, hours, signed, with_error};
-use dials_session::records::likeness::LikenessRecord;
 use dials_session::records::method::steps_text;
-use dials_session::records::run_record::Status;
+use dials_session::records::run_record::{LikenessRecord, Status};
 
 /// Stands where a cell has nothing.
 pub(super) const NOTHING: &str = "-";

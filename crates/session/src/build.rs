@@ -72,28 +72,3 @@ pub fn cpu() -> String {
         text.lines().find_map(|line| Some(line.strip_prefix("model name")?.split_once(':')?.1.trim().to_owned()));
     name.unwrap_or("unknown".to_owned())
 }
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use dials_core::domain::Scenario;
-
-    #[test]
-    fn a_run_that_was_resumed_is_compared_with_the_build_that_wrote_it_last() {
-        let dir = tempfile::tempdir().unwrap();
-        let directory = Directory::open(dir.path()).unwrap();
-        let build = |libm: &str| Versions { libm: libm.to_owned(), ..Versions::default() };
-        let (first, other) = (build("glibc 2.31"), build("glibc 2.36"));
-        let described = RunJson::new(Scenario::new("ants", 3, 5), Vec::new(), 7);
-        RunJson { versions: first.clone(), ..described }.write(&directory).unwrap();
-        let differences = |here: &Versions| here.differences(RunJson::read(dir.path()).unwrap().last_versions());
-        assert_eq!(differences(&other), ["libm: glibc 2.31 there, glibc 2.36 here"]);
-        record_resume(&directory, &other, 512).unwrap();
-        assert_eq!(differences(&other), [""; 0]);
-        assert_eq!(differences(&first), ["libm: glibc 2.36 there, glibc 2.31 here"]);
-        record_resume(&directory, &first, 1024).unwrap();
-        let run = RunJson::read(dir.path()).unwrap();
-        assert_eq!((run.seed, &run.versions), (7, &first), "the beginning stays");
-        assert_eq!(run.resumed_with.iter().map(|resumed| resumed.steps).collect::<Vec<_>>(), [512, 1024]);
-    }
-}

@@ -14,10 +14,8 @@ use crate::config::RunConfig;
 use crate::records::checkpoint::newest_step;
 use crate::records::checkpoint::owner::Owner;
 use crate::records::files;
-use crate::records::joint_layout::JointLayout;
-use crate::records::kept::Kept;
-use crate::records::run_json::RunJson;
-use crate::records::word::Word;
+use crate::records::networks::JointLayout;
+use crate::records::run_json::{Kept, RunJson, Word};
 use crate::terminal::{program, tell};
 use dials_core::base::{AgentId, counted};
 use dials_core::domain::Domain;
@@ -31,7 +29,7 @@ use dials_learn::worker::block::initial_aips;
 /// The directory is self-contained: it holds the config, the networks and the circumstances of the run.
 pub fn create(path: &Path, existing: Existing, config: &RunConfig, program: Program) -> Result<Directory> {
     // The run loads its networks from there later.
-    domains::check_place(config, &places::place(path, existing)?)?;
+    domains::find(config)?.check_place(&places::place(path, existing)?.join(files::NETWORKS))?;
     check_not_of_a_run("--out", path)?;
     places::make(path, existing, |dir| describe(dir, config, program))
 }
@@ -41,11 +39,10 @@ fn describe(dir: &Directory, config: &RunConfig, program: Program) -> Result<()>
     let domain = domains::find(config)?;
     let kept = domains::keep_files(config, &*domain, dir.path())?;
     dir.put(files::CONFIG, crate::config::to_toml(&kept)?.as_bytes())?;
-    let versions = build::here(program, config.numerics.vector_width)?;
     let run = RunJson {
         command: command_line(),
         kept: Kept::of(dir.path(), &kept)?,
-        versions,
+        versions: build::here(program, config.numerics.vector_width)?,
         ..RunJson::new(domain.scenario()?, domain.names(), config.learning.seed)
     };
     run.write(dir)
@@ -76,10 +73,15 @@ pub struct TrainedRun {
 
 impl TrainedRun {
     /// Says of which step the policies are, if somebody is still training the run.
-    pub fn tell_still_trained(&self, path: &Path) {
+    pub fn note_still_trained(&self, path: &Path) {
         if let Some(steps) = self.still_trained_at {
             tell(format_args!("{}: is still being trained; its policies are those of step {steps}", path.display()));
         }
+    }
+
+    /// Returns the policies as a controller for the GS.
+    pub fn controller(&self, selection: Selection) -> JointPolicyController {
+        JointPolicyController::new(self.domain.kinds(), &self.config.learning, &self.policies, selection)
     }
 }
 
@@ -133,7 +135,7 @@ pub fn open_with(path: &Path, open: fn(&RunConfig) -> Result<Arc<dyn Domain>>) -
     Ok(TrainedRun { config, domain, policies, still_trained_at })
 }
 
-/// Reads the approximate influence predictors (AIPs) of `agents`, which are of one kind, from a run directory.
+/// Reads the AIPs of `agents`, which are of one kind, from a run directory.
 ///
 /// `config`: that of the run; `domain`: one with the same agents.
 pub fn read_aips(
@@ -184,118 +186,4 @@ pub fn check(path: &Path) -> Result<()> {
         bail!("{place}: not a run directory; it holds {runs}: name one, such as {}", first.display());
     }
     bail!("{place}: not a run directory: it has no {}; `dials-traffic train` makes one", files::CONFIG)
-}
-
-impl TrainedRun {
-    /// Returns the policies as a controller for the global simulator (GS).
-    pub fn controller(&self, selection: Selection) -> JointPolicyController {
-        JointPolicyController::new(self.domain.kinds(), &self.config.learning, &self.policies, selection)
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use std::fs;
-
-    use crate::domains::DomainConfig;
-    use dials_traffic::config::{TrafficConfig, TrafficTable};
-    use dials_traffic::network::contents::Network;
-    use dials_traffic::network::files::NetworkFiles;
-    use dials_traffic::network::way_out::Role;
-
-    const PROGRAM: Program = Program { version: "0", git_commit: "test", libtorch: "none" };
-
-    /// A config that is loaded from `dir`, with the networks of this project.
-    fn config_in(dir: &Path) -> RunConfig {
-        let nets = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../sumo_nets");
-        let text = format!("[traffic]\nnetwork = '{0}/grid_2x2'\nlocal_network = '{0}/local'\n", nets.display());
-        fs::write(dir.join("c.toml"), text).unwrap();
-        crate::config::load(&dir.join("c.toml"), &[]).unwrap()
-    }
-
-    fn traffic_in(config: &mut RunConfig) -> &mut TrafficConfig {
-        let Some(DomainConfig::Traffic(TrafficTable::Grid(table))) = &mut config.domain else {
-            panic!("this config is of traffic")
-        };
-        table
-    }
-
-    fn networks_of(config: &RunConfig) -> [NetworkFiles; 2] {
-        let traffic = traffic_in(&mut config.clone()).clone();
-        [&traffic.network, &traffic.local_network].map(|network| NetworkFiles::of(network))
-    }
-
-    fn names(dir: &Path) -> Vec<String> {
-        let entries = fs::read_dir(dir).unwrap();
-        let mut names: Vec<String> =
-            entries.map(|entry| entry.unwrap().file_name().to_string_lossy().into_owned()).collect();
-        names.sort();
-        names
-    }
-
-    #[test]
-    fn an_existing_directory_is_refused_numbered_or_moved_aside() {
-        let dir = tempfile::tempdir().unwrap();
-        let (config, path) = (config_in(dir.path()), dir.path().join("a.b"));
-        create(&path, Existing::Refuse, &config, PROGRAM).unwrap();
-        fs::write(path.join("precious"), "x").unwrap();
-        let error = create(&path, Existing::Refuse, &config, PROGRAM).unwrap_err().to_string();
-        assert!(error.contains("exists already") && error.contains("--force"), "{error}");
-        let numbered = |path: &Path| create(path, Existing::Number, &config, PROGRAM).unwrap().path().to_owned();
-        assert_eq!(numbered(&path), dir.path().join("a.b-2"));
-        assert_eq!(numbered(&path), dir.path().join("a.b-3"));
-        assert_eq!(numbered(&dir.path().join("c")), dir.path().join("c"));
-        create(&path, Existing::MoveAside, &config, PROGRAM).unwrap();
-        assert!(!path.join("precious").exists());
-        assert!(dir.path().join("a.b.old-1/precious").exists());
-        assert_eq!(names(dir.path()), ["a.b", "a.b-2", "a.b-3", "a.b.old-1", "c", "c.toml"]);
-    }
-
-    #[test]
-    fn an_error_changes_nothing_and_leaves_nothing_behind() {
-        let dir = tempfile::tempdir().unwrap();
-        let (config, path) = (config_in(dir.path()), dir.path().join("run"));
-        create(&path, Existing::Refuse, &config, PROGRAM).unwrap();
-        fs::write(path.join("precious"), "x").unwrap();
-        let mut lost = config.clone();
-        traffic_in(&mut lost).network = dir.path().join("nowhere");
-        for place in [path.clone(), dir.path().join("new/and/deep")] {
-            let error = create(&place, Existing::MoveAside, &lost, PROGRAM).unwrap_err();
-            assert!(error.to_string().contains("nowhere.net.xml: no such network"), "{error}");
-            assert_eq!(names(dir.path()), ["c.toml", "run"]);
-        }
-        assert!(path.join("precious").exists());
-    }
-
-    #[test]
-    fn a_run_may_take_the_place_of_the_one_that_its_networks_come_from() {
-        let dir = tempfile::tempdir().unwrap();
-        let path = dir.path().join("run");
-        create(&path, Existing::Refuse, &config_in(dir.path()), PROGRAM).unwrap();
-        let kept = crate::config::load(&path.join(files::CONFIG), &[]).unwrap();
-        create(&path, Existing::MoveAside, &kept, PROGRAM).unwrap();
-        let again = crate::config::load(&path.join(files::CONFIG), &[]).unwrap();
-        networks_of(&again).iter().for_each(|network| network.check().unwrap());
-    }
-
-    #[test]
-    fn networks_of_one_name_from_two_folders_are_both_kept() {
-        let dir = tempfile::tempdir().unwrap();
-        let mut config = config_in(dir.path());
-        let [global, local] = networks_of(&config);
-        for (network, folder) in [(&global, "g"), (&local, "l")] {
-            Network::read(network, Role::Global).unwrap().copy_to(&dir.path().join(folder), "same").unwrap();
-        }
-        let traffic = traffic_in(&mut config);
-        traffic.network = dir.path().join("g/same");
-        traffic.local_network = dir.path().join("l/same");
-        let path = dir.path().join("run");
-        create(&path, Existing::Refuse, &config, PROGRAM).unwrap();
-        let kept = networks_of(&crate::config::load(&path.join(files::CONFIG), &[]).unwrap());
-        for (kept, original) in kept.iter().zip([&global, &local]) {
-            assert_eq!(fs::read(&kept.net).unwrap(), fs::read(&original.net).unwrap());
-            assert_eq!(fs::read(&kept.routes).unwrap(), fs::read(&original.routes).unwrap());
-        }
-    }
 }

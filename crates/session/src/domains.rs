@@ -142,16 +142,12 @@ pub fn dawdling(config: &RunConfig, sigma: f64) -> Result<Option<Traffic>> {
 
 /// Opens the traffic domain of a config. The first episode that its simulators play is recorded on `tape`.
 pub fn open_recorded(config: &RunConfig, tape: &Tape) -> Result<Traffic> {
-    match traffic(config)? {
-        Some(traffic) => {
-            trial::survive(config, &traffic)?;
-            Ok(traffic.record_on(tape))
-        }
-        None => {
-            let name = domain(config).name();
-            bail!("only traffic can be recorded, and this is {name}; draw its episodes with `evaluate --render DIR`")
-        }
-    }
+    let Some(traffic) = traffic(config)? else {
+        let name = domain(config).name();
+        bail!("only traffic can be recorded, and this is {name}; draw its episodes with `evaluate --render DIR`")
+    };
+    trial::survive(config, &traffic)?;
+    Ok(traffic.record_on(tape))
 }
 
 /// Tries the domain's files in its simulator, so that errors in them are reported before a run begins. The same for
@@ -184,11 +180,6 @@ pub fn check_for_training(config: &RunConfig) -> Result<Arc<dyn Domain>> {
         domain.try_local()?;
     }
     Ok(domain)
-}
-
-/// Checks that the domain's files could be loaded from a run directory at `path`.
-pub(crate) fn check_place(config: &RunConfig, path: &Path) -> Result<()> {
-    find(config)?.check_place(&path.join(files::NETWORKS))
 }
 
 /// Copies the domain's files into the run directory `dir` and returns a config with the paths of the copies.

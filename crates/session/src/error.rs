@@ -45,22 +45,3 @@ impl fmt::Display for Error {
 }
 
 impl std::error::Error for Error {}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use anyhow::anyhow;
-
-    #[test]
-    fn the_chain_of_causes_is_told_line_by_line() {
-        let error = Error::Run(anyhow!("disk full").context("run.json: cannot be written"));
-        assert_eq!(error.to_string(), "error: run.json: cannot be written\n  caused by: disk full");
-    }
-
-    #[test]
-    fn an_error_of_the_system_ends_with_its_way_out() {
-        let error = Error::Run(anyhow!("No space left on device (os error 28)").context("run.json: cannot be written"));
-        let told = error.to_string();
-        assert!(told.contains("\n  caused by: No space left on device (os error 28)\n  way out: the disk"), "{told}");
-    }
-}

@@ -5,6 +5,9 @@
 //! - [`records`]: run directories, written and read.
 //! - [`cost`], [`mod@bench`]: how often a run does what, and what that costs.
 //! - [`machine`]: limits of the machine; [`terminal`]: printed lines, progress, Ctrl-C.
+//!
+//! GS: global simulator. LS: local simulator. AIP: approximate influence predictor. F: timesteps between two trainings
+//! of the AIPs.
 
 pub mod bench;
 pub mod build;
@@ -20,6 +23,5 @@ pub mod outputs;
 pub mod parent;
 pub mod places;
 pub mod records;
-pub mod replays;
 pub mod terminal;
 pub mod trial;

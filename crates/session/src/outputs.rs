@@ -9,8 +9,7 @@ use anyhow::{Context, Result, bail, ensure};
 use super::places::{Existing, is_free};
 use crate::experiment::LOGS;
 use crate::records::files;
-use crate::records::find::BASELINES;
-use crate::records::plan::PLAN;
+use crate::records::find::{BASELINES, PLAN};
 use dials_core::outside::folder_of;
 
 /// Checks that `option` may make `path` anew, and that this takes no name from a run.
@@ -126,13 +125,14 @@ fn real(path: &Path) -> Result<PathBuf> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use std::os::unix::fs::symlink;
 
     #[test]
-    fn places_that_meet_are_told_from_places_apart() {
+    fn places_that_meet_are_refused_and_others_are_not() {
         let dir = tempfile::tempdir().unwrap();
         let place = |name: &str| dir.path().join(name);
         fs::create_dir(place("a")).unwrap();
-        std::os::unix::fs::symlink(place("a"), place("link")).unwrap();
+        symlink(place("a"), place("link")).unwrap();
         let apart = |one: &str, other: &str| check_apart(&[("--x", Some(&place(one))), ("--y", Some(&place(other)))]);
         for (one, other) in [("a", "b"), ("a", "ab"), ("new/a", "new/b"), ("a/b", "link/c")] {
             apart(one, other).unwrap();
@@ -141,7 +141,6 @@ mod tests {
             let error = apart(one, other).unwrap_err().to_string();
             assert!(error.contains(": --x and --y must not write to the same place"), "{error}");
         }
-        check_apart(&[("--x", None), ("--y", Some(&place("a"))), ("--z", None)]).unwrap();
     }
 
     #[test]
@@ -154,35 +153,22 @@ mod tests {
         check_not_of_a_run("--out", &place("run/networks")).unwrap();
         fs::write(place("run/run.json"), "").unwrap();
         fs::write(place("plan.json"), "").unwrap();
-        std::os::unix::fs::symlink(place("run"), place("link")).unwrap();
-        std::os::unix::fs::symlink(place("elsewhere"), place("run/aips.safetensors")).unwrap();
-        for own in [
-            "run/networks",
-            "run/networks/deep/in",
-            "run/../run/checkpoints/x",
-            "link/policies.safetensors",
-            "run/aips.safetensors",
-            "run/episodes.csv",
-            "run/worker_12.log",
-            "plan.json",
-            "baselines/x",
-            "logs",
-        ] {
+        symlink(place("run"), place("link")).unwrap();
+        symlink(place("elsewhere"), place("run/aips.safetensors")).unwrap();
+        let own =
+            ["run/networks/deep/in", "run/../run/checkpoints/x", "link/policies.safetensors", "run/worker_12.log"];
+        for own in own.into_iter().chain(["run/aips.safetensors", "plan.json", "baselines/x", "logs"]) {
             let error = check_not_of_a_run("--out", &place(own)).unwrap_err().to_string();
             assert!(error.contains(": --out must not write here: `"), "{error}");
-            assert!(error.ends_with("; name a path outside of it"), "{error}");
         }
-        for (option, back) in
-            [("--out", "new/../run/networks"), ("--csv", "run/new/../policies.safetensors"), ("--x", "new/..")]
-        {
-            let error = check_not_of_a_run(option, &place(back)).unwrap_err().to_string();
+        for back in ["new/../run/networks", "run/new/../policies.safetensors"] {
+            let error = check_not_of_a_run("--out", &place(back)).unwrap_err().to_string();
             assert!(error.contains(back) && error.ends_with("does not exist; write the path without `..`"), "{error}");
         }
-        for free in ["run", "run/policies.pt", "run/pictures/networks", "run/worker_x.log", "run-2", "networks", "x"] {
+        for free in ["run", "run/policies.pt", "run/pictures/networks", "run/worker_x.log", "run-2", "networks"] {
             check_not_of_a_run("--out", &place(free)).unwrap();
         }
         let error = check_not_a_run("--out", &place("link")).unwrap_err().to_string();
         assert!(error.ends_with("link: is a run directory; name another directory with --out"), "{error}");
-        check_not_a_run("--out", &place("run/report")).unwrap();
     }
 }

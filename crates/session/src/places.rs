@@ -33,16 +33,16 @@ impl Existing {
 pub fn place(path: &Path, existing: Existing) -> Result<PathBuf> {
     // `..` and `/` have no name that a number could be added to.
     ensure!(path.file_name().is_some(), "{}: has no name of its own; name a new directory", path.display());
-    let path = match existing {
-        Existing::Refuse | Existing::MoveAside => path.to_owned(),
-        Existing::Number => first_free(path, "-", 2),
-    };
-    ensure!(
-        existing != Existing::Refuse || is_free(&path),
-        "{}: exists already; name another one with --out, or move it aside with --force",
-        path.display()
-    );
-    Ok(path)
+    match existing {
+        Existing::Number if !is_free(path) => return Ok(first_free(path, "-", 2)),
+        Existing::Refuse => ensure!(
+            is_free(path),
+            "{}: exists already; name another one with --out, or move it aside with --force",
+            path.display()
+        ),
+        _ => (),
+    }
+    Ok(path.to_owned())
 }
 
 /// Makes a directory at `path`, or beside it if `existing` says so, and returns it, locked. `fill` writes its content
@@ -53,34 +53,26 @@ pub fn place(path: &Path, existing: Existing) -> Result<PathBuf> {
 pub fn make(path: &Path, existing: Existing, fill: impl FnOnce(&Directory) -> Result<()>) -> Result<Directory> {
     let parent = folder_of(path);
     let new_folders: Vec<&Path> = parent.ancestors().take_while(|folder| !folder.exists()).collect();
-    fill_and_move(path, parent, existing, fill).inspect_err(|_| {
-        new_folders.iter().for_each(|folder| drop(fs::remove_dir(folder)));
-    })
-}
-
-fn fill_and_move(
-    path: &Path,
-    parent: &Path,
-    existing: Existing,
-    fill: impl FnOnce(&Directory) -> Result<()>,
-) -> Result<Directory> {
-    let failed = || format!("{}: cannot be made", path.display());
-    if !parent.exists() {
-        fs::create_dir_all(parent).with_context(failed)?;
-    }
-    let mut staged = StagedDirectory::make_in(parent)
-        .with_context(|| format!("{}: cannot be written to", parent.display()))
-        .with_context(failed)?;
-    fill(staged.directory())?;
-    staged.directory().sync_tree()?;
-    // Another process may take the same place at any moment, so nothing is decided before the directory is there.
-    loop {
-        let place = place(path, existing)?;
-        clear(&place, existing)?;
-        if let Some(made) = staged.move_to(&place)? {
-            return Ok(made);
+    let made = || -> Result<Directory> {
+        let failed = || format!("{}: cannot be made", path.display());
+        if !parent.exists() {
+            fs::create_dir_all(parent).with_context(failed)?;
         }
-    }
+        let mut staged = StagedDirectory::make_in(parent)
+            .with_context(|| format!("{}: cannot be written to", parent.display()))
+            .with_context(failed)?;
+        fill(staged.directory())?;
+        staged.directory().sync_tree()?;
+        // Another process may take the same place at any moment, so nothing is decided before the directory is there.
+        loop {
+            let place = place(path, existing)?;
+            clear(&place, existing)?;
+            if let Some(made) = staged.move_to(&place)? {
+                return Ok(made);
+            }
+        }
+    };
+    made().inspect_err(|_| new_folders.iter().for_each(|folder| drop(fs::remove_dir(folder))))
 }
 
 /// Makes a file at `path`, or returns an error and leaves everything as it was. `write` gets a path of the same name in
@@ -103,27 +95,23 @@ pub fn make_file(path: &Path, existing: Existing, write: impl FnOnce(&Path) -> R
     }
 }
 
-/// Renames `path` to the first free of `path.old-1`, `path.old-2`, ... and returns the new path. If another process
-/// writes there, this is an error.
-pub(crate) fn move_aside(path: &Path) -> Result<PathBuf> {
-    let failed = || format!("{}: cannot be moved aside", path.display());
+/// Moves what is at `path` aside and says so, if `existing` asks for it. If another process writes there, this is an
+/// error.
+pub fn clear(path: &Path, existing: Existing) -> Result<()> {
+    if existing != Existing::MoveAside || is_free(path) {
+        return Ok(());
+    }
     let _held = if path.is_dir() { Some(Directory::lock(path)?) } else { None };
     check_nobody_writes(path, LEVELS)?;
     loop {
         let aside = first_free(path, ".old-", 1);
-        if rename_to_free(path, &aside).with_context(failed)? {
+        let moved = rename_to_free(path, &aside);
+        if moved.with_context(|| format!("{}: cannot be moved aside", path.display()))? {
             Directory::open(folder_of(path))?.sync()?;
-            return Ok(aside);
+            tell(format_args!("moved {} to {}", path.display(), aside.display()));
+            return Ok(());
         }
     }
-}
-
-/// Moves what is at `path` aside and says so, if `existing` asks for it.
-pub fn clear(path: &Path, existing: Existing) -> Result<()> {
-    if existing == Existing::MoveAside && !is_free(path) {
-        tell_moved(path, &move_aside(path)?);
-    }
-    Ok(())
 }
 
 /// Returns an error if another process writes a run within `path`. Follows no link.
@@ -140,15 +128,8 @@ fn check_nobody_writes(path: &Path, levels: usize) -> Result<()> {
     Ok(())
 }
 
-pub(crate) fn tell_moved(path: &Path, aside: &Path) {
-    tell(format_args!("moved {} to {}", path.display(), aside.display()));
-}
-
-/// Returns `path` itself if it is free and numbers begin at 2, otherwise the first free of `path` + `word` + number.
+/// Returns the first free path of `path` + `word` + number.
 fn first_free(path: &Path, word: &str, first: usize) -> PathBuf {
-    if first > 1 && is_free(path) {
-        return path.to_owned();
-    }
     let mut candidates = (first..).map(|number| {
         let mut name = path.file_name().unwrap_or_default().to_owned();
         name.push(format!("{word}{number}"));
@@ -166,29 +147,35 @@ pub(crate) fn is_free(path: &Path) -> bool {
 mod tests {
     use super::*;
 
-    fn names(dir: &Path) -> Vec<String> {
-        let entries = fs::read_dir(dir).unwrap();
-        let mut names: Vec<String> =
-            entries.map(|entry| entry.unwrap().file_name().to_string_lossy().into_owned()).collect();
-        names.sort();
-        names
+    fn names(dir: &Path) -> Vec<std::ffi::OsString> {
+        Directory::open(dir).unwrap().names().unwrap()
+    }
+
+    #[test]
+    fn an_error_changes_nothing_and_leaves_nothing_behind() {
+        let dir = tempfile::tempdir().unwrap();
+        fs::create_dir(dir.path().join("run")).unwrap();
+        for place in ["run", "new/and/deep"].map(|name| dir.path().join(name)) {
+            make(&place, Existing::MoveAside, |_| anyhow::bail!("no such network")).unwrap_err();
+            assert_eq!(names(dir.path()), ["run"]);
+        }
     }
 
     #[test]
     fn a_place_that_is_taken_while_the_directory_is_filled_is_left_alone() {
         let dir = tempfile::tempdir().unwrap();
         let path = dir.path().join("run");
-        let others = || -> Result<()> {
+        let others = |_: &Directory| -> Result<()> {
             fs::create_dir(&path)?;
             Ok(fs::write(path.join("theirs"), "x")?)
         };
-        let made = make(&path, Existing::Number, |_| others()).unwrap();
+        let made = make(&path, Existing::Number, others).unwrap();
         assert_eq!(made.path(), dir.path().join("run-2"));
         fs::remove_dir_all(&path).unwrap();
-        let error = make(&path, Existing::Refuse, |_| others()).unwrap_err().to_string();
+        let error = make(&path, Existing::Refuse, others).unwrap_err().to_string();
         assert!(error.contains("run: exists already"), "{error}");
         fs::remove_dir_all(&path).unwrap();
-        make(&path, Existing::MoveAside, |_| others()).unwrap();
+        make(&path, Existing::MoveAside, others).unwrap();
         assert_eq!(names(dir.path()), ["run", "run-2", "run.old-1"]);
         assert!(path.with_file_name("run.old-1").join("theirs").exists());
     }
@@ -203,35 +190,18 @@ mod tests {
         };
         let error = format!("{:#}", make_file(&path, Existing::Refuse, ours).unwrap_err());
         assert!(error.contains("film.gif: exists already, made by another process meanwhile"), "{error}");
-        assert_eq!((names(dir.path()), fs::read_to_string(&path).unwrap()), (vec!["film.gif".into()], "theirs".into()));
+        assert_eq!(names(dir.path()), ["film.gif"]);
+        assert_eq!(fs::read_to_string(&path).unwrap(), "theirs");
         make_file(&path, Existing::MoveAside, ours).unwrap();
         assert_eq!(names(dir.path()), ["film.gif", "film.gif.old-1"]);
         assert_eq!(fs::read_to_string(&path).unwrap(), "ours");
     }
 
     #[test]
-    fn what_another_process_writes_is_not_moved() {
-        let dir = tempfile::tempdir().unwrap();
-        let path = dir.path().join("all");
-        fs::create_dir_all(path.join("deep/run")).unwrap();
-        for busy in [path.clone(), path.join("deep/run")] {
-            let lock = Directory::lock(&busy).unwrap();
-            let error = format!("{:#}", move_aside(&path).unwrap_err());
-            assert!(error.contains(&format!("{}: another process", busy.display())), "{error}");
-            assert_eq!(names(dir.path()), ["all"]);
-            drop(lock);
-        }
-        move_aside(&path).unwrap();
-        assert_eq!(names(dir.path()), ["all.old-1"]);
-    }
-
-    #[test]
     fn a_new_directory_has_a_name() {
         for nameless in ["..", "/", "a/..", ""] {
-            for existing in [Existing::Refuse, Existing::MoveAside, Existing::Number] {
-                let error = place(Path::new(nameless), existing).unwrap_err().to_string();
-                assert!(error.ends_with("has no name of its own; name a new directory"), "{error}");
-            }
+            let error = place(Path::new(nameless), Existing::MoveAside).unwrap_err().to_string();
+            assert!(error.ends_with("has no name of its own; name a new directory"), "{error}");
         }
     }
 }

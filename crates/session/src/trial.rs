@@ -8,7 +8,7 @@ use std::collections::BTreeSet;
 use std::io::{Read, Write};
 use std::os::unix::process::{CommandExt, ExitStatusExt};
 use std::path::PathBuf;
-use std::process::{Child, Command, ExitStatus, Stdio};
+use std::process::{Command, ExitStatus, Stdio};
 use std::sync::{Mutex, PoisonError};
 use std::thread;
 use std::time::{Duration, Instant};
@@ -92,7 +92,13 @@ pub fn watch(mut command: Command, input: String, patience: Duration) -> Result<
     // A child that has died does not read. Its end says more than this error would.
     let write = thread::spawn(move || drop(stdin.write_all(input.as_bytes())));
     let read = thread::spawn(move || last_words(&mut stderr));
-    let status = ended_within(&mut child, patience);
+    let begun = Instant::now();
+    let status = loop {
+        match child.try_wait() {
+            Ok(None) if begun.elapsed() < patience => thread::sleep(LOOK_EVERY),
+            ended => break ended,
+        }
+    };
     if !matches!(status, Ok(Some(_))) {
         drop(child.kill());
         drop(child.wait());
@@ -100,20 +106,7 @@ pub fn watch(mut command: Command, input: String, patience: Duration) -> Result<
     // Both pipes are closed with the child, so both threads end.
     drop(write.join());
     let said = read.join().map_err(|_| anyhow!("cannot read what the process that tries it says"))?;
-    Ok(End { status: status?, said })
-}
-
-fn ended_within(child: &mut Child, patience: Duration) -> Result<Option<ExitStatus>> {
-    let begun = Instant::now();
-    loop {
-        if let Some(status) = child.try_wait().context("cannot wait for the process that tries it")? {
-            return Ok(Some(status));
-        }
-        if begun.elapsed() >= patience {
-            return Ok(None);
-        }
-        thread::sleep(LOOK_EVERY);
-    }
+    Ok(End { status: status.context("cannot wait for the process that tries it")?, said })
 }
 
 /// Reads to the end and keeps the last words.
@@ -168,56 +161,42 @@ fn judge(End { status, said }: End, files: &str, simulator: &str) -> Result<()> 
 mod tests {
     use super::*;
 
-    fn told(script: &str, patience: Duration) -> String {
+    /// Returns what is said of a child that runs this script.
+    fn said_of(script: &str, patience: Duration) -> String {
         let mut command = Command::new("sh");
         command.args(["-c", script]);
         let end = watch(command, "x".repeat(1 << 20), patience).unwrap();
-        match judge(end, "a.net.xml", "SUMO") {
-            Ok(()) => "survived".to_owned(),
-            Err(error) => format!("{error:#}"),
-        }
+        judge(end, "a.net.xml", "SUMO").map_or_else(|error| format!("{error:#}"), |()| "survived".to_owned())
     }
 
     #[test]
     fn the_death_of_the_child_is_an_error_like_any_other() {
         let long = Duration::from_secs(60);
-        let died = "a.net.xml: SUMO cannot simulate this network; use another one";
-        assert_eq!(told("cat > /dev/null", long), "survived");
-        assert_eq!(
-            told("echo 'Assertion `x` failed.' >&2; kill -ABRT $$", long),
-            format!(
-                "{died}: SUMO died of signal 6 (aborted, for example by an assertion); \
-                 its last words: Assertion `x` failed."
-            )
-        );
-        assert_eq!(told("kill -SEGV $$", long), format!("{died}: SUMO died of signal 11 (it read foreign memory)"));
-        assert_eq!(told("exit 101", long), format!("{died}: it ended with exit status: 101"));
-        assert_eq!(told("printf 'error: a\\n  caused by: b\\n' >&2; exit 2", long), "a: b");
-        assert_eq!(
-            told("exec sleep 1000", Duration::from_millis(50)),
-            format!("{died}: it was not loaded within 600 s; the machine may be busy")
-        );
-    }
-
-    #[test]
-    fn memory_that_ran_out_is_told_in_whatever_words_the_child_said_it() {
-        let expected =
-            "a.net.xml: SUMO cannot simulate this network; use another one: memory ran out; it may take 4 GiB";
-        for script in [
-            "echo \"terminate called after throwing an instance of 'std::bad_alloc'\" >&2; kill -ABRT $$",
-            "printf 'error: a.net.xml: this network cannot be simulated\\n  caused by: std::bad_alloc\\n' >&2; exit 2",
-            "echo 'memory allocation of 48 bytes failed' >&2; kill -ABRT $$",
-            "echo 'error: out of memory: the system refused 8 more bytes' >&2; exit 1",
-            "echo 'error: no memory for a network: Cannot allocate memory (os error 12)' >&2; exit 2",
+        assert_eq!(said_of("cat > /dev/null", long), "survived");
+        assert_eq!(said_of("printf 'error: a\\n  caused by: b\\n' >&2; exit 2", long), "a: b");
+        let out_of_memory = "memory ran out; it may take 4 GiB, or less if a limit (ulimit -v) says so";
+        for (script, patience, how) in [
+            (
+                "echo 'Assertion `x` failed.' >&2; kill -ABRT $$",
+                long,
+                "SUMO died of signal 6 (aborted, for example by an assertion); its last words: Assertion `x` failed.",
+            ),
+            ("kill -SEGV $$", long, "SUMO died of signal 11 (it read foreign memory)"),
+            ("exit 101", long, "it ended with exit status: 101"),
+            ("exec sleep 1000", Duration::from_millis(50), "it was not loaded within 600 s; the machine may be busy"),
+            ("echo 'what(): std::bad_alloc' >&2; kill -ABRT $$", long, out_of_memory),
+            ("echo 'memory allocation of 48 bytes failed' >&2; kill -ABRT $$", long, out_of_memory),
+            ("echo 'error: a: b\\n  caused by: Cannot allocate memory (os error 12)' >&2; exit 2", long, out_of_memory),
         ] {
-            let told = told(&format!("cat > /dev/null; {script}"), Duration::from_secs(60));
-            assert!(told.starts_with(expected), "{script}: {told}");
+            let said = said_of(script, patience);
+            let said = said.strip_prefix("a.net.xml: SUMO cannot simulate this network; use another one: ").unwrap();
+            assert!(said.starts_with(how), "{script}: {said}");
         }
     }
 
     #[test]
     fn endless_words_are_cut() {
-        let told = told("yes 'no end' | head -n 100000 >&2; kill -SEGV $$", Duration::from_secs(60));
-        assert!(told.len() < LAST_WORDS + 200 && told.ends_with("no end"), "{}", told.len());
+        let said = said_of("yes 'no end' | head -n 100000 >&2; kill -SEGV $$", Duration::from_secs(60));
+        assert!(said.len() < LAST_WORDS + 200 && said.ends_with("no end"), "{}", said.len());
     }
 }

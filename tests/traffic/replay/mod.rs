@@ -21,7 +21,7 @@ use dials_learn::evaluation::{episode_seed, play};
 use dials_learn::policy::{JointPolicyController, Selection};
 use dials_session::config::{RunConfig, load};
 use dials_session::domains::DomainConfig;
-use dials_session::records::joint_layout::JointLayout;
+use dials_session::records::networks::JointLayout;
 use dials_traffic::Traffic;
 use dials_traffic::agents::phases::Light;
 use dials_traffic::config::TrafficTable;

@@ -3,76 +3,45 @@
 use std::fmt::{self, Formatter};
 use std::sync::LazyLock;
 
+use serde::Deserialize;
+use serde::de::value::MapAccessDeserializer;
 use serde::de::{DeserializeSeed, Deserializer, Error, IntoDeserializer, MapAccess, Visitor};
-use serde::{Deserialize, forward_to_deserialize_any};
 
 use super::RunConfig;
 use crate::domains::DomainConfig;
 use dials_core::base::keys_of;
 use dials_learn::config::Config;
 
-impl<'de> Deserialize<'de> for RunConfig {
-    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<RunConfig, D::Error> {
-        let mut config = RunConfig::default();
-        let learning = Config::deserialize(Split { deserializer, config: &mut config })?;
-        Ok(RunConfig { learning, ..config })
-    }
-}
-
 /// The keys of the file.
 static KEYS: LazyLock<Vec<&str>> =
     LazyLock::new(|| [keys_of::<Config>(&[]), DomainConfig::NAMES, &["logging", "numerics"]].concat());
 
-/// What [`Config`] reads, from a file that also has tables of others. These go to `config`.
-struct Split<'a, D> {
-    deserializer: D,
-    config: &'a mut RunConfig,
-}
-
-impl<'de, D: Deserializer<'de>> Deserializer<'de> for Split<'_, D> {
-    type Error = D::Error;
-
-    fn deserialize_any<V: Visitor<'de>>(self, visitor: V) -> Result<V::Value, D::Error> {
-        self.deserialize_struct("", &[], visitor)
-    }
-
-    fn deserialize_struct<V: Visitor<'de>>(
-        self,
-        _: &'static str,
-        fields: &'static [&'static str],
-        visitor: V,
-    ) -> Result<V::Value, D::Error> {
-        self.deserializer.deserialize_struct("RunConfig", &KEYS, Tables { fields, visitor, config: self.config })
-    }
-
-    forward_to_deserialize_any! {
-        bool i8 i16 i32 i64 u8 u16 u32 u64 f32 f64 char str string bytes byte_buf option unit unit_struct newtype_struct
-        seq tuple tuple_struct map enum identifier ignored_any
+impl<'de> Deserialize<'de> for RunConfig {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<RunConfig, D::Error> {
+        deserializer.deserialize_struct("RunConfig", &KEYS, File)
     }
 }
 
-/// Reads the file. `fields`: the keys of learning.
-struct Tables<'a, V> {
-    fields: &'static [&'static str],
-    visitor: V,
-    config: &'a mut RunConfig,
-}
+/// Reads the file.
+struct File;
 
-impl<'de, V: Visitor<'de>> Visitor<'de> for Tables<'_, V> {
-    type Value = V::Value;
+impl<'de> Visitor<'de> for File {
+    type Value = RunConfig;
 
     fn expecting(&self, f: &mut Formatter<'_>) -> fmt::Result {
         f.write_str("a table")
     }
 
-    fn visit_map<M: MapAccess<'de>>(self, map: M) -> Result<V::Value, M::Error> {
-        self.visitor.visit_map(OfLearning { fields: self.fields, map, config: self.config })
+    fn visit_map<M: MapAccess<'de>>(self, map: M) -> Result<RunConfig, M::Error> {
+        let mut config = RunConfig::default();
+        let of_learning = OfLearning { map, config: &mut config };
+        let learning = Config::deserialize(MapAccessDeserializer::new(of_learning))?;
+        Ok(RunConfig { learning, ..config })
     }
 }
 
-/// The keys of learning. The others are read on the way.
+/// The keys of learning. The others are read on the way, into `config`.
 struct OfLearning<'a, M> {
-    fields: &'static [&'static str],
     map: M,
     config: &'a mut RunConfig,
 }
@@ -85,8 +54,7 @@ impl<'de, M: MapAccess<'de>> MapAccess<'de> for OfLearning<'_, M> {
             match key {
                 "logging" => self.config.logging = self.map.next_value()?,
                 "numerics" => self.config.numerics = self.map.next_value()?,
-                key if self.fields.contains(&key) => return seed.deserialize(key.into_deserializer()).map(Some),
-                table => {
+                table if DomainConfig::NAMES.contains(&table) => {
                     let domain = DomainConfig::read(table, &mut self.map)?;
                     if let Some(other) = self.config.domain.replace(domain) {
                         let tables = format!("[{}] and [{table}]", other.name());
@@ -95,6 +63,7 @@ impl<'de, M: MapAccess<'de>> MapAccess<'de> for OfLearning<'_, M> {
                         )));
                     }
                 }
+                key => return seed.deserialize(key.into_deserializer()).map(Some),
             }
         }
         Ok(None)

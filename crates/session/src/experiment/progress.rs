@@ -177,7 +177,7 @@ mod tests {
     use super::*;
     use crate::config::{RunConfig, to_toml};
     use crate::records::files::{EPISODES, NETWORKS, RETURNS, TIMING};
-    use crate::records::kept::Kept;
+    use crate::records::run_json::Kept;
     use dials_core::domain::{RoughCosts, Scenario};
     use dials_core::outside::FileName;
     use dials_learn::config::Simulator;

@@ -73,18 +73,14 @@ pub(crate) const CPU_EVALUATION_S: &str = "cpu_evaluation_s";
 /// Returns the columns of `timing.csv`.
 pub(crate) fn of_timing() -> Vec<String> {
     let fixed = [STEPS, WORKER, "wall_s", ELAPSED_S, CPU_S, CPU_EVALUATION_S, "exchange_s"].map(str::to_owned);
-    let phases = Phase::ALL.map(seconds_of_phase);
-    fixed.into_iter().chain(Activity::ALL.map(seconds_of)).chain(["idle_s".to_owned()]).chain(phases).collect()
+    let activities = Activity::ALL.map(|activity| seconds_of(activity.name()));
+    let phases = Phase::ALL.map(|phase| seconds_of(phase.name()));
+    fixed.into_iter().chain(activities).chain(["idle_s".to_owned()]).chain(phases).collect()
 }
 
-/// Returns the column of `timing.csv` with the seconds of an activity.
-pub(crate) fn seconds_of(activity: Activity) -> String {
-    format!("{}_s", activity.name())
-}
-
-/// Returns the column of `timing.csv` with the seconds of a phase of the policies' training.
-pub(crate) fn seconds_of_phase(phase: Phase) -> String {
-    format!("{}_s", phase.name())
+/// Returns the column of `timing.csv` with the seconds of an activity, or of a phase of the policies' training.
+pub(crate) fn seconds_of(name: &str) -> String {
+    format!("{name}_s")
 }
 
 pub(crate) const PROCESS: &str = "process";

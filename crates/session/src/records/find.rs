@@ -1,19 +1,76 @@
 //! Finds the material of a report in its folders: run directories, measured baselines, and plans of experiments.
+//!
+//! A plan names the runs and baselines that experiments make in a folder, so a report can name what is missing. Several
+//! experiments may share a folder. Each has a plan of its own, under the name of its file.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::fmt;
-use std::fs;
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result, bail, ensure};
-use serde::Deserialize;
+use serde::de::DeserializeOwned;
+use serde::{Deserialize, Serialize};
 
-use super::json_file::read_json;
-use super::plan::{FolderPlan, PLAN};
 use crate::records::csv_table::LARGEST;
 use crate::records::files::is_run_dir;
 use crate::records::run_record::RunRecord;
-use dials_core::outside::{FileName, Printable};
+use dials_core::outside::{Directory, FileName, Printable, read_text};
+
+/// Name of the file with the plan, in the folder of runs.
+pub const PLAN: &str = "plan.json";
+/// Largest plan or baseline. A plan of 100 000 runs has eight mebibytes.
+const LARGEST_FILE: u64 = 16 << 20;
+
+/// The plan of one experiment.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct ExperimentPlan {
+    /// Names of the run directories, which are in the same folder as the plan.
+    pub runs: Vec<FileName>,
+    /// Names of the baseline files, without `.json`.
+    pub baselines: Vec<FileName>,
+}
+
+/// Contents of `plan.json`.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct FolderPlan {
+    /// Plans of the experiments, by the names of their files.
+    experiments: BTreeMap<String, ExperimentPlan>,
+}
+
+impl FolderPlan {
+    /// Reads the plan in a folder. If there is none: `None`.
+    pub fn read(folder: &Path) -> Result<Option<FolderPlan>> {
+        let path = folder.join(PLAN);
+        // A link that leads nowhere is a plan that cannot be read.
+        if path.symlink_metadata().is_ok() { read_json(&path).map(Some) } else { Ok(None) }
+    }
+
+    /// Puts in the plan of an experiment, in the place of its earlier one. `file`: name of the experiment's file.
+    pub fn put(&mut self, file: &str, plan: ExperimentPlan) {
+        self.experiments.insert(file.to_owned(), plan);
+    }
+
+    /// Lists the names of all planned runs, each once.
+    pub(crate) fn runs(&self) -> Vec<&FileName> {
+        each_once(self.experiments.values().flat_map(|plan| &plan.runs))
+    }
+
+    /// Lists the names of all planned baselines, each once.
+    pub(crate) fn baselines(&self) -> Vec<&FileName> {
+        each_once(self.experiments.values().flat_map(|plan| &plan.baselines))
+    }
+}
+
+/// Reads a plan or a baseline.
+fn read_json<T: DeserializeOwned>(path: &Path) -> Result<T> {
+    let text = read_text(path, LARGEST_FILE).with_context(|| format!("{}: cannot be read", path.display()))?;
+    serde_json::from_str(&text).with_context(|| format!("{}: is not a file of this program", path.display()))
+}
+
+fn each_once<'a>(names: impl Iterator<Item = &'a FileName>) -> Vec<&'a FileName> {
+    let mut seen: BTreeSet<&str> = BTreeSet::new();
+    names.filter(|name| seen.insert(name)).collect()
+}
 
 /// Name of the folder in which an experiment keeps the output of `baseline --json`.
 pub const BASELINES: &str = "baselines";
@@ -86,8 +143,10 @@ pub struct Found {
 }
 
 impl Found {
-    fn leave_out(&mut self, path: &Path, error: &anyhow::Error) {
-        self.unreadable.push(LeftOut { dir: path.to_owned(), reason: format!("{error:#}") });
+    /// Returns what was read from `path`. If that failed, it is left out.
+    fn unless_left_out<T>(&mut self, path: &Path, read: Result<T>) -> Option<T> {
+        let reason = |error: anyhow::Error| LeftOut { dir: path.to_owned(), reason: format!("{error:#}") };
+        read.map_err(|error| self.unreadable.push(reason(error))).ok()
     }
 }
 
@@ -117,31 +176,21 @@ fn search(folder: &Path, depth: usize, seen: &mut BTreeMap<PathBuf, bool>, found
         return Ok(holds);
     }
     if is_run_dir(folder) {
-        match RunRecord::read(folder) {
-            Ok(run) => found.runs.push(run),
-            Err(error) => found.leave_out(folder, &error),
-        }
+        let run = found.unless_left_out(folder, RunRecord::read(folder));
+        found.runs.extend(run);
         seen.insert(place, true);
         return Ok(true);
     }
     // Until it has been searched: a link back to it adds nothing.
     seen.insert(place.clone(), false);
     let mut holds = read_plan(folder, found);
-    let entries = match entries_of(folder) {
-        Ok(entries) => entries,
-        Err(error) => {
-            found.leave_out(folder, &error);
-            Vec::new()
-        }
-    };
+    let entries = found.unless_left_out(folder, entries_of(folder)).unwrap_or_default();
     for entry in entries.iter().filter(|entry| entry.is_dir() && depth > 0 && !is_aside(entry)) {
         if entry.file_name().is_some_and(|name| name == BASELINES) {
             read_baselines(entry, found);
         } else {
-            match search(entry, depth - 1, seen, found) {
-                Ok(inside) => holds |= inside,
-                Err(error) => found.leave_out(entry, &error),
-            }
+            let inside = search(entry, depth - 1, seen, found);
+            holds |= found.unless_left_out(entry, inside).unwrap_or(false);
         }
     }
     seen.insert(place, holds);
@@ -157,22 +206,13 @@ pub fn is_aside(folder: &Path) -> bool {
 
 /// Returns the paths in a folder, in order.
 fn entries_of(folder: &Path) -> Result<Vec<PathBuf>> {
-    let entries = fs::read_dir(folder).and_then(|entries| entries.map(|entry| Ok(entry?.path())).collect());
-    let mut paths: Vec<PathBuf> = entries.with_context(|| format!("{}: cannot be read", folder.display()))?;
-    paths.sort();
-    Ok(paths)
+    Ok(Directory::open(folder)?.names()?.iter().map(|name| folder.join(name)).collect())
 }
 
 /// Reads the plan in a folder. Returns whether there is one that names a run, or one that cannot be read.
 fn read_plan(folder: &Path, found: &mut Found) -> bool {
-    let plan = match FolderPlan::read(folder) {
-        Ok(Some(plan)) => plan,
-        Ok(None) => return false,
-        Err(error) => {
-            found.leave_out(&folder.join(PLAN), &error);
-            return true;
-        }
-    };
+    let Some(plan) = found.unless_left_out(&folder.join(PLAN), FolderPlan::read(folder)) else { return true };
+    let Some(plan) = plan else { return false };
     let runs = plan.runs();
     found.missing.extend(runs.iter().map(|name| folder.join(name)).filter(|run| !is_run_dir(run)));
     let baselines = plan.baselines().into_iter().map(|name| baseline_file(folder, name));
@@ -181,17 +221,13 @@ fn read_plan(folder: &Path, found: &mut Found) -> bool {
 }
 
 fn read_baselines(folder: &Path, found: &mut Found) {
-    let mut paths = match entries_of(folder) {
-        Ok(paths) => paths,
-        Err(error) => return found.leave_out(folder, &error),
-    };
+    let mut paths = found.unless_left_out(folder, entries_of(folder)).unwrap_or_default();
     paths.retain(|path| path.extension().is_some_and(|extension| extension == "json"));
     for path in paths {
-        match read_baseline(&path) {
-            // Two experiments on one scenario measure the same baselines.
-            Ok(baseline) if found.baselines.iter().any(|(_, other)| other.says_the_same_as(&baseline)) => {}
-            Ok(baseline) => found.baselines.push((path, baseline)),
-            Err(error) => found.leave_out(&path, &error),
+        let Some(baseline) = found.unless_left_out(&path, read_baseline(&path)) else { continue };
+        // Two experiments on one scenario measure the same baselines.
+        if !found.baselines.iter().any(|(_, other)| other.says_the_same_as(&baseline)) {
+            found.baselines.push((path, baseline));
         }
     }
 }
@@ -207,4 +243,23 @@ pub(crate) fn read_baseline(path: &Path) -> Result<BaselineRecord> {
         }
     }
     Ok(baseline)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn experiments_in_one_folder_keep_their_plans_and_an_edited_one_replaces_its_own() {
+        let names = |names: &[&str]| names.iter().map(|&name| FileName::new(name).unwrap()).collect::<Vec<_>>();
+        let plan =
+            |runs: &[&str], baselines: &[&str]| ExperimentPlan { runs: names(runs), baselines: names(baselines) };
+        let mut folder = FolderPlan::default();
+        folder.put("a.toml", plan(&["a1", "both"], &["random"]));
+        folder.put("b.toml", plan(&["both", "b1"], &["random", "never"]));
+        assert_eq!(folder.runs(), names(&["a1", "both", "b1"]).iter().collect::<Vec<_>>());
+        assert_eq!(folder.baselines(), names(&["random", "never"]).iter().collect::<Vec<_>>());
+        folder.put("b.toml", plan(&["b2"], &[]));
+        assert_eq!(folder.runs(), names(&["a1", "both", "b2"]).iter().collect::<Vec<_>>());
+    }
 }

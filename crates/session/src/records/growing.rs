@@ -1,15 +1,12 @@
 //! Files that only grow: their length, and the checksum of everything in them, so that a later change is noticed.
 
-use std::fs::File;
-use std::io::{Read, Write};
+use std::io::Write;
 
 use anyhow::{Context, Result, ensure};
 use serde::{Deserialize, Serialize};
 
 use dials_core::outside::Directory;
-
-/// Number of bytes that are read at a time.
-const PART: usize = 1 << 16;
+use dials_learn::evaluation::csv::Lines;
 
 /// How far a file has grown.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
@@ -45,7 +42,7 @@ impl GrowingFile {
     }
 
     /// Appends what `block` makes; it gets whether the file is new. If that fails, the file is as before.
-    pub fn append(&mut self, directory: &Directory, block: impl FnOnce(bool) -> Result<Vec<u8>>) -> Result<()> {
+    pub(crate) fn append(&mut self, directory: &Directory, block: impl FnOnce(bool) -> Result<Vec<u8>>) -> Result<()> {
         let new = self.mark.bytes == 0;
         let block = block(new)?;
         let mut file = if new { directory.open_to_append(&self.name)? } else { directory.open_to_go_on(&self.name)? };
@@ -56,10 +53,20 @@ impl GrowingFile {
             "{}: has {length} bytes instead of {expected}: something else changed it meanwhile",
             directory.path_of(&self.name).display()
         );
-        append_whole(&mut file, expected, &block).with_context(failed)?;
+        let written = file.write_all(&block).inspect_err(|_| drop(file.set_len(expected)));
+        written.with_context(failed)?;
         self.mark = self.mark.after(&block);
         self.unsynced = true;
         Ok(())
+    }
+
+    /// Appends lines of a CSV file, after its header if the file is new.
+    pub fn append_lines(&mut self, directory: &Directory, Lines { header, lines }: &Lines) -> Result<()> {
+        self.append(directory, |new| {
+            let mut writer = csv::Writer::from_writer(Vec::new());
+            new.then_some(header).into_iter().chain(lines).try_for_each(|line| writer.write_record(line))?;
+            writer.into_inner().context("a CSV block in memory")
+        })
     }
 
     /// Makes everything that was appended durable. The caller makes new names durable.
@@ -86,29 +93,15 @@ impl GrowingFile {
     }
 }
 
-fn append_whole(file: &mut File, length: u64, block: &[u8]) -> std::io::Result<()> {
-    file.write_all(block).inspect_err(|_| drop(file.set_len(length)))
-}
-
 /// Says how a file differs from what it held at `mark`. `None`: it holds the same, and maybe more after it.
 pub(crate) fn misfit(directory: &Directory, name: &str, mark: Mark) -> Result<Option<String>> {
-    let Some(file) = directory.open_file(name)? else {
+    let Some(bytes) = directory.read(name, u64::MAX)? else {
         return Ok((mark.bytes > 0).then(|| "is missing".to_owned()));
     };
-    let failed = || format!("{}: cannot be read", directory.path_of(name).display());
-    let length = file.metadata().with_context(failed)?.len();
-    if length < mark.bytes {
-        return Ok(Some(format!("lost {} bytes", mark.bytes - length)));
-    }
-    let (mut found, mut part, mut file) = (Mark::default(), vec![0; PART], file.take(mark.bytes));
-    loop {
-        let read = file.read(&mut part).with_context(failed)?;
-        if read == 0 {
-            break;
-        }
-        found = found.after(&part[..read]);
-    }
-    Ok((found != mark).then(|| "was changed".to_owned()))
+    Ok(match bytes.get(..mark.bytes as usize) {
+        None => Some(format!("lost {} bytes", mark.bytes - bytes.len() as u64)),
+        Some(then) => (Mark::default().after(then) != mark).then(|| "was changed".to_owned()),
+    })
 }
 
 #[cfg(test)]
@@ -116,72 +109,35 @@ mod tests {
     use super::*;
     use std::fs;
 
-    fn directory() -> (tempfile::TempDir, Directory) {
-        let dir = tempfile::tempdir().unwrap();
-        let directory = Directory::open(dir.path()).unwrap();
-        (dir, directory)
-    }
-
-    fn append(file: &mut GrowingFile, directory: &Directory, text: &str) {
-        file.append(directory, |new| Ok([if new { "header\n" } else { "" }, text].concat().into_bytes())).unwrap();
-    }
-
     #[test]
     fn a_growing_file_is_cut_to_where_it_was() {
-        let (dir, directory) = directory();
+        let dir = tempfile::tempdir().unwrap();
+        let directory = Directory::open(dir.path()).unwrap();
         let path = dir.path().join("a.csv");
+        let text = || fs::read_to_string(&path).unwrap();
+        let row = |line: &[&str]| line.iter().map(|&field| field.to_owned()).collect::<Vec<_>>();
+        let of = |lines: &[&str]| Lines {
+            header: row(&["x", "b,c"]),
+            lines: lines.iter().map(|line| row(&[line, ""])).collect(),
+        };
         let mut file = GrowingFile::new("a.csv", Mark::default());
-        append(&mut file, &directory, "1\n2\n");
+        file.append_lines(&directory, &of(&["1", "2"])).unwrap();
         let mark = file.mark();
         // The check value of CRC-32C is of the nine digits.
         assert_eq!(Mark::default().after(b"1234").after(b"56789"), Mark { bytes: 9, crc32c: 0xe306_9283 });
-        append(&mut file, &directory, "3\n");
+        file.append_lines(&directory, &of(&["3"])).unwrap();
         file.sync(&directory).unwrap();
-        assert_eq!(fs::read_to_string(&path).unwrap(), "header\n1\n2\n3\n");
+        assert_eq!(text(), "x,\"b,c\"\n1,\n2,\n3,\n");
         let mut file = GrowingFile::new("a.csv", mark);
         assert_eq!(misfit(&directory, "a.csv", mark).unwrap(), None);
         file.cut(&directory).unwrap();
-        assert_eq!(fs::read_to_string(&path).unwrap(), "header\n1\n2\n");
-        append(&mut file, &directory, "3\n");
-        assert_eq!(fs::read_to_string(&path).unwrap(), "header\n1\n2\n3\n");
-        GrowingFile::new("a.csv", Mark::default()).cut(&directory).unwrap();
-        assert!(!path.exists());
-        GrowingFile::new("a.csv", Mark::default()).cut(&directory).unwrap();
-    }
-
-    #[test]
-    fn a_change_before_the_mark_is_noticed_and_one_after_it_is_not() {
-        let (dir, directory) = directory();
-        let path = dir.path().join("a.csv");
-        let mut file = GrowingFile::new("a.csv", Mark::default());
-        append(&mut file, &directory, "1\n2\n");
-        let is = |text: &str| {
-            fs::write(&path, text).unwrap();
-            misfit(&directory, "a.csv", file.mark()).unwrap()
-        };
-        assert_eq!(is("header\n1\n2\n3\n"), None);
-        assert_eq!(is("header\n1\n3\n").as_deref(), Some("was changed"));
-        assert_eq!(is("header\n1\n").as_deref(), Some("lost 2 bytes"));
-        fs::remove_file(&path).unwrap();
-        assert_eq!(misfit(&directory, "a.csv", file.mark()).unwrap().as_deref(), Some("is missing"));
-        assert_eq!(misfit(&directory, "a.csv", Mark::default()).unwrap(), None);
-    }
-
-    #[test]
-    fn two_writers_of_one_file_are_noticed() {
-        let (dir, directory) = directory();
-        let mut file = GrowingFile::new("a.csv", Mark::default());
-        append(&mut file, &directory, "1\n");
-        fs::write(dir.path().join("a.csv"), "header\n1\n9\n").unwrap();
-        let error = file.append(&directory, |_| Ok(b"2\n".to_vec())).unwrap_err().to_string();
-        assert!(error.contains("a.csv: has 11 bytes instead of 9: something else changed it"), "{error}");
-    }
-
-    #[test]
-    fn a_full_disk_is_an_error() {
-        // The kernel's own full disk.
-        let mut full = fs::OpenOptions::new().append(true).open("/dev/full").unwrap();
-        let error = append_whole(&mut full, 0, b"1\n").unwrap_err().to_string();
-        assert!(error.contains("No space left on device"), "{error}");
+        assert_eq!(text(), "x,\"b,c\"\n1,\n2,\n");
+        fs::write(&path, text() + "9").unwrap();
+        let error = file.append_lines(&directory, &of(&["3"])).unwrap_err().to_string();
+        assert!(error.contains("a.csv: has 15 bytes instead of 14: something else changed it"), "{error}");
+        for _ in 0..2 {
+            GrowingFile::new("a.csv", Mark::default()).cut(&directory).unwrap();
+            assert!(!path.exists());
+        }
     }
 }

@@ -7,6 +7,7 @@ use dials_core::base::statistics::mean;
 use dials_core::base::{Activity, Phase, Timesheet};
 use dials_learn::algorithms::Metrics;
 use dials_learn::algorithms::imitation::ImitationLoss;
+use dials_learn::evaluation::csv::Lines;
 use dials_learn::evaluation::{Evaluation, Summary};
 use dials_learn::fleet::{FleetLoad, Footprint};
 use dials_learn::predictors::{AipLoss, FreshLoss, mean_loss};
@@ -16,112 +17,102 @@ use dials_learn::steps::train_policies::PolicyTraining;
 /// A line of a CSV file, one string per column.
 pub(super) type CsvLine = Vec<String>;
 
-/// Makes a header of fixed columns.
-pub(super) fn header(columns: &[&str]) -> CsvLine {
-    columns.iter().map(|&column| column.to_owned()).collect()
+/// Returns lines under fixed columns and `further` ones. A line that is short ends with empty fields.
+fn under<'a>(columns: &[&'a str], further: impl IntoIterator<Item = &'a str>, mut lines: Vec<CsvLine>) -> Lines {
+    let header: CsvLine = columns.iter().copied().chain(further).map(str::to_owned).collect();
+    lines.iter_mut().for_each(|line| line.resize(header.len(), String::new()));
+    Lines { header, lines }
 }
 
-pub(super) fn evaluation_header(evaluation: &Evaluation) -> CsvLine {
-    let per_agent = evaluation.measures.per_agent.iter().map(|(name, _)| name.clone());
-    let system = evaluation.measures.system.iter().map(|(name, _)| name.clone());
-    header(&columns::OF_RETURNS).into_iter().chain(per_agent).chain(system).collect()
+/// Makes the beginning of a line: the timesteps, and the agent, worker or process that it is of.
+fn begin(steps: u64, of: impl ToString) -> CsvLine {
+    vec![steps.to_string(), of.to_string()]
+}
+
+/// Adds figures to a line.
+fn extend(line: &mut CsvLine, figures: impl IntoIterator<Item = f64>, decimals: usize) {
+    line.extend(figures.into_iter().map(|figure| format!("{figure:.decimals$}")));
 }
 
 /// Makes a line for all agents (`stuck`: their number), then one per agent (`stuck`: 0 or 1; no figures of the whole
 /// system).
-pub(super) fn evaluation_lines(steps: u64, evaluation: &Evaluation) -> Vec<CsvLine> {
-    let line = |agent: String, summary: Summary, stuck: usize| {
-        let mut line = vec![steps.to_string(), agent];
-        line.extend([summary.mean, summary.median, summary.std_error].map(|value| format!("{value:.4}")));
+pub(super) fn evaluation_lines(steps: u64, evaluation: &Evaluation) -> Lines {
+    let (per_agent, system) = (&evaluation.measures.per_agent, &evaluation.measures.system);
+    let line = |agent: String, summary: Summary, stuck: usize, measures: Vec<f64>| {
+        let mut line = begin(steps, agent);
+        extend(&mut line, [summary.mean, summary.median, summary.std_error], 4);
         line.extend([evaluation.episodes().to_string(), stuck.to_string()]);
+        extend(&mut line, measures, 4);
         line
     };
-    let measures = &evaluation.measures;
-    let mut all = line(ALL.to_owned(), evaluation.of_all(), evaluation.stuck.iter().filter(|&&stuck| stuck).count());
-    let means = measures.per_agent.iter().map(|(_, values)| values.iter().sum::<f64>() / values.len() as f64);
-    all.extend(means.chain(measures.system.iter().map(|&(_, value)| value)).map(|value| format!("{value:.4}")));
-    let mut lines = vec![all];
+    let means = per_agent.iter().map(|(_, values)| values.iter().sum::<f64>() / values.len() as f64);
+    let of_all = means.chain(system.iter().map(|&(_, value)| value)).collect();
+    let stuck = evaluation.stuck.iter().filter(|&&stuck| stuck).count();
+    let mut lines = vec![line(ALL.to_owned(), evaluation.of_all(), stuck, of_all)];
     for agent in 0..evaluation.agents() {
-        let mut of_agent = line(agent.to_string(), evaluation.of_agent(agent), usize::from(evaluation.stuck[agent]));
-        of_agent.extend(measures.per_agent.iter().map(|(_, values)| format!("{:.4}", values[agent])));
-        of_agent.extend(measures.system.iter().map(|_| String::new()));
-        lines.push(of_agent);
+        let stuck = usize::from(evaluation.stuck[agent]);
+        let measures = per_agent.iter().map(|(_, values)| values[agent]).collect();
+        lines.push(line(agent.to_string(), evaluation.of_agent(agent), stuck, measures));
     }
-    lines
+    let names = per_agent.iter().map(|(name, _)| &**name).chain(system.iter().map(|(name, _)| &**name));
+    under(&columns::OF_RETURNS, names, lines)
 }
 
 /// Makes a line per episode of an evaluation, with the mean return of all agents.
-pub(super) fn episode_lines(steps: u64, evaluation: &Evaluation) -> Vec<CsvLine> {
+pub(super) fn episode_lines(steps: u64, evaluation: &Evaluation) -> Lines {
     let episodes = evaluation.returns.iter().enumerate();
-    episodes
-        .map(|(episode, returns)| vec![steps.to_string(), episode.to_string(), format!("{:.6}", mean(returns))])
-        .collect()
+    let line = |(episode, returns): (usize, &[f64])| {
+        let mut line = begin(steps, episode);
+        extend(&mut line, [mean(returns)], 6);
+        line
+    };
+    under(&columns::OF_EPISODES, [], episodes.map(line).collect())
 }
 
 /// Makes a line for the mean of all agents, then one per agent.
-pub(super) fn imitation_lines(steps: u64, losses: &[ImitationLoss]) -> Vec<CsvLine> {
+pub(super) fn imitation_lines(steps: u64, losses: &[ImitationLoss]) -> Lines {
     let line = |agent: String, loss: &ImitationLoss| {
-        let values = loss.cross_entropy.into_iter().chain(loss.accuracy);
-        [steps.to_string(), agent].into_iter().chain(values.map(|value| format!("{value:.5}"))).collect()
+        let mut line = begin(steps, agent);
+        extend(&mut line, loss.cross_entropy.into_iter().chain(loss.accuracy), 5);
+        line
     };
-    let of_agents = losses.iter().enumerate().map(|(agent, loss)| line(agent.to_string(), loss));
-    std::iter::once(line(ALL.to_owned(), &ImitationLoss::mean_of(losses))).chain(of_agents).collect()
+    let mut lines = vec![line(ALL.to_owned(), &ImitationLoss::mean_of(losses))];
+    lines.extend(losses.iter().enumerate().map(|(agent, loss)| line(agent.to_string(), loss)));
+    under(&columns::OF_IMITATION, [], lines)
 }
 
 /// Makes a line for the mean of all agents, each with the mean of its sources. Then for each agent, one line for that mean
-/// and one per source.
-pub(super) fn aip_lines(steps: u64, losses: &[AipLoss]) -> Vec<CsvLine> {
-    let mut of_agents: Vec<[f64; 6]> = Vec::new();
-    let mut lines = Vec::new();
-    let line = |agent: &str, source: &str, values: &[f64; 6]| -> CsvLine {
-        let keys = [steps.to_string(), agent.to_owned(), source.to_owned()];
-        keys.into_iter().chain(values.map(|value| format!("{value:.5}"))).collect()
+/// and one per source. If predictors choose between a network and marginals, each line ends with the number of sources
+/// on marginals.
+pub(super) fn aip_lines(steps: u64, losses: &[AipLoss]) -> Lines {
+    let choose = losses.iter().any(|loss| !loss.on_marginals.is_empty());
+    let line = |agent: &str, source: &str, figures: [f64; 6], on_marginals: usize| {
+        let mut line = begin(steps, agent);
+        line.push(source.to_owned());
+        extend(&mut line, figures, 5);
+        line.extend(choose.then(|| on_marginals.to_string()));
+        line
     };
-    let (choose, mut sources_on_marginals) = (choose_marginals(losses), 0);
+    let (mut lines, mut of_agents, mut on_marginals_in_all) = (Vec::new(), Vec::new(), 0);
     for (agent, loss) in losses.iter().enumerate() {
-        let of_sources: Vec<[f64; 6]> = (0..loss.marginals.len())
-            .map(|source| {
-                let [training, held_out] = [&loss.training, &loss.held_out];
-                [
-                    training[0][source],
-                    training[1][source],
-                    held_out[0][source],
-                    held_out[1][source],
-                    loss.marginals[source],
-                    loss.frequencies[source],
-                ]
-            })
-            .collect();
         let agent = agent.to_string();
-        let on_marginals = loss.on_marginals.iter().map(|&on_marginals| usize::from(on_marginals));
-        let of_agent: usize = on_marginals.clone().sum();
-        let mut all = line(&agent, ALL, &mean_of(&of_sources));
-        all.extend(choose.then(|| of_agent.to_string()));
-        lines.push(all);
-        let first = lines.len();
-        lines.extend(of_sources.iter().enumerate().map(|(source, values)| line(&agent, &source.to_string(), values)));
-        lines[first..]
-            .iter_mut()
-            .zip(on_marginals)
-            .for_each(|(line, on_marginals)| line.push(on_marginals.to_string()));
+        let ([before, after], [held_out_before, held_out_after]) = (&loss.training, &loss.held_out);
+        let figures_of = |source: usize| {
+            let held_out = [held_out_before[source], held_out_after[source]];
+            [before[source], after[source], held_out[0], held_out[1], loss.marginals[source], loss.frequencies[source]]
+        };
+        let of_sources: Vec<[f64; 6]> = (0..loss.marginals.len()).map(figures_of).collect();
+        let on_marginals = loss.on_marginals.iter().filter(|&&on_marginals| on_marginals).count();
+        lines.push(line(&agent, ALL, mean_of(&of_sources), on_marginals));
+        for (source, &figures) in of_sources.iter().enumerate() {
+            let on_marginals = usize::from(loss.on_marginals.get(source) == Some(&true));
+            lines.push(line(&agent, &source.to_string(), figures, on_marginals));
+        }
         of_agents.push(mean_of(&of_sources));
-        sources_on_marginals += of_agent;
+        on_marginals_in_all += on_marginals;
     }
-    let mut all = line(ALL, ALL, &mean_of(&of_agents));
-    all.extend(choose.then(|| sources_on_marginals.to_string()));
-    lines.insert(0, all);
-    lines
-}
-
-/// Returns the columns of `aip_loss.csv` for these losses.
-pub(super) fn aip_header(losses: &[AipLoss]) -> CsvLine {
-    let further = choose_marginals(losses).then(|| columns::SOURCES_ON_MARGINALS.to_owned());
-    header(&columns::OF_AIP_LOSS).into_iter().chain(further).collect()
-}
-
-/// Returns whether these predictors choose between a network and marginals.
-fn choose_marginals(losses: &[AipLoss]) -> bool {
-    losses.iter().any(|loss| !loss.on_marginals.is_empty())
+    lines.insert(0, line(ALL, ALL, mean_of(&of_agents), on_marginals_in_all));
+    under(&columns::OF_AIP_LOSS, choose.then_some(columns::SOURCES_ON_MARGINALS), lines)
 }
 
 fn mean_of(rows: &[[f64; 6]]) -> [f64; 6] {
@@ -129,30 +120,27 @@ fn mean_of(rows: &[[f64; 6]]) -> [f64; 6] {
 }
 
 /// Makes a line for the mean of all agents, then one per agent, each the mean of its sources.
-pub(super) fn drift_lines(steps: u64, after: Moment, losses: &[FreshLoss]) -> Vec<CsvLine> {
-    let line = |agent: String, [loss, marginals]: [f64; 2]| {
-        vec![steps.to_string(), agent, after.name().to_owned(), format!("{loss:.5}"), format!("{marginals:.5}")]
+pub(super) fn drift_lines(steps: u64, after: Moment, losses: &[FreshLoss]) -> Lines {
+    let line = |agent: String, figures: [f64; 2]| {
+        let mut line = begin(steps, agent);
+        line.push(after.name().to_owned());
+        extend(&mut line, figures, 5);
+        line
     };
-    let of_agents = losses.iter().enumerate().map(|(agent, loss)| line(agent.to_string(), loss.means()));
-    std::iter::once(line(ALL.to_owned(), FreshLoss::means_of_all(losses))).chain(of_agents).collect()
-}
-
-pub(super) fn training_header(training: &PolicyTraining) -> CsvLine {
-    let metrics = training.metrics.names().map(str::to_owned);
-    let counters = training.counters.iter().map(|(name, _)| name.clone());
-    header(&columns::OF_TRAINING).into_iter().chain(metrics).chain(counters).collect()
+    let mut lines = vec![line(ALL.to_owned(), FreshLoss::means_of_all(losses))];
+    lines.extend(losses.iter().enumerate().map(|(agent, loss)| line(agent.to_string(), loss.means())));
+    under(&columns::OF_AIP_DRIFT, [], lines)
 }
 
 /// Makes a line for all agents (means; numbers of episodes and counters added up), then one per agent. Metrics are empty
 /// where there was no update.
-pub(super) fn training_lines(steps: u64, training: &PolicyTraining) -> Vec<CsvLine> {
+pub(super) fn training_lines(steps: u64, training: &PolicyTraining) -> Lines {
     let Metrics { of_agents, settings } = &training.metrics;
     let weight = 1.0 / training.agents.len() as f64;
     let returns: Vec<f64> = training.agents.iter().filter_map(|agent| agent.mean_return).collect();
     let mean_return = (!returns.is_empty()).then(|| returns.iter().sum::<f64>() / returns.len() as f64);
-    let episodes = training.agents.iter().map(|agent| agent.episodes).sum();
     let line = |agent: String, mean_return: Option<f64>, episodes: u64, metric: &dyn Fn(&[f64]) -> f64| {
-        let mut line = vec![steps.to_string(), agent];
+        let mut line = begin(steps, agent);
         line.push(mean_return.map_or(String::new(), |value| format!("{value:.4}")));
         line.push(episodes.to_string());
         let updated = |text: String| if training.updates > 0 { text } else { String::new() };
@@ -160,16 +148,16 @@ pub(super) fn training_lines(steps: u64, training: &PolicyTraining) -> Vec<CsvLi
         line.extend(settings.iter().map(|(_, value)| updated(format!("{value:e}"))));
         line
     };
+    let episodes = training.agents.iter().map(|agent| agent.episodes).sum();
     let mean = |values: &[f64]| values.iter().fold(0.0, |sum, value| sum + weight * value);
     let mut all = line(ALL.to_owned(), mean_return, episodes, &mean);
     all.extend(training.counters.iter().map(|(_, count)| count.to_string()));
-    let mut lines = vec![all];
-    for (index, agent) in training.agents.iter().enumerate() {
-        let mut of_agent = line(index.to_string(), agent.mean_return, agent.episodes, &|values| values[index]);
-        of_agent.extend(training.counters.iter().map(|_| String::new()));
-        lines.push(of_agent);
-    }
-    lines
+    let agents = training.agents.iter().enumerate();
+    let of_agents = agents
+        .map(|(index, agent)| line(index.to_string(), agent.mean_return, agent.episodes, &|values| values[index]));
+    let lines = std::iter::once(all).chain(of_agents).collect();
+    let counters = training.counters.iter().map(|(name, _)| &**name);
+    under(&columns::OF_TRAINING, training.metrics.names().chain(counters), lines)
 }
 
 /// Wall time of a period.
@@ -183,35 +171,30 @@ pub(super) struct Wall {
 
 /// Makes a line for the mean of all workers, then one per worker. Idle time is neither an activity nor an exchange. The
 /// phases are those of the policies' training. Only CPU time is a sum: of all processes, the coordinator included.
-pub(super) fn timing_lines(steps: u64, load: &FleetLoad, wall: &Wall) -> Vec<CsvLine> {
+pub(super) fn timing_lines(steps: u64, load: &FleetLoad, wall: &Wall) -> Lines {
     let workers: Vec<&Timesheet> = load.workers.iter().map(|worker| &worker.timesheet).collect();
     let line = |worker: String, of: &[&Timesheet], coordinator_cpu: Duration| {
         let mean = |pick: &dyn Fn(&Timesheet) -> Duration| {
             of.iter().map(|timesheet| pick(timesheet).as_secs_f64()).sum::<f64>() / of.len().max(1) as f64
         };
-        let whole = [wall.period, wall.elapsed, wall.exchange].map(|time| time.as_secs_f64());
+        let cpu = of.iter().map(|timesheet| timesheet.cpu()).sum::<Duration>() + coordinator_cpu;
+        let cpu_of_evaluation = of.iter().map(|timesheet| timesheet.cpu_of(Activity::Evaluation)).sum();
+        let whole = [wall.period, wall.elapsed, cpu, cpu_of_evaluation, wall.exchange].map(|time| time.as_secs_f64());
+        let [period, .., exchange] = whole;
         let activities = Activity::ALL.map(|activity| mean(&|timesheet| timesheet.whole(activity)));
-        let idle = (whole[0] - whole[2] - activities.iter().sum::<f64>()).max(0.0);
+        let idle = (period - exchange - activities.iter().sum::<f64>()).max(0.0);
         let phases = Phase::ALL.map(|phase| mean(&|timesheet| timesheet.phases(Activity::Training).spent(phase)));
-        let cpu = [
-            of.iter().map(|timesheet| timesheet.cpu()).sum::<Duration>() + coordinator_cpu,
-            of.iter().map(|timesheet| timesheet.cpu_of(Activity::Evaluation)).sum(),
-        ];
-        let [period, elapsed, exchange] = whole;
-        let [cpu, cpu_of_evaluation] = cpu.map(|time| time.as_secs_f64());
-        let whole = [period, elapsed, cpu, cpu_of_evaluation, exchange];
-        let seconds = whole.into_iter().chain(activities).chain([idle]).chain(phases);
-        [steps.to_string(), worker]
-            .into_iter()
-            .chain(seconds.map(|seconds| format!("{seconds:.3}")))
-            .collect::<CsvLine>()
+        let mut line = begin(steps, worker);
+        extend(&mut line, whole.into_iter().chain(activities).chain([idle]).chain(phases), 3);
+        line
     };
-    let each = workers.iter().enumerate().map(|(index, worker)| line(index.to_string(), &[worker], Duration::ZERO));
-    std::iter::once(line(ALL.to_owned(), &workers, load.coordinator_cpu)).chain(each).collect()
+    let mut lines = vec![line(ALL.to_owned(), &workers, load.coordinator_cpu)];
+    lines.extend(workers.iter().enumerate().map(|(index, worker)| line(index.to_string(), &[worker], Duration::ZERO)));
+    Lines { header: columns::of_timing(), lines }
 }
 
 /// Makes a line for the total, then one per process.
-pub(super) fn memory_lines(steps: u64, load: &FleetLoad) -> Vec<CsvLine> {
+pub(super) fn memory_lines(steps: u64, load: &FleetLoad) -> Lines {
     let workers = load.workers.iter().enumerate().map(|(index, worker)| (index.to_string(), worker.footprint));
     let coordinator = load.coordinator.map(|footprint| ("coordinator".to_owned(), footprint));
     let processes: Vec<(String, Footprint)> = workers.chain(coordinator).collect();
@@ -219,11 +202,13 @@ pub(super) fn memory_lines(steps: u64, load: &FleetLoad) -> Vec<CsvLine> {
         peak_rss_kib: total.peak_rss_kib + process.peak_rss_kib,
         pss_kib: total.pss_kib + process.pss_kib,
     });
-    let megabytes = |kib: u64| format!("{:.1}", kib as f64 / 1024.0);
     let line = |(process, footprint): (String, Footprint)| {
-        vec![steps.to_string(), process, megabytes(footprint.peak_rss_kib), megabytes(footprint.pss_kib)]
+        let mut line = begin(steps, process);
+        extend(&mut line, [footprint.peak_rss_kib, footprint.pss_kib].map(|kib| kib as f64 / 1024.0), 1);
+        line
     };
-    std::iter::once((ALL.to_owned(), total)).chain(processes).map(line).collect()
+    let lines = std::iter::once((ALL.to_owned(), total)).chain(processes).map(line).collect();
+    under(&columns::OF_MEMORY, [], lines)
 }
 
 #[cfg(test)]
@@ -241,27 +226,20 @@ mod tests {
             frequencies: vec![0.5; 2],
             on_marginals: on_marginals.to_vec(),
         };
-        let choosing = [loss(&[true, false]), loss(&[true, true])];
-        let header = aip_header(&choosing);
+        let Lines { header, lines } = aip_lines(128, &[loss(&[true, false]), loss(&[true, true])]);
         assert_eq!((header.len(), header.last().unwrap().as_str()), (10, "sources_on_marginals"));
-        let lines = aip_lines(128, &choosing);
         let last: Vec<&str> = lines.iter().map(|line| line.last().unwrap().as_str()).collect();
         assert_eq!(last, ["3", "1", "1", "0", "2", "1", "1"], "all; agent 0 and its sources; agent 1 and its sources");
         assert!(lines.iter().all(|line| line.len() == 10));
-        let without_sources = AipLoss {
-            training: [vec![], vec![]],
-            held_out: [vec![], vec![]],
-            marginals: vec![],
-            frequencies: vec![],
-            on_marginals: vec![],
-        };
-        let lines = aip_lines(128, &[loss(&[true, false]), without_sources]);
+        let nothing = || [vec![], vec![]];
+        let without_sources = AipLoss { training: nothing(), held_out: nothing(), marginals: vec![], ..loss(&[]) };
+        let Lines { lines, .. } = aip_lines(128, &[loss(&[true, false]), without_sources]);
         let last: Vec<&str> = lines.iter().map(|line| line.last().unwrap().as_str()).collect();
         assert_eq!(last, ["1", "1", "1", "0", "0"], "a light that nobody reaches from outside has no line per source");
         assert_eq!(lines[4][3], "0.00000", "it has nothing to predict, so it loses nothing");
-        let plain = [loss(&[])];
-        assert_eq!(aip_header(&plain), header[..9]);
-        assert!(aip_lines(128, &plain).iter().all(|line| line.len() == 9));
+        let Lines { header, lines } = aip_lines(128, &[loss(&[])]);
+        assert_eq!(header.len(), 9);
+        assert!(lines.iter().all(|line| line.len() == 9));
     }
 
     #[test]
@@ -286,8 +264,7 @@ mod tests {
             ..FleetLoad::default()
         };
         let [period, elapsed, exchange] = [21, 30, 1].map(Duration::from_secs);
-        let lines = timing_lines(128, &load, &Wall { period, elapsed, exchange });
-        let header = columns::of_timing();
+        let Lines { header, lines } = timing_lines(128, &load, &Wall { period, elapsed, exchange });
         let column =
             |line: usize, name: &str| lines[line][header.iter().position(|column| column == name).unwrap()].as_str();
         let of_all = ["steps", "worker", "wall_s", "exchange_s", "training_s", "evaluation_s", "simulator_step_s"];

@@ -5,9 +5,10 @@ use std::collections::BTreeMap;
 use toml::{Table, Value};
 
 use crate::config::RunConfig;
+pub use crate::config::resume::differing;
 use dials_core::domain::Scenario;
 use dials_learn::algorithms;
-use dials_learn::config::ShortForm;
+use dials_learn::config::{Retrain, ShortForm};
 
 /// A method: a way of training, whatever the seed and the scenario.
 #[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord)]
@@ -28,9 +29,6 @@ impl Method {
         flatten("", &table, &mut keys);
         let form = config.learning.short_form();
         keys.remove("predictor");
-        let (_, other_algorithms) = algorithms::tables(&config.learning);
-        let is_of_another = |key: &str| key.split_once('.').is_some_and(|(table, _)| other_algorithms.contains(&table));
-        keys.retain(|key, _| !is_of_another(key));
         keys.insert("simulator".to_owned(), form.name.to_owned());
         if let Some(mut domain) = config.domain.clone() {
             // The same file has another path in every run, so its checksum replaces the path, if it is known.
@@ -41,7 +39,23 @@ impl Method {
                 domain.table().local_keys().iter().for_each(|key| drop(keys.remove(&domain.key(key))));
             }
         }
-        Method::of_keys(form, keys)
+        let aip = &config.learning.aip;
+        let retraining = match aip.retrain {
+            _ if !form.trains_predictors() => Retraining::Never,
+            Retrain::Every => Retraining::Every(aip.retrain_every_steps),
+            Retrain::Once => Retraining::Once,
+            Retrain::Drift => Retraining::Drift,
+        };
+        let (_, other_algorithms) = algorithms::tables(&config.learning);
+        let is_of_another = |key: &str| key.split_once('.').is_some_and(|(table, _)| other_algorithms.contains(&table));
+        let imitates = keys.contains_key("policy.imitate");
+        keys.retain(|key, _| {
+            !is_no_method(key)
+                && !is_of_another(key)
+                && !form_ignores(form, key)
+                && !is_of_others(&retraining, imitates, key)
+        });
+        Method { simulator: form.name.to_owned(), retraining, keys }
     }
 
     /// Returns whether this method leaves out a key that another one of the same simulator has, and would read it: the
@@ -49,15 +63,6 @@ impl Method {
     pub fn has_off(&self, key: &str) -> bool {
         let imitates = self.keys.contains_key("policy.imitate");
         !self.keys.contains_key(key) && !is_of_others(&self.retraining, imitates, key)
-    }
-
-    fn of_keys(form: ShortForm, mut keys: BTreeMap<String, String>) -> Method {
-        let retraining = if form.trains_predictors() { Retraining::of(&keys) } else { Retraining::Never };
-        let imitates = keys.contains_key("policy.imitate");
-        keys.retain(|key, _| {
-            !is_no_method(key) && !form_ignores(form, key) && !is_of_others(&retraining, imitates, key)
-        });
-        Method { simulator: form.name.to_owned(), retraining, keys }
     }
 }
 
@@ -87,8 +92,8 @@ fn form_ignores(form: ShortForm, key: &str) -> bool {
     }
 }
 
-/// Returns whether a key changes nothing with this retraining of the approximate influence predictors (AIPs), or without
-/// an imitation. `imitates`: whether the policies imitate a controller first.
+/// Returns whether a key changes nothing with this retraining of the AIPs, or without an imitation. `imitates`: whether
+/// the policies imitate a controller first.
 fn is_of_others(retraining: &Retraining, imitates: bool, key: &str) -> bool {
     match key {
         // Only retraining on drift depends on what these episodes measure.
@@ -111,19 +116,6 @@ pub enum Retraining {
     Drift,
 }
 
-impl Retraining {
-    /// Reads the retraining from the keys of a config.
-    fn of(keys: &BTreeMap<String, String>) -> Self {
-        match keys.get("aip.retrain").map(String::as_str) {
-            Some("once") => Retraining::Once,
-            Some("drift") => Retraining::Drift,
-            _ => {
-                Retraining::Every(keys.get("aip.retrain_every_steps").and_then(|every| every.parse().ok()).unwrap_or(0))
-            }
-        }
-    }
-}
-
 /// Writes a number of steps: `1M`, `500K`, `128`. It rounds 150 016 to `150K`, because periods are whole updates of the
 /// policies and steps are seldom round.
 pub fn steps_text(steps: u64) -> String {
@@ -136,77 +128,43 @@ pub fn steps_text(steps: u64) -> String {
     }
 }
 
-/// Returns the keys whose values differ, in order. `None`: this side has no such key.
-pub fn differing(a: &BTreeMap<String, String>, b: &BTreeMap<String, String>) -> Vec<(String, [Option<String>; 2])> {
-    let mut keys: Vec<&String> = a.keys().chain(b.keys()).collect();
-    keys.sort();
-    keys.dedup();
-    let differing = keys.into_iter().filter(|key| a.get(*key) != b.get(*key));
-    differing.map(|key| (key.clone(), [a.get(key).cloned(), b.get(key).cloned()])).collect()
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
-    use dials_core::domain::Scenario;
 
-    fn method_of(text: &str) -> Method {
-        let config: RunConfig = toml::from_str(text).unwrap();
+    fn method_of(keys: &str) -> Method {
+        let config: RunConfig = toml::from_str(&format!("{keys}\n[warehouse]\nagents_per_side = 2")).unwrap();
         Method::of(&config, &Scenario::new("ants", 4, 100))
     }
 
     #[test]
-    fn seeds_and_stops_are_no_methods_and_neither_is_what_a_simulator_ignores() {
-        let base = method_of("seed = 1\n[warehouse]\nagents_per_side = 2");
-        let stops = "stop_at_steps = 500\ncheckpoints.every_steps = 200";
-        let other = method_of(&format!("seed = 2\n{stops}\n[warehouse]\nagents_per_side = 2"));
-        assert_eq!(base, other);
+    fn a_key_makes_another_method_only_where_it_changes_the_learning() {
+        let retrain = |when: &str, every: u64| format!("aip = {{ retrain = '{when}', retrain_every_steps = {every} }}");
+        let measure =
+            |when: &str, episodes: u64| format!("aip.retrain = '{when}'\nevaluation.aip_loss_episodes = {episodes}");
+        let gs = |keys: &str| format!("simulator = 'gs'\n{keys}");
+        let imitates = |keys: &str| format!("policy.imitate = 'oldest-item'\n{keys}");
+        for (one, other, same) in [
+            ("seed = 1".to_owned(), "seed = 2\nstop_at_steps = 500\ncheckpoints.every_steps = 200".to_owned(), true),
+            (String::new(), "ppo.clip = 0.2".to_owned(), false),
+            (gs("aip.epochs = 1"), gs("aip.epochs = 2"), true),
+            (String::new(), "gs.shared_policy = true".to_owned(), true),
+            (gs(""), gs("gs.shared_policy = true"), false),
+            (String::new(), "imitation.epochs = 3".to_owned(), true),
+            (String::new(), imitates(""), false),
+            (imitates(""), imitates("imitation.epochs = 3"), false),
+            (retrain("once", 100_000), retrain("once", 200_000), true),
+            (retrain("every", 100_000), retrain("every", 200_000), false),
+            (measure("every", 4), measure("every", 8), true),
+            (measure("once", 4), measure("once", 8), true),
+            (measure("drift", 4), measure("drift", 8), false),
+        ] {
+            assert_eq!(method_of(&one) == method_of(&other), same, "{one} / {other}");
+        }
+        let base = method_of("");
         assert_eq!((base.simulator.as_str(), base.retraining), ("dials", Retraining::Every(1_000_000)));
-        let gs = |epochs| {
-            let aip = format!("aip = {{ epochs = {epochs}, retrain_every_steps = {epochs}000 }}");
-            method_of(&format!("simulator = 'gs'\n{aip}\n[warehouse]\nagents_per_side = 2"))
-        };
-        assert_eq!(gs(1), gs(2));
-        let clip = method_of("ppo.clip = 0.2\n[warehouse]\nagents_per_side = 2");
-        assert_ne!(base, clip);
-    }
-
-    #[test]
-    fn settings_of_an_imitation_matter_only_where_there_is_one_and_those_of_the_gs_only_there() {
-        let warehouse = |keys: &str| method_of(&format!("{keys}\n[warehouse]\nagents_per_side = 2"));
-        assert_eq!(warehouse(""), warehouse("imitation.epochs = 3\ngs.shared_policy = true"));
-        let imitates = "policy.imitate = 'oldest-item'";
-        assert_ne!(warehouse(""), warehouse(imitates));
-        assert_ne!(warehouse(imitates), warehouse(&format!("{imitates}\nimitation.epochs = 3")));
-        assert_ne!(warehouse("simulator = 'gs'"), warehouse("simulator = 'gs'\ngs.shared_policy = true"));
-    }
-
-    #[test]
-    fn f_matters_only_where_aips_are_trained_every_f_steps() {
-        let dials = ShortForm::called("dials").unwrap();
-        let method = |retrain: &str, every: &str| {
-            let keys = [("aip.retrain", retrain), ("aip.retrain_every_steps", every), ("aip.drift_threshold", "1.5")];
-            Method::of_keys(dials, keys.map(|(key, value)| (key.to_owned(), value.to_owned())).into())
-        };
-        assert_eq!(method("once", "100"), method("once", "200"));
-        assert_eq!(method("drift", "100"), method("drift", "200"));
-        assert_ne!(method("every", "100"), method("every", "200"));
-        assert_eq!(method("every", "100").retraining, Retraining::Every(100));
-        assert!(!method("once", "100").keys.contains_key("aip.drift_threshold"));
-        assert!(method("drift", "100").keys.contains_key("aip.drift_threshold"));
-    }
-
-    #[test]
-    fn the_episodes_that_measure_the_aips_matter_only_where_their_loss_decides() {
-        let method = |retrain: &str, episodes: usize| {
-            let text = format!(
-                "aip.retrain = '{retrain}'\nevaluation.aip_loss_episodes = {episodes}\n[warehouse]\nagents_per_side = 2"
-            );
-            method_of(&text)
-        };
-        assert_eq!(method("every", 4), method("every", 8));
-        assert_eq!(method("once", 4), method("once", 8));
-        assert_ne!(method("drift", 4), method("drift", 8));
+        assert!(!base.keys.contains_key("aip.drift_threshold"));
+        assert!(method_of(&measure("drift", 4)).keys.contains_key("aip.drift_threshold"));
     }
 
     #[test]

@@ -2,8 +2,7 @@
 //!
 //! CSV files grow by whole blocks of lines, one write per block. All other files are written beside their place and
 //! then moved there. So a kill loses at most the current period, and the files can be read at any time. Who writes
-//! holds the directory's lock, and reaches the files through the opened directory. GS: global simulator; AIPs:
-//! approximate influence predictors.
+//! holds the directory's lock, and reaches the files through the opened directory.
 //!
 //! | file | what |
 //! |---|---|
@@ -22,39 +21,29 @@
 //! | `checkpoints/` | the last few states to resume from |
 //!
 //! - [`files`], [`columns`]: the names of the files, and of the columns of each CSV file, for writers and readers.
-//! - [`growing`], [`csv`], [`tensorboard`]: files that grow, so that a kill or a full disk loses nothing, and a change
-//!   by others is noticed.
+//! - [`growing`], [`tensorboard`]: files that grow, so that a kill or a full disk loses nothing, and a change by others is
+//!   noticed.
 //! - `lines`: the lines of the CSV files. [`finite`]: refuses to write networks that have diverged.
 //! - [`checkpoint`]: the state of all agents, from which a run continues. [`resume_point`]: which checkpoint fits the
-//!   files. [`networks`]: the files of policies and AIPs; [`joint_layout`]: places of all agents' networks in a file.
-//! - [`run_json`]: how the run was called, and what computed it. [`word`]: a word of its command line. [`kept`]: the
-//!   keys and files of the domain, to notice a change.
-//! - [`run_log`]: the [`Recorder`](dials_learn::observer::Recorder) that writes all this during training.
-//! - [`run_record`], [`reader`], [`csv_table`]: the contents of a run directory, never of a live one. [`likeness`]: local
-//!   simulators beside the global one.
-//! - [`find`]: runs, baselines and plans under some folders. [`plan`]: the plans of experiments; `json_file`: how plans
-//!   and baselines are read. [`method`]: the part of a config that makes runs comparable.
+//!   files. [`networks`]: the files of policies and AIPs.
+//! - [`run_json`]: how the run was called, what computed it, and the keys and files of its domain, to notice a change.
+//! - [`run_log`]: writes all this during training.
+//! - [`run_record`], [`reader`], [`csv_table`]: the contents of a run directory, never of a live one.
+//! - [`find`]: runs, baselines and plans under some folders. [`method`]: the part of a config that makes runs comparable.
 
 pub mod checkpoint;
 pub(crate) mod columns;
-pub mod csv;
 pub(crate) mod csv_table;
 pub mod files;
 pub mod find;
 pub mod finite;
 pub mod growing;
-pub mod joint_layout;
-mod json_file;
-pub(crate) mod kept;
-pub mod likeness;
 mod lines;
 pub mod method;
 pub mod networks;
-pub mod plan;
 pub(crate) mod reader;
 pub mod resume_point;
 pub mod run_json;
 pub mod run_log;
 pub mod run_record;
 pub(crate) mod tensorboard;
-pub(crate) mod word;

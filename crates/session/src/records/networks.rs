@@ -1,20 +1,94 @@
-//! The files of the networks in a run directory: the newest policies and AIPs (approximate influence predictors).
+//! The files of networks in a run directory: the newest policies and AIPs of all agents.
+//!
+//! A file has one stack of networks per kind of agents. If there are several kinds, the names of the tensors begin with the
+//! kind's name.
 
 use std::collections::HashMap;
+use std::path::Path;
 
-use anyhow::Result;
+use anyhow::{Context, Result};
 
 use super::checkpoint::Checkpoint;
-use super::csv_table::LARGEST_FILE;
+use super::csv_table;
 use super::files;
-use super::joint_layout::{JointLayout, STEPS};
 use super::resume_point::ResumePoint;
 use crate::config::RunConfig;
-use dials_core::base::Ragged;
-use dials_core::domain::Kinds;
-use dials_core::outside::Directory;
-use dials_learn::config::Config;
-use dials_learn::state::AgentsState;
+use dials_core::base::{AgentId, Ragged};
+use dials_core::domain::{Kind, Kinds, RegionSpec};
+use dials_core::outside::{Directory, read_bytes};
+use dials_learn::config::{AipConfig, Config, PolicyConfig, Predictor};
+use dials_learn::policy::PolicyStack;
+use stacknets::{Layout, StackToWrite, about_stacks, read_stack, write_stacks};
+
+/// Largest file: 10 000 agents with 100 000 parameters each.
+const LARGEST_FILE: u64 = 4 << 30;
+/// Key of the timesteps per agent at which a file was written.
+const STEPS: &str = "steps";
+
+/// The layouts of all kinds.
+pub struct JointLayout {
+    kinds: Vec<KindLayout>,
+}
+
+struct KindLayout {
+    prefix: String,
+    agents: Vec<AgentId>,
+    layout: Layout,
+}
+
+impl JointLayout {
+    /// Makes the layouts. `layout`: returns the layout of an agent's network.
+    pub(crate) fn new(kinds: &Kinds, layout: impl Fn(&RegionSpec) -> Layout) -> JointLayout {
+        let of_kind = |kind: &Kind| {
+            let (prefix, agents) = (kinds.prefix(kind), kind.agents.clone());
+            KindLayout { prefix, agents, layout: layout(&kind.spec) }
+        };
+        JointLayout { kinds: kinds.iter().map(of_kind).collect() }
+    }
+
+    pub fn of_policies(kinds: &Kinds, config: &PolicyConfig) -> JointLayout {
+        JointLayout::new(kinds, |spec| PolicyStack::shape(spec, config).layout())
+    }
+
+    pub fn of_aips(kinds: &Kinds, choice: Predictor, config: &AipConfig) -> JointLayout {
+        JointLayout::new(kinds, |spec| choice.kind().layout(spec, config))
+    }
+
+    /// Writes a file of these networks. `networks`: one row of parameters per agent; `steps`: timesteps per agent that they
+    /// have learnt.
+    pub(super) fn write(&self, directory: &Directory, name: &str, networks: &Ragged<f32>, steps: u64) -> Result<()> {
+        let stacks = self.kinds.iter().map(|KindLayout { prefix, layout, agents }| {
+            let rows = agents.iter().map(|agent| networks.row(agent.0)).collect();
+            StackToWrite { prefix, layout, rows }
+        });
+        let about = HashMap::from([(STEPS.to_owned(), steps.to_string())]);
+        directory.write_with(name, |beside| write_stacks(&stacks.collect::<Vec<_>>(), &about, beside))
+    }
+
+    /// Reads the networks of such a file, one row of parameters per agent.
+    pub fn read(&self, path: &Path) -> Result<Ragged<f32>> {
+        Ok(self.read_with_steps(path)?.0)
+    }
+
+    /// Reads the networks of such a file, and the timesteps per agent at which it was written, if it says so.
+    ///
+    /// The file is read once: a run that is being trained replaces it at any moment.
+    pub(crate) fn read_with_steps(&self, path: &Path) -> Result<(Ragged<f32>, Option<u64>)> {
+        let bytes = read_bytes(path, LARGEST_FILE).with_context(|| format!("{}: cannot be read", path.display()))?;
+        let mut widths = vec![0; self.kinds.iter().map(|kind| kind.agents.len()).sum()];
+        let of_agents =
+            self.kinds.iter().flat_map(|kind| kind.agents.iter().map(|agent| (agent.0, kind.layout.width())));
+        of_agents.for_each(|(agent, width)| widths[agent] = width);
+        let mut networks = Ragged::new(widths);
+        for KindLayout { prefix, agents, layout } in &self.kinds {
+            let names: Vec<String> = agents.iter().map(|agent| format!("agent {agent}")).collect();
+            let rows = read_stack(&bytes, path, prefix, layout, &names)?;
+            agents.iter().zip(rows.iter()).for_each(|(agent, row)| networks.row_mut(agent.0).copy_from_slice(row));
+        }
+        let steps = about_stacks(&bytes).get(STEPS).and_then(|steps| steps.parse().ok());
+        Ok((networks, steps))
+    }
+}
 
 /// Places of weights and biases in the networks that are saved.
 pub struct Layouts {
@@ -28,15 +102,6 @@ impl Layouts {
             policies: JointLayout::of_policies(kinds, &config.policy),
             aips: JointLayout::of_aips(kinds, config.predictor(), &config.aip),
         }
-    }
-
-    pub(super) fn write_policies(&self, directory: &Directory, agents: &AgentsState) -> Result<()> {
-        write(&self.policies, directory, files::POLICIES, &agents.policies, agents.steps)
-    }
-
-    /// `steps`: timesteps per agent at which these AIPs were trained.
-    pub(super) fn write_aips(&self, directory: &Directory, agents: &AgentsState, steps: u64) -> Result<()> {
-        write(&self.aips, directory, files::AIPS, &agents.aips, steps)
     }
 
     /// Makes the files hold what the run had at the checkpoint of `point`. Returns the names of those that were lost or
@@ -53,7 +118,7 @@ impl Layouts {
             if !is_newer {
                 restored.push(name);
             }
-            write(layout, directory, name, networks, steps)
+            layout.write(directory, name, networks, steps)
         };
         restore(files::POLICIES, &self.policies, &agents.policies, agents.steps)?;
         if config.learning.predictor_in_use().is_some_and(|predictor| predictor.kind().learns())
@@ -68,14 +133,8 @@ impl Layouts {
 /// Returns the timesteps per agent at the last training of the AIPs before a checkpoint. What comes after it in the file
 /// may be damaged: it will be cut off.
 fn trained_at(directory: &Directory, point: &ResumePoint) -> Result<Option<u64>> {
-    let mut bytes = directory.read(files::AIP_LOSS, LARGEST_FILE)?.unwrap_or_default();
+    let mut bytes = directory.read(files::AIP_LOSS, csv_table::LARGEST_FILE)?.unwrap_or_default();
     bytes.truncate(point.mark(files::AIP_LOSS).bytes as usize);
     let text = String::from_utf8_lossy(&bytes);
     Ok(text.lines().last().and_then(|line| line.split(',').next()?.parse().ok()))
-}
-
-/// `steps`: timesteps per agent that the networks have learnt.
-fn write(layout: &JointLayout, directory: &Directory, name: &str, networks: &Ragged<f32>, steps: u64) -> Result<()> {
-    let about = HashMap::from([(STEPS.to_owned(), steps.to_string())]);
-    directory.write_with(name, |beside| layout.write(networks, &about, beside))
 }

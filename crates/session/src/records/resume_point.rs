@@ -1,12 +1,11 @@
 //! Where a run goes on: at the newest checkpoint whose files are all still what they were when it was written.
 
-use std::fmt;
-
 use anyhow::Result;
 
 use super::checkpoint::owner::Owner;
 use super::checkpoint::{self, Checkpoint};
-use super::csv_table::LARGEST_FILE;
+use super::columns;
+use super::csv_table::CsvTable;
 use super::files;
 use super::growing::{Mark, misfit};
 use dials_core::outside::{Directory, sweep};
@@ -27,21 +26,6 @@ pub struct ResumePoint {
 #[error("{0}")]
 pub struct NothingFits(String);
 
-/// A file that differs from what a checkpoint says.
-#[derive(Debug)]
-struct Misfit {
-    path: String,
-    what: String,
-    /// Timesteps per agent of that checkpoint.
-    steps: u64,
-}
-
-impl fmt::Display for Misfit {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(f, "{}: {} since the checkpoint of step {}", self.path, self.what, self.steps)
-    }
-}
-
 impl ResumePoint {
     /// Prepares a run directory, which this process has locked, for writing. Then finds where its run goes on.
     ///
@@ -54,26 +38,24 @@ impl ResumePoint {
         };
         sweep(folder.path())?;
         let names = checkpoint::list(&folder)?;
-        let (mut newer, mut first) = (Vec::new(), None);
+        let (mut newer, mut first_misfit) = (Vec::new(), None);
         for name in names.iter().rev() {
             let checkpoint = Checkpoint::read(&folder, name, owner)?;
-            let Some(misfit) = first_misfit(directory, &checkpoint)? else {
-                let goes_on = |misfit: Misfit| {
-                    format!(
-                        "warning: {misfit}; the run goes on from step {}, and trains again from there",
-                        checkpoint.agents.steps
-                    )
-                };
-                let warning = first.map(goes_on);
-                if newer.is_empty() {
-                    checkpoint::remove_old(&folder)?;
-                }
-                return Ok(ResumePoint { checkpoint: Some(checkpoint), newer, warning });
-            };
-            first.get_or_insert(misfit);
-            newer.push(name.clone());
+            if let Some(misfit) = misfit_of(directory, &checkpoint)? {
+                first_misfit.get_or_insert(misfit);
+                newer.push(name.clone());
+                continue;
+            }
+            if newer.is_empty() {
+                checkpoint::remove_old(&folder)?;
+            }
+            let steps = checkpoint.agents.steps;
+            let warning = first_misfit.map(|misfit| {
+                format!("warning: {misfit}; the run goes on from step {steps}, and trains again from there")
+            });
+            return Ok(ResumePoint { checkpoint: Some(checkpoint), newer, warning });
         }
-        match first {
+        match first_misfit {
             Some(misfit) => Err(NothingFits(format!(
                 "{misfit}; none of the {} checkpoints fits the files, so the run cannot be resumed",
                 names.len()
@@ -106,13 +88,10 @@ impl ResumePoint {
     }
 }
 
-/// Returns of how many numbers of timesteps a CSV file of the run has whole lines.
+/// Returns of how many numbers of timesteps a CSV file of the run has lines.
 fn blocks_in(directory: &Directory, file: &str) -> Result<usize> {
-    let bytes = directory.read(file, LARGEST_FILE)?.unwrap_or_default();
-    // A kill may have cut the last line.
-    let whole = bytes.iter().rposition(|&byte| byte == b'\n').unwrap_or(0);
-    let lines = bytes[..whole].split(|&byte| byte == b'\n').skip(1);
-    let mut steps: Vec<&[u8]> = lines.map(|line| line.split(|&byte| byte == b',').next().unwrap_or(line)).collect();
+    let table = CsvTable::read(&directory.path_of(file))?;
+    let mut steps: Vec<_> = table.lines().map(|line| line.text(columns::STEPS)).collect();
     steps.dedup();
     Ok(steps.len())
 }
@@ -121,11 +100,13 @@ fn mark_in(checkpoint: &Checkpoint, file: &str) -> Mark {
     checkpoint.progress.growing.get(file).copied().unwrap_or_default()
 }
 
-fn first_misfit(directory: &Directory, checkpoint: &Checkpoint) -> Result<Option<Misfit>> {
+/// Says which file differs first from what a checkpoint says, and how. `None`: all fit.
+fn misfit_of(directory: &Directory, checkpoint: &Checkpoint) -> Result<Option<String>> {
     for name in files::GROWING {
         if let Some(what) = misfit(directory, name, mark_in(checkpoint, name))? {
-            let path = directory.path_of(name).display().to_string();
-            return Ok(Some(Misfit { path, what, steps: checkpoint.agents.steps }));
+            let path = directory.path_of(name);
+            let steps = checkpoint.agents.steps;
+            return Ok(Some(format!("{}: {what} since the checkpoint of step {steps}", path.display())));
         }
     }
     Ok(None)

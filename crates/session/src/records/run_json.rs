@@ -1,15 +1,20 @@
 //! `run.json`: how a run was called, and what it was computed with.
 
+use std::collections::BTreeMap;
+use std::ffi::{OsStr, OsString};
+use std::os::unix::ffi::{OsStrExt, OsStringExt};
 use std::path::Path;
 
 use anyhow::{Context, Result, ensure};
 use serde::{Deserialize, Serialize};
+use serde_json::{Map, Value, json};
 
-use super::files;
-use super::kept::Kept;
-use super::word::Word;
+use super::files::{self, NETWORKS};
+use crate::config::RunConfig;
+use crate::config::resume::{Difference, differences, differing, to_json};
+use crate::domains::DomainConfig;
 use dials_core::domain::Scenario;
-use dials_core::outside::{Directory, excerpt, is_printable, read_text};
+use dials_core::outside::{Directory, LARGEST_NETWORK, excerpt, is_printable, read_bytes, read_text};
 
 /// Largest file. A command line has at most two mebibytes on Linux, and escapes may double it.
 const LARGEST_FILE: u64 = 8 << 20;
@@ -42,6 +47,100 @@ pub struct RunJson {
     pub versions: Versions,
 }
 
+/// The domain of a run as it was when the run began, so that a change to a run directory can be named.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct Kept {
+    /// The domain's table of the config, under its name; paths are empty.
+    pub(crate) config: Map<String, Value>,
+    /// CRC-32 of each file in `networks/`, by its name.
+    pub(crate) networks: BTreeMap<String, String>,
+}
+
+impl Kept {
+    /// Returns what the run directory `dir` holds. `config`: its config.
+    pub(crate) fn of(dir: &Path, config: &RunConfig) -> Result<Kept> {
+        let name = config.domain.as_ref().map(DomainConfig::name);
+        let table = |name: &str| (name.to_owned(), to_json(config)[name].take());
+        Ok(Kept { config: name.map(table).into_iter().collect(), networks: checksums(dir)? })
+    }
+
+    pub(crate) fn is_empty(&self) -> bool {
+        *self == Kept::default()
+    }
+
+    /// Lists the keys of the domain that `config` has other values for.
+    pub(crate) fn changed_keys(&self, config: &RunConfig) -> Result<Vec<Difference>> {
+        if self.config.is_empty() {
+            return Ok(Vec::new());
+        }
+        let then = serde_json::from_value(json!(self.config)).context("the domain of run.json cannot be read")?;
+        let now = RunConfig { domain: config.domain.clone(), ..RunConfig::default() };
+        Ok(differences(&then, &now))
+    }
+
+    /// Lists the files in `networks/` that are there, but are other ones now. The figures of a run need no networks, so a
+    /// copy of it may leave them out.
+    pub(crate) fn changed_contents(&self, dir: &Path) -> Result<Vec<Difference>> {
+        let mut changed = self.changed_files(dir)?;
+        changed.retain(|difference| difference.then.is_some() && difference.now.is_some());
+        Ok(changed)
+    }
+
+    /// Lists the files in `networks/` that are other ones now, are missing or are new.
+    pub(crate) fn changed_files(&self, dir: &Path) -> Result<Vec<Difference>> {
+        let of_file = |(name, checksums): (String, [Option<String>; 2])| {
+            let [then, now] = checksums.map(|checksum| checksum.map(Value::String));
+            Difference { key: format!("{NETWORKS}/{name}"), then, now }
+        };
+        Ok(differing(&self.networks, &checksums(dir)?).into_iter().map(of_file).collect())
+    }
+}
+
+/// Returns the CRC-32 of each file in `networks/`, by its name. A domain without files has no such folder.
+fn checksums(dir: &Path) -> Result<BTreeMap<String, String>> {
+    let folder = dir.join(NETWORKS);
+    if !folder.is_dir() {
+        return Ok(BTreeMap::new());
+    }
+    let checksum = |name: OsString| {
+        let path = folder.join(&name);
+        let bytes =
+            read_bytes(&path, LARGEST_NETWORK).with_context(|| format!("{}: cannot be read", path.display()))?;
+        Ok((name.to_string_lossy().into_owned(), format!("{:08x}", crc32fast::hash(&bytes))))
+    };
+    Directory::open(&folder)?.names()?.into_iter().map(checksum).collect()
+}
+
+/// A word of a command line. JSON is UTF-8, so a word of other bytes is an object: one character per byte, of the same
+/// number (Latin-1). So it cannot be mistaken for a word of these characters.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(untagged)]
+pub enum Word {
+    Text(String),
+    Bytes { latin1: String },
+}
+
+impl Word {
+    /// Returns the word itself. Characters that are no bytes, which only others write, become `?`.
+    pub fn as_it_was(&self) -> OsString {
+        match self {
+            Word::Text(text) => text.into(),
+            Word::Bytes { latin1 } => {
+                OsString::from_vec(latin1.chars().map(|letter| u8::try_from(letter).unwrap_or(b'?')).collect())
+            }
+        }
+    }
+}
+
+impl From<&OsStr> for Word {
+    fn from(word: &OsStr) -> Word {
+        match word.to_str() {
+            Some(text) => Word::Text(text.to_owned()),
+            None => Word::Bytes { latin1: word.as_bytes().iter().map(|&byte| char::from(byte)).collect() },
+        }
+    }
+}
+
 /// A build with which a run was continued.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Resumed {
@@ -55,23 +154,16 @@ pub struct Resumed {
 #[serde(default)]
 pub struct Versions {
     /// Name of the CPU, for information only.
-    #[serde(skip_serializing_if = "String::is_empty")]
     pub cpu: String,
     /// Version of this program.
-    #[serde(skip_serializing_if = "String::is_empty")]
     pub dials_traffic: String,
     /// Commit of the checkout that the program was built from, with `-dirty` if its sources had been changed.
-    #[serde(skip_serializing_if = "String::is_empty")]
     pub git_commit: String,
     /// Library of `exp`, `ln` and so on.
-    #[serde(skip_serializing_if = "String::is_empty")]
     pub libm: String,
-    #[serde(skip_serializing_if = "String::is_empty")]
     pub libtorch: String,
-    #[serde(skip_serializing_if = "String::is_empty")]
     pub sumo: String,
     /// Instructions that multiply matrices.
-    #[serde(skip_serializing_if = "String::is_empty")]
     pub vector_instructions: String,
 }
 
@@ -126,15 +218,12 @@ fn check(scenario: &Scenario) -> Result<()> {
     };
     let message =
         |what, word| format!("scenario: {what} is `{}`, which is not a word of letters and digits", excerpt(word));
-    ensure!(plain(&id.domain), message("domain", &id.domain));
-    if let Some(name) = &scenario.name {
-        ensure!(plain(name), message("name", name));
-    }
-    if let Some(checksum) = &id.checksum {
-        ensure!(plain(checksum), message("checksum", checksum));
-    }
-    if let Some(rules) = &id.rules {
-        ensure!(plain(rules), message("scored_by", rules));
+    let words = [("domain", Some(&id.domain)), ("name", scenario.name.as_ref())];
+    let others = [("checksum", id.checksum.as_ref()), ("scored_by", id.rules.as_ref())];
+    for (what, word) in words.into_iter().chain(others) {
+        if let Some(word) = word {
+            ensure!(plain(word), message(what, word));
+        }
     }
     let unit = &id.episode.unit;
     ensure!(unit.len() <= LONGEST_WORD && unit.chars().all(is_printable), message("unit", unit));
@@ -150,77 +239,32 @@ impl Versions {
     /// Lists the differences between the build that wrote a run and this one, a line each. Only what can change numbers
     /// counts.
     pub fn differences(&self, there: &Versions) -> Vec<String> {
-        let differing = self.decisive().into_iter().zip(there.decisive());
-        let differing = differing.filter(|((_, here), (_, there))| here != there);
-        let text = |version: &str| if version.is_empty() { "not recorded".to_owned() } else { version.to_owned() };
-        differing
-            .map(|((name, here), (_, there))| format!("{name}: {} there, {} here", text(there), text(here)))
-            .collect()
-    }
-
-    /// Returns the versions that can change numbers, with their names for people.
-    fn decisive(&self) -> [(&'static str, &str); 4] {
-        [
-            ("commit", &self.git_commit),
-            ("SUMO", &self.sumo),
-            ("libm", &self.libm),
-            ("vector instructions", &self.vector_instructions),
-        ]
+        let decisive = [
+            ("commit", &self.git_commit, &there.git_commit),
+            ("SUMO", &self.sumo, &there.sumo),
+            ("libm", &self.libm, &there.libm),
+            ("vector instructions", &self.vector_instructions, &there.vector_instructions),
+        ];
+        let text = |version: &String| if version.is_empty() { "not recorded".to_owned() } else { version.clone() };
+        let differing = decisive.into_iter().filter(|(_, here, there)| here != there);
+        differing.map(|(name, here, there)| format!("{name}: {} there, {} here", text(there), text(here))).collect()
     }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use serde_json::json;
     use std::fs;
 
     fn run(agents: Vec<String>) -> RunJson {
         RunJson::new(Scenario::new("ants", 3, 5), agents, 7)
     }
 
-    fn versions() -> Versions {
-        Versions {
-            dials_traffic: "1.0.0".into(),
-            git_commit: "abc-dirty".into(),
-            sumo: "SUMO 1.15.0".into(),
-            libtorch: "1.13.1".into(),
-            libm: "glibc 2.36".into(),
-            vector_instructions: "avx512f".into(),
-            cpu: "A".into(),
-        }
-    }
-
     #[test]
-    fn the_same_build_on_another_cpu_of_the_same_kind_is_no_other() {
-        let there = Versions { cpu: "B".into(), ..versions() };
-        assert_eq!(versions().differences(&there), [""; 0]);
-    }
-
-    #[test]
-    fn every_decisive_difference_is_named_with_both_values() {
-        let there = Versions { git_commit: "abc".into(), vector_instructions: "avx2+fma".into(), ..versions() };
-        let expected = ["commit: abc there, abc-dirty here", "vector instructions: avx2+fma there, avx512f here"];
-        assert_eq!(versions().differences(&there), expected);
-        let old = serde_json::from_value(json!({ "git_commit": "abc-dirty", "sumo": "SUMO 1.14.0" })).unwrap();
-        let expected = [
-            "SUMO: SUMO 1.14.0 there, SUMO 1.15.0 here",
-            "libm: not recorded there, glibc 2.36 here",
-            "vector instructions: not recorded there, avx512f here",
-        ];
-        assert_eq!(versions().differences(&old), expected);
-    }
-
-    #[test]
-    fn a_file_comes_back_as_it_was_written_with_the_build_that_wrote_last() {
-        let dir = tempfile::tempdir().unwrap();
-        let mut run = RunJson { versions: versions(), ..run(Vec::new()) };
-        assert_eq!(run.last_versions(), &versions());
-        let other = Versions { libm: "glibc 2.31".into(), ..versions() };
-        run.resumed_with.push(Resumed { steps: 512, versions: other.clone() });
-        run.write(&Directory::open(dir.path()).unwrap()).unwrap();
-        let again = RunJson::read(dir.path()).unwrap();
-        assert_eq!((&again, again.last_versions()), (&run, &other));
+    fn a_version_that_was_not_recorded_differs_and_the_cpu_does_not_count() {
+        let old = Versions { sumo: "SUMO 1.15.0".into(), cpu: "A".into(), ..Versions::default() };
+        let here = Versions { libm: "glibc 2.36".into(), cpu: "B".into(), ..old.clone() };
+        assert_eq!(here.differences(&old), ["libm: not recorded there, glibc 2.36 here"]);
     }
 
     #[test]
@@ -230,53 +274,45 @@ mod tests {
     }
 
     #[test]
-    fn a_file_that_is_missing_or_of_another_program_is_an_error() {
-        let dir = tempfile::tempdir().unwrap();
-        assert!(RunJson::read(dir.path()).unwrap_err().to_string().contains("run.json: cannot be read"));
-        fs::write(dir.path().join(files::RUN), "[1]").unwrap();
-        let error = RunJson::read(dir.path()).unwrap_err().to_string();
-        assert!(error.contains("run.json: is not a file that this program wrote"), "{error}");
-    }
-
-    #[test]
     fn a_scenario_has_plain_words_because_files_are_named_after_them() {
         let dir = tempfile::tempdir().unwrap();
-        let read = |domain: &str, agents: u64, unit: &str, checksum: &str| {
-            let episode = json!({ "length": 5, "unit": unit });
-            let mut about = serde_json::to_value(run(Vec::new())).unwrap();
-            about["scenario"] = json!({ "domain": domain, "agents": agents, "episode": episode, "checksum": checksum });
-            fs::write(dir.path().join(files::RUN), about.to_string()).unwrap();
-            RunJson::read(dir.path()).map_err(|error| format!("{error:#}"))
-        };
-        read("traffic", 4, "steps", "1a2b3c4d").unwrap();
         let long = "a".repeat(51);
-        for bad in ["", "../x", "/x", "-x", "a b", "ü", "a\u{1b}b", "a\nb", "a](b)", &long] {
-            assert!(read(bad, 4, "steps", "1").unwrap_err().contains("scenario: domain is `"), "{bad:?}");
-            assert!(read("ants", 4, "steps", bad).unwrap_err().contains("scenario: checksum is `"), "{bad:?}");
-        }
-        for bad in ["../x", "a b", &long] {
-            let scenario = Scenario { name: Some(bad.to_owned()), ..Scenario::new("ants", 4, 5) };
-            RunJson { scenario, ..run(Vec::new()) }.write(&Directory::open(dir.path()).unwrap()).unwrap();
-            let error = format!("{:#}", RunJson::read(dir.path()).unwrap_err());
-            assert!(error.contains("scenario: name is `"), "{error}");
-        }
-        assert!(read("ants", 4, "st\u{202e}eps", "1").unwrap_err().contains("scenario: unit is `st\\u{202e}eps`"));
-        for agents in [0, 1_000_001, u64::MAX] {
-            assert!(read("ants", agents, "steps", "1").unwrap_err().contains("scenario: agents is"), "{agents}");
+        let bad = ["", "../x", "/x", "-x", "a b", "ü", "a\u{1b}b", "a\nb", "a](b)", &long].map(|word| json!(word));
+        for (key, values) in [
+            ("/domain", &bad[..]),
+            ("/name", &bad),
+            ("/checksum", &bad),
+            ("/agents", &[json!(0), json!(1_000_001), json!(u64::MAX)]),
+            ("/episode/unit", &[json!("st\u{202e}eps")]),
+        ] {
+            for value in values {
+                let scenario = Scenario { name: Some("x".to_owned()), ..Scenario::new("ants", 4, 5) };
+                let mut about = serde_json::to_value(RunJson::new(scenario, Vec::new(), 1)).unwrap();
+                about["scenario"]["checksum"] = json!("1a2b3c4d");
+                *about["scenario"].pointer_mut(key).unwrap() = value.clone();
+                fs::write(dir.path().join(files::RUN), about.to_string()).unwrap();
+                let error = format!("{:#}", RunJson::read(dir.path()).unwrap_err());
+                let name = key.rsplit('/').next().unwrap();
+                assert!(error.contains(&format!("scenario: {name} is ")), "{value}: {error}");
+            }
         }
     }
 
     #[test]
-    fn what_is_no_file_of_ours_is_refused_however_large_or_deep_it_is() {
-        let dir = tempfile::tempdir().unwrap();
-        let path = dir.path().join(files::RUN);
-        let message = || format!("{:#}", RunJson::read(dir.path()).unwrap_err());
-        fs::write(&path, format!("{{\"x\":{}", "[".repeat(1 << 20))).unwrap();
-        assert!(message().contains("is not a file that this program wrote: EOF while parsing"), "{}", message());
-        fs::File::create(&path).unwrap().set_len(LARGEST_FILE + 1).unwrap();
-        assert!(message().contains("it has more than 8388608 bytes, the limit"), "{}", message());
-        fs::remove_file(&path).unwrap();
-        fs::create_dir(&path).unwrap();
-        assert!(message().contains("it is not a regular file"), "{}", message());
+    fn every_word_comes_back_from_json_as_it_was() {
+        let words: [(&[u8], &str); 5] = [
+            (b"a b", r#""a b""#),
+            (b"a\nb\x1b", r#""a\nb\u001b""#),
+            (r"$'a\377'".as_bytes(), r#""$'a\\377'""#),
+            (b"a\xff", r#"{"latin1":"aÿ"}"#),
+            (b"", r#""""#),
+        ];
+        for (bytes, json) in words {
+            let word = Word::from(OsStr::from_bytes(bytes));
+            assert_eq!(serde_json::to_string(&word).unwrap(), json);
+            assert_eq!(serde_json::from_str::<Word>(json).unwrap().as_it_was().as_bytes(), bytes);
+        }
+        let strange: Word = serde_json::from_str(r#"{"latin1":"a交"}"#).unwrap();
+        assert_eq!(strange.as_it_was(), "a?");
     }
 }

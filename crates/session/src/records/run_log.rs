@@ -7,14 +7,12 @@ use anyhow::Result;
 
 use super::checkpoint::owner::Owner;
 use super::checkpoint::{self, Checkpoint, RunProgress};
-use super::columns;
-use super::csv::block;
 use super::files;
 use super::finite::{check_aips, check_imitation, check_policies};
 use super::growing::{GrowingFile, Mark};
 use super::lines::{
-    CsvLine, Wall, aip_header, aip_lines, drift_lines, episode_lines, evaluation_header, evaluation_lines, header,
-    imitation_lines, memory_lines, timing_lines, training_header, training_lines,
+    Wall, aip_lines, drift_lines, episode_lines, evaluation_lines, imitation_lines, memory_lines, timing_lines,
+    training_lines,
 };
 use super::networks::Layouts;
 use super::resume_point::ResumePoint;
@@ -22,20 +20,21 @@ use super::tensorboard::{Scalar, first_record, scalars_of, scalars_record};
 use dials_core::outside::Directory;
 use dials_learn::algorithms::imitation::ImitationLoss;
 use dials_learn::evaluation::Evaluation;
-use dials_learn::fleet::FleetLoad;
-use dials_learn::observer::Recorder;
+use dials_learn::evaluation::csv::Lines;
 use dials_learn::predictors::{AipLoss, FreshLoss};
+use dials_learn::fleet::FleetLoad;
+use dials_learn::steps::train_policies::PolicyTraining;
 use dials_learn::progress::Moment;
+use dials_learn::observer::Recorder;
 use dials_learn::progress::TrainingProgress;
 use dials_learn::state::AgentsState;
-use dials_learn::steps::train_policies::PolicyTraining;
 
 /// A journal that writes a run directory.
 pub struct RunLog {
     /// Run directory, which is locked as long as this process may write.
     directory: Directory,
-    /// Files that grow, in the order of [`files::GROWING`].
-    growing: [GrowingFile; files::GROWING.len()],
+    /// Files that grow, by their names.
+    growing: BTreeMap<&'static str, GrowingFile>,
     layouts: Layouts,
     owner: Owner,
     /// Timesteps per agent at the last exchange.
@@ -52,7 +51,7 @@ impl RunLog {
         let now = Instant::now();
         RunLog {
             directory,
-            growing: files::GROWING.map(|name| GrowingFile::new(name, Mark::default())),
+            growing: files::GROWING.map(|name| (name, GrowingFile::new(name, Mark::default()))).into(),
             layouts,
             owner,
             steps: 0,
@@ -77,8 +76,8 @@ impl RunLog {
             point.newer.iter().try_for_each(|name| folder.remove(name))?;
             folder.sync()?;
         }
-        log.growing = files::GROWING.map(|name| GrowingFile::new(name, point.mark(name)));
-        log.growing.iter().try_for_each(|file| file.cut(&log.directory))?;
+        log.growing = files::GROWING.map(|name| (name, GrowingFile::new(name, point.mark(name)))).into();
+        log.growing.values().try_for_each(|file| file.cut(&log.directory))?;
         let progress = point.checkpoint.as_ref().map(|checkpoint| &checkpoint.progress);
         log.elapsed_before = Duration::from_secs_f64(progress.map_or(0.0, |progress| progress.elapsed_s));
         Ok((log, point.checkpoint))
@@ -92,44 +91,40 @@ impl RunLog {
             elapsed: self.elapsed_before + (now - self.begun),
             exchange: (now - self.begun_period).saturating_sub(load.at_work),
         };
-        self.append(files::MEMORY, steps, &header(&columns::OF_MEMORY), &memory_lines(steps, &load))?;
+        self.append(files::MEMORY, steps, &memory_lines(steps, &load))?;
         // Last: an experiment takes a run whose last times are there for finished.
-        self.append(files::TIMING, steps, &columns::of_timing(), &timing_lines(steps, &load, &wall))?;
+        self.append(files::TIMING, steps, &timing_lines(steps, &load, &wall))?;
         if steps > self.steps {
             let agent_steps = (steps - self.steps) * agents.agents() as u64;
             let per_second = agent_steps as f64 / wall.period.as_secs_f64();
-            self.tell_tensorboard(steps, &[("timing/agent_steps_per_s".to_owned(), per_second as f32)])?;
+            self.append_scalars(steps, &[("timing/agent_steps_per_s".to_owned(), per_second as f32)])?;
         }
         (self.steps, self.begun_period) = (steps, now);
         Ok(())
     }
 
-    fn append(&mut self, file: &str, steps: u64, header: &[String], lines: &[CsvLine]) -> Result<()> {
-        self.grow(file, |new| block(header, lines, new))?;
-        self.tell_tensorboard(steps, &scalars_of(file, header, lines))
+    fn append(&mut self, file: &str, steps: u64, lines: &Lines) -> Result<()> {
+        self.growing.get_mut(file).expect("the file grows").append_lines(&self.directory, lines)?;
+        self.append_scalars(steps, &scalars_of(file, lines))
     }
 
-    fn tell_tensorboard(&mut self, steps: u64, scalars: &[Scalar]) -> Result<()> {
+    /// Appends numbers to the file for TensorBoard, if the config asks for it.
+    fn append_scalars(&mut self, steps: u64, scalars: &[Scalar]) -> Result<()> {
         if !self.owner.config.logging.tensorboard || scalars.is_empty() {
             return Ok(());
         }
         let now = SystemTime::now().duration_since(UNIX_EPOCH).map_or(0.0, |time| time.as_secs_f64());
-        self.grow(files::EVENTS, |new| {
+        self.growing.get_mut(files::EVENTS).expect("the file grows").append(&self.directory, |new| {
             let first = if new { first_record(now) } else { Vec::new() };
             Ok([first, scalars_record(now, steps, scalars)].concat())
         })
     }
 
-    fn grow(&mut self, file: &str, block: impl FnOnce(bool) -> Result<Vec<u8>>) -> Result<()> {
-        let place = files::GROWING.iter().position(|name| *name == file).expect("the file grows");
-        self.growing[place].append(&self.directory, block)
-    }
-
     /// Makes everything written so far durable, so that a checkpoint may count on it. Returns how far the files are.
     fn sync(&mut self) -> Result<BTreeMap<String, Mark>> {
-        self.growing.iter_mut().try_for_each(|file| file.sync(&self.directory))?;
+        self.growing.values_mut().try_for_each(|file| file.sync(&self.directory))?;
         self.directory.sync()?;
-        let marks = files::GROWING.iter().zip(&self.growing).map(|(name, file)| ((*name).to_owned(), file.mark()));
+        let marks = self.growing.iter().map(|(&name, file)| (name.to_owned(), file.mark()));
         Ok(marks.filter(|(_, mark)| mark.bytes > 0).collect())
     }
 }
@@ -143,26 +138,24 @@ impl Recorder for RunLog {
     /// Policies that have diverged are an error.
     fn imitated(&mut self, agents: &AgentsState, losses: &[ImitationLoss]) -> Result<()> {
         check_imitation(agents, losses)?;
-        let (steps, lines) = (agents.steps, imitation_lines(agents.steps, losses));
-        self.append(files::IMITATION, steps, &header(&columns::OF_IMITATION), &lines)
+        self.append(files::IMITATION, agents.steps, &imitation_lines(agents.steps, losses))
     }
 
     fn evaluated(&mut self, agents: &AgentsState, evaluation: &Evaluation) -> Result<()> {
         let steps = agents.steps;
-        self.append(files::RETURNS, steps, &evaluation_header(evaluation), &evaluation_lines(steps, evaluation))?;
-        self.append(files::EPISODES, steps, &header(&columns::OF_EPISODES), &episode_lines(steps, evaluation))
+        self.append(files::RETURNS, steps, &evaluation_lines(steps, evaluation))?;
+        self.append(files::EPISODES, steps, &episode_lines(steps, evaluation))
     }
 
     /// Networks that have diverged are an error and are not written.
     fn aips_trained(&mut self, agents: &AgentsState, losses: &[AipLoss]) -> Result<()> {
         check_aips(agents, losses)?;
-        self.append(files::AIP_LOSS, agents.steps, &aip_header(losses), &aip_lines(agents.steps, losses))?;
-        self.layouts.write_aips(&self.directory, agents, agents.steps)
+        self.append(files::AIP_LOSS, agents.steps, &aip_lines(agents.steps, losses))?;
+        self.layouts.aips.write(&self.directory, files::AIPS, &agents.aips, agents.steps)
     }
 
     fn aips_measured(&mut self, agents: &AgentsState, after: Moment, losses: &[FreshLoss]) -> Result<()> {
-        let lines = drift_lines(agents.steps, after, losses);
-        self.append(files::AIP_DRIFT, agents.steps, &header(&columns::OF_AIP_DRIFT), &lines)
+        self.append(files::AIP_DRIFT, agents.steps, &drift_lines(agents.steps, after, losses))
     }
 
     /// Also writes a checkpoint. Networks that have diverged are an error and are not written.
@@ -174,13 +167,8 @@ impl Recorder for RunLog {
         load: FleetLoad,
     ) -> Result<()> {
         check_policies(training, agents, &self.owner.config.learning, &self.owner.kinds, self.steps)?;
-        self.append(
-            files::TRAINING,
-            agents.steps,
-            &training_header(training),
-            &training_lines(agents.steps, training),
-        )?;
-        self.layouts.write_policies(&self.directory, agents)?;
+        self.append(files::TRAINING, agents.steps, &training_lines(agents.steps, training))?;
+        self.layouts.policies.write(&self.directory, files::POLICIES, &agents.policies, agents.steps)?;
         self.append_load(agents, load)?;
         let progress = RunProgress {
             standing: *standing,
@@ -207,14 +195,26 @@ mod tests {
     use std::path::{Path, PathBuf};
 
     use crate::config::RunConfig;
-    use crate::records::joint_layout::JointLayout;
-    use dials_core::base::Ragged;
-    use dials_core::domain::Domain;
+    use crate::records::networks::JointLayout;
+    use crate::records::run_json::RunJson;
+    use crate::records::run_record::{AipTrainingRecord, FreshLossRecord, RunRecord};
+    use dials_core::base::{Activity, Ragged, Rows, Timesheet};
+    use dials_core::domain::{Domain, Measures, Scenario};
     use dials_learn::algorithms::{Metrics, Tables};
-    use dials_learn::predictors::AipLoss;
+    use dials_learn::fleet::{Footprint, WorkerLoad};
     use dials_learn::steps::train_policies::AgentTraining;
     use dials_testkit::toy::Coins;
     use stacknets::Layout;
+
+    const CONFIG: &str = "warehouse = { agents_per_side = 2 }\n";
+
+    /// Begins a run of two agents.
+    fn begin(dir: &Path) -> RunLog {
+        let coins = Coins::new(1);
+        let layout = || JointLayout::new(coins.kinds(), |_| Layout::new(vec![("w".to_owned(), vec![2])]));
+        let owner = Owner::of(&toml::from_str(CONFIG).unwrap(), &coins).unwrap();
+        RunLog::begin(Directory::lock(dir).unwrap(), owner, Layouts { policies: layout(), aips: layout() })
+    }
 
     /// Returns two agents with a policy of two parameters each, and the results of a period.
     fn period(policy: [f32; 4], value_loss: f64) -> (PolicyTraining, AgentsState) {
@@ -229,6 +229,16 @@ mod tests {
         (PolicyTraining { agents, metrics, updates: 1, counters: Vec::new() }, state)
     }
 
+    fn loss(before: f64, after: f64) -> AipLoss {
+        AipLoss {
+            training: [vec![9.0], vec![9.0]],
+            held_out: [vec![before], vec![after]],
+            marginals: vec![0.5],
+            frequencies: vec![0.25],
+            on_marginals: Vec::new(),
+        }
+    }
+
     fn contents(dir: &Path) -> BTreeMap<PathBuf, Vec<u8>> {
         let files = [dir.to_owned(), dir.join(files::CHECKPOINTS)].map(|dir| fs::read_dir(dir).unwrap());
         let paths = files.into_iter().flatten().map(|entry| entry.unwrap().path()).filter(|path| path.is_file());
@@ -236,51 +246,81 @@ mod tests {
     }
 
     #[test]
+    fn what_the_log_writes_the_reader_reads() {
+        let dir = tempfile::tempdir().unwrap();
+        let mut log = begin(dir.path());
+        fs::write(dir.path().join(files::CONFIG), CONFIG).unwrap();
+        RunJson::new(Scenario::new("ants", 2, 5), Vec::new(), 1).write(&log.directory).unwrap();
+        let (training, agents) = period([1.0, 2.0, 3.0, 4.0], 0.5);
+        // Agents' means 2 and 4; episode means 1 and 5: deviation sqrt(8), standard error sqrt(8 / 2) = 2.
+        let returns = Rows::from_vec(vec![0.0, 2.0, 4.0, 6.0], 2);
+        let played = Evaluation { returns, measures: Measures::default(), stuck: vec![false, true] };
+        log.evaluated(&agents, &played).unwrap();
+        log.aips_trained(&agents, &[loss(0.75, 0.25), loss(0.25, 0.25)]).unwrap();
+        let fresh = FreshLoss { predictor: vec![0.375], marginals: vec![0.5] };
+        log.aips_measured(&agents, Moment::Training, &[fresh.clone(), fresh]).unwrap();
+        let mut timesheet = Timesheet::default();
+        timesheet.note(Activity::Evaluation, Duration::from_secs(3), &Default::default());
+        timesheet.note(Activity::Collection, Duration::from_secs(2), &Default::default());
+        timesheet.note_cpu(Duration::from_secs(7));
+        let mebibytes = |peak: u64, shared: u64| Footprint { peak_rss_kib: peak << 10, pss_kib: shared << 10 };
+        let worker = WorkerLoad { timesheet, footprint: mebibytes(30, 20) };
+        let load = FleetLoad { workers: vec![worker], coordinator: Some(mebibytes(40, 10)), ..FleetLoad::default() };
+        log.period_done(&agents, &TrainingProgress::default(), &training, load).unwrap();
+
+        let read = RunRecord::read(dir.path()).unwrap();
+        let [found] = &read.evaluations[..] else { panic!("{:?}", read.evaluations) };
+        assert_eq!((found.steps, found.all.mean, found.all.std_error, found.all.stuck), (128, 3.0, 2.0, 1));
+        assert_eq!((found.agents[1].mean, found.agents[1].stuck), (4.0, 1));
+        assert_eq!(found.episode_returns, [1.0, 5.0]);
+        let AipTrainingRecord { steps, before, after, marginals } = read.aip_trainings[0];
+        assert_eq!((steps, before, after, marginals), (128, 0.5, 0.25, 0.5));
+        let FreshLossRecord { after_training, loss, marginals, .. } = read.fresh_losses[0];
+        assert_eq!((after_training, loss, marginals), (true, 0.375, 0.5));
+        let time = read.total_time().unwrap();
+        assert_eq!((time.evaluation_s, time.influence_s, time.cpu.total_s), (3.0, 2.0, 7.0));
+        let memory = read.memory.unwrap();
+        assert_eq!((memory.process_mb, memory.total_mb, memory.total_pss_mb), (40.0, 70.0, 30.0));
+        assert_eq!(read.workers, 1);
+    }
+
+    #[test]
     fn learning_that_diverged_is_not_written_over_what_was_good() {
         let dir = tempfile::tempdir().unwrap();
-        let config: RunConfig = toml::from_str("warehouse = { agents_per_side = 2 }").unwrap();
-        let coins = Coins::new(1);
-        let layout = || JointLayout::new(coins.kinds(), |_| Layout::new(vec![("w".to_owned(), vec![2])]));
-        let layouts = Layouts { policies: layout(), aips: layout() };
-        let mut log = RunLog::begin(Directory::lock(dir.path()).unwrap(), Owner::of(&config, &coins).unwrap(), layouts);
-        let standing = TrainingProgress::default();
-        let (training, mut agents) = period([1.0, 2.0, 3.0, 4.0], 0.5);
-        log.period_done(&agents, &standing, &training, FleetLoad::default()).unwrap();
+        let mut log = begin(dir.path());
+        let mut write = |policy, loss| {
+            let (training, agents) = period(policy, loss);
+            log.period_done(&agents, &TrainingProgress::default(), &training, FleetLoad::default())
+        };
+        write([1.0, 2.0, 3.0, 4.0], 0.5).unwrap();
         let good = contents(dir.path());
         assert!(good.keys().any(|path| path.ends_with(files::POLICIES)) && good.len() >= 4);
-        for ((policy, loss), what) in [
-            (([1.0, 2.0, f32::NAN, 4.0], 0.5), "a parameter"),
-            (([1.0, 2.0, 3.0, f32::INFINITY], 0.5), "a parameter"),
-            (([1.0, 2.0, 3.0, 4.0], f64::NAN), "a loss"),
+        for (policy, loss, what) in [
+            ([1.0, 2.0, f32::NAN, 4.0], 0.5, "a parameter"),
+            ([1.0, 2.0, 3.0, f32::INFINITY], 0.5, "a parameter"),
+            ([1.0, 2.0, 3.0, 4.0], f64::NAN, "a loss"),
         ] {
-            let (training, agents) = period(policy, loss);
-            let outcome = log.period_done(&agents, &standing, &training, FleetLoad::default());
-            let error = outcome.unwrap_err().to_string();
+            let error = write(policy, loss).unwrap_err().to_string();
             assert!(error.starts_with("agent 1: its policy diverged before step 128: "), "{error}");
             assert!(error.contains(what) && error.contains("lower ppo.learning_rate"), "{error}");
             assert!(contents(dir.path()) == good);
         }
-        // After an imitation the critic learns alone at first, with the rate of the imitation.
-        let (training, mut agents_now) = period([1.0, 2.0, f32::NAN, 4.0], 0.5);
-        let mut imitates = config.learning.clone();
-        imitates.policy.imitate = Some("a".to_owned());
-        let error =
-            check_policies(&training, &agents_now, &imitates, Coins::new(1).kinds(), 0).unwrap_err().to_string();
-        assert!(error.contains("lower imitation.learning_rate and begin"), "{error}");
-        agents_now.steps = imitates.critic_steps() + 1280;
-        let error =
-            check_policies(&training, &agents_now, &imitates, Coins::new(1).kinds(), 0).unwrap_err().to_string();
-        assert!(error.contains("lower imitation.learning_rate or ppo.learning_rate"), "{error}");
-        let loss = AipLoss {
-            training: [vec![0.1], vec![0.1]],
-            held_out: [vec![0.1], vec![0.1]],
-            marginals: vec![0.1],
-            frequencies: vec![0.5],
-            on_marginals: Vec::new(),
-        };
+        let (training, mut agents) = period([1.0, 2.0, f32::NAN, 4.0], 0.5);
         agents.aips = Ragged::from_vec(vec![0.0, 0.0, 0.0, f32::NAN], [2, 2]).unwrap();
-        let error = log.aips_trained(&agents, &[loss.clone(), loss]).unwrap_err().to_string();
+        let error = log.aips_trained(&agents, &[loss(0.1, 0.1), loss(0.1, 0.1)]).unwrap_err().to_string();
         assert!(error.starts_with("agent 1: its AIP diverged") && error.contains("aip.learning_rate"), "{error}");
         assert!(contents(dir.path()) == good);
+        // After an imitation the critic learns alone at first, with the rate of the imitation.
+        let mut imitates = RunConfig::default().learning;
+        imitates.policy.imitate = Some("a".to_owned());
+        for (steps, key) in [
+            (128, "lower imitation.learning_rate and begin"),
+            (imitates.critic_steps() + 1280, "lower imitation.learning_rate or ppo.learning_rate"),
+        ] {
+            agents.steps = steps;
+            let checked = check_policies(&training, &agents, &imitates, Coins::new(1).kinds(), 0);
+            let error = checked.unwrap_err().to_string();
+            assert!(error.contains(key), "{error}");
+        }
     }
 }

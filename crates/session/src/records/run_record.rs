@@ -2,7 +2,6 @@
 
 use std::path::PathBuf;
 
-use super::likeness::LikenessRecord;
 use super::run_json::RunJson;
 use crate::config::RunConfig;
 use dials_core::domain::Scenario;
@@ -15,10 +14,9 @@ pub struct RunRecord {
     pub about: RunJson,
     /// Evaluations, in order of steps.
     pub evaluations: Vec<EvaluationRecord>,
-    /// Trainings of the AIPs (approximate influence predictors), in order of steps.
+    /// Trainings of the AIPs, in order of steps.
     pub aip_trainings: Vec<AipTrainingRecord>,
-    /// Cross-entropies of the AIPs on new GS (global simulator) data, in order of steps; empty if the run did not
-    /// measure them.
+    /// Cross-entropies of the AIPs on new GS data, in order of steps; empty if the run did not measure them.
     pub fresh_losses: Vec<FreshLossRecord>,
     /// Local simulators beside the global one, in order of steps; empty if the domain does not compare them.
     pub likeness: Vec<LikenessRecord>,
@@ -72,6 +70,18 @@ pub struct FreshLossRecord {
     pub loss: f64,
     /// Cross-entropy of the best constant.
     pub marginals: f64,
+}
+
+/// What the GS and the local simulators show of the same lights: the GS in an evaluation, the local ones in the training
+/// before it. Pairs are of the GS, then of the local ones.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct LikenessRecord {
+    /// Steps of the evaluation.
+    pub(crate) steps: u64,
+    /// Mean number of cars on the approaches of a light.
+    pub cars: [f64; 2],
+    /// Mean speed of these cars in metres per second.
+    pub speed_mps: [f64; 2],
 }
 
 /// Wall and CPU seconds since the run began, at the end of a period.
@@ -162,7 +172,6 @@ impl RunRecord {
         }
     }
 
-    /// Returns what was simulated.
     pub fn scenario(&self) -> &Scenario {
         &self.about.scenario
     }
@@ -199,16 +208,12 @@ impl RunRecord {
 
     /// Returns the mean return of all agents at a step, interpolated between two evaluations. Outside of them: `None`.
     pub fn return_at(&self, steps: u64) -> Option<f64> {
-        self.interpolated(steps, |evaluation| evaluation.all.mean)
+        interpolate(&self.evaluations, |evaluation| (evaluation.steps, evaluation.all.mean), steps)
     }
 
     /// Returns the median over agents in the same way.
     pub fn median_at(&self, steps: u64) -> Option<f64> {
-        self.interpolated(steps, |evaluation| evaluation.all.median)
-    }
-
-    fn interpolated(&self, steps: u64, figure: impl Fn(&EvaluationRecord) -> f64) -> Option<f64> {
-        interpolate(&self.evaluations, |evaluation| (evaluation.steps, figure(evaluation)), steps)
+        interpolate(&self.evaluations, |evaluation| (evaluation.steps, evaluation.all.median), steps)
     }
 
     /// Returns the wall time without evaluations until a step, in seconds. If the run has not come so far: `None`.
@@ -222,27 +227,24 @@ impl RunRecord {
     pub fn time_at(&self, steps: u64) -> Option<PeriodTime> {
         // Periods are in order of steps.
         let (until, next) = self.periods.split_at(self.periods.partition_point(|period| period.steps <= steps));
-        let (until, next) = (until.last(), next.first());
-        if until.is_none() && self.config.learning.policy.imitate.is_some() {
+        if until.is_empty() && self.config.learning.policy.imitate.is_some() {
             return None;
         }
-        let until = until.copied().unwrap_or_default();
+        let until = until.last().copied().unwrap_or_default();
         if until.steps == steps {
             return Some(until);
         }
-        let next = next?;
+        let next = next.first()?;
         let share = (steps - until.steps) as f64 / (next.steps - until.steps) as f64;
-        let part = |from: f64, to: f64| from + share * (to - from);
+        let part = |figure: fn(&PeriodTime) -> f64| figure(&until) + share * (figure(next) - figure(&until));
+        let total_s = part(|time| time.cpu.total_s);
         Some(PeriodTime {
             steps,
-            elapsed_s: part(until.elapsed_s, next.elapsed_s),
-            evaluation_s: part(until.evaluation_s, next.evaluation_s),
-            influence_s: part(until.influence_s, next.influence_s),
-            update_s: part(until.update_s, next.update_s),
-            cpu: CpuTime {
-                total_s: part(until.cpu.total_s, next.cpu.total_s),
-                evaluation_s: part(until.cpu.evaluation_s, next.cpu.evaluation_s),
-            },
+            elapsed_s: part(|time| time.elapsed_s),
+            evaluation_s: part(|time| time.evaluation_s),
+            influence_s: part(|time| time.influence_s),
+            update_s: part(|time| time.update_s),
+            cpu: CpuTime { total_s, evaluation_s: part(|time| time.cpu.evaluation_s) },
         })
     }
 

@@ -1,33 +1,31 @@
 //! Checkpoints: the state of all agents in a file from which a run continues as if it had not stopped.
 //!
 //! A safetensors file (little-endian, like all machines on which Debian's libtorch runs). It has one table each for
-//! policies, moments and AIPs (approximate influence predictors), one agent after another, and the bytes of all agents'
-//! streams. Its metadata holds the other state, and the config and the scenario that it was trained with. A checkpoint
-//! is written after every period; the last [`KEPT`] are kept.
+//! policies, moments and AIPs, one agent after another, and the bytes of all agents' streams. Its metadata holds the
+//! other state, and the config and the scenario that it was trained with. A checkpoint is written after every period; the
+//! last [`KEPT`] are kept.
 //!
 //! Nothing is restored from a file that does not fit the run in every way:
 //!
 //! - [`content`]: the bytes of the file, under one digest.
 //! - [`owner`]: the run that it belongs to: what of the config and of the scenario may have changed since.
-//! - `size`: the largest size that a checkpoint of a run can have.
 //! - [`fits`](dials_learn::state::fits): sizes, actions, trails and counts, each of which follows from the config.
 
 pub mod content;
 pub mod owner;
-mod size;
 
-use std::collections::{BTreeMap, HashMap};
+use std::collections::BTreeMap;
 use std::path::Path;
 
 use anyhow::{Context, Result, ensure};
-use safetensors::tensor::{Dtype, TensorView};
+use safetensors::tensor::Dtype;
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
 use super::files;
 use super::growing::Mark;
 use crate::config::resume::{from_json, to_json};
-use content::{Part, seal, unseal};
+use content::{Tensors, flat, seal, unseal};
 use dials_core::base::{AgentId, Dice, Ragged};
 use dials_core::outside::Directory;
 use dials_learn::algorithms::{self, Layout, Tables};
@@ -36,10 +34,11 @@ use dials_learn::state::AgentsState;
 use dials_learn::state::fits::{Fit, Widths};
 use dials_learn::state::stream::AgentStream;
 use owner::{NotOfThisRun, Owner};
-use size::most_bytes;
 
 /// Number of checkpoints that are kept, the newest ones.
 pub(crate) const KEPT: usize = 3;
+/// Largest file. That of 10 000 agents with 100 000 parameters each is smaller.
+const LARGEST_FILE: u64 = 32 << 30;
 /// Name of the format.
 const FORMAT: &str = "dials-traffic checkpoint 1";
 
@@ -86,27 +85,6 @@ type Streams = (Vec<AgentStream>, BTreeMap<String, Vec<Vec<Dice>>>, BTreeMap<Str
 
 /// Writes a checkpoint of a run into `folder` and removes those that are no longer kept.
 pub fn write(folder: &Directory, owner: &Owner, agents: &AgentsState, progress: RunProgress) -> Result<()> {
-    sealed(owner, agents, progress, |views, metadata| {
-        // Directly to the file: the tables of a hundred agents need no second copy in memory.
-        let write = |beside: &Path| Ok(safetensors::serialize_to_file(views, Some(metadata), beside)?);
-        folder.write_with(&name_of(agents.steps), write)
-    })?;
-    remove_old(folder)
-}
-
-/// Removes the checkpoints that are no longer kept. A process that is killed at it leaves some.
-pub(crate) fn remove_old(folder: &Directory) -> Result<()> {
-    let all = list(folder)?;
-    all[..all.len().saturating_sub(KEPT)].iter().try_for_each(|old| folder.remove(old))
-}
-
-/// Makes the tensors and the metadata of a checkpoint, and hands them to `write`.
-fn sealed<T>(
-    owner: &Owner,
-    agents: &AgentsState,
-    progress: RunProgress,
-    write: impl FnOnce(Vec<(String, TensorView<'_>)>, HashMap<String, String>) -> Result<T>,
-) -> Result<T> {
     let AgentsState { policies, learners, aips, streams, .. } = agents;
     let streams = postcard::to_stdvec(&(streams, &learners.dice, &learners.counts))
         .context("the state of training cannot be encoded")?;
@@ -120,19 +98,27 @@ fn sealed<T>(
     };
     let of_learners = learners.numbers.iter().map(|(name, table)| (format!("{LEARNERS}{name}"), table));
     let tables = [(POLICIES.to_owned(), policies), (AIPS.to_owned(), aips)].into_iter().chain(of_learners);
-    let numbers = tables.map(|(name, table)| Part::flat(name, Dtype::F32, bytemuck::cast_slice(table.as_slice())));
-    let mut parts: Vec<Part<'_>> = numbers.chain([Part::flat(STREAMS, Dtype::U8, &streams)]).collect();
-    // The order in which a reader finds them, for the digest.
-    parts.sort_by(|a, b| a.name.cmp(&b.name));
-    let (views, metadata) = seal(serde_json::to_string(&about)?, &parts)?;
-    write(views, metadata)
+    let tables = tables.map(|(name, table)| Ok((name, flat(Dtype::F32, bytemuck::cast_slice(table.as_slice()))?)));
+    let mut tensors: Tensors<'_> = tables.collect::<Result<_>>()?;
+    tensors.insert(STREAMS.to_owned(), flat(Dtype::U8, &streams)?);
+    let metadata = seal(serde_json::to_string(&about)?, &tensors);
+    // Directly to the file: the tables of a hundred agents need no second copy in memory.
+    let write = |beside: &Path| Ok(safetensors::serialize_to_file(tensors, Some(metadata), beside)?);
+    folder.write_with(&name_of(agents.steps), write)?;
+    remove_old(folder)
+}
+
+/// Removes the checkpoints that are no longer kept. A process that is killed at it leaves some.
+pub(crate) fn remove_old(folder: &Directory) -> Result<()> {
+    let all = list(folder)?;
+    all[..all.len().saturating_sub(KEPT)].iter().try_for_each(|old| folder.remove(old))
 }
 
 impl Checkpoint {
     /// Reads a checkpoint of a run. The error about a damaged one says what to do. One that is not of this run is a
     /// [`NotOfThisRun`].
     pub fn read(folder: &Directory, name: &str, owner: &Owner) -> Result<Checkpoint> {
-        let bytes = folder.read(name, most_bytes(owner))?.unwrap_or_default();
+        let bytes = folder.read(name, LARGEST_FILE)?.unwrap_or_default();
         let read = || {
             let checkpoint = Checkpoint::from_bytes(&bytes, owner)?;
             let (inside, outside) = (checkpoint.agents.steps, steps_of(name));
@@ -157,7 +143,7 @@ impl Checkpoint {
 
     /// Reads a checkpoint of a run from the bytes of its file.
     pub fn from_bytes(bytes: &[u8], owner: &Owner) -> Result<Checkpoint> {
-        let (about, parts) = unseal(bytes)?;
+        let (about, tensors) = unseal(bytes)?;
         let about: Metadata = serde_json::from_value(about).context("its metadata cannot be read")?;
         let Metadata { version, steps, config, scenario, progress, .. } = about;
         let config = from_json(config).with_context(|| {
@@ -171,22 +157,22 @@ impl Checkpoint {
             .map(|kind| algorithms::of(&config.learning).layout(&config.learning, kind, steps))
             .collect();
         let names = layouts[0].numbers.iter().map(|table| format!("{LEARNERS}{}", table.name));
-        let parts = Parts::of(parts, [POLICIES, AIPS].map(str::to_owned).into_iter().chain(names))?;
+        check_names(&tensors, [POLICIES, AIPS].map(str::to_owned).into_iter().chain(names))?;
         let widths = Widths::of(&owner.config.learning, &owner.kinds);
         let numbers = layouts[0].numbers.iter().enumerate().map(|(index, table)| {
             let of_agent = |agent| layouts[owner.kinds.place(agent).kind].numbers[index].width;
             let widths: Vec<usize> = AgentId::all(owner.kinds.agents()).into_iter().map(of_agent).collect();
-            Ok((table.name.to_owned(), parts.rows(&format!("{LEARNERS}{}", table.name), &widths)?))
+            Ok((table.name.to_owned(), rows(&tensors, &format!("{LEARNERS}{}", table.name), &widths)?))
         });
         let numbers = numbers.collect::<Result<_>>()?;
-        let ((streams, dice, counts), rest) =
-            postcard::take_from_bytes::<Streams>(parts.streams()?).context("the state of training cannot be read")?;
+        let ((streams, dice, counts), rest) = postcard::take_from_bytes::<Streams>(tensors[STREAMS].data())
+            .context("the state of training cannot be read")?;
         ensure!(rest.is_empty(), "it has {} bytes after the state of training", rest.len());
         let agents = AgentsState {
             steps,
-            policies: parts.rows(POLICIES, &widths.policies)?,
+            policies: rows(&tensors, POLICIES, &widths.policies)?,
             learners: Tables { numbers, dice, counts },
-            aips: parts.rows(AIPS, &widths.aips)?,
+            aips: rows(&tensors, AIPS, &widths.aips)?,
             streams,
         };
         progress.standing.check(&agents, progress.elapsed_s, &config.learning)?;
@@ -200,49 +186,35 @@ impl Checkpoint {
     }
 }
 
-/// The tensors of a checkpoint, by name.
-struct Parts<'a>(BTreeMap<String, Part<'a>>);
-
-impl<'a> Parts<'a> {
-    /// Checks that there are tables with these names, the streams, and nothing else.
-    fn of(parts: Vec<Part<'a>>, tables: impl Iterator<Item = String>) -> Result<Parts<'a>> {
-        let parts: BTreeMap<String, Part<'a>> = parts.into_iter().map(|part| (part.name.to_string(), part)).collect();
-        let expected: BTreeMap<String, Dtype> =
-            tables.map(|name| (name, Dtype::F32)).chain([(STREAMS.to_owned(), Dtype::U8)]).collect();
-        for (name, dtype) in &expected {
-            let part = parts.get(name.as_str()).with_context(|| format!("it has no tensor `{name}`"))?;
-            ensure!(
-                part.dtype == *dtype && part.shape.len() == 1,
-                "its tensor `{name}` is {:?} {:?}, not {dtype:?} of one dimension",
-                part.dtype,
-                part.shape
-            );
-        }
-        ensure!(parts.len() == expected.len(), "it has tensors that no checkpoint of this run has");
-        Ok(Parts(parts))
-    }
-
-    fn bytes(&self, name: &str) -> Result<&'a [u8]> {
-        Ok(self.0.get(name).with_context(|| format!("it has no tensor `{name}`"))?.bytes)
-    }
-
-    fn streams(&self) -> Result<&'a [u8]> {
-        self.bytes(STREAMS)
-    }
-
-    /// Returns a table with rows of these widths.
-    fn rows(&self, name: &str, widths: &[usize]) -> Result<Ragged<f32>> {
-        let values = self.bytes(name)?.as_chunks::<4>().0;
-        let expected: usize = widths.iter().sum();
+/// Checks that there are tables with these names, the streams, and nothing else.
+fn check_names(tensors: &Tensors<'_>, tables: impl Iterator<Item = String>) -> Result<()> {
+    let expected: BTreeMap<String, Dtype> =
+        tables.map(|name| (name, Dtype::F32)).chain([(STREAMS.to_owned(), Dtype::U8)]).collect();
+    for (name, dtype) in &expected {
+        let tensor = tensors.get(name).with_context(|| format!("it has no tensor `{name}`"))?;
         ensure!(
-            values.len() == expected,
-            "its table `{name}` has {} values, and the {} agents of this run have {expected}",
-            values.len(),
-            widths.len()
+            tensor.dtype() == *dtype && tensor.shape().len() == 1,
+            "its tensor `{name}` is {:?} {:?}, not {dtype:?} of one dimension",
+            tensor.dtype(),
+            tensor.shape()
         );
-        let values = values.iter().map(|&value| f32::from_le_bytes(value)).collect();
-        Ok(Ragged::from_vec(values, widths.iter().copied()).expect("their number was compared"))
     }
+    ensure!(tensors.len() == expected.len(), "it has tensors that no checkpoint of this run has");
+    Ok(())
+}
+
+/// Returns a table with rows of these widths.
+fn rows(tensors: &Tensors<'_>, name: &str, widths: &[usize]) -> Result<Ragged<f32>> {
+    let values = tensors[name].data().as_chunks::<4>().0;
+    let expected: usize = widths.iter().sum();
+    ensure!(
+        values.len() == expected,
+        "its table `{name}` has {} values, and the {} agents of this run have {expected}",
+        values.len(),
+        widths.len()
+    );
+    let values = values.iter().map(|&value| f32::from_le_bytes(value)).collect();
+    Ok(Ragged::from_vec(values, widths.iter().copied()).expect("their number was compared"))
 }
 
 /// Returns the name of the checkpoint at this number of timesteps per agent.
@@ -275,76 +247,25 @@ mod tests {
     use super::*;
     use dials_testkit::toy::Coins;
 
-    fn names(folder: &Path) -> Vec<String> {
-        let entries = std::fs::read_dir(folder).unwrap();
-        let mut names: Vec<String> =
-            entries.map(|entry| entry.unwrap().file_name().to_string_lossy().into_owned()).collect();
-        names.sort();
-        names
-    }
-
     #[test]
-    fn the_newest_three_are_kept_and_files_of_other_names_are_left_alone() {
+    fn the_newest_three_are_kept_and_names_are_compared_as_numbers() {
         let dir = tempfile::tempdir().unwrap();
         let owner = Owner::of(&crate::config::RunConfig::default(), &Coins::new(4)).unwrap();
         let folder = Directory::open(dir.path()).unwrap();
-        let strangers = ["best.safetensors", "step_1.safetensors", "step_old_copy.safetensors"];
-        strangers.iter().for_each(|name| std::fs::write(dir.path().join(name), "mine").unwrap());
-        assert_eq!(list(&folder).unwrap(), [""; 0]);
-        // The last name is longer than the others: names are compared as numbers.
         for steps in [900, 1_000, 20_000, 999_999_999_999, 1_000_000_000_000] {
             let agents = AgentsState { steps, ..AgentsState::nobody() };
             write(&folder, &owner, &agents, RunProgress::default()).unwrap();
         }
-        let mut expected: Vec<String> = strangers.map(str::to_owned).to_vec();
-        expected.extend([20_000, 999_999_999_999, 1_000_000_000_000].map(name_of));
-        expected.sort();
-        assert_eq!(names(dir.path()), expected);
-        let listed = list(&folder).unwrap();
-        assert_eq!(listed, [20_000, 999_999_999_999, 1_000_000_000_000].map(name_of));
-        // Killed after the last checkpoint was written and before the oldest one was removed.
-        std::fs::write(dir.path().join(name_of(10_000)), "old").unwrap();
-        remove_old(&folder).unwrap();
-        assert_eq!(list(&folder).unwrap(), listed);
+        assert_eq!(list(&folder).unwrap(), [20_000, 999_999_999_999, 1_000_000_000_000].map(name_of));
     }
 
     #[test]
-    fn a_damaged_checkpoint_says_whether_there_is_one_before_it() {
+    fn a_damaged_checkpoint_that_is_the_only_one_says_so() {
         let dir = tempfile::tempdir().unwrap();
         let owner = Owner::of(&crate::config::RunConfig::default(), &Coins::new(4)).unwrap();
-        let folder = Directory::open(dir.path()).unwrap();
-        [128, 256].iter().for_each(|&steps| std::fs::write(dir.path().join(name_of(steps)), "mine").unwrap());
-        let told = |steps| format!("{:#}", Checkpoint::read(&folder, &name_of(steps), &owner).err().unwrap());
-        assert!(told(256).contains("; move it away to continue from the checkpoint before it"), "{}", told(256));
-        assert!(told(128).contains(", and there is no checkpoint before it; put it back from a copy"), "{}", told(128));
-    }
-
-    #[test]
-    fn a_name_counts_only_as_it_is_written() {
-        assert_eq!(steps_of("step_000000000128.safetensors"), Some(128));
-        assert_eq!(steps_of("step_1000000000000.safetensors"), Some(1_000_000_000_000));
-        for other in [
-            "step_128.safetensors",
-            "step_0000000000128.safetensors",
-            "step_+00000000128.safetensors",
-            "step_000000000128.safetensors.bak",
-            ".new-step_000000000128.safetensors",
-            "step_000000000128 copy.safetensors",
-            "step_99999999999999999999.safetensors",
-            "Step_000000000128.safetensors",
-        ] {
-            assert_eq!(steps_of(other), None, "{other}");
-        }
-    }
-
-    #[test]
-    fn the_limit_of_a_file_leaves_room_for_all_that_a_run_can_hold() {
-        let config: crate::config::RunConfig = toml::from_str("local_simulators.copies = 4\n").unwrap();
-        let owner = Owner::of(&config, &Coins::new(300)).unwrap();
-        let Widths { policies, aips } = Widths::of(&config.learning, &owner.kinds);
-        let values: usize = 3 * policies.iter().sum::<usize>() + aips.iter().sum::<usize>();
-        let streams = owner.kinds.agents() * 4 * 300;
-        assert!(most_bytes(&owner) > (4 * values + streams) as u64);
-        assert!(most_bytes(&owner) < (4 * values + 4 * streams + (2 << 20)) as u64, "and not for much more");
+        std::fs::write(dir.path().join(name_of(128)), "mine").unwrap();
+        let read = Checkpoint::read(&Directory::open(dir.path()).unwrap(), &name_of(128), &owner);
+        let error = format!("{:#}", read.err().unwrap());
+        assert!(error.contains(", and there is no checkpoint before it; put it back from a copy"), "{error}");
     }
 }

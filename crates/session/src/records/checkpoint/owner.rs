@@ -2,11 +2,11 @@
 
 use std::path::Path;
 
-use anyhow::Result;
+use anyhow::{Result, bail};
 use serde_json::{Value, json};
 
 use crate::config::RunConfig;
-use crate::config::resume::{Difference, differences, differing};
+use crate::config::resume::{Difference, differences, differing_json};
 use crate::records::files;
 use crate::records::run_json::RunJson;
 use dials_core::domain::{Domain, Kinds, Scenario};
@@ -38,8 +38,8 @@ impl Owner {
     pub(crate) fn check_described(&self, dir: &Path) -> Result<()> {
         let about = RunJson::read(dir)?;
         let [then, now] = [about.seed, self.config.learning.seed].map(|seed| json!({ "seed": seed }));
-        let found = [differing(&then, &now), self.changes_since(dir, &about)?].concat();
-        refuse(&place_of(dir), &found, TO_RESUME).map_err(Into::into)
+        let found = [differing_json(&then, &now), self.changes_since(dir, &about)?].concat();
+        refuse(Some(dir), &found, TO_RESUME)
     }
 
     /// Returns an error if the networks or the domain's keys are other ones than `run.json` in `dir` says. Policies that
@@ -48,7 +48,7 @@ impl Owner {
     pub(crate) fn check_unchanged(&self, dir: &Path) -> Result<()> {
         let mut found = self.changes_since(dir, &RunJson::read(dir)?)?;
         found.retain(|difference| !difference.key.starts_with("scenario.rules."));
-        refuse(&place_of(dir), &found, TO_PLAY).map_err(Into::into)
+        refuse(Some(dir), &found, TO_PLAY)
     }
 
     /// Lists what differs from the domain that `about` describes. `dir`: the directory of the run.
@@ -67,18 +67,18 @@ impl Owner {
 
     /// Lists what differs from another scenario.
     fn differences_from(&self, scenario: &Value) -> Vec<Difference> {
-        let differing = differing(scenario, &self.scenario).into_iter();
+        let differing = differing_json(scenario, &self.scenario).into_iter();
         differing.map(|found| Difference { key: format!("scenario.{}", found.key), ..found }).collect()
     }
 
     /// Returns an error if training with `config` and on `scenario` cannot continue as this run. `until`: the step that
     /// it has come to.
-    pub(crate) fn check(&self, config: &RunConfig, scenario: &Value, until: u64) -> Result<(), NotOfThisRun> {
+    pub(crate) fn check(&self, config: &RunConfig, scenario: &Value, until: u64) -> Result<()> {
         let mut found = differences(config, &self.config);
         found.extend(self.differences_from(scenario));
-        refuse("", &found, TO_RESUME)?;
+        refuse(None, &found, TO_RESUME)?;
         if until > self.config.learning.last_step() {
-            return Err(NotOfThisRun(format!(
+            bail!(NotOfThisRun(format!(
                 "stop_at_steps = {} (`--steps`): training has come to step {until} already; ask for {until} or more, or \
                  leave it out",
                 self.config.learning.last_step()
@@ -92,7 +92,7 @@ impl Owner {
 /// `dir`, says. For readers of the figures alone, who need neither the domain nor the networks. `config`: that of the run.
 pub(crate) fn check_kept(dir: &Path, config: &RunConfig, about: &RunJson) -> Result<()> {
     let found = [about.kept.changed_keys(config)?, about.kept.changed_contents(dir)?].concat();
-    refuse(&place_of(dir), &found, TO_READ).map_err(Into::into)
+    refuse(Some(dir), &found, TO_READ)
 }
 
 /// The way out for a resume, for whoever plays the policies, and for whoever reads the figures.
@@ -105,24 +105,19 @@ fn without_name(scenario: Scenario) -> Result<Value> {
     Ok(serde_json::to_value(Scenario { name: None, ..scenario })?)
 }
 
-fn place_of(dir: &Path) -> String {
-    format!("{}: ", dir.join(files::RUN).display())
-}
-
-fn refuse(place: &str, differences: &[Difference], way_out: &str) -> Result<(), NotOfThisRun> {
+/// Returns an error that lists the differences, if there are any. `dir`: the directory whose `run.json` says how it was.
+fn refuse(dir: Option<&Path>, differences: &[Difference], way_out: &str) -> Result<()> {
     if differences.is_empty() {
         return Ok(());
     }
-    let lines: Vec<String> = differences.iter().map(line).collect();
-    Err(NotOfThisRun(format!(
+    let place = dir.map_or(String::new(), |dir| format!("{}: ", dir.join(files::RUN).display()));
+    let text = |value: &Option<Value>| value.as_ref().map_or("not set".to_owned(), Value::to_string);
+    let line = |Difference { key, then, now }: &Difference| {
+        Printable(format_args!("{key}: {} there, {} here", text(then), text(now))).to_string()
+    };
+    bail!(NotOfThisRun(format!(
         "{place}was written with other settings or networks than this run directory has now:\n  {}\n  {way_out} \
          (`scenario` is the domain, with checksums of the files in networks/)",
-        lines.join("\n  ")
+        differences.iter().map(line).collect::<Vec<_>>().join("\n  ")
     )))
-}
-
-fn line(difference: &Difference) -> String {
-    let text = |value: &Option<Value>| value.as_ref().map_or("not set".to_owned(), Value::to_string);
-    let Difference { key, then, now } = difference;
-    Printable(format_args!("{key}: {} there, {} here", text(then), text(now))).to_string()
 }
