@@ -9,6 +9,10 @@ use std::sync::{LazyLock, mpsc};
 use std::thread;
 use std::time::Duration;
 
+#[path = "traffic/free_car.rs"]
+mod free_car;
+
+use free_car::FREE_CAR;
 use libsumo::{
     Car, CarId, CarTable, DepartSpeed, Entering, Error, Insertion, LaneId, LightId, Placing, RouteId, RouteNow,
     SignalState, Simulation, StepCounts,
@@ -493,26 +497,9 @@ fn the_episode_after_a_reload_is_bit_identical() {
 
 #[test]
 fn a_free_car_drives_the_reference_trajectory() {
-    // IDM on SUMO 1.15: inserted at 6 m with 9.5 m/s, horizontal green. Lane of the way, position, speed.
-    let reference = [
-        (0, 6.0, 9.5),
-        (0, 15.839, 9.839),
-        (0, 25.79, 9.951),
-        (0, 35.775, 9.985),
-        (0, 45.77, 9.996),
-        (0, 55.769, 9.999),
-        (0, 65.769, 10.0),
-        (0, 75.769, 10.0),
-        (0, 85.769, 10.0),
-        (0, 95.769, 10.0),
-        (1, 5.769, 10.0),
-        (1, 15.769, 10.0),
-        (2, 6.969, 10.0), // 15.769 + 10 - 18.8
-        (2, 16.969, 10.0),
-    ];
     let mut road = Road::load();
     road.insert(0);
-    for (t, (lane, position_m, speed_mps)) in reference.into_iter().enumerate() {
+    for (t, (lane, position_m, speed_mps)) in FREE_CAR.into_iter().enumerate() {
         road.step();
         let table = road.read();
         assert_eq!(table.cars(), 1, "step {t}");

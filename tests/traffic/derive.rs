@@ -11,7 +11,6 @@ use dials_traffic::agents::derive::overrides::Overrides;
 use dials_traffic::agents::derive::padding::Padding;
 use dials_traffic::agents::derive::{Agent, Derived, Rules, clearing, derive, safety};
 use dials_traffic::config::sumocfg::Sumocfg;
-use dials_traffic::network::roads::file::read;
 use dials_traffic::network::roads::{Function, Roads};
 use libsumo::SignalState;
 
@@ -55,7 +54,7 @@ fn networks() -> Vec<(&'static Known, Roads, Derived)> {
 
 fn opened(folder: &Path, known: &'static Known) -> (&'static Known, Roads, Derived) {
     let scenario = folder.join(known.name).join(known.name).with_extension("sumocfg");
-    let roads = read(&Sumocfg::read(&scenario).unwrap().net).unwrap();
+    let roads = Roads::of_file(&Sumocfg::read(&scenario).unwrap().net).unwrap();
     let derived = derive(&roads, &Rules::default(), &Overrides::default()).unwrap();
     (known, roads, derived)
 }
@@ -214,7 +213,7 @@ fn the_requests_of_every_junction_are_those_of_its_links() {
 #[test]
 fn the_grids_of_this_program_have_agents_too() {
     let net = Path::new(env!("CARGO_MANIFEST_DIR")).join("sumo_nets/grid_2x2.net.xml");
-    let roads = read(&net).unwrap();
+    let roads = Roads::of_file(&net).unwrap();
     let derived = derive(&roads, &Rules::default(), &Overrides::default()).unwrap();
     for Agent { plan, .. } in &derived.agents {
         assert_eq!(plan.phases.greens().iter().map(SignalState::as_str).collect::<Vec<_>>(), ["GrGr", "rGrG"]);

@@ -5,6 +5,7 @@
 mod controllers;
 mod derive;
 mod examples;
+mod free_car;
 mod hostile_networks;
 mod metrics;
 mod networks;

@@ -31,6 +31,8 @@ use dials_traffic::sim::local::{LocalTraffic, Placement};
 use libsumo::{CarTable, DepartSpeed, Insertion, SignalState, Simulation};
 use rand::Rng;
 
+use crate::free_car::FREE_CAR;
+
 fn saved(name: &str) -> std::path::PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("sumo_nets").join(name)
 }
@@ -286,34 +288,7 @@ fn a_row_that_is_reset_while_its_neighbours_drive_is_bit_identical_to_a_fresh_on
     }
 }
 
-/// The measured trajectory of a car that enters the west edge at 6 m with 9.5 m/s: `(edge, position, speed)` by second.
-/// Edge 0 leads in, 1 is the junction, 2 leads out. SUMO 1.15, internal lane 18.8 m.
-const FREE: &[(usize, f64, f64)] = &[
-    (0, 6.0, 9.5),
-    (0, 15.839, 9.839),
-    (0, 25.79, 9.951),
-    (0, 35.775, 9.985),
-    (0, 45.77, 9.996),
-    (0, 55.769, 9.999),
-    (0, 65.769, 10.0),
-    (0, 75.769, 10.0),
-    (0, 85.769, 10.0),
-    (0, 95.769, 10.0),
-    (1, 5.769, 10.0),
-    (1, 15.769, 10.0),
-    (2, 6.969, 10.0),
-    (2, 16.969, 10.0),
-    (2, 26.969, 10.0),
-    (2, 36.969, 10.0),
-    (2, 46.969, 10.0),
-    (2, 56.969, 10.0),
-    (2, 66.969, 10.0),
-    (2, 76.969, 10.0),
-    (2, 86.969, 10.0),
-    (2, 96.969, 10.0),
-];
-
-/// The same car before a red light that turns green at second 24.
+/// The car of [`FREE_CAR`] before a red light that turns green at second 24.
 const RED: &[(usize, f64, f64)] = &[
     (0, 6.0, 9.5),
     (0, 15.745, 9.745),
@@ -356,7 +331,7 @@ const RED: &[(usize, f64, f64)] = &[
 
 #[test]
 fn one_car_drives_the_two_reference_trajectories() {
-    for (expected, green_from) in [(FREE, 0), (RED, 24)] {
+    for (expected, green_from) in [(&FREE_CAR[..], 0), (RED, 24)] {
         let mut forest = Forest::load(1);
         let region = Region(0);
         let west_in = region.incoming_lanes()[0].clone();

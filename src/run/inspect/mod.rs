@@ -28,7 +28,7 @@ use dials_traffic::agents::plan::Border;
 use dials_traffic::agents::region::spec;
 use dials_traffic::config::{ScenarioConfig, TrafficConfig};
 use dials_traffic::network::files::NetworkFiles;
-use dials_traffic::network::roads::{EdgeNo, Roads, file};
+use dials_traffic::network::roads::{EdgeNo, Roads};
 use dials_traffic::paper_grid::recognise::recognise_grid;
 use dials_traffic::scenario::SumoScenario;
 
@@ -156,7 +156,7 @@ fn of_net(path: &Path) -> Result<Subject> {
     let decision = ScenarioConfig::new(path).decision_s as usize;
     Ok(Subject {
         net: path.to_owned(),
-        roads: file::read(path)?,
+        roads: Roads::of_file(path)?,
         departs_on: BTreeSet::new(),
         seconds: Seconds { decision, episode: 3600 },
         left_out: Vec::new(),

@@ -1,7 +1,7 @@
 //! What an agent is. Pure: no SUMO simulation and no files.
 //!
 //! - [`plan`]: everything about one agent; [`region_plan`]: the lanes around its light; [`phase_plan`]: what its light
-//!   can show; [`sensor`]: the columns of its observation; `service`: which lanes a green serves.
+//!   can show; [`sensor`]: the columns of its observation.
 //! - [`border_plan`]: where cars come into a region of a scenario and leave it.
 //! - [`derive`]: all of this for the lights of any road network.
 //! - [`region`]: the shape of a local region of the paper's grids.
@@ -15,4 +15,3 @@ pub mod plan;
 pub mod region;
 pub mod region_plan;
 pub(crate) mod sensor;
-mod service;

@@ -9,7 +9,7 @@ use libsumo::SignalState;
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct PhasePlan {
     greens: Vec<SignalState>,
-    /// Letters by which greens are told apart in other programs.
+    /// Letters by which greens are recognised in other programs.
     cars: BTreeSet<usize>,
     /// What is shown between two greens, `[from][to]`; empty where nothing has to be cleared.
     clearings: Vec<Vec<Vec<Interval>>>,

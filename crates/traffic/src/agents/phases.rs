@@ -57,13 +57,3 @@ impl Light {
         Light::CYCLE[(place + 1) % Light::CYCLE.len()]
     }
 }
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn the_letters_are_those_of_north_east_south_and_west() {
-        assert_eq!(Light::CYCLE.map(Light::letters), ["GrGr", "yryr", "rGrG", "ryry"]);
-    }
-}

@@ -47,7 +47,7 @@ pub struct TrafficConfig {
     #[serde(skip_serializing_if = "Option::is_none")]
     pub clock: Option<usize>,
     /// By how much the clocks that lights see differ from each other.
-    #[serde(skip_serializing_if = "ClockOffsets::is_none")]
+    #[serde(skip_serializing_if = "is_default")]
     #[schemars(extend("default" = ClockOffsets::None))]
     pub clock_offsets: ClockOffsets,
     /// How a car enters an LS.
@@ -61,7 +61,7 @@ pub struct TrafficConfig {
     pub initial_switch_bias: f32,
     /// What controls a light in an episode until its agent's first switch. See DEVIATION 2: the authors' code has about
     /// `"program"`.
-    #[serde(skip_serializing_if = "UntilFirstSwitch::is_agent")]
+    #[serde(skip_serializing_if = "is_default")]
     #[schemars(extend("default" = UntilFirstSwitch::Agent))]
     pub until_first_switch: UntilFirstSwitch,
 }
@@ -83,10 +83,10 @@ impl TrafficConfig {
             reward: Reward::from(RewardTerm::MeanSpeed),
             d_set: DSet::default(),
             clock: None,
-            clock_offsets: ClockOffsets::None,
+            clock_offsets: ClockOffsets::default(),
             entry: EntryRule::default(),
             initial_switch_bias: 0.0,
-            until_first_switch: UntilFirstSwitch::Agent,
+            until_first_switch: UntilFirstSwitch::default(),
         }
     }
 }
@@ -118,12 +118,6 @@ pub enum ClockOffsets {
     Checkerboard,
 }
 
-impl ClockOffsets {
-    fn is_none(&self) -> bool {
-        *self == ClockOffsets::None
-    }
-}
-
 /// How a car enters a local traffic simulator.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
@@ -146,10 +140,8 @@ pub enum UntilFirstSwitch {
     Program,
 }
 
-impl UntilFirstSwitch {
-    fn is_agent(&self) -> bool {
-        *self == UntilFirstSwitch::Agent
-    }
+fn is_default<T: Default + PartialEq>(value: &T) -> bool {
+    *value == T::default()
 }
 
 /// The longest clock, in steps: each is an input of the networks.
@@ -168,7 +160,7 @@ impl DomainTable for TrafficConfig {
             ensure!((2..=MAX_CLOCK).contains(&clock), "traffic.clock = {clock}: must be from 2 to {MAX_CLOCK} steps");
         }
         ensure!(
-            self.clock.is_some() || self.clock_offsets.is_none(),
+            self.clock.is_some() || is_default(&self.clock_offsets),
             "traffic.clock_offsets needs a clock: add traffic.clock, such as 26"
         );
         Ok(())
@@ -181,6 +173,7 @@ impl DomainTable for TrafficConfig {
     fn local_keys(&self) -> &'static [&'static str] {
         &["local_network", "d_set", "entry"]
     }
+
     fn open(&self) -> Result<Arc<dyn Domain>> {
         Ok(Arc::new(Traffic::open(self)?))
     }

@@ -6,7 +6,7 @@
 mod grid;
 mod reward;
 mod scenario;
-mod sumo_options;
+pub(crate) mod sumo_options;
 pub(crate) mod sumo_time;
 pub mod sumocfg;
 mod yellow;

@@ -179,6 +179,7 @@ impl DomainTable for ScenarioConfig {
         let agents = self.agents.as_mut().map(|path| ("agents", path));
         [("scenario", &mut self.scenario)].into_iter().chain(agents).collect()
     }
+
     fn defaults(&self) -> &'static str {
         include_str!("scenario_defaults.toml")
     }
@@ -216,10 +217,6 @@ mod tests {
         // 3600 / 7 = 514.3
         assert_eq!(checked(|config| config.decision_s = 7), "514 decisions");
         assert_eq!(checked(|config| config.end_s = Some(25_205)), "1 decisions");
-    }
-
-    #[test]
-    fn seconds_that_are_too_few_for_a_decision_are_told() {
         let until = |end| {
             ScenarioConfig { begin_s: Some(100), end_s: Some(end), ..ScenarioConfig::new("a.sumocfg") }.unplayed()
         };
@@ -230,22 +227,14 @@ mod tests {
     #[test]
     fn settings_that_make_no_sense_are_refused() {
         assert_eq!(checked(|config| config.decision_s = 0), "traffic.decision_s = 0: must be from 1 to 300 seconds");
-        assert_eq!(
-            checked(|config| config.yellow_s = Yellow::Seconds(301)),
-            "traffic.yellow_s = 301: must be from 0 to 300 seconds"
-        );
+        let yellow = checked(|config| config.yellow_s = Yellow::Seconds(301));
+        assert_eq!(yellow, "traffic.yellow_s = 301: must be from 0 to 300 seconds");
         for approach in [9.0, 1001.0, f64::NAN] {
-            let told = checked(|config| config.approach_m = approach);
-            assert_eq!(told, format!("traffic.approach_m = {approach}: must be from 10 to 1000 metres"));
+            let message = checked(|config| config.approach_m = approach);
+            assert_eq!(message, format!("traffic.approach_m = {approach}: must be from 10 to 1000 metres"));
         }
-        assert!(checked(|config| config.end_s = Some(25_200)).contains("25200: must be before traffic.end_s = 25200"));
-        assert!(
-            checked(|config| config.end_s = Some(25_204)).contains("5: from 25200 to 25204 s there are 0 decisions")
-        );
-        assert_eq!(
-            checked(|config| config.end_s = None),
-            "traffic.end_s: is missing here and in the .sumocfg; set it to a second"
-        );
+        let short = checked(|config| config.end_s = Some(25_204));
+        assert!(short.contains("5: from 25200 to 25204 s there are 0 decisions"), "{short}");
         assert!(checked(|config| config.end_s = Some(u64::MAX)).contains("must be at most"));
     }
 }

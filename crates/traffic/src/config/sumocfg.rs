@@ -6,8 +6,7 @@ use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result, anyhow, bail, ensure};
 
-pub use super::sumo_options::refused_parameter;
-use super::sumo_options::{Fate, fate_of, is_off, whole_name};
+use super::sumo_options::{Fate, fate_of, whole_name};
 use super::sumo_time::seconds;
 use dials_core::outside::excerpt;
 use dials_core::outside::tree::{Element, parse_file, read_whole};
@@ -24,7 +23,7 @@ pub(crate) const MOST_SECONDS: u64 = 10_000_000_000;
 const TELEPORT: (&str, &str) = ("time-to-teleport", "300");
 
 /// The content of a .sumocfg. Its files are not read yet.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, Default, PartialEq)]
 pub struct Sumocfg {
     pub net: PathBuf,
     pub(crate) routes: Vec<PathBuf>,
@@ -53,73 +52,41 @@ impl Sumocfg {
             "is no configuration of SUMO: its root is <{}>, not <configuration>",
             excerpt(&root.name)
         );
-        let mut reading = Reading::default();
-        root.children.iter().try_for_each(|section| reading.section(section, folder))?;
-        let Reading { given, net, routes, additional, begin_s, end_s, mut options, left_out } = reading;
-        if !given.iter().any(|name| name == TELEPORT.0) {
-            options.push((TELEPORT.0.to_owned(), TELEPORT.1.to_owned()));
+        let mut found = Sumocfg::default();
+        let mut given = Vec::new();
+        collect(root, &mut given)?;
+        for (number, (name, value)) in given.iter().enumerate() {
+            let is_new = given[..number].iter().all(|(other, _)| other != name);
+            ensure!(is_new, "<{}>: is given twice; remove one of them", excerpt(name));
+            found.option(name, value, folder).map_err(|error| anyhow!("<{}>: {error:#}", excerpt(name)))?;
         }
-        let begin_s = begin_s.unwrap_or(0);
-        if let Some(end) = end_s {
+        if !given.iter().any(|(name, _)| *name == TELEPORT.0) {
+            found.options.push((TELEPORT.0.to_owned(), TELEPORT.1.to_owned()));
+        }
+        ensure!(!found.net.as_os_str().is_empty(), "names no net; add <net-file value=\"...\"/>");
+        if let Some(end) = found.end_s {
             ensure!(
-                begin_s < end,
-                "<begin value=\"{begin_s}\">: must be before <end value=\"{end}\">, so nothing would be simulated"
+                found.begin_s < end,
+                "<begin value=\"{}\">: must be before <end value=\"{end}\">, so nothing would be simulated",
+                found.begin_s
             );
         }
-        let mut net = net.into_iter();
-        let net = match (net.next(), net.next()) {
-            (Some(net), None) => net,
-            (None, _) => bail!("names no net; add <net-file value=\"...\"/>"),
-            (Some(_), Some(second)) => bail!("<net-file>: names a second net, {}; leave one", second.display()),
-        };
-        Ok(Sumocfg { net, routes, additional, begin_s, end_s, options, left_out })
-    }
-}
-
-/// What was read so far.
-#[derive(Default)]
-struct Reading {
-    /// Names of the options so far.
-    given: Vec<String>,
-    net: Vec<PathBuf>,
-    routes: Vec<PathBuf>,
-    additional: Vec<PathBuf>,
-    begin_s: Option<u64>,
-    end_s: Option<u64>,
-    options: Vec<(String, String)>,
-    left_out: Vec<String>,
-}
-
-impl Reading {
-    fn section(&mut self, element: &Element, folder: &Path) -> Result<()> {
-        if let Some(value) = element.attribute("value").or_else(|| element.attribute("v")) {
-            let name = whole_name(&element.name);
-            self.option(name, value.trim(), folder)
-                .with_context(|| format!("<{}>", excerpt(name)))
-                .map_err(|error| anyhow!("{error:#}"))?;
-        } else if element.children.is_empty() {
-            let name = whole_name(&element.name);
-            let files = ["net-file", "route-files", "additional-files", "begin", "end", "step-length"];
-            ensure!(
-                fate_of(name).is_none() && !files.contains(&name),
-                "<{}>: has no attribute `value`; write <{0} value=\"...\"/>",
-                excerpt(name)
-            );
-        }
-        element.children.iter().try_for_each(|inner| self.section(inner, folder))
+        Ok(found)
     }
 
     fn option(&mut self, name: &str, value: &str, folder: &Path) -> Result<()> {
-        ensure!(!self.given.iter().any(|given| given == name), "is given twice; remove one of them");
-        self.given.push(name.to_owned());
         if value.is_empty() {
             return Ok(());
         }
         match name {
-            "net-file" => self.net = files(value, folder)?,
+            "net-file" => {
+                let mut nets = files(value, folder)?;
+                ensure!(nets.len() == 1, "names a second net, {}; leave one", nets[1].display());
+                self.net = nets.remove(0);
+            }
             "route-files" => self.routes = files(value, folder)?,
             "additional-files" => self.additional = files(value, folder)?,
-            "begin" => self.begin_s = Some(whole_second(value)?.context("must not be negative")?),
+            "begin" => self.begin_s = whole_second(value)?.context("must not be negative")?,
             // SUMO takes a negative end for none.
             "end" => self.end_s = whole_second(value)?,
             "step-length" => ensure!(
@@ -127,23 +94,35 @@ impl Reading {
                 "is {}, and this program simulates steps of 1 s; remove it or set it to 1",
                 excerpt(value)
             ),
-            _ => match fate_of(name) {
+            _ => match fate_of(name, value) {
                 None => bail!("is no option of SUMO that this program knows; remove it"),
-                Some(Fate::CarriedUnless(values, why)) if values.has(value) => {
-                    bail!("is {}, and {why}; remove it", excerpt(value))
-                }
-                Some(Fate::Carried | Fate::CarriedUnless(..)) => {
-                    self.options.push((name.to_owned(), plain(value)?.to_owned()));
-                }
-                Some(Fate::LeftOut(why)) if !is_off(value) => self.left_out.push(format!("option {name}: {why}")),
-                Some(Fate::Refused(why)) if !is_off(value) => {
-                    bail!("is {}, and {why}; remove it", excerpt(value))
-                }
-                Some(Fate::LeftOut(_) | Fate::Refused(_) | Fate::Silent) => {}
+                Some(Fate::Carried) => self.options.push((name.to_owned(), plain(value)?.to_owned())),
+                Some(Fate::LeftOut(why)) => self.left_out.push(format!("option {name}: {why}")),
+                Some(Fate::Refused(why)) => bail!("is {}, and {why}; remove it", excerpt(value)),
+                Some(Fate::Silent) => {}
             },
         }
         Ok(())
     }
+}
+
+/// Collects the whole names and the values of all options in an element.
+fn collect<'a>(element: &'a Element, given: &mut Vec<(&'a str, &'a str)>) -> Result<()> {
+    for child in &element.children {
+        let name = whole_name(&child.name);
+        if let Some(value) = child.attribute("value").or_else(|| child.attribute("v")) {
+            given.push((name, value.trim()));
+        } else if child.children.is_empty() {
+            let read_here = ["net-file", "route-files", "additional-files", "begin", "end", "step-length"];
+            ensure!(
+                fate_of(name, "").is_none() && !read_here.contains(&name),
+                "<{}>: has no attribute `value`; write <{0} value=\"...\"/>",
+                excerpt(name)
+            );
+        }
+        collect(child, given)?;
+    }
+    Ok(())
 }
 
 /// Returns the value of an option that SUMO may get on its command line: one that it cannot take for another option.
@@ -201,10 +180,6 @@ mod tests {
         Sumocfg::of(&root, Path::new("dir"))
     }
 
-    fn error_of(options: &str) -> String {
-        read(&format!("<net-file value='a'/>{options}")).unwrap_err().to_string()
-    }
-
     #[test]
     fn files_times_and_options_are_read_wherever_they_stand() {
         let found = read(
@@ -234,43 +209,17 @@ mod tests {
     }
 
     #[test]
-    fn an_option_that_is_not_carried_over_is_refused_by_its_name() {
-        for (options, told) in [
-            ("<frobnicate value='1'/>", "<frobnicate>: is no option of SUMO that this program knows; remove it"),
-            ("<begin value='1'/><b value='2'/>", "<begin>: is given twice; remove one of them"),
-            ("<begin value='soon'/>", "<begin>: `soon` is no time: it must be seconds, such as 3600, or 01:00:00"),
+    fn what_this_program_cannot_carry_over_is_refused_by_its_name() {
+        for (options, message) in [
             ("<begin value='-5'/>", "<begin>: must not be negative"),
             ("<end value='5.5'/>", "<end>: is 5.5, and this program simulates steps of 1 s; set it to a whole second"),
             ("<end value='1e11'/>", "<end>: is 100000000000: must be at most 10000000000"),
             ("<begin>5</begin>", "<begin>: has no attribute `value`; write <begin value=\"...\"/>"),
             ("<scale>5</scale>", "<scale>: has no attribute `value`; write <scale value=\"...\"/>"),
             (
-                "<step-length value='0.1'/>",
-                "<step-length>: is 0.1, and this program simulates steps of 1 s; remove it or set it to 1",
-            ),
-            (
-                "<lateral-resolution value='0.8'/>",
-                "<lateral-resolution>: is 0.8, and this program does not know the sublane model, in which cars share a \
-                 lane; remove it",
-            ),
-            (
-                "<load-state value='x'/>",
-                "<load-state>: is x, and it reads a file that this program does not copy into a run directory; remove it",
-            ),
-            (
-                "<time-to-teleport.remove value='true'/>",
-                "<time-to-teleport.remove>: is true, and cars that SUMO takes off the road would count as cars that \
-                 arrived; remove it",
-            ),
-            (
-                "<max-depart-delay value='60'/>",
-                "<max-depart-delay>: is 60, and cars that SUMO no longer lets wait would be missing from all figures; \
+                "<max-depart-delay value='0'/>",
+                "<max-depart-delay>: is 0, and cars that SUMO no longer lets wait would be missing from all figures; \
                  remove it",
-            ),
-            // A switch of SUMO takes no value that begins with `-`, but the next option.
-            (
-                "<eager-insert value='--tripinfo-output=x'/>",
-                "<eager-insert>: is `--tripinfo-output=x`, which is no value of it; remove it",
             ),
             ("<net value='b'/>", "<net-file>: is given twice; remove one of them"),
             ("<r value='b,,c'/>", "<route-files>: names a file without a name; remove a comma"),
@@ -284,14 +233,10 @@ mod tests {
                 "<route-files>: names `b%2`, with a `%` that stands for no character; rename the file",
             ),
             ("<r value='b%00'/>", "<route-files>: names `b%00`, which is no path"),
-            (
-                "<begin value='5'/><end value='5'/>",
-                "<begin value=\"5\">: must be before <end value=\"5\">, so nothing would be simulated",
-            ),
         ] {
-            assert_eq!(error_of(options), told);
+            let error = read(&format!("<net-file value='a'/>{options}")).unwrap_err();
+            assert_eq!(error.to_string(), message);
         }
-        assert_eq!(read("").unwrap_err().to_string(), "names no net; add <net-file value=\"...\"/>");
         let two = read("<net-file value='a,b'/>").unwrap_err().to_string();
         assert_eq!(two, "<net-file>: names a second net, dir/b; leave one");
         let other = Sumocfg::of(&parse("<routes/>").unwrap(), Path::new("")).unwrap_err().to_string();

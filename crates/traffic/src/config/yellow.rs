@@ -87,8 +87,8 @@ mod tests {
             assert_eq!(serde_json::to_string(&yellow).unwrap(), json);
         }
         for json in ["-1", "1.5", "\"own\"", "4294967296"] {
-            let told = serde_json::from_str::<Yellow>(json).unwrap_err().to_string();
-            assert!(told.contains("a whole number of seconds, or \"program\""), "{told}");
+            let message = serde_json::from_str::<Yellow>(json).unwrap_err().to_string();
+            assert!(message.contains("a whole number of seconds, or \"program\""), "{message}");
         }
     }
 }

@@ -1,11 +1,10 @@
 //! What lies behind the exits of a region: copies of the next edges, because cars choose their lanes by where they go
-//! next.
+//! next. And junctions at the border, which become dead ends.
 
 use std::collections::HashSet;
 
-use super::border::{connection, copy, dead_end_of};
-use super::local_net::{Exit, Gate, Parts, Way};
-use super::source::Source;
+use super::extract::Source;
+use super::local_net::{Exit, Gate, Way};
 use crate::network::roads::{EdgeNo, LaneNo};
 use crate::network::tree::Element;
 
@@ -34,10 +33,10 @@ pub(super) struct Beyond<'a> {
     reach: Reach,
     /// Names that are taken already.
     taken: HashSet<String>,
-    pub(crate) gate: Gate,
-    pub(crate) exits: Vec<Exit>,
-    /// Only copies.
-    pub(crate) parts: Parts,
+    gate: Gate,
+    pub(super) exits: Vec<Exit>,
+    /// Copies, and the gate.
+    pub(super) elements: Vec<Element>,
 }
 
 impl<'a> Beyond<'a> {
@@ -49,7 +48,7 @@ impl<'a> Beyond<'a> {
             taken: taken.map(str::to_owned).collect(),
             gate: Gate { light: String::new(), lanes: Vec::new() },
             exits: Vec::new(),
-            parts: Parts::default(),
+            elements: Vec::new(),
         };
         beyond.gate.light = beyond.free_name(format!("{light}+exits"));
         beyond
@@ -75,7 +74,7 @@ impl<'a> Beyond<'a> {
         let green = "G".repeat(lanes.len());
         let phase = element("phase", &[("duration", "1000000"), ("state", &green)], Vec::new());
         let attributes = [("id", light.as_str()), ("type", "static"), ("programID", "0"), ("offset", "0")];
-        self.parts.lights.push(element("tlLogic", &attributes, vec![phase]));
+        self.elements.push(element("tlLogic", &attributes, vec![phase]));
         Some(self.gate.clone())
     }
 
@@ -108,8 +107,8 @@ impl<'a> Beyond<'a> {
     fn copy(&mut self, edge: EdgeNo, name: &str, begin: &str) {
         let end = end_name(name);
         let copied = copy(self.source.edges[edge.0], name, [begin, &end]);
-        self.parts.junctions.push(dead_end_of(&copied, self.source.end(edge), &end));
-        self.parts.edges.push(copied);
+        self.elements.push(dead_end_of(&copied, self.source.end(edge), &end));
+        self.elements.push(copied);
     }
 
     /// Connects two edges as they are in the whole net. Connections of an exit obey the gate.
@@ -121,7 +120,7 @@ impl<'a> Beyond<'a> {
             }
             let letter = is_exit.then(|| self.letter(link.from));
             let gate = letter.map(|letter| (self.gate.light.as_str(), letter));
-            self.parts.connections.push(connection(self.source.connections[number], names, gate));
+            self.elements.push(connection(self.source.connections[number], names, gate));
         }
     }
 
@@ -170,4 +169,64 @@ fn end_name(copy: &str) -> String {
 fn element(name: &str, attributes: &[(&str, &str)], children: Vec<Element>) -> Element {
     let attributes = attributes.iter().map(|(key, value)| (key.to_string(), value.to_string())).collect();
     Element { name: name.to_owned(), attributes, children }
+}
+
+/// Returns a junction as a dead end at which only some of its lanes end.
+pub(super) fn dead_end(junction: &Element, is_left: impl Fn(&str) -> bool) -> Element {
+    let lanes = junction.attribute("incLanes").unwrap_or_default().split_whitespace();
+    let lanes = lanes.filter(|lane| is_left(lane)).collect::<Vec<_>>().join(" ");
+    let mut end = junction.clone();
+    end.children.retain(|child| child.name == "param");
+    set(&mut end, "type", "dead_end");
+    set(&mut end, "incLanes", &lanes);
+    set(&mut end, "intLanes", "");
+    end
+}
+
+/// Returns a dead end at the place of another junction, under its own name, for the lanes of `edge`.
+fn dead_end_of(edge: &Element, junction: &Element, id: &str) -> Element {
+    let lanes: Vec<&str> = edge.all("lane").filter_map(|lane| lane.attribute("id")).collect();
+    let mut end = dead_end(junction, |_| false);
+    set(&mut end, "id", id);
+    set(&mut end, "incLanes", &lanes.join(" "));
+    end
+}
+
+/// Returns an edge under another name, between other junctions.
+fn copy(edge: &Element, id: &str, [from, to]: [&str; 2]) -> Element {
+    let mut copy = edge.clone();
+    set(&mut copy, "id", id);
+    set(&mut copy, "from", from);
+    set(&mut copy, "to", to);
+    // Edges and lanes of the opposite direction have no copies.
+    copy.attributes.retain(|(key, _)| key != "bidi");
+    for (index, lane) in copy.children.iter_mut().filter(|child| child.name == "lane").enumerate() {
+        lane.children.retain(|child| child.name != "neigh");
+        set(lane, "id", &format!("{id}_{index}"));
+    }
+    copy
+}
+
+/// Returns a connection between other edges, without the inside of its junction. `gate`: the light that it obeys, and
+/// the letter.
+fn connection(like: &Element, [from, to]: [&str; 2], gate: Option<(&str, usize)>) -> Element {
+    const KEPT: [&str; 3] = ["fromLane", "toLane", "dir"];
+    let mut connection = like.clone();
+    connection.attributes.retain(|(key, _)| KEPT.contains(&key.as_str()));
+    set(&mut connection, "from", from);
+    set(&mut connection, "to", to);
+    if let Some((light, letter)) = gate {
+        set(&mut connection, "tl", light);
+        set(&mut connection, "linkIndex", &letter.to_string());
+    }
+    set(&mut connection, "state", "M");
+    connection
+}
+
+/// Sets an attribute, at its place if the element has it.
+fn set(element: &mut Element, key: &str, value: &str) {
+    match element.attributes.iter_mut().find(|(known, _)| known == key) {
+        Some((_, old)) => *old = value.to_owned(),
+        None => element.attributes.push((key.to_owned(), value.to_owned())),
+    }
 }

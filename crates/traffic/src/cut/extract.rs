@@ -7,14 +7,42 @@ use std::collections::{BTreeSet, HashSet};
 
 use anyhow::{Result, ensure};
 
-use super::beyond::{Beyond, Reach};
-use super::border::dead_end;
-use super::local_net::{LocalNet, Parts};
-use super::source::Source;
+use super::beyond::{Beyond, Reach, dead_end};
+use super::local_net::{KINDS, LocalNet};
 use crate::agents::derive::region::Region;
-use crate::network::roads::{Connection, EdgeNo, Function, JunctionNo, program};
+use crate::network::roads::{Connection, EdgeNo, Function, JunctionNo, Roads, program};
 use crate::network::tree::Element;
 use dials_core::outside::excerpt;
+
+/// A whole net, as text and as roads.
+pub(crate) struct Source<'a> {
+    pub(crate) net: &'a Element,
+    /// Roads of this net.
+    pub(crate) roads: &'a Roads,
+    /// Programs of lights in other files, which SUMO loads after the net.
+    pub(crate) programs: Vec<&'a Element>,
+    /// Elements by their numbers in `roads`.
+    pub(super) junctions: Vec<&'a Element>,
+    pub(super) edges: Vec<&'a Element>,
+    pub(super) connections: Vec<&'a Element>,
+}
+
+impl<'a> Source<'a> {
+    /// `net`: the root element that `roads` was read from.
+    pub(crate) fn new(net: &'a Element, roads: &'a Roads, programs: Vec<&'a Element>) -> Source<'a> {
+        let [junctions, edges, connections] =
+            ["junction", "edge", "connection"].map(|kind| net.all(kind).collect::<Vec<_>>());
+        let counts = [roads.junctions.len(), roads.edges.len(), roads.connections.len()];
+        assert_eq!([junctions.len(), edges.len(), connections.len()], counts, "the roads of this net");
+        Source { net, roads, programs, junctions, edges, connections }
+    }
+
+    /// Returns the junction at which a road ends.
+    pub(super) fn end(&self, road: EdgeNo) -> &'a Element {
+        let [_, end] = self.roads.edge(road).ends.expect("a road has two ends");
+        self.junctions[end.0]
+    }
+}
 
 impl LocalNet {
     /// Cuts out the region of a light, with copies of edges behind its exits.
@@ -30,19 +58,13 @@ impl LocalNet {
         let entries = cut.edges.iter().filter(|&&edge| !cut.begins_within(edge));
         let entry_lanes = entries.flat_map(|&edge| &source.roads.edge(edge).lanes).map(|&lane| source.roads.lane(lane));
         let entry_lanes = entry_lanes.filter(|lane| lane.carries_cars).map(|lane| lane.id.clone()).collect();
-        let Beyond { exits, parts, .. } = beyond;
-        Ok(LocalNet { light: light.to_owned(), entry_lanes, exits, gate, parts: cut.parts().followed_by(parts) })
-    }
-}
-
-impl Parts {
-    /// Returns these elements with others behind them.
-    fn followed_by(mut self, others: Parts) -> Parts {
-        self.edges.extend(others.edges);
-        self.lights.extend(others.lights);
-        self.junctions.extend(others.junctions);
-        self.connections.extend(others.connections);
-        self
+        let Beyond { exits, elements, .. } = beyond;
+        let mut children = cut.elements();
+        children.extend(elements);
+        // Behind what has no place in this order, and otherwise as before.
+        children.sort_by_key(|element| KINDS.iter().position(|kind| *kind == element.name));
+        let root = Element { name: "net".to_owned(), attributes: source.net.attributes.clone(), children };
+        Ok(LocalNet { light: light.to_owned(), entry_lanes, exits, gate, root })
     }
 }
 
@@ -130,32 +152,27 @@ impl<'a> Cut<'a> {
         self.edges.iter().copied().filter(move |&road| !ends_within(road))
     }
 
-    /// Returns the elements of the region, each kind in the order of the whole net.
-    fn parts(&self) -> Parts {
+    /// Returns the elements of the region, each kind in the order of the whole net: also its place, and the types of its
+    /// edges.
+    fn elements(&self) -> Vec<Element> {
         let Source { net, roads, programs, connections, .. } = self.source;
-        let mut parts = Parts { attributes: net.attributes.clone(), ..Parts::default() };
         let numbered = self.source.edges.iter().enumerate();
-        let edges = numbered.filter(|(number, _)| self.keeps(EdgeNo(*number))).map(|(_, edge)| *edge);
-        parts.edges = edges.cloned().collect();
-        parts.shared = self.shared(&parts.edges);
+        let edges: Vec<&Element> =
+            numbered.filter(|(number, _)| self.keeps(EdgeNo(*number))).map(|(_, edge)| *edge).collect();
+        let used: HashSet<&str> = edges.iter().filter_map(|edge| edge.attribute("type")).collect();
+        let types = net.all("type").filter(|kind| kind.attribute("id").is_some_and(|id| used.contains(id)));
         let lights = net.all("tlLogic").chain(programs.iter().copied());
         let own = lights.filter(|light| light.attribute("id") == Some(self.light));
         let (whole, offsets): (Vec<_>, Vec<_>) = own.partition(|light| light.all("phase").next().is_some());
-        parts.lights = whole.into_iter().cloned().collect();
-        offsets.into_iter().for_each(|offset| set_offset(&mut parts.lights, offset));
-        parts.junctions = self.junctions();
+        let mut lights: Vec<Element> = whole.into_iter().cloned().collect();
+        offsets.into_iter().for_each(|offset| set_offset(&mut lights, offset));
         let links = roads.connections.iter().zip(connections).filter(|(link, _)| self.is_within(link));
-        parts.connections = links.map(|(_, &element)| element.clone()).collect();
-        parts.roundabouts = self.roundabouts();
-        parts
-    }
-
-    /// Returns the place of the net and the types of these edges.
-    fn shared(&self, edges: &[Element]) -> Vec<Element> {
-        let used: HashSet<&str> = edges.iter().filter_map(|edge| edge.attribute("type")).collect();
-        let is_used = |kind: &&Element| kind.attribute("id").is_some_and(|id| used.contains(id));
-        let places = self.source.net.all("location");
-        places.chain(self.source.net.all("type").filter(is_used)).cloned().collect()
+        let links = links.map(|(_, &element)| element);
+        let mut elements: Vec<Element> = net.all("location").chain(types).chain(edges).chain(links).cloned().collect();
+        elements.extend(lights);
+        elements.extend(self.junctions());
+        elements.extend(self.roundabouts());
+        elements
     }
 
     fn junctions(&self) -> Vec<Element> {
@@ -212,7 +229,6 @@ fn set_offset(programs: &mut [Element], offset: &Element) {
 mod tests {
     use super::*;
     use crate::agents::derive::region::lit_junctions;
-    use crate::network::roads::Roads;
     use crate::network::roads::example::changed;
     use crate::network::tree::parse;
 
@@ -233,28 +249,15 @@ mod tests {
     fn lanes_at_the_border_are_entries_and_exits_have_copies_of_what_follows() {
         let net = cut("J", 10.0, &[]).unwrap();
         assert_eq!(net.entry_lanes, ["near_0", "near_1", "north_0"]);
-        let ends = |exit: &super::super::local_net::Exit| -> Vec<(Vec<String>, f64)> {
-            exit.ways.iter().map(|way| (way.copies.clone(), way.end_m)).collect()
-        };
         // Behind `out` there is nothing. From `back` cars go to `west`, or turn around.
-        assert_eq!([&net.exits[0].edge, &net.exits[1].edge], ["out", "back"]);
-        assert_eq!(ends(&net.exits[0]), [(Vec::new(), 190.0)]);
-        let behind = ["back+west", "back+near"].map(|copy| (vec![copy.to_owned()], 15.0));
-        assert_eq!(ends(&net.exits[1]), behind);
+        assert_eq!([&*net.exits[0].edge, &*net.exits[1].edge], ["out", "back"]);
+        let ends: Vec<f64> = net.exits.iter().flat_map(|exit| &exit.ways).map(|way| way.end_m).collect();
+        assert_eq!(ends, [190.0, 15.0, 15.0]);
         assert_eq!(copies(&net), ["back+west", "back+near"]);
         let gate = net.gate.as_ref().unwrap();
         assert_eq!((&*gate.light, &gate.lanes[..]), ("J+exits", &["back_0".to_owned()][..]));
         let lanes = ["near_0", "near_1", "north_0", "out_0", "back_0", "back+west_0", "back+near_0", "back+near_1"];
         assert_eq!(net.lanes().collect::<Vec<_>>(), lanes);
-        let kinds: Vec<(&str, &str)> = net
-            .parts
-            .junctions
-            .iter()
-            .map(|junction| ["id", "type"].map(|key| junction.attribute(key).unwrap()).into())
-            .collect();
-        let dead = ["U", "N", "E", "back+west+end", "back+near+end"].map(|id| (id, "dead_end"));
-        assert_eq!(kinds, [&dead[..1], &[("J", "traffic_light")], &dead[1..]].concat());
-        Roads::read(&net.root()).unwrap();
     }
 
     #[test]
@@ -265,7 +268,7 @@ mod tests {
         let offset = parse("<tlLogic id=\"J\" programID=\"0\" offset=\"12\"/>").unwrap();
         let source = Source::new(&net, &roads, vec![&offset]);
         let cut = LocalNet::cut(&source, "J", &region, Reach::default()).unwrap();
-        let offsets: Vec<f64> = Roads::read(&cut.root()).unwrap().programs.iter().map(|own| own.offset_s).collect();
+        let offsets: Vec<f64> = Roads::read(cut.root()).unwrap().programs.iter().map(|own| own.offset_s).collect();
         assert_eq!(offsets, [12.0, 0.0], "the light and the gate");
     }
 
@@ -277,16 +280,16 @@ mod tests {
 
     #[test]
     fn what_cannot_be_cut_out_is_refused_with_the_connection_and_the_way_out() {
-        let told = |light, changes: &[(&str, &str)]| format!("{:#}", cut(light, 10.0, changes).unwrap_err());
+        let message = |light, changes: &[(&str, &str)]| format!("{:#}", cut(light, 10.0, changes).unwrap_err());
         let other = "<tlLogic id=\"K\"><phase duration=\"9\" state=\"G\"/></tlLogic><junction id=\"W\"";
         let mut changes = vec![("<junction id=\"W\"", other)];
         assert_eq!(
-            told("K", &changes),
+            message("K", &changes),
             "light `K`: controls no cars, so there is nothing to cut out; choose another light"
         );
         changes.push(("tl=\"J\" linkIndex=\"3\"", "tl=\"K\" linkIndex=\"0\""));
         assert_eq!(
-            told("J", &changes),
+            message("J", &changes),
             "light `J`: its region holds the connection from edge `near` to edge `back`, which obeys light `K`; join \
              the two lights in netedit, or choose another light"
         );
@@ -297,14 +300,14 @@ mod tests {
              <connection from=\"back\" fromLane=\"0\" to=\"west\"",
         )];
         assert_eq!(
-            told("J", &on_foot),
+            message("J", &on_foot),
             "light `J`: controls the connection from edge `side` to edge `near`, too, which is not at the junctions \
              where it controls cars; give that connection a light of its own in netedit"
         );
         let jump =
             [("to=\"out\" toLane=\"0\" tl=\"J\" linkIndex=\"1\"", "to=\"west\" toLane=\"0\" tl=\"J\" linkIndex=\"1\"")];
         assert_eq!(
-            told("J", &jump),
+            message("J", &jump),
             "light `J`: the connection from edge `north` to edge `west` leads to an edge that does not begin at its \
              junction; make the net again with netconvert"
         );

@@ -10,11 +10,10 @@ use std::path::{Path, PathBuf};
 
 use anyhow::{Result, ensure};
 
-use super::names::{prefixed, write};
+use super::local_net::side_by_side;
+use super::names::prefixed;
 use crate::network::contents::Network;
 use crate::network::files::NetworkFiles;
-use crate::network::tree::Element;
-use crate::network::xml::document_with;
 use crate::paper_grid::grid::{self, Grid};
 use crate::paper_grid::recognise::recognise_local;
 use dials_core::base::AgentId;
@@ -83,7 +82,11 @@ pub(crate) struct Forest {
 impl Forest {
     /// Makes a forest of `regions` copies of a local network. Takes milliseconds, because netconvert is not needed.
     pub(crate) fn of(local: &Network, regions: usize) -> Forest {
-        Forest { net: replicate(&local.net.root, regions), routes: replicate(&local.routes.root, regions) }
+        let copies = |root| {
+            let rows: Vec<_> = (0..regions).map(|region| (Region(region).prefix(), root)).collect();
+            side_by_side(&rows, |_, _| Ok(()))
+        };
+        Forest { net: copies(&local.net.root), routes: copies(&local.routes.root) }
     }
 }
 
@@ -96,40 +99,4 @@ pub fn write_forest(local: &NetworkFiles, regions: usize, dir: &Path) -> Result<
     let NetworkFiles { net, routes, .. } = NetworkFiles::of(&prefix);
     write_together(dir, &[(net.clone(), forest.net.into_bytes()), (routes.clone(), forest.routes.into_bytes())])?;
     Ok(ForestFiles { net, routes })
-}
-
-/// Returns the text of a file of the local net, once per region.
-fn replicate(local: &Element, regions: usize) -> String {
-    document_with(&local.name, local.attributes.iter().map(|(key, value)| (key, value)), |xml| {
-        // SUMO wants all edges before the lights, the lights before the junctions, and so on. So the regions go side by
-        // side within each kind.
-        for same_kind in local.children.chunk_by(|a, b| a.name == b.name) {
-            let copies = if is_shared(&same_kind[0]) { 1 } else { regions };
-            for region in (0..copies).map(Region) {
-                let prefix = region.prefix();
-                same_kind.iter().try_for_each(|element| write(xml, element, &prefix))?;
-            }
-        }
-        Ok(())
-    })
-}
-
-/// Returns whether all regions have this element in common: the place of the net and the vehicle type.
-fn is_shared(element: &Element) -> bool {
-    matches!(element.name.as_str(), "location" | "vType")
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn names_of_a_region_are_those_of_the_local_net_with_its_number() {
-        let region = Region(3);
-        assert_eq!(region.light(), "f3.r0c0");
-        assert_eq!(region.incoming_lanes(), ["f3.w0_r0c0_0", "f3.s0_r0c0_0", "f3.e0_r0c0_0", "f3.n0_r0c0_0"]);
-        assert_eq!(region.outgoing_lanes(), ["f3.r0c0_w0_0", "f3.r0c0_s0_0", "f3.r0c0_e0_0", "f3.r0c0_n0_0"]);
-        assert_eq!(region.internal_lanes(), [":f3.r0c0_3_0", ":f3.r0c0_2_0", ":f3.r0c0_1_0", ":f3.r0c0_0_0"]);
-        assert_eq!(region.routes(), ["f3.w0_to_e0", "f3.s0_to_n0", "f3.e0_to_w0", "f3.n0_to_s0"]);
-    }
 }

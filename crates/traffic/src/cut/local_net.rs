@@ -17,7 +17,7 @@ pub struct LocalNet {
     pub exits: Vec<Exit>,
     /// Light at the ends of the exits. `None`: all exits are dead ends.
     pub gate: Option<Gate>,
-    pub(super) parts: Parts,
+    pub(super) root: Element,
 }
 
 /// An edge on which cars leave the region.
@@ -49,36 +49,14 @@ pub struct Gate {
     pub lanes: Vec<String>,
 }
 
-/// Elements of a net.
-#[derive(Clone, Debug, Default)]
-pub(super) struct Parts {
-    /// Attributes of the root.
-    pub(crate) attributes: Vec<(String, String)>,
-    /// Elements that nets of one source have in common: its place and its types of edges.
-    pub(crate) shared: Vec<Element>,
-    pub(crate) edges: Vec<Element>,
-    pub(crate) lights: Vec<Element>,
-    pub(crate) junctions: Vec<Element>,
-    pub(crate) connections: Vec<Element>,
-    pub(crate) roundabouts: Vec<Element>,
-}
-
-impl Parts {
-    /// Number of kinds of elements in [`Parts::in_order`], and the places of two of them.
-    pub(crate) const KINDS: usize = 5;
-    pub(crate) const EDGES: usize = 0;
-    pub(crate) const JUNCTIONS: usize = 2;
-
-    /// Returns the elements that are not shared, by kind, in the order that SUMO needs.
-    pub(super) fn in_order(&self) -> [&[Element]; Parts::KINDS] {
-        [&self.edges, &self.lights, &self.junctions, &self.connections, &self.roundabouts]
-    }
-}
+/// Kinds of elements that only one region has, in the order that SUMO needs. Others are common to all regions: the place
+/// of the net, the types of its edges and of vehicles.
+pub(super) const KINDS: [&str; 6] = ["edge", "tlLogic", "junction", "connection", "roundabout", "route"];
 
 impl LocalNet {
     /// Returns all lanes in the order in which SUMO loads them, those within junctions included.
     pub fn lanes(&self) -> impl Iterator<Item = &str> {
-        let lanes = self.parts.edges.iter().flat_map(|edge| edge.all("lane"));
+        let lanes = self.root.all("edge").flat_map(|edge| edge.all("lane"));
         lanes.map(|lane| lane.attribute("id").expect("read as a lane before"))
     }
 
@@ -86,27 +64,28 @@ impl LocalNet {
     pub(crate) fn leads(&self, from: &str, to: &str) -> bool {
         let is_it =
             |connection: &Element| connection.attribute("from") == Some(from) && connection.attribute("to") == Some(to);
-        self.parts.connections.iter().any(is_it)
+        self.root.all("connection").any(is_it)
     }
 
     /// Returns the root element of the net.
-    pub(crate) fn root(&self) -> Element {
-        let Parts { attributes, shared, .. } = &self.parts;
-        let others = self.parts.in_order().concat();
-        Element { name: "net".to_owned(), attributes: attributes.clone(), children: [&shared[..], &others].concat() }
-    }
-
-    /// Writes the elements of a kind, a place in [`Parts::in_order`], with a prefix before every name.
-    pub(super) fn write_kind(&self, xml: &mut Xml, kind: usize, prefix: &str) -> io::Result<()> {
-        self.parts.in_order()[kind].iter().try_for_each(|element| write(xml, element, prefix))
+    pub(crate) fn root(&self) -> &Element {
+        &self.root
     }
 }
 
-/// Returns the text of a net of the elements that `fill` writes. `one`: a net that it is made of.
-pub(super) fn net_text(one: &LocalNet, fill: impl FnOnce(&mut Xml) -> io::Result<()>) -> String {
-    let Parts { attributes, shared, .. } = &one.parts;
-    document_with("net", attributes.iter().map(|(key, value)| (key, value)), |xml| {
-        shared.iter().try_for_each(|element| write(xml, element, ""))?;
-        fill(xml)
+/// Returns the text of a file with the elements of these ones side by side, each with its prefix before every name.
+/// `more` writes further elements of a kind.
+pub(super) fn side_by_side(roots: &[(String, &Element)], more: impl Fn(&mut Xml, &str) -> io::Result<()>) -> String {
+    let (_, one) = roots[0];
+    document_with(&one.name, one.attributes.iter().map(|(key, value)| (key, value)), |xml| {
+        let mut shared = one.children.iter().filter(|element| !KINDS.contains(&&*element.name));
+        shared.try_for_each(|element| write(xml, element, ""))?;
+        for kind in KINDS {
+            for (prefix, root) in roots {
+                root.all(kind).try_for_each(|element| write(xml, element, prefix))?;
+            }
+            more(xml, kind)?;
+        }
+        Ok(())
     })
 }

@@ -16,7 +16,7 @@
 
 use std::io;
 
-use super::local_net::{LocalNet, Parts, net_text};
+use super::local_net::{LocalNet, side_by_side};
 use super::names::free_name;
 use crate::network::xml::{Xml, leaf, nest};
 
@@ -36,14 +36,8 @@ impl MixedForest {
     /// Makes a forest of these nets, at least one, each as often as it is named. Names have the row's prefix: see
     /// [`prefix`].
     pub fn of(nets: &[&LocalNet]) -> MixedForest {
-        let net = net_text(nets[0], |xml| {
-            // SUMO wants all edges before the lights, the lights before the junctions, and so on.
-            (0..Parts::KINDS).try_for_each(|kind| {
-                let mut rows = nets.iter().enumerate();
-                rows.try_for_each(|(row, net)| net.write_kind(xml, kind, &prefix(row)))?;
-                write_apart(xml, kind, APART, [[0.0, 0.0], [1000.0, 0.0]])
-            })
-        });
+        let rows: Vec<_> = nets.iter().enumerate().map(|(row, net)| (prefix(row), net.root())).collect();
+        let net = side_by_side(&rows, |xml, kind| write_apart(xml, kind, APART, [[0.0, 0.0], [1000.0, 0.0]]));
         let mut first_lane = vec![0];
         for net in nets {
             let lanes = u32::try_from(net.lanes().count()).expect("far fewer lanes than 2^32");
@@ -73,35 +67,29 @@ pub(crate) struct Alone {
 impl Alone {
     /// Makes the net. `place_m`: where the road apart is drawn, as a point.
     pub(crate) fn of(net: &LocalNet, place_m: [f64; 2]) -> Alone {
-        let apart = free_name(APART, |name| net.parts.edges.iter().any(|edge| edge.attribute("id") == Some(name)));
+        let apart = free_name(APART, |name| net.root.all("edge").any(|edge| edge.attribute("id") == Some(name)));
         let [x, y] = place_m;
-        let text = net_text(net, |xml| {
-            (0..Parts::KINDS).try_for_each(|kind| {
-                net.write_kind(xml, kind, "")?;
-                write_apart(xml, kind, &apart, [[x, y], [x + 1.0, y]])
-            })
-        });
+        let ends_m = [[x, y], [x + 1.0, y]];
+        let text = side_by_side(&[(String::new(), net.root())], |xml, kind| write_apart(xml, kind, &apart, ends_m));
         Alone { net: text, apart, lanes: net.lanes().count() + 1 }
     }
 }
 
 /// Writes the road apart, for vehicles of all classes. `ends_m`: where its ends are drawn.
-fn write_apart(xml: &mut Xml, kind: usize, name: &str, ends_m: [[f64; 2]; 2]) -> io::Result<()> {
+fn write_apart(xml: &mut Xml, kind: &str, name: &str, ends_m: [[f64; 2]; 2]) -> io::Result<()> {
     let lane = format!("{name}_0");
     let [from, to] = ["from", "to"].map(|end| format!("{name}.{end}"));
     match kind {
-        Parts::EDGES => nest(xml, "edge", [("id", name), ("from", &from), ("to", &to)], |xml| {
+        "edge" => nest(xml, "edge", [("id", name), ("from", &from), ("to", &to)], |xml| {
             let shape = ends_m.map(|[x, y]| format!("{x},{y}")).join(" ");
             let place = [("index", "0"), ("speed", "10"), ("length", "1000"), ("shape", &*shape)];
             leaf(xml, "lane", [("id", &*lane)].into_iter().chain(place))
         }),
-        Parts::JUNCTIONS => {
-            [(&from, ""), (&to, &*lane)].into_iter().zip(ends_m).try_for_each(|((id, incoming), end)| {
-                let [x, y] = end.map(|place_m| place_m.to_string());
-                let place = [("type", "dead_end"), ("x", &*x), ("y", &*y), ("incLanes", incoming), ("intLanes", "")];
-                leaf(xml, "junction", [("id", id.as_str())].into_iter().chain(place))
-            })
-        }
+        "junction" => [(&from, ""), (&to, &*lane)].into_iter().zip(ends_m).try_for_each(|((id, incoming), end)| {
+            let [x, y] = end.map(|place_m| place_m.to_string());
+            let place = [("type", "dead_end"), ("x", &*x), ("y", &*y), ("incLanes", incoming), ("intLanes", "")];
+            leaf(xml, "junction", [("id", id.as_str())].into_iter().chain(place))
+        }),
         _ => Ok(()),
     }
 }

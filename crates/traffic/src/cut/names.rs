@@ -58,14 +58,3 @@ pub(crate) fn write(xml: &mut Xml, element: &Element, prefix: &str) -> io::Resul
     }
     nest(xml, &element.name, attributes, |xml| element.children.iter().try_for_each(|child| write(xml, child, prefix)))
 }
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn lists_of_names_are_renamed_one_by_one_and_an_empty_list_stays_empty() {
-        assert_eq!(all_prefixed("f12.", ":r0c0_0_0 w0_r0c0_0"), ":f12.r0c0_0_0 f12.w0_r0c0_0");
-        assert_eq!(all_prefixed("f12.", ""), "");
-    }
-}

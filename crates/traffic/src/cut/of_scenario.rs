@@ -6,9 +6,9 @@ use std::path::Path;
 use anyhow::{Result, anyhow, bail, ensure};
 
 use super::beyond::Reach;
+use super::extract::Source;
 use super::local_net::LocalNet;
 use super::sample_demand::{END_S, demand, types};
-use super::source::Source;
 use crate::agents::derive::region::{Region, lit_junctions};
 use crate::agents::derive::{Agent, Derived};
 use crate::network::files::NetworkFiles;
@@ -29,11 +29,15 @@ const TYPES: &str = "cut.types.add.xml";
 pub fn cut_light(scenario: &SumoScenario, light: &str, approach_m: f64, reach: Reach) -> Result<LocalNet> {
     let roads = scenario.roads()?;
     check_known(scenario, &roads, light)?;
-    let programs = scenario.additional().flat_map(|root| root.all("tlLogic")).collect();
-    let source = Source::new(scenario.net(), &roads, programs);
+    let source = source(scenario, &roads);
     let region = Region::of(&roads, &lit_junctions(&roads), light, approach_m, None)?;
     LocalNet::cut(&source, light, &region, reach)
         .map_err(|error| anyhow!("{}: {error:#}", scenario.net_path().display()))
+}
+
+fn source<'a>(scenario: &'a SumoScenario, roads: &'a Roads) -> Source<'a> {
+    let programs = scenario.additional().flat_map(|root| root.all("tlLogic")).collect();
+    Source::new(scenario.net(), roads, programs)
 }
 
 fn check_known(scenario: &SumoScenario, roads: &Roads, light: &str) -> Result<()> {
@@ -51,8 +55,7 @@ fn check_known(scenario: &SumoScenario, roads: &Roads, light: &str) -> Result<()
 /// Errors: regions cannot be cut out. The error names all their lights.
 pub(crate) fn cut_all(scenario: &SumoScenario, derived: &Derived) -> Result<Vec<LocalNet>> {
     let roads = scenario.roads()?;
-    let programs = scenario.additional().flat_map(|root| root.all("tlLogic")).collect();
-    let source = Source::new(scenario.net(), &roads, programs);
+    let source = source(scenario, &roads);
     let cut = |Agent { plan, region, .. }: &Agent| LocalNet::cut(&source, &plan.light, region, Reach::default());
     let (mut nets, mut refused) = (Vec::new(), Vec::new());
     for agent in &derived.agents {
@@ -92,7 +95,7 @@ pub fn write(net: &LocalNet, scenario: &SumoScenario, dir: &Path) -> Result<Netw
     files.check_paths()?;
     let kinds = kinds(scenario);
     let contents = [
-        (files.net.clone(), text(&net.root())),
+        (files.net.clone(), text(net.root())),
         (dir.join(TYPES), types(&kinds)),
         (files.routes.clone(), demand(net, &kinds)?),
         (files.config.clone(), sumocfg(scenario)),

@@ -12,9 +12,9 @@ use crate::agents::derive::greens::Greens;
 use crate::agents::derive::keeping::sentences;
 use crate::agents::derive::overrides::Overrides;
 use crate::agents::derive::padding::{InfluencePadding, Padding};
-use crate::agents::derive::{Agent, CarsSeen, Derived, Rules, derive};
+use crate::agents::derive::{Agent, Derived, Rules, derive};
 use crate::agents::plan::{AgentPlan, Border, JointPlan};
-use crate::config::{Observation, Reward, ScenarioConfig};
+use crate::config::{Reward, ScenarioConfig};
 use crate::controllers::actuated::{self, Light, ProgramPhase};
 use crate::cut::names::free_name;
 use crate::cut::of_scenario::{cut_all, types_of};
@@ -144,11 +144,8 @@ fn rough_costs(decision_s: f64) -> RoughCosts {
 
 /// Returns what the config says of all lights.
 fn rules(config: &ScenarioConfig) -> Rules {
-    let cars = match config.observation {
-        Observation::Cells => CarsSeen::Cells,
-        Observation::Queues => CarsSeen::Queues,
-    };
-    Rules { approach_m: config.approach_m, yellow: config.yellow_s, min_green_s: config.min_green_s, cars }
+    let &ScenarioConfig { approach_m, yellow_s, min_green_s, observation, .. } = config;
+    Rules { approach_m, yellow: yellow_s, min_green_s, cars: observation }
 }
 
 /// Returns the program of a light, for the actuated one that is made of it. `cars`: letters that cars obey.

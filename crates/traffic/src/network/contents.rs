@@ -83,8 +83,8 @@ impl Network {
     /// Reads all files of a network but the configuration, which this program neither reads nor loads.
     pub fn read(files: &NetworkFiles, role: Role) -> Result<Network> {
         let net = Content::read_net(&files.net)?;
-        let told = || cannot_be_simulated(&files.net, role);
-        let beside = |path: &Path| Content::read(path).with_context(told).map(Arc::new);
+        let way_out = || cannot_be_simulated(&files.net, role);
+        let beside = |path: &Path| Content::read(path).with_context(way_out).map(Arc::new);
         Ok(Network {
             files: files.clone(),
             net: Arc::new(net),

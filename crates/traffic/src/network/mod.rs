@@ -4,7 +4,7 @@
 //! - [`contents`]: a network read once, for everything that is done with it; [`loadable`]: what of it SUMO loads, as texts
 //!   in memory (`memory_file`).
 //! - [`roads`]: what a net is: junctions, edges, lanes, connections, programs of lights.
-//! - `other_files`: everything by which SUMO would write or read another file, refused.
+//! - `other_files`: attributes by which SUMO would write or read another file, refused.
 //! - `xml`: XML written. It is read into trees by [`tree`].
 
 pub mod contents;

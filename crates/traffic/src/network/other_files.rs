@@ -1,10 +1,11 @@
-//! Everything in a file of SUMO that makes SUMO write or read another file.
+//! Attributes and parameters in a file of SUMO that make SUMO write or read another file.
 //!
 //! Networks may come from strangers. SUMO opens whatever such a file names, with the rights of the user. So one line in
-//! an additional file can overwrite any file of theirs. All of it is refused before SUMO loads anything.
+//! an additional file can overwrite any file of theirs. All of it is refused before SUMO loads anything. Elements that
+//! write by themselves, such as detectors, are no part of a grid of ours (`paper_grid/compare.rs`) nor of what a scenario
+//! may hold (`scenario/elements.rs`).
 //!
-//! Source: SUMO 1.15, `src/netload/NLHandler.cpp` (the elements), `src/microsim/devices` and
-//! `src/microsim/traffic_lights` (the parameters).
+//! Source: SUMO 1.15, `src/netload/NLHandler.cpp`, `src/microsim/devices` and `src/microsim/traffic_lights`.
 
 use std::path::Path;
 
@@ -12,30 +13,6 @@ use anyhow::{Result, bail};
 
 use super::tree::Element;
 use dials_core::outside::{Printable, excerpt};
-
-/// Elements that exist only to write or read another file, or that do so by default.
-const ELEMENTS: [(&str, &str); 17] = [
-    ("edgeData", "writes"),
-    ("laneData", "writes"),
-    ("inductionLoop", "writes"),
-    ("e1Detector", "writes"),
-    ("instantInductionLoop", "writes"),
-    ("laneAreaDetector", "writes"),
-    ("e2Detector", "writes"),
-    ("entryExitDetector", "writes"),
-    ("e3Detector", "writes"),
-    ("vTypeProbe", "writes"),
-    ("routeProbe", "writes"),
-    // Saves the states and switches of lights.
-    ("timedEvent", "writes"),
-    ("calibrator", "writes"),
-    // The next three load their own content from a file.
-    ("rerouter", "reads"),
-    ("variableSpeedSign", "reads"),
-    ("include", "reads"),
-    // A configuration names files for everything, in `<input>` and `<output>`.
-    ("configuration", "writes"),
-];
 
 /// Attributes that name a file, on whatever element.
 const ATTRIBUTES: [(&str, &str); 4] =
@@ -68,9 +45,6 @@ pub(super) fn refuse(path: &Path, element: &Element) -> Result<()> {
 /// Returns the part of an element that opens another file, and what SUMO does to that file.
 fn found(element: &Element) -> Option<(String, &'static str)> {
     let Element { name, attributes, .. } = element;
-    if let Some((_, does)) = ELEMENTS.iter().find(|(other, _)| other == name) {
-        return Some((in_the_tag(element), does));
-    }
     let attribute = attributes.iter().find_map(|(key, value)| {
         let (_, does) = ATTRIBUTES.iter().find(|(other, _)| other == key)?;
         Some((format!("{key}=\"{}\" in <{name}>", excerpt(value)), *does))
@@ -107,26 +81,22 @@ mod tests {
     use super::*;
     use crate::network::tree::parse;
 
+    fn refusal(text: &str) -> Option<String> {
+        let root = parse(&format!("<additional><x>{text}</x></additional>")).expect("XML of the test");
+        refuse(Path::new("a.add.xml"), &root).err().map(|error| error.to_string())
+    }
+
     #[test]
-    fn every_way_to_another_file_is_refused_by_its_name() {
-        let told = |text: &str| {
-            let root = parse(&format!("<additional><x>{text}</x></additional>")).expect("XML of the test");
-            refuse(Path::new("a.add.xml"), &root).err().map(|error| error.to_string())
-        };
-        let refused = [
-            (r#"<edgeData id="x" file="/home/a"/>"#, r#"<edgeData id="x" file="/home/a">, by which SUMO writes"#),
+    fn what_opens_another_file_is_refused_by_its_name() {
+        for (text, expected) in [
             (r#"<param key="device.SSM.file" value="a"/>"#, r#"<param key="device.SSM.file">, by which SUMO writes"#),
-            (r#"<param key="has.ssm.device" value="true"/>"#, r#"<param key="has.ssm.device">, by which SUMO writes"#),
-            (r#"<param key="file" value="a"/>"#, r#"<param key="file">, by which SUMO writes"#),
             (r#"<tlLogic id="a" type="sotl_wave"/>"#, r#"a light of type="sotl_wave", by which SUMO may write"#),
-            (r#"<vType id="a" imgFile="a"/>"#, r#"imgFile="a" in <vType>, by which SUMO reads"#),
             (r#"<vType id="a" emissionClass="PHEMlight/PC"/>"#, r#"emissionClass="PHEMlight/PC" in <vType>, by"#),
-            (r#"<include href="a"/>"#, "<include>, by which SUMO reads another file; remove it"),
             (r#"<chargingStation id="a" output="a"/>"#, r#"output="a" in <chargingStation>, by which SUMO writes"#),
-        ];
-        for (text, expected) in refused {
-            let told = told(text).unwrap_or_else(|| panic!("{text}"));
-            assert!(told.starts_with(&format!("a.add.xml: has {expected}")), "{told}");
+            ("<tlLogic id='B' type='off'/>", "<tlLogic id=\"B\">, which switches this light off; remove it"),
+        ] {
+            let message = refusal(text).unwrap_or_else(|| panic!("{text}"));
+            assert!(message.starts_with(&format!("a.add.xml: has {expected}")), "{message}");
         }
         for allowed in [
             r#"<param key="max-gap" value="3.0"/>"#,
@@ -134,21 +104,13 @@ mod tests {
             r#"<vType id="a" emissionClass="HBEFA4/PC"/>"#,
             r#"<param key="has.rerouting.device" value="true"/>"#,
         ] {
-            assert_eq!(told(allowed), None);
+            assert_eq!(refusal(allowed), None);
         }
     }
 
     #[test]
-    fn a_light_that_is_off_has_a_reason_of_its_own() {
-        let root = parse("<additional><tlLogic id='B' type='off' programID='off'/></additional>").unwrap();
-        let told = refuse(Path::new("a.add.xml"), &root).unwrap_err().to_string();
-        assert_eq!(told, "a.add.xml: has <tlLogic id=\"B\">, which switches this light off; remove it");
-    }
-
-    #[test]
     fn names_of_a_stranger_are_shown_printable_and_short() {
-        let text = format!("<a><edgeData id=\"\u{202e}{}\"/></a>", "x".repeat(10_000));
-        let told = refuse(Path::new("a"), &parse(&text).unwrap()).unwrap_err().to_string();
-        assert!(!told.contains('\u{202e}') && told.len() < 300, "{told}");
+        let message = refusal(&format!("<poly id=\"a\" file=\"\u{202e}{}\"/>", "x".repeat(10_000))).unwrap();
+        assert!(!message.contains('\u{202e}') && message.len() < 300, "{message}");
     }
 }

@@ -69,13 +69,14 @@ mod tests {
 
     #[test]
     fn a_local_net_of_any_name_comes_with_the_command_for_local_nets() {
-        let told = |net: &str, role| cannot_be_simulated(Path::new(net), role);
-        assert!(told("a/cross.net.xml", Role::Local).ends_with("make one with: dials-traffic nets local --out DIR"));
-        assert!(told("a/grid_1x1.net.xml", Role::Local).ends_with("dials-traffic nets local --out DIR"));
+        let message = |net: &str, role| cannot_be_simulated(Path::new(net), role);
+        assert!(message("a/cross.net.xml", Role::Local).ends_with("make one with: dials-traffic nets local --out DIR"));
+        assert!(message("a/grid_1x1.net.xml", Role::Local).ends_with("dials-traffic nets local --out DIR"));
         assert!(
-            told("a/local.net.xml", Role::Local).ends_with("remake it with: dials-traffic nets local --out a --force")
+            message("a/local.net.xml", Role::Local)
+                .ends_with("remake it with: dials-traffic nets local --out a --force")
         );
-        assert!(told("a/grid_2x3.net.xml", Role::Global).ends_with("nets grid --rows 2 --cols 3 --out a --force"));
+        assert!(message("a/grid_2x3.net.xml", Role::Global).ends_with("nets grid --rows 2 --cols 3 --out a --force"));
     }
 
     #[test]
@@ -92,10 +93,10 @@ mod tests {
     #[test]
     fn a_file_in_the_place_of_a_name_is_told_from_a_missing_network() {
         let nets = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../sumo_nets");
-        let told = |file: &str| no_such_network(&nets.join(format!("{file}.net.xml")));
+        let message = |file: &str| no_such_network(&nets.join(format!("{file}.net.xml")));
         let grid = nets.join("grid_2x2").display().to_string();
-        assert!(told("grid_2x2.net.xml").ends_with(&format!("name the network without its ending: {grid}")));
-        let town = told("town/town.sumocfg");
+        assert!(message("grid_2x2.net.xml").ends_with(&format!("name the network without its ending: {grid}")));
+        let town = message("town/town.sumocfg");
         assert!(town.contains("is a scenario and no grid") && town.ends_with("town/town.sumocfg"), "{town}");
     }
 }

@@ -2,8 +2,8 @@
 
 use std::io;
 
-use quick_xml::Writer;
 use quick_xml::events::{BytesDecl, Event};
+use quick_xml::writer::{ElementWriter, Writer};
 
 use super::tree::Element;
 
@@ -53,11 +53,7 @@ pub(crate) fn nest<K: AsRef<str>, V: AsRef<str>>(
     attributes: impl IntoIterator<Item = (K, V)>,
     fill: impl FnOnce(&mut Xml) -> io::Result<()>,
 ) -> io::Result<()> {
-    let mut element = xml.create_element(name);
-    for (key, value) in attributes {
-        element = element.with_attribute((key.as_ref(), value.as_ref()));
-    }
-    element.write_inner_content(fill).map(|_| ())
+    begun(xml, name, attributes).write_inner_content(fill).map(drop)
 }
 
 /// Writes an element with attributes only.
@@ -66,11 +62,16 @@ pub(crate) fn leaf<K: AsRef<str>, V: AsRef<str>>(
     name: &str,
     attributes: impl IntoIterator<Item = (K, V)>,
 ) -> io::Result<()> {
-    let mut element = xml.create_element(name);
-    for (key, value) in attributes {
-        element = element.with_attribute((key.as_ref(), value.as_ref()));
-    }
-    element.write_empty().map(|_| ())
+    begun(xml, name, attributes).write_empty().map(drop)
+}
+
+fn begun<'a, K: AsRef<str>, V: AsRef<str>>(
+    xml: &'a mut Xml,
+    name: &'a str,
+    attributes: impl IntoIterator<Item = (K, V)>,
+) -> ElementWriter<'a, Vec<u8>> {
+    let element = xml.create_element(name);
+    attributes.into_iter().fold(element, |element, (key, value)| element.with_attribute((key.as_ref(), value.as_ref())))
 }
 
 /// Writes the options of one kind in a configuration.

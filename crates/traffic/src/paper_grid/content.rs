@@ -2,22 +2,20 @@
 //!
 //! The first four are *plain XML*, netconvert's input (nodes, edges, connections, lights). The others are SUMO's own.
 
-use std::io;
-
 use super::grid::{self, Grid, Node};
 use super::inflow::Inflow;
 use crate::agents::phases::Light;
 use crate::agents::region::{EDGE_M, SPEED_LIMIT_MPS};
-use crate::network::xml::{Xml, document, leaf, nest};
+use crate::network::xml::{document, leaf, nest};
 use crate::side::Side;
 
 /// Corner radius of an intersection (the authors' setup).
-pub(crate) const RADIUS_M: f64 = 6.2;
+pub(super) const RADIUS_M: f64 = 6.2;
 /// SUMO's default width of a lane.
-pub(crate) const LANE_WIDTH_M: f64 = 3.2;
+pub(super) const LANE_WIDTH_M: f64 = 3.2;
 /// Distance from the centre of an intersection to its stop lines: one lane of the crossing road plus the radius. So a
 /// lane inside an intersection is 18.8 m long, as in the authors' setup.
-pub(crate) const HALF_INTERSECTION_M: f64 = LANE_WIDTH_M + RADIUS_M;
+pub(super) const HALF_INTERSECTION_M: f64 = LANE_WIDTH_M + RADIUS_M;
 /// Distance from a dead end to the centre of its intersection.
 const REACH_M: f64 = EDGE_M + HALF_INTERSECTION_M;
 /// Distance from centre to centre.
@@ -47,59 +45,62 @@ pub(crate) const DECEL_MPS2: f64 = 7.5;
 
 /// Seconds of each phase of the static program, in the order of [`Light::CYCLE`]. 10 s of green are our choice; any
 /// value would do as long as nobody controls. 3 s of yellow are the authors'.
-pub(crate) const STATIC_S: [&str; 4] = ["10", "3", "10", "3"];
+const STATIC_S: [&str; 4] = ["10", "3", "10", "3"];
 
 /// Returns the intersections and the dead ends with their places. The south-west intersection is at (0, 0).
 pub(super) fn nodes(grid: Grid) -> String {
-    document("nodes", |xml| {
-        grid.nodes().into_iter().try_for_each(|node| {
-            let (x, y) = place(grid, node);
-            let common = [("id", node.to_string()), ("x", format!("{x:.1}")), ("y", format!("{y:.1}"))];
-            let kind = match node {
-                Node::Intersection { .. } => vec![("type", "traffic_light".into()), ("radius", RADIUS_M.to_string())],
-                Node::Boundary { .. } => vec![("type", "dead_end".into())],
-            };
-            leaf(xml, "node", common.into_iter().chain(kind))
-        })
-    })
+    let node = |node: Node| {
+        let (x, y) = place(grid, node);
+        let kind = match node {
+            Node::Intersection { .. } => format!(r#"type="traffic_light" radius="{RADIUS_M}""#),
+            Node::Boundary { .. } => r#"type="dead_end""#.to_owned(),
+        };
+        format!(r#"<node id="{node}" x="{x:.1}" y="{y:.1}" {kind}/>"#)
+    };
+    format!("<nodes>{}</nodes>", grid.nodes().into_iter().map(node).collect::<String>())
 }
 
 pub(super) fn edges(grid: Grid) -> String {
-    document("edges", |xml| {
-        grid.edges().into_iter().try_for_each(|(from, to)| {
-            let attributes = [
-                ("id", grid::edge(from, to)),
-                ("from", from.to_string()),
-                ("to", to.to_string()),
-                ("numLanes", "1".into()),
-                ("speed", SPEED_LIMIT_MPS.to_string()),
-                ("length", EDGE_M.to_string()),
-            ];
-            leaf(xml, "edge", attributes)
-        })
-    })
+    let edge = |(from, to)| {
+        let id = grid::edge(from, to);
+        let lanes = format!(r#"numLanes="1" speed="{SPEED_LIMIT_MPS}" length="{EDGE_M}""#);
+        format!(r#"<edge id="{id}" from="{from}" to="{to}" {lanes}/>"#)
+    };
+    format!("<edges>{}</edges>", grid.edges().into_iter().map(edge).collect::<String>())
 }
 
 /// Returns the connections, straight on only (the authors' setup): no turns and no turnarounds.
 pub(super) fn connections(grid: Grid) -> String {
-    document("connections", |xml| straight_on(xml, grid, |_, _| Vec::new()))
+    format!("<connections>{}</connections>", straight_on(grid, |_, _| String::new()))
 }
 
-/// Returns the program that runs when nobody controls the lights: fixed time, and which letter rules which connection.
+/// Returns the programs that run when nobody controls the lights, and which letter rules which connection.
 pub(super) fn lights(grid: Grid) -> String {
-    document("tlLogics", |xml| {
-        for agent in grid.agents() {
-            let head = [("id", grid.light(agent)), ("type", "static".into()), ("programID", "0".into())];
-            let head = head.into_iter().chain([("offset", "0".into())]);
-            nest(xml, "tlLogic", head, |xml| {
-                let phases = Light::CYCLE.into_iter().zip(STATIC_S);
-                phases
-                    .into_iter()
-                    .try_for_each(|(state, s)| leaf(xml, "phase", [("duration", s), ("state", &state.letters())]))
-            })?;
+    let programs: String = grid.agents().into_iter().map(|agent| fixed_time(&grid.light(agent))).collect();
+    let letters = straight_on(grid, |light, side| format!(r#" tl="{light}" linkIndex="{}""#, side.link_index()));
+    format!("<tlLogics>{programs}{letters}</tlLogics>")
+}
+
+/// Returns the fixed-time program of a light.
+pub(super) fn fixed_time(light: &str) -> String {
+    let phase = |(state, s): (Light, &str)| format!(r#"<phase duration="{s}" state="{}"/>"#, state.letters());
+    let phases: String = Light::CYCLE.into_iter().zip(STATIC_S).map(phase).collect();
+    format!(r#"<tlLogic id="{light}" type="static" programID="0" offset="0">{phases}</tlLogic>"#)
+}
+
+/// Returns one `<connection>` per way through an intersection, with the attributes that `more(light, side)` adds.
+fn straight_on(grid: Grid, more: impl Fn(&str, Side) -> String) -> String {
+    let mut connections = String::new();
+    for agent in grid.agents() {
+        let here = grid.intersection(agent);
+        for side in Side::LINK_ORDER {
+            let from = grid::edge(grid.neighbour(agent, side), here);
+            let to = grid::edge(here, grid.neighbour(agent, side.opposite()));
+            let more = more(&grid.light(agent), side);
+            connections += &format!(r#"<connection from="{from}" to="{to}" fromLane="0" toLane="0"{more}/>"#);
         }
-        straight_on(xml, grid, |light, side| vec![("tl", light), ("linkIndex", side.link_index().to_string())])
-    })
+    }
+    connections
 }
 
 /// Returns the vehicle type, the routes and, if `inflow` is given, one flow per route: in each step, a car with that
@@ -154,27 +155,6 @@ pub(super) fn actuated(grid: Grid) -> String {
     })
 }
 
-/// Writes one `<connection>` per way through an intersection, with the attributes that `more(light, side)` adds.
-fn straight_on(
-    xml: &mut Xml,
-    grid: Grid,
-    more: impl Fn(String, Side) -> Vec<(&'static str, String)>,
-) -> io::Result<()> {
-    for agent in grid.agents() {
-        let here = grid.intersection(agent);
-        for side in Side::LINK_ORDER {
-            let attributes = [
-                ("from", grid::edge(grid.neighbour(agent, side), here)),
-                ("to", grid::edge(here, grid.neighbour(agent, side.opposite()))),
-                ("fromLane", "0".into()),
-                ("toLane", "0".into()),
-            ];
-            leaf(xml, "connection", attributes.into_iter().chain(more(grid.light(agent), side)))?;
-        }
-    }
-    Ok(())
-}
-
 /// Returns the distance in metres from the first intersection of a row or column to another one.
 fn at(index: usize) -> f64 {
     SPACING_M * index as f64
@@ -197,39 +177,11 @@ mod tests {
     use crate::light::YELLOW_STEPS;
 
     #[test]
-    fn edges_between_intersections_are_as_long_as_edges_to_dead_ends() {
-        // 109.4 = 100 + 9.4 from the dead end to the centre, 118.8 = 9.4 + 100 + 9.4 from centre to centre.
-        let nodes = nodes(Grid::new(1, 4).expect("a grid"));
-        for node in [
-            r#"<node id="r0c0" x="0.0" y="0.0" type="traffic_light" radius="6.2"/>"#,
-            r#"<node id="r0c3" x="356.4" y="0.0" type="traffic_light" radius="6.2"/>"#,
-            r#"<node id="w0" x="-109.4" y="0.0" type="dead_end"/>"#,
-            r#"<node id="e0" x="465.8" y="0.0" type="dead_end"/>"#,
-            r#"<node id="n3" x="356.4" y="109.4" type="dead_end"/>"#,
-        ] {
-            assert!(nodes.contains(node), "{node} is not in {nodes}");
-        }
-    }
-
-    #[test]
     fn simulators_and_controllers_assume_the_vehicle_type_and_the_lights_that_are_written() {
         let of_the_type =
             |key: &str| VEHICLE_TYPE.iter().find(|(name, _)| *name == key).and_then(|(_, v)| v.parse().ok());
         assert_eq!(of_the_type("decel"), Some(DECEL_MPS2));
         assert_eq!(of_the_type("maxSpeed"), Some(SPEED_LIMIT_MPS));
         assert_eq!([STATIC_S[1], STATIC_S[3]].map(str::parse), [Ok(YELLOW_STEPS), Ok(YELLOW_STEPS)]);
-    }
-
-    #[test]
-    fn a_flow_is_named_after_the_dead_end_where_it_begins() {
-        let routes = routes(Grid::SINGLE, Some(&0.1.into()));
-        let flow = r#"<flow id="n0" type="car" route="n0_to_s0" begin="0" end="86400" probability="0.1""#;
-        assert!(routes.contains(flow), "{routes}");
-    }
-
-    #[test]
-    fn without_inflow_there_are_routes_and_no_flows() {
-        let routes = routes(Grid::SINGLE, None);
-        assert_eq!((routes.matches("<route ").count(), routes.matches("<flow ").count()), (4, 0));
     }
 }

@@ -107,8 +107,6 @@ fn around(grid: Grid, agent: AgentId) -> RegionPlan {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::agents::phase_plan::Shown;
-    use dials_core::domain::Action;
 
     #[test]
     fn plans_have_the_shape_and_the_letters_of_a_grid() {
@@ -124,17 +122,5 @@ mod tests {
         assert_eq!(phases.greens().iter().map(|state| state.as_str()).collect::<Vec<_>>(), ["GrGr", "rGrG"]);
         assert_eq!((phases.clearing(0, 1)[0].state.as_str(), phases.clearing_steps(0, 1)), ("yryr", 3));
         assert_eq!(phases.clearing(1, 0)[0].state.as_str(), "ryry");
-    }
-
-    #[test]
-    fn states_of_a_program_are_recognised_and_actions_are_keep_and_switch() {
-        let phases = phases(UntilFirstSwitch::Agent);
-        assert_eq!(phases.recognise(&Light::HorizontalGreen.state(), 0), Shown::Green(1));
-        assert_eq!(phases.recognise(&Light::VerticalYellow.state(), 0), Shown::Between { from: 0, to: 1 });
-        assert_eq!(phases.recognise(&Light::HorizontalYellow.state(), 1), Shown::Between { from: 1, to: 0 });
-        assert_eq!(phases.own_green_steps(), None);
-        let actions = [0, 1].map(|green| phases.towards(Shown::Green(1), green));
-        assert_eq!(actions, [1 as Action, 0]);
-        assert_eq!([0, 1].map(|action| phases.asked_for(Shown::Green(1), action)), [1, 0]);
     }
 }

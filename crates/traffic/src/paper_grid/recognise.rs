@@ -77,17 +77,14 @@ fn shape_of(net: &Path, root: &Element) -> Result<Grid> {
     let junctions = names(root, "junction");
     let grid = shape(&junctions).with_context(|| format!("{}: is too large", net.display()))?;
     let expected = grid.nodes().iter().map(ToString::to_string).collect();
-    let difference = first_difference("junction", &junctions, &expected).or_else(|| {
-        let expected = grid.edges().into_iter().map(|(from, to)| grid::edge(from, to)).collect();
-        first_difference("edge", &names(root, "edge"), &expected)
-    });
-    match difference {
-        Some(difference) => {
-            let way_out = "make one with: dials-traffic nets grid --rows R --cols C --out DIR";
-            bail!("{}: is not one of our grids: {}; {way_out}", net.display(), beginning(&difference, MOST_LETTERS))
-        }
-        None => Ok(grid),
+    let edges = grid.edges().into_iter().map(|(from, to)| grid::edge(from, to)).collect();
+    let difference = first_difference("junction", &junctions, &expected)
+        .or_else(|| first_difference("edge", &names(root, "edge"), &edges));
+    if let Some(difference) = difference {
+        let way_out = "make one with: dials-traffic nets grid --rows R --cols C --out DIR";
+        bail!("{}: is not one of our grids: {}; {way_out}", net.display(), beginning(&difference, MOST_LETTERS));
     }
+    Ok(grid)
 }
 
 /// Returns the ids of one kind of element, without those inside of intersections.

@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use super::{File, SumoScenario};
+use super::SumoScenario;
 use crate::network::tree::Element;
 
 /// Element of a vehicle type, its attributes, and the type of cars that name none.
@@ -17,7 +17,12 @@ const MODEL: &str = "carFollowing";
 impl SumoScenario {
     /// Returns the same scenario, in which all types of cars dawdle as much as `sigma` says.
     pub fn dawdling(mut self, sigma: f64) -> SumoScenario {
-        let missing = self.own_types_without_element();
+        let own = |(id, class): (&str, Option<&str>)| {
+            let attributes = [("id", id)].into_iter().chain(class.map(|class| ("vClass", class)));
+            let attributes = attributes.map(|(key, value)| (key.to_owned(), value.to_owned())).collect();
+            Element { name: TYPE.to_owned(), attributes, children: Vec::new() }
+        };
+        let mut missing: Vec<Element> = self.own_types_without_element().into_iter().map(own).collect();
         let mut set = |element: &mut Element| {
             let models = element.children.iter_mut().filter(|child| child.name.starts_with(MODEL));
             models.for_each(|model| model.attributes.retain(|(key, _)| key != SIGMA));
@@ -25,16 +30,11 @@ impl SumoScenario {
             element.attributes.push((SIGMA.to_owned(), sigma.to_string()));
         };
         for file in self.additional.iter_mut().chain(&mut self.routes) {
-            change(file, |root| types(root, &mut set));
-        }
-        if let Some(first) = self.additional.iter_mut().chain(&mut self.routes).next() {
-            let own = missing.into_iter().map(|(id, class)| {
-                let class = class.map(|class| ("vClass", class.to_owned()));
-                let attributes = [("id", id.to_owned())].into_iter().chain(class).chain([(SIGMA, sigma.to_string())]);
-                let attributes = attributes.map(|(key, value)| (key.to_owned(), value)).collect();
-                Element { name: TYPE.to_owned(), attributes, children: Vec::new() }
-            });
-            change(first, |root| drop(root.children.splice(0..0, own)));
+            file.content = Arc::new(file.content.changed(|root| {
+                // The first file gets them all.
+                root.children.splice(0..0, missing.drain(..));
+                types(root, &mut set);
+            }));
         }
         self
     }
@@ -62,11 +62,6 @@ impl SumoScenario {
         };
         !self.own_types_without_element().is_empty() || !found.iter().all(never)
     }
-}
-
-/// Changes what a file holds.
-fn change(file: &mut File, change: impl FnOnce(&mut Element)) {
-    file.content = Arc::new(file.content.changed(change));
 }
 
 /// Calls `each` for all vehicle types in an element, also those in distributions.

@@ -4,13 +4,13 @@
 //! NaN, so these are errors here.
 
 use std::collections::{BTreeMap, BTreeSet, HashMap};
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
-use anyhow::{Result, bail, ensure};
+use anyhow::{Result, anyhow, bail, ensure};
 
-use super::place::Place;
+use crate::config::sumo_options::refused_parameter;
 use crate::config::sumo_time::seconds;
-use crate::config::sumocfg::refused_parameter;
+use crate::network::roads::attributes::{tag, wrong};
 use crate::network::tree::Element;
 use dials_core::outside::excerpt;
 
@@ -18,19 +18,11 @@ use dials_core::outside::excerpt;
 const MOST_VEHICLES: f64 = 10_000_000.0;
 
 /// Classes of what does not drive on roads.
-const NOT_ON_ROADS: [&str; 8] =
-    ["tram", "rail_urban", "rail", "rail_electric", "rail_fast", "ship", "pedestrian", "container"];
+const NOT_ON_ROADS: &str = "tram rail_urban rail rail_electric rail_fast ship pedestrian container";
 
 /// Types that SUMO has by itself for them, with their classes.
 const OWN_TYPES: [(&str, &str); 3] =
     [("DEFAULT_PEDTYPE", "pedestrian"), ("DEFAULT_RAILTYPE", "rail"), ("DEFAULT_CONTAINERTYPE", "container")];
-
-/// Attributes of a vehicle whose cars begin elsewhere than their route, or carry somebody, and the values that do not.
-const ODD: [(&str, &str, &str); 3] = [
-    ("personNumber", "0", "this program does not simulate persons and containers; remove it"),
-    ("containerNumber", "0", "this program does not simulate persons and containers; remove it"),
-    ("departEdge", "0", "this program lets cars begin on the first edge of their route; remove it"),
-];
 
 /// Times of departure that wait for something else.
 const TRIGGERED: [&str; 3] = ["triggered", "containerTriggered", "split"];
@@ -71,9 +63,9 @@ pub(crate) struct Demand<'a> {
     /// Expected number of vehicles from begin to end.
     expected: f64,
     /// Numbers of vehicles and flows that depart at other times, by file.
-    outside: BTreeMap<PathBuf, usize>,
+    outside: BTreeMap<&'a Path, usize>,
     /// Vehicles and flows that SUMO may remove instead of letting them wait: their number in each file, and the first.
-    impatient: BTreeMap<&'a Path, (usize, Place<'a>)>,
+    impatient: BTreeMap<&'a Path, (usize, &'a Element)>,
 }
 
 impl<'a> Demand<'a> {
@@ -94,43 +86,46 @@ impl<'a> Demand<'a> {
     /// Reads a file.
     pub(super) fn read(&mut self, file: &'a Path, root: &'a Element, order: Order) -> Result<()> {
         let mut last_s = f64::NEG_INFINITY;
-        for element in &root.children {
-            let place = Place { file, element };
-            match &*element.name {
-                "vType" => self.add_type(place)?,
-                "vTypeDistribution" => {
-                    for kind in element.all("vType") {
-                        self.add_type(place.within(kind))?;
-                    }
-                    let inner = element.all("vType").filter_map(|kind| kind.attribute("id"));
-                    let mut all = inner.chain(words(element, "vTypes"));
-                    if let Some(class) = all.find_map(|kind| self.strange.get(kind)) {
-                        self.strange.insert(id(element), class);
-                    }
+        let mut read = |element| self.read_element(file, element, order, &mut last_s);
+        root.children
+            .iter()
+            .try_for_each(|element| read(element).map_err(|error| anyhow!("{}: {error}", file.display())))
+    }
+
+    /// Reads an element. `last_s`: the last departure before it in the file.
+    fn read_element(&mut self, file: &'a Path, element: &'a Element, order: Order, last_s: &mut f64) -> Result<()> {
+        match &*element.name {
+            "vType" => self.add_type(element)?,
+            "vTypeDistribution" => {
+                element.all("vType").try_for_each(|kind| self.add_type(kind))?;
+                let inner = element.all("vType").filter_map(|kind| kind.attribute("id"));
+                let mut all = inner.chain(words(element, "vTypes"));
+                if let Some(class) = all.find_map(|kind| self.strange.get(kind)) {
+                    self.strange.insert(id(element), class);
                 }
-                "route" | "routeDistribution" => drop(self.routes_in(element)),
-                "taz" => {
-                    let sources = element.all("tazSource").map(id);
-                    self.zones.insert(id(element), words(element, "edges").chain(sources).collect());
-                }
-                "vehicle" | "trip" | "flow" => {
-                    let key = if element.name == "flow" { "begin" } else { "depart" };
-                    let departs_s = match element.attribute(key) {
-                        Some(text) => seconds(text).ok(),
-                        None => Some(self.window_s.0),
-                    };
-                    self.add_driver(place, departs_s.unwrap_or(self.window_s.0))?;
-                    ensure!(
-                        order == Order::Free || departs_s.is_none_or(|departs_s| departs_s >= last_s),
-                        place.fault_in(key, format!(
-                            "comes after one that departs at {last_s} s, and SUMO would leave it out; sort the file by \
-                             departure"
-                        ))
-                    );
-                    last_s = departs_s.unwrap_or(last_s);
-                }
-                _ => {}
             }
+            "route" | "routeDistribution" => drop(self.routes_in(element)),
+            "taz" => {
+                let sources = element.all("tazSource").map(id);
+                self.zones.insert(id(element), words(element, "edges").chain(sources).collect());
+            }
+            "vehicle" | "trip" | "flow" => {
+                let key = if element.name == "flow" { "begin" } else { "depart" };
+                let departs_s = match element.attribute(key) {
+                    Some(text) => seconds(text).ok(),
+                    None => Some(self.window_s.0),
+                };
+                self.add_driver(file, element, departs_s.unwrap_or(self.window_s.0))?;
+                let why = || {
+                    format!(
+                        "comes after one that departs at {last_s} s, and SUMO would leave it out; sort the file by departure"
+                    )
+                };
+                let is_late = departs_s.is_some_and(|departs_s| departs_s < *last_s);
+                ensure!(order == Order::Free || !is_late, wrong(element, key, &why()));
+                *last_s = departs_s.unwrap_or(*last_s);
+            }
+            _ => {}
         }
         Ok(())
     }
@@ -151,35 +146,35 @@ impl<'a> Demand<'a> {
             scenario.display(),
             self.expected
         );
-        let elsewhere = |(file, count): (PathBuf, usize)| {
+        let elsewhere = |(file, count): (&Path, usize)| {
             format!("{}: {count} of its vehicles and flows depart before {begin} s or from {end} s on", file.display())
         };
-        let may_vanish = |(count, first): (usize, Place<'_>)| {
-            let speed = excerpt(first.element.attribute("departSpeed").unwrap_or_default());
+        let may_vanish = |(file, (count, first)): (&Path, (usize, &Element))| {
+            let speed = excerpt(first.attribute("departSpeed").unwrap_or_default());
             format!(
-                "a car that cannot enter as fast as it should, such as {first} with departSpeed=\"{speed}\" ({count} in \
-                 this file): SUMO removes it, and the lights decide how many these are; with departSpeed=\"max\" it waits"
+                "a car that cannot enter as fast as it should, such as {}: {} with departSpeed=\"{speed}\" ({count} in \
+                 this file): SUMO removes it, and the lights decide how many these are; with departSpeed=\"max\" it waits",
+                file.display(),
+                tag(first)
             )
         };
         let outside = self.outside.into_iter().map(elsewhere);
-        Ok((self.departures, outside.chain(self.impatient.into_values().map(may_vanish)).collect()))
+        Ok((self.departures, outside.chain(self.impatient.into_iter().map(may_vanish)).collect()))
     }
 
-    fn add_type(&mut self, place: Place<'a>) -> Result<()> {
-        let models = place.element.children.iter().filter(|child| child.name.starts_with("carFollowing-"));
-        for element in [place.element].into_iter().chain(models) {
-            // SUMO takes `nan` for a number, and such a car never moves, or ends SUMO.
-            let nan = |(key, value): &&(String, String)| {
-                key != "id" && value.parse().is_ok_and(|number: f64| !number.is_finite())
-            };
-            if let Some((key, _)) = element.attributes.iter().find(nan) {
-                bail!(place.within(element).fault_in(key, "must be a finite number; correct it"));
+    fn add_type(&mut self, kind: &'a Element) -> Result<()> {
+        let models = kind.children.iter().filter(|child| child.name.starts_with("carFollowing-"));
+        for element in [kind].into_iter().chain(models) {
+            for (key, value) in element.attributes.iter().filter(|(key, _)| key != "id") {
+                // SUMO takes `nan` for a number, and such a car never moves, or ends SUMO.
+                let is_bad = value.parse().is_ok_and(|number: f64| !number.is_finite());
+                ensure!(!is_bad, wrong(element, key, "must be a finite number; correct it"));
             }
         }
-        refuse_devices(place)?;
-        match place.element.attribute("vClass").filter(|class| NOT_ON_ROADS.contains(class)) {
-            Some(class) => self.strange.insert(id(place.element), class),
-            None => self.strange.remove(id(place.element)),
+        refuse_devices(kind)?;
+        match kind.attribute("vClass").filter(|class| NOT_ON_ROADS.split(' ').any(|other| other == *class)) {
+            Some(class) => self.strange.insert(id(kind), class),
+            None => self.strange.remove(id(kind)),
         };
         Ok(())
     }
@@ -200,33 +195,38 @@ impl<'a> Demand<'a> {
     }
 
     /// Adds a trip, a vehicle or a flow. `departs_s`: the second of its first departure.
-    fn add_driver(&mut self, place: Place<'a>, departs_s: f64) -> Result<()> {
-        let given = |key: &str| place.element.attribute(key);
-        for (key, fine, why) in ODD {
-            ensure!(given(key).is_none_or(|value| value == fine), place.fault_in(key, why));
+    fn add_driver(&mut self, file: &'a Path, driver: &'a Element, departs_s: f64) -> Result<()> {
+        let given = |key: &str| driver.attribute(key);
+        for (key, why) in [
+            ("personNumber", "this program does not simulate persons and containers; remove it"),
+            ("containerNumber", "this program does not simulate persons and containers; remove it"),
+            ("departEdge", "this program lets cars begin on the first edge of their route; remove it"),
+        ] {
+            ensure!(given(key).is_none_or(|value| value == "0"), wrong(driver, key, why));
         }
         ensure!(
             given("depart").is_none_or(|depart| !TRIGGERED.contains(&depart)),
-            place.fault_in("depart", "this program does not simulate persons and trains; set a second")
+            wrong(driver, "depart", "this program does not simulate persons and trains; set a second")
         );
         if let Some(class) = given("type").and_then(|kind| self.strange.get(kind)) {
-            bail!(place.fault_in("type", format!("its class is {class}, and this program simulates roads; remove it")));
+            let why = format!("its class is {class}, and this program simulates roads; remove it");
+            bail!(wrong(driver, "type", &why));
         }
-        refuse_devices(place)?;
+        refuse_devices(driver)?;
         let (begin, end) = self.window_s;
-        let vehicles = match place.element.name == "flow" {
-            true => vehicles_of(place.element, departs_s, self.window_s),
+        let vehicles = match driver.name == "flow" {
+            true => vehicles_of(driver, departs_s, self.window_s),
             false => f64::from((begin..end).contains(&departs_s)),
         };
         if vehicles == 0.0 {
-            *self.outside.entry(place.file.to_owned()).or_default() += 1;
+            *self.outside.entry(file).or_default() += 1;
             return Ok(());
         }
         self.expected += vehicles;
         if given("departSpeed").is_some_and(|speed| !PATIENT.contains(&speed) && speed.parse() != Ok(0.0)) {
-            self.impatient.entry(place.file).or_insert((0, place)).0 += 1;
+            self.impatient.entry(file).or_insert((0, driver)).0 += 1;
         }
-        let inner = place.element.children.iter().find(|child| child.name != "param");
+        let inner = driver.children.iter().find(|child| child.name != "param");
         let edges = match (given("route"), inner) {
             (Some(route), _) => self.routes.get(route).cloned().unwrap_or_default(),
             (None, Some(inner)) => self.routes_in(inner),
@@ -263,11 +263,11 @@ fn vehicles_of(flow: &Element, begins: f64, (begin, end): (f64, f64)) -> f64 {
 }
 
 /// Returns an error if a parameter of a type, vehicle or flow gives it a device that is refused as an option, too.
-fn refuse_devices(place: Place<'_>) -> Result<()> {
-    for parameter in place.element.all("param") {
-        let attribute = |key: &str| parameter.attribute(key).unwrap_or_default();
-        if let Some(why) = refused_parameter(attribute("key"), attribute("value")) {
-            bail!(place.fault(format!("<param key=\"{}\">: {why}; remove it", excerpt(attribute("key")))));
+fn refuse_devices(element: &Element) -> Result<()> {
+    for parameter in element.all("param") {
+        let [key, value] = ["key", "value"].map(|name| parameter.attribute(name).unwrap_or_default());
+        if let Some(why) = refused_parameter(key, value) {
+            bail!("{}: <param key=\"{}\">: {why}; remove it", tag(element), excerpt(key));
         }
     }
     Ok(())
@@ -340,23 +340,15 @@ mod tests {
     }
 
     #[test]
-    fn what_sumo_would_do_in_silence_is_an_error() {
-        let trip = |attributes: &str| format!("<trip id='v' {attributes} from='a' to='b'/>");
-        let kind = |attributes: &str| format!("<vType id='t' {attributes}/>{}", trip("depart='100'"));
+    fn types_of_trains_and_numbers_that_are_none_are_refused() {
         for (elements, error) in [
             (
-                format!("{}<trip id='w' depart='120'/>", trip("depart='130'")),
-                "<trip id=\"w\">: depart=\"120\": comes after one that departs at 130 s, and SUMO would leave it out; \
-                 sort the file by departure",
-            ),
-            (
-                trip("depart='100' type='odd'"),
+                "<trip id='v' depart='100' type='odd' from='a' to='b'/>",
                 "<trip id=\"v\">: type=\"odd\": its class is rail, and this program simulates roads; remove it",
             ),
-            (kind("tau='nan'"), "<vType id=\"t\">: tau=\"nan\": must be a finite number; correct it"),
-            (kind("accel='inf'"), "<vType id=\"t\">: accel=\"inf\": must be a finite number; correct it"),
+            ("<vType id='t' accel='inf'/>", "<vType id=\"t\">: accel=\"inf\": must be a finite number; correct it"),
         ] {
-            assert_eq!(read(&elements), Err(format!("rou: {error}")));
+            assert_eq!(read(elements), Err(format!("rou: {error}")));
         }
     }
 

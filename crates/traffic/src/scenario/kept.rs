@@ -27,27 +27,17 @@ pub(crate) struct Episode<'a> {
     pub(crate) view: &'a str,
 }
 
-/// Names in a copy. Files of which there may be several are numbered from 1.
-struct Names {
-    sumocfg: String,
-    net: String,
-    routes: Vec<String>,
-    additional: Vec<String>,
-}
-
 impl SumoScenario {
     /// Makes a folder and copies the scenario into it, all or nothing. Returns the paths in the folder, in the order of
     /// the config's keys that name files.
     pub fn keep_in(&self, folder: &Path) -> Result<Vec<PathBuf>> {
         fs::create_dir(folder).with_context(|| format!("{}: cannot be made", folder.display()))?;
-        let names = self.names(KEPT);
-        let mut files = self.copied(&names, |file| file.content.bytes().to_vec());
-        let mut kept = vec![PathBuf::from(&names.sumocfg)];
+        let mut files = self.copied(KEPT, None, |file| file.content.bytes().to_vec());
+        let mut kept = vec![PathBuf::from(format!("{KEPT}.sumocfg"))];
         if let Some((_, text)) = self.agents() {
             files.push((AGENTS.to_owned(), text.as_bytes().to_vec()));
             kept.push(PathBuf::from(AGENTS));
         }
-        files.push((names.sumocfg.clone(), self.sumocfg(&names, None).into_bytes()));
         let files: Vec<_> = files.into_iter().map(|(name, bytes)| (folder.join(name), bytes)).collect();
         write_together(folder, &files)?;
         Ok(kept)
@@ -55,29 +45,28 @@ impl SumoScenario {
 
     /// Returns the files of a folder in which plain SUMO plays an episode: names, which begin with `name`, and contents.
     pub(crate) fn episode_files(&self, name: &str, episode: &Episode<'_>) -> Vec<(String, Vec<u8>)> {
-        let names = self.names(name);
-        let mut files = self.copied(&names, |file| self.with_ends_of_flows(file));
-        files.push((names.sumocfg.clone(), self.sumocfg(&names, Some(episode)).into_bytes()));
-        files
+        self.copied(name, Some(episode), |file| self.with_ends_of_flows(file))
     }
 
-    fn names(&self, name: &str) -> Names {
-        let numbered = |files: &[File], ending: &str| {
+    /// Returns copies of all files: names, which begin with `name`, and contents. Files of which there may be several are
+    /// numbered from 1.
+    fn copied(
+        &self,
+        name: &str,
+        episode: Option<&Episode<'_>>,
+        content: impl Fn(&File) -> Vec<u8>,
+    ) -> Vec<(String, Vec<u8>)> {
+        let numbered = |files: &[File], ending: &str| -> Vec<String> {
             (1..=files.len()).map(|number| format!("{name}.{number}.{ending}.xml")).collect()
         };
-        Names {
-            sumocfg: format!("{name}.sumocfg"),
-            net: format!("{name}.net.xml"),
-            routes: numbered(&self.routes, "rou"),
-            additional: numbered(&self.additional, "add"),
-        }
-    }
-
-    /// Returns the copies of all files but the .sumocfg.
-    fn copied(&self, names: &Names, copy: impl Fn(&File) -> Vec<u8>) -> Vec<(String, Vec<u8>)> {
-        let lists = [(&names.routes, &self.routes), (&names.additional, &self.additional)];
-        let listed = lists.into_iter().flat_map(|(names, files)| names.iter().zip(files));
-        [(&names.net, &self.net)].into_iter().chain(listed).map(|(name, file)| (name.clone(), copy(file))).collect()
+        let net = format!("{name}.net.xml");
+        let (routes, additional) = (numbered(&self.routes, "rou"), numbered(&self.additional, "add"));
+        let names = [&net].into_iter().chain(&routes).chain(&additional);
+        let files = [&self.net].into_iter().chain(&self.routes).chain(&self.additional);
+        let mut copies: Vec<_> = names.zip(files).map(|(name, file)| (name.clone(), content(file))).collect();
+        let sumocfg = self.sumocfg(&net, &routes, &additional, episode);
+        copies.push((format!("{name}.sumocfg"), sumocfg.into_bytes()));
+        copies
     }
 
     /// Returns a copy in which every flow whose cars are spread over the whole simulation says when that ends. So an
@@ -98,12 +87,12 @@ impl SumoScenario {
         xml::text(&root).into_bytes()
     }
 
-    /// Returns the .sumocfg of a copy.
-    fn sumocfg(&self, names: &Names, episode: Option<&Episode<'_>>) -> String {
-        let routes = names.routes.join(",");
+    /// Returns the .sumocfg of a copy with files of these names.
+    fn sumocfg(&self, net: &str, routes: &[String], additional: &[String], episode: Option<&Episode<'_>>) -> String {
+        let routes = routes.join(",");
         let signals = episode.map(|episode| episode.signals.to_owned());
-        let additional = names.additional.iter().cloned().chain(signals).collect::<Vec<_>>().join(",");
-        let mut input = vec![("net-file", &*names.net), ("route-files", &routes), ("additional-files", &additional)];
+        let additional = additional.iter().cloned().chain(signals).collect::<Vec<_>>().join(",");
+        let mut input = vec![("net-file", net), ("route-files", &routes), ("additional-files", &additional)];
         input.retain(|(_, files)| !files.is_empty());
         let (begin, end) = self.window_s;
         let end = episode.map_or(end, |episode| episode.end_s);

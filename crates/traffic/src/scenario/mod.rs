@@ -4,7 +4,7 @@
 //! What was read is what SUMO loads and what a run directory keeps. Nothing of it writes a file: outputs and
 //! detectors are left out, and everything else by which SUMO would open another file is refused.
 //!
-//! - `elements`: which elements files may hold; `place`: names an element in an error.
+//! - `elements`: which elements files may hold.
 //! - `demand`: where vehicles depart, and how many. [`dawdling`]: how much cars dawdle.
 //! - [`kept`]: copies for run directories and replays.
 
@@ -12,7 +12,6 @@ pub(crate) mod dawdling;
 mod demand;
 mod elements;
 pub(crate) mod kept;
-mod place;
 
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
@@ -103,9 +102,9 @@ impl SumoScenario {
             departures: Departures::default(),
             rules: rules(config)?,
         };
-        let (departures, told) = scenario.check(&left)?;
+        let (departures, notes) = scenario.check(&left)?;
         scenario.departures = departures;
-        scenario.left_out.extend(told);
+        scenario.left_out.extend(notes);
         scenario.left_out.extend(config.unplayed());
         Ok(scenario)
     }

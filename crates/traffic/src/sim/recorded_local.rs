@@ -55,5 +55,5 @@ pub(crate) fn roads_of(
     let gate = net.gate.iter().map(|gate| gate.light.clone());
     let lights = [plan.agents[agent].light.clone()].into_iter().chain(gate).collect();
     let agents = vec![plan.agents[agent].clone()];
-    Ok(RecordedRoads::of_lights(RecordedFiles::Local(Box::new(files)), Roads::read(&net.root())?, agents, lights))
+    Ok(RecordedRoads::of_lights(RecordedFiles::Local(Box::new(files)), Roads::read(net.root())?, agents, lights))
 }

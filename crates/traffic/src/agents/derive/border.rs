@@ -180,20 +180,9 @@ mod tests {
         let places: Vec<&EntryPlace> = plan.entries.iter().map(|entry| &entry.place).collect();
         assert_eq!(places, [&EntryPlace::Road("far".to_owned()), &EntryPlace::Road("back".to_owned())]);
         assert!(plan.exits.is_empty());
-        assert_eq!(
-            (plan.lanes[0].departures, plan.lanes[6].departures, plan.lanes[2].departures),
-            (Some(0), Some(1), None)
-        );
+        assert_eq!([0, 6, 2].map(|lane| plan.lanes[lane].departures), [Some(0), Some(1), None]);
         assert_eq!(plan.entries[0].default_way, ["far", "near", "out"]);
-        assert_eq!(
-            plan.source_names(),
-            [
-                "arrival departures on far[0]",
-                "arrival departures on far[1]",
-                "arrival departures on back[0]",
-                "arrival departures on back[1]",
-            ]
-        );
+        assert_eq!(plan.source_names()[1..3], ["arrival departures on far[1]", "arrival departures on back[0]"]);
     }
 
     #[test]
@@ -225,28 +214,19 @@ mod tests {
         assert_eq!(places, [&EntryPlace::Lane(0), &EntryPlace::Lane(1)]);
         assert_eq!(names(&plan, [0, 1]), ["near_0", "near_1"]);
         assert_eq!(names(&plan, plan.exits.iter().copied()), ["back_0"]);
-        assert_eq!(
-            plan.entries[1].default_way,
-            ["near", "back", "west"],
-            "the first connection behind the region, too"
-        );
+        let way = &plan.entries[1].default_way;
+        assert_eq!(way, &["near", "back", "west"], "the first connection behind the region, too");
         assert_eq!((plan.sources(), plan.arrival(1, 0), plan.blocked(0)), (5, 2, 4));
         assert_eq!(plan.source_names()[3..], ["arrival near_1[1]", "blocked back_0"]);
     }
 
     #[test]
     fn a_car_that_crosses_a_short_entry_within_a_second_has_come_by_it() {
-        let mut changes = LIGHT_AT_U.to_vec();
-        changes.push((
-            "<lane id=\"near_1\" index=\"1\" speed=\"13.9\" length=\"50\"/>",
-            "<lane id=\"near_1\" index=\"1\" speed=\"13.9\" length=\"5\"/>",
-        ));
-        let plan = plan(&changes, "J", &[]);
+        const NEAR_1: &str = r#"id="near_1" index="1" speed="13.9" length="50""#;
+        let short = NEAR_1.replace("50", "5");
+        let plan = plan(&[&LIGHT_AT_U[..], &[(NEAR_1, &short)]].concat(), "J", &[]);
         let entry = |lane: &str| plan.lanes.iter().find(|other| other.lane == lane).unwrap().entry;
-        assert_eq!(
-            [entry("near_0"), entry("near_1"), entry("back_0"), entry("out_0")],
-            [Some(0), Some(1), Some(1), Some(0)]
-        );
+        assert_eq!(["near_0", "near_1", "back_0", "out_0"].map(entry), [Some(0), Some(1), Some(1), Some(0)]);
         assert_eq!(entry("north_0"), None, "nobody comes to it from the border");
     }
 }

@@ -131,26 +131,28 @@ mod tests {
         assert_eq!(shown("Gr", "GG", &times), "", "nobody loses green");
     }
 
-    #[test]
-    fn all_red_is_as_long_as_in_the_program() {
-        let roads = example::roads(&[]);
+    /// Times of the light J of the example with some texts replaced.
+    fn times(changes: &[(&str, &str)], yellow: Yellow, all_red_s: Option<u32>) -> Times {
+        let roads = example::roads(changes);
         let cars = roads.letters_of_vehicles("J");
-        let greens = Greens::of(&roads.programs[0], &cars);
-        let times = Times::of(&greens, Yellow::Seconds(4), None);
-        assert_eq!(shown("GGrr", "rrGG", &times), "yyrr 4, rrrr 2");
-        assert_eq!(shown("rrGG", "GGrr", &times), "rryy 4", "the program has no all red here");
-        assert_eq!(shown("GGrr", "Grrr", &times), "Gyrr 4, Grrr 2", "the program has no such change: the longest");
-        let times = Times::of(&greens, Yellow::Seconds(3), Some(1));
-        assert_eq!(shown("rrGG", "GGrr", &times), "rryy 3, rrrr 1");
+        Times::of(&Greens::of(&roads.programs[0], &cars), yellow, all_red_s)
+    }
+
+    #[test]
+    fn all_red_is_as_long_as_in_the_program_in_whole_seconds() {
+        let own = times(&[], Yellow::Seconds(4), None);
+        assert_eq!(shown("GGrr", "rrGG", &own), "yyrr 4, rrrr 2");
+        assert_eq!(shown("rrGG", "GGrr", &own), "rryy 4", "the program has no all red here");
+        assert_eq!(shown("GGrr", "Grrr", &own), "Gyrr 4, Grrr 2", "the program has no such change: the longest");
+        let part = times(&[("duration=\"2\"", "duration=\"1.2\"")], Yellow::Seconds(3), None);
+        assert_eq!(shown("GGrr", "rrGG", &part), "yyrr 3, rrrr 2");
+        let other = times(&[], Yellow::Seconds(3), Some(1));
+        assert_eq!(shown("rrGG", "GGrr", &other), "rryy 3, rrrr 1");
     }
 
     #[test]
     fn yellow_is_as_long_as_in_the_program() {
-        let times = |changes: &[(&str, &str)]| {
-            let roads = example::roads(changes);
-            let cars = roads.letters_of_vehicles("J");
-            Times::of(&Greens::of(&roads.programs[0], &cars), Yellow::Program, Some(0))
-        };
+        let times = |changes: &[(&str, &str)]| times(changes, Yellow::Program, Some(0));
         // The first change has 5 s, the second one 3 s.
         let own = times(&[("duration=\"3\" state=\"yyrr\"", "duration=\"4.5\" state=\"yyrr\"")]);
         assert_eq!(shown("GGrr", "rrGG", &own), "yyrr 5");
@@ -159,17 +161,7 @@ mod tests {
         // Links that are yellow one after another.
         let turns = "duration=\"3\" state=\"yGrr\"/><phase duration=\"4\" state=\"ryrr\"";
         assert_eq!(shown("GGrr", "rrGG", &times(&[("duration=\"3\" state=\"yyrr\"", turns)])), "yyrr 4");
-        // A program without any yellow.
-        let red = |letters: &str| (format!("state=\"{letters}\""), "state=\"rrrr\"");
-        let (first, second) = (red("yyrr"), red("rryy"));
-        assert_eq!(shown("GGrr", "rrGG", &times(&[(&first.0, first.1), (&second.0, second.1)])), "yyrr 3");
-    }
-
-    #[test]
-    fn parts_of_seconds_are_rounded_up() {
-        let roads = example::roads(&[("duration=\"2\"", "duration=\"1.2\"")]);
-        let cars = roads.letters_of_vehicles("J");
-        let greens = Greens::of(&roads.programs[0], &cars);
-        assert_eq!(shown("GGrr", "rrGG", &Times::of(&greens, Yellow::Seconds(3), None)), "yyrr 3, rrrr 2");
+        let none = [("yyrr", "rrrr"), ("rryy", "rrrr")];
+        assert_eq!(shown("GGrr", "rrGG", &times(&none)), "yyrr 3", "a program without any yellow");
     }
 }

@@ -53,22 +53,19 @@ impl<'a> Greens<'a> {
         let letters =
             |state: &SignalState| -> Vec<u8> { cars.iter().map(|&letter| state.as_str().as_bytes()[letter]).collect() };
         let mut states: Vec<SignalState> = Vec::new();
-        let mut of_phase = Vec::new();
-        for (number, Phase { state, .. }) in program.phases.iter().enumerate() {
+        let mut green_of = |number: usize, state: &SignalState| {
             if !shows_green(state, cars) || is_clearing(program, number, cars) {
-                of_phase.push(None);
-                continue;
+                return None;
             }
             let known = states.iter().position(|green| letters(green) == letters(state));
-            if known.is_none() && states.len() > MOST_GREENS {
-                of_phase.push(None);
-                continue;
-            }
-            of_phase.push(Some(known.unwrap_or(states.len())));
-            if known.is_none() {
+            if known.is_none() && states.len() <= MOST_GREENS {
                 states.push(state.clone());
+                return Some(states.len() - 1);
             }
-        }
+            known
+        };
+        let of_phase =
+            program.phases.iter().enumerate().map(|(number, phase)| green_of(number, &phase.state)).collect();
         Greens { program, cars, states, of_phase }
     }
 
@@ -159,13 +156,8 @@ mod tests {
         }
     }
 
-    /// Returns greens and changes of a program whose letters are all for cars.
-    fn told(program: &Program) -> (Vec<String>, Vec<String>) {
-        told_of(program, program.letters())
-    }
-
     /// Returns greens and changes of a program whose first letters are for cars.
-    fn told_of(program: &Program, cars: usize) -> (Vec<String>, Vec<String>) {
+    fn read(program: &Program, cars: usize) -> (Vec<String>, Vec<String>) {
         let cars = (0..cars).collect();
         let greens = Greens::of(program, &cars);
         let change = |change: Change| {
@@ -178,7 +170,7 @@ mod tests {
 
     #[test]
     fn greens_are_distinct_phases_with_green_and_without_yellow_in_their_order() {
-        let (greens, changes) = told(&program(&[
+        let program = program(&[
             ("rryy", 3.0),
             ("GGrr", 20.0),
             ("yyrr", 3.0),
@@ -189,7 +181,8 @@ mod tests {
             ("yGrr", 3.0),
             ("uruu", 1.0),
             ("rGgg", 9.0),
-        ]));
+        ]);
+        let (greens, changes) = read(&program, 4);
         assert_eq!(greens, ["GGrr", "rrGg", "rGgg"]);
         // The last green of the cycle goes over the first yellow of the file.
         assert_eq!(changes, ["GGrr yyrr rrrr rrGg", "rrGg rrYY GGrr", "GGrr yGrr uruu rGgg", "rGgg rryy GGrr"]);
@@ -198,13 +191,13 @@ mod tests {
     #[test]
     fn all_red_but_for_those_who_keep_green_is_a_part_of_the_change() {
         let with = |state: &'static str, seconds: f64| {
-            told(&program(&[("GGgr", 20.0), ("yygr", 3.0), (state, seconds), ("rrGG", 20.0), ("rryy", 3.0)])).0
+            read(&program(&[("GGgr", 20.0), ("yygr", 3.0), (state, seconds), ("rrGG", 20.0), ("rryy", 3.0)]), 4).0
         };
         assert_eq!(with("rrgr", 2.0), ["GGgr", "rrGG"]);
         assert_eq!(with("rrgr", 6.0), ["GGgr", "rrgr", "rrGG"], "it is long");
         assert_eq!(with("rrgg", 2.0), ["GGgr", "rrgg", "rrGG"], "somebody gains green");
         let no_yellow = program(&[("GGgr", 20.0), ("rrgr", 2.0), ("rrGG", 20.0), ("rryy", 3.0)]);
-        assert_eq!(told(&no_yellow).0, ["GGgr", "rrgr", "rrGG"]);
+        assert_eq!(read(&no_yellow, 4).0, ["GGgr", "rrgr", "rrGG"]);
     }
 
     #[test]
@@ -213,7 +206,7 @@ mod tests {
             program(&[("Grr", 9.0), ("yrr", 3.0), ("rGr", 9.0), ("ryr", 3.0), ("rrG", 9.0), ("rry", 3.0)]);
         program.phases[1].next = vec![4, 2];
         program.phases[3].next = vec![3];
-        let (_, changes) = told(&program);
+        let (_, changes) = read(&program, 3);
         assert_eq!(changes, ["Grr yrr rrG", "Grr yrr rGr", "rrG rry Grr"], "a ring without a green leads nowhere");
     }
 
@@ -221,13 +214,13 @@ mod tests {
     fn phases_that_differ_for_people_on_foot_are_one_green() {
         // The last letter is a crossing: green with the first green, then clearing, then a phase of its own.
         let program = program(&[("GrG", 20.0), ("Grr", 5.0), ("yrr", 3.0), ("rGr", 20.0), ("ryr", 3.0), ("rrG", 15.0)]);
-        let (greens, changes) = told_of(&program, 2);
+        let (greens, changes) = read(&program, 2);
         assert_eq!(greens, ["GrG", "rGr"]);
         assert_eq!(changes, ["GrG yrr rGr", "rGr ryr rrG GrG"]);
         let cars = BTreeSet::from([0, 1]);
         let greens = Greens::of(&program, &cars);
         let red: Vec<bool> = program.phases.iter().map(|phase| greens.is_all_red(phase)).collect();
         assert_eq!(red, [false, true, false, true, false, false], "neither yellow nor people on foot");
-        assert_eq!(told_of(&program, 3).0, ["GrG", "Grr", "rGr", "rrG"], "cars on the crossing");
+        assert_eq!(read(&program, 3).0, ["GrG", "Grr", "rGr", "rrG"], "cars on the crossing");
     }
 }

@@ -112,9 +112,9 @@ mod tests {
         let mut all: Vec<Keeping> =
             ["a", "b", "c", "d", "e", "f", "g"].map(|light| keeping(light, Why::Greens(1))).into();
         all.insert(1, keeping("x", Why::NoCars));
-        let told: Vec<String> = sentences(&all).into_iter().map(|(sentence, _)| sentence).collect();
+        let message: Vec<String> = sentences(&all).into_iter().map(|(sentence, _)| sentence).collect();
         assert_eq!(
-            told,
+            message,
             [
                 "7 lights keep their program (`a`, `b`, `c`, `d`, `e` and 2 more), each because its program has one \
                  green only, so there is nothing to choose",

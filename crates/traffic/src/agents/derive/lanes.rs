@@ -1,9 +1,14 @@
-//! The lanes of a region as its agent and its controllers know them: approaches, exits and links.
+//! The lanes of a region as its agent and its controllers know them: approaches, exits and links. And what the agent
+//! sees of them.
 
 use std::collections::{BTreeMap, BTreeSet, HashMap};
 
+use super::Rules;
 use super::region::Region;
+use crate::agents::region::CELL_M;
 use crate::agents::region_plan::{Approach, Exit, Link, RegionPlan};
+use crate::agents::sensor::{CarColumns, LightColumns, Sensor};
+use crate::config::{DSet, Observation};
 use crate::network::roads::{Connection, EdgeNo, LaneNo, Roads};
 
 /// Makes the lanes of a light's region.
@@ -19,14 +24,13 @@ pub(crate) fn region_plan(roads: &Roads, light: &str, region: &Region) -> Region
     ways.sort_by_key(|(letter, link)| (*letter, link.from, link.to));
     let order = lanes_in_order(roads, region, &ways);
     let mut leaving: Vec<LaneNo> = Vec::new();
-    let mut exit_of: HashMap<LaneNo, usize> = HashMap::new();
     for (_, link) in &ways {
-        exit_of.entry(link.to).or_insert_with(|| {
+        if !leaving.contains(&link.to) {
             leaving.push(link.to);
-            leaving.len() - 1
-        });
+        }
     }
-    let approach_of: HashMap<LaneNo, usize> = order.iter().enumerate().map(|(place, &lane)| (lane, place)).collect();
+    let places = |lanes: &[LaneNo]| lanes.iter().enumerate().map(|(place, &lane)| (lane, place)).collect();
+    let [approach_of, exit_of]: [HashMap<LaneNo, usize>; 2] = [places(&order), places(&leaving)];
     let links: Vec<Link> = ways
         .iter()
         .map(|(letter, link)| Link { letter: *letter, from: approach_of[&link.from], to: exit_of[&link.to] })
@@ -112,4 +116,17 @@ fn leaves_the_net(roads: &Roads, light: &str, exit: EdgeNo) -> bool {
         }
     }
     true
+}
+
+/// Makes the sensor of an agent: cars up to `approach_m` before the stop line, and a light with this number of greens.
+pub(super) fn sensor(region: &RegionPlan, rules: &Rules, greens: usize) -> Sensor {
+    let cells = region.approaches.iter().map(|approach| {
+        let seen_m = approach.length_m.min(rules.approach_m - approach.ahead_m);
+        (seen_m / CELL_M).ceil() as usize
+    });
+    let cars = match rules.cars {
+        Observation::Cells => CarColumns::Cells(cells.collect()),
+        Observation::Queues => CarColumns::QueueAndDensity(region.approaches.len()),
+    };
+    Sensor { cars, light: LightColumns::TargetAndAge(greens), clock: 0, clock_ahead: 0, d_set: DSet::Cells }
 }

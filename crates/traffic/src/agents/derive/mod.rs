@@ -3,7 +3,7 @@
 //! Pure: no files and no simulation. The agents are in the order of the elements `<tlLogic>` of the net.
 //!
 //! - [`greens`]: the greens of a program; [`clearing`]: what is shown between two of them.
-//! - [`region`]: the roads around a light; [`lanes`]: its approaches, exits and links; `sight`: what its agent sees.
+//! - [`region`]: the roads around a light; [`lanes`]: its approaches, exits and links, and what its agent sees.
 //! - [`border`]: where cars come into the region and leave it.
 //! - [`keeping`]: why a light keeps its program; [`safety`]: no two links that cross have green at once.
 //! - [`overrides`]: what the file `agents.toml` says otherwise; [`padding`]: one shape for all agents.
@@ -18,19 +18,17 @@ pub mod overrides;
 pub mod padding;
 pub(crate) mod region;
 pub mod safety;
-mod sight;
 #[cfg(test)]
 mod tests;
 
 use std::collections::{BTreeSet, HashMap};
-
 use std::sync::Arc;
 
 use anyhow::{Result, bail};
 
 use super::phase_plan::{Choice, PhasePlan, ProgramChange};
 use super::plan::{AgentPlan, Border};
-use crate::config::Yellow;
+use crate::config::{Observation, Yellow};
 use crate::d_set::{DSetPlan, Parts};
 use crate::network::roads::program::Program;
 use crate::network::roads::{EdgeNo, JunctionNo, Roads};
@@ -50,22 +48,13 @@ pub struct Rules {
     pub yellow: Yellow,
     /// Least number of seconds of a green; at least 1.
     pub min_green_s: u32,
-    pub(crate) cars: CarsSeen,
-}
-
-/// How an observation shows cars.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) enum CarsSeen {
-    /// A bit for each cell of 10 m.
-    Cells,
-    /// Queue and density of each lane.
-    Queues,
+    pub(crate) cars: Observation,
 }
 
 impl Default for Rules {
     /// Returns the defaults of the config.
     fn default() -> Rules {
-        Rules { approach_m: 150.0, yellow: Yellow::default(), min_green_s: 5, cars: CarsSeen::Cells }
+        Rules { approach_m: 150.0, yellow: Yellow::default(), min_green_s: 5, cars: Observation::Cells }
     }
 }
 
@@ -146,16 +135,12 @@ pub fn derive(roads: &Roads, rules: &Rules, overrides: &Overrides) -> Result<Der
 
 /// Returns the program of each light that its greens come from: the last one, which is the one that SUMO runs.
 fn programs(roads: &Roads) -> Vec<&Program> {
-    let mut places: HashMap<&str, usize> = HashMap::new();
-    let mut programs: Vec<&Program> = Vec::new();
+    let mut last: HashMap<&str, &Program> = HashMap::new();
     for program in &roads.programs {
-        let place = *places.entry(&program.light).or_insert(programs.len());
-        if place == programs.len() {
-            programs.push(program);
-        }
-        programs[place] = program;
+        last.insert(&program.light, program);
     }
-    programs
+    // Lights are in the order of their first programs.
+    roads.programs.iter().filter_map(|program| last.remove(&*program.light)).collect()
 }
 
 /// Returns the changes of a program between these greens of its light.
@@ -192,7 +177,8 @@ fn agent(
     let own = overrides.of(light);
     let cars = roads.letters_of_vehicles(light);
     let of_program = Greens::of(program, &cars);
-    let greens = own.greens.as_deref().unwrap_or(of_program.states());
+    let written = own.greens();
+    let greens = written.as_deref().unwrap_or(of_program.states());
     if !(2..=MOST_GREENS).contains(&greens.len()) {
         return Ok(Err(Why::Greens(greens.len())));
     }
@@ -206,7 +192,7 @@ fn agent(
     safety::check(roads, program, &phases)?;
     let region = Region::of(roads, lit, light, rules.approach_m, own.approaches.as_deref())?;
     let lanes = lanes::region_plan(roads, light, &region);
-    let sensor = sight::sensor(&lanes, rules, phases.greens().len());
+    let sensor = lanes::sensor(&lanes, rules, phases.greens().len());
     let plan = AgentPlan {
         light: light.clone(),
         place_m: region.place_m(roads),

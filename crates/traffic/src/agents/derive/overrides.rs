@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 
-use anyhow::{Context, Result, anyhow, bail, ensure};
+use anyhow::{Context, Result, anyhow, ensure};
 use serde::Deserialize;
 
 use super::greens::{MOST_GREENS, goes, is_yellow};
@@ -14,20 +14,22 @@ use libsumo::SignalState;
 const LONGEST_S: u32 = 60;
 
 /// What the file says.
-#[derive(Clone, Debug, Default, PartialEq)]
+#[derive(Clone, Debug, Default, PartialEq, Deserialize)]
+#[serde(deny_unknown_fields)]
 pub struct Overrides {
     /// Lights that learn; all others keep their program.
     learn: Option<Vec<String>>,
     /// Lights that keep their program; all others learn if they can.
     keep: Option<Vec<String>>,
+    #[serde(default, rename = "light")]
     lights: BTreeMap<String, LightOverride>,
 }
 
 /// What the file says of one light.
-#[derive(Clone, Debug, Default, PartialEq)]
+#[derive(Clone, Debug, Default, PartialEq, Deserialize)]
+#[serde(deny_unknown_fields)]
 pub(crate) struct LightOverride {
-    /// Greens instead of those of its program.
-    pub(crate) greens: Option<Vec<SignalState>>,
+    greens: Option<Vec<String>>,
     /// Edges on which its agent sees cars, instead of those that the derivation finds.
     pub(crate) approaches: Option<Vec<String>>,
     /// Seconds of yellow.
@@ -36,34 +38,18 @@ pub(crate) struct LightOverride {
     pub(crate) all_red_s: Option<u32>,
 }
 
-#[derive(Deserialize)]
-#[serde(deny_unknown_fields)]
-struct Written {
-    learn: Option<Vec<String>>,
-    keep: Option<Vec<String>>,
-    #[serde(default)]
-    light: BTreeMap<String, WrittenLight>,
-}
-
-#[derive(Deserialize)]
-#[serde(deny_unknown_fields)]
-struct WrittenLight {
-    greens: Option<Vec<String>>,
-    approaches: Option<Vec<String>>,
-    yellow_s: Option<u32>,
-    all_red_s: Option<u32>,
-}
-
 impl Overrides {
     /// Reads the text of a file. An error names the light and the key.
     pub fn parse(text: &str) -> Result<Overrides> {
-        let Written { learn, keep, light } = toml::from_str(text)?;
-        ensure!(learn.is_none() || keep.is_none(), "learn and keep: name the lights that learn, or those that do not");
-        let lights = light.into_iter().map(|(name, written)| {
-            let read = read_light(written).map_err(|error| anyhow!("light `{name}`: {error:#}"))?;
-            Ok((name, read))
-        });
-        Ok(Overrides { learn, keep, lights: lights.collect::<Result<_>>()? })
+        let file: Overrides = toml::from_str(text)?;
+        ensure!(
+            file.learn.is_none() || file.keep.is_none(),
+            "learn and keep: name the lights that learn, or those that do not"
+        );
+        for (name, light) in &file.lights {
+            light.check().map_err(|error| anyhow!("light `{name}`: {error:#}"))?;
+        }
+        Ok(file)
     }
 
     /// Returns what the file says of a light; nothing if it does not name it.
@@ -87,7 +73,7 @@ impl Overrides {
         for (key, name) in listed.chain(self.lights.keys().map(|name| ("light", name))) {
             let program =
                 known(name).with_context(|| format!("agents.toml: {key}: the net has no light `{name}`; remove it"))?;
-            for green in self.of(name).greens.iter().flatten() {
+            for green in self.of(name).greens().iter().flatten() {
                 ensure!(
                     green.links() == program.letters(),
                     "agents.toml: light `{name}`: greens: `{green}` has {} letters, but its program has {}; give one \
@@ -108,31 +94,32 @@ impl Overrides {
     }
 }
 
-fn read_light(written: WrittenLight) -> Result<LightOverride> {
-    let WrittenLight { greens, approaches, yellow_s, all_red_s } = written;
-    ensure!(
-        yellow_s.is_none_or(|seconds| (1..=LONGEST_S).contains(&seconds)),
-        "yellow_s: must be from 1 to {LONGEST_S}"
-    );
-    ensure!(all_red_s.is_none_or(|seconds| seconds <= LONGEST_S), "all_red_s: must be at most {LONGEST_S}");
-    ensure!(approaches.as_ref().is_none_or(|edges| !edges.is_empty()), "approaches: must name at least one edge");
-    Ok(LightOverride { greens: greens.map(read_greens).transpose()?, approaches, yellow_s, all_red_s })
-}
-
-fn read_greens(written: Vec<String>) -> Result<Vec<SignalState>> {
-    ensure!(written.len() >= 2, "greens: must be at least two; with fewer there is nothing to choose");
-    ensure!(written.len() <= MOST_GREENS, "greens: must be at most {MOST_GREENS}");
-    let mut greens: Vec<SignalState> = Vec::new();
-    for letters in written {
-        let green = SignalState::new(letters).context("greens")?;
-        let is_green = !is_yellow(&green) && green.as_str().contains(goes);
-        ensure!(is_green, "greens: `{green}` must have a G or g, and neither y, Y nor u");
-        if greens.contains(&green) {
-            bail!("greens: `{green}` is there twice");
-        }
-        greens.push(green);
+impl LightOverride {
+    /// Returns the greens that replace those of its program.
+    pub(crate) fn greens(&self) -> Option<Vec<SignalState>> {
+        let state = |letters: &String| SignalState::new(letters.clone()).expect("checked when the file was read");
+        Some(self.greens.as_ref()?.iter().map(state).collect())
     }
-    Ok(greens)
+
+    fn check(&self) -> Result<()> {
+        let LightOverride { greens, approaches, yellow_s, all_red_s } = self;
+        ensure!(
+            yellow_s.is_none_or(|seconds| (1..=LONGEST_S).contains(&seconds)),
+            "yellow_s: must be from 1 to {LONGEST_S}"
+        );
+        ensure!(all_red_s.is_none_or(|seconds| seconds <= LONGEST_S), "all_red_s: must be at most {LONGEST_S}");
+        ensure!(approaches.as_ref().is_none_or(|edges| !edges.is_empty()), "approaches: must name at least one edge");
+        let Some(greens) = greens else { return Ok(()) };
+        ensure!(greens.len() >= 2, "greens: must be at least two; with fewer there is nothing to choose");
+        ensure!(greens.len() <= MOST_GREENS, "greens: must be at most {MOST_GREENS}");
+        for (number, letters) in greens.iter().enumerate() {
+            let green = SignalState::new(letters.clone()).context("greens")?;
+            let is_green = !is_yellow(&green) && letters.contains(goes);
+            ensure!(is_green, "greens: `{green}` must have a G or g, and neither y, Y nor u");
+            ensure!(!greens[..number].contains(letters), "greens: `{green}` is there twice");
+        }
+        Ok(())
+    }
 }
 
 #[cfg(test)]
@@ -152,8 +139,8 @@ mod tests {
     }
 
     #[test]
-    fn a_wrong_value_is_told_with_its_light_and_key() {
-        for (file, told) in [
+    fn an_error_names_the_light_and_the_key() {
+        for (file, message) in [
             ("learn = ['a']\nkeep = ['b']", "learn and keep: name the lights that learn, or those that do not"),
             ("[light.a]\nyellow_s = 0", "light `a`: yellow_s: must be from 1 to 60"),
             ("[light.a]\nall_red_s = 61", "light `a`: all_red_s: must be at most 60"),
@@ -165,7 +152,7 @@ mod tests {
             ("[light.a]\ngreens = ['Gr', 'Gr']", "light `a`: greens: `Gr` is there twice"),
             ("[light.a]\ngreens = ['Gr', 'yG']", "light `a`: greens: `yG` must have a G or g, and neither y, Y nor u"),
         ] {
-            assert_eq!(format!("{:#}", Overrides::parse(file).unwrap_err()), told);
+            assert_eq!(format!("{:#}", Overrides::parse(file).unwrap_err()), message);
         }
         for (file, part) in [
             ("lern = ['a']", "unknown field `lern`"),

@@ -44,30 +44,21 @@ fn an_agent_sees_lanes_for_cars_back_through_junctions_without_a_light() {
 }
 
 #[test]
-fn cells_end_at_the_limit_of_sight_and_every_column_has_a_name() {
-    let plan = plan(&[], Rules::default(), "");
+fn an_agent_sees_cells_or_queues_up_to_the_limit_of_sight() {
+    let plan_of = |rules| plan(&[], rules, "");
+    let cells = plan_of(Rules::default());
     // 95 m; 50 m twice; 90 of 240 m, because 60 m are before them; 80 m, all within 150 - 69 = 81 m.
-    assert_eq!(plan.sensor.cars, super::super::sensor::CarColumns::Cells(vec![10, 5, 5, 9, 8]));
-    let names = plan.sensor.columns(&plan.region);
-    assert_eq!((names.len(), plan.sensor.width()), (41, 41));
+    assert_eq!(cells.sensor.cars, super::super::sensor::CarColumns::Cells(vec![10, 5, 5, 9, 8]));
+    let names = cells.sensor.columns(&cells.region);
+    assert_eq!((names.len(), cells.sensor.width()), (41, 41));
     assert_eq!([&names[0], &names[9], &names[10], &names[36]], ["north_0[0]", "north_0[9]", "near_0[0]", "side_1[7]"]);
     assert_eq!(names[37..], ["green[0]", "green[1]", "between greens", "time since change"]);
-}
-
-#[test]
-fn queues_are_two_columns_a_lane() {
-    let rules = Rules { cars: CarsSeen::Queues, ..Rules::default() };
-    let plan = plan(&[], rules, "");
-    let names = plan.sensor.columns(&plan.region);
-    assert_eq!((names.len(), plan.sensor.width()), (14, 14));
+    let queues = plan_of(Rules { cars: Observation::Queues, ..Rules::default() });
+    let names = queues.sensor.columns(&queues.region);
+    assert_eq!((names.len(), queues.sensor.width()), (14, 14));
     assert_eq!(names[..3], ["queue north_0", "density north_0", "queue near_0"]);
-}
-
-#[test]
-fn an_agent_sees_no_further_than_its_rules_say() {
-    let near = Rules { approach_m: 50.0, ..Rules::default() };
-    let plan = plan(&[], near, "");
-    assert_eq!(approaches(&plan), [("north_0", 0.0), ("near_0", 0.0), ("near_1", 0.0)]);
+    let near = plan_of(Rules { approach_m: 50.0, ..Rules::default() });
+    assert_eq!(approaches(&near), [("north_0", 0.0), ("near_0", 0.0), ("near_1", 0.0)]);
 }
 
 #[test]
@@ -113,32 +104,19 @@ fn a_region_has_at_most_eight_junctions() {
 }
 
 #[test]
-fn lights_without_a_choice_keep_their_program_and_the_reason_is_told() {
-    for (old, new, why) in [
-        (r#"state="Grr""#, r#"state="rGG""#, "its program has one green only, so there is nothing to choose"),
-        (
-            r#"<tlLogic id="U">"#,
-            r#"<tlLogic id="U" type="NEMA">"#,
-            "its program is of type `NEMA`, and agents replace static and actuated ones",
-        ),
+fn lights_without_a_choice_keep_their_program() {
+    const UNUSED: (&str, &str) = LIGHT_AT_U[0];
+    let links = |changes: &[_]| [&LIGHT_AT_U[..], changes].concat();
+    let on_foot = r#"<connection from="side" fromLane="0" to="near" toLane="0" tl="U" linkIndex="0"/></net>"#;
+    for (changes, why) in [
+        (links(&[(r#"state="Grr""#, r#"state="rGG""#)]), Why::Greens(1)),
+        (links(&[(r#"<tlLogic id="U">"#, r#"<tlLogic id="U" type="NEMA">"#)]), Why::Kind("NEMA".to_owned())),
+        (vec![UNUSED], Why::NoLink),
+        (vec![UNUSED, ("</net>", on_foot)], Why::NoCars),
     ] {
-        let mut changes = LIGHT_AT_U.to_vec();
-        changes.push((old, new));
         let kept = derived(&changes, Rules::default(), "").unwrap().keeping;
-        assert_eq!(
-            kept.iter().map(|kept| (kept.light.as_str(), kept.why.to_string())).collect::<Vec<_>>(),
-            [("U", why.to_owned())]
-        );
+        assert_eq!(kept, [Keeping { light: "U".to_owned(), why }]);
     }
-    let unused = [LIGHT_AT_U[0]];
-    let kept = derived(&unused, Rules::default(), "").unwrap().keeping;
-    assert_eq!(kept[0].why.to_string(), "it controls no connection");
-    let on_foot = [
-        LIGHT_AT_U[0],
-        ("</net>", r#"<connection from="side" fromLane="0" to="near" toLane="0" tl="U" linkIndex="0"/></net>"#),
-    ];
-    let kept = derived(&on_foot, Rules::default(), "").unwrap().keeping;
-    assert_eq!(kept[0].why.to_string(), "no lane for passenger cars or buses leads to it");
 }
 
 #[test]
@@ -186,17 +164,14 @@ fn a_light_with_too_many_greens_keeps_its_program() {
     // Seven links at U. Letters are binary numbers from 1 on.
     let state = |number: usize| (0..7).map(|bit| if number >> bit & 1 == 1 { 'G' } else { 'r' }).collect::<String>();
     let phase = |number: usize| format!(r#"<phase duration="9" state="{}"/>"#, state(number));
-    let program = |greens: usize| {
-        format!(r#"<tlLogic id="U">{}</tlLogic><junction id="W""#, (1..=greens).map(phase).collect::<String>())
+    let link = |letter: usize| {
+        format!(r#"<connection from="far" fromLane="0" to="near" toLane="0" tl="U" linkIndex="{letter}"/>"#)
     };
-    let links: String = (0..7)
-        .map(|letter| {
-            format!(r#"<connection from="far" fromLane="0" to="near" toLane="0" tl="U" linkIndex="{letter}"/>"#)
-        })
-        .collect();
-    let links = links + "</net>";
+    let links = (0..7).map(link).collect::<String>() + "</net>";
     let with = |greens: usize| {
-        derived(&[("<junction id=\"W\"", &program(greens)), ("</net>", &links)], Rules::default(), "").unwrap()
+        let phases: String = (1..=greens).map(phase).collect();
+        let program = format!(r#"<tlLogic id="U">{phases}</tlLogic><junction id="W""#);
+        derived(&[("<junction id=\"W\"", &program), ("</net>", &links)], Rules::default(), "").unwrap()
     };
     assert_eq!(with(64).agents[1].plan.phases.greens().len(), 64);
     assert_eq!(with(65).keeping[0].why.to_string(), "its program has more than 64 greens, the limit");
@@ -204,15 +179,15 @@ fn a_light_with_too_many_greens_keeps_its_program() {
 
 #[test]
 fn a_net_without_a_light_that_can_learn_is_refused() {
-    let told = error(&[("state=\"GGrr\"", "state=\"rrGG\"")], "");
+    let message = error(&[("state=\"GGrr\"", "state=\"rrGG\"")], "");
     assert_eq!(
-        told,
+        message,
         "has no light that can learn: light `J`: its program has one green only, so there is nothing to choose; give \
          its program a second green in netedit, or name its greens in agents.toml; a dead end needs none"
     );
     let none = Roads::default();
-    let told = derive(&none, &Rules::default(), &Overrides::default()).unwrap_err().to_string();
-    assert!(told.starts_with("has no traffic light: no element <tlLogic>; "), "{told}");
+    let message = derive(&none, &Rules::default(), &Overrides::default()).unwrap_err().to_string();
+    assert!(message.starts_with("has no traffic light: no element <tlLogic>; "), "{message}");
 }
 
 #[test]
@@ -238,9 +213,8 @@ fn a_file_says_otherwise() {
 
 #[test]
 fn what_a_file_says_wrongly_is_refused_with_the_light_and_the_key() {
-    for (file, told) in [
+    for (file, message) in [
         ("learn = ['K']", "agents.toml: learn: the net has no light `K`; remove it"),
-        ("[light.K]\nyellow_s = 3", "agents.toml: light: the net has no light `K`; remove it"),
         (
             "[light.J]\ngreens = ['GGr', 'rrG']",
             "agents.toml: light `J`: greens: `GGr` has 3 letters, but its program has 4; give one letter per link",
@@ -252,18 +226,14 @@ fn what_a_file_says_wrongly_is_refused_with_the_light_and_the_key() {
         ),
         ("[light.J]\napproaches = ['nowhere']", "agents.toml: light `J`: approaches: the net has no road `nowhere`"),
         (
-            "[light.J]\napproaches = ['near', 'west']",
-            "agents.toml: light `J`: approaches: no lane of edge `west` leads to it within 150 m of the stop line, \
-             over edges of this list; add the edges between, or leave it out",
-        ),
-        (
             "[light.J]\napproaches = ['north', 'far']",
             "agents.toml: light `J`: approaches: no lane of edge `far` leads to it within 150 m of the stop line, \
              over edges of this list; add the edges between, or leave it out",
         ),
     ] {
-        assert_eq!(error(&[], file), told);
+        assert_eq!(error(&[], file), message);
     }
-    let told = error(&[("state=\"GGrr\"", "state=\"rrGG\"")], "learn = ['J']");
-    assert!(told.starts_with("agents.toml: learn: light `J` cannot learn: its program has one green only"), "{told}");
+    let one_green = error(&[("state=\"GGrr\"", "state=\"rrGG\"")], "learn = ['J']");
+    let cannot = "agents.toml: learn: light `J` cannot learn: its program has one green only";
+    assert!(one_green.starts_with(cannot), "{one_green}");
 }

@@ -1,24 +1,19 @@
 //! What a net is: junctions, edges with their lanes, connections, and the programs of its lights.
 //!
-//! Made of the elements of a `.net.xml` by `read`, or of a whole file by [`file`]. Numbers and names are checked once
-//! there, so that everything else may rely on them.
+//! Made of the elements of a `.net.xml` by `read`. Numbers and names are checked once there, so that everything else may
+//! rely on them.
 //!
-//! - `attributes`: numbers and names out of an element, with errors that name element and attribute. `shape`: lines.
+//! - `attributes`: numbers and names out of an element, with errors that name element and attribute.
 //! - [`program`]: what lights show by themselves. `carries`: which lanes are for cars.
-//! - `crossing`: which links of a light cross each other. `example`: a net for tests. `faults`: tests
-//!   of nets with errors.
+//! - `crossing`: which links of a light cross each other. `example`: a net for tests.
 
 pub(crate) mod attributes;
 pub(crate) mod carries;
 mod crossing;
 #[cfg(test)]
 pub(crate) mod example;
-#[cfg(test)]
-mod faults;
-pub mod file;
 pub(crate) mod program;
 mod read;
-mod shape;
 
 use std::collections::{BTreeSet, HashMap};
 

@@ -1,14 +1,15 @@
 //! The elements of a `.net.xml`, read into [`Roads`].
 
 use std::collections::HashMap;
+use std::path::Path;
 
-use anyhow::{Result, ensure};
+use anyhow::{Result, anyhow, ensure};
 
 use super::attributes::{count, number, tag, text, wrong};
 use super::carries::Classes;
 use super::program::{Program, signal};
-use super::shape::shape;
-use super::{Connection, Edge, EdgeNo, Function, Junction, JunctionNo, Lane, LaneNo, Request, Roads};
+use super::{Connection, Edge, EdgeNo, Function, Junction, JunctionNo, Lane, LaneNo, Place, Request, Roads};
+use crate::network::contents::Content;
 use crate::network::tree::Element;
 
 /// What is said of a name that leads nowhere. Only an editor or another program leaves such a net behind.
@@ -22,6 +23,12 @@ const TRAINS: &str = "this program does not simulate trains; remove the track fr
 const SLOWEST_MPS: f64 = 0.1;
 
 impl Roads {
+    /// Reads a `.net.xml`. An error names file, element, id and attribute.
+    pub fn of_file(net: &Path) -> Result<Roads> {
+        let content = Content::read(net)?;
+        Roads::read(&content.root).map_err(|error| anyhow!("{}: {error:#}", net.display()))
+    }
+
     /// Reads the root element of a net. An error names the element, its id and the attribute.
     pub(crate) fn read(net: &Element) -> Result<Roads> {
         ensure!(net.name == "net", "is not a SUMO network: its root is {}, not <net>", tag(net));
@@ -151,6 +158,22 @@ fn read_request(element: &Element) -> Result<Request> {
     Ok(Request { yields_to: bits("response")?, crosses: bits("foes")? })
 }
 
+/// Returns the points of the attribute `shape`. Without the attribute there are none. Heights are left out.
+fn shape(element: &Element) -> Result<Vec<Place>> {
+    let written = element.attribute("shape").unwrap_or_default();
+    let points: Option<Vec<Place>> = written.split_whitespace().map(point).collect();
+    points.ok_or_else(|| wrong(element, "shape", "must be points such as `0.5,10 20,30`"))
+}
+
+fn point(written: &str) -> Option<Place> {
+    let numbers: Vec<f64> = written.split(',').map(|number| number.parse().ok()).collect::<Option<_>>()?;
+    let finite = numbers.iter().all(|number: &f64| number.is_finite());
+    match numbers[..] {
+        [x, y] | [x, y, _] if finite => Some([x, y]),
+        _ => None,
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::super::example::{changed, roads};
@@ -195,12 +218,58 @@ mod tests {
     }
 
     #[test]
-    fn a_light_may_have_several_programs_of_one_length() {
-        let state = |letters: &str| format!("<phase duration=\"9\" state=\"{letters}\"/>");
-        let added = changed(&[(
-            "</tlLogic>",
-            &format!("</tlLogic><tlLogic id=\"J\" programID=\"1\">{}</tlLogic>", state("GGGr")),
-        )]);
-        assert_eq!(Roads::read(&parse(&added).unwrap()).unwrap().programs.len(), 2);
+    fn what_cannot_be_read_is_named_with_element_id_and_attribute() {
+        let error = |old: &str, new: &str| {
+            format!("{:#}", Roads::read(&parse(&changed(&[(old, new)])).unwrap()).expect_err(new))
+        };
+        for (old, new, message) in [
+            (
+                r#"length="240""#,
+                r#"length="nan""#,
+                r#"<lane id="far_0">: length="nan": must be a number of at least 0"#,
+            ),
+            (r#"length="240""#, r#"length="0""#, r#"<lane id="far_0">: length="0": must be more than 0"#),
+            (
+                r#"length="240" shape"#,
+                "shape",
+                r#"<lane id="far_0">: has no attribute length; every net of netconvert has it"#,
+            ),
+            ("-60,0,7", "-60;0", r#"<lane id="far_0">: shape="-300,0 -60;0": must be points such as `0.5,10 20,30`"#),
+            (r#"from="W" to="U""#, r#"from="V" to="U""#, r#"<edge id="far">: from="V": UNKNOWN"#),
+            (
+                r#"from="W" to="U""#,
+                r#"function="x""#,
+                r#"<edge id="far">: function="x": is none of SUMO's functions of edges"#,
+            ),
+            (r#"foes="1100""#, r#"foes="1120""#, r#"<request index="1">: foes="1120": must be digits 0 and 1"#),
+            (
+                r#"state="rrrr""#,
+                r#"state="rrr""#,
+                r#"<tlLogic id="J">: phase 2: its state has 3 letters, but that of phase 0 has 4"#,
+            ),
+            (
+                r#"state="rrrr""#,
+                r#"state="rrrr" next="5""#,
+                r#"<tlLogic id="J">: phase 2: next: names a phase that is not there"#,
+            ),
+            (
+                r#"linkIndex="3""#,
+                r#"linkIndex="4""#,
+                r#"TURN: linkIndex="4": the states of light `J` have 4 letters only"#,
+            ),
+            (r#"tl="J" linkIndex="3""#, r#"tl="K" linkIndex="3""#, r#"TURN: tl="K": UNKNOWN"#),
+            (
+                r#"<connection from="north" fromLane="0" to="out""#,
+                r#"<connection from="north" fromLane="1" to="out""#,
+                r#"<connection from="north" fromLane="1" to="out" toLane="0">: fromLane="1": UNKNOWN"#,
+            ),
+        ] {
+            let turn = r#"<connection from="near" fromLane="1" to="back" toLane="0">"#;
+            assert_eq!(error(old, new), message.replace("UNKNOWN", UNKNOWN).replace("TURN", turn));
+        }
+        let phases = "<phase duration=\"9\" state=\"GGrr\"/>".repeat(496) + "</tlLogic>";
+        assert_eq!(error("</tlLogic>", &phases), "<tlLogic id=\"J\">: has more than 500 phases, the limit");
+        let long = error("GGrr", &"G".repeat(1001));
+        assert_eq!(long, "<tlLogic id=\"J\">: has states of more than 1000 letters, the limit");
     }
 }

@@ -64,7 +64,7 @@ pub fn write(recording: &Recording, dir: &Path) -> Result<()> {
         }
         RecordedFiles::Local(files) => {
             check_programs(recording, lights.len(), "NET.net.xml")?;
-            let signals = signals(recording, lights.len(), [&files.net.root()]);
+            let signals = signals(recording, lights.len(), [files.net.root()]);
             (of_local::files(recording, files, agents[0].place_m), signals)
         }
     };
