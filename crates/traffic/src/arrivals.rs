@@ -4,16 +4,11 @@
 //! car does not fit in behind it within a second.
 
 use super::cars_at::CarsAt;
-use libsumo::{CarId, LaneCars};
+use libsumo::LaneCars;
 
 /// Returns whether a car entered the lane between two reads.
 pub(crate) fn has_arrival(now: LaneCars<'_>, before: LaneCars<'_>) -> bool {
-    rearmost(now).is_some_and(|car| rearmost(before) != Some(car))
-}
-
-/// Returns whether this car was the last to enter the lane.
-pub(crate) fn is_rearmost(car: CarId, lane: LaneCars<'_>) -> bool {
-    rearmost(lane) == Some(car)
+    now.ids.first().is_some_and(|car| before.ids.first() != Some(car))
 }
 
 /// Writes 1 for every lane that a car entered between two reads of one light's lanes, and leaves the others.
@@ -23,13 +18,10 @@ pub(crate) fn note(arrivals: &mut [u8], now: CarsAt<'_>, before: CarsAt<'_>) {
     }
 }
 
-fn rearmost(lane: LaneCars<'_>) -> Option<CarId> {
-    lane.ids.first().copied()
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
+    use libsumo::CarId;
 
     fn lane(ids: &[CarId]) -> LaneCars<'_> {
         const NUMBERS: [f64; 3] = [0.0; 3];
@@ -43,6 +35,5 @@ mod tests {
         assert!(has_arrival(lane(&[third, second]), lane(&[second, first])), "one came while another left");
         assert!(!has_arrival(lane(&[second]), lane(&[second, first])));
         assert!(!has_arrival(lane(&[]), lane(&[first])));
-        assert!(is_rearmost(second, lane(&[second, first])) && !is_rearmost(first, lane(&[second, first])));
     }
 }

@@ -1,5 +1,4 @@
-//! The d-set of a scenario's light: what its AIP (approximate influence predictor) sees, all from within the region. The
-//! same on the GS (global simulator) and on a local one.
+//! The d-set of a scenario's light: what its AIP sees, all from within the region. The same on the GS and on an LS.
 //!
 //! Its columns, in this order:
 //! 1. the part of the episode, one-hot, a quarter of an hour each; then the share of the episode that is over;
@@ -174,7 +173,7 @@ fn entry_lanes(border: &BorderPlan) -> impl Iterator<Item = usize> {
 }
 
 #[cfg(test)]
-mod tests {
+pub(crate) mod tests {
     use std::collections::BTreeSet;
 
     use super::*;
@@ -186,19 +185,21 @@ mod tests {
     use crate::network::roads::example::{LIGHT_AT_U, roads};
     use libsumo::{CarId, CarTable};
 
-    /// Returns the border of the light J, with a light before it, in an episode of half an hour.
-    fn border() -> Border {
-        let roads = roads(&LIGHT_AT_U);
+    /// Returns the border of the light J on a net with some texts replaced. Two lanes of the road `near` lead to J, cars
+    /// depart on `north`, another light is before J, and an episode has half an hour.
+    pub(crate) fn border_of(changes: &[(&str, &str)]) -> Border {
+        let roads = roads(&[&LIGHT_AT_U, changes].concat());
         let derived = derive(&roads, &Rules::default(), &Overrides::default()).unwrap();
-        derived.borders(&roads, &BTreeSet::new(), 150.0, Seconds { decision: 5, episode: 1800 }).remove(0)
+        let departs_on = BTreeSet::from([roads.edge_named("north").unwrap()]);
+        derived.borders(&roads, &departs_on, 150.0, Seconds { decision: 5, episode: 1800 }).remove(0)
     }
 
     #[test]
     fn every_column_has_its_place_and_its_name() {
-        let Border { plan, d_set } = border();
-        // Lanes of J's region: near_0, near_1, north_0, out_0, back_0. Entries: the first two. Exit: back_0.
+        let Border { plan, d_set } = border_of(&[]);
+        // Lanes of J's region: near_0, near_1, north_0, out_0, back_0. Entries: the first two, and `north`. Exit: back_0.
         let names = d_set.columns(&plan);
-        assert_eq!((names.len(), d_set.width(&plan), d_set.parts()), (43, 43, 2));
+        assert_eq!((names.len(), d_set.width(&plan), d_set.parts()), (47, 47, 2));
         let mut cars = vec![Vec::new(); plan.lanes.len()];
         // 50 m long: 5 m and 12 m before the end, two cars in the fifth stretch, the last one 2.5 m behind the border.
         cars[0] = vec![(CarId(1), 2.5, 0.0), (CarId(2), 9.0, 0.0), (CarId(3), 38.0, 5.0), (CarId(4), 45.0, 5.0)];
@@ -238,7 +239,7 @@ mod tests {
             ("blocked back_0", 1.0),
         ];
         assert_eq!(found, expected);
-        assert!(row[43..].iter().all(|&value| value == 0.0), "what wider d-sets need");
+        assert!(row[47..].iter().all(|&value| value == 0.0), "what wider d-sets need");
     }
 
     #[test]

@@ -1,5 +1,5 @@
-//! Arrivals and blocked exits of one region of a scenario: counted on the GS (global simulator) as influence sources, and
-//! remembered for the d-set on either simulator.
+//! Arrivals and blocked exits of one region of a scenario: counted on the GS as influence sources, and remembered for the
+//! d-set on either simulator.
 
 use super::agents::border_plan::{BLOCK_M, BLOCK_MPS, BorderPlan};
 use libsumo::LaneCars;
@@ -54,7 +54,7 @@ pub(crate) fn is_blocked(lane: LaneCars<'_>, length_m: f64) -> bool {
 }
 
 /// The influence sources of the last minute, as the d-set shows them.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Default)]
 pub(crate) struct History {
     /// A bit per second and entry: did a car arrive? The lowest bit is the last second.
     arrivals: Vec<u64>,

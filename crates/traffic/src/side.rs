@@ -59,19 +59,3 @@ impl Side {
         }
     }
 }
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn a_side_knows_its_place_in_both_orders() {
-        assert_eq!(Side::ALL.map(Side::index), [0, 1, 2, 3]);
-        assert_eq!(Side::LINK_ORDER.map(Side::link_index), [0, 1, 2, 3]);
-    }
-
-    #[test]
-    fn the_links_go_north_east_south_west() {
-        assert_eq!(Side::LINK_ORDER, [Side::North, Side::East, Side::South, Side::West]);
-    }
-}

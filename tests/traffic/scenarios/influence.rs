@@ -252,7 +252,7 @@ fn visits_are_those_of_plain_sumo_and_their_ways_are_driven() {
     let visits = tables.visits();
     assert_eq!((visits.seconds, visits.of_agents.len()), (600, 20));
     let (mut whole, mut departures, mut ends) = (0, 0, 0);
-    for (Border { plan, .. }, visits) in traffic.borders().iter().zip(&visits.of_agents) {
+    for (Border { plan, .. }, of_agent) in traffic.borders().iter().zip(&visits.of_agents) {
         let lanes: BTreeSet<&str> = plan.lanes.iter().map(|lane| lane.lane.as_str()).collect();
         let on_region = |car: &String, second: usize| {
             seconds.get(second)?.get(car).filter(|(lane, ..)| lanes.contains(lane.as_str()))
@@ -264,9 +264,9 @@ fn visits_are_those_of_plain_sumo_and_their_ways_are_driven() {
         };
         // Everybody who is there visits.
         let expected: usize = (0..600).map(|at| seconds[at].keys().filter(|car| came(car, at)).count()).sum();
-        assert_eq!(visits.len(), expected);
-        for visit in visits {
-            let car = &visit.driver.name;
+        assert_eq!(of_agent.len(), expected);
+        for visit in of_agent {
+            let car = &visits.driver(visit).name;
             let (lane, position_m, speed_mps) = on_region(car, visit.second).unwrap();
             assert_eq!(*lane, plan.lanes[visit.lane].lane);
             assert!((position_m - visit.position_m).abs() < 1e-5 && (speed_mps - visit.speed_mps).abs() < 1e-5);

@@ -73,11 +73,11 @@ pub struct Fidelity<'a> {
 impl<'a> Fidelity<'a> {
     /// Prepares to compare the seconds `window` of a recorded episode. Nothing of it is simulated yet.
     pub fn new(traffic: &'a Traffic, truth: &'a Truth, window: Range<usize>) -> Result<Fidelity<'a>> {
-        let again: Box<dyn Again> = match traffic.ground.local_parts()? {
+        let again: Box<dyn Again> = match traffic.network.local_parts()? {
             Some(parts) => Box::new(OnScenario { traffic, truth, parts, tables: truth.tables(traffic) }),
             None => Box::new(OnGrid { traffic, truth }),
         };
-        Ok(Fidelity { traffic, truth, window, again, is_random: traffic.about().is_random })
+        Ok(Fidelity { traffic, truth, window, again, is_random: traffic.network.is_random })
     }
 
     /// Measures a light. SUMO must not be loaded elsewhere in this process.

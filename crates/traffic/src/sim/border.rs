@@ -1,25 +1,21 @@
-//! What the GS (global simulator) sees of the borders of all regions: who arrives, which exits are blocked, and who
-//! visits.
+//! What the GS sees of the borders of all regions: who arrives, which exits are blocked, and who visits.
 
 use std::collections::{HashMap, HashSet};
 
-use super::global::starts;
 use super::visits::{Arrival, VisitRecorder, Visits};
 use crate::agents::border_plan::BorderPlan;
 use crate::agents::plan::Border;
-use crate::cars_at::CarsAt;
+use crate::cars_at::RowLanes;
 use crate::inflow::{History, SourceCounter, is_blocked};
 use crate::observe::LightView;
 use dials_core::base::Ragged;
 use dials_core::domain::Result;
-use libsumo::{CarId, CarTable, LaneCars, LaneId, Simulation};
+use libsumo::{CarId, LaneCars, Simulation};
 
 /// The borders of all regions in a loaded net.
 pub(crate) struct Borders {
-    /// Lanes of all regions, one region after the other, and the first one of each.
-    lanes: Vec<LaneId>,
-    first: Vec<usize>,
-    cars: CarTable,
+    /// Lanes of all regions.
+    lanes: RowLanes,
     regions: Vec<BorderNow>,
     visits: Option<VisitRecorder>,
 }
@@ -41,12 +37,9 @@ impl BorderNow {
 impl Borders {
     /// Registers the lanes of all regions. A reset must follow.
     pub(super) fn register(simulation: &mut Simulation, plans: &[Border]) -> Result<Borders> {
-        let names: Vec<String> =
-            plans.iter().flat_map(|border| &border.plan.lanes).map(|lane| lane.lane.clone()).collect();
+        let names = plans.iter().map(|border| border.plan.lanes.iter().map(|lane| &lane.lane).collect());
         Ok(Borders {
-            lanes: simulation.register_lanes(&names)?,
-            first: starts(plans.iter().map(|border| border.plan.lanes.len())),
-            cars: CarTable::new(),
+            lanes: RowLanes::register(simulation, names)?,
             regions: plans.iter().map(|border| BorderNow::new(&border.plan)).collect(),
             visits: None,
         })
@@ -64,10 +57,10 @@ impl Borders {
 
     /// Begins an episode. Cars that are on the road have not arrived.
     pub(super) fn reset(&mut self, simulation: &mut Simulation, plans: &[Border]) -> Result<()> {
-        simulation.read_lanes(&self.lanes, &mut self.cars)?;
+        self.lanes.read(simulation)?;
         for (row, Border { plan, .. }) in plans.iter().enumerate() {
             self.regions[row] = BorderNow::new(plan);
-            let cars = CarsAt::new(&self.cars, self.first[row], plan.lanes.len());
+            let cars = self.lanes.at(row);
             let on_lane =
                 |(number, lane): (usize, LaneCars<'_>)| lane.ids.iter().map(move |&car| (car, number)).collect();
             self.regions[row].present = cars.iter().enumerate().flat_map::<Vec<_>, _>(on_lane).collect();
@@ -85,12 +78,12 @@ impl Borders {
         second: usize,
         sources: &mut Ragged<u8>,
     ) -> Result<()> {
-        simulation.read_lanes(&self.lanes, &mut self.cars)?;
+        self.lanes.read(simulation)?;
         let departures = simulation.departures()?;
         let departed: HashSet<CarId> = departures.iter().map(|departure| departure.id).collect();
         self.visits.iter_mut().for_each(|visits| visits.second(&departures));
         for (row, Border { plan, .. }) in plans.iter().enumerate() {
-            let cars = CarsAt::new(&self.cars, self.first[row], plan.lanes.len());
+            let cars = self.lanes.at(row);
             let BorderNow { present, counter, history } = &mut self.regions[row];
             let before = std::mem::take(present);
             for (number, lane) in cars.iter().enumerate() {
@@ -132,7 +125,6 @@ impl Borders {
 
     /// Writes the d-set of a region after the last second of a decision.
     pub(crate) fn d_separate(&self, row: usize, border: &Border, light: LightView, d_set: &mut [f32]) {
-        let cars = CarsAt::new(&self.cars, self.first[row], border.plan.lanes.len());
-        border.d_set.write(&border.plan, cars, light, &self.regions[row].history, d_set);
+        border.d_set.write(&border.plan, self.lanes.at(row), light, &self.regions[row].history, d_set);
     }
 }

@@ -1,4 +1,4 @@
-//! Pictures of the GS (global simulator): all lanes, the cars on them, and what the lights show.
+//! Pictures of the GS: all lanes, the cars on them, and what the lights show.
 
 use crate::agents::phase_plan::Shown;
 use crate::agents::plan::AgentPlan;

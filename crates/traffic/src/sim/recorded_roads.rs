@@ -1,16 +1,18 @@
-//! The roads of a recording: a grid of the paper, or a scenario of the user.
+//! The roads of a recording, and the files that a replay of it is made of.
 
 use std::collections::HashMap;
 
 use anyhow::{Context, Result};
 
-use crate::agents::plan::AgentPlan;
+use super::local_forest::{LocalForest, LocalParts, local_options, route_name};
+use crate::agents::plan::{AgentPlan, JointPlan};
+use crate::cut::local_net::LocalNet;
+use crate::cut::mixed::prefix;
 use crate::network::contents::Network;
 use crate::network::roads::{Function, Roads};
 use crate::network::tree::Element;
 use crate::paper_grid::grid::Grid;
 use crate::scenario::SumoScenario;
-use crate::sim::recorded_local::LocalFiles;
 
 /// The roads of a recording.
 #[derive(Clone, Debug)]
@@ -19,8 +21,8 @@ pub struct RecordedRoads {
     pub(crate) roads: Roads,
     /// Plans of the agents, in their order.
     pub(crate) agents: Vec<AgentPlan>,
-    /// All lanes on which cars can be, with those inside of intersections, in the order of the net.
-    pub lanes: Vec<Lane>,
+    /// Names of all lanes on which cars can be, with those inside of intersections, in the order of the net.
+    pub lanes: Vec<String>,
     /// Numbers of the lanes, by name.
     numbers: HashMap<String, usize>,
     /// Names of the lights: one per agent, then those that keep their program.
@@ -46,10 +48,25 @@ pub struct GridFiles {
     pub(crate) vehicle_types: Vec<Element>,
 }
 
-#[derive(Clone, Debug, PartialEq)]
-pub struct Lane {
-    pub name: String,
-    pub(crate) length_m: f64,
+/// What a replay of a local simulator is made of. Names are those of the local net, without the prefix of a row.
+#[derive(Clone, Debug)]
+pub struct LocalFiles {
+    pub(crate) net: LocalNet,
+    /// Text of a file with all vehicle types.
+    pub(crate) types: String,
+    /// Options of SUMO that say how cars drive, without `--`.
+    pub(crate) options: Vec<(String, String)>,
+    /// Positions at which cars have arrived, by route. Cars on other routes drive to the end.
+    pub(crate) ends_m: HashMap<String, f64>,
+    /// Types and speed factors of the cars that entered on the road apart, one in each second before the episode.
+    pub(crate) first: Vec<(String, f64)>,
+}
+
+impl LocalFiles {
+    /// Returns the second at which the episode begins.
+    pub fn begin_s(&self) -> u64 {
+        self.first.len() as u64
+    }
 }
 
 impl RecordedRoads {
@@ -75,18 +92,31 @@ impl RecordedRoads {
         Ok(RecordedRoads::of_lights(RecordedFiles::Whole(Box::new(files.clone())), roads, agents, lights))
     }
 
-    /// Returns the roads of a scenario with these lights, those of the agents first.
-    pub(super) fn of_lights(
-        files: RecordedFiles,
-        roads: Roads,
-        agents: Vec<AgentPlan>,
-        lights: Vec<String>,
-    ) -> RecordedRoads {
+    /// Returns the roads of the first row of a forest.
+    pub(crate) fn of_local(parts: &LocalParts, plan: &JointPlan, forest: &LocalForest) -> Result<RecordedRoads> {
+        let row = &forest.rows[0];
+        let (agent, net) = (&plan.agents[row.agent.0], &parts.nets[row.agent.0]);
+        let name = |route: usize| route_name(0, route).strip_prefix(&prefix(0)).expect("its name begins so").to_owned();
+        let routes = row.local_routes.all().iter().enumerate();
+        let files = LocalFiles {
+            net: net.clone(),
+            types: parts.types.clone(),
+            options: local_options(parts),
+            ends_m: routes.filter_map(|(number, route)| Some((name(number), route.end_m?))).collect(),
+            first: forest.first.clone(),
+        };
+        let gate = net.gate.iter().map(|gate| gate.light.clone());
+        let lights = [agent.light.clone()].into_iter().chain(gate).collect();
+        let (files, roads) = (RecordedFiles::Local(Box::new(files)), Roads::read(&net.root())?);
+        Ok(RecordedRoads::of_lights(files, roads, vec![agent.clone()], lights))
+    }
+
+    /// Returns the roads with these lights, those of the agents first.
+    fn of_lights(files: RecordedFiles, roads: Roads, agents: Vec<AgentPlan>, lights: Vec<String>) -> RecordedRoads {
         let drivable = |function| matches!(function, Function::Road | Function::Internal);
         let lanes = roads.lanes.iter().filter(|lane| drivable(roads.edge(lane.edge).function));
-        let lanes = lanes.map(|lane| Lane { name: lane.id.clone(), length_m: lane.length_m });
-        let lanes: Vec<Lane> = lanes.collect();
-        let numbers = lanes.iter().enumerate().map(|(number, lane)| (lane.name.clone(), number)).collect();
+        let lanes: Vec<String> = lanes.map(|lane| lane.id.clone()).collect();
+        let numbers = lanes.iter().enumerate().map(|(number, lane)| (lane.clone(), number)).collect();
         RecordedRoads { files, roads, agents, lanes, numbers, lights }
     }
 
@@ -94,7 +124,7 @@ impl RecordedRoads {
     pub fn grid(&self) -> Option<Grid> {
         match &self.files {
             RecordedFiles::Grid(files) => Some(files.grid),
-            RecordedFiles::Whole(_) | RecordedFiles::Local(_) => None,
+            _ => None,
         }
     }
 

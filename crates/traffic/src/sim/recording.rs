@@ -49,7 +49,7 @@ pub struct Recording {
 pub struct Entry {
     pub step: usize,
     pub car: Departure,
-    /// Speed that SUMO was told, which is not always the speed that it chose. SUMO 1.15 refuses some cars that ask for
+    /// Speed that SUMO was asked for, which is not always the one that it chose. SUMO 1.15 refuses some cars that ask for
     /// exactly the speed that it had found safe itself, because of the last bit.
     pub(crate) speed: DepartSpeed,
 }
@@ -96,7 +96,7 @@ impl Recorder {
         prefix: String,
     ) -> Result<Recorder> {
         let name = |name: &String| prefixed(&prefix, name);
-        let lanes: Vec<String> = roads.lanes.iter().map(|lane| name(&lane.name)).collect();
+        let lanes: Vec<String> = roads.lanes.iter().map(name).collect();
         let lights: Vec<String> = roads.lights.iter().map(name).collect();
         Ok(Recorder {
             tape: tape.clone(),
@@ -135,8 +135,9 @@ impl Recorder {
                 tape.as_mut().context("the recording was taken off the tape in the middle of an episode")?;
             let number = recording.steps.len();
             recording.entries.extend(cars.into_iter().map(|car| {
-                let told = inserted.iter().find(|insertion| insertion.car == car.id.0).map(|insertion| insertion.speed);
-                Entry { step: number, speed: told.unwrap_or(DepartSpeed::Fixed(car.speed_mps)), car }
+                let asked =
+                    inserted.iter().find(|insertion| insertion.car == car.id.0).map(|insertion| insertion.speed);
+                Entry { step: number, speed: asked.unwrap_or(DepartSpeed::Fixed(car.speed_mps)), car }
             }));
             recording.steps.push(step);
             Ok(())

@@ -1,4 +1,4 @@
-//! What the global simulator (GS) counts in every episode, also in training.
+//! What the GS counts in every episode, also in training.
 
 use crate::agents::phase_plan::Shown;
 use crate::arrivals::has_arrival;

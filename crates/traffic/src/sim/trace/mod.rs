@@ -1,9 +1,10 @@
 //! Recordings as traces: the data for pictures of an episode.
 //!
-//! [`route`]: the way along which a scenario is drawn. `drives`: the cars on lanes that follow each other.
+//! [`route`]: the way along which a scenario is drawn.
 
-mod drives;
 pub mod route;
+
+use std::collections::BTreeMap;
 
 use anyhow::Result;
 
@@ -16,8 +17,7 @@ use crate::scenario::kept::KEPT;
 use crate::side::Side;
 use dials_core::base::AgentId;
 use dials_core::domain::road_trace::{Approach, Aspect, Corridor, CorridorLight, Layout, RoadMap, RoadTrace, Shown};
-use drives::{Stretch, drives};
-use libsumo::SignalState;
+use libsumo::{CarId, SignalState};
 use route::{Route, light_between, ways};
 
 /// Returns the trace, with the ways along which cars can be drawn.
@@ -193,12 +193,42 @@ fn corridor(recording: &Recording, roads: &Roads, route: &Route) -> Result<Corri
     let ends = [edges[0], edges[edges.len() - 1]].map(|edge| roads.edge(edge).id.clone());
     let [from, to] = ends;
     let name = if edges.len() == 1 { "one edge".to_owned() } else { format!("a route of {} edges", edges.len()) };
-    let cars = drives(recording, &stretches)?;
+    let cars = trajectories(recording, &stretches)?;
     Ok(Corridor { name, from, to, length_m: begin_m, crossings, cars })
+}
+
+/// A lane on a way.
+struct Stretch {
+    lane: String,
+    /// Metres from the beginning of the way to that of the lane.
+    begin_m: f64,
+    /// Metres on the way for a metre on the lane. Lanes side by side may differ in length.
+    scale: f64,
 }
 
 fn stretch(roads: &Roads, lane: LaneNo, begin_m: f64, scale: f64) -> Stretch {
     Stretch { lane: roads.lane(lane).id.clone(), begin_m, scale }
+}
+
+/// Returns the trajectories of the cars on these lanes: seconds, and metres from the beginning of the way. A car that
+/// leaves the way and comes back has two.
+fn trajectories(recording: &Recording, stretches: &[Stretch]) -> Result<Vec<Vec<(f64, f64)>>> {
+    let mut cars: BTreeMap<CarId, Vec<(usize, f64)>> = BTreeMap::new();
+    for Stretch { lane, begin_m, scale } in stretches {
+        for (step, on_lane) in recording.on_lane(lane)?.enumerate() {
+            for car in on_lane.iter() {
+                cars.entry(car.id).or_default().push((step + 1, begin_m + car.position_m * scale));
+            }
+        }
+    }
+    let mut trajectories = Vec::new();
+    for mut points in cars.into_values() {
+        points.sort_by_key(|&(second, _)| second);
+        let goes_on = |one: &(usize, f64), next: &(usize, f64)| next.0 == one.0 + 1 && next.1 >= one.1;
+        let parts = points.chunk_by(goes_on);
+        trajectories.extend(parts.map(|part| part.iter().map(|&(second, place_m)| (second as f64, place_m)).collect()));
+    }
+    Ok(trajectories)
 }
 
 /// Returns the letters of these ways in the state of their light.
