@@ -18,12 +18,10 @@ impl<'a> CarsAt<'a> {
         CarsAt { table, first, lanes }
     }
 
-    /// Takes all lanes of a read.
     pub(crate) fn all(table: &'a CarTable) -> CarsAt<'a> {
         CarsAt::new(table, 0, table.lanes())
     }
 
-    /// Returns the number of lanes.
     pub(crate) fn lanes(&self) -> usize {
         self.lanes
     }
@@ -65,7 +63,6 @@ impl RowLanes {
         RowLanes { cars: no_cars(lanes.len()), lanes, starts }
     }
 
-    /// Takes the lanes of these names.
     pub(crate) fn register<'a>(
         simulation: &mut Simulation,
         rows: impl Iterator<Item = Vec<&'a String>>,
@@ -78,7 +75,6 @@ impl RowLanes {
         Ok(simulation.read_lanes(&self.lanes, &mut self.cars)?)
     }
 
-    /// Returns the cars on the lanes of a row.
     pub(crate) fn at(&self, row: usize) -> CarsAt<'_> {
         self.of(&self.cars, row)
     }
@@ -89,7 +85,6 @@ impl RowLanes {
     }
 }
 
-/// Returns a read of lanes without cars.
 pub(crate) fn no_cars(lanes: usize) -> CarTable {
     CarTable::of(vec![Vec::new(); lanes])
 }

@@ -17,7 +17,6 @@ use super::cars_at::CarsAt;
 use super::inflow::{History, REMEMBERED_S};
 use super::observe::{self, JAM_M, LightView};
 
-/// Length of a stretch, in metres.
 const STRETCH_M: f64 = 10.0;
 /// How far from their ends exits are seen, in metres.
 const EXIT_SEEN_M: f64 = 60.0;
@@ -32,17 +31,14 @@ const HEADWAY_S: f32 = 2.0;
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct Parts {
     pub(crate) count: usize,
-    /// Number of seconds of the episode.
     pub(crate) episode_s: usize,
 }
 
 impl Parts {
     /// Length of a part in seconds, if there are not too many.
     const PART_S: usize = 900;
-    /// Largest number of parts.
     const MOST: usize = 24;
 
-    /// Divides an episode of this number of seconds.
     pub(crate) fn of(episode_s: usize) -> Parts {
         Parts { count: episode_s.div_ceil(Parts::PART_S).clamp(1, Parts::MOST), episode_s }
     }
@@ -53,7 +49,6 @@ impl Parts {
     }
 }
 
-/// The columns of one d-set.
 #[derive(Clone, Debug, PartialEq)]
 pub struct DSetPlan {
     parts: Parts,
@@ -62,7 +57,6 @@ pub struct DSetPlan {
     windows_s: Vec<usize>,
 }
 
-/// A lane that is seen in stretches.
 #[derive(Clone, Debug, PartialEq)]
 struct SeenLane {
     /// Index into [`BorderPlan::lanes`].
@@ -92,7 +86,6 @@ impl DSetPlan {
         self.parts.count
     }
 
-    /// Returns the name of every column.
     pub fn columns(&self, border: &BorderPlan) -> Vec<String> {
         let mut names: Vec<String> = (0..self.parts.count).map(|part| format!("part of the episode[{part}]")).collect();
         names.push("share of the episode".to_owned());
@@ -110,7 +103,6 @@ impl DSetPlan {
         names
     }
 
-    /// Returns the number of columns.
     pub fn width(&self, border: &BorderPlan) -> usize {
         let stretches: usize = self.seen.iter().map(|seen| seen.stretches).sum();
         self.parts.count

@@ -1,13 +1,27 @@
-//! Arrivals and blocked exits of one region of a scenario: counted on the GS as influence sources, and remembered for the
-//! d-set on either simulator.
+//! Influence sources on the GS: arrivals at the approaches of a grid, and arrivals and blocked exits of a region of a
+//! scenario, remembered for the d-set on either simulator.
 
 use super::agents::border_plan::{BLOCK_M, BLOCK_MPS, BorderPlan};
+use super::cars_at::CarsAt;
 use libsumo::LaneCars;
 
 /// Number of seconds that [`History`] remembers.
 pub(crate) const REMEMBERED_S: usize = 60;
 
-/// Counts the influence sources of a decision, second by second.
+/// Returns whether a car entered a lane of a grid between two reads. A car that has just entered is the rearmost on its
+/// lane: cars leave in the order in which they came, and a second one does not fit in behind it within a second.
+pub(crate) fn has_arrival(now: LaneCars<'_>, before: LaneCars<'_>) -> bool {
+    now.ids.first().is_some_and(|car| before.ids.first() != Some(car))
+}
+
+/// Writes 1 for every lane that a car entered between two reads of one light's lanes, and leaves the others.
+pub(crate) fn note_arrivals(arrivals: &mut [u8], now: CarsAt<'_>, before: CarsAt<'_>) {
+    for (arrived, (now, before)) in arrivals.iter_mut().zip(now.iter().zip(before.iter())) {
+        *arrived |= u8::from(has_arrival(now, before));
+    }
+}
+
+/// Counts the influence sources of a decision on a scenario, second by second.
 #[derive(Clone, Debug)]
 pub(crate) struct SourceCounter {
     /// Cars per entry that have arrived and do not count yet, because one a second counts.
@@ -17,17 +31,14 @@ pub(crate) struct SourceCounter {
 }
 
 impl SourceCounter {
-    /// Begins an episode.
     pub(crate) fn new(plan: &BorderPlan) -> SourceCounter {
         SourceCounter { waiting: vec![0; plan.entries.len()], blocked_s: vec![0; plan.exits.len()] }
     }
 
-    /// Notes a car that arrived at an entry in this second.
     pub(crate) fn arrived(&mut self, entry: usize) {
         self.waiting[entry] += 1;
     }
 
-    /// Notes that an exit is blocked in this second.
     pub(crate) fn blocked(&mut self, exit: usize) {
         self.blocked_s[exit] += 1;
     }
@@ -63,12 +74,10 @@ pub(crate) struct History {
 }
 
 impl History {
-    /// Begins an episode: nothing has happened.
     pub(crate) fn new(plan: &BorderPlan) -> History {
         History { arrivals: vec![0; plan.entries.len()], blocked: vec![false; plan.exits.len()] }
     }
 
-    /// Notes the sources of a decision.
     pub(crate) fn note(&mut self, plan: &BorderPlan, sources: &[u8]) {
         for (entry, bits) in self.arrivals.iter_mut().enumerate() {
             for second in 0..plan.decision_s {
@@ -85,7 +94,6 @@ impl History {
         (self.arrivals[entry] & ((1 << seconds.min(REMEMBERED_S)) - 1)).count_ones()
     }
 
-    /// Returns whether an exit was blocked in the last decision.
     pub(crate) fn is_blocked(&self, exit: usize) -> bool {
         self.blocked[exit]
     }
@@ -96,6 +104,22 @@ mod tests {
     use super::*;
     use crate::agents::border_plan::{Entry, EntryPlace};
     use libsumo::{CarId, CarTable};
+
+    #[test]
+    fn a_new_rearmost_car_is_an_arrival_and_a_car_that_left_is_none() {
+        let cases: [(&[u64], &[u64], bool); 5] = [
+            (&[1], &[], true),
+            (&[3, 2], &[2, 1], true),
+            (&[2], &[2, 1], false),
+            (&[], &[1], false),
+            (&[], &[], false),
+        ];
+        for (now, before, expected) in cases {
+            let lane = |ids: &[u64]| CarTable::of([ids.iter().map(|&id| (CarId(id), 0.0, 0.0)).collect()]);
+            let (now, before) = (lane(now), lane(before));
+            assert_eq!(has_arrival(now.lane(0), before.lane(0)), expected, "{now:?} after {before:?}");
+        }
+    }
 
     /// Makes a border of these numbers of entries and exits, with decisions of three seconds.
     fn plan(entries: usize, exits: usize) -> BorderPlan {

@@ -1,39 +1,29 @@
 //! The traffic domain: lights on SUMO, each an agent, on the paper's grids or on a scenario of the user.
 //!
-//! - [`agents`], [`side`]: what an agent is; [`light`], [`observe`], [`reward`], [`arrivals`]: its actions, observations,
-//!   rewards and influence sources; [`cars_at`]: the cars that they are made from.
-//! - [`inflow`], [`d_set`]: influence sources of a scenario, and what its AIPs see.
+//! - [`agents`], [`side`]: what an agent is; [`light`], [`observe`], [`reward`], [`inflow`]: its actions, observations,
+//!   rewards and influence sources; [`cars_at`]: the cars that they are made from; [`d_set`]: what its AIP sees on a
+//!   scenario; `task`: all of it in words.
 //! - [`paper_grid`]: the road networks of the paper; [`network`]: networks as files; [`cut`]: local regions cut out of
-//!   them.
-//! - [`scenario`]: the scenario of a user, a .sumocfg with its files.
+//!   them; [`scenario`]: the scenario of a user, a .sumocfg with its files.
 //! - `road_network`: a grid or a scenario, and what differs between them.
 //! - [`sim`]: the simulators, their recordings and replays.
-//! - `task`: what a light sees, does and is rewarded for, in words.
 //! - [`controllers`]: hand-coded baselines; [`tuning`]: the search for the best fixed-time lights.
 //! - [`fidelity`]: how far the local simulators are like the global one.
 //!
 //! # Words
-//! - *Agent*: what runs the light of one intersection.
-//! - *Intersection*: a place where roads cross under a light. *Junction* is SUMO's word, used only for SUMO's files.
-//! - *Local region*: an intersection and its four incoming edges. Its agent sees nothing else.
-//! - *Node*: an intersection or a dead end. *Edge*: a road from one node to the next, in one direction, with one
-//!   *lane*. The three are SUMO's words.
-//! - *Car*: what SUMO calls a vehicle.
-//! - *Influence source*: an incoming edge of a local region, as the place where cars come in from outside.
 //! - *GS*: the global simulator. *LS*: a local simulator. *AIP*: the approximate influence predictor, which predicts
 //!   arrivals. *D-set*: the variables that it predicts from.
-//! - *Arrival*: a car came in at a source in this step. The AIP predicts arrivals, and the GS observes them.
-//! - *Placement*: where and how fast the LS puts an arriving car. A car that does not fit in is a *dropped arrival*.
+//! - *Intersection*: a place where roads cross under a light. *Junction* is SUMO's word, used only for SUMO's files, and
+//!   so are *edge* (a road from one node to the next, in one direction) and *lane*. A *car* is SUMO's vehicle.
+//! - *Local region*: an intersection and the roads that lead to it. Its agent sees nothing else.
+//! - *Arrival*: a car came into a local region in this step. A sampled arrival without room on a grid is a *dropped arrival*.
 //! - *Insertion*: SUMO's word for the order to let a car in. *Departure*: SUMO's word for the car that entered.
-//! - *Entry*: in a recording, the car that entered and the order that SUMO got for it.
-//! - *Light*: what a light shows. *Signal*: the light of one intersection under its agent, with the time that it was
-//!   yellow.
+//! - *Light*: what a light shows. *Signal*: the light under its agent, with the time for which it has shown that.
 //!
-//! This is the only room of the library that opens [`libsumo`]. libsumo holds one simulation per process, so drop a
-//! simulator of this room before the thread makes the next one.
+//! Only this crate opens [`libsumo`], which holds one simulation per process. So drop a simulator before the thread makes
+//! the next one.
 
 pub mod agents;
-mod arrivals;
 mod cars_at;
 pub mod config;
 pub mod controllers;
@@ -169,12 +159,10 @@ impl Traffic {
         Traffic { tape: Some(tape.clone()), ..self }
     }
 
-    /// Returns the grid of intersections, if it is one.
     pub fn grid(&self) -> Option<Grid> {
         self.network.grid()
     }
 
-    /// Returns the plans of all agents, in their order.
     pub fn plans(&self) -> &[AgentPlan] {
         &self.plan.agents
     }
@@ -224,12 +212,10 @@ impl Traffic {
         GlobalTraffic::load(self.plan.clone(), self.network.clone(), control, self.tape.as_ref())
     }
 
-    /// Returns the length of an episode in seconds.
     pub fn seconds(&self) -> usize {
         self.network.horizon * self.plan.decision_steps
     }
 
-    /// Returns the length of an episode of the local simulators in seconds.
     pub fn local_seconds(&self) -> usize {
         self.plan.kinds.specs().map(|spec| spec.local_horizon).max().unwrap_or(0) * self.plan.decision_steps
     }
@@ -249,7 +235,6 @@ impl Traffic {
         Ok(road_map(&self.network.recorded(&self.plan)?))
     }
 
-    /// Returns control of all lights by hand-coded control.
     pub fn everywhere(&self, by: HandCoded) -> SignalControl {
         SignalControl::HandCoded { by, agents: AgentId::all(self.agents()) }
     }

@@ -35,7 +35,6 @@ impl Signal {
         self.shown
     }
 
-    /// Returns the state that the light shows.
     pub(crate) fn state(self, plan: &PhasePlan) -> &SignalState {
         let Shown::Between { from, to } = self.shown else { return &plan.greens()[self.shown.target()] };
         let mut left = self.steps;
@@ -77,7 +76,6 @@ impl Signal {
         }
     }
 
-    /// Makes the first step after a green.
     fn leave(&mut self, plan: &PhasePlan, from: usize, to: usize) {
         let cleared_at_once = plan.clearing(from, to).is_empty();
         self.shown = if cleared_at_once { Shown::Green(to) } else { Shown::Between { from, to } };

@@ -42,7 +42,6 @@ pub(crate) struct GridFiles {
 }
 
 impl GridFiles {
-    /// Makes a folder and copies both networks into it.
     pub(super) fn keep_in(&self, folder: &Path) -> Result<Vec<PathBuf>> {
         std::fs::create_dir(folder).with_context(|| format!("{}: cannot be made", folder.display()))?;
         for (network, name) in [&self.network, &self.local_network].into_iter().zip(KEPT_AS) {

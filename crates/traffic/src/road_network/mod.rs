@@ -4,7 +4,6 @@ pub(crate) mod grid;
 pub(crate) mod scenario;
 
 use std::path::{Path, PathBuf};
-use std::sync::Arc;
 
 use crate::agents::plan::JointPlan;
 use crate::cut::forest::Region;
@@ -14,7 +13,7 @@ use crate::network::loadable::Loadable;
 use crate::paper_grid::grid::Grid;
 use crate::paper_grid::plans::plans;
 use crate::scenario::kept::KEPT;
-use crate::sim::local_forest::{LocalForest, LocalParts};
+use crate::sim::local_forest::LocalForest;
 use crate::sim::recorded_roads::RecordedRoads;
 use dials_core::domain::{FirstRow, Map, Result, RoughCosts, Scenario};
 use grid::{GridFiles, KEPT_AS, LOCAL_NETWORK};
@@ -30,13 +29,10 @@ pub(crate) struct RoadNetwork {
     pub(crate) refuses_actuated: Option<String>,
     /// Message about files that SUMO cannot simulate, with the way out.
     pub(crate) cannot_be_simulated: String,
-    /// See [`dials_core::domain::Domain::rough_costs`].
     pub(crate) rough_costs: RoughCosts,
     /// Name of the reward, if it is another one than the usual.
     pub(crate) unusual_reward: Option<String>,
-    /// See [`dials_core::domain::Domain::strange_files`].
     pub(crate) strange_files: Vec<PathBuf>,
-    /// See [`dials_core::domain::Domain::left_out`].
     pub(crate) left_out: Vec<String>,
     /// Number to add to the output bias of action 1 of a new policy.
     pub(crate) switch_bias: f32,
@@ -55,7 +51,6 @@ pub(crate) enum Files {
 }
 
 impl RoadNetwork {
-    /// Returns the grid, if it is one.
     pub(crate) fn grid(&self) -> Option<Grid> {
         match &self.files {
             Files::Grid(files) => Some(files.grid),
@@ -90,15 +85,6 @@ impl RoadNetwork {
         }
     }
 
-    /// Returns what local simulators are made of that differ from light to light. A grid has none.
-    pub(crate) fn local_parts(&self) -> Result<Option<Arc<LocalParts>>> {
-        match &self.files {
-            Files::Grid(_) => Ok(None),
-            Files::Scenario(files) => files.local_parts().map(Some),
-        }
-    }
-
-    /// Describes what is simulated.
     pub(crate) fn described(&self, agents: usize) -> Scenario {
         let scenario = Scenario::new("traffic", agents, self.horizon);
         match &self.files {
@@ -136,7 +122,6 @@ impl RoadNetwork {
         }
     }
 
-    /// See [`dials_core::domain::Domain::check_place`].
     pub(crate) fn check_place(&self, folder: &Path) -> Result<()> {
         match &self.files {
             Files::Grid(_) => KEPT_AS.iter().try_for_each(|name| NetworkFiles::of(&folder.join(name)).check_paths()),
@@ -144,7 +129,6 @@ impl RoadNetwork {
         }
     }
 
-    /// See [`dials_core::domain::Domain::keep_files`].
     pub(crate) fn keep_files(&self, folder: &Path) -> Result<Vec<PathBuf>> {
         match &self.files {
             Files::Grid(files) => files.keep_in(folder),

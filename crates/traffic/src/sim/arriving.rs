@@ -36,7 +36,6 @@ pub(crate) struct ArrivingCar {
 }
 
 impl ArrivingCar {
-    /// Returns a car that comes to an edge of a grid.
     pub(super) fn on_edge(edge: usize, placement: Placement) -> ArrivingCar {
         ArrivingCar { lane: edge, placement, route: edge, vehicle_type: None, speed_factor: 1.0 }
     }
@@ -52,7 +51,7 @@ impl ArrivingCar {
     ) -> Option<ArrivingCar> {
         match tables.draw(agent, entry, second, dice) {
             Some(visit) => ArrivingCar::of(plan, routes, entry, visit, tables.visits().driver(visit)),
-            None => ArrivingCar::unknown(plan, routes, entry, tables.usual_class()),
+            None => ArrivingCar::unknown(plan, routes, entry, tables.usual().1),
         }
     }
 
@@ -111,7 +110,6 @@ pub(super) fn by_rule(rule: EntryRule, cars: usize) -> Placement {
     }
 }
 
-/// Returns the position on a lane that is nearest to this one, in metres.
 fn on_lane(plan: &BorderPlan, lane: usize, position_m: f64) -> f64 {
     position_m.clamp(0.0, (plan.lanes[lane].length_m - BEFORE_END_M).max(0.0))
 }

@@ -10,11 +10,10 @@ use crate::inflow::{History, SourceCounter, is_blocked};
 use crate::observe::LightView;
 use dials_core::base::Ragged;
 use dials_core::domain::Result;
-use libsumo::{CarId, LaneCars, Simulation};
+use libsumo::{CarId, Simulation};
 
 /// The borders of all regions in a loaded net.
 pub(crate) struct Borders {
-    /// Lanes of all regions.
     lanes: RowLanes,
     regions: Vec<BorderNow>,
     visits: Option<VisitRecorder>,
@@ -60,10 +59,9 @@ impl Borders {
         self.lanes.read(simulation)?;
         for (row, Border { plan, .. }) in plans.iter().enumerate() {
             self.regions[row] = BorderNow::new(plan);
-            let cars = self.lanes.at(row);
-            let on_lane =
-                |(number, lane): (usize, LaneCars<'_>)| lane.ids.iter().map(move |&car| (car, number)).collect();
-            self.regions[row].present = cars.iter().enumerate().flat_map::<Vec<_>, _>(on_lane).collect();
+            for (number, lane) in self.lanes.at(row).iter().enumerate() {
+                self.regions[row].present.extend(lane.ids.iter().map(|&car| (car, number)));
+            }
         }
         self.visits.iter_mut().for_each(VisitRecorder::begin);
         Ok(())
@@ -97,17 +95,13 @@ impl Borders {
                     let departed = departed.contains(&car.id);
                     let entry = border_lane.departures.filter(|_| departed).or(border_lane.entry);
                     entry.iter().for_each(|&entry| counter.arrived(entry));
-                    if let Some(visits) = &mut self.visits {
-                        visits.left(row, car.id);
-                        if let Some(name) = visits.name_of(car.id) {
-                            let route = simulation.route(name)?;
-                            visits.arrived(row, plan, Arrival { car, lane: number, entry, departed, route });
-                        }
+                    if let Some(visits) = &mut self.visits
+                        && let Some(name) = visits.name_of(car.id)
+                    {
+                        let route = simulation.route(name)?;
+                        visits.arrived(row, plan, Arrival { car, lane: number, entry, departed, route });
                     }
                 }
-            }
-            if let Some(visits) = &mut self.visits {
-                before.keys().filter(|car| !present.contains_key(car)).for_each(|&car| visits.left(row, car));
             }
             for (exit, &lane) in plan.exits.iter().enumerate() {
                 if is_blocked(cars.lane(lane), plan.lanes[lane].length_m) {

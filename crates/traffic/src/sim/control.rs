@@ -57,7 +57,6 @@ impl Decisions {
         matches!(self.control, SignalControl::HandCoded { by: HandCoded::Rule(_), .. })
     }
 
-    /// Begins an episode.
     pub(super) fn begin(&mut self, episode: Seed) {
         self.heard = false;
         self.advised = false;

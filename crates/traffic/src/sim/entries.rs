@@ -15,7 +15,6 @@ use libsumo::{CarId, Entering, Insertion, LightId, SignalState};
 pub(crate) struct Entries {
     plan: Arc<JointPlan>,
     rows: Vec<RowEntries>,
-    /// Number of the next car.
     next_car: u64,
     pub(crate) counts: EntryCounts,
 }
@@ -33,7 +32,6 @@ pub(crate) struct EntryCounts {
 struct RowEntries {
     /// Cars that wait, by entry, the first one at the front.
     queues: Vec<VecDeque<WaitingCar>>,
-    /// State of the light at the exits.
     gate: Option<SignalState>,
 }
 
@@ -45,7 +43,6 @@ struct WaitingCar {
 
 /// Cars that try to enter in a step, in the order of their numbers.
 pub(crate) struct Tried {
-    /// Row and entry of each.
     places: Vec<(usize, usize)>,
     /// What SUMO got of each.
     pub(crate) insertions: Vec<Insertion>,
@@ -72,7 +69,6 @@ impl RowEntries {
 }
 
 impl Entries {
-    /// Makes the entries of a forest that was loaded. `plan`: that of the agents.
     pub(crate) fn new(plan: Arc<JointPlan>, forest: &LocalForest) -> Entries {
         let rows = forest.rows.iter().map(|place| RowEntries::new(&plan, place)).collect();
         Entries {
@@ -83,12 +79,10 @@ impl Entries {
         }
     }
 
-    /// Begins an episode of a row: nobody waits.
     pub(super) fn begin(&mut self, row: usize, place: &RowPlace) {
         self.rows[row] = RowEntries::new(&self.plan, place);
     }
 
-    /// Returns the number of cars that wait at the entries of a row.
     pub(crate) fn waiting(&self, row: usize) -> usize {
         self.rows[row].queues.iter().map(VecDeque::len).sum()
     }
@@ -227,6 +221,7 @@ mod tests {
     use crate::Traffic;
     use crate::agents::border_plan::EntryPlace;
     use crate::config::ScenarioConfig;
+    use crate::road_network::Files;
     use crate::sim::local_forest::rows_of;
     use dials_core::base::{AgentId, Seed};
 
@@ -237,7 +232,8 @@ mod tests {
         let minutes = ScenarioConfig { begin_s: Some(0), end_s: Some(120), ..ScenarioConfig::new(scenario) };
         let traffic = Traffic::open_scenario(&minutes).unwrap();
         let (agent, tables) = (AgentId(5), traffic.visits().unwrap());
-        let parts = traffic.network.local_parts().unwrap().unwrap();
+        let Files::Scenario(files) = &traffic.network.files else { panic!("a scenario") };
+        let parts = files.local_parts().unwrap();
         let rows = rows_of(&[agent], 1, Seed::new(0));
         let mut forest = LocalForest::of_scenario(&parts, &traffic.plan, &tables, &rows).unwrap();
         let border = &traffic.plan.borders[agent.0].plan;

@@ -14,9 +14,9 @@ use super::recording::{Recorder, Tape};
 use super::tally::Tally;
 use super::visits::Visits;
 use crate::agents::plan::JointPlan;
-use crate::arrivals;
 use crate::cars_at::{CarsAt, RowLanes};
 use crate::controllers::intersections::Intersections;
+use crate::inflow;
 use crate::network::loadable::Loadable;
 use crate::observe::{self, LightView};
 use crate::reward::{self, Waiting};
@@ -181,12 +181,7 @@ impl GlobalTraffic {
         self.tally.cars(&self.approaches.cars, &self.cars_before);
         self.tally.step(&mut self.simulation)?;
         if let Some(metrics) = &mut self.metrics {
-            metrics.step();
-            let gone = self.simulation.gone()?;
-            for row in 0..self.plan.agents.len() {
-                let (now, before) = (self.approaches.at(row), self.approaches.of(&self.cars_before, row));
-                metrics.cars(row, now, before, &gone);
-            }
+            metrics.step(&self.approaches, &self.cars_before, &self.simulation.gone()?);
         }
         self.watch.note(Phase::Reading, begun.elapsed());
         if let Some(recorder) = &mut self.recorder {
@@ -207,12 +202,11 @@ impl GlobalTraffic {
         // it is the occupancy of the entry cell.
         for row in 0..self.plan.agents.len() {
             let (now, before) = (self.approaches.at(row), self.approaches.of(&self.cars_before, row));
-            arrivals::note(self.sources.row_mut(row), now, before);
+            inflow::note_arrivals(self.sources.row_mut(row), now, before);
         }
         Ok(())
     }
 
-    /// Reads the cars after a second or a reset.
     fn read_cars(&mut self) -> Result<()> {
         self.approaches.read(&mut self.simulation)?;
         if self.decisions.has_rule() || reward::needs_exits(&self.plan.reward) {

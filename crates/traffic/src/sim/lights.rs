@@ -7,7 +7,6 @@ use crate::light::Signal;
 use dials_core::domain::{Action, Result};
 use libsumo::{LightId, SignalState, Simulation};
 
-/// Many lights, one row each.
 pub(crate) struct Lights {
     lights: Vec<LightId>,
     plans: Vec<Arc<PhasePlan>>,
@@ -117,18 +116,15 @@ impl ShownLights {
         ShownLights { now, before, at_decision, steps: vec![0; agents], states: Vec::new() }
     }
 
-    /// Reads the lights at the beginning of an episode.
     pub(super) fn begin(&mut self, lights: &mut Lights, simulation: &mut Simulation) -> Result<()> {
         self.steps.fill(0);
         lights.read(simulation, &mut self.states, &mut self.now)
     }
 
-    /// Notes that a decision is made now.
     pub(super) fn decide(&mut self) {
         self.at_decision.copy_from_slice(&self.now);
     }
 
-    /// Reads the lights after a second.
     pub(super) fn second(&mut self, lights: &mut Lights, simulation: &mut Simulation) -> Result<()> {
         self.before.copy_from_slice(&self.now);
         lights.read(simulation, &mut self.states, &mut self.now)?;

@@ -75,7 +75,6 @@ pub struct LocalTraffic {
 #[derive(Clone, Copy, Debug, Default)]
 struct Counts {
     decisions: u64,
-    /// Cars on the approaches.
     cars: u64,
     /// Their speeds, in whole millimetres per second of each row and decision: so the sum does not depend on the order.
     speed_mmps: u64,
@@ -110,7 +109,6 @@ impl Counts {
 }
 
 impl LocalTraffic {
-    /// Makes the simulators of a forest that was loaded.
     pub(crate) fn new(plan: Arc<JointPlan>, demand: Demand, forest: LocalForest) -> LocalTraffic {
         let spec = plan.kinds.of(forest.rows[0].agent).spec.clone();
         let rows = forest.rows.iter().map(|row| RowNow::new(row.seed.dice(), 0, plan.borders.get(row.agent.0)));
@@ -137,7 +135,6 @@ impl LocalTraffic {
         Ok(self)
     }
 
-    /// Returns what was loaded, for the road map of a recording.
     pub(crate) fn forest(&self) -> &LocalForest {
         &self.forest
     }
@@ -194,7 +191,6 @@ impl LocalTraffic {
         Ok(())
     }
 
-    /// Notes that the agents decide.
     fn decide(&mut self) {
         self.rows.iter_mut().for_each(|now| now.waiting.decide());
         self.came_true.fill(0);

@@ -25,14 +25,9 @@ use dials_core::base::{AgentId, Dice, Seed};
 use dials_core::domain::Result;
 use libsumo::{DepartSpeed, Entering, Insertion, LaneId, LightId, RouteId, Simulation, TypeId};
 
-/// Type of a car if the recording has no car at all: SUMO's own one.
-const OWN_TYPE: &str = "DEFAULT_VEHTYPE";
-
 /// What local simulators of a scenario are made of.
 pub(crate) struct LocalParts {
-    /// Local net of each agent, in their order.
     pub(crate) nets: Vec<LocalNet>,
-    /// Text of a file with all vehicle types.
     pub(crate) types: String,
     /// Options of SUMO that say how cars drive, without `--`.
     pub(crate) options: Vec<(String, String)>,
@@ -76,7 +71,6 @@ pub(crate) struct RowPlace {
 /// The light at the exits of a row.
 pub(crate) struct RowGate {
     pub(crate) light: LightId,
-    /// Number of letters.
     pub(crate) letters: usize,
     /// Letter of each exit of the border plan.
     pub(crate) of_exit: Vec<Option<usize>>,
@@ -205,12 +199,10 @@ impl LocalForest {
         Ok(LocalForest { simulation, rows: places, lights, approaches, types, first })
     }
 
-    /// Draws a seed for each lane of a row.
     pub(crate) fn draw_seeds(&self, row: usize, dice: &mut Dice) -> Vec<u32> {
         self.rows[row].lanes.iter().map(|_| dice.random()).collect()
     }
 
-    /// Seeds the random generators of the lanes of a row.
     pub(crate) fn seed_lanes(&mut self, row: usize, seeds: &[u32]) -> Result<()> {
         Ok(self.simulation.seed_lanes(self.rows[row].first_lane, seeds)?)
     }
@@ -270,13 +262,12 @@ pub(crate) fn driving_options(options: &[(String, String)]) -> Vec<(String, Stri
 
 /// Returns the names of all vehicle types that were recorded, the usual one first.
 fn type_names(tables: &VisitTables) -> Vec<String> {
-    let usual = tables.usual_type().unwrap_or(OWN_TYPE);
+    let (usual, _) = tables.usual();
     let visits = tables.visits();
     let all: BTreeSet<&str> = visits.all().map(|visit| &*visits.driver(visit).vehicle_type).collect();
     [usual].into_iter().chain(all.into_iter().filter(|name| *name != usual)).map(str::to_owned).collect()
 }
 
-/// Returns the text of a file with the routes of all rows.
 fn routes(of_rows: &[Arc<LocalRoutes>]) -> String {
     document("routes", |xml| {
         leaf(xml, "route", [("id", APART), ("edges", APART)])?;
@@ -290,7 +281,6 @@ fn routes(of_rows: &[Arc<LocalRoutes>]) -> String {
     })
 }
 
-/// Returns the name of a route of a row.
 pub(super) fn route_name(row: usize, number: usize) -> String {
     format!("{}way{number}", prefix(row))
 }

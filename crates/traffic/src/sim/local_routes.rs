@@ -7,7 +7,6 @@ use super::visit_tables::VisitTables;
 use crate::agents::border_plan::BorderPlan;
 use crate::cut::local_net::LocalNet;
 
-/// The routes of one local net.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct LocalRoutes {
     routes: Vec<LocalRoute>,
@@ -45,7 +44,6 @@ impl LocalRoutes {
         routes
     }
 
-    /// Returns the routes by their numbers.
     pub(crate) fn all(&self) -> &[LocalRoute] {
         &self.routes
     }
@@ -55,7 +53,6 @@ impl LocalRoutes {
         self.numbers[&(way.to_vec(), next_road.cloned())]
     }
 
-    /// Returns the number of the default route of an entry.
     pub(super) fn default_of(&self, entry: usize) -> usize {
         self.defaults[entry]
     }

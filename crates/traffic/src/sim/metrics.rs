@@ -9,11 +9,10 @@ use std::os::fd::AsRawFd;
 use anyhow::{Context, Result};
 use roxmltree::{Document, Node};
 
-use crate::cars_at::CarsAt;
+use crate::cars_at::{CarsAt, RowLanes};
 use dials_core::outside::temporary_file;
-use libsumo::{CarId, LaneCars};
+use libsumo::{CarId, CarTable, LaneCars};
 
-/// The metrics of an episode.
 pub(crate) struct TrafficMetrics {
     /// The file to which SUMO writes the trips. It has no name, so a killed process leaves none behind.
     trip_file: File,
@@ -83,21 +82,18 @@ impl TrafficMetrics {
         self.intersections.fill(Sums::default());
     }
 
-    /// Notes that a step is over.
-    pub(super) fn step(&mut self) {
+    /// Notes the cars on the approaches after a step and `before` it. `gone`: those that left the road in between.
+    pub(super) fn step(&mut self, approaches: &RowLanes, before: &CarTable, gone: &[CarId]) {
         self.steps += 1;
-    }
-
-    /// Notes the cars on the approaches of an intersection, after a step and before it. `gone`: those that left the road
-    /// in between.
-    pub(super) fn cars(&mut self, row: usize, now: CarsAt<'_>, before: CarsAt<'_>, gone: &[CarId]) {
-        let sums = &mut self.intersections[row];
-        for lane in now.iter() {
-            sums.car_steps += lane.len() as u64;
-            sums.speed_sum_mps += lane.speeds_mps.iter().sum::<f64>();
-            sums.halting_car_steps += lane.halting() as u64;
+        for (row, (sums, at_stop_line)) in self.intersections.iter_mut().zip(&self.at_stop_line).enumerate() {
+            let now = approaches.at(row);
+            for lane in now.iter() {
+                sums.car_steps += lane.len() as u64;
+                sums.speed_sum_mps += lane.speeds_mps.iter().sum::<f64>();
+                sums.halting_car_steps += lane.halting() as u64;
+            }
+            sums.passed += passed(now, approaches.of(before, row), gone, at_stop_line);
         }
-        sums.passed += passed(now, before, gone, &self.at_stop_line[row]);
     }
 
     /// Returns whether [`TrafficMetrics::finish`] was called since the beginning.
@@ -112,7 +108,6 @@ impl TrafficMetrics {
         Ok(())
     }
 
-    /// Returns the text that SUMO wrote about the trips.
     pub(super) fn trips_as_text(&mut self) -> Result<String> {
         let mut text = String::new();
         let read = self.trip_file.rewind().and_then(|()| self.trip_file.read_to_string(&mut text));
@@ -134,7 +129,6 @@ impl TrafficMetrics {
         ]
     }
 
-    /// Returns the metrics of every intersection.
     pub(super) fn of_agents(&self) -> Vec<(&'static str, Vec<f64>)> {
         let each = |figure: &dyn Fn(&Sums) -> f64| self.intersections.iter().map(figure).collect();
         let queues = self.intersections.iter().zip(&self.at_stop_line);
@@ -197,7 +191,6 @@ fn number(trip: Node<'_, '_>, name: &str) -> Result<f64> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use libsumo::CarTable;
 
     fn read<const LANES: usize>(lanes: [&[u64]; LANES]) -> CarTable {
         CarTable::of(lanes.map(|ids| ids.iter().map(|&id| (CarId(id), 50.0, 10.0)).collect()))

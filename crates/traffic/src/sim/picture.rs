@@ -73,7 +73,6 @@ impl Camera {
         })
     }
 
-    /// Looks where the cars are.
     pub(super) fn look(&mut self, simulation: &mut Simulation) -> Result<()> {
         Ok(simulation.read_lanes(&self.lanes, &mut self.cars)?)
     }

@@ -14,7 +14,6 @@ use crate::network::tree::Element;
 use crate::paper_grid::grid::Grid;
 use crate::scenario::SumoScenario;
 
-/// The roads of a recording.
 #[derive(Clone, Debug)]
 pub struct RecordedRoads {
     pub files: RecordedFiles,
@@ -23,20 +22,15 @@ pub struct RecordedRoads {
     pub(crate) agents: Vec<AgentPlan>,
     /// Names of all lanes on which cars can be, with those inside of intersections, in the order of the net.
     pub lanes: Vec<String>,
-    /// Numbers of the lanes, by name.
     numbers: HashMap<String, usize>,
     /// Names of the lights: one per agent, then those that keep their program.
     pub lights: Vec<String>,
 }
 
-/// What a replay is made of.
 #[derive(Clone, Debug)]
 pub enum RecordedFiles {
-    /// Those of a grid of the paper.
     Grid(Box<GridFiles>),
-    /// Those of a scenario.
     Whole(Box<SumoScenario>),
-    /// Those of the local simulator of a light of a scenario.
     Local(Box<LocalFiles>),
 }
 
@@ -52,7 +46,6 @@ pub struct GridFiles {
 #[derive(Clone, Debug)]
 pub struct LocalFiles {
     pub(crate) net: LocalNet,
-    /// Text of a file with all vehicle types.
     pub(crate) types: String,
     /// Options of SUMO that say how cars drive, without `--`.
     pub(crate) options: Vec<(String, String)>,
@@ -75,21 +68,16 @@ impl RecordedRoads {
         let children = network.routes.root.children.iter();
         let vehicle_types = children.filter(|child| child.name.starts_with("vType")).cloned().collect();
         let files = RecordedFiles::Grid(Box::new(GridFiles { grid, net: network.net.text(), vehicle_types }));
-        let lights = agents.iter().map(|agent| agent.light.clone()).collect();
-        Ok(RecordedRoads::of_lights(files, network.roads()?, agents, lights))
+        Ok(RecordedRoads::new(files, network.roads()?, agents, &[]))
     }
 
     /// Returns the roads of a scenario with these agents.
     pub(crate) fn of_scenario(files: &SumoScenario, agents: Vec<AgentPlan>) -> Result<RecordedRoads> {
         let roads = files.roads()?;
-        let mut lights: Vec<String> = agents.iter().map(|agent| agent.light.clone()).collect();
-        for program in &roads.programs {
-            // SUMO has no light that controls nothing.
-            if !lights.contains(&program.light) && roads.of_light(&program.light).next().is_some() {
-                lights.push(program.light.clone());
-            }
-        }
-        Ok(RecordedRoads::of_lights(RecordedFiles::Whole(Box::new(files.clone())), roads, agents, lights))
+        // SUMO has no light that controls nothing.
+        let programs = roads.programs.iter().filter(|program| roads.of_light(&program.light).next().is_some());
+        let lights: Vec<String> = programs.map(|program| program.light.clone()).collect();
+        Ok(RecordedRoads::new(RecordedFiles::Whole(Box::new(files.clone())), roads, agents, &lights))
     }
 
     /// Returns the roads of the first row of a forest.
@@ -105,14 +93,19 @@ impl RecordedRoads {
             ends_m: routes.filter_map(|(number, route)| Some((name(number), route.end_m?))).collect(),
             first: forest.first.clone(),
         };
-        let gate = net.gate.iter().map(|gate| gate.light.clone());
-        let lights = [agent.light.clone()].into_iter().chain(gate).collect();
+        let gate: Vec<String> = net.gate.iter().map(|gate| gate.light.clone()).collect();
         let (files, roads) = (RecordedFiles::Local(Box::new(files)), Roads::read(&net.root())?);
-        Ok(RecordedRoads::of_lights(files, roads, vec![agent.clone()], lights))
+        Ok(RecordedRoads::new(files, roads, vec![agent.clone()], &gate))
     }
 
-    /// Returns the roads with these lights, those of the agents first.
-    fn of_lights(files: RecordedFiles, roads: Roads, agents: Vec<AgentPlan>, lights: Vec<String>) -> RecordedRoads {
+    /// `others`: lights, besides those of the agents.
+    fn new(files: RecordedFiles, roads: Roads, agents: Vec<AgentPlan>, others: &[String]) -> RecordedRoads {
+        let mut lights: Vec<String> = agents.iter().map(|agent| agent.light.clone()).collect();
+        for light in others {
+            if !lights.contains(light) {
+                lights.push(light.clone());
+            }
+        }
         let drivable = |function| matches!(function, Function::Road | Function::Internal);
         let lanes = roads.lanes.iter().filter(|lane| drivable(roads.edge(lane.edge).function));
         let lanes: Vec<String> = lanes.map(|lane| lane.id.clone()).collect();
@@ -120,7 +113,6 @@ impl RecordedRoads {
         RecordedRoads { files, roads, agents, lanes, numbers, lights }
     }
 
-    /// Returns the grid, if it is one.
     pub fn grid(&self) -> Option<Grid> {
         match &self.files {
             RecordedFiles::Grid(files) => Some(files.grid),
@@ -137,7 +129,6 @@ impl RecordedRoads {
         }
     }
 
-    /// Returns the index of a lane in [`RecordedRoads::lanes`].
     pub(crate) fn number(&self, lane: &str) -> Result<usize> {
         self.numbers.get(lane).copied().with_context(|| format!("no lane `{lane}` was recorded"))
     }

@@ -44,7 +44,6 @@ pub struct Recording {
     pub steps: Vec<Step>,
 }
 
-/// A car that entered.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Entry {
     pub step: usize,

@@ -20,12 +20,12 @@ pub struct VisitTables {
     places: Vec<Vec<Vec<Vec<usize>>>>,
     /// Places of visits by other entries on the same road, `[agents][entries]`; empty for an entry with visits of its own.
     beside: Vec<Vec<Vec<usize>>>,
-    /// Vehicle type that most visits have, and its class.
-    usual: Option<(String, String)>,
+    /// Vehicle type that most visits have, and its class; those of SUMO's own cars if there are no visits.
+    usual: (String, String),
 }
 
-/// Class of SUMO's own type of cars.
-const OWN_CLASS: &str = "passenger";
+/// SUMO's own type of cars, and its class.
+const OWN: (&str, &str) = ("DEFAULT_VEHTYPE", "passenger");
 
 impl VisitTables {
     /// Sorts the visits of a whole episode. Visits without an entry or a way are left out. So are those of vehicles that may
@@ -60,17 +60,11 @@ impl VisitTables {
         drawn.map(|place| &self.visits.of_agents[agent][place])
     }
 
-    /// Returns the vehicle type that most visits have, for a car of which nothing is known.
-    pub(crate) fn usual_type(&self) -> Option<&str> {
-        self.usual.as_ref().map(|(name, _)| &**name)
+    /// Returns the vehicle type of a car of which nothing is known, and its class.
+    pub(super) fn usual(&self) -> (&str, &str) {
+        (&self.usual.0, &self.usual.1)
     }
 
-    /// Returns the class of this type, or that of SUMO's own type if there are no visits.
-    pub(crate) fn usual_class(&self) -> &str {
-        self.usual.as_ref().map_or(OWN_CLASS, |(_, class)| class)
-    }
-
-    /// Returns the visits that were sorted.
     pub fn visits(&self) -> &Visits {
         &self.visits
     }
@@ -88,14 +82,13 @@ fn beside(plan: &BorderPlan, places: &[Vec<Vec<usize>>], may_enter: impl Fn(usiz
     (0..places.len()).map(|entry| if has_own(entry) { Vec::new() } else { others(entry) }).collect()
 }
 
-/// Returns the vehicle type that most visits have, and its class.
-fn usual(visits: &Visits) -> Option<(String, String)> {
+fn usual(visits: &Visits) -> (String, String) {
     let mut counts: BTreeMap<(&str, &str), usize> = BTreeMap::new();
     for driver in visits.all().map(|visit| visits.driver(visit)) {
         *counts.entry((&driver.vehicle_type, &driver.vehicle_class)).or_default() += 1;
     }
-    let ((name, class), _) = counts.into_iter().max_by_key(|(_, count)| *count)?;
-    Some((name.to_owned(), class.to_owned()))
+    let (name, class) = counts.into_iter().max_by_key(|(_, count)| *count).map_or(OWN, |(usual, _)| usual);
+    (name.to_owned(), class.to_owned())
 }
 
 #[cfg(test)]
@@ -141,7 +134,7 @@ mod tests {
         assert_eq!(drawn(0, 1799), set(&["truck"]));
         assert_eq!(drawn(1, 500), set(&["car", "bus", "truck"]), "nobody was seen on the other lane of the road");
         assert!(drawn(2, 500).is_empty(), "nobody departed on `north`");
-        assert_eq!(tables.usual_type(), Some("car"));
+        assert_eq!(tables.usual(), ("car", "passenger"));
     }
 
     #[test]
@@ -152,7 +145,6 @@ mod tests {
         // A passenger car passed the bus lane within a second, beside it. Two others came by the lane beside.
         let tables = tables_of(&bus_lane, &[(10, Some(1), "car"), (20, Some(0), "car"), (30, Some(0), "car")]);
         assert!(tables.draw(0, 1, 500, &mut dice).is_none());
-        assert_eq!((tables.usual_type(), tables.usual_class()), (Some("car"), "passenger"));
         let tables = tables_of(&bus_lane, &[(10, Some(1), "car"), (20, Some(0), "car"), (30, Some(0), "bus")]);
         (0..20).for_each(|_| assert_eq!(tables.draw(0, 1, 500, &mut dice).unwrap().second, 30));
     }
@@ -162,6 +154,6 @@ mod tests {
         let tables = tables_of(&[], &[(10, Some(1), "bus")]);
         let mut dice = Seed::new(1).dice();
         assert_eq!(tables.draw(0, 1, 1700, &mut dice).unwrap().second, 10);
-        assert_eq!(tables.usual_type(), Some("bus"));
+        assert_eq!(tables.usual(), ("bus", "bus"));
     }
 }

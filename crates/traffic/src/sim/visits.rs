@@ -24,14 +24,11 @@ pub struct Visits {
 pub struct Visit {
     /// Second of the episode after which the car was first seen; the first one is 0.
     pub second: usize,
-    /// Second after which it was no longer there. `None`: it is there at the end of the episode.
-    pub left: Option<usize>,
     /// Index into [`BorderPlan::entries`]. `None`: SUMO moved it here, or it came in too far from any entry, or by another
     /// road than that of the nearest one.
     pub entry: Option<usize>,
-    /// Whether it departed on the region in that second. Then lane, position and speed are those of its departure.
-    pub departed: bool,
-    /// Lane on which it was first seen, an index into [`BorderPlan::lanes`], with position and speed there.
+    /// Lane on which it was first seen, an index into [`BorderPlan::lanes`], with position and speed there. If it departed on
+    /// the region, they are those of its departure.
     pub lane: usize,
     pub position_m: f64,
     pub speed_mps: f64,
@@ -83,8 +80,6 @@ pub(crate) struct VisitRecorder {
     visits: Visits,
     /// Indices into [`Visits::drivers`].
     drivers: HashMap<CarId, usize>,
-    /// Visits under way, by agent: the place in the list.
-    open: Vec<HashMap<CarId, usize>>,
     /// Index of the road of a car's route at which its last visit began, by agent. SUMO never changes the part of a route
     /// that is behind a car.
     began: Vec<HashMap<CarId, usize>>,
@@ -95,7 +90,6 @@ impl VisitRecorder {
         VisitRecorder {
             visits: Visits { of_agents: vec![Vec::new(); agents], ..Visits::default() },
             drivers: HashMap::new(),
-            open: vec![HashMap::new(); agents],
             began: vec![HashMap::new(); agents],
         }
     }
@@ -104,9 +98,8 @@ impl VisitRecorder {
         &self.visits
     }
 
-    /// Begins an episode.
     pub(crate) fn begin(&mut self) {
-        *self = VisitRecorder::new(self.open.len());
+        *self = VisitRecorder::new(self.began.len());
     }
 
     /// Begins a second, in which these cars departed.
@@ -148,10 +141,8 @@ impl VisitRecorder {
         }
         let visit = Visit {
             second: self.visits.seconds - 1,
-            left: None,
             // A car enters a local simulator on the first road of its way. So that must be the road of its entry.
             entry: entry.filter(|&entry| plan.road_of_entry(entry) == edges[begin]),
-            departed,
             lane,
             position_m: car.position_m,
             speed_mps: car.speed_mps,
@@ -159,15 +150,7 @@ impl VisitRecorder {
             next_road: edges.get(end).cloned(),
             driver,
         };
-        self.open[agent].insert(car.id, self.visits.of_agents[agent].len());
         self.visits.of_agents[agent].push(visit);
-    }
-
-    /// Notes a car that has left a region in this second, if it was there.
-    pub(crate) fn left(&mut self, agent: usize, car: CarId) {
-        if let Some(visit) = self.open[agent].remove(&car) {
-            self.visits.of_agents[agent][visit].left = Some(self.visits.seconds - 1);
-        }
     }
 }
 
@@ -198,7 +181,6 @@ mod tests {
         recorder.second(&[departure]);
         for (lane, edges, at) in seen {
             recorder.second(&[]);
-            recorder.left(0, car.id);
             let lane = plan.lanes.iter().position(|other| other.lane == *lane).unwrap();
             let route = RouteNow { edges: names(edges), at: *at };
             let entry = plan.lanes[lane].entry;

@@ -87,7 +87,6 @@ fn files(recording: &Recording, net: String, cars: String, additional: &[&str], 
     vec![(net_file, net.into_bytes()), (routes_file, cars.into_bytes()), (config_file, config.into_bytes())]
 }
 
-/// Writes the routes of the recorded cars, each once.
 fn write_routes(xml: &mut Xml, recording: &Recording) -> io::Result<()> {
     let mut routes: Vec<(&str, &[String])> =
         recording.entries.iter().map(|entry| (entry.car.route.as_str(), entry.car.edges.as_slice())).collect();

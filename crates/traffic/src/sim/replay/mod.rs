@@ -142,7 +142,6 @@ fn signals<'a>(recording: &Recording, lights: usize, roots: impl IntoIterator<It
     })
 }
 
-/// Returns what the light of this index showed in each step.
 fn shown(recording: &Recording, light: usize) -> Vec<&SignalState> {
     recording.steps.iter().map(|step| &step.signals[light]).collect()
 }

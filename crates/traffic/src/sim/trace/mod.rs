@@ -11,7 +11,7 @@ use anyhow::Result;
 use super::recorded_roads::{RecordedFiles, RecordedRoads};
 use super::recording::Recording;
 use crate::agents::plan::AgentPlan;
-use crate::network::roads::{Connection, LaneNo, Roads};
+use crate::network::roads::{LaneNo, Roads};
 use crate::paper_grid::grid::Grid;
 use crate::scenario::kept::KEPT;
 use crate::side::Side;
@@ -61,7 +61,6 @@ pub(crate) fn road_map(roads: &RecordedRoads) -> Option<RoadMap> {
     roads.grid().is_none().then(|| map(roads))
 }
 
-/// Returns the roads with the lights of the agents.
 fn map(recorded: &RecordedRoads) -> RoadMap {
     let RecordedRoads { agents, roads, files, .. } = recorded;
     RoadMap {
@@ -92,15 +91,6 @@ fn aspect(letter: u8) -> Aspect {
     }
 }
 
-fn name(side: Side) -> &'static str {
-    match side {
-        Side::West => "west",
-        Side::South => "south",
-        Side::East => "east",
-        Side::North => "north",
-    }
-}
-
 fn shown(agent: &AgentPlan, state: &SignalState) -> Shown {
     match agent.phases.greens().iter().position(|green| green == state) {
         Some(green) => Shown::Green(green),
@@ -128,7 +118,7 @@ fn approaches(recording: &Recording) -> Result<Vec<Approach>> {
             standing.push(queue);
         }
         if !standing.is_empty() {
-            approaches.push(Approach { from: name(side), standing });
+            approaches.push(Approach { from: side.name(), standing });
         }
     }
     Ok(approaches)
@@ -154,7 +144,7 @@ fn of_row(recording: &Recording, grid: Grid, row: usize) -> Result<Corridor> {
         agents.clone().map(|agent| grid.incoming_edges(agent)[Side::West.index()].clone()).collect();
     edges.extend(agents.next_back().map(|agent| grid.outgoing_edges(agent)[Side::East.index()].clone()));
     let roads = &recording.roads.roads;
-    let (from, to) = (name(Side::West).to_owned(), name(Side::East).to_owned());
+    let (from, to) = (Side::West.name().to_owned(), Side::East.name().to_owned());
     let name = format!("row {row} of a grid of {grid}");
     Ok(Corridor { name, from, to, ..corridor(recording, roads, &Route::read(&edges.join(","), roads)?)? })
 }
@@ -184,7 +174,8 @@ fn corridor(recording: &Recording, roads: &Roads, route: &Route) -> Result<Corri
             }
         }
         if let Some(light) = light_between(roads, edge, next) {
-            let letters = letters(ways(roads, edge, next));
+            let signals = ways(roads, edge, next).filter_map(|way| way.signal.as_ref());
+            let letters: Vec<usize> = signals.map(|signal| signal.letter).collect();
             let aspects = aspects(recording, light, &letters);
             crossings.push(CorridorLight { name: light.to_owned(), begin_m, end_m: begin_m + within_m, aspects });
         }
@@ -229,11 +220,6 @@ fn trajectories(recording: &Recording, stretches: &[Stretch]) -> Result<Vec<Vec<
         trajectories.extend(parts.map(|part| part.iter().map(|&(second, place_m)| (second as f64, place_m)).collect()));
     }
     Ok(trajectories)
-}
-
-/// Returns the letters of these ways in the state of their light.
-fn letters<'a>(ways: impl Iterator<Item = &'a Connection>) -> Vec<usize> {
-    ways.filter_map(|way| way.signal.as_ref()).map(|signal| signal.letter).collect()
 }
 
 /// Returns what a light shows to ways with these letters: green if any of them has green.
