@@ -104,14 +104,7 @@ impl DSetPlan {
     }
 
     pub fn width(&self, border: &BorderPlan) -> usize {
-        let stretches: usize = self.seen.iter().map(|seen| seen.stretches).sum();
-        self.parts.count
-            + 1
-            + self.light.columns()
-            + stretches
-            + entry_lanes(border).count()
-            + border.entries.len() * self.windows_s.len()
-            + border.exits.len()
+        self.columns(border).len()
     }
 
     /// Writes the d-set. Columns beyond its width become 0. `cars`: those on all lanes of the border, in its order. The

@@ -62,22 +62,20 @@ use dials_core::domain::{
 use libsumo::Simulation;
 use network::way_out::{Role, cannot_be_simulated};
 use paper_grid::grid::Grid;
-use paper_grid::plans::joint_plan;
 use road_network::{Files, RoadNetwork, grid, scenario as of_scenario};
 use scenario::SumoScenario;
 use sim::control::SignalControl;
 use sim::global::GlobalTraffic;
 use sim::local::{DROPPED, Demand, LocalTraffic};
 use sim::local_forest::{LocalForest, rows_of};
-use sim::recording::Tape;
+use sim::recording::{Recorder, Tape};
 use sim::tally::P_SWITCH;
 use sim::trace::road_map;
 use sim::trace::route::Route;
 use sim::visit_tables::VisitTables;
 use sim::visits::Visits;
 
-/// Longest time in which SUMO reads the demand of a scenario for a trial. What comes later in an episode is tried by the
-/// first one.
+/// Longest time in which SUMO reads the demand of a scenario for a trial. The first episode tries what comes later.
 const DEMAND_PATIENCE: Duration = Duration::from_secs(10);
 
 /// Returns the version of the linked SUMO, such as `SUMO 1.15.0`.
@@ -104,25 +102,21 @@ impl Traffic {
     /// Finds the networks of a grid and compares them with what this program makes. An error says which file is missing
     /// or wrong and how to make it. Cheap: [`Traffic::check_in_sumo`] checks what only SUMO can say.
     pub fn open(config: &TrafficConfig) -> Result<Traffic> {
-        let network = grid::open(config)?;
-        let plan = joint_plan(network.grid().expect("opened as a grid"), config);
-        Ok(Traffic::new(network, plan))
+        grid::open(config).map(Traffic::new)
     }
 
     /// Reads a scenario of the user. An error says which file is missing or wrong, and what to do. Cheap, like
     /// [`Traffic::open`].
     pub fn open_scenario(config: &ScenarioConfig) -> Result<Traffic> {
-        let (network, plan) = of_scenario::open(SumoScenario::read(config)?, config)?;
-        Ok(Traffic::new(network, plan))
+        of_scenario::open(SumoScenario::read(config)?, config).map(Traffic::new)
     }
 
     /// Reads a scenario of the user, in which all cars dawdle as much as `sigma` says: from 0, never, to 1.
     pub fn open_dawdling(config: &ScenarioConfig, sigma: f64) -> Result<Traffic> {
-        let (network, plan) = of_scenario::open(SumoScenario::read(config)?.dawdling(sigma), config)?;
-        Ok(Traffic::new(network, plan))
+        of_scenario::open(SumoScenario::read(config)?.dawdling(sigma), config).map(Traffic::new)
     }
 
-    fn new(network: RoadNetwork, plan: JointPlan) -> Traffic {
+    fn new((network, plan): (RoadNetwork, JointPlan)) -> Traffic {
         Traffic { plan: Arc::new(plan), network: Arc::new(network), tape: None, visits: Arc::default() }
     }
 
@@ -131,9 +125,8 @@ impl Traffic {
         &self.plan.borders
     }
 
-    /// Returns the visits to the regions of a scenario in an episode on the GS, in which all lights follow their own
-    /// programs. The episode is always the same one. It is played at the first call; then no other simulator may be
-    /// loaded.
+    /// Returns the visits to the regions of a scenario in one episode on the GS, always the same one, in which all lights
+    /// follow their own programs. It is played at the first call; then no other simulator may be loaded.
     pub fn visits(&self) -> Result<Arc<VisitTables>> {
         if let Some(known) = self.visits.get() {
             return Ok(known.clone());
@@ -247,7 +240,7 @@ impl Traffic {
     fn load_local(&self, regions: &[AgentId], copies: usize, seed: Seed) -> Result<LocalTraffic> {
         ensure!(!regions.is_empty() && copies > 0, "a forest of 0 regions: needs at least one");
         let rows = rows_of(regions, copies, seed);
-        let (demand, forest) = match &self.network.files {
+        let (demand, mut forest) = match &self.network.files {
             Files::Grid(files) => {
                 // All intersections of a grid have the same local dynamics.
                 let forest = LocalForest::of_grid(&files.local_network, &self.plan, &rows)?;
@@ -259,10 +252,12 @@ impl Traffic {
                 (Demand::Visits(tables), forest)
             }
         };
-        let ls = LocalTraffic::new(self.plan.clone(), demand, forest);
-        let Some(tape) = &self.tape else { return Ok(ls) };
-        let (roads, prefix) = self.network.recorded_local(&self.plan, ls.forest())?;
-        ls.record_on(tape, roads, prefix)
+        let record = |tape| {
+            let (roads, prefix) = self.network.recorded_local(&self.plan, &forest)?;
+            Recorder::new(tape, &mut forest.simulation, roads, prefix)
+        };
+        let recorder = self.tape.as_ref().map(record).transpose()?;
+        Ok(LocalTraffic::new(self.plan.clone(), demand, forest, recorder))
     }
 }
 

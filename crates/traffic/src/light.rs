@@ -112,13 +112,9 @@ mod tests {
     }
 
     #[test]
-    fn a_switch_shows_yellow_at_once_and_for_three_steps() {
-        let shown = shown(&paper(), &[KEEP, SWITCH, KEEP, KEEP, KEEP, KEEP]);
-        assert_eq!(shown, ["Gr", "yr", "yr", "yr", "rG", "rG"]);
-    }
-
-    #[test]
-    fn actions_during_yellow_are_ignored_and_green_lasts_at_least_one_step() {
+    fn a_switch_shows_yellow_for_three_steps_which_ignore_actions_and_green_lasts_at_least_one() {
+        let once = shown(&paper(), &[KEEP, SWITCH, KEEP, KEEP, KEEP, KEEP]);
+        assert_eq!(once, ["Gr", "yr", "yr", "yr", "rG", "rG"]);
         let cycle = ["yr", "yr", "yr", "rG", "ry", "ry", "ry", "Gr"];
         assert_eq!(shown(&paper(), &[SWITCH; 16]), [cycle, cycle].concat(), "switching always has a period of 8 steps");
     }

@@ -5,11 +5,13 @@ use std::path::{Path, PathBuf};
 use anyhow::Context;
 
 use super::{Files, RoadNetwork};
+use crate::agents::plan::JointPlan;
 use crate::config::{Reward, RewardTerm, TrafficConfig};
 use crate::network::contents::Network;
 use crate::network::files::NetworkFiles;
 use crate::network::way_out::{Role, cannot_be_simulated};
 use crate::paper_grid::grid::Grid;
+use crate::paper_grid::plans::joint_plan;
 use crate::paper_grid::recognise::{recognise_grid, recognise_local};
 use dials_core::domain::{Result, RoughCosts};
 
@@ -53,7 +55,7 @@ impl GridFiles {
 
 /// Finds the networks and compares them with what this program makes. An error says which file is missing or wrong and
 /// how to make it.
-pub(crate) fn open(config: &TrafficConfig) -> Result<RoadNetwork> {
+pub(crate) fn open(config: &TrafficConfig) -> Result<(RoadNetwork, JointPlan)> {
     let [global, local] = [&config.network, &config.local_network].map(|prefix| NetworkFiles::of(prefix));
     global.check()?;
     local.check()?;
@@ -61,7 +63,7 @@ pub(crate) fn open(config: &TrafficConfig) -> Result<RoadNetwork> {
     let global = recognise_grid(&global)?;
     let (grid, network) = (global.grid, global.network);
     let reward = &config.reward;
-    Ok(RoadNetwork {
+    let network = RoadNetwork {
         horizon: config.horizon,
         refuses_actuated: None,
         cannot_be_simulated: cannot_be_simulated(&network.files.net, Role::Global),
@@ -76,5 +78,6 @@ pub(crate) fn open(config: &TrafficConfig) -> Result<RoadNetwork> {
         is_stuck: |p_switch| p_switch > STUCK_ABOVE,
         rival: "actuated",
         files: Files::Grid(Box::new(GridFiles { grid, network, local_network, config: config.clone() })),
-    })
+    };
+    Ok((network, joint_plan(grid, config)))
 }

@@ -102,8 +102,7 @@ impl Entries {
         self.next_car - 1
     }
 
-    /// Shows red at the exits that are blocked in this decision, `[rows, sources]`, and green at the others. `None`: green
-    /// at all exits of all rows.
+    /// Shows red at the exits that are blocked in this decision, `[rows, sources]`, and green at the others; `None`: at all.
     pub(crate) fn set_gates(
         &mut self,
         forest: &mut LocalForest,
@@ -172,11 +171,8 @@ impl Entries {
         Ok(tried)
     }
 
-    /// Takes the cars out of the queues that have departed in the step, wherever they are, and the others out of SUMO. So
-    /// no car is on the road and still waits. On a grid the others are dropped. No other car has got a number since they
-    /// tried.
-    ///
-    /// Returns row and entry of the cars that are in.
+    /// Takes the cars that have departed in the step out of the queues, wherever they are, and the others out of SUMO. So
+    /// no car is on the road and still waits. On a grid the others are dropped. Returns row and entry of those that are in.
     pub(crate) fn note_entered(&mut self, forest: &mut LocalForest, tried: &Tried) -> Result<Vec<(usize, usize)>> {
         let mut entered = Vec::new();
         if tried.places.is_empty() {

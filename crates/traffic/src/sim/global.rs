@@ -29,8 +29,7 @@ use libsumo::{Car, CarTable, Simulation};
 
 /// The traffic GS: one row per intersection. A step of it is a decision of the agents, which may take several seconds.
 ///
-/// Arrivals at the boundary depend only on the SUMO seed of the episode, so controllers can be compared on the same
-/// traffic.
+/// Arrivals at the boundary depend only on the seed of the episode, so controllers can be compared on the same traffic.
 pub struct GlobalTraffic {
     plan: Arc<JointPlan>,
     network: Arc<RoadNetwork>,
@@ -111,8 +110,7 @@ impl GlobalTraffic {
         })
     }
 
-    /// Returns the car that arrived at an edge of an intersection in the last step, if there is one. This is more than
-    /// the AIP predicts; it is for tests of the physics.
+    /// Returns the car that arrived at an edge of an intersection in the last step; for tests of the physics.
     pub fn arrival(&self, agent: usize, edge: usize) -> Option<Car> {
         let arrived = self.sources.row(agent)[edge] == 1;
         arrived.then(|| self.cars_on(agent).lane(edge).iter().next().expect("an arrival is a car on the edge"))
@@ -123,8 +121,7 @@ impl GlobalTraffic {
         self.approaches.at(agent)
     }
 
-    /// Returns the actions of the last step that the lights obeyed, one per agent. They have no meaning if SUMO runs
-    /// the lights.
+    /// Returns the actions of the last step that the lights obeyed. They mean nothing if SUMO runs the lights.
     pub fn actions(&self) -> &[Action] {
         &self.decisions.obeyed
     }

@@ -17,8 +17,7 @@ use super::arriving::{ArrivingCar, by_rule};
 use super::entries::Entries;
 use super::local_forest::LocalForest;
 use super::options::LOCAL_SEED;
-use super::recorded_roads::RecordedRoads;
-use super::recording::{Recorder, Tape};
+use super::recording::Recorder;
 use super::visit_tables::VisitTables;
 use crate::agents::phase_plan::Shown;
 use crate::agents::plan::{Border, JointPlan};
@@ -32,8 +31,7 @@ use dials_core::base::{Dice, Phase, RandomPurpose, Rows, Stopwatch};
 use dials_core::domain::{Action, Beginning, LocalSimulator, Percept, RegionSpec, Result, Transition};
 use libsumo::LaneId;
 
-/// Name of the counter of sampled arrivals that found no room, or on a scenario of those at entries that no known car may
-/// use.
+/// Name of the counter of sampled arrivals that found no room, or on a scenario no car that may use their entry.
 pub(crate) const DROPPED: &str = "dropped_arrivals";
 
 /// Seconds of an episode after which the roads of a row are as full as those of the GS. Only then its cars are counted,
@@ -58,9 +56,8 @@ pub struct LocalTraffic {
     forest: LocalForest,
     entries: Entries,
     rows: Vec<RowNow>,
-    /// Lanes of the borders, and those on which cars leave the lights; the latter are read only for a reward that needs
-    /// them.
     border_lanes: RowLanes,
+    /// Lanes on which cars leave the lights; read only for a reward that needs them.
     exits: RowLanes,
     /// Influence sources of this decision as they came true, `[rows, sources]`: a car for which there is no room arrives
     /// when it gets in, as on the GS.
@@ -109,7 +106,13 @@ impl Counts {
 }
 
 impl LocalTraffic {
-    pub(crate) fn new(plan: Arc<JointPlan>, demand: Demand, forest: LocalForest) -> LocalTraffic {
+    /// Makes the simulators of a forest that was loaded. The first episode of the first row goes on the `recorder`.
+    pub(crate) fn new(
+        plan: Arc<JointPlan>,
+        demand: Demand,
+        forest: LocalForest,
+        recorder: Option<Recorder>,
+    ) -> LocalTraffic {
         let spec = plan.kinds.of(forest.rows[0].agent).spec.clone();
         let rows = forest.rows.iter().map(|row| RowNow::new(row.seed.dice(), 0, plan.borders.get(row.agent.0)));
         LocalTraffic {
@@ -120,23 +123,13 @@ impl LocalTraffic {
             last: Transition::new(forest.rows.len(), &spec),
             counts: Counts::default(),
             watch: Stopwatch::default(),
-            recorder: None,
+            recorder,
             entries: Entries::new(plan.clone(), &forest),
             spec,
             plan,
             demand,
             forest,
         }
-    }
-
-    /// Makes the first episode of the first row go on this tape, with these roads. `prefix`: of their names in the forest.
-    pub(crate) fn record_on(mut self, tape: &Tape, roads: RecordedRoads, prefix: String) -> Result<LocalTraffic> {
-        self.recorder = Some(Recorder::new(tape, &mut self.forest.simulation, roads, prefix)?);
-        Ok(self)
-    }
-
-    pub(crate) fn forest(&self) -> &LocalForest {
-        &self.forest
     }
 
     /// Makes one step of a grid in which a car arrives at every edge that has a placement (`[rows][EDGES]`).

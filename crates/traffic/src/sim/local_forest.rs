@@ -217,8 +217,7 @@ impl LocalForest {
 /// Number of the first car that comes to a row. Smaller ones are of cars on the road apart.
 pub(crate) const FIRST_CAR: u64 = 1 << 32;
 
-/// Lets a car of each type with the largest speed factor enter on the road apart, one after the other, and takes it out
-/// again. Returns that speed factor.
+/// Lets a car of each type with the largest speed factor enter on the road apart and leave it. Returns that speed factor.
 fn send_extremes(simulation: &mut Simulation, types: &[TypeId], tables: &VisitTables) -> Result<f64> {
     let road = simulation.register_lanes(&[format!("{APART}_0")])?;
     let route = simulation.register_routes(&[APART.to_owned()])?[0];
@@ -236,14 +235,12 @@ fn send_extremes(simulation: &mut Simulation, types: &[TypeId], tables: &VisitTa
 
 /// Returns the options of SUMO that say how cars drive in a local simulator, without `--`.
 pub(crate) fn local_options(parts: &LocalParts) -> Vec<(String, String)> {
-    let own = OPTIONS.map(|(name, value)| (name.to_owned(), value.to_owned()));
+    // A car that collides or has no way on would be moved, and a reset would not find it. A car that finds no room must
+    // not keep others from the lanes beside it.
+    let own = [("collision.action", "none"), ("ignore-route-errors", "true"), ("eager-insert", "true")];
+    let own = own.map(|(name, value)| (name.to_owned(), value.to_owned()));
     parts.options.iter().cloned().chain(own).collect()
 }
-
-/// Options of local simulators, without `--`. A car that collides or has no way on would be moved, and a reset would not find it. A
-/// car that finds no room must not keep others from the lanes beside it.
-const OPTIONS: [(&str, &str); 3] =
-    [("collision.action", "none"), ("ignore-route-errors", "true"), ("eager-insert", "true")];
 
 /// Returns the options of a scenario that local simulators have, too: those that say how cars drive. Demand, routing and
 /// what SUMO does with jams and collisions are not theirs.

@@ -227,17 +227,6 @@ mod tests {
     }
 
     #[test]
-    fn cars_that_never_entered_count_in_the_delay_alone() {
-        let text = r#"<?xml version="1.0"?><!-- by SUMO --><tripinfos>
-            <tripinfo id="a" depart="3.0" departDelay="1.0" arrival="43.0" duration="40.0" waitingTime="5.0" timeLoss="7.5"/>
-            <tripinfo id="b" depart="9.0" departDelay="0.0" arrival="-1.0" duration="20.0" waitingTime="1.0" timeLoss="2.5"/>
-            <tripinfo id="c" depart="-1" departDelay="16.0" arrival="-1.0" duration="0.0" waitingTime="0.0" timeLoss="0.0"/>
-            </tripinfos>"#;
-        // (40 + 20) / 2; (7.5 + 1 + 2.5 + 16) / 3; (5 + 1) / 2
-        assert_eq!(means(text).unwrap(), Trips { travel_time_s: 30.0, delay_s: 9.0, waiting_time_s: 3.0 });
-    }
-
-    #[test]
     fn a_torn_file_or_a_number_that_is_none_is_an_error() {
         assert_eq!(means("<tripinfos>").unwrap_err().to_string(), "SUMO's trips are not XML");
         for odd in ["nan", "inf", "", "1e999"] {

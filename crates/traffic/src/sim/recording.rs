@@ -73,11 +73,10 @@ impl Recording {
 }
 
 /// The tape of a simulator, with what is needed to record on it.
-pub(super) struct Recorder {
+pub(crate) struct Recorder {
     tape: Tape,
     roads: Arc<RecordedRoads>,
-    /// What stands before the names of the recorded roads in the simulation: a part of a forest is recorded under the
-    /// names of its local net.
+    /// Prefix of the names in the simulation: a part of a forest is recorded under the names of its local net.
     prefix: String,
     lanes: Vec<LaneId>,
     lights: Vec<LightId>,
@@ -86,9 +85,8 @@ pub(super) struct Recorder {
 }
 
 impl Recorder {
-    /// Makes a recorder. `roads`: those of the simulation. If they are a part of it under other names,
-    /// `prefix` stands before these names there.
-    pub(super) fn new(
+    /// `roads`: those of the simulation. If they are a part of it, `prefix` stands before their names there.
+    pub(crate) fn new(
         tape: &Tape,
         simulation: &mut Simulation,
         roads: RecordedRoads,

@@ -28,7 +28,7 @@ pub struct VisitTables {
 const OWN: (&str, &str) = ("DEFAULT_VEHTYPE", "passenger");
 
 impl VisitTables {
-    /// Sorts the visits of a whole episode. Visits without an entry or a way are left out. So are those of vehicles that may
+    /// Sorts the visits of a whole episode. It leaves out those without an entry or a way, and those of vehicles that may
     /// not use the lane of their entry: they came by a lane beside it.
     pub(crate) fn new(visits: Visits, borders: &[Border]) -> VisitTables {
         let parts = Parts::of(visits.seconds);
@@ -49,9 +49,8 @@ impl VisitTables {
         VisitTables { usual: usual(&visits), visits, parts, places, beside: near }
     }
 
-    /// Draws the visit that a car makes which arrives at an entry in a second of the episode: one of the same part of the
-    /// episode. If there is none: one of another part, or one of another lane of the same road. `None`: no car was seen
-    /// on it that may use the lane of the entry.
+    /// Draws the visit of a car that arrives at an entry in a second of the episode: one of the same part of the episode.
+    /// If there is none: one of another part, or one of another lane of the same road; else `None`.
     pub fn draw(&self, agent: usize, entry: usize, second: usize, dice: &mut Dice) -> Option<&Visit> {
         let of_entry = &self.places[agent][entry];
         let now = of_entry[self.parts.part(second)].choose(dice).copied();

@@ -15,8 +15,7 @@ pub struct Snapshot {
 }
 
 /// Colours of cars at these speeds, in metres per second; between them the colours flow into each other. A standing car is
-/// red, a car at half of a city's limit yellow and a car at the limit blue. People with any kind of colour vision can
-/// distinguish these.
+/// red, a car at a city's limit blue. People with any kind of colour vision can distinguish these.
 pub const SPEED_COLOURS: [([u8; 3], u32); 3] = [([213, 94, 0], 0), ([240, 228, 66], 5), ([86, 180, 233], 10)];
 
 /// Longer side of a film in pixels, and least length of a car in it.
