@@ -144,7 +144,7 @@ impl DSetPlan {
             }
         }
         for exit in 0..border.exits.len() {
-            take(1)[0] = f32::from(u8::from(history.is_blocked(exit)));
+            take(1)[0] = f32::from(u8::from(history.blocked[exit]));
         }
     }
 }

@@ -25,29 +25,21 @@ pub(crate) fn note_arrivals(arrivals: &mut [u8], now: CarsAt<'_>, before: CarsAt
 #[derive(Clone, Debug)]
 pub(crate) struct SourceCounter {
     /// Cars per entry that have arrived and do not count yet, because one a second counts.
-    waiting: Vec<u32>,
+    pub(crate) arrived: Vec<u32>,
     /// Number of seconds of this decision in which each exit was blocked.
-    blocked_s: Vec<usize>,
+    pub(crate) blocked_s: Vec<usize>,
 }
 
 impl SourceCounter {
     pub(crate) fn new(plan: &BorderPlan) -> SourceCounter {
-        SourceCounter { waiting: vec![0; plan.entries.len()], blocked_s: vec![0; plan.exits.len()] }
-    }
-
-    pub(crate) fn arrived(&mut self, entry: usize) {
-        self.waiting[entry] += 1;
-    }
-
-    pub(crate) fn blocked(&mut self, exit: usize) {
-        self.blocked_s[exit] += 1;
+        SourceCounter { arrived: vec![0; plan.entries.len()], blocked_s: vec![0; plan.exits.len()] }
     }
 
     /// Writes what counts in this second of the decision into its `sources`, which begin with zeros. The last second
     /// ends the decision.
     pub(crate) fn end_second(&mut self, plan: &BorderPlan, second: usize, sources: &mut [u8]) {
-        for (entry, waiting) in self.waiting.iter_mut().enumerate().filter(|(_, waiting)| **waiting > 0) {
-            *waiting -= 1;
+        for (entry, arrived) in self.arrived.iter_mut().enumerate().filter(|(_, arrived)| **arrived > 0) {
+            *arrived -= 1;
             sources[plan.arrival(entry, second)] = 1;
         }
         if second + 1 == plan.decision_s {
@@ -70,7 +62,7 @@ pub(crate) struct History {
     /// A bit per second and entry: did a car arrive? The lowest bit is the last second.
     arrivals: Vec<u64>,
     /// Whether each exit was blocked in the last decision.
-    blocked: Vec<bool>,
+    pub(crate) blocked: Vec<bool>,
 }
 
 impl History {
@@ -92,10 +84,6 @@ impl History {
     /// Returns the number of arrivals at an entry in the last seconds, at most [`REMEMBERED_S`].
     pub(crate) fn arrivals(&self, entry: usize, seconds: usize) -> u32 {
         (self.arrivals[entry] & ((1 << seconds.min(REMEMBERED_S)) - 1)).count_ones()
-    }
-
-    pub(crate) fn is_blocked(&self, exit: usize) -> bool {
-        self.blocked[exit]
     }
 }
 
@@ -140,7 +128,7 @@ mod tests {
         let mut decision = |arrivals: [[u32; 2]; 3]| {
             let mut sources = [0; 6];
             for (second, arrivals) in arrivals.into_iter().enumerate() {
-                (0..2).for_each(|entry| (0..arrivals[entry]).for_each(|_| counter.arrived(entry)));
+                (0..2).for_each(|entry| counter.arrived[entry] += arrivals[entry]);
                 counter.end_second(&plan, second, &mut sources);
             }
             sources
@@ -156,7 +144,7 @@ mod tests {
         let mut counter = SourceCounter::new(&plan);
         let mut sources = [0; 2];
         for (second, exits) in [&[0, 1][..], &[1], &[]].into_iter().enumerate() {
-            exits.iter().for_each(|&exit| counter.blocked(exit));
+            exits.iter().for_each(|&exit| counter.blocked_s[exit] += 1);
             counter.end_second(&plan, second, &mut sources);
         }
         assert_eq!(sources, [0, 1], "one of three seconds, and two of three");
@@ -184,10 +172,10 @@ mod tests {
         history.note(&plan, &[0, 1, 0, 0]);
         let counts: Vec<u32> = [1, 2, 3, 4, 6, 60, 300].map(|seconds| history.arrivals(0, seconds)).into();
         assert_eq!(counts, [0, 1, 1, 2, 3, 3, 3]);
-        assert!(!history.is_blocked(0));
+        assert!(!history.blocked[0]);
         (0..19).for_each(|_| history.note(&plan, &[0, 0, 0, 1]));
         assert_eq!(
-            (history.arrivals(0, 60), history.is_blocked(0)),
+            (history.arrivals(0, 60), history.blocked[0]),
             (1, true),
             "57 s later only the fifth second is left"
         );

@@ -100,7 +100,7 @@ pub struct Traffic {
 
 impl Traffic {
     /// Finds the networks of a grid and compares them with what this program makes. An error says which file is missing
-    /// or wrong and how to make it. Cheap: [`Traffic::check_in_sumo`] checks what only SUMO can say.
+    /// or wrong and how to make it. Cheap: [`Domain::try_out`] checks what only SUMO can say.
     pub fn open(config: &TrafficConfig) -> Result<Traffic> {
         grid::open(config).map(Traffic::new)
     }
@@ -158,18 +158,6 @@ impl Traffic {
 
     pub fn plans(&self) -> &[AgentPlan] {
         &self.plan.agents
-    }
-
-    /// Loads everything in SUMO and plays a step, and lets SUMO read the demand of a scenario, so that what is wrong is
-    /// reported before a run begins. For a grid it takes tens of milliseconds; SUMO is closed again.
-    pub fn check_in_sumo(&self) -> Result<()> {
-        // That SUMO's library is missing, or too large for this process, is no fault of the network.
-        libsumo::load()?;
-        let tried = self.try_global().and_then(|()| self.network.source()?.try_demand(DEMAND_PATIENCE));
-        tried.with_context(|| self.network.cannot_be_simulated.clone())?;
-        let Files::Grid(files) = &self.network.files else { return Ok(()) };
-        self.try_local_step(&[AgentId(0)], 1)
-            .with_context(|| cannot_be_simulated(&files.local_network.files.net, Role::Local))
     }
 
     /// Loads a local simulator of each of these regions and plays a step. `arrive`: 1 if cars arrive at all sources.
@@ -333,8 +321,15 @@ impl Domain for Traffic {
         Some(self.network.rival)
     }
 
+    /// For a grid it takes tens of milliseconds; SUMO is closed again.
     fn try_out(&self) -> Result<()> {
-        self.check_in_sumo()
+        // That SUMO's library is missing, or too large for this process, is no fault of the network.
+        libsumo::load()?;
+        let tried = self.try_global().and_then(|()| self.network.source()?.try_demand(DEMAND_PATIENCE));
+        tried.with_context(|| self.network.cannot_be_simulated.clone())?;
+        let Files::Grid(files) = &self.network.files else { return Ok(()) };
+        self.try_local_step(&[AgentId(0)], 1)
+            .with_context(|| cannot_be_simulated(&files.local_network.files.net, Role::Local))
     }
 
     fn try_local(&self) -> Result<()> {

@@ -1,10 +1,11 @@
 //! What the GS sees of the borders of all regions: who arrives, which exits are blocked, and who visits.
 
 use std::collections::{HashMap, HashSet};
+use std::sync::Arc;
 
 use super::visits::{Arrival, VisitRecorder, Visits};
 use crate::agents::border_plan::BorderPlan;
-use crate::agents::plan::Border;
+use crate::agents::plan::{Border, JointPlan};
 use crate::cars_at::RowLanes;
 use crate::inflow::{History, SourceCounter, is_blocked};
 use crate::observe::LightView;
@@ -14,6 +15,7 @@ use libsumo::{CarId, Simulation};
 
 /// The borders of all regions in a loaded net.
 pub(crate) struct Borders {
+    plan: Arc<JointPlan>,
     lanes: RowLanes,
     regions: Vec<BorderNow>,
     visits: Option<VisitRecorder>,
@@ -35,12 +37,13 @@ impl BorderNow {
 
 impl Borders {
     /// Registers the lanes of all regions. A reset must follow.
-    pub(super) fn register(simulation: &mut Simulation, plans: &[Border]) -> Result<Borders> {
-        let names = plans.iter().map(|border| border.plan.lanes.iter().map(|lane| &lane.lane).collect());
+    pub(super) fn register(simulation: &mut Simulation, plan: Arc<JointPlan>) -> Result<Borders> {
+        let names = plan.borders.iter().map(|border| border.plan.lanes.iter().map(|lane| &lane.lane).collect());
         Ok(Borders {
             lanes: RowLanes::register(simulation, names)?,
-            regions: plans.iter().map(|border| BorderNow::new(&border.plan)).collect(),
+            regions: plan.borders.iter().map(|border| BorderNow::new(&border.plan)).collect(),
             visits: None,
+            plan,
         })
     }
 
@@ -51,19 +54,21 @@ impl Borders {
 
     /// Returns the visits since the last reset, if they are recorded.
     pub(super) fn visits(&self) -> Option<&Visits> {
-        self.visits.as_ref().map(VisitRecorder::visits)
+        self.visits.as_ref().map(|recorder| &recorder.visits)
     }
 
     /// Begins an episode. Cars that are on the road have not arrived.
-    pub(super) fn reset(&mut self, simulation: &mut Simulation, plans: &[Border]) -> Result<()> {
+    pub(super) fn reset(&mut self, simulation: &mut Simulation) -> Result<()> {
         self.lanes.read(simulation)?;
-        for (row, Border { plan, .. }) in plans.iter().enumerate() {
+        for (row, Border { plan, .. }) in self.plan.borders.iter().enumerate() {
             self.regions[row] = BorderNow::new(plan);
             for (number, lane) in self.lanes.at(row).iter().enumerate() {
                 self.regions[row].present.extend(lane.ids.iter().map(|&car| (car, number)));
             }
         }
-        self.visits.iter_mut().for_each(VisitRecorder::begin);
+        if self.visits.is_some() {
+            self.record_visits();
+        }
         Ok(())
     }
 
@@ -72,7 +77,6 @@ impl Borders {
     pub(super) fn second(
         &mut self,
         simulation: &mut Simulation,
-        plans: &[Border],
         second: usize,
         sources: &mut Ragged<u8>,
     ) -> Result<()> {
@@ -80,7 +84,7 @@ impl Borders {
         let departures = simulation.departures()?;
         let departed: HashSet<CarId> = departures.iter().map(|departure| departure.id).collect();
         self.visits.iter_mut().for_each(|visits| visits.second(&departures));
-        for (row, Border { plan, .. }) in plans.iter().enumerate() {
+        for (row, Border { plan, .. }) in self.plan.borders.iter().enumerate() {
             let cars = self.lanes.at(row);
             let BorderNow { present, counter, history } = &mut self.regions[row];
             let before = std::mem::take(present);
@@ -94,7 +98,7 @@ impl Borders {
                     let border_lane = &plan.lanes[number];
                     let departed = departed.contains(&car.id);
                     let entry = border_lane.departures.filter(|_| departed).or(border_lane.entry);
-                    entry.iter().for_each(|&entry| counter.arrived(entry));
+                    entry.iter().for_each(|&entry| counter.arrived[entry] += 1);
                     if let Some(visits) = &mut self.visits
                         && let Some(name) = visits.name_of(car.id)
                     {
@@ -105,7 +109,7 @@ impl Borders {
             }
             for (exit, &lane) in plan.exits.iter().enumerate() {
                 if is_blocked(cars.lane(lane), plan.lanes[lane].length_m) {
-                    counter.blocked(exit);
+                    counter.blocked_s[exit] += 1;
                 }
             }
             let sources = sources.row_mut(row);
@@ -118,7 +122,8 @@ impl Borders {
     }
 
     /// Writes the d-set of a region after the last second of a decision.
-    pub(crate) fn d_separate(&self, row: usize, border: &Border, light: LightView, d_set: &mut [f32]) {
+    pub(super) fn d_separate(&self, row: usize, light: LightView, d_set: &mut [f32]) {
+        let border = &self.plan.borders[row];
         border.d_set.write(&border.plan, self.lanes.at(row), light, &self.regions[row].history, d_set);
     }
 }

@@ -190,7 +190,7 @@ impl GlobalTraffic {
     /// Adds what happened in a second of the decision to the influence sources.
     fn note_sources(&mut self, second: usize) -> Result<()> {
         if let Some(borders) = &mut self.borders {
-            return borders.second(&mut self.simulation, &self.plan.borders, second, &mut self.sources);
+            return borders.second(&mut self.simulation, second, &mut self.sources);
         }
         if !self.plan.borders.is_empty() {
             return Ok(());
@@ -226,7 +226,7 @@ impl GlobalTraffic {
             observe::observe(plan, cars, light, percept.obs.row_mut(row));
             let d_set = percept.d_set.row_mut(row);
             match &self.borders {
-                Some(borders) => borders.d_separate(row, &self.plan.borders[row], light, d_set),
+                Some(borders) => borders.d_separate(row, light, d_set),
                 None if self.plan.borders.is_empty() => {
                     observe::d_separate(plan, cars, percept.obs.row(row), self.sources.row(row), d_set);
                 }
@@ -264,7 +264,7 @@ impl GlobalSimulator for GlobalTraffic {
         self.age = 0;
         self.sources.fill(0);
         if let Some(borders) = &mut self.borders {
-            borders.reset(&mut self.simulation, &self.plan.borders)?;
+            borders.reset(&mut self.simulation)?;
         }
         self.tally = Tally::new(self.agents(), self.plan.emergency_decel_mps2);
         self.waiting.fill(Waiting::default());
@@ -297,7 +297,7 @@ impl GlobalSimulator for GlobalTraffic {
     /// Reads all lanes of the regions of a scenario every second from then on. On a grid it changes nothing.
     fn observe_influence(&mut self) -> Result<()> {
         if !self.plan.borders.is_empty() && self.borders.is_none() {
-            self.borders = Some(Borders::register(&mut self.simulation, &self.plan.borders)?);
+            self.borders = Some(Borders::register(&mut self.simulation, self.plan.clone())?);
         }
         Ok(())
     }

@@ -112,13 +112,8 @@ fn aspect(agent: &AgentPlan, shown: Shown, letters: &[usize]) -> Colour {
     };
     match shown {
         Shown::Green(green) if is_green(&greens[green]) => GREEN,
-        Shown::Between { from, to } if is_green(&greens[from]) => {
-            if is_green(&greens[to]) {
-                GREEN
-            } else {
-                YELLOW
-            }
-        }
+        Shown::Between { from, to } if is_green(&greens[from]) && is_green(&greens[to]) => GREEN,
+        Shown::Between { from, .. } if is_green(&greens[from]) => YELLOW,
         _ => RED,
     }
 }

@@ -77,7 +77,7 @@ pub(crate) struct Arrival {
 
 /// Writes the visits down, second by second.
 pub(crate) struct VisitRecorder {
-    visits: Visits,
+    pub(super) visits: Visits,
     /// Indices into [`Visits::drivers`].
     drivers: HashMap<CarId, usize>,
     /// Index of the road of a car's route at which its last visit began, by agent. SUMO never changes the part of a route
@@ -92,14 +92,6 @@ impl VisitRecorder {
             drivers: HashMap::new(),
             began: vec![HashMap::new(); agents],
         }
-    }
-
-    pub(crate) fn visits(&self) -> &Visits {
-        &self.visits
-    }
-
-    pub(crate) fn begin(&mut self) {
-        *self = VisitRecorder::new(self.began.len());
     }
 
     /// Begins a second, in which these cars departed.
@@ -186,7 +178,7 @@ mod tests {
             let entry = plan.lanes[lane].entry;
             recorder.arrived(0, &plan, Arrival { car, lane, entry, departed: false, route });
         }
-        let visits = recorder.visits().of_agents[0].iter();
+        let visits = recorder.visits.of_agents[0].iter();
         visits.map(|visit| (visit.entry, visit.way.join(" "), visit.next_road.clone())).collect()
     }
 
