@@ -360,7 +360,7 @@ fn a_file_that_changes_after_the_check_is_not_loaded() {
         (0..5).for_each(|_| drop(played.simulator.step(&[0; 4]).unwrap().clone()));
     }
     drop(played);
-    traffic.check_in_sumo().unwrap();
+    traffic.try_out().unwrap();
     traffic.keep_files(&room.path("kept")).unwrap();
     let kept = fs::read_to_string(room.path("kept/global.actuated.add.xml")).unwrap();
     assert!(!kept.contains("edgeData"));

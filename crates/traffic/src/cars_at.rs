@@ -1,6 +1,7 @@
-//! The cars on the approaches of one light.
+//! The cars on the lanes of one light.
 
-use libsumo::{CarTable, LaneCars};
+use dials_core::domain::Result;
+use libsumo::{CarTable, LaneCars, LaneId, Simulation};
 
 /// A part of a read of many lanes: those of one light, in the order of its approaches.
 #[derive(Clone, Copy, Debug)]
@@ -17,7 +18,10 @@ impl<'a> CarsAt<'a> {
         CarsAt { table, first, lanes }
     }
 
-    /// Returns the number of lanes.
+    pub(crate) fn all(table: &'a CarTable) -> CarsAt<'a> {
+        CarsAt::new(table, 0, table.lanes())
+    }
+
     pub(crate) fn lanes(&self) -> usize {
         self.lanes
     }
@@ -37,4 +41,50 @@ impl<'a> CarsAt<'a> {
     pub fn cars(&self) -> usize {
         self.iter().map(|lane| lane.len()).sum()
     }
+}
+
+/// Lanes of many lights, one row each, and the cars on them at the last read.
+#[derive(Default)]
+pub(crate) struct RowLanes {
+    lanes: Vec<LaneId>,
+    /// Number of the first lane of each row, and the number of all lanes.
+    starts: Vec<usize>,
+    pub(crate) cars: CarTable,
+}
+
+impl RowLanes {
+    /// Takes the lanes of each row. Nobody is on them before the first read.
+    pub(crate) fn new<'a>(rows: impl Iterator<Item = &'a [LaneId]>) -> RowLanes {
+        let (mut lanes, mut starts) = (Vec::new(), vec![0]);
+        for row in rows {
+            lanes.extend_from_slice(row);
+            starts.push(lanes.len());
+        }
+        RowLanes { cars: no_cars(lanes.len()), lanes, starts }
+    }
+
+    pub(crate) fn register<'a>(
+        simulation: &mut Simulation,
+        rows: impl Iterator<Item = Vec<&'a String>>,
+    ) -> Result<RowLanes> {
+        let rows = rows.map(|names| simulation.register_lanes(&names)).collect::<libsumo::Result<Vec<_>>>()?;
+        Ok(RowLanes::new(rows.iter().map(Vec::as_slice)))
+    }
+
+    pub(crate) fn read(&mut self, simulation: &mut Simulation) -> Result<()> {
+        Ok(simulation.read_lanes(&self.lanes, &mut self.cars)?)
+    }
+
+    pub(crate) fn at(&self, row: usize) -> CarsAt<'_> {
+        self.of(&self.cars, row)
+    }
+
+    /// Returns the cars on the lanes of a row from an earlier read.
+    pub(crate) fn of<'a>(&self, cars: &'a CarTable, row: usize) -> CarsAt<'a> {
+        CarsAt::new(cars, self.starts[row], self.starts[row + 1] - self.starts[row])
+    }
+}
+
+pub(crate) fn no_cars(lanes: usize) -> CarTable {
+    CarTable::of(vec![Vec::new(); lanes])
 }

@@ -1,5 +1,4 @@
-//! The d-set of a scenario's light: what its AIP (approximate influence predictor) sees, all from within the region. The
-//! same on the GS (global simulator) and on a local one.
+//! The d-set of a scenario's light: what its AIP sees, all from within the region. The same on the GS and on an LS.
 //!
 //! Its columns, in this order:
 //! 1. the part of the episode, one-hot, a quarter of an hour each; then the share of the episode that is over;
@@ -18,7 +17,6 @@ use super::cars_at::CarsAt;
 use super::inflow::{History, REMEMBERED_S};
 use super::observe::{self, JAM_M, LightView};
 
-/// Length of a stretch, in metres.
 const STRETCH_M: f64 = 10.0;
 /// How far from their ends exits are seen, in metres.
 const EXIT_SEEN_M: f64 = 60.0;
@@ -33,17 +31,14 @@ const HEADWAY_S: f32 = 2.0;
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct Parts {
     pub(crate) count: usize,
-    /// Number of seconds of the episode.
     pub(crate) episode_s: usize,
 }
 
 impl Parts {
     /// Length of a part in seconds, if there are not too many.
     const PART_S: usize = 900;
-    /// Largest number of parts.
     const MOST: usize = 24;
 
-    /// Divides an episode of this number of seconds.
     pub(crate) fn of(episode_s: usize) -> Parts {
         Parts { count: episode_s.div_ceil(Parts::PART_S).clamp(1, Parts::MOST), episode_s }
     }
@@ -54,7 +49,6 @@ impl Parts {
     }
 }
 
-/// The columns of one d-set.
 #[derive(Clone, Debug, PartialEq)]
 pub struct DSetPlan {
     parts: Parts,
@@ -63,7 +57,6 @@ pub struct DSetPlan {
     windows_s: Vec<usize>,
 }
 
-/// A lane that is seen in stretches.
 #[derive(Clone, Debug, PartialEq)]
 struct SeenLane {
     /// Index into [`BorderPlan::lanes`].
@@ -93,7 +86,6 @@ impl DSetPlan {
         self.parts.count
     }
 
-    /// Returns the name of every column.
     pub fn columns(&self, border: &BorderPlan) -> Vec<String> {
         let mut names: Vec<String> = (0..self.parts.count).map(|part| format!("part of the episode[{part}]")).collect();
         names.push("share of the episode".to_owned());
@@ -111,16 +103,8 @@ impl DSetPlan {
         names
     }
 
-    /// Returns the number of columns.
     pub fn width(&self, border: &BorderPlan) -> usize {
-        let stretches: usize = self.seen.iter().map(|seen| seen.stretches).sum();
-        self.parts.count
-            + 1
-            + self.light.columns()
-            + stretches
-            + entry_lanes(border).count()
-            + border.entries.len() * self.windows_s.len()
-            + border.exits.len()
+        self.columns(border).len()
     }
 
     /// Writes the d-set. Columns beyond its width become 0. `cars`: those on all lanes of the border, in its order. The
@@ -160,7 +144,7 @@ impl DSetPlan {
             }
         }
         for exit in 0..border.exits.len() {
-            take(1)[0] = f32::from(u8::from(history.is_blocked(exit)));
+            take(1)[0] = f32::from(u8::from(history.blocked[exit]));
         }
     }
 }
@@ -174,7 +158,7 @@ fn entry_lanes(border: &BorderPlan) -> impl Iterator<Item = usize> {
 }
 
 #[cfg(test)]
-mod tests {
+pub(crate) mod tests {
     use std::collections::BTreeSet;
 
     use super::*;
@@ -186,19 +170,21 @@ mod tests {
     use crate::network::roads::example::{LIGHT_AT_U, roads};
     use libsumo::{CarId, CarTable};
 
-    /// Returns the border of the light J, with a light before it, in an episode of half an hour.
-    fn border() -> Border {
-        let roads = roads(&LIGHT_AT_U);
+    /// Returns the border of the light J on a net with some texts replaced. Two lanes of the road `near` lead to J, cars
+    /// depart on `north`, another light is before J, and an episode has half an hour.
+    pub(crate) fn border_of(changes: &[(&str, &str)]) -> Border {
+        let roads = roads(&[&LIGHT_AT_U, changes].concat());
         let derived = derive(&roads, &Rules::default(), &Overrides::default()).unwrap();
-        derived.borders(&roads, &BTreeSet::new(), 150.0, Seconds { decision: 5, episode: 1800 }).remove(0)
+        let departs_on = BTreeSet::from([roads.edge_named("north").unwrap()]);
+        derived.borders(&roads, &departs_on, 150.0, Seconds { decision: 5, episode: 1800 }).remove(0)
     }
 
     #[test]
     fn every_column_has_its_place_and_its_name() {
-        let Border { plan, d_set } = border();
-        // Lanes of J's region: near_0, near_1, north_0, out_0, back_0. Entries: the first two. Exit: back_0.
+        let Border { plan, d_set } = border_of(&[]);
+        // Lanes of J's region: near_0, near_1, north_0, out_0, back_0. Entries: the first two, and `north`. Exit: back_0.
         let names = d_set.columns(&plan);
-        assert_eq!((names.len(), d_set.width(&plan), d_set.parts()), (43, 43, 2));
+        assert_eq!((names.len(), d_set.width(&plan), d_set.parts()), (47, 47, 2));
         let mut cars = vec![Vec::new(); plan.lanes.len()];
         // 50 m long: 5 m and 12 m before the end, two cars in the fifth stretch, the last one 2.5 m behind the border.
         cars[0] = vec![(CarId(1), 2.5, 0.0), (CarId(2), 9.0, 0.0), (CarId(3), 38.0, 5.0), (CarId(4), 45.0, 5.0)];
@@ -238,7 +224,7 @@ mod tests {
             ("blocked back_0", 1.0),
         ];
         assert_eq!(found, expected);
-        assert!(row[43..].iter().all(|&value| value == 0.0), "what wider d-sets need");
+        assert!(row[47..].iter().all(|&value| value == 0.0), "what wider d-sets need");
     }
 
     #[test]

@@ -1,42 +1,45 @@
-//! Arrivals and blocked exits of one region of a scenario: counted on the GS (global simulator) as influence sources, and
-//! remembered for the d-set on either simulator.
+//! Influence sources on the GS: arrivals at the approaches of a grid, and arrivals and blocked exits of a region of a
+//! scenario, remembered for the d-set on either simulator.
 
 use super::agents::border_plan::{BLOCK_M, BLOCK_MPS, BorderPlan};
+use super::cars_at::CarsAt;
 use libsumo::LaneCars;
 
 /// Number of seconds that [`History`] remembers.
 pub(crate) const REMEMBERED_S: usize = 60;
 
-/// Counts the influence sources of a decision, second by second.
+/// Returns whether a car entered a lane of a grid between two reads. A car that has just entered is the rearmost on its
+/// lane: cars leave in the order in which they came, and a second one does not fit in behind it within a second.
+pub(crate) fn has_arrival(now: LaneCars<'_>, before: LaneCars<'_>) -> bool {
+    now.ids.first().is_some_and(|car| before.ids.first() != Some(car))
+}
+
+/// Writes 1 for every lane that a car entered between two reads of one light's lanes, and leaves the others.
+pub(crate) fn note_arrivals(arrivals: &mut [u8], now: CarsAt<'_>, before: CarsAt<'_>) {
+    for (arrived, (now, before)) in arrivals.iter_mut().zip(now.iter().zip(before.iter())) {
+        *arrived |= u8::from(has_arrival(now, before));
+    }
+}
+
+/// Counts the influence sources of a decision on a scenario, second by second.
 #[derive(Clone, Debug)]
 pub(crate) struct SourceCounter {
     /// Cars per entry that have arrived and do not count yet, because one a second counts.
-    waiting: Vec<u32>,
+    pub(crate) arrived: Vec<u32>,
     /// Number of seconds of this decision in which each exit was blocked.
-    blocked_s: Vec<usize>,
+    pub(crate) blocked_s: Vec<usize>,
 }
 
 impl SourceCounter {
-    /// Begins an episode.
     pub(crate) fn new(plan: &BorderPlan) -> SourceCounter {
-        SourceCounter { waiting: vec![0; plan.entries.len()], blocked_s: vec![0; plan.exits.len()] }
-    }
-
-    /// Notes a car that arrived at an entry in this second.
-    pub(crate) fn arrived(&mut self, entry: usize) {
-        self.waiting[entry] += 1;
-    }
-
-    /// Notes that an exit is blocked in this second.
-    pub(crate) fn blocked(&mut self, exit: usize) {
-        self.blocked_s[exit] += 1;
+        SourceCounter { arrived: vec![0; plan.entries.len()], blocked_s: vec![0; plan.exits.len()] }
     }
 
     /// Writes what counts in this second of the decision into its `sources`, which begin with zeros. The last second
     /// ends the decision.
     pub(crate) fn end_second(&mut self, plan: &BorderPlan, second: usize, sources: &mut [u8]) {
-        for (entry, waiting) in self.waiting.iter_mut().enumerate().filter(|(_, waiting)| **waiting > 0) {
-            *waiting -= 1;
+        for (entry, arrived) in self.arrived.iter_mut().enumerate().filter(|(_, arrived)| **arrived > 0) {
+            *arrived -= 1;
             sources[plan.arrival(entry, second)] = 1;
         }
         if second + 1 == plan.decision_s {
@@ -54,21 +57,19 @@ pub(crate) fn is_blocked(lane: LaneCars<'_>, length_m: f64) -> bool {
 }
 
 /// The influence sources of the last minute, as the d-set shows them.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Default)]
 pub(crate) struct History {
     /// A bit per second and entry: did a car arrive? The lowest bit is the last second.
     arrivals: Vec<u64>,
     /// Whether each exit was blocked in the last decision.
-    blocked: Vec<bool>,
+    pub(crate) blocked: Vec<bool>,
 }
 
 impl History {
-    /// Begins an episode: nothing has happened.
     pub(crate) fn new(plan: &BorderPlan) -> History {
         History { arrivals: vec![0; plan.entries.len()], blocked: vec![false; plan.exits.len()] }
     }
 
-    /// Notes the sources of a decision.
     pub(crate) fn note(&mut self, plan: &BorderPlan, sources: &[u8]) {
         for (entry, bits) in self.arrivals.iter_mut().enumerate() {
             for second in 0..plan.decision_s {
@@ -84,11 +85,6 @@ impl History {
     pub(crate) fn arrivals(&self, entry: usize, seconds: usize) -> u32 {
         (self.arrivals[entry] & ((1 << seconds.min(REMEMBERED_S)) - 1)).count_ones()
     }
-
-    /// Returns whether an exit was blocked in the last decision.
-    pub(crate) fn is_blocked(&self, exit: usize) -> bool {
-        self.blocked[exit]
-    }
 }
 
 #[cfg(test)]
@@ -96,6 +92,22 @@ mod tests {
     use super::*;
     use crate::agents::border_plan::{Entry, EntryPlace};
     use libsumo::{CarId, CarTable};
+
+    #[test]
+    fn a_new_rearmost_car_is_an_arrival_and_a_car_that_left_is_none() {
+        let cases: [(&[u64], &[u64], bool); 5] = [
+            (&[1], &[], true),
+            (&[3, 2], &[2, 1], true),
+            (&[2], &[2, 1], false),
+            (&[], &[1], false),
+            (&[], &[], false),
+        ];
+        for (now, before, expected) in cases {
+            let lane = |ids: &[u64]| CarTable::of([ids.iter().map(|&id| (CarId(id), 0.0, 0.0)).collect()]);
+            let (now, before) = (lane(now), lane(before));
+            assert_eq!(has_arrival(now.lane(0), before.lane(0)), expected, "{now:?} after {before:?}");
+        }
+    }
 
     /// Makes a border of these numbers of entries and exits, with decisions of three seconds.
     fn plan(entries: usize, exits: usize) -> BorderPlan {
@@ -116,7 +128,7 @@ mod tests {
         let mut decision = |arrivals: [[u32; 2]; 3]| {
             let mut sources = [0; 6];
             for (second, arrivals) in arrivals.into_iter().enumerate() {
-                (0..2).for_each(|entry| (0..arrivals[entry]).for_each(|_| counter.arrived(entry)));
+                (0..2).for_each(|entry| counter.arrived[entry] += arrivals[entry]);
                 counter.end_second(&plan, second, &mut sources);
             }
             sources
@@ -132,7 +144,7 @@ mod tests {
         let mut counter = SourceCounter::new(&plan);
         let mut sources = [0; 2];
         for (second, exits) in [&[0, 1][..], &[1], &[]].into_iter().enumerate() {
-            exits.iter().for_each(|&exit| counter.blocked(exit));
+            exits.iter().for_each(|&exit| counter.blocked_s[exit] += 1);
             counter.end_second(&plan, second, &mut sources);
         }
         assert_eq!(sources, [0, 1], "one of three seconds, and two of three");
@@ -160,10 +172,10 @@ mod tests {
         history.note(&plan, &[0, 1, 0, 0]);
         let counts: Vec<u32> = [1, 2, 3, 4, 6, 60, 300].map(|seconds| history.arrivals(0, seconds)).into();
         assert_eq!(counts, [0, 1, 1, 2, 3, 3, 3]);
-        assert!(!history.is_blocked(0));
+        assert!(!history.blocked[0]);
         (0..19).for_each(|_| history.note(&plan, &[0, 0, 0, 1]));
         assert_eq!(
-            (history.arrivals(0, 60), history.is_blocked(0)),
+            (history.arrivals(0, 60), history.blocked[0]),
             (1, true),
             "57 s later only the fifth second is left"
         );

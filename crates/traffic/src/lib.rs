@@ -1,52 +1,42 @@
 //! The traffic domain: lights on SUMO, each an agent, on the paper's grids or on a scenario of the user.
 //!
-//! - [`agents`], [`side`]: what an agent is; [`light`], [`observe`], [`reward`], [`arrivals`]: its actions, observations,
-//!   rewards and influence sources; [`cars_at`]: the cars that they are made from.
-//! - [`inflow`], [`d_set`]: influence sources of a scenario, and what its AIPs (approximate influence predictors) see.
+//! - [`agents`], [`side`]: what an agent is; [`light`], [`observe`], [`reward`], [`inflow`]: its actions, observations,
+//!   rewards and influence sources; [`cars_at`]: the cars that they are made from; [`d_set`]: what its AIP sees on a
+//!   scenario; `task`: all of it in words.
 //! - [`paper_grid`]: the road networks of the paper; [`network`]: networks as files; [`cut`]: local regions cut out of
-//!   them.
-//! - [`scenario`]: the scenario of a user, a .sumocfg with its files.
-//! - `ground`: what differs between a grid and a scenario.
+//!   them; [`scenario`]: the scenario of a user, a .sumocfg with its files.
+//! - `road_network`: a grid or a scenario, and what differs between them.
 //! - [`sim`]: the simulators, their recordings and replays.
-//! - `task`: what a light sees, does and is paid for, in words.
 //! - [`controllers`]: hand-coded baselines; [`tuning`]: the search for the best fixed-time lights.
 //! - [`fidelity`]: how far the local simulators are like the global one.
 //!
 //! # Words
-//! - *Agent*: what runs the light of one intersection.
-//! - *Intersection*: a place where roads cross under a light. *Junction* is SUMO's word, used only for SUMO's files.
-//! - *Local region*: an intersection and its four incoming edges. Its agent sees nothing else.
-//! - *Node*: an intersection or a dead end. *Edge*: a road from one node to the next, in one direction, with one
-//!   *lane*. The three are SUMO's words.
-//! - *Car*: what SUMO calls a vehicle.
-//! - *Influence source*: an incoming edge of a local region, as the place where cars come in from outside.
 //! - *GS*: the global simulator. *LS*: a local simulator. *AIP*: the approximate influence predictor, which predicts
-//!   arrivals.
-//! - *Arrival*: a car came in at a source in this step. The AIP predicts arrivals, and the GS observes them.
-//! - *Placement*: where and how fast the LS puts an arriving car. A car that does not fit in is a *dropped arrival*.
+//!   arrivals. *D-set*: the variables that it predicts from.
+//! - *Intersection*: a place where roads cross under a light. *Junction* is SUMO's word, used only for SUMO's files, and
+//!   so are *edge* (a road from one node to the next, in one direction) and *lane*. A *car* is SUMO's vehicle.
+//! - *Local region*: an intersection and the roads that lead to it. Its agent sees nothing else.
+//! - *Arrival*: a car came into a local region in this step. A sampled arrival without room on a grid is a *dropped arrival*.
 //! - *Insertion*: SUMO's word for the order to let a car in. *Departure*: SUMO's word for the car that entered.
-//! - *Entry*: in a recording, the car that entered and the order that SUMO got for it.
-//! - *Light*: what a light shows. *Signal*: the light of one intersection under its agent, with the time that it was
-//!   yellow.
+//! - *Light*: what a light shows. *Signal*: the light under its agent, with the time for which it has shown that.
 //!
-//! This is the only room of the library that opens [`libsumo`]. libsumo holds one simulation per process, so drop a
-//! simulator of this room before the thread makes the next one.
+//! Only this crate opens [`libsumo`], which holds one simulation per process. So drop a simulator before the thread makes
+//! the next one.
 
 pub mod agents;
-mod arrivals;
 mod cars_at;
 pub mod config;
 pub mod controllers;
 pub mod cut;
 mod d_set;
 pub mod fidelity;
-mod ground;
 mod inflow;
 pub mod light;
 pub mod network;
 mod observe;
 pub mod paper_grid;
 mod reward;
+mod road_network;
 pub mod scenario;
 pub mod side;
 pub mod sim;
@@ -57,7 +47,7 @@ use std::path::{Path, PathBuf};
 use std::sync::{Arc, OnceLock};
 use std::time::Duration;
 
-use anyhow::{Context, Error, bail, ensure};
+use anyhow::{Context, bail, ensure};
 
 use crate::config::{ScenarioConfig, TrafficConfig};
 use agents::plan::{AgentPlan, Border, JointPlan};
@@ -69,27 +59,23 @@ use dials_core::domain::{
     Baseline, Beginning, BuiltInControl, Domain, GlobalSimulator, Kind, Kinds, LocalSimulator, Measures, Result,
     RoughCosts, Scenario, Task,
 };
-use ground::on_grid::OnGrid;
-use ground::on_scenario::OnScenario;
-use ground::{About, Ground};
 use libsumo::Simulation;
+use network::way_out::{Role, cannot_be_simulated};
 use paper_grid::grid::Grid;
-use paper_grid::plans::joint_plan;
+use road_network::{Files, RoadNetwork, grid, scenario as of_scenario};
 use scenario::SumoScenario;
 use sim::control::SignalControl;
 use sim::global::GlobalTraffic;
-use sim::local::LocalTraffic;
-use sim::local_scenario::LocalScenario;
-use sim::recording::Tape;
+use sim::local::{DROPPED, Demand, LocalTraffic};
+use sim::local_forest::{LocalForest, rows_of};
+use sim::recording::{Recorder, Tape};
 use sim::tally::P_SWITCH;
 use sim::trace::road_map;
 use sim::trace::route::Route;
 use sim::visit_tables::VisitTables;
 use sim::visits::Visits;
-use sim::visits_as_bytes;
 
-/// Longest time in which SUMO reads the demand of a scenario for a trial. What comes later in an episode is tried by the
-/// first one.
+/// Longest time in which SUMO reads the demand of a scenario for a trial. The first episode tries what comes later.
 const DEMAND_PATIENCE: Duration = Duration::from_secs(10);
 
 /// Returns the version of the linked SUMO, such as `SUMO 1.15.0`.
@@ -106,7 +92,7 @@ pub fn libm() -> Result<String> {
 #[derive(Clone)]
 pub struct Traffic {
     plan: Arc<JointPlan>,
-    ground: Arc<dyn Ground>,
+    network: Arc<RoadNetwork>,
     tape: Option<Tape>,
     /// Visits to the regions, once they were recorded.
     visits: Arc<OnceLock<Arc<VisitTables>>>,
@@ -114,30 +100,24 @@ pub struct Traffic {
 
 impl Traffic {
     /// Finds the networks of a grid and compares them with what this program makes. An error says which file is missing
-    /// or wrong and how to make it. Cheap: [`Traffic::check_in_sumo`] checks what only SUMO can say.
+    /// or wrong and how to make it. Cheap: [`Domain::try_out`] checks what only SUMO can say.
     pub fn open(config: &TrafficConfig) -> Result<Traffic> {
-        let ground = OnGrid::open(config)?;
-        Ok(Traffic {
-            plan: Arc::new(joint_plan(ground.shape(), config)),
-            ground: Arc::new(ground),
-            tape: None,
-            visits: Arc::default(),
-        })
+        grid::open(config).map(Traffic::new)
     }
 
     /// Reads a scenario of the user. An error says which file is missing or wrong, and what to do. Cheap, like
     /// [`Traffic::open`].
     pub fn open_scenario(config: &ScenarioConfig) -> Result<Traffic> {
-        Ok(Traffic::on_scenario(OnScenario::open(config)?))
+        of_scenario::open(SumoScenario::read(config)?, config).map(Traffic::new)
     }
 
     /// Reads a scenario of the user, in which all cars dawdle as much as `sigma` says: from 0, never, to 1.
     pub fn open_dawdling(config: &ScenarioConfig, sigma: f64) -> Result<Traffic> {
-        Ok(Traffic::on_scenario(OnScenario::of(SumoScenario::read(config)?.dawdling(sigma), config)?))
+        of_scenario::open(SumoScenario::read(config)?.dawdling(sigma), config).map(Traffic::new)
     }
 
-    fn on_scenario(ground: OnScenario) -> Traffic {
-        Traffic { plan: Arc::new(ground.joint_plan()), ground: Arc::new(ground), tape: None, visits: Arc::default() }
+    fn new((network, plan): (RoadNetwork, JointPlan)) -> Traffic {
+        Traffic { plan: Arc::new(plan), network: Arc::new(network), tape: None, visits: Arc::default() }
     }
 
     /// Returns the borders of the agents' regions, in their order. A grid of the paper has none.
@@ -145,19 +125,17 @@ impl Traffic {
         &self.plan.borders
     }
 
-    /// Returns the visits to the regions of a scenario in an episode on the GS (global simulator), in which all lights
-    /// follow their own programs. The episode is always the same one. It is played at the first call; then no other
-    /// simulator may be loaded.
+    /// Returns the visits to the regions of a scenario in one episode on the GS, always the same one, in which all lights
+    /// follow their own programs. It is played at the first call; then no other simulator may be loaded.
     pub fn visits(&self) -> Result<Arc<VisitTables>> {
         if let Some(known) = self.visits.get() {
             return Ok(known.clone());
         }
-        let off_tape = Traffic { tape: None, ..self.clone() };
-        let mut gs = off_tape.global(self.everywhere(HandCoded::OwnProgram))?;
+        let mut gs = self.off_tape().global(self.everywhere(HandCoded::OwnProgram))?;
         gs.record_visits()?;
         gs.reset(Seed::new(0).fork(RandomPurpose::Visits))?;
         let actions = vec![light::KEEP; self.agents()];
-        for _ in 0..self.about().horizon {
+        for _ in 0..self.network.horizon {
             gs.step(&actions)?;
         }
         let visits = gs.visits().context("only the regions of a scenario have visits")?.clone();
@@ -165,8 +143,8 @@ impl Traffic {
         Ok(self.visits.get_or_init(|| tables).clone())
     }
 
-    fn about(&self) -> &About {
-        self.ground.about()
+    fn off_tape(&self) -> Traffic {
+        Traffic { tape: None, ..self.clone() }
     }
 
     /// Makes the first episode of its simulators, global or local, go on this tape.
@@ -174,30 +152,30 @@ impl Traffic {
         Traffic { tape: Some(tape.clone()), ..self }
     }
 
-    /// Returns the grid of intersections, if it is one.
     pub fn grid(&self) -> Option<Grid> {
-        self.about().grid
+        self.network.grid()
     }
 
-    /// Returns the plans of all agents, in their order.
     pub fn plans(&self) -> &[AgentPlan] {
         &self.plan.agents
     }
 
-    /// Loads everything in SUMO and plays a step, and lets SUMO read the demand of a scenario, so that what is wrong is
-    /// reported before a run begins. For a grid it takes tens of milliseconds; SUMO is closed again.
-    pub fn check_in_sumo(&self) -> Result<()> {
-        // That SUMO's library is missing, or too large for this process, is no fault of the network.
-        libsumo::load()?;
-        let tried = self.try_global().and_then(|()| self.ground.source()?.try_demand(DEMAND_PATIENCE));
-        tried.with_context(|| self.about().cannot_be_simulated.clone())?;
-        self.ground.try_local()
+    /// Loads a local simulator of each of these regions and plays a step. `arrive`: 1 if cars arrive at all sources.
+    fn try_local_step(&self, regions: &[AgentId], arrive: u8) -> Result<()> {
+        let mut ls = self.off_tape().load_local(regions, 1, Seed::new(0))?;
+        ls.reset(&Beginning::first(0..regions.len()))?;
+        let sources = ls.spec().sources.count();
+        let sources = Rows::from_vec(vec![arrive; regions.len() * sources], sources);
+        ls.step(&vec![light::KEEP; regions.len()], &sources)?;
+        let dropped = ls.counters().into_iter().find(|(name, _)| *name == DROPPED).map_or(0, |(_, count)| count);
+        ensure!(dropped == 0, "{dropped} cars did not fit on its empty edges");
+        Ok(())
     }
 
     /// Tries the GS with the actuated lights, which need all files of the network and more of their content than the
     /// agents' control. Where SUMO refuses these lights, it tries the agents' control.
     fn try_global(&self) -> Result<()> {
-        let control = match self.about().refuses_actuated {
+        let control = match self.network.refuses_actuated {
             None => self.everywhere(HandCoded::Actuated),
             Some(_) => SignalControl::Agents,
         };
@@ -209,41 +187,65 @@ impl Traffic {
 
     /// Loads the GS with its own type, for what the trait does not offer.
     pub fn global(&self, control: SignalControl) -> Result<GlobalTraffic> {
-        let tape = self.tape.as_ref().map(|tape| Ok::<_, Error>((tape, self.ground.recorded()?))).transpose()?;
-        if let Some(why) = self.about().refuses_actuated.as_ref().filter(|_| control.is_actuated()) {
+        if let Some(why) = self.network.refuses_actuated.as_ref().filter(|_| control.is_actuated()) {
             bail!("{why}");
         }
-        Ok(GlobalTraffic::load(self.plan.clone(), self.ground.source()?, control, tape)?.on(self.ground.clone()))
+        GlobalTraffic::load(self.plan.clone(), self.network.clone(), control, self.tape.as_ref())
     }
 
-    /// Returns the length of an episode in seconds.
     pub fn seconds(&self) -> usize {
-        self.about().horizon * self.plan.decision_steps
+        self.network.horizon * self.plan.decision_steps
     }
 
-    /// Returns the length of an episode of the local simulators in seconds.
     pub fn local_seconds(&self) -> usize {
         self.plan.kinds.specs().map(|spec| spec.local_horizon).max().unwrap_or(0) * self.plan.decision_steps
     }
 
     /// Reads the way along which pictures show the cars of a scenario: edges that follow each other, separated by commas.
     pub fn route(&self, edges: &str) -> Result<Route> {
-        self.ground.route(edges)
+        let Files::Scenario(files) = &self.network.files else {
+            bail!(
+                "only a scenario has routes to choose from; on a grid the middle row is drawn, so leave the option out"
+            )
+        };
+        Route::read(edges, &files.files.roads()?).with_context(|| files.files.net_path().display().to_string())
     }
 
     /// Returns the map of a scenario. `None`: a grid, which needs none. No simulator is loaded.
     pub fn road_map(&self) -> Result<Option<RoadMap>> {
-        Ok(road_map(&self.ground.recorded()?))
+        Ok(road_map(&self.network.recorded(&self.plan)?))
     }
 
-    /// Returns control of all lights by hand-coded control.
     pub fn everywhere(&self, by: HandCoded) -> SignalControl {
         SignalControl::HandCoded { by, agents: AgentId::all(self.agents()) }
     }
 
-    /// Loads an LS of `rows` rows of a grid with its own type.
+    /// Loads an LS of `rows` rows, all of the first region, with its own type.
     pub fn local(&self, rows: usize) -> Result<LocalTraffic> {
-        self.ground.local(rows, self.tape.as_ref())
+        self.load_local(&[AgentId(0)], rows, Seed::new(0))
+    }
+
+    fn load_local(&self, regions: &[AgentId], copies: usize, seed: Seed) -> Result<LocalTraffic> {
+        ensure!(!regions.is_empty() && copies > 0, "a forest of 0 regions: needs at least one");
+        let rows = rows_of(regions, copies, seed);
+        let (demand, mut forest) = match &self.network.files {
+            Files::Grid(files) => {
+                // All intersections of a grid have the same local dynamics.
+                let forest = LocalForest::of_grid(&files.local_network, &self.plan, &rows)?;
+                (Demand::Rule(files.config.entry), forest)
+            }
+            Files::Scenario(files) => {
+                let (parts, tables) = (files.local_parts()?, self.visits()?);
+                let forest = LocalForest::of_scenario(&parts, &self.plan, &tables, &rows)?;
+                (Demand::Visits(tables), forest)
+            }
+        };
+        let record = |tape| {
+            let (roads, prefix) = self.network.recorded_local(&self.plan, &forest)?;
+            Recorder::new(tape, &mut forest.simulation, roads, prefix)
+        };
+        let recorder = self.tape.as_ref().map(record).transpose()?;
+        Ok(LocalTraffic::new(self.plan.clone(), demand, forest, recorder))
     }
 }
 
@@ -253,7 +255,7 @@ impl Trials for Traffic {
     }
 
     fn horizon(&self) -> usize {
-        self.about().horizon
+        self.network.horizon
     }
 }
 
@@ -275,18 +277,7 @@ impl Domain for Traffic {
     }
 
     fn local_simulator(&self, regions: &[AgentId], copies: usize, seed: Seed) -> Result<Box<dyn LocalSimulator>> {
-        if let Some(parts) = self.ground.local_parts()? {
-            let ls = LocalScenario::load(&parts, &self.plan, self.visits()?, regions, copies, seed)?;
-            let recorded = match &self.tape {
-                Some(tape) => ls.record_on(tape, &parts)?,
-                None => ls,
-            };
-            return Ok(Box::new(recorded));
-        }
-        // All intersections of a grid have the same local dynamics. Only their clocks may differ.
-        let clock_of = |agent: &AgentId| self.plan.agents[agent.0].sensor.clock_ahead;
-        let clocks_ahead = regions.iter().flat_map(|agent| vec![clock_of(agent); copies]).collect();
-        Ok(Box::new(self.local(regions.len() * copies)?.with_clocks_ahead(clocks_ahead)))
+        Ok(Box::new(self.load_local(regions, copies, seed)?))
     }
 
     fn baselines(&self) -> &'static [&'static str] {
@@ -309,70 +300,75 @@ impl Domain for Traffic {
 
     fn with_background(&self, name: &str, agents: &[AgentId]) -> Result<Box<dyn GlobalSimulator>> {
         // An episode in which a controller measures something before it begins does not go on the tape.
-        let off_tape = Traffic { tape: None, ..self.clone() };
-        let by = controllers::recipe(name, self.plans())?(&off_tape)?;
+        let by = controllers::recipe(name, self.plans())?(&self.off_tape())?;
         Ok(Box::new(self.global(SignalControl::HandCoded { by, agents: agents.to_vec() })?))
     }
 
     fn initial_action_bias(&self, kind: &Kind) -> Vec<f32> {
         let mut biases = vec![0.0; kind.spec.n_actions];
         if let Some(bias) = biases.get_mut(usize::from(light::SWITCH)) {
-            *bias = self.about().switch_bias;
+            *bias = self.network.switch_bias;
         }
         biases
     }
 
     fn scenario(&self) -> Result<Scenario> {
-        Ok(self
-            .ground
-            .scenario(self.agents())?
-            .with_rules(task::rules(&self.plan), self.about().unusual_reward.clone()))
+        let scenario = self.network.described(self.agents());
+        Ok(scenario.with_rules(task::rules(&self.plan), self.network.unusual_reward.clone()))
     }
 
     fn rival(&self) -> Option<&'static str> {
-        Some(self.about().rival)
+        Some(self.network.rival)
     }
 
+    /// For a grid it takes tens of milliseconds; SUMO is closed again.
     fn try_out(&self) -> Result<()> {
-        self.check_in_sumo()
+        // That SUMO's library is missing, or too large for this process, is no fault of the network.
+        libsumo::load()?;
+        let tried = self.try_global().and_then(|()| self.network.source()?.try_demand(DEMAND_PATIENCE));
+        tried.with_context(|| self.network.cannot_be_simulated.clone())?;
+        let Files::Grid(files) = &self.network.files else { return Ok(()) };
+        self.try_local_step(&[AgentId(0)], 1)
+            .with_context(|| cannot_be_simulated(&files.local_network.files.net, Role::Local))
     }
 
     fn try_local(&self) -> Result<()> {
         // That of a grid was tried with its other files.
-        let Some(parts) = self.ground.local_parts()? else { return Ok(()) };
-        let nobody = Visits { of_agents: vec![Vec::new(); self.agents()], seconds: self.seconds() };
+        if self.grid().is_some() {
+            return Ok(());
+        }
+        let nobody =
+            Visits { of_agents: vec![Vec::new(); self.agents()], drivers: Vec::new(), seconds: self.seconds() };
         let tables = Arc::new(VisitTables::new(nobody, &self.plan.borders));
-        let all = AgentId::all(self.agents());
-        let mut ls = LocalScenario::load(&parts, &self.plan, tables, &all, 1, Seed::new(0))?;
-        ls.reset(&Beginning::first(0..all.len()))?;
-        let no_arrival = Rows::new(all.len(), ls.spec().sources.count());
-        ls.step(&vec![0; all.len()], &no_arrival)?;
-        Ok(())
+        let traffic = Traffic { visits: Arc::new(OnceLock::from(tables)), ..self.clone() };
+        traffic.try_local_step(&AgentId::all(self.agents()), 0)
     }
 
     fn strange_files(&self) -> Vec<PathBuf> {
-        self.about().strange_files.clone()
+        self.network.strange_files.clone()
     }
 
     fn left_out(&self) -> Vec<String> {
-        self.about().left_out.clone()
+        self.network.left_out.clone()
     }
 
     fn check_place(&self, folder: &Path) -> Result<()> {
-        self.ground.check_place(folder)
+        self.network.check_place(folder)
     }
 
     fn keep_files(&self, folder: &Path) -> Result<Vec<PathBuf>> {
-        self.ground.keep_files(folder)
+        self.network.keep_files(folder)
     }
 
     fn prepare(&self) -> Result<Option<Vec<u8>>> {
-        let differ = self.ground.local_parts()?.is_some();
-        differ.then(|| visits_as_bytes::to_bytes(self.visits()?.visits())).transpose()
+        if self.grid().is_some() {
+            return Ok(None);
+        }
+        postcard::to_stdvec(self.visits()?.visits()).map(Some).context("visits cannot be encoded")
     }
 
     fn take_prepared(&self, prepared: &[u8]) -> Result<()> {
-        let visits = visits_as_bytes::from_bytes(prepared)?;
+        let visits: Visits = postcard::from_bytes(prepared).context("these bytes are no visits")?;
         ensure!(visits.of_agents.len() == self.agents(), "these are visits to other regions");
         self.visits.get_or_init(|| Arc::new(VisitTables::new(visits, &self.plan.borders)));
         Ok(())
@@ -387,12 +383,12 @@ impl Domain for Traffic {
     }
 
     fn rough_costs(&self) -> RoughCosts {
-        self.about().rough_costs
+        self.network.rough_costs
     }
 
     fn stuck(&self, kind: &Kind, measures: &Measures) -> Vec<bool> {
         let (_, shares) =
             measures.per_agent.iter().find(|(name, _)| *name == P_SWITCH).expect("the traffic GS measures it");
-        kind.agents.iter().map(|agent| (self.about().is_stuck)(shares[agent.0])).collect()
+        kind.agents.iter().map(|agent| (self.network.is_stuck)(shares[agent.0])).collect()
     }
 }

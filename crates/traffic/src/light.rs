@@ -35,7 +35,6 @@ impl Signal {
         self.shown
     }
 
-    /// Returns the state that the light shows.
     pub(crate) fn state(self, plan: &PhasePlan) -> &SignalState {
         let Shown::Between { from, to } = self.shown else { return &plan.greens()[self.shown.target()] };
         let mut left = self.steps;
@@ -77,7 +76,6 @@ impl Signal {
         }
     }
 
-    /// Makes the first step after a green.
     fn leave(&mut self, plan: &PhasePlan, from: usize, to: usize) {
         let cleared_at_once = plan.clearing(from, to).is_empty();
         self.shown = if cleared_at_once { Shown::Green(to) } else { Shown::Between { from, to } };
@@ -114,13 +112,9 @@ mod tests {
     }
 
     #[test]
-    fn a_switch_shows_yellow_at_once_and_for_three_steps() {
-        let shown = shown(&paper(), &[KEEP, SWITCH, KEEP, KEEP, KEEP, KEEP]);
-        assert_eq!(shown, ["Gr", "yr", "yr", "yr", "rG", "rG"]);
-    }
-
-    #[test]
-    fn actions_during_yellow_are_ignored_and_green_lasts_at_least_one_step() {
+    fn a_switch_shows_yellow_for_three_steps_which_ignore_actions_and_green_lasts_at_least_one() {
+        let once = shown(&paper(), &[KEEP, SWITCH, KEEP, KEEP, KEEP, KEEP]);
+        assert_eq!(once, ["Gr", "yr", "yr", "yr", "rG", "rG"]);
         let cycle = ["yr", "yr", "yr", "rG", "ry", "ry", "ry", "Gr"];
         assert_eq!(shown(&paper(), &[SWITCH; 16]), [cycle, cycle].concat(), "switching always has a period of 8 steps");
     }

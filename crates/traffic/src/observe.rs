@@ -1,5 +1,4 @@
-//! The observation of an agent, all that is on its roads, the d-set of its AIP (approximate influence predictor), and its
-//! reward. Pure.
+//! The observation of an agent, all that is on its roads, the d-set of its AIP on a grid, and figures for its reward. Pure.
 
 use super::agents::phase_plan::Shown;
 use super::agents::plan::AgentPlan;
@@ -67,9 +66,7 @@ pub(super) const JAM_M: f64 = 7.5;
 fn occupy_all(plan: &AgentPlan, cars: CarsAt<'_>, cells: &[usize], bits: &mut [f32]) {
     let mut rest = bits;
     for ((approach, lane), &cells) in plan.region.approaches.iter().zip(cars.iter()).zip(cells) {
-        let (these, others) = rest.split_at_mut(cells);
-        occupy(approach, lane, these);
-        rest = others;
+        occupy(approach, lane, rest.split_off_mut(..cells).expect("as many bits as all approaches have cells"));
     }
 }
 
@@ -103,9 +100,15 @@ pub(super) fn show(columns: LightColumns, light: LightView, bits: &mut [f32]) {
     }
 }
 
-/// Writes the d-set of a grid (the variables that the AIP predicts from): the cells in which cars are, the arrivals or
-/// the light if the plan says so, and the clock if the observation has one. The AIP sees cells also where the agent sees
-/// queues.
+/// Writes which actions a light may take: one per green, and only to stay while it may not leave its green.
+pub(crate) fn mask(plan: &AgentPlan, shown: Shown, may_leave: bool, mask: &mut [bool]) {
+    for (action, allowed) in mask.iter_mut().enumerate() {
+        *allowed = action < plan.phases.actions() && (may_leave || action == shown.target());
+    }
+}
+
+/// Writes the d-set of a grid: the cells in which cars are, the arrivals or the light if the plan says so, and the clock if
+/// the observation has one. The AIP sees cells also where the agent sees queues.
 ///
 /// DEVIATION 9: the arrivals (`d_set = "cells+arrivals"`). The cells do not show a car that has just entered, but an
 /// arrival in the next step is then very unlikely. With the arrivals, the AIP's cross-entropy falls by 4 %.
@@ -177,114 +180,84 @@ mod tests {
     /// Cars on one lane, the rearmost first: position and speed.
     type Lane<'a> = &'a [(f64, f64)];
 
+    const NOBODY: [Lane<'static>; 4] = [&[]; 4];
+    const VERTICAL_GREEN: Shown = Shown::Green(0);
+    const VERTICAL_YELLOW: Shown = Shown::Between { from: 0, to: 1 };
+
     fn table(lanes: [Lane<'_>; 4]) -> CarTable {
         CarTable::of(lanes.map(|lane| lane.iter().map(|&(position, speed)| (CarId(0), position, speed)).collect()))
     }
 
-    fn plan(clock: Option<usize>, d_set: DSet) -> AgentPlan {
-        let config = TrafficConfig { clock, d_set, ..TrafficConfig::new("", "") };
-        plans(Grid::SINGLE, &config).remove(0)
+    fn config(clock: Option<usize>, d_set: DSet) -> TrafficConfig {
+        TrafficConfig { clock, d_set, ..TrafficConfig::new("", "") }
     }
 
-    fn at(cars: &CarTable) -> CarsAt<'_> {
-        CarsAt::new(cars, 0, 4)
+    /// Returns the columns of the observation and of the d-set that are not 0. Both are wider than any of them needs.
+    fn ones(
+        config: &TrafficConfig,
+        lanes: [Lane<'_>; 4],
+        shown: Shown,
+        age: usize,
+        arrivals: [u8; 4],
+    ) -> [Vec<usize>; 2] {
+        let (plan, cars) = (plans(Grid::SINGLE, config).remove(0), table(lanes));
+        let (mut obs, mut d_set) = ([9.0; 50], [9.0; 50]);
+        observe(&plan, CarsAt::all(&cars), LightView { shown, shown_steps: 1, age, clock: age }, &mut obs);
+        d_separate(&plan, CarsAt::all(&cars), &obs, &arrivals, &mut d_set);
+        [obs, d_set].map(|row| (0..row.len()).filter(|&column| row[column] != 0.0).collect())
     }
-
-    fn light(shown: Shown, age: usize) -> LightView {
-        LightView { shown, shown_steps: 1, age, clock: age }
-    }
-
-    fn bits(obs: &[f32]) -> Vec<usize> {
-        obs.iter().enumerate().filter(|(_, bit)| **bit != 0.0).map(|(i, _)| i).collect()
-    }
-
-    const VERTICAL_GREEN: Shown = Shown::Green(0);
-    const VERTICAL_YELLOW: Shown = Shown::Between { from: 0, to: 1 };
 
     #[test]
     fn cells_count_from_the_stop_line_lane_by_lane() {
-        let mut obs = [9.0; 40];
         // From the west 10.1 m, 5 m and 0 m before the line: cells 1, 0, 0. From the north 89.9 m and 50 m: 8 and 5.
-        let cars = table([&[(89.9, 1.0), (95.0, 1.0), (100.0, 1.0)], &[], &[], &[(10.1, 1.0), (50.0, 1.0)]]);
-        observe(&plan(None, DSet::Cells), at(&cars), light(VERTICAL_YELLOW, 0), &mut obs);
-        assert_eq!(bits(&obs), [0, 1, 27 + 5, 27 + 8, 36 + 2]);
+        let lanes: [Lane<'_>; 4] = [&[(89.9, 1.0), (95.0, 1.0), (100.0, 1.0)], &[], &[], &[(10.1, 1.0), (50.0, 1.0)]];
+        let [obs, d_set] = ones(&config(None, DSet::Cells), lanes, VERTICAL_YELLOW, 0, [1; 4]);
+        assert_eq!(obs, [0, 1, 27 + 5, 27 + 8, 36 + 2]);
+        assert_eq!(d_set, [0, 1, 27 + 5, 27 + 8]);
     }
 
     #[test]
     fn the_four_states_of_a_light_have_the_authors_order() {
-        let cars = table([&[]; 4]);
-        let yellow_of_the_other = Shown::Between { from: 1, to: 0 };
-        let shown = [Shown::Green(1), yellow_of_the_other, VERTICAL_YELLOW, VERTICAL_GREEN].map(|shown| {
-            let mut obs = [9.0; 40];
-            observe(&plan(None, DSet::Cells), at(&cars), light(shown, 0), &mut obs);
-            bits(&obs)[0]
-        });
-        assert_eq!(shown, [36, 37, 38, 39]);
+        let states = [Shown::Green(1), Shown::Between { from: 1, to: 0 }, VERTICAL_YELLOW, VERTICAL_GREEN];
+        let columns = states.map(|shown| ones(&config(None, DSet::Cells), NOBODY, shown, 0, [0; 4])[0].clone());
+        assert_eq!(columns, [[36], [37], [38], [39]]);
     }
 
     #[test]
     fn a_car_on_the_entry_cell_is_neither_observed_nor_in_the_cells_of_the_d_set() {
-        let mut obs = [0.0; 40];
-        let cars = table([&[(6.0, 9.5)], &[], &[], &[]]);
-        observe(&plan(None, DSet::Cells), at(&cars), light(Shown::Green(1), 0), &mut obs);
-        assert_eq!(bits(&obs), [36]);
-        let mut d_set = [9.0; 40];
-        d_separate(&plan(None, DSet::CellsAndArrivals), at(&cars), &obs, &[1, 0, 0, 0], &mut d_set);
-        assert_eq!(bits(&d_set), [36], "but its arrival is");
-        let mut cells = [9.0; 36];
-        d_separate(&plan(None, DSet::Cells), at(&cars), &obs, &[1, 0, 0, 0], &mut cells);
-        assert_eq!(bits(&cells), [0_usize; 0]);
+        let entered =
+            |d_set| ones(&config(None, d_set), [&[(6.0, 9.5)], &[], &[], &[]], VERTICAL_GREEN, 0, [1, 0, 0, 0]);
+        assert_eq!(entered(DSet::CellsAndArrivals), [[39], [36]], "but its arrival is");
+        assert_eq!(entered(DSet::Cells), [vec![39], vec![]]);
     }
 
     #[test]
     fn the_light_stands_between_the_cells_and_the_clock_of_the_d_set() {
-        let cars = table([&[(95.0, 1.0)], &[], &[], &[]]);
         for observation in [Observation::Cells, Observation::Queues] {
-            let (clock, d_set) = (Some(5), DSet::CellsAndLight);
-            let config = TrafficConfig { clock, d_set, observation, ..TrafficConfig::new("", "") };
-            let plan = plans(Grid::SINGLE, &config).remove(0);
-            let (mut obs, mut d_set) = (vec![9.0; plan.sensor.width()], [9.0; 45]);
-            observe(&plan, at(&cars), light(VERTICAL_YELLOW, 3), &mut obs);
-            d_separate(&plan, at(&cars), &obs, &[1; 4], &mut d_set);
-            assert_eq!(bits(&d_set), [0, 36 + 2, 40 + 3]);
+            let config = TrafficConfig { observation, ..config(Some(5), DSet::CellsAndLight) };
+            let [_, d_set] = ones(&config, [&[(95.0, 1.0)], &[], &[], &[]], VERTICAL_YELLOW, 3, [1; 4]);
+            assert_eq!(d_set, [0, 36 + 2, 40 + 3]);
         }
     }
 
     #[test]
     fn a_clock_goes_round_in_the_observation_and_the_d_set() {
-        let cars = table([&[]; 4]);
         for (age, bit) in [(0, 0), (4, 4), (5, 0), (13, 3)] {
-            let mut obs = [9.0; 45];
-            observe(&plan(Some(5), DSet::Cells), at(&cars), light(VERTICAL_GREEN, age), &mut obs);
-            assert_eq!(bits(&obs)[1..], [40 + bit]);
-            let (mut cells, mut with_arrivals) = ([9.0; 41], [9.0; 45]);
-            d_separate(&plan(Some(5), DSet::Cells), at(&cars), &obs, &[0, 1, 0, 0], &mut cells);
-            d_separate(&plan(Some(5), DSet::CellsAndArrivals), at(&cars), &obs, &[0, 1, 0, 0], &mut with_arrivals);
-            assert_eq!((bits(&cells), bits(&with_arrivals)), (vec![36 + bit], vec![37, 40 + bit]));
+            let at = |d_set| ones(&config(Some(5), d_set), NOBODY, VERTICAL_GREEN, age, [0, 1, 0, 0]);
+            assert_eq!(at(DSet::Cells), [vec![39, 40 + bit], vec![36 + bit]]);
+            assert_eq!(at(DSet::CellsAndArrivals)[1], [37, 40 + bit]);
         }
     }
 
     #[test]
-    fn columns_that_other_lights_need_stay_empty() {
-        let cars = table([&[(99.0, 1.0)], &[], &[], &[]]);
-        let (mut obs, mut d_set) = ([9.0; 50], [9.0; 50]);
-        observe(&plan(Some(5), DSet::Cells), at(&cars), light(VERTICAL_GREEN, 1), &mut obs);
-        assert_eq!(bits(&obs), [0, 39, 41]);
-        d_separate(&plan(Some(5), DSet::Cells), at(&cars), &obs, &[0; 4], &mut d_set);
-        assert_eq!(bits(&d_set), [0, 37]);
-    }
-
-    #[test]
     fn the_mean_speed_counts_the_entry_cell_and_is_a_share_of_the_limit() {
-        let plan = plan(None, DSet::Cells);
+        let mut region = plans(Grid::SINGLE, &config(None, DSet::Cells)).remove(0).region;
+        let mean = |region: &RegionPlan, lanes| mean_speed(region, CarsAt::all(&table(lanes)));
         // (10 + 2 + 6) / 3 / 10
-        let cars = table([&[(5.0, 10.0), (40.0, 2.0)], &[], &[(80.0, 6.0)], &[]]);
-        assert!((mean_speed(&plan.region, at(&cars)) - 0.6).abs() < 1e-7);
-        assert_eq!(mean_speed(&plan.region, at(&table([&[]; 4]))), 0.0);
+        assert!((mean(&region, [&[(5.0, 10.0), (40.0, 2.0)], &[], &[(80.0, 6.0)], &[]]) - 0.6).abs() < 1e-7);
+        assert_eq!(mean(&region, NOBODY), 0.0);
         // A car at half of its own limit of 20 m/s counts like one at 5 m/s.
-        let mut mixed = plan.region.clone();
-        mixed.approaches[2].speed_limit_mps = 20.0;
-        let cars = table([&[(5.0, 5.0)], &[], &[(80.0, 10.0)], &[]]);
-        assert!((mean_speed(&mixed, at(&cars)) - 0.5).abs() < 1e-7);
+        region.approaches[2].speed_limit_mps = 20.0;
+        assert!((mean(&region, [&[(5.0, 5.0)], &[], &[(80.0, 10.0)], &[]]) - 0.5).abs() < 1e-7);
     }
 }

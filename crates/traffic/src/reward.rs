@@ -25,7 +25,6 @@ pub(crate) struct Waiting {
 }
 
 impl Waiting {
-    /// Notes the cars after a second.
     pub(crate) fn note(&mut self, cars: CarsAt<'_>) {
         let mut seconds = HashMap::with_capacity(cars.cars());
         self.sum = 0;
@@ -44,18 +43,15 @@ impl Waiting {
         self.seconds.get(&car).copied().unwrap_or(0)
     }
 
-    /// Notes that the agent decides.
     pub(crate) fn decide(&mut self) {
         self.sum_before = self.sum;
     }
 }
 
-/// Returns whether a reward needs [`Waiting`].
 pub(crate) fn needs_waiting(reward: &Reward) -> bool {
     reward.terms().any(|(term, _)| matches!(term, RewardTerm::Wait | RewardTerm::DiffWaitingTime))
 }
 
-/// Returns whether a reward needs the cars on the exits.
 pub(crate) fn needs_exits(reward: &Reward) -> bool {
     reward.terms().any(|(term, _)| matches!(term, RewardTerm::ExitSpeed | RewardTerm::Pressure))
 }

@@ -26,12 +26,10 @@ impl Side {
     /// Ends of the road from south to north.
     pub(crate) const VERTICAL: [Side; 2] = [Side::South, Side::North];
 
-    /// Returns the place of this side in [`Side::ALL`].
     pub fn index(self) -> usize {
         self as usize
     }
 
-    /// Returns the place of this side in [`Side::LINK_ORDER`].
     pub(crate) fn link_index(self) -> usize {
         Side::ALL.len() - 1 - self.index()
     }
@@ -49,29 +47,13 @@ impl Side {
         }
     }
 
-    /// Returns the letter that names of boundary nodes begin with.
-    pub(crate) fn initial(self) -> char {
+    /// Returns its name. Names of boundary nodes begin with its first letter.
+    pub(crate) fn name(self) -> &'static str {
         match self {
-            Side::West => 'w',
-            Side::South => 's',
-            Side::East => 'e',
-            Side::North => 'n',
+            Side::West => "west",
+            Side::South => "south",
+            Side::East => "east",
+            Side::North => "north",
         }
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn a_side_knows_its_place_in_both_orders() {
-        assert_eq!(Side::ALL.map(Side::index), [0, 1, 2, 3]);
-        assert_eq!(Side::LINK_ORDER.map(Side::link_index), [0, 1, 2, 3]);
-    }
-
-    #[test]
-    fn the_links_go_north_east_south_west() {
-        assert_eq!(Side::LINK_ORDER, [Side::North, Side::East, Side::South, Side::West]);
     }
 }

@@ -8,7 +8,6 @@ use crate::config::{DSet, Reward, RewardTerm};
 use dials_core::base::AgentId;
 use dials_core::domain::{Rules, Task};
 
-/// Returns the task of one agent.
 pub(crate) fn task(plan: &JointPlan, agent: AgentId) -> Task {
     let of_agent = &plan.agents[agent.0];
     let (sources, d_set) = match plan.borders.get(agent.0) {
@@ -27,7 +26,6 @@ pub(crate) fn task(plan: &JointPlan, agent: AgentId) -> Task {
 /// Version of the environment. Counts up when the same actions give other observations, rewards or traffic.
 const ENVIRONMENT: u32 = 1;
 
-/// Returns the rules of all lights.
 pub(crate) fn rules(plan: &JointPlan) -> Rules {
     let sensor = &plan.agents[0].sensor;
     let cars = match &sensor.cars {

@@ -16,12 +16,12 @@ use libsumo::Simulation;
 impl TunedOn {
     /// Returns what a tuning of `controller` on `traffic` would depend on.
     pub fn of(traffic: &Traffic, controller: &str, episodes: usize, seed: u64) -> Result<TunedOn> {
-        let (network, checksum) = traffic.ground.identity();
+        let (network, checksum) = traffic.network.identity();
         Ok(TunedOn {
             controller: controller.to_owned(),
             network,
             network_crc32: format!("{checksum:08x}"),
-            horizon: traffic.about().horizon,
+            horizon: traffic.network.horizon,
             episodes,
             seed: seed.to_string(),
             search_version: if traffic.grid().is_some() { grid::VERSION } else { net::VERSION },
@@ -53,7 +53,7 @@ pub fn tune(traffic: &Traffic, wanted: TunedOn, seed: u64, report: &mut dyn FnMu
     if by == Objective::Delay {
         gs.measure_in_full()?;
     }
-    let horizon = traffic.about().horizon;
+    let horizon = traffic.network.horizon;
     let mut score = |plan: &ClockPlan, episode: usize| {
         // Without leeway these are fixed-time lights.
         gs.hand_over(traffic.everywhere(HandCoded::rule(Coordinated::new(plan.clone()))));

@@ -58,7 +58,7 @@ fn was(recording: &Recording) -> Vec<Places> {
     let steps = recording.steps.iter().map(|step| {
         let cars = step.cars.iter().zip(lanes).flat_map(|(cars, lane)| cars.iter().map(move |car| (car, lane)));
         let cars = cars.map(|(car, lane)| {
-            (names[&car.id].clone(), lane.name.clone(), format!("{:.15} {:.15}", car.position_m, car.speed_mps))
+            (names[&car.id].clone(), lane.clone(), format!("{:.15} {:.15}", car.position_m, car.speed_mps))
         });
         cars.collect()
     });

@@ -252,7 +252,7 @@ fn visits_are_those_of_plain_sumo_and_their_ways_are_driven() {
     let visits = tables.visits();
     assert_eq!((visits.seconds, visits.of_agents.len()), (600, 20));
     let (mut whole, mut departures, mut ends) = (0, 0, 0);
-    for (Border { plan, .. }, visits) in traffic.borders().iter().zip(&visits.of_agents) {
+    for (Border { plan, .. }, of_agent) in traffic.borders().iter().zip(&visits.of_agents) {
         let lanes: BTreeSet<&str> = plan.lanes.iter().map(|lane| lane.lane.as_str()).collect();
         let on_region = |car: &String, second: usize| {
             seconds.get(second)?.get(car).filter(|(lane, ..)| lanes.contains(lane.as_str()))
@@ -264,14 +264,14 @@ fn visits_are_those_of_plain_sumo_and_their_ways_are_driven() {
         };
         // Everybody who is there visits.
         let expected: usize = (0..600).map(|at| seconds[at].keys().filter(|car| came(car, at)).count()).sum();
-        assert_eq!(visits.len(), expected);
-        for visit in visits {
-            let car = &visit.driver.name;
+        assert_eq!(of_agent.len(), expected);
+        for visit in of_agent {
+            let car = &visits.driver(visit).name;
             let (lane, position_m, speed_mps) = on_region(car, visit.second).unwrap();
             assert_eq!(*lane, plan.lanes[visit.lane].lane);
             assert!((position_m - visit.position_m).abs() < 1e-5 && (speed_mps - visit.speed_mps).abs() < 1e-5);
-            assert_eq!(visit.departed, visit.second == 0 || !seconds[visit.second - 1].contains_key(car));
-            let end = visit.left.unwrap_or(600);
+            let has_left = |&second: &usize| on_region(car, second).is_none() || came(car, second);
+            let end = (visit.second + 1..600).find(has_left).unwrap_or(600);
             let seen: Vec<&str> =
                 (visit.second..end).filter_map(|second| road_of(&on_region(car, second).unwrap().0)).collect();
             // The roads on which it is seen stand in its way, in this order.
@@ -280,14 +280,13 @@ fn visits_are_those_of_plain_sumo_and_their_ways_are_driven() {
             for road in seen.into_iter().filter(|road| std::mem::replace(&mut last, road) != *road) {
                 assert!(way.any(|other| other == road), "{car} on {road}, but its way is {:?}", visit.way);
             }
-            if let Some(left) = visit.left {
-                assert!(on_region(car, left).is_none() || came(car, left));
-                let later = (left..600).find_map(|second| road_of(&seconds[second].get(car)?.0));
+            if end < 600 {
+                let later = (end..600).find_map(|second| road_of(&seconds[second].get(car)?.0));
                 assert!(later.is_none() || later == visit.next_road.as_deref(), "{car}: {later:?}, {visit:?}");
                 whole += usize::from(later.is_some());
                 ends += usize::from(visit.next_road.is_none());
             }
-            departures += usize::from(visit.departed);
+            departures += usize::from(visit.second == 0 || !seconds[visit.second - 1].contains_key(car));
         }
     }
     assert!(whole > 100 && departures > 50 && ends > 20, "{whole} {departures} {ends}");

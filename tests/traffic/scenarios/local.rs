@@ -141,9 +141,9 @@ fn a_worker_takes_the_recording_of_the_coordinator_and_plays_none_itself() {
     assert!(taken.visits() == recorded.visits());
     // A driver that visits several regions is sent once.
     let visits = || recorded.visits().of_agents.iter().flatten();
-    let again = |name: &str| visits().filter(|visit| visit.driver.name == name).count();
-    let often = visits().find(|visit| again(&visit.driver.name) > 2).expect("cars pass several lights");
-    let sent = postcard::to_stdvec(&*often.driver).unwrap();
+    let again = |driver: usize| visits().filter(|visit| visit.driver == driver).count();
+    let often = visits().find(|visit| again(visit.driver) > 2).expect("cars pass several lights");
+    let sent = postcard::to_stdvec(recorded.visits().driver(often)).unwrap();
     assert_eq!(prepared.windows(sent.len()).filter(|bytes| *bytes == sent).count(), 1);
     assert!(worker.take_prepared(&prepared[..prepared.len() / 2]).is_err(), "half of it");
     assert!(ten_minutes("grid_4x4_turns").take_prepared(&prepared).is_err(), "of another scenario");

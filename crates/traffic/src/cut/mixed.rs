@@ -12,7 +12,7 @@
 //! One more thing is common to all cars. How far behind itself a car looks when it enters follows from the largest speed
 //! factor and the smallest deceleration of all cars that have entered so far (SUMO 1.15: `MSLane::getMaximumBrakeDist`).
 //! So a forest has one more road, [`APART`], that leads from nowhere to nowhere. There the cars with these values enter
-//! first. And SUMO may not look for a way for any car: see `traffic/sim/ways.rs`.
+//! first. And SUMO may not look for a way for any car: see `sim/local_routes.rs`.
 
 use std::io;
 

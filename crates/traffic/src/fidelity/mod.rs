@@ -21,6 +21,7 @@ pub mod truth;
 use std::ops::Range;
 
 use super::Traffic;
+use super::road_network::Files;
 use agreement::Comparison;
 pub use causes::Causes;
 use dials_core::base::{AgentId, Seed};
@@ -73,11 +74,14 @@ pub struct Fidelity<'a> {
 impl<'a> Fidelity<'a> {
     /// Prepares to compare the seconds `window` of a recorded episode. Nothing of it is simulated yet.
     pub fn new(traffic: &'a Traffic, truth: &'a Truth, window: Range<usize>) -> Result<Fidelity<'a>> {
-        let again: Box<dyn Again> = match traffic.ground.local_parts()? {
-            Some(parts) => Box::new(OnScenario { traffic, truth, parts, tables: truth.tables(traffic) }),
-            None => Box::new(OnGrid { traffic, truth }),
+        let again: Box<dyn Again> = match &traffic.network.files {
+            Files::Scenario(files) => {
+                let parts = files.local_parts()?;
+                Box::new(OnScenario { traffic, truth, parts, tables: truth.tables(traffic) })
+            }
+            Files::Grid(_) => Box::new(OnGrid { traffic, truth }),
         };
-        Ok(Fidelity { traffic, truth, window, again, is_random: traffic.about().is_random })
+        Ok(Fidelity { traffic, truth, window, again, is_random: traffic.network.is_random })
     }
 
     /// Measures a light. SUMO must not be loaded elsewhere in this process.

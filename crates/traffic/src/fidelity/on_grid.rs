@@ -7,7 +7,7 @@ use super::truth::Truth;
 use super::{Again, Entering};
 use crate::Traffic;
 use crate::agents::region::EDGES;
-use crate::arrivals::has_arrival;
+use crate::inflow::has_arrival;
 use crate::sim::local::Placement;
 use dials_core::base::{AgentId, Rows, Seed};
 use dials_core::domain::{Beginning, LocalSimulator, Result};

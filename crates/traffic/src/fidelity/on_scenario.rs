@@ -7,14 +7,14 @@ use super::seen::Seen;
 use super::truth::Truth;
 use super::{Again, Entering};
 use crate::Traffic;
-use crate::sim::doors::Doors;
-use crate::sim::entrance::comer;
-use crate::sim::local_forest::{LocalForest, LocalParts};
+use crate::sim::arriving::ArrivingCar;
+use crate::sim::entries::Entries;
+use crate::sim::local_forest::{LocalForest, LocalParts, rows_of};
 use crate::sim::visit_tables::VisitTables;
-use crate::sim::visits::Visit;
+use crate::sim::visits::{Driver, Visit};
 use dials_core::base::{AgentId, RandomPurpose, Rows, Seed};
 use dials_core::domain::Result;
-use libsumo::{CarTable, DepartSpeed, Entering as EnteringCar, Error, Insertion, Placing};
+use libsumo::{DepartSpeed, Entering as EnteringCar, Error, Insertion, Placing};
 
 /// A recorded episode of a scenario.
 pub(crate) struct OnScenario<'a> {
@@ -28,21 +28,21 @@ impl Again for OnScenario<'_> {
     fn play(&self, agent: AgentId, entering: Entering, seed: Seed, window: &Range<usize>) -> Result<Seen> {
         let (joint, plan) = (&self.traffic.plan, &self.traffic.plan.agents[agent.0]);
         let border = &joint.borders[agent.0].plan;
-        let mut forest = LocalForest::load(&self.parts, joint, &self.tables, (&[agent], 1), seed)?;
+        let mut forest = LocalForest::of_scenario(&self.parts, joint, &self.tables, &rows_of(&[agent], 1, seed))?;
         let seeds = forest.draw_seeds(0, &mut seed.fork(RandomPurpose::Lanes).dice());
         forest.seed_lanes(0, &seeds)?;
-        forest.handles.reset(&mut forest.simulation, &[0])?;
-        let mut doors = Doors::new(joint.clone(), &forest);
+        forest.lights.reset(&mut forest.simulation, &[0])?;
+        let mut entries = Entries::new(joint.clone(), &forest);
         let mut seen = Seen::new(plan, window.clone());
-        let mut visits = self.tables.visits().of_agents[agent.0].iter().peekable();
-        let mut cars = CarTable::new();
+        let recorded = self.tables.visits();
+        let mut visits = recorded.of_agents[agent.0].iter().peekable();
         let mut lost = 0;
         for (decision, (actions, sources)) in self.truth.actions.iter().zip(&self.truth.sources).enumerate() {
             let sources = sources.row(agent.0);
-            doors.set_gates(&mut forest, 0..1, Some(&Rows::from_vec(sources.to_vec(), sources.len())))?;
+            entries.set_gates(&mut forest, 0..1, Some(&Rows::from_vec(sources.to_vec(), sources.len())))?;
             for second in 0..joint.decision_steps {
                 let second = decision * joint.decision_steps + second;
-                forest.handles.act(&mut forest.simulation, &actions[agent.0..=agent.0])?;
+                forest.lights.act(&mut forest.simulation, &actions[agent.0..=agent.0])?;
                 let mut come: Vec<&Visit> = Vec::new();
                 while let Some(visit) = visits.next_if(|visit| visit.second <= second) {
                     come.extend((!visit.way.is_empty()).then_some(visit));
@@ -51,28 +51,30 @@ impl Again for OnScenario<'_> {
                     Entering::ByRule => {
                         for visit in come {
                             let Some(entry) = visit.entry else { continue };
-                            match comer(border, &forest.rows[0].ways, entry, visit) {
-                                Some(comer) => doors.come(0, entry, comer),
+                            let routes = &forest.rows[0].local_routes;
+                            match ArrivingCar::of(border, routes, entry, visit, recorded.driver(visit)) {
                                 None => lost += 1,
+                                car => entries.come(0, entry, car),
                             }
                         }
-                        let tried = doors.let_in(&mut forest)?;
+                        let tried = entries.let_in(&mut forest)?;
                         forest.simulation.step()?;
-                        doors.note_entered(&mut forest, &tried)?;
+                        entries.note_entered(&mut forest, &tried)?;
                     }
                     Entering::Truly => {
                         forest.simulation.step()?;
                         for visit in come {
-                            lost += u64::from(!put(&mut forest, &mut doors, visit)?);
+                            let driver = recorded.driver(visit);
+                            lost += u64::from(!put(&mut forest, &mut entries, visit, driver)?);
                         }
                     }
                 }
-                forest.handles.read_cars(&mut forest.simulation, &mut cars)?;
+                forest.approaches.read(&mut forest.simulation)?;
                 let gone = forest.simulation.gone()?;
-                seen.note(plan, forest.handles.cars_at(&cars, 0), &gone, doors.waiting(0));
+                seen.note(plan, forest.approaches.at(0), &gone, entries.waiting(0));
             }
         }
-        [seen.sums.came, seen.sums.waited] = doors.counts();
+        [seen.sums.came, seen.sums.waited] = [entries.counts.came, entries.counts.waited];
         seen.sums.lost = lost;
         Ok(seen)
     }
@@ -80,16 +82,16 @@ impl Again for OnScenario<'_> {
 
 /// Puts a car into the only row of a forest, exactly as it was seen first. Returns whether SUMO can: a car that was moved
 /// past a jam may stand beside its way.
-fn put(forest: &mut LocalForest, doors: &mut Doors, visit: &Visit) -> Result<bool> {
-    let car = doors.next_car();
+fn put(forest: &mut LocalForest, entries: &mut Entries, visit: &Visit, driver: &Driver) -> Result<bool> {
+    let car = entries.next_car();
     let place = &forest.rows[0];
-    let way = place.ways.number(&visit.way, visit.next_road.as_ref());
+    let route = place.local_routes.number(&visit.way, visit.next_road.as_ref());
     let entering = EnteringCar {
-        insertion: Insertion { car, route: place.routes[way], position_m: 0.0, speed: DepartSpeed::Max },
-        vehicle_type: forest.type_named(Some(&visit.driver.vehicle_type)),
+        insertion: Insertion { car, route: place.routes[route], position_m: 0.0, speed: DepartSpeed::Max },
+        vehicle_type: forest.type_named(Some(&driver.vehicle_type)),
         lane: None,
-        speed_factor: visit.driver.speed_factor,
-        end_m: place.ways.routes()[way].end_m,
+        speed_factor: driver.speed_factor,
+        end_m: place.local_routes.all()[route].end_m,
     };
     let placing =
         Placing { car, lane: place.border[visit.lane], position_m: visit.position_m, speed_mps: visit.speed_mps };

@@ -32,7 +32,7 @@ impl fmt::Display for Node {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             Node::Intersection { row, col } => write!(f, "r{row}c{col}"),
-            Node::Boundary { side, index } => write!(f, "{}{index}", side.initial()),
+            Node::Boundary { side, index } => write!(f, "{}{index}", &side.name()[..1]),
         }
     }
 }

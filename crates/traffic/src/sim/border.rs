@@ -1,25 +1,22 @@
-//! What the GS (global simulator) sees of the borders of all regions: who arrives, which exits are blocked, and who
-//! visits.
+//! What the GS sees of the borders of all regions: who arrives, which exits are blocked, and who visits.
 
 use std::collections::{HashMap, HashSet};
+use std::sync::Arc;
 
-use super::global::starts;
 use super::visits::{Arrival, VisitRecorder, Visits};
 use crate::agents::border_plan::BorderPlan;
-use crate::agents::plan::Border;
-use crate::cars_at::CarsAt;
+use crate::agents::plan::{Border, JointPlan};
+use crate::cars_at::RowLanes;
 use crate::inflow::{History, SourceCounter, is_blocked};
 use crate::observe::LightView;
 use dials_core::base::Ragged;
 use dials_core::domain::Result;
-use libsumo::{CarId, CarTable, LaneCars, LaneId, Simulation};
+use libsumo::{CarId, Simulation};
 
 /// The borders of all regions in a loaded net.
 pub(crate) struct Borders {
-    /// Lanes of all regions, one region after the other, and the first one of each.
-    lanes: Vec<LaneId>,
-    first: Vec<usize>,
-    cars: CarTable,
+    plan: Arc<JointPlan>,
+    lanes: RowLanes,
     regions: Vec<BorderNow>,
     visits: Option<VisitRecorder>,
 }
@@ -40,15 +37,13 @@ impl BorderNow {
 
 impl Borders {
     /// Registers the lanes of all regions. A reset must follow.
-    pub(super) fn register(simulation: &mut Simulation, plans: &[Border]) -> Result<Borders> {
-        let names: Vec<String> =
-            plans.iter().flat_map(|border| &border.plan.lanes).map(|lane| lane.lane.clone()).collect();
+    pub(super) fn register(simulation: &mut Simulation, plan: Arc<JointPlan>) -> Result<Borders> {
+        let names = plan.borders.iter().map(|border| border.plan.lanes.iter().map(|lane| &lane.lane).collect());
         Ok(Borders {
-            lanes: simulation.register_lanes(&names)?,
-            first: starts(plans.iter().map(|border| border.plan.lanes.len())),
-            cars: CarTable::new(),
-            regions: plans.iter().map(|border| BorderNow::new(&border.plan)).collect(),
+            lanes: RowLanes::register(simulation, names)?,
+            regions: plan.borders.iter().map(|border| BorderNow::new(&border.plan)).collect(),
             visits: None,
+            plan,
         })
     }
 
@@ -59,20 +54,21 @@ impl Borders {
 
     /// Returns the visits since the last reset, if they are recorded.
     pub(super) fn visits(&self) -> Option<&Visits> {
-        self.visits.as_ref().map(VisitRecorder::visits)
+        self.visits.as_ref().map(|recorder| &recorder.visits)
     }
 
     /// Begins an episode. Cars that are on the road have not arrived.
-    pub(super) fn reset(&mut self, simulation: &mut Simulation, plans: &[Border]) -> Result<()> {
-        simulation.read_lanes(&self.lanes, &mut self.cars)?;
-        for (row, Border { plan, .. }) in plans.iter().enumerate() {
+    pub(super) fn reset(&mut self, simulation: &mut Simulation) -> Result<()> {
+        self.lanes.read(simulation)?;
+        for (row, Border { plan, .. }) in self.plan.borders.iter().enumerate() {
             self.regions[row] = BorderNow::new(plan);
-            let cars = CarsAt::new(&self.cars, self.first[row], plan.lanes.len());
-            let on_lane =
-                |(number, lane): (usize, LaneCars<'_>)| lane.ids.iter().map(move |&car| (car, number)).collect();
-            self.regions[row].present = cars.iter().enumerate().flat_map::<Vec<_>, _>(on_lane).collect();
+            for (number, lane) in self.lanes.at(row).iter().enumerate() {
+                self.regions[row].present.extend(lane.ids.iter().map(|&car| (car, number)));
+            }
         }
-        self.visits.iter_mut().for_each(VisitRecorder::begin);
+        if self.visits.is_some() {
+            self.record_visits();
+        }
         Ok(())
     }
 
@@ -81,16 +77,15 @@ impl Borders {
     pub(super) fn second(
         &mut self,
         simulation: &mut Simulation,
-        plans: &[Border],
         second: usize,
         sources: &mut Ragged<u8>,
     ) -> Result<()> {
-        simulation.read_lanes(&self.lanes, &mut self.cars)?;
+        self.lanes.read(simulation)?;
         let departures = simulation.departures()?;
         let departed: HashSet<CarId> = departures.iter().map(|departure| departure.id).collect();
         self.visits.iter_mut().for_each(|visits| visits.second(&departures));
-        for (row, Border { plan, .. }) in plans.iter().enumerate() {
-            let cars = CarsAt::new(&self.cars, self.first[row], plan.lanes.len());
+        for (row, Border { plan, .. }) in self.plan.borders.iter().enumerate() {
+            let cars = self.lanes.at(row);
             let BorderNow { present, counter, history } = &mut self.regions[row];
             let before = std::mem::take(present);
             for (number, lane) in cars.iter().enumerate() {
@@ -103,22 +98,18 @@ impl Borders {
                     let border_lane = &plan.lanes[number];
                     let departed = departed.contains(&car.id);
                     let entry = border_lane.departures.filter(|_| departed).or(border_lane.entry);
-                    entry.iter().for_each(|&entry| counter.arrived(entry));
-                    if let Some(visits) = &mut self.visits {
-                        visits.left(row, car.id);
-                        if let Some(name) = visits.name_of(car.id) {
-                            let route = simulation.route(name)?;
-                            visits.arrived(row, plan, Arrival { car, lane: number, entry, departed, route });
-                        }
+                    entry.iter().for_each(|&entry| counter.arrived[entry] += 1);
+                    if let Some(visits) = &mut self.visits
+                        && let Some(name) = visits.name_of(car.id)
+                    {
+                        let route = simulation.route(name)?;
+                        visits.arrived(row, plan, Arrival { car, lane: number, entry, departed, route });
                     }
                 }
             }
-            if let Some(visits) = &mut self.visits {
-                before.keys().filter(|car| !present.contains_key(car)).for_each(|&car| visits.left(row, car));
-            }
             for (exit, &lane) in plan.exits.iter().enumerate() {
                 if is_blocked(cars.lane(lane), plan.lanes[lane].length_m) {
-                    counter.blocked(exit);
+                    counter.blocked_s[exit] += 1;
                 }
             }
             let sources = sources.row_mut(row);
@@ -131,8 +122,8 @@ impl Borders {
     }
 
     /// Writes the d-set of a region after the last second of a decision.
-    pub(crate) fn d_separate(&self, row: usize, border: &Border, light: LightView, d_set: &mut [f32]) {
-        let cars = CarsAt::new(&self.cars, self.first[row], border.plan.lanes.len());
-        border.d_set.write(&border.plan, cars, light, &self.regions[row].history, d_set);
+    pub(super) fn d_separate(&self, row: usize, light: LightView, d_set: &mut [f32]) {
+        let border = &self.plan.borders[row];
+        border.d_set.write(&border.plan, self.lanes.at(row), light, &self.regions[row].history, d_set);
     }
 }

@@ -1,4 +1,4 @@
-//! The global simulator (GS): the whole grid in one SUMO net, with cars that flow in at its boundary.
+//! The GS: the whole network in SUMO, with cars that flow in at its boundary.
 
 use std::sync::Arc;
 use std::time::Instant;
@@ -6,108 +6,97 @@ use std::time::Instant;
 use anyhow::ensure;
 
 use super::border::Borders;
-use super::control::SignalControl;
-use super::decisions::Decisions;
-use super::handles::{IntersectionHandles, Place};
+use super::control::{Decisions, SignalControl};
+use super::lights::{Lights, ShownLights};
 use super::metrics::TrafficMetrics;
 use super::picture::Camera;
-use super::recorded_roads::RecordedRoads;
 use super::recording::{Recorder, Tape};
-use super::shown_lights::ShownLights;
 use super::tally::Tally;
 use super::visits::Visits;
-use crate::agents::plan::{AgentPlan, JointPlan};
-use crate::arrivals;
-use crate::cars_at::CarsAt;
+use crate::agents::plan::JointPlan;
+use crate::cars_at::{CarsAt, RowLanes};
 use crate::controllers::intersections::Intersections;
-use crate::ground::Ground;
+use crate::inflow;
 use crate::network::loadable::Loadable;
 use crate::observe::{self, LightView};
 use crate::reward::{self, Waiting};
+use crate::road_network::RoadNetwork;
 use dials_core::base::{Phase, Ragged, Seed, Stopwatch};
 use dials_core::domain::{
     Action, GlobalSimulator, InfluenceSample, JointPercept, JointTransition, Kinds, Measures, Result, RoadView, Scene,
 };
-use libsumo::{Car, CarTable, LaneId, Simulation};
+use libsumo::{Car, CarTable, Simulation};
 
 /// The traffic GS: one row per intersection. A step of it is a decision of the agents, which may take several seconds.
 ///
-/// Arrivals at the boundary depend only on the SUMO seed of the episode, so controllers can be compared on the same
-/// traffic.
+/// Arrivals at the boundary depend only on the seed of the episode, so controllers can be compared on the same traffic.
 pub struct GlobalTraffic {
     plan: Arc<JointPlan>,
+    network: Arc<RoadNetwork>,
     source: Loadable,
     decisions: Decisions,
     simulation: Simulation,
-    handles: IntersectionHandles,
+    lights: Lights,
     shown: ShownLights,
     /// Number of seconds since the episode began.
     age: usize,
-    /// Cars on the approaches, now and a second ago.
-    cars: CarTable,
+    /// Approaches with the cars now, and the cars a second ago.
+    approaches: RowLanes,
     cars_before: CarTable,
     /// Time that cars have waited, per row; noted only if the roads are watched, or for a reward that needs it.
     waiting: Vec<Waiting>,
     watches_roads: bool,
-    /// Exits of all rows, the first one of each row, and the cars on them; read only for hand-coded control and for a
-    /// reward that needs them.
-    outgoing_lanes: Vec<LaneId>,
-    first_exit: Vec<usize>,
-    outgoing: CarTable,
+    /// Read only for hand-coded control and for a reward that needs them.
+    exits: RowLanes,
     last: JointTransition,
     /// Borders of a scenario's regions, once influence is observed.
     borders: Option<Borders>,
-    /// D-sets (the variables that AIPs predict from) from before the last step, and the influence sources during it.
+    /// D-sets from before the last step, and the influence sources during it.
     d_set_before: Ragged<f32>,
     sources: Ragged<u8>,
     tally: Tally,
     watch: Stopwatch,
     recorder: Option<Recorder>,
-    /// Where the roads for pictures come from, and what takes the pictures, if they are wanted.
-    ground: Option<Arc<dyn Ground>>,
+    /// Pictures and metrics, if they are wanted.
     camera: Option<Camera>,
-    /// Metrics, if they are wanted.
     metrics: Option<TrafficMetrics>,
 }
 
 impl GlobalTraffic {
-    /// Loads the simulator. The first episode goes on the `tape`, with these roads.
+    /// Loads the simulator. The first episode goes on the `tape`.
     pub(crate) fn load(
         plan: Arc<JointPlan>,
-        source: Loadable,
+        network: Arc<RoadNetwork>,
         control: SignalControl,
-        tape: Option<(&Tape, RecordedRoads)>,
+        tape: Option<&Tape>,
     ) -> Result<GlobalTraffic> {
         let last = JointTransition::new(&plan.kinds);
+        let source = network.source()?;
         let options = source.options(control.is_actuated(), Seed::new(0).for_sumo());
         let mut simulation = Simulation::load(&options).map_err(|error| source.explain(&error))?;
-        let place = |agent: &AgentPlan| Place {
-            light: agent.light.clone(),
-            approaches: agent.region.approaches.iter().map(|approach| approach.lane.clone()).collect(),
-            phases: agent.phases.clone(),
-        };
-        let handles = IntersectionHandles::register(&mut simulation, plan.agents.iter().map(place).collect())?;
-        let exits = plan.agents.iter().flat_map(|agent| &agent.region.exits);
-        let first_exit = starts(plan.agents.iter().map(|agent| agent.region.exits.len()));
-        let outgoing: Vec<String> = exits.map(|exit| exit.lane.clone()).collect();
-        let agents = plan.agents.len();
-        let record = |(tape, roads)| Recorder::new(tape, &mut simulation, roads, String::new());
+        let agents = plan.agents.iter();
+        let lights = agents.clone().map(|agent| (agent.light.clone(), agent.phases.clone()));
+        let lights = Lights::register(&mut simulation, lights)?;
+        let approaches = agents.clone().map(|agent| agent.region.approaches.iter().map(|lane| &lane.lane).collect());
+        let approaches = RowLanes::register(&mut simulation, approaches)?;
+        let exits = agents.clone().map(|agent| agent.region.exits.iter().map(|exit| &exit.lane).collect());
+        let exits = RowLanes::register(&mut simulation, exits)?;
+        let record = |tape| Recorder::new(tape, &mut simulation, network.recorded(&plan)?, String::new());
         let recorder = tape.map(record).transpose()?;
-        let outgoing_lanes = simulation.register_lanes(&outgoing)?;
+        let agents = agents.len();
         Ok(GlobalTraffic {
             source,
+            network,
             waiting: vec![Waiting::default(); agents],
             watches_roads: false,
             decisions: Decisions::new(control, agents),
             simulation,
-            handles,
+            lights,
             shown: ShownLights::new(agents),
             age: 0,
-            cars: CarTable::new(),
+            approaches,
             cars_before: CarTable::new(),
-            outgoing_lanes,
-            outgoing: CarTable::of(vec![Vec::new(); outgoing.len()]),
-            first_exit,
+            exits,
             d_set_before: last.percept.d_set.clone(),
             last,
             borders: None,
@@ -115,20 +104,13 @@ impl GlobalTraffic {
             tally: Tally::default(),
             watch: Stopwatch::default(),
             recorder,
-            ground: None,
             camera: None,
             metrics: None,
             plan,
         })
     }
 
-    /// Lets it draw pictures of these roads, which are those that it simulates.
-    pub(crate) fn on(self, ground: Arc<dyn Ground>) -> GlobalTraffic {
-        GlobalTraffic { ground: Some(ground), ..self }
-    }
-
-    /// Returns the car that arrived at an edge of an intersection in the last step, if there is one. This is more than
-    /// the AIP (approximate influence predictor) predicts; it is for tests of the physics.
+    /// Returns the car that arrived at an edge of an intersection in the last step; for tests of the physics.
     pub fn arrival(&self, agent: usize, edge: usize) -> Option<Car> {
         let arrived = self.sources.row(agent)[edge] == 1;
         arrived.then(|| self.cars_on(agent).lane(edge).iter().next().expect("an arrival is a car on the edge"))
@@ -136,13 +118,12 @@ impl GlobalTraffic {
 
     /// Returns the cars on the approaches of an intersection after the last step.
     pub fn cars_on(&self, agent: usize) -> CarsAt<'_> {
-        self.handles.cars_at(&self.cars, agent)
+        self.approaches.at(agent)
     }
 
-    /// Returns the actions of the last step that the lights obeyed, one per agent. They have no meaning if SUMO runs
-    /// the lights.
+    /// Returns the actions of the last step that the lights obeyed. They mean nothing if SUMO runs the lights.
     pub fn actions(&self) -> &[Action] {
-        self.decisions.obeyed()
+        &self.decisions.obeyed
     }
 
     /// Records all visits to the regions of a scenario from the next reset on, and observes their influence.
@@ -159,7 +140,7 @@ impl GlobalTraffic {
 
     /// Gives the lights to another control from the next reset on.
     pub fn hand_over(&mut self, control: SignalControl) {
-        self.decisions.hand_over(control);
+        self.decisions.control = control;
     }
 
     /// Returns what hand-coded controllers see now, and the decisions that they make from it.
@@ -168,8 +149,8 @@ impl GlobalTraffic {
             plans: &self.plan.agents,
             shown: &self.shown.now,
             shown_steps: &self.shown.steps,
-            approaches: &self.cars,
-            exits: &self.outgoing,
+            approaches: &self.approaches.cars,
+            exits: &self.exits.cars,
         };
         (intersections, &mut self.decisions)
     }
@@ -179,30 +160,25 @@ impl GlobalTraffic {
         let begun = Instant::now();
         let (intersections, decisions) = self.intersections();
         decisions.decide(actions, &intersections);
-        std::mem::swap(&mut self.cars, &mut self.cars_before);
-        self.handles.act(&mut self.simulation, self.decisions.obeyed())?;
+        std::mem::swap(&mut self.approaches.cars, &mut self.cars_before);
+        self.lights.act(&mut self.simulation, &self.decisions.obeyed)?;
         self.watch.note(Phase::Insertion, begun.elapsed());
         self.watch.time(Phase::SimulatorStep, || self.simulation.step())?;
         let begun = Instant::now();
         self.read_cars()?;
-        self.shown.second(&mut self.handles, &mut self.simulation)?;
+        self.shown.second(&mut self.lights, &mut self.simulation)?;
         self.age += 1;
         self.note_sources(number)?;
         if self.watches_roads || reward::needs_waiting(&self.plan.reward) {
             for (row, waiting) in self.waiting.iter_mut().enumerate() {
-                waiting.note(self.handles.cars_at(&self.cars, row));
+                waiting.note(self.approaches.at(row));
             }
         }
         self.tally.lights(&self.shown.before, &self.shown.now);
-        self.tally.cars(&self.cars, &self.cars_before);
+        self.tally.cars(&self.approaches.cars, &self.cars_before);
         self.tally.step(&mut self.simulation)?;
         if let Some(metrics) = &mut self.metrics {
-            metrics.step();
-            let gone = self.simulation.gone()?;
-            for row in 0..self.handles.len() {
-                let [now, before] = [&self.cars, &self.cars_before].map(|cars| self.handles.cars_at(cars, row));
-                metrics.cars(row, now, before, &gone);
-            }
+            metrics.step(&self.approaches, &self.cars_before, &self.simulation.gone()?);
         }
         self.watch.note(Phase::Reading, begun.elapsed());
         if let Some(recorder) = &mut self.recorder {
@@ -214,25 +190,24 @@ impl GlobalTraffic {
     /// Adds what happened in a second of the decision to the influence sources.
     fn note_sources(&mut self, second: usize) -> Result<()> {
         if let Some(borders) = &mut self.borders {
-            return borders.second(&mut self.simulation, &self.plan.borders, second, &mut self.sources);
+            return borders.second(&mut self.simulation, second, &mut self.sources);
         }
         if !self.plan.borders.is_empty() {
             return Ok(());
         }
         // DEVIATION 4: an influence source is the event that a car entered the edge in this step. In the authors' code
         // it is the occupancy of the entry cell.
-        for row in 0..self.handles.len() {
-            let [now, before] = [&self.cars, &self.cars_before].map(|cars| self.handles.cars_at(cars, row));
-            arrivals::note(self.sources.row_mut(row), now, before);
+        for row in 0..self.plan.agents.len() {
+            let (now, before) = (self.approaches.at(row), self.approaches.of(&self.cars_before, row));
+            inflow::note_arrivals(self.sources.row_mut(row), now, before);
         }
         Ok(())
     }
 
-    /// Reads the cars after a second or a reset.
     fn read_cars(&mut self) -> Result<()> {
-        self.handles.read_cars(&mut self.simulation, &mut self.cars)?;
+        self.approaches.read(&mut self.simulation)?;
         if self.decisions.has_rule() || reward::needs_exits(&self.plan.reward) {
-            self.simulation.read_lanes(&self.outgoing_lanes, &mut self.outgoing)?;
+            self.exits.read(&mut self.simulation)?;
         }
         Ok(())
     }
@@ -244,25 +219,23 @@ impl GlobalTraffic {
     fn perceive(&mut self) {
         let JointTransition { percept, rewards } = &mut self.last;
         for (row, reward) in rewards.iter_mut().enumerate() {
-            let (plan, cars) = (&self.plan.agents[row], self.handles.cars_at(&self.cars, row));
+            let (plan, cars) = (&self.plan.agents[row], self.approaches.at(row));
             let clock = self.age + plan.sensor.clock_ahead;
             let (shown, shown_steps) = (self.shown.now[row], self.shown.steps[row]);
             let light = LightView { shown, shown_steps, age: self.age, clock };
             observe::observe(plan, cars, light, percept.obs.row_mut(row));
             let d_set = percept.d_set.row_mut(row);
             match &self.borders {
-                Some(borders) => borders.d_separate(row, &self.plan.borders[row], light, d_set),
+                Some(borders) => borders.d_separate(row, light, d_set),
                 None if self.plan.borders.is_empty() => {
                     observe::d_separate(plan, cars, percept.obs.row(row), self.sources.row(row), d_set);
                 }
                 None => {}
             }
-            let exits = CarsAt::new(&self.outgoing, self.first_exit[row], plan.region.exits.len());
-            *reward = reward::reward(&self.plan.reward, &plan.region, cars, exits, &self.waiting[row]);
-            let may_leave = self.handles.signal(row).may_leave(&plan.phases);
-            for (action, allowed) in percept.masks.row_mut(row).iter_mut().enumerate() {
-                *allowed = action < plan.phases.actions() && (may_leave || action == light.shown.target());
-            }
+            let waiting = &self.waiting[row];
+            *reward = reward::reward(&self.plan.reward, &plan.region, cars, self.exits.at(row), waiting);
+            let may_leave = self.lights.signal(row).may_leave(&plan.phases);
+            observe::mask(plan, shown, may_leave, percept.masks.row_mut(row));
         }
     }
 }
@@ -275,23 +248,23 @@ impl GlobalSimulator for GlobalTraffic {
     fn reset(&mut self, episode: Seed) -> Result<&JointPercept> {
         // DEVIATION 3: loading again also clears the backlog of cars that wait at the boundary. In the authors' code it
         // leaks into the next episode.
-        let mut options = self.source.options(self.decisions.control().is_actuated(), episode.for_sumo());
+        let mut options = self.source.options(self.decisions.control.is_actuated(), episode.for_sumo());
         if let Some(metrics) = &mut self.metrics {
             metrics.begin();
             options.extend(metrics.options());
         }
         self.simulation.reload(&options).map_err(|error| self.source.explain(&error))?;
-        let by_program = self.decisions.control().by_program();
-        let program = self.decisions.control().is_actuated().then(|| self.source.actuated_program());
+        let by_program = self.decisions.control.by_program();
+        let program = self.decisions.control.is_actuated().then(|| self.source.actuated_program());
         let ours: Vec<usize> = (0..self.agents()).filter(|row| !by_program.contains(row)).collect();
-        self.handles.reset(&mut self.simulation, &ours)?;
-        self.handles.hand_to_program(&mut self.simulation, program, &by_program)?;
+        self.lights.reset(&mut self.simulation, &ours)?;
+        self.lights.hand_to_program(&mut self.simulation, program, &by_program)?;
         self.read_cars()?;
-        self.shown.begin(&mut self.handles, &mut self.simulation)?;
+        self.shown.begin(&mut self.lights, &mut self.simulation)?;
         self.age = 0;
         self.sources.fill(0);
         if let Some(borders) = &mut self.borders {
-            borders.reset(&mut self.simulation, &self.plan.borders)?;
+            borders.reset(&mut self.simulation)?;
         }
         self.tally = Tally::new(self.agents(), self.plan.emergency_decel_mps2);
         self.waiting.fill(Waiting::default());
@@ -324,12 +297,12 @@ impl GlobalSimulator for GlobalTraffic {
     /// Reads all lanes of the regions of a scenario every second from then on. On a grid it changes nothing.
     fn observe_influence(&mut self) -> Result<()> {
         if !self.plan.borders.is_empty() && self.borders.is_none() {
-            self.borders = Some(Borders::register(&mut self.simulation, &self.plan.borders)?);
+            self.borders = Some(Borders::register(&mut self.simulation, self.plan.clone())?);
         }
         Ok(())
     }
 
-    /// DEVIATION 5: the d-set of t and the arrivals from t to t + 1, which is what the LS (local simulator) samples.
+    /// DEVIATION 5: the d-set of t and the arrivals from t to t + 1, which is what the LS samples.
     /// The authors pair both at t and use the prediction one step later.
     fn influence_sample(&self) -> InfluenceSample<'_> {
         InfluenceSample { d_set: &self.d_set_before, sources: &self.sources }
@@ -365,9 +338,8 @@ impl GlobalSimulator for GlobalTraffic {
     }
 
     fn watch_scene(&mut self) -> Result<()> {
-        if let Some(ground) = &self.ground {
-            self.camera = Some(Camera::new(&ground.roads()?, &self.plan.agents, &mut self.simulation)?);
-        }
+        let roads = self.network.recorded(&self.plan)?.roads;
+        self.camera = Some(Camera::new(&roads, &self.plan.agents, &mut self.simulation)?);
         Ok(())
     }
 
@@ -387,7 +359,7 @@ impl GlobalSimulator for GlobalTraffic {
         if !metrics.finished() {
             // SUMO writes the trips of the cars that are still on the road when it closes the simulation. It closes it
             // before it loads another one.
-            let options = self.source.options(self.decisions.control().is_actuated(), Seed::new(0).for_sumo());
+            let options = self.source.options(self.decisions.control.is_actuated(), Seed::new(0).for_sumo());
             self.simulation.reload(&options).map_err(|error| self.source.explain(&error))?;
             metrics.finish()?;
         }
@@ -406,36 +378,27 @@ fn with_owned_name<T>((name, value): (&str, T)) -> (String, T) {
     (name.to_owned(), value)
 }
 
-/// Returns the index of the first of each group, if groups of these lengths follow each other.
-pub(super) fn starts(lengths: impl Iterator<Item = usize>) -> Vec<usize> {
-    let begin = |next: &mut usize, length: usize| Some(std::mem::replace(next, *next + length));
-    lengths.scan(0, begin).collect()
-}
-
 #[cfg(test)]
 mod tests {
     use std::collections::BTreeMap;
     use std::path::Path;
 
     use super::*;
+    use crate::Traffic;
     use crate::config::TrafficConfig;
     use crate::controllers::HandCoded;
-    use crate::network::files::NetworkFiles;
-    use crate::paper_grid::plans::joint_plan;
-    use crate::paper_grid::recognise::{Recognised, recognise_grid};
     use dials_core::base::AgentId;
 
     /// Returns when every car wanted to enter, in seconds, in an episode with this action at every step.
     fn wished_departures(control: SignalControl, action: Action) -> BTreeMap<String, i64> {
-        let files = NetworkFiles::of(&Path::new(env!("CARGO_MANIFEST_DIR")).join("../../sumo_nets/grid_2x2"));
-        let Recognised { grid, network } = recognise_grid(&files).unwrap();
-        let plan = Arc::new(joint_plan(grid, &TrafficConfig::new("", "")));
-        let mut gs = GlobalTraffic::load(plan, network.for_sumo().unwrap(), control, None).unwrap();
+        let nets = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../sumo_nets");
+        let traffic = Traffic::open(&TrafficConfig::new(nets.join("grid_2x2"), nets.join("local"))).unwrap();
+        let mut gs = traffic.global(control).unwrap();
         gs.measure_in_full().unwrap();
         gs.reset(Seed::new(21).for_episode(0)).unwrap();
         (0..300).for_each(|_| drop(gs.step(&[action; 4]).unwrap().clone()));
         gs.measures().unwrap();
-        let trips = gs.metrics.unwrap().trips_as_text();
+        let trips = gs.metrics.unwrap().trips_as_text().unwrap();
         let trips = trips.lines().filter(|line| line.contains("<tripinfo "));
         trips
             .map(|line| {

@@ -1,231 +1,297 @@
-//! The local simulators (LS): a forest of single intersections into which the AIPs (approximate influence predictors)
-//! send cars.
+//! The LS: the surroundings of lights side by side, into which the AIPs send cars.
+//!
+//! On a grid of the paper all rows are alike, nothing is random, and a car that finds no room is dropped. On a scenario a
+//! row is cut out of the user's net. Its cars are drawn from recorded visits and wait for room, and an episode is a window
+//! of the demand, which begins at a second that is drawn.
+//!
+//! DEVIATION 17: the roads of a scenario are empty when the window begins, and its first seconds count. All regions of a
+//! process move on together, so a reset cannot play a time before the window with some of them alone.
 
+use std::sync::Arc;
 use std::time::Instant;
 
-use anyhow::{Context, ensure};
+use rand::Rng;
 
-use super::handles::{IntersectionHandles, Place};
-use super::options;
-use super::recorded_roads::RecordedRoads;
-use super::recording::{Recorder, Tape};
-use crate::agents::plan::AgentPlan;
-use crate::agents::region::{self, EDGES};
-use crate::arrivals::is_rearmost;
-use crate::cars_at::CarsAt;
-use crate::config::{EntryRule, Reward, TrafficConfig};
-use crate::cut::forest::{Forest, Region};
-use crate::network::contents::Network;
-use crate::network::loadable::explain;
-use crate::network::memory_file::MemoryFile;
+pub use super::arriving::Placement;
+use super::arriving::{ArrivingCar, by_rule};
+use super::entries::Entries;
+use super::local_forest::LocalForest;
+use super::options::LOCAL_SEED;
+use super::recording::Recorder;
+use super::visit_tables::VisitTables;
+use crate::agents::phase_plan::Shown;
+use crate::agents::plan::{Border, JointPlan};
+use crate::agents::region::EDGES;
+use crate::cars_at::{CarsAt, RowLanes, no_cars};
+use crate::config::EntryRule;
+use crate::inflow::History;
 use crate::observe::{self, LightView};
-use crate::paper_grid::grid::Grid;
-use crate::paper_grid::plans::plans;
 use crate::reward::{self, Waiting};
-use dials_core::base::{Phase, Rows, Stopwatch};
+use dials_core::base::{Dice, Phase, RandomPurpose, Rows, Stopwatch};
 use dials_core::domain::{Action, Beginning, LocalSimulator, Percept, RegionSpec, Result, Transition};
-use libsumo::{CarId, CarTable, DepartSpeed, Insertion, LaneId, RouteId, Simulation};
+use libsumo::LaneId;
 
-/// Name of the counter of sampled arrivals that found no room.
+/// Name of the counter of sampled arrivals that found no room, or on a scenario no car that may use their entry.
 pub(crate) const DROPPED: &str = "dropped_arrivals";
 
-/// SUMO's seed. It changes nothing, because there are no speed factors to draw and no flows.
-const SEED: u32 = 0;
+/// Seconds of an episode after which the roads of a row are as full as those of the GS. Only then its cars are counted,
+/// to be compared.
+const SETTLED_S: usize = 120;
 
-/// The position and speed with which an arriving car is put on its edge.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Placement {
-    pub position_m: f64,
-    pub speed: DepartSpeed,
+/// Where the cars of arrivals come from.
+pub(crate) enum Demand {
+    /// On a grid: all alike, placed by a rule.
+    Rule(EntryRule),
+    /// On a scenario.
+    Visits(Arc<VisitTables>),
 }
 
-/// The traffic LS of many regions: one intersection of a forest per row.
+/// The traffic LS: one row per copy of a region. A step of it is a decision of the agents, which may take several seconds.
 ///
-/// Nothing in it is random: actions and sources determine everything.
+/// A row draws from random numbers of its own only. Those of SUMO are seeded lane by lane when its episode begins.
 pub struct LocalTraffic {
     spec: RegionSpec,
-    /// Plan of the one agent of the local net.
-    plan: AgentPlan,
-    entry_rule: EntryRule,
-    reward: Reward,
-    simulation: Simulation,
-    handles: IntersectionHandles,
-    /// Incoming, internal and outgoing lanes per row: all lanes that a reset has to clear.
-    all_lanes: Vec<Vec<LaneId>>,
-    /// Routes, [`EDGES`] per row.
-    routes: Vec<RouteId>,
-    cars: CarTable,
-    /// Outgoing lanes, [`EDGES`] per row, and the cars on them; read only for a reward that needs them.
-    exit_lanes: Vec<LaneId>,
-    exits: CarTable,
-    /// Time that cars have waited, per row; noted only for a reward that needs it.
-    waiting: Vec<Waiting>,
-    /// Number of cars on each incoming edge at the last decision.
-    cars_on: Rows<usize>,
-    arrivals: Rows<u8>,
-    /// Number of steps since the episode of each row began, and by how many the clock of each row is ahead of it.
-    ages: Vec<usize>,
-    clocks_ahead: Vec<usize>,
+    plan: Arc<JointPlan>,
+    demand: Demand,
+    forest: LocalForest,
+    entries: Entries,
+    rows: Vec<RowNow>,
+    border_lanes: RowLanes,
+    /// Lanes on which cars leave the lights; read only for a reward that needs them.
+    exits: RowLanes,
+    /// Influence sources of this decision as they came true, `[rows, sources]`: a car for which there is no room arrives
+    /// when it gets in, as on the GS.
+    came_true: Rows<u8>,
     last: Transition,
-    serial: u64,
-    sampled: u64,
-    dropped: u64,
+    counts: Counts,
     watch: Stopwatch,
     recorder: Option<Recorder>,
 }
 
+/// What rows of a scenario have shown at decisions since the simulators were made, once their roads were filled.
+#[derive(Clone, Copy, Debug, Default)]
+struct Counts {
+    decisions: u64,
+    cars: u64,
+    /// Their speeds, in whole millimetres per second of each row and decision: so the sum does not depend on the order.
+    speed_mmps: u64,
+}
+
+/// The episode of a row.
+struct RowNow {
+    dice: Dice,
+    /// Second of the demand, and the one at which the episode began.
+    second: usize,
+    begun: usize,
+    /// Number of seconds for which the light has shown what it shows.
+    shown_steps: u32,
+    history: History,
+    waiting: Waiting,
+}
+
+impl RowNow {
+    fn new(dice: Dice, begun: usize, border: Option<&Border>) -> RowNow {
+        let history = border.map(|border| History::new(&border.plan)).unwrap_or_default();
+        RowNow { dice, second: begun, begun, shown_steps: 0, history, waiting: Waiting::default() }
+    }
+}
+
+impl Counts {
+    fn note(&mut self, cars: CarsAt<'_>) {
+        self.decisions += 1;
+        self.cars += cars.cars() as u64;
+        let speed_mps: f64 = cars.iter().flat_map(|lane| lane.speeds_mps).sum();
+        self.speed_mmps += (1000.0 * speed_mps).round() as u64;
+    }
+}
+
 impl LocalTraffic {
-    /// Loads a forest of `rows` copies of the `local` net. The first episode of the first row goes on the `tape`.
-    pub(crate) fn load(
-        local: &Network,
-        rows: usize,
-        config: &TrafficConfig,
-        tape: Option<&Tape>,
-    ) -> Result<LocalTraffic> {
-        let spec = region::spec(config);
-        ensure!(rows >= 1, "a forest of 0 regions: needs at least one");
-        let forest = Forest::of(local, rows);
-        let (net, routes) = (MemoryFile::new(&forest.net)?, MemoryFile::new(&forest.routes)?);
-        // SUMO reads both completely and never loads them again, so their memory is given back at once.
-        let made_of = [(&net, &*local.files.net), (&routes, &*local.files.routes)];
-        let mut simulation = Simulation::load(&options(&net, &routes))
-            .map_err(|error| explain(&error, made_of))
-            .with_context(|| format!("{}: {rows} copies of this network side by side", local.files.net.display()))?;
-        drop((net, routes, forest));
-        let regions: Vec<Region> = (0..rows).map(Region).collect();
-        let plan = plans(Grid::SINGLE, config).remove(0);
-        let place = |region: &Region| Place {
-            light: region.light(),
-            approaches: region.incoming_lanes().to_vec(),
-            phases: plan.phases.clone(),
-        };
-        let places = regions.iter().map(place).collect();
-        let routes: Vec<String> = regions.iter().flat_map(|region| region.routes()).collect();
-        let handles = IntersectionHandles::register(&mut simulation, places)?;
-        let routes = simulation.register_routes(&routes)?;
-        let mut all_lanes = Vec::with_capacity(rows);
-        let mut exit_lanes = Vec::with_capacity(rows * EDGES);
-        for region in regions {
-            exit_lanes.extend(simulation.register_lanes(&region.outgoing_lanes())?);
-            let lanes = [region.incoming_lanes(), region.internal_lanes(), region.outgoing_lanes()].concat();
-            all_lanes.push(simulation.register_lanes(&lanes)?);
-        }
-        let record = |tape| {
-            let roads = RecordedRoads::of_grid(Grid::SINGLE, local, vec![plan.clone()])?;
-            Recorder::new(tape, &mut simulation, roads, Region(0).prefix())
-        };
-        let recorder = tape.map(record).transpose()?;
-        Ok(LocalTraffic {
-            entry_rule: config.entry,
-            reward: config.reward.clone(),
-            simulation,
-            handles,
-            all_lanes,
-            routes,
-            cars: CarTable::new(),
-            exits: CarTable::of(vec![Vec::new(); exit_lanes.len()]),
-            exit_lanes,
-            waiting: vec![Waiting::default(); rows],
-            cars_on: Rows::new(rows, EDGES),
-            arrivals: Rows::new(rows, EDGES),
-            ages: vec![0; rows],
-            clocks_ahead: vec![0; rows],
-            last: Transition::new(rows, &spec),
-            serial: 0,
-            sampled: 0,
-            dropped: 0,
+    /// Makes the simulators of a forest that was loaded. The first episode of the first row goes on the `recorder`.
+    pub(crate) fn new(
+        plan: Arc<JointPlan>,
+        demand: Demand,
+        forest: LocalForest,
+        recorder: Option<Recorder>,
+    ) -> LocalTraffic {
+        let spec = plan.kinds.of(forest.rows[0].agent).spec.clone();
+        let rows = forest.rows.iter().map(|row| RowNow::new(row.seed.dice(), 0, plan.borders.get(row.agent.0)));
+        LocalTraffic {
+            rows: rows.collect(),
+            border_lanes: RowLanes::new(forest.rows.iter().map(|row| &*row.border)),
+            exits: RowLanes::new(forest.rows.iter().map(|row| &*row.exits)),
+            came_true: Rows::new(forest.rows.len(), spec.sources.count()),
+            last: Transition::new(forest.rows.len(), &spec),
+            counts: Counts::default(),
             watch: Stopwatch::default(),
             recorder,
-            plan,
+            entries: Entries::new(plan.clone(), &forest),
             spec,
-        })
+            plan,
+            demand,
+            forest,
+        }
     }
 
-    /// Lets the clock of each row be ahead of its episode by a number of steps.
-    pub(crate) fn with_clocks_ahead(self, clocks_ahead: Vec<usize>) -> LocalTraffic {
-        assert_eq!(clocks_ahead.len(), self.rows(), "one clock per row");
-        LocalTraffic { clocks_ahead, ..self }
-    }
-
-    /// Makes one step in which a car arrives at every edge that has a placement (`[rows][EDGES]`). A car that does not
-    /// fit in is dropped. [`LocalSimulator::step`] calls it with the placements of its rule.
+    /// Makes one step of a grid in which a car arrives at every edge that has a placement (`[rows][EDGES]`).
+    /// [`LocalSimulator::step`] does so with the placements of its rule.
     pub fn step_with(&mut self, actions: &[Action], placements: &[[Option<Placement>; EDGES]]) -> Result<&Transition> {
-        let begun = Instant::now();
-        self.waiting.iter_mut().for_each(Waiting::decide);
-        self.handles.act(&mut self.simulation, actions)?;
-        let first_serial = self.serial;
-        let sampled: Vec<(usize, Placement)> = placements
-            .as_flattened()
-            .iter()
-            .enumerate()
-            .filter_map(|(edge, placement)| placement.map(|placement| (edge, placement)))
-            .collect();
-        let insertions: Vec<Insertion> = sampled
-            .iter()
-            .zip(first_serial..)
-            .map(|(&(edge, Placement { position_m, speed }), car)| Insertion {
-                car,
-                route: self.routes[edge],
-                position_m,
-                speed,
-            })
-            .collect();
-        self.serial += insertions.len() as u64;
-        self.simulation.insert(&insertions)?;
-        self.watch.note(Phase::Insertion, begun.elapsed());
-        self.watch.time(Phase::SimulatorStep, || self.simulation.step())?;
-        self.watch.time(Phase::Insertion, || self.simulation.clear_pending())?;
-        let begun = Instant::now();
-        self.handles.read_cars(&mut self.simulation, &mut self.cars)?;
-        if reward::needs_exits(&self.reward) {
-            self.simulation.read_lanes(&self.exit_lanes, &mut self.exits)?;
-        }
-        let needs_waiting = reward::needs_waiting(&self.reward);
-        self.arrivals.fill(0);
-        for (&(edge, _), car) in sampled.iter().zip(first_serial..) {
-            let arrived = is_rearmost(CarId(car), self.cars.lane(edge));
-            self.arrivals.as_mut_slice()[edge] = u8::from(arrived);
-            self.dropped += u64::from(!arrived);
-        }
-        self.sampled += sampled.len() as u64;
-        let Transition { percept, rewards } = &mut self.last;
-        for (row, reward) in rewards.iter_mut().enumerate() {
-            let (plan, cars) = (&self.plan, self.handles.cars_at(&self.cars, row));
-            self.ages[row] += 1;
-            let (shown, age) = (self.handles.signal(row).shown(), self.ages[row]);
-            let light = LightView { shown, shown_steps: 0, age, clock: age + self.clocks_ahead[row] };
-            observe::observe(plan, cars, light, percept.obs.row_mut(row));
-            observe::d_separate(plan, cars, percept.obs.row(row), self.arrivals.row(row), percept.d_set.row_mut(row));
-            if needs_waiting {
-                self.waiting[row].note(cars);
+        self.decide();
+        for (row, placements) in placements.iter().enumerate() {
+            for (edge, placement) in placements.iter().enumerate() {
+                if let Some(placement) = placement {
+                    self.entries.come(row, edge, Some(ArrivingCar::on_edge(edge, *placement)));
+                }
             }
-            let exits = CarsAt::new(&self.exits, row * EDGES, EDGES);
-            *reward = reward::reward(&self.reward, &plan.region, cars, exits, &self.waiting[row]);
-            self.cars_on.row_mut(row).iter_mut().zip(cars.iter()).for_each(|(count, edge)| *count = edge.len());
         }
-        self.watch.note(Phase::Reading, begun.elapsed());
-        if let Some(recorder) = &mut self.recorder {
-            recorder.step(&mut self.simulation, &insertions)?;
-        }
+        self.second(0, actions)?;
+        self.perceive()?;
         Ok(&self.last)
     }
 
-    /// Returns the cars on the incoming edges of a row after the last step, even if the row was reset since.
+    /// Returns the cars on the approaches of a row after the last step, even if the row was reset since.
     pub fn cars_on(&self, row: usize) -> CarsAt<'_> {
-        self.handles.cars_at(&self.cars, row)
+        self.forest.approaches.at(row)
     }
 
-    fn placement(&self, cars_on_edge: usize) -> Placement {
-        match self.entry_rule {
-            // The authors' rule.
-            EntryRule::Reference => {
-                let speed = if cars_on_edge > 8 { 3.0 } else { 9.5 };
-                Placement { position_m: 6.0, speed: DepartSpeed::Fixed(speed) }
+    /// Returns the border of the region of a row. A grid has none.
+    fn border(&self, row: usize) -> Option<&Border> {
+        self.plan.borders.get(self.forest.rows[row].agent.0)
+    }
+
+    /// Sets what belongs to the row in this program to the beginning of an episode, and seeds its lanes.
+    fn begin(&mut self, Beginning { row, episode }: Beginning) -> Result<()> {
+        let seed = self.forest.rows[row].seed.for_episode(episode as usize);
+        let recorder = self.recorder.as_mut().filter(|_| row == 0);
+        match &self.demand {
+            Demand::Rule(_) => recorder.into_iter().for_each(|recorder| recorder.begin(LOCAL_SEED)),
+            Demand::Visits(_) => {
+                let mut of_lanes = seed.fork(RandomPurpose::Lanes).dice();
+                let mut seeds = self.forest.draw_seeds(row, &mut of_lanes);
+                if let Some(recorder) = recorder {
+                    // Plain SUMO, which plays the recording again, seeds the lanes with the numbers from its own seed on.
+                    let first = of_lanes.random_range(0..1 << 30);
+                    seeds = (first..).take(seeds.len()).collect();
+                    recorder.begin(first);
+                }
+                self.forest.seed_lanes(row, &seeds)?;
             }
-            // DEVIATION 10: the car enters as far back and as fast as it can. The authors' rule drops one car in nine,
-            // because a fixed speed is often unsafe behind a car that has just entered.
-            EntryRule::Max => Placement { position_m: 5.0, speed: DepartSpeed::Max },
         }
+        let mut dice = seed.fork(RandomPurpose::LocalCars).dice();
+        let begin = dice.random_range(0..=self.spec.horizon - self.spec.local_horizon);
+        self.rows[row] = RowNow::new(dice, begin * self.plan.decision_steps, self.border(row));
+        self.entries.begin(row, &self.forest.rows[row]);
+        self.came_true.row_mut(row).fill(0);
+        Ok(())
+    }
+
+    fn decide(&mut self) {
+        self.rows.iter_mut().for_each(|now| now.waiting.decide());
+        self.came_true.fill(0);
+    }
+
+    /// Lets cars come for the arrivals of a second of the decision.
+    fn arrive(&mut self, second: usize, sources: &Rows<u8>) {
+        for (row, now) in self.rows.iter_mut().enumerate() {
+            let (place, sources) = (&self.forest.rows[row], sources.row(row));
+            match &self.demand {
+                Demand::Rule(rule) => {
+                    for edge in (0..EDGES).filter(|&edge| sources[edge] == 1) {
+                        let is_new = now.second == now.begun;
+                        let cars = if is_new { 0 } else { self.forest.approaches.at(row).lane(edge).len() };
+                        self.entries.come(row, edge, Some(ArrivingCar::on_edge(edge, by_rule(*rule, cars))));
+                    }
+                }
+                Demand::Visits(tables) => {
+                    let (agent, border) = (place.agent.0, &self.plan.borders[place.agent.0].plan);
+                    for entry in 0..border.entries.len() {
+                        if sources[border.arrival(entry, second)] == 1 {
+                            let what = [agent, entry, now.second];
+                            let car = ArrivingCar::draw(border, &place.local_routes, tables, what, &mut now.dice);
+                            self.entries.come(row, entry, car);
+                        }
+                    }
+                }
+            }
+        }
+    }
+
+    /// Moves all rows on by a second of the decision.
+    fn second(&mut self, second: usize, actions: &[Action]) -> Result<()> {
+        let begun = Instant::now();
+        let before: Vec<Shown> = (0..self.rows.len()).map(|row| self.forest.lights.signal(row).shown()).collect();
+        self.forest.lights.act(&mut self.forest.simulation, actions)?;
+        let tried = self.entries.let_in(&mut self.forest)?;
+        self.watch.note(Phase::Insertion, begun.elapsed());
+        self.watch.time(Phase::SimulatorStep, || self.forest.simulation.step())?;
+        let begun = Instant::now();
+        for (row, entry) in self.entries.note_entered(&mut self.forest, &tried)? {
+            let source = self.border(row).map_or(entry, |border| border.plan.arrival(entry, second));
+            self.came_true.row_mut(row)[source] = 1;
+        }
+        self.watch.note(Phase::Insertion, begun.elapsed());
+        let begun = Instant::now();
+        for (row, (now, before)) in self.rows.iter_mut().zip(before).enumerate() {
+            now.second += 1;
+            let same = before == self.forest.lights.signal(row).shown();
+            now.shown_steps = if same { now.shown_steps + 1 } else { 1 };
+        }
+        let is_last = second + 1 == self.plan.decision_steps;
+        let needs_waiting = reward::needs_waiting(&self.plan.reward);
+        if is_last || needs_waiting {
+            self.forest.approaches.read(&mut self.forest.simulation)?;
+        }
+        if needs_waiting {
+            for (row, now) in self.rows.iter_mut().enumerate() {
+                now.waiting.note(self.forest.approaches.at(row));
+            }
+        }
+        self.watch.note(Phase::Reading, begun.elapsed());
+        self.recorder.as_mut().map_or(Ok(()), |recorder| recorder.step(&mut self.forest.simulation, &tried.insertions))
+    }
+
+    /// Writes what a row shows. `cars`: those on its approaches; `at_border`: those on the lanes of its border.
+    fn show(&mut self, row: usize, [cars, at_border]: [CarsAt<'_>; 2]) {
+        let (now, agent) = (&self.rows[row], self.forest.rows[row].agent.0);
+        let plan = &self.plan.agents[agent];
+        let signal = self.forest.lights.signal(row);
+        let clock = now.second + plan.sensor.clock_ahead;
+        let light = LightView { shown: signal.shown(), shown_steps: now.shown_steps, age: now.second, clock };
+        let Percept { obs, d_set, masks } = &mut self.last.percept;
+        let (obs, d_set) = (obs.row_mut(row), d_set.row_mut(row));
+        observe::observe(plan, cars, light, obs);
+        match self.plan.borders.get(agent) {
+            Some(border) => border.d_set.write(&border.plan, at_border, light, &now.history, d_set),
+            None => observe::d_separate(plan, cars, obs, self.came_true.row(row), d_set),
+        }
+        if let Some(masks) = masks {
+            observe::mask(plan, light.shown, signal.may_leave(&plan.phases), masks.row_mut(row));
+        }
+    }
+
+    /// Reads everything after a decision, and writes percepts and rewards of all rows.
+    fn perceive(&mut self) -> Result<()> {
+        let begun = Instant::now();
+        self.border_lanes.read(&mut self.forest.simulation)?;
+        if reward::needs_exits(&self.plan.reward) {
+            self.exits.read(&mut self.forest.simulation)?;
+        }
+        let [approaches, border_lanes] = [&mut self.forest.approaches, &mut self.border_lanes].map(std::mem::take);
+        for row in 0..self.rows.len() {
+            let agent = self.forest.rows[row].agent.0;
+            let (cars, now) = (approaches.at(row), &mut self.rows[row]);
+            let region = &self.plan.agents[agent].region;
+            self.last.rewards[row] = reward::reward(&self.plan.reward, region, cars, self.exits.at(row), &now.waiting);
+            if let Some(border) = self.plan.borders.get(agent) {
+                now.history.note(&border.plan, self.came_true.row(row));
+                if now.second - now.begun > SETTLED_S {
+                    self.counts.note(cars);
+                }
+            }
+            self.show(row, [cars, border_lanes.at(row)]);
+        }
+        (self.forest.approaches, self.border_lanes) = (approaches, border_lanes);
+        self.watch.note(Phase::Reading, begun.elapsed());
+        Ok(())
     }
 }
 
@@ -235,61 +301,58 @@ impl LocalSimulator for LocalTraffic {
     }
 
     fn rows(&self) -> usize {
-        self.handles.len()
+        self.rows.len()
     }
 
     fn reset(&mut self, begin: &[Beginning]) -> Result<&Percept> {
         let rows: Vec<usize> = begin.iter().map(|beginning| beginning.row).collect();
-        let lanes: Vec<LaneId> = rows.iter().flat_map(|&row| &self.all_lanes[row]).copied().collect();
-        self.simulation.remove_cars(&lanes)?;
-        self.handles.reset(&mut self.simulation, &rows)?;
-        if let Some(recorder) = &mut self.recorder
-            && rows.contains(&0)
-        {
-            recorder.begin(SEED);
-        }
-        let empty = CarTable::of(vec![Vec::new(); EDGES]);
-        let nobody = CarsAt::new(&empty, 0, EDGES);
+        let lanes: Vec<LaneId> = rows.iter().flat_map(|&row| &self.forest.rows[row].lanes).copied().collect();
+        self.forest.simulation.remove_cars(&lanes)?;
+        self.forest.lights.reset(&mut self.forest.simulation, &rows)?;
+        begin.iter().try_for_each(|&beginning| self.begin(beginning))?;
+        self.entries.set_gates(&mut self.forest, rows.iter().copied(), None)?;
         for row in rows {
-            self.cars_on.row_mut(row).fill(0);
-            self.arrivals.row_mut(row).fill(0);
-            self.ages[row] = 0;
-            self.waiting[row] = Waiting::default();
-            let percept = &mut self.last.percept;
-            let (plan, shown) = (&self.plan, self.handles.signal(row).shown());
-            let light = LightView { shown, shown_steps: 0, age: 0, clock: self.clocks_ahead[row] };
-            observe::observe(plan, nobody, light, percept.obs.row_mut(row));
-            observe::d_separate(plan, nobody, percept.obs.row(row), self.arrivals.row(row), percept.d_set.row_mut(row));
+            let approaches = self.plan.agents[self.forest.rows[row].agent.0].region.approaches.len();
+            let [cars, at_border] = [approaches, self.forest.rows[row].border.len()].map(no_cars);
+            self.show(row, [CarsAt::all(&cars), CarsAt::all(&at_border)]);
         }
         Ok(&self.last.percept)
     }
 
     fn step(&mut self, actions: &[Action], sources: &Rows<u8>) -> Result<&Transition> {
-        let begun = Instant::now();
-        let placements: Vec<[Option<Placement>; EDGES]> = sources
-            .iter()
-            .zip(self.cars_on.iter())
-            .map(|(sources, cars_on)| {
-                std::array::from_fn(|edge| (sources[edge] == 1).then(|| self.placement(cars_on[edge])))
-            })
-            .collect();
-        self.watch.note(Phase::Insertion, begun.elapsed());
-        self.step_with(actions, &placements)
+        self.decide();
+        for row in 0..self.rows.len() {
+            if let Some(blocked) = self.border(row).map(|border| border.plan.all_blocked()) {
+                self.came_true.row_mut(row)[blocked.clone()].copy_from_slice(&sources.row(row)[blocked]);
+            }
+        }
+        self.entries.set_gates(&mut self.forest, 0..self.rows.len(), Some(sources))?;
+        for second in 0..self.plan.decision_steps {
+            let begun = Instant::now();
+            self.arrive(second, sources);
+            self.watch.note(Phase::Insertion, begun.elapsed());
+            self.second(second, actions)?;
+        }
+        self.perceive()?;
+        Ok(&self.last)
     }
 
     fn counters(&self) -> Vec<(&'static str, u64)> {
-        vec![("sampled_arrivals", self.sampled), (DROPPED, self.dropped)]
+        let (entries, Counts { decisions, cars, speed_mmps }) = (self.entries.counts, self.counts);
+        match self.demand {
+            Demand::Rule(_) => vec![("sampled_arrivals", entries.came), (DROPPED, entries.dropped)],
+            Demand::Visits(_) => vec![
+                ("sampled_arrivals", entries.came),
+                ("waited_arrivals", entries.waited),
+                (DROPPED, entries.dropped),
+                ("local_decisions", decisions),
+                ("local_cars", cars),
+                ("local_speed_mmps", speed_mmps),
+            ],
+        }
     }
 
     fn take_watch(&mut self) -> Stopwatch {
         self.watch.take()
     }
-}
-
-fn options(net: &MemoryFile, routes: &MemoryFile) -> Vec<String> {
-    let mut options = options::common(net, routes, SEED);
-    // On one lane without overtaking there are no collisions, and looking for them takes 3 % of a step. A test checks
-    // that this option changes nothing, however dense the traffic.
-    options.extend(["--collision.action".to_owned(), "none".to_owned()]);
-    options
 }

@@ -1,21 +1,23 @@
-//! Loads the local nets of a scenario into SUMO: text of the forest, routes, types and options, and numbers for all that
-//! a row needs.
+//! Loads many local nets side by side into SUMO: copies of the one of a grid, or those of the lights of a scenario.
 
-use std::collections::BTreeSet;
+use std::collections::{BTreeSet, HashMap};
 use std::path::Path;
 use std::sync::Arc;
 
 use anyhow::Context;
 use rand::Rng;
 
-use super::handles::{IntersectionHandles, Place};
+use super::lights::Lights;
+use super::local_routes::LocalRoutes;
 use super::options;
 use super::visit_tables::VisitTables;
-use super::ways::Ways;
 use crate::agents::plan::JointPlan;
+use crate::cars_at::RowLanes;
+use crate::cut::forest::{Forest, Region};
 use crate::cut::local_net::LocalNet;
 use crate::cut::mixed::{APART, MixedForest, prefix};
 use crate::cut::names::prefixed;
+use crate::network::contents::Network;
 use crate::network::loadable::explain;
 use crate::network::memory_file::MemoryFile;
 use crate::network::xml::{document, leaf};
@@ -23,14 +25,9 @@ use dials_core::base::{AgentId, Dice, Seed};
 use dials_core::domain::Result;
 use libsumo::{DepartSpeed, Entering, Insertion, LaneId, LightId, RouteId, Simulation, TypeId};
 
-/// Type of a car if the recording has no car at all: SUMO's own one.
-const OWN_TYPE: &str = "DEFAULT_VEHTYPE";
-
 /// What local simulators of a scenario are made of.
 pub(crate) struct LocalParts {
-    /// Local net of each agent, in their order.
     pub(crate) nets: Vec<LocalNet>,
-    /// Text of a file with all vehicle types.
     pub(crate) types: String,
     /// Options of SUMO that say how cars drive, without `--`.
     pub(crate) options: Vec<(String, String)>,
@@ -38,69 +35,115 @@ pub(crate) struct LocalParts {
     pub(crate) name: String,
 }
 
-/// A loaded forest.
+/// A loaded forest, one region per row.
 pub(crate) struct LocalForest {
     pub(crate) simulation: Simulation,
     pub(crate) rows: Vec<RowPlace>,
-    /// Lights and approaches, one row each.
-    pub(crate) handles: IntersectionHandles,
-    /// Names of vehicle types, with their numbers. The first one is the usual one.
+    pub(crate) lights: Lights,
+    pub(crate) approaches: RowLanes,
+    /// Names of vehicle types, with their numbers. The first one is the usual one. Empty on a grid, which has one type.
     types: Vec<(String, TypeId)>,
     /// Types and speed factors of the cars that entered on the road apart, one in each second so far.
     pub(crate) first: Vec<(String, f64)>,
 }
 
+/// The region of a row, and the root of the row's random streams.
+pub(crate) type Row = (AgentId, Seed);
+
 /// What SUMO has of a row.
 pub(crate) struct RowPlace {
     pub(crate) agent: AgentId,
-    /// Root of the row's random streams.
     pub(crate) seed: Seed,
-    /// All lanes, also those behind the exits. They have consecutive numbers.
+    /// All lanes that a reset has to clear. Those of a scenario have consecutive numbers.
     pub(crate) lanes: Vec<LaneId>,
-    pub(crate) first_lane: u32,
-    /// Lanes of the border plan, in its order.
+    first_lane: u32,
+    /// Lanes of the border plan, in its order; none on a grid.
     pub(crate) border: Vec<LaneId>,
     /// Lanes on which cars leave the light, in the order of the region plan.
     pub(crate) exits: Vec<LaneId>,
     pub(crate) gate: Option<RowGate>,
-    pub(crate) ways: Arc<Ways>,
-    /// Routes by their numbers in `ways`.
+    /// What is known of the routes of a scenario.
+    pub(crate) local_routes: Arc<LocalRoutes>,
+    /// Routes by their numbers: those of `local_routes`, or one for each edge of a grid.
     pub(crate) routes: Vec<RouteId>,
 }
 
 /// The light at the exits of a row.
 pub(crate) struct RowGate {
     pub(crate) light: LightId,
-    /// Number of letters.
     pub(crate) letters: usize,
     /// Letter of each exit of the border plan.
     pub(crate) of_exit: Vec<Option<usize>>,
 }
 
+/// Returns `copies` rows of each of these regions, ordered by region, then copy.
+pub(crate) fn rows_of(regions: &[AgentId], copies: usize, seed: Seed) -> Vec<Row> {
+    let copies_of = |&agent: &AgentId| (0..copies).map(move |copy| (agent, seed.for_agent(agent).for_copy(copy)));
+    regions.iter().flat_map(copies_of).collect()
+}
+
 impl LocalForest {
-    /// Loads `copies` of each of these regions, ordered by region, then copy.
-    pub(crate) fn load(
+    /// Loads copies of the local net of a grid.
+    pub(crate) fn of_grid(local: &Network, plan: &JointPlan, rows: &[Row]) -> Result<LocalForest> {
+        let forest = Forest::of(local, rows.len());
+        let (net, routes) = (MemoryFile::new(&forest.net)?, MemoryFile::new(&forest.routes)?);
+        let mut options = options::common(&net, &routes);
+        // On one lane without overtaking there are no collisions, and looking for them takes 3 % of a step. A test checks
+        // that this option changes nothing, however dense the traffic.
+        options.extend(["--collision.action".to_owned(), "none".to_owned()]);
+        // SUMO reads both completely and never loads them again, so their memory is given back at once.
+        let made_of = [(&net, &*local.files.net), (&routes, &*local.files.routes)];
+        let mut simulation =
+            Simulation::load(&options).map_err(|error| explain(&error, made_of)).with_context(|| {
+                format!("{}: {} copies of this network side by side", local.files.net.display(), rows.len())
+            })?;
+        drop((net, routes, forest));
+        let regions = || (0..rows.len()).map(Region);
+        let phases = rows.iter().map(|(agent, _)| plan.agents[agent.0].phases.clone());
+        let lights = Lights::register(&mut simulation, regions().map(Region::light).zip(phases))?;
+        let mut approaches = Vec::with_capacity(rows.len());
+        let mut places = Vec::with_capacity(rows.len());
+        for (region, &(agent, seed)) in regions().zip(rows) {
+            let incoming = simulation.register_lanes(&region.incoming_lanes())?;
+            let internal = simulation.register_lanes(&region.internal_lanes())?;
+            let exits = simulation.register_lanes(&region.outgoing_lanes())?;
+            places.push(RowPlace {
+                agent,
+                seed,
+                lanes: [&incoming[..], &internal, &exits].concat(),
+                first_lane: 0,
+                border: Vec::new(),
+                exits,
+                gate: None,
+                local_routes: Arc::default(),
+                routes: simulation.register_routes(&region.routes())?,
+            });
+            approaches.push(incoming);
+        }
+        let approaches = RowLanes::new(approaches.iter().map(Vec::as_slice));
+        Ok(LocalForest { simulation, rows: places, lights, approaches, types: Vec::new(), first: Vec::new() })
+    }
+
+    /// Loads the local nets of lights of a scenario.
+    pub(crate) fn of_scenario(
         parts: &LocalParts,
         plan: &JointPlan,
         tables: &VisitTables,
-        (regions, copies): (&[AgentId], usize),
-        seed: Seed,
+        rows: &[Row],
     ) -> Result<LocalForest> {
-        let ways =
-            |agent: &AgentId| Arc::new(Ways::of(agent.0, &plan.borders[agent.0].plan, &parts.nets[agent.0], tables));
-        let ways_of: Vec<Arc<Ways>> = regions.iter().map(ways).collect();
-        let rows: Vec<(usize, AgentId, usize)> = regions
-            .iter()
-            .enumerate()
-            .flat_map(|(region, &agent)| (0..copies).map(move |copy| (region, agent, copy)))
-            .collect();
-        let nets: Vec<&LocalNet> = rows.iter().map(|(_, agent, _)| &parts.nets[agent.0]).collect();
+        let mut routes_of: HashMap<AgentId, Arc<LocalRoutes>> = HashMap::new();
+        let mut known = |&(agent, _): &Row| {
+            let (border, net) = (&plan.borders[agent.0].plan, &parts.nets[agent.0]);
+            routes_of.entry(agent).or_insert_with(|| Arc::new(LocalRoutes::of(agent.0, border, net, tables))).clone()
+        };
+        let local_routes: Vec<Arc<LocalRoutes>> = rows.iter().map(&mut known).collect();
+        let nets: Vec<&LocalNet> = rows.iter().map(|(agent, _)| &parts.nets[agent.0]).collect();
         let forest = MixedForest::of(&nets);
-        let routes = routes(rows.iter().map(|(region, ..)| &*ways_of[*region]));
-        let [net, routes, types] = [&forest.net, &routes, &parts.types].map(|text| MemoryFile::new(text));
+        let [net, routes, types] =
+            [&forest.net, &routes(&local_routes), &parts.types].map(|text| MemoryFile::new(text));
         let (net, routes, types) = (net?, routes?, types?);
-        // The seed changes nothing: every reset seeds the lanes.
-        let mut options = options::common(&net, &routes, 0);
+        // Every reset seeds the lanes.
+        let mut options = options::common(&net, &routes);
         options.extend(["--additional-files".to_owned(), types.path()]);
         options.extend(forest.option());
         options.extend(local_options(parts).into_iter().flat_map(|(name, value)| [format!("--{name}"), value]));
@@ -108,62 +151,58 @@ impl LocalForest {
         let mut simulation = Simulation::load(&options)
             .map_err(|error| explain(&error, made_of.map(|(file, name)| (file, Path::new(name)))))
             .with_context(|| format!("{}: SUMO could not load the surroundings of its lights", parts.name))?;
-        let places = rows.iter().enumerate().map(|(row, (_, agent, _))| {
-            let (plan, prefix) = (&plan.agents[agent.0], prefix(row));
-            let approaches = plan.region.approaches.iter();
-            Place {
-                light: prefixed(&prefix, &plan.light),
-                approaches: approaches.map(|approach| prefixed(&prefix, &approach.lane)).collect(),
-                phases: plan.phases.clone(),
-            }
+        let lights = rows.iter().enumerate().map(|(row, (agent, _))| {
+            let plan = &plan.agents[agent.0];
+            (prefixed(&prefix(row), &plan.light), plan.phases.clone())
         });
-        let handles = IntersectionHandles::register(&mut simulation, places.collect())?;
+        let lights = Lights::register(&mut simulation, lights)?;
+        let mut approaches = Vec::with_capacity(rows.len());
         let mut places = Vec::with_capacity(rows.len());
-        for (row, &(region, agent, copy)) in rows.iter().enumerate() {
+        for ((row, &(agent, seed)), local_routes) in rows.iter().enumerate().zip(local_routes) {
             let (prefix, net, border) = (prefix(row), nets[row], &plan.borders[agent.0].plan);
-            let named = |names: &mut dyn Iterator<Item = &str>| names.map(|name| prefixed(&prefix, name)).collect();
-            let lanes: Vec<String> = named(&mut net.lanes());
-            let of_border: Vec<String> = named(&mut border.lanes.iter().map(|lane| &*lane.lane));
-            let exits: Vec<String> = named(&mut plan.agents[agent.0].region.exits.iter().map(|exit| &*exit.lane));
-            let ways = ways_of[region].clone();
-            let routes: Vec<String> = (0..ways.routes().len()).map(|way| route_name(row, way)).collect();
+            let region = &plan.agents[agent.0].region;
+            let mut lanes = |names: &mut dyn Iterator<Item = &str>| {
+                simulation.register_lanes(&names.map(|name| prefixed(&prefix, name)).collect::<Vec<_>>())
+            };
+            approaches.push(lanes(&mut region.approaches.iter().map(|approach| &*approach.lane))?);
+            let all = lanes(&mut net.lanes())?;
+            let of_border = lanes(&mut border.lanes.iter().map(|lane| &*lane.lane))?;
+            let exits = lanes(&mut region.exits.iter().map(|exit| &*exit.lane))?;
             let gate = match &net.gate {
                 None => None,
                 Some(gate) => {
                     let light = simulation.register_lights(&[prefixed(&prefix, &gate.light)])?[0];
                     let letter = |&lane: &usize| gate.lanes.iter().position(|other| *other == border.lanes[lane].lane);
-                    Some(RowGate {
-                        light,
-                        letters: gate.lanes.len(),
-                        of_exit: border.exits.iter().map(letter).collect(),
-                    })
+                    let of_exit = border.exits.iter().map(letter).collect();
+                    Some(RowGate { light, letters: gate.lanes.len(), of_exit })
                 }
             };
+            let routes: Vec<String> = (0..local_routes.all().len()).map(|route| route_name(row, route)).collect();
             places.push(RowPlace {
                 agent,
-                seed: seed.for_agent(agent).for_copy(copy),
-                lanes: simulation.register_lanes(&lanes)?,
+                seed,
+                lanes: all,
                 first_lane: forest.first_lane[row],
-                border: simulation.register_lanes(&of_border)?,
-                exits: simulation.register_lanes(&exits)?,
+                border: of_border,
+                exits,
                 gate,
-                ways,
+                local_routes,
                 routes: simulation.register_routes(&routes)?,
             });
         }
+        let approaches = RowLanes::new(approaches.iter().map(Vec::as_slice));
         let names = type_names(tables);
         let numbers = simulation.register_types(&names)?;
         let speed_factor = send_extremes(&mut simulation, &numbers, tables)?;
         let first = names.iter().map(|name| (name.clone(), speed_factor)).collect();
-        Ok(LocalForest { simulation, rows: places, handles, types: names.into_iter().zip(numbers).collect(), first })
+        let types = names.into_iter().zip(numbers).collect();
+        Ok(LocalForest { simulation, rows: places, lights, approaches, types, first })
     }
 
-    /// Draws a seed for each lane of a row.
     pub(crate) fn draw_seeds(&self, row: usize, dice: &mut Dice) -> Vec<u32> {
         self.rows[row].lanes.iter().map(|_| dice.random()).collect()
     }
 
-    /// Seeds the random generators of the lanes of a row.
     pub(crate) fn seed_lanes(&mut self, row: usize, seeds: &[u32]) -> Result<()> {
         Ok(self.simulation.seed_lanes(self.rows[row].first_lane, seeds)?)
     }
@@ -178,12 +217,12 @@ impl LocalForest {
 /// Number of the first car that comes to a row. Smaller ones are of cars on the road apart.
 pub(crate) const FIRST_CAR: u64 = 1 << 32;
 
-/// Lets a car of each type with the largest speed factor enter on the road apart, one after the other, and takes it out
-/// again. Returns that speed factor.
+/// Lets a car of each type with the largest speed factor enter on the road apart and leave it. Returns that speed factor.
 fn send_extremes(simulation: &mut Simulation, types: &[TypeId], tables: &VisitTables) -> Result<f64> {
     let road = simulation.register_lanes(&[format!("{APART}_0")])?;
     let route = simulation.register_routes(&[APART.to_owned()])?[0];
-    let factors = tables.visits().of_agents.iter().flatten().map(|visit| visit.driver.speed_factor);
+    let visits = tables.visits();
+    let factors = visits.all().map(|visit| visits.driver(visit).speed_factor);
     let speed_factor = factors.fold(1.0, f64::max);
     for (car, &vehicle_type) in (0..).zip(types) {
         let insertion = Insertion { car, route, position_m: 500.0, speed: DepartSpeed::Fixed(0.0) };
@@ -196,14 +235,12 @@ fn send_extremes(simulation: &mut Simulation, types: &[TypeId], tables: &VisitTa
 
 /// Returns the options of SUMO that say how cars drive in a local simulator, without `--`.
 pub(crate) fn local_options(parts: &LocalParts) -> Vec<(String, String)> {
-    let own = OPTIONS.map(|(name, value)| (name.to_owned(), value.to_owned()));
+    // A car that collides or has no way on would be moved, and a reset would not find it. A car that finds no room must
+    // not keep others from the lanes beside it.
+    let own = [("collision.action", "none"), ("ignore-route-errors", "true"), ("eager-insert", "true")];
+    let own = own.map(|(name, value)| (name.to_owned(), value.to_owned()));
     parts.options.iter().cloned().chain(own).collect()
 }
-
-/// Options of local simulators, without `--`. A car that collides or has no way on would be moved, and a reset would not find it. A
-/// car that finds no room must not keep others from the lanes beside it.
-const OPTIONS: [(&str, &str); 3] =
-    [("collision.action", "none"), ("ignore-route-errors", "true"), ("eager-insert", "true")];
 
 /// Returns the options of a scenario that local simulators have, too: those that say how cars drive. Demand, routing and
 /// what SUMO does with jams and collisions are not theirs.
@@ -222,28 +259,25 @@ pub(crate) fn driving_options(options: &[(String, String)]) -> Vec<(String, Stri
 
 /// Returns the names of all vehicle types that were recorded, the usual one first.
 fn type_names(tables: &VisitTables) -> Vec<String> {
-    let usual = tables.usual_type().unwrap_or(OWN_TYPE);
-    let all: BTreeSet<&str> =
-        tables.visits().of_agents.iter().flatten().map(|visit| &*visit.driver.vehicle_type).collect();
+    let (usual, _) = tables.usual();
+    let visits = tables.visits();
+    let all: BTreeSet<&str> = visits.all().map(|visit| &*visits.driver(visit).vehicle_type).collect();
     [usual].into_iter().chain(all.into_iter().filter(|name| *name != usual)).map(str::to_owned).collect()
 }
 
-/// Returns the text of a file with the routes of all rows.
-fn routes<'a>(ways: impl Iterator<Item = &'a Ways>) -> String {
-    let ways: Vec<&Ways> = ways.collect();
+fn routes(of_rows: &[Arc<LocalRoutes>]) -> String {
     document("routes", |xml| {
         leaf(xml, "route", [("id", APART), ("edges", APART)])?;
-        ways.iter().enumerate().try_for_each(|(row, ways)| {
+        of_rows.iter().enumerate().try_for_each(|(row, routes)| {
             let prefix = prefix(row);
-            ways.routes().iter().enumerate().try_for_each(|(way, route)| {
+            routes.all().iter().enumerate().try_for_each(|(number, route)| {
                 let edges: Vec<String> = route.edges.iter().map(|edge| prefixed(&prefix, edge)).collect();
-                leaf(xml, "route", [("id", &*route_name(row, way)), ("edges", &edges.join(" "))])
+                leaf(xml, "route", [("id", &*route_name(row, number)), ("edges", &edges.join(" "))])
             })
         })
     })
 }
 
-/// Returns the name of a route of a row.
-pub(crate) fn route_name(row: usize, way: usize) -> String {
-    format!("{}way{way}", prefix(row))
+pub(super) fn route_name(row: usize, number: usize) -> String {
+    format!("{}way{number}", prefix(row))
 }

@@ -1,16 +1,21 @@
-//! The traffic metrics other than the return: means of the cars' trips from SUMO's own output, and queues, speeds and
-//! throughput per intersection. Only evaluations and baselines ask for them. Training and collection do not measure
+//! The traffic metrics other than the return: means of the cars' trips from SUMO's own tripinfo output, and queues, speeds
+//! and throughput per intersection. Only evaluations and baselines ask for them. Training and collection do not measure
 //! them and pay nothing.
 
-use anyhow::Result;
+use std::fs::File;
+use std::io::{Read, Seek};
+use std::os::fd::AsRawFd;
 
-use super::trips::{TripFile, Trips};
-use crate::cars_at::CarsAt;
-use libsumo::{CarId, LaneCars};
+use anyhow::{Context, Result};
+use roxmltree::{Document, Node};
 
-/// The metrics of an episode.
+use crate::cars_at::{CarsAt, RowLanes};
+use dials_core::outside::temporary_file;
+use libsumo::{CarId, CarTable, LaneCars};
+
 pub(crate) struct TrafficMetrics {
-    trip_file: TripFile,
+    /// The file to which SUMO writes the trips. It has no name, so a killed process leaves none behind.
+    trip_file: File,
     /// Means of the trips, known when the episode is over.
     trips: Option<Trips>,
     steps: u64,
@@ -28,11 +33,25 @@ struct Sums {
     passed: u64,
 }
 
+/// Means over the trips of an episode, in seconds.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+struct Trips {
+    /// Travel time from entering the net to leaving it or to the end of the episode. The mean is over all cars that
+    /// entered.
+    travel_time_s: f64,
+    /// Time lost by driving slower than allowed and by waiting at the boundary before entering. The mean is over all
+    /// cars, including those that never entered. Source: Ault and Sharon, "Reinforcement Learning Benchmarks for
+    /// Traffic Signal Control" (RESCO), NeurIPS Datasets and Benchmarks 2021.
+    delay_s: f64,
+    /// Time below 0.1 m/s after entering. The mean is over all cars that entered.
+    waiting_time_s: f64,
+}
+
 impl TrafficMetrics {
     /// Makes the metrics of intersections. `at_stop_line`: for each of them, whether each approach ends at its stop line.
-    pub(crate) fn new(at_stop_line: Vec<Vec<bool>>) -> Result<Self> {
+    pub(super) fn new(at_stop_line: Vec<Vec<bool>>) -> Result<Self> {
         Ok(TrafficMetrics {
-            trip_file: TripFile::new()?,
+            trip_file: temporary_file().context("SUMO's trips have no place")?,
             trips: None,
             steps: 0,
             intersections: vec![Sums::default(); at_stop_line.len()],
@@ -40,61 +59,77 @@ impl TrafficMetrics {
         })
     }
 
-    /// Returns the options that SUMO must be loaded with.
-    pub(crate) fn options(&self) -> [String; 8] {
-        self.trip_file.options()
+    /// Returns the options that make SUMO write the trips, from the beginning of the file, with the digits of a
+    /// millisecond.
+    pub(super) fn options(&self) -> [String; 8] {
+        let place = format!("/proc/self/fd/{}", self.trip_file.as_raw_fd());
+        [
+            "--tripinfo-output",
+            &place,
+            "--tripinfo-output.write-unfinished",
+            "true",
+            "--tripinfo-output.write-undeparted",
+            "true",
+            "--precision",
+            "6",
+        ]
+        .map(str::to_owned)
     }
 
-    pub(crate) fn begin(&mut self) {
+    pub(super) fn begin(&mut self) {
         self.trips = None;
         self.steps = 0;
         self.intersections.fill(Sums::default());
     }
 
-    /// Notes that a step is over.
-    pub(crate) fn step(&mut self) {
+    /// Notes the cars on the approaches after a step and `before` it. `gone`: those that left the road in between.
+    pub(super) fn step(&mut self, approaches: &RowLanes, before: &CarTable, gone: &[CarId]) {
         self.steps += 1;
-    }
-
-    /// Notes the cars on the approaches of an intersection, after a step and before it. `gone`: those that left the road
-    /// in between.
-    pub(crate) fn cars(&mut self, row: usize, now: CarsAt<'_>, before: CarsAt<'_>, gone: &[CarId]) {
-        let sums = &mut self.intersections[row];
-        for lane in now.iter() {
-            sums.car_steps += lane.len() as u64;
-            sums.speed_sum_mps += lane.speeds_mps.iter().sum::<f64>();
-            sums.halting_car_steps += lane.halting() as u64;
+        for (row, (sums, at_stop_line)) in self.intersections.iter_mut().zip(&self.at_stop_line).enumerate() {
+            let now = approaches.at(row);
+            for lane in now.iter() {
+                sums.car_steps += lane.len() as u64;
+                sums.speed_sum_mps += lane.speeds_mps.iter().sum::<f64>();
+                sums.halting_car_steps += lane.halting() as u64;
+            }
+            sums.passed += passed(now, approaches.of(before, row), gone, at_stop_line);
         }
-        sums.passed += passed(now, before, gone, &self.at_stop_line[row]);
     }
 
     /// Returns whether [`TrafficMetrics::finish`] was called since the beginning.
-    pub(crate) fn finished(&self) -> bool {
+    pub(super) fn finished(&self) -> bool {
         self.trips.is_some()
     }
 
-    /// Reads the trips. Call it when SUMO has closed the simulation of the episode.
-    pub(crate) fn finish(&mut self) -> Result<()> {
-        self.trips = Some(self.trip_file.read()?);
+    /// Reads the trips. Call it when SUMO has closed the simulation of the episode: only then SUMO writes those of the cars
+    /// on the road.
+    pub(super) fn finish(&mut self) -> Result<()> {
+        self.trips = Some(means(&self.trips_as_text()?)?);
         Ok(())
     }
 
+    pub(super) fn trips_as_text(&mut self) -> Result<String> {
+        let mut text = String::new();
+        let read = self.trip_file.rewind().and_then(|()| self.trip_file.read_to_string(&mut text));
+        read.context("SUMO's trips could not be read")?;
+        Ok(text)
+    }
+
     /// Returns the metrics of the whole net; `arrived` cars left it.
-    pub(crate) fn of_net(&self, arrived: u64) -> Vec<(&'static str, f64)> {
+    pub(super) fn of_net(&self, arrived: u64) -> Vec<(&'static str, f64)> {
         let Trips { travel_time_s, delay_s, waiting_time_s } = self.trips.expect("the episode is over");
-        let sum = |of: fn(&Sums) -> u64| self.intersections.iter().map(of).sum();
+        let halting = self.intersections.iter().map(|sums| sums.halting_car_steps).sum();
         let approaches = self.at_stop_line.iter().map(Vec::len).sum();
         vec![
             ("travel_time_s", travel_time_s),
             ("delay_s", delay_s),
             ("waiting_time_s", waiting_time_s),
-            ("queue_length", self.per_approach_step(sum(|sums| sums.halting_car_steps), approaches)),
+            ("queue_length", self.per_approach_step(halting, approaches)),
             ("throughput_per_h", 3600.0 * arrived as f64 / self.steps.max(1) as f64),
         ]
     }
 
-    /// Returns the metrics of every intersection.
-    pub(crate) fn of_agents(&self) -> Vec<(&'static str, Vec<f64>)> {
+    pub(super) fn of_agents(&self) -> Vec<(&'static str, Vec<f64>)> {
         let each = |figure: &dyn Fn(&Sums) -> f64| self.intersections.iter().map(figure).collect();
         let queues = self.intersections.iter().zip(&self.at_stop_line);
         let queues = queues.map(|(at, lanes)| self.per_approach_step(at.halting_car_steps, lanes.len())).collect();
@@ -103,12 +138,6 @@ impl TrafficMetrics {
             ("queue_length", queues),
             ("passed", each(&|at| at.passed as f64)),
         ]
-    }
-
-    /// Returns the text that SUMO wrote about the trips.
-    #[cfg(test)]
-    pub(crate) fn trips_as_text(mut self) -> String {
-        self.trip_file.text().expect("the trips of an episode")
     }
 
     fn per_approach_step(&self, sum: u64, approaches: usize) -> f64 {
@@ -132,10 +161,36 @@ fn left(now: CarsAt<'_>, before: LaneCars<'_>, gone: &[CarId]) -> u64 {
     before.ids.iter().filter(|car| !stayed(car) && !gone.contains(car)).count() as u64
 }
 
+/// Returns the means of the trips that SUMO wrote; 0 if there are no cars.
+fn means(text: &str) -> Result<Trips> {
+    let document = Document::parse(text).context("SUMO's trips are not XML")?;
+    let (mut sums, mut cars, mut entered) = (Trips::default(), 0_u32, 0_u32);
+    for trip in document.root_element().children().filter(|node| node.has_tag_name("tripinfo")) {
+        cars += 1;
+        sums.delay_s += number(trip, "timeLoss")? + number(trip, "departDelay")?;
+        // A car that never entered departs at -1.
+        if number(trip, "depart")? >= 0.0 {
+            entered += 1;
+            sums.travel_time_s += number(trip, "duration")?;
+            sums.waiting_time_s += number(trip, "waitingTime")?;
+        }
+    }
+    let [cars, entered] = [cars, entered].map(|count| f64::from(count.max(1)));
+    Ok(Trips {
+        travel_time_s: sums.travel_time_s / entered,
+        delay_s: sums.delay_s / cars,
+        waiting_time_s: sums.waiting_time_s / entered,
+    })
+}
+
+fn number(trip: Node<'_, '_>, name: &str) -> Result<f64> {
+    let number = trip.attribute(name).and_then(|text| text.parse().ok()).filter(|number: &f64| number.is_finite());
+    number.with_context(|| format!("a trip of SUMO's has no number `{name}`"))
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
-    use libsumo::CarTable;
 
     fn read<const LANES: usize>(lanes: [&[u64]; LANES]) -> CarTable {
         CarTable::of(lanes.map(|ids| ids.iter().map(|&id| (CarId(id), 50.0, 10.0)).collect()))
@@ -143,37 +198,40 @@ mod tests {
 
     #[test]
     fn cars_that_left_are_counted_however_many_came() {
-        let left_of = |now: &[u64], before: &[u64]| {
-            let (now, before) = (read([now]), read([before]));
-            left(CarsAt::new(&now, 0, 1), before.lane(0), &[])
-        };
-        assert_eq!(left_of(&[3], &[2, 1]), 2);
-        assert_eq!(left_of(&[2, 1], &[2, 1]), 0);
         // On an odd net, several cars may come at once, ahead of others, or in another order.
-        assert_eq!(left_of(&[1, 2, 3], &[]), 0);
-        assert_eq!(left_of(&[1, 3, 2], &[2, 1]), 0);
-        assert_eq!(left_of(&[], &[]), 0);
+        let cases: [(&[u64], &[u64], u64); 4] =
+            [(&[3], &[2, 1], 2), (&[2, 1], &[2, 1], 0), (&[1, 2, 3], &[], 0), (&[1, 3, 2], &[2, 1], 0)];
+        for (now, before, count) in cases {
+            let [now, before] = [now, before].map(|cars| read([cars]));
+            assert_eq!(left(CarsAt::all(&now), before.lane(0), &[]), count, "{now:?} after {before:?}");
+        }
     }
 
     #[test]
     fn only_cars_that_cross_a_stop_line_have_passed() {
         // Lanes 0 and 1 end at the stop line, lane 2 leads to lane 0 through a junction without a light.
-        let mut metrics = TrafficMetrics::new(vec![vec![true, true, false]]).unwrap();
         let before = read([&[1, 2, 5], &[6], &[3, 4]]);
         // Car 1 crosses the stop line, 2 changes lanes, 3 comes nearer, 4 is within the junction, 5 ends its trip on its
         // approach, and 6 is teleported.
         let now = read([&[3], &[2], &[]]);
-        metrics.cars(0, CarsAt::new(&now, 0, 3), CarsAt::new(&before, 0, 3), &[CarId(5), CarId(6)]);
-        let (_, passed) = metrics.of_agents().into_iter().find(|(name, _)| *name == "passed").unwrap();
-        assert_eq!(passed, [1.0]);
+        let gone = [CarId(5), CarId(6)];
+        assert_eq!(passed(CarsAt::all(&now), CarsAt::all(&before), &gone, &[true, true, false]), 1);
     }
 
     #[test]
     fn an_episode_without_cars_or_steps_has_figures_that_are_numbers() {
         let mut metrics = TrafficMetrics::new(vec![vec![true; 4], vec![true; 3]]).unwrap();
-        metrics.begin();
-        metrics.trips = Some(Trips::default());
+        metrics.trips = Some(means("<tripinfos/>").unwrap());
         assert!(metrics.of_net(0).iter().all(|(_, value)| *value == 0.0));
         assert!(metrics.of_agents().iter().all(|(_, values)| values == &[0.0, 0.0]));
+    }
+
+    #[test]
+    fn a_torn_file_or_a_number_that_is_none_is_an_error() {
+        assert_eq!(means("<tripinfos>").unwrap_err().to_string(), "SUMO's trips are not XML");
+        for odd in ["nan", "inf", "", "1e999"] {
+            let text = format!("<tripinfos><tripinfo depart=\"1\" timeLoss=\"{odd}\" departDelay=\"0\"/></tripinfos>");
+            assert_eq!(means(&text).unwrap_err().to_string(), "a trip of SUMO's has no number `timeLoss`", "{odd}");
+        }
     }
 }

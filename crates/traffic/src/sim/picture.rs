@@ -1,4 +1,4 @@
-//! Pictures of the GS (global simulator): all lanes, the cars on them, and what the lights show.
+//! Pictures of the GS: all lanes, the cars on them, and what the lights show.
 
 use crate::agents::phase_plan::Shown;
 use crate::agents::plan::AgentPlan;
@@ -73,7 +73,6 @@ impl Camera {
         })
     }
 
-    /// Looks where the cars are.
     pub(super) fn look(&mut self, simulation: &mut Simulation) -> Result<()> {
         Ok(simulation.read_lanes(&self.lanes, &mut self.cars)?)
     }
@@ -113,13 +112,8 @@ fn aspect(agent: &AgentPlan, shown: Shown, letters: &[usize]) -> Colour {
     };
     match shown {
         Shown::Green(green) if is_green(&greens[green]) => GREEN,
-        Shown::Between { from, to } if is_green(&greens[from]) => {
-            if is_green(&greens[to]) {
-                GREEN
-            } else {
-                YELLOW
-            }
-        }
+        Shown::Between { from, to } if is_green(&greens[from]) && is_green(&greens[to]) => GREEN,
+        Shown::Between { from, .. } if is_green(&greens[from]) => YELLOW,
         _ => RED,
     }
 }

@@ -1,40 +1,36 @@
-//! The roads of a recording: a grid of the paper, or a scenario of the user.
+//! The roads of a recording, and the files that a replay of it is made of.
 
 use std::collections::HashMap;
 
 use anyhow::{Context, Result};
 
-use crate::agents::plan::AgentPlan;
+use super::local_forest::{LocalForest, LocalParts, local_options, route_name};
+use crate::agents::plan::{AgentPlan, JointPlan};
+use crate::cut::local_net::LocalNet;
+use crate::cut::mixed::prefix;
 use crate::network::contents::Network;
 use crate::network::roads::{Function, Roads};
 use crate::network::tree::Element;
 use crate::paper_grid::grid::Grid;
 use crate::scenario::SumoScenario;
-use crate::sim::recorded_local::LocalFiles;
 
-/// The roads of a recording.
 #[derive(Clone, Debug)]
 pub struct RecordedRoads {
     pub files: RecordedFiles,
     pub(crate) roads: Roads,
     /// Plans of the agents, in their order.
     pub(crate) agents: Vec<AgentPlan>,
-    /// All lanes on which cars can be, with those inside of intersections, in the order of the net.
-    pub lanes: Vec<Lane>,
-    /// Numbers of the lanes, by name.
+    /// Names of all lanes on which cars can be, with those inside of intersections, in the order of the net.
+    pub lanes: Vec<String>,
     numbers: HashMap<String, usize>,
     /// Names of the lights: one per agent, then those that keep their program.
     pub lights: Vec<String>,
 }
 
-/// What a replay is made of.
 #[derive(Clone, Debug)]
 pub enum RecordedFiles {
-    /// Those of a grid of the paper.
     Grid(Box<GridFiles>),
-    /// Those of a scenario.
     Whole(Box<SumoScenario>),
-    /// Those of the local simulator of a light of a scenario.
     Local(Box<LocalFiles>),
 }
 
@@ -46,10 +42,24 @@ pub struct GridFiles {
     pub(crate) vehicle_types: Vec<Element>,
 }
 
-#[derive(Clone, Debug, PartialEq)]
-pub struct Lane {
-    pub name: String,
-    pub(crate) length_m: f64,
+/// What a replay of a local simulator is made of. Names are those of the local net, without the prefix of a row.
+#[derive(Clone, Debug)]
+pub struct LocalFiles {
+    pub(crate) net: LocalNet,
+    pub(crate) types: String,
+    /// Options of SUMO that say how cars drive, without `--`.
+    pub(crate) options: Vec<(String, String)>,
+    /// Positions at which cars have arrived, by route. Cars on other routes drive to the end.
+    pub(crate) ends_m: HashMap<String, f64>,
+    /// Types and speed factors of the cars that entered on the road apart, one in each second before the episode.
+    pub(crate) first: Vec<(String, f64)>,
+}
+
+impl LocalFiles {
+    /// Returns the second at which the episode begins.
+    pub fn begin_s(&self) -> u64 {
+        self.first.len() as u64
+    }
 }
 
 impl RecordedRoads {
@@ -58,43 +68,55 @@ impl RecordedRoads {
         let children = network.routes.root.children.iter();
         let vehicle_types = children.filter(|child| child.name.starts_with("vType")).cloned().collect();
         let files = RecordedFiles::Grid(Box::new(GridFiles { grid, net: network.net.text(), vehicle_types }));
-        let lights = agents.iter().map(|agent| agent.light.clone()).collect();
-        Ok(RecordedRoads::of_lights(files, network.roads()?, agents, lights))
+        Ok(RecordedRoads::new(files, network.roads()?, agents, &[]))
     }
 
     /// Returns the roads of a scenario with these agents.
     pub(crate) fn of_scenario(files: &SumoScenario, agents: Vec<AgentPlan>) -> Result<RecordedRoads> {
         let roads = files.roads()?;
-        let mut lights: Vec<String> = agents.iter().map(|agent| agent.light.clone()).collect();
-        for program in &roads.programs {
-            // SUMO has no light that controls nothing.
-            if !lights.contains(&program.light) && roads.of_light(&program.light).next().is_some() {
-                lights.push(program.light.clone());
-            }
-        }
-        Ok(RecordedRoads::of_lights(RecordedFiles::Whole(Box::new(files.clone())), roads, agents, lights))
+        // SUMO has no light that controls nothing.
+        let programs = roads.programs.iter().filter(|program| roads.of_light(&program.light).next().is_some());
+        let lights: Vec<String> = programs.map(|program| program.light.clone()).collect();
+        Ok(RecordedRoads::new(RecordedFiles::Whole(Box::new(files.clone())), roads, agents, &lights))
     }
 
-    /// Returns the roads of a scenario with these lights, those of the agents first.
-    pub(super) fn of_lights(
-        files: RecordedFiles,
-        roads: Roads,
-        agents: Vec<AgentPlan>,
-        lights: Vec<String>,
-    ) -> RecordedRoads {
+    /// Returns the roads of the first row of a forest.
+    pub(crate) fn of_local(parts: &LocalParts, plan: &JointPlan, forest: &LocalForest) -> Result<RecordedRoads> {
+        let row = &forest.rows[0];
+        let (agent, net) = (&plan.agents[row.agent.0], &parts.nets[row.agent.0]);
+        let name = |route: usize| route_name(0, route).strip_prefix(&prefix(0)).expect("its name begins so").to_owned();
+        let routes = row.local_routes.all().iter().enumerate();
+        let files = LocalFiles {
+            net: net.clone(),
+            types: parts.types.clone(),
+            options: local_options(parts),
+            ends_m: routes.filter_map(|(number, route)| Some((name(number), route.end_m?))).collect(),
+            first: forest.first.clone(),
+        };
+        let gate: Vec<String> = net.gate.iter().map(|gate| gate.light.clone()).collect();
+        let (files, roads) = (RecordedFiles::Local(Box::new(files)), Roads::read(net.root())?);
+        Ok(RecordedRoads::new(files, roads, vec![agent.clone()], &gate))
+    }
+
+    /// `others`: lights, besides those of the agents.
+    fn new(files: RecordedFiles, roads: Roads, agents: Vec<AgentPlan>, others: &[String]) -> RecordedRoads {
+        let mut lights: Vec<String> = agents.iter().map(|agent| agent.light.clone()).collect();
+        for light in others {
+            if !lights.contains(light) {
+                lights.push(light.clone());
+            }
+        }
         let drivable = |function| matches!(function, Function::Road | Function::Internal);
         let lanes = roads.lanes.iter().filter(|lane| drivable(roads.edge(lane.edge).function));
-        let lanes = lanes.map(|lane| Lane { name: lane.id.clone(), length_m: lane.length_m });
-        let lanes: Vec<Lane> = lanes.collect();
-        let numbers = lanes.iter().enumerate().map(|(number, lane)| (lane.name.clone(), number)).collect();
+        let lanes: Vec<String> = lanes.map(|lane| lane.id.clone()).collect();
+        let numbers = lanes.iter().enumerate().map(|(number, lane)| (lane.clone(), number)).collect();
         RecordedRoads { files, roads, agents, lanes, numbers, lights }
     }
 
-    /// Returns the grid, if it is one.
     pub fn grid(&self) -> Option<Grid> {
         match &self.files {
             RecordedFiles::Grid(files) => Some(files.grid),
-            RecordedFiles::Whole(_) | RecordedFiles::Local(_) => None,
+            _ => None,
         }
     }
 
@@ -107,7 +129,6 @@ impl RecordedRoads {
         }
     }
 
-    /// Returns the index of a lane in [`RecordedRoads::lanes`].
     pub(crate) fn number(&self, lane: &str) -> Result<usize> {
         self.numbers.get(lane).copied().with_context(|| format!("no lane `{lane}` was recorded"))
     }

@@ -44,12 +44,11 @@ pub struct Recording {
     pub steps: Vec<Step>,
 }
 
-/// A car that entered.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Entry {
     pub step: usize,
     pub car: Departure,
-    /// Speed that SUMO was told, which is not always the speed that it chose. SUMO 1.15 refuses some cars that ask for
+    /// Speed that SUMO was asked for, which is not always the one that it chose. SUMO 1.15 refuses some cars that ask for
     /// exactly the speed that it had found safe itself, because of the last bit.
     pub(crate) speed: DepartSpeed,
 }
@@ -74,11 +73,10 @@ impl Recording {
 }
 
 /// The tape of a simulator, with what is needed to record on it.
-pub(super) struct Recorder {
+pub(crate) struct Recorder {
     tape: Tape,
     roads: Arc<RecordedRoads>,
-    /// What stands before the names of the recorded roads in the simulation: a part of a forest is recorded under the
-    /// names of its local net.
+    /// Prefix of the names in the simulation: a part of a forest is recorded under the names of its local net.
     prefix: String,
     lanes: Vec<LaneId>,
     lights: Vec<LightId>,
@@ -87,16 +85,15 @@ pub(super) struct Recorder {
 }
 
 impl Recorder {
-    /// Makes a recorder. `roads`: those of the simulation. If they are a part of it under other names,
-    /// `prefix` stands before these names there.
-    pub(super) fn new(
+    /// `roads`: those of the simulation. If they are a part of it, `prefix` stands before their names there.
+    pub(crate) fn new(
         tape: &Tape,
         simulation: &mut Simulation,
         roads: RecordedRoads,
         prefix: String,
     ) -> Result<Recorder> {
         let name = |name: &String| prefixed(&prefix, name);
-        let lanes: Vec<String> = roads.lanes.iter().map(|lane| name(&lane.name)).collect();
+        let lanes: Vec<String> = roads.lanes.iter().map(name).collect();
         let lights: Vec<String> = roads.lights.iter().map(name).collect();
         Ok(Recorder {
             tape: tape.clone(),
@@ -135,8 +132,9 @@ impl Recorder {
                 tape.as_mut().context("the recording was taken off the tape in the middle of an episode")?;
             let number = recording.steps.len();
             recording.entries.extend(cars.into_iter().map(|car| {
-                let told = inserted.iter().find(|insertion| insertion.car == car.id.0).map(|insertion| insertion.speed);
-                Entry { step: number, speed: told.unwrap_or(DepartSpeed::Fixed(car.speed_mps)), car }
+                let asked =
+                    inserted.iter().find(|insertion| insertion.car == car.id.0).map(|insertion| insertion.speed);
+                Entry { step: number, speed: asked.unwrap_or(DepartSpeed::Fixed(car.speed_mps)), car }
             }));
             recording.steps.push(step);
             Ok(())

@@ -1,7 +1,7 @@
-//! What the global simulator (GS) counts in every episode, also in training.
+//! What the GS counts in every episode, also in training.
 
 use crate::agents::phase_plan::Shown;
-use crate::arrivals::has_arrival;
+use crate::inflow::has_arrival;
 use dials_core::domain::{Measures, Result};
 use libsumo::{CarTable, Simulation};
 
@@ -11,7 +11,6 @@ pub(crate) const P_SWITCH: &str = "p_switch_given_green";
 /// Name of the measure "cars on the approaches of a light", of scenarios only.
 pub(crate) const CARS_PER_LIGHT: &str = "cars_per_light";
 
-/// Counts of an episode.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Tally {
     /// Number of steps that began with green, and number of those in which it ended, per agent.

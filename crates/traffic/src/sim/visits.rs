@@ -1,8 +1,7 @@
-//! All visits of cars to the regions of a scenario in one episode on the GS (global simulator): when and where each car
-//! came in, and where it went.
+//! All visits of cars to the regions of a scenario in one episode on the GS: when and where each car came in, and
+//! where it went.
 
 use std::collections::HashMap;
-use std::sync::Arc;
 
 use serde::{Deserialize, Serialize};
 
@@ -14,23 +13,22 @@ use libsumo::{Car, CarId, Departure, RouteNow};
 pub struct Visits {
     /// Visits to the region of each agent, in the order of arrival.
     pub of_agents: Vec<Vec<Visit>>,
+    /// Cars that departed. Most visit several regions.
+    pub drivers: Vec<Driver>,
     /// Number of seconds that were observed.
     pub seconds: usize,
 }
 
 /// A stay of a car on a region, from its arrival on.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Visit {
     /// Second of the episode after which the car was first seen; the first one is 0.
     pub second: usize,
-    /// Second after which it was no longer there. `None`: it is there at the end of the episode.
-    pub left: Option<usize>,
     /// Index into [`BorderPlan::entries`]. `None`: SUMO moved it here, or it came in too far from any entry, or by another
     /// road than that of the nearest one.
     pub entry: Option<usize>,
-    /// Whether it departed on the region in that second. Then lane, position and speed are those of its departure.
-    pub departed: bool,
-    /// Lane on which it was first seen, an index into [`BorderPlan::lanes`], with position and speed there.
+    /// Lane on which it was first seen, an index into [`BorderPlan::lanes`], with position and speed there. If it departed on
+    /// the region, they are those of its departure.
     pub lane: usize,
     pub position_m: f64,
     pub speed_mps: f64,
@@ -39,9 +37,19 @@ pub struct Visit {
     pub way: Vec<String>,
     /// Road behind the region. `None`: its trip ends here.
     pub next_road: Option<String>,
-    /// Many visits have the same one: see [`super::visits_as_bytes`].
-    #[serde(skip)]
-    pub driver: Arc<Driver>,
+    /// Index into [`Visits::drivers`].
+    pub driver: usize,
+}
+
+impl Visits {
+    /// Returns the visits to all regions.
+    pub(crate) fn all(&self) -> impl Iterator<Item = &Visit> {
+        self.of_agents.iter().flatten()
+    }
+
+    pub fn driver(&self, visit: &Visit) -> &Driver {
+        &self.drivers[visit.driver]
+    }
 }
 
 /// What is known of a car since it departed.
@@ -69,10 +77,9 @@ pub(crate) struct Arrival {
 
 /// Writes the visits down, second by second.
 pub(crate) struct VisitRecorder {
-    visits: Visits,
-    drivers: HashMap<CarId, Arc<Driver>>,
-    /// Visits under way, by agent: the place in the list.
-    open: Vec<HashMap<CarId, usize>>,
+    pub(super) visits: Visits,
+    /// Indices into [`Visits::drivers`].
+    drivers: HashMap<CarId, usize>,
     /// Index of the road of a car's route at which its last visit began, by agent. SUMO never changes the part of a route
     /// that is behind a car.
     began: Vec<HashMap<CarId, usize>>,
@@ -81,45 +88,35 @@ pub(crate) struct VisitRecorder {
 impl VisitRecorder {
     pub(crate) fn new(agents: usize) -> VisitRecorder {
         VisitRecorder {
-            visits: Visits { of_agents: vec![Vec::new(); agents], seconds: 0 },
+            visits: Visits { of_agents: vec![Vec::new(); agents], ..Visits::default() },
             drivers: HashMap::new(),
-            open: vec![HashMap::new(); agents],
             began: vec![HashMap::new(); agents],
         }
-    }
-
-    pub(crate) fn visits(&self) -> &Visits {
-        &self.visits
-    }
-
-    /// Begins an episode.
-    pub(crate) fn begin(&mut self) {
-        *self = VisitRecorder::new(self.open.len());
     }
 
     /// Begins a second, in which these cars departed.
     pub(crate) fn second(&mut self, departures: &[Departure]) {
         self.visits.seconds += 1;
         for Departure { id, name, vehicle_type, vehicle_class, speed_factor, .. } in departures {
-            let driver = Driver {
+            self.drivers.insert(*id, self.visits.drivers.len());
+            self.visits.drivers.push(Driver {
                 name: name.clone(),
                 vehicle_type: vehicle_type.clone(),
                 vehicle_class: vehicle_class.clone(),
                 speed_factor: *speed_factor,
-            };
-            self.drivers.insert(*id, Arc::new(driver));
+            });
         }
     }
 
     /// Returns the name of a car. `None`: it was on the road before the episode began.
     pub(crate) fn name_of(&self, car: CarId) -> Option<&str> {
-        self.drivers.get(&car).map(|driver| &*driver.name)
+        self.drivers.get(&car).map(|&driver| &*self.visits.drivers[driver].name)
     }
 
     /// Notes a car with a name that came on a region in this second.
     pub(crate) fn arrived(&mut self, agent: usize, plan: &BorderPlan, arrival: Arrival) {
         let Arrival { car, lane, entry, departed, route: RouteNow { edges, at } } = arrival;
-        let Some(driver) = self.drivers.get(&car.id).cloned() else { return };
+        let Some(&driver) = self.drivers.get(&car.id) else { return };
         let within = |road: &String| plan.roads.iter().find(|other| other.road == *road);
         // It may have crossed roads of the region before it was seen.
         let mut begin = at;
@@ -136,10 +133,8 @@ impl VisitRecorder {
         }
         let visit = Visit {
             second: self.visits.seconds - 1,
-            left: None,
             // A car enters a local simulator on the first road of its way. So that must be the road of its entry.
             entry: entry.filter(|&entry| plan.road_of_entry(entry) == edges[begin]),
-            departed,
             lane,
             position_m: car.position_m,
             speed_mps: car.speed_mps,
@@ -147,39 +142,19 @@ impl VisitRecorder {
             next_road: edges.get(end).cloned(),
             driver,
         };
-        self.open[agent].insert(car.id, self.visits.of_agents[agent].len());
         self.visits.of_agents[agent].push(visit);
-    }
-
-    /// Notes a car that has left a region in this second, if it was there.
-    pub(crate) fn left(&mut self, agent: usize, car: CarId) {
-        if let Some(visit) = self.open[agent].remove(&car) {
-            self.visits.of_agents[agent][visit].left = Some(self.visits.seconds - 1);
-        }
     }
 }
 
 #[cfg(test)]
 mod tests {
-    use std::collections::BTreeSet;
-
     use super::*;
-    use crate::agents::derive::border::Seconds;
-    use crate::agents::derive::overrides::Overrides;
-    use crate::agents::derive::{Rules, derive};
-    use crate::network::roads::example::{LIGHT_AT_U, roads};
-
-    /// Returns the border of the light J, which cars enter by the road `near`.
-    fn border() -> BorderPlan {
-        let roads = roads(&LIGHT_AT_U);
-        let derived = derive(&roads, &Rules::default(), &Overrides::default()).unwrap();
-        derived.borders(&roads, &BTreeSet::new(), 150.0, Seconds { decision: 5, episode: 1800 })[0].plan.clone()
-    }
+    use crate::d_set::tests::border_of;
 
     /// Notes a car each second, which departed with this route: on a lane, with another route of which it has passed some
     /// roads. Returns entry, way and next road of each visit.
     fn visits(departed_with: &[&str], seen: &[(&str, &[&str], usize)]) -> Vec<(Option<usize>, String, Option<String>)> {
-        let plan = border();
+        let plan = border_of(&[]).plan;
         let names = |names: &[&str]| names.iter().map(|&name| name.to_owned()).collect::<Vec<_>>();
         let car = Car { id: CarId(1), position_m: 3.0, speed_mps: 9.0 };
         let departure = Departure {
@@ -198,19 +173,18 @@ mod tests {
         recorder.second(&[departure]);
         for (lane, edges, at) in seen {
             recorder.second(&[]);
-            recorder.left(0, car.id);
             let lane = plan.lanes.iter().position(|other| other.lane == *lane).unwrap();
             let route = RouteNow { edges: names(edges), at: *at };
             let entry = plan.lanes[lane].entry;
             recorder.arrived(0, &plan, Arrival { car, lane, entry, departed: false, route });
         }
-        let visits = recorder.visits().of_agents[0].iter();
+        let visits = recorder.visits.of_agents[0].iter();
         visits.map(|visit| (visit.entry, visit.way.join(" "), visit.next_road.clone())).collect()
     }
 
     #[test]
     fn the_way_of_a_visit_is_the_one_that_the_car_means_to_go_when_it_comes() {
-        // It departed for `out`, and was told another way since.
+        // It departed for `out`, and goes another way since.
         let seen = visits(&["far", "near", "out"], &[("near_1", &["far", "near", "back", "west"], 1)]);
         assert_eq!(seen, [(Some(1), "near back".to_owned(), Some("west".to_owned()))]);
         // The road of its entry was not on its first route at all.

@@ -3,15 +3,12 @@
 //! The folder needs nothing outside of itself. Each light under control has a program that shows what was shown. No part
 //! of the folder makes decisions.
 //!
-//! - `of_grid`: on a grid, each car that entered is listed. Cars draw nothing at random there, so they move as before.
+//! - On a grid and of a local simulator, each car that entered is `listed`.
 //! - On a scenario, its own files play with the seed of the episode. So SUMO draws the same numbers, and cars of all types
 //!   choose the same routes, lanes and speeds.
-//! - `of_local`: of a local simulator of a scenario, each car is listed, and SUMO draws the same numbers on each lane.
-//! - `vehicle`: a listed car. `view`: how sumo-gui shows the roads.
+//! - `view`: how sumo-gui shows the roads.
 
-mod of_grid;
-mod of_local;
-mod vehicle;
+mod listed;
 mod view;
 
 use std::collections::HashSet;
@@ -19,14 +16,12 @@ use std::path::{Path, PathBuf};
 
 use anyhow::{Result, bail};
 
-use super::options::{STEP_LENGTH_S, TIME_TO_TELEPORT_S};
 use super::recorded_roads::{RecordedFiles, RecordedRoads};
 use super::recording::Recording;
 use crate::cut::names::free_name;
 use crate::network::files::{NetworkFiles, for_sumo};
 use crate::network::tree::Element;
-use crate::network::xml::{document, leaf, nest, section};
-use crate::scenario::SumoScenario;
+use crate::network::xml::{document, leaf, nest};
 use crate::scenario::kept::Episode;
 use dials_core::outside::{quoted, write_together};
 use libsumo::{CarTable, SignalState, Simulation};
@@ -55,17 +50,19 @@ pub fn check_place(dir: &Path) -> Result<()> {
 pub fn write(recording: &Recording, dir: &Path) -> Result<()> {
     let RecordedRoads { files, agents, lights, .. } = &*recording.roads;
     let (mut files, signals) = match files {
-        RecordedFiles::Grid(files) => (of_grid::files(recording, files), signals(recording, lights.len(), [])),
+        RecordedFiles::Grid(files) => (listed::of_grid(recording, files), signals(recording, lights.len(), [])),
         RecordedFiles::Whole(files) => {
             // The lights that do not learn run the programs that they ran.
             check_programs(recording, agents.len(), &quoted(files.net_path()))?;
             let roots = [files.net()].into_iter().chain(files.additional());
-            (of_scenario_files(recording, files), signals(recording, agents.len(), roots))
+            let end_s = recording.roads.begin_s() + recording.steps.len() as u64;
+            let episode = Episode { seed: recording.seed, end_s, signals: SIGNALS, view: VIEW };
+            (files.episode_files(NAME, &episode), signals(recording, agents.len(), roots))
         }
         RecordedFiles::Local(files) => {
             check_programs(recording, lights.len(), "NET.net.xml")?;
             let signals = signals(recording, lights.len(), [files.net.root()]);
-            (of_local::files(recording, files, agents[0].place_m), signals)
+            (listed::of_local(recording, files, agents[0].place_m), signals)
         }
     };
     files.push((SIGNALS.to_owned(), signals.into_bytes()));
@@ -74,19 +71,12 @@ pub fn write(recording: &Recording, dir: &Path) -> Result<()> {
     write_together(dir, &files)
 }
 
-/// Returns the files of a scenario's replay, without signals and view: names and contents.
-fn of_scenario_files(recording: &Recording, files: &SumoScenario) -> Vec<(String, Vec<u8>)> {
-    let end_s = recording.roads.begin_s() + recording.steps.len() as u64;
-    files.episode_files(NAME, &Episode { seed: recording.seed, end_s, signals: SIGNALS, view: VIEW })
-}
-
 /// Lets SUMO play the folder and compares. It is an error unless in every step every car is in the same place, equally
 /// fast, bit for bit. The caller must hold no simulation.
 pub fn check(recording: &Recording, dir: &Path) -> Result<()> {
     let config = config_in(dir);
     let mut simulation = Simulation::load(&["-c".to_owned(), for_sumo(&config)?])?;
-    let lanes: Vec<String> = recording.roads.lanes.iter().map(|lane| lane.name.clone()).collect();
-    let lanes = simulation.register_lanes(&lanes)?;
+    let lanes = simulation.register_lanes(&recording.roads.lanes)?;
     let lights = simulation.register_lights(&recording.roads.lights)?;
     let (mut signals, mut cars) = (Vec::new(), CarTable::new());
     // A local simulator has some seconds before its episode.
@@ -152,23 +142,6 @@ fn signals<'a>(recording: &Recording, lights: usize, roots: impl IntoIterator<It
     })
 }
 
-/// Returns the configuration of a replay in which each car is listed. `additional`: further additional files;
-/// `options`: those that a grid has not.
-fn config(recording: &Recording, [net, routes]: [&str; 2], additional: &[&str], options: &[(&str, &str)]) -> String {
-    let end = (recording.roads.begin_s() + recording.steps.len() as u64).to_string();
-    let additional = [additional, &[SIGNALS]].concat().join(",");
-    let options = [&[("time-to-teleport", TIME_TO_TELEPORT_S)], options].concat();
-    document("configuration", |xml| {
-        section(xml, "input", &[("net-file", net), ("route-files", routes), ("additional-files", &additional)])?;
-        section(xml, "time", &[("begin", "0"), ("end", &end), ("step-length", STEP_LENGTH_S)])?;
-        section(xml, "processing", &options)?;
-        section(xml, "random_number", &[("seed", &recording.seed.to_string())])?;
-        section(xml, "report", &[("no-warnings", "true"), ("xml-validation", "never")])?;
-        section(xml, "gui_only", &[("gui-settings-file", VIEW)])
-    })
-}
-
-/// Returns what the light of this index showed in each step.
 fn shown(recording: &Recording, light: usize) -> Vec<&SignalState> {
     recording.steps.iter().map(|step| &step.signals[light]).collect()
 }

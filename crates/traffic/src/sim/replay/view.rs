@@ -15,14 +15,12 @@ pub struct Snapshot {
 }
 
 /// Colours of cars at these speeds, in metres per second; between them the colours flow into each other. A standing car is
-/// red, a car at half of a city's limit yellow and a car at the limit blue. People with any kind of colour vision can
-/// tell these apart.
+/// red, a car at a city's limit blue. People with any kind of colour vision can distinguish these.
 pub const SPEED_COLOURS: [([u8; 3], u32); 3] = [([213, 94, 0], 0), ([240, 228, 66], 5), ([86, 180, 233], 10)];
 
 /// Longer side of a film in pixels, and least length of a car in it.
 const FILM_PX: f64 = 1200.0;
 const LEAST_CAR_PX: f64 = 10.0;
-/// Length of a usual car.
 const CAR_M: f64 = 5.0;
 /// How much larger than they are cars are drawn at least.
 const LARGER: f64 = 1.4;
@@ -82,7 +80,6 @@ pub fn view(roads: &RecordedRoads, delay_ms: u32, snapshots: &[Snapshot]) -> Str
     })
 }
 
-/// Writes one grey for everything of these sorts.
 fn all_grey(xml: &mut Xml, sorts: &[&str]) -> io::Result<()> {
     let entry = |xml: &mut Xml, sort: &&str| leaf(xml, "entry", [("name", *sort), ("color", "90,90,90")]);
     nest(xml, "colorScheme", [("name", "uniform")], |xml| sorts.iter().try_for_each(|sort| entry(xml, sort)))

@@ -1,23 +1,23 @@
 //! Recordings as traces: the data for pictures of an episode.
 //!
-//! [`route`]: the way along which a scenario is drawn. `drives`: the cars on lanes that follow each other.
+//! [`route`]: the way along which a scenario is drawn.
 
-mod drives;
 pub mod route;
+
+use std::collections::BTreeMap;
 
 use anyhow::Result;
 
 use super::recorded_roads::{RecordedFiles, RecordedRoads};
 use super::recording::Recording;
 use crate::agents::plan::AgentPlan;
-use crate::network::roads::{Connection, LaneNo, Roads};
+use crate::network::roads::{LaneNo, Roads};
 use crate::paper_grid::grid::Grid;
 use crate::scenario::kept::KEPT;
 use crate::side::Side;
 use dials_core::base::AgentId;
 use dials_core::domain::road_trace::{Approach, Aspect, Corridor, CorridorLight, Layout, RoadMap, RoadTrace, Shown};
-use drives::{Stretch, drives};
-use libsumo::SignalState;
+use libsumo::{CarId, SignalState};
 use route::{Route, light_between, ways};
 
 /// Returns the trace, with the ways along which cars can be drawn.
@@ -61,7 +61,6 @@ pub(crate) fn road_map(roads: &RecordedRoads) -> Option<RoadMap> {
     roads.grid().is_none().then(|| map(roads))
 }
 
-/// Returns the roads with the lights of the agents.
 fn map(recorded: &RecordedRoads) -> RoadMap {
     let RecordedRoads { agents, roads, files, .. } = recorded;
     RoadMap {
@@ -92,15 +91,6 @@ fn aspect(letter: u8) -> Aspect {
     }
 }
 
-fn name(side: Side) -> &'static str {
-    match side {
-        Side::West => "west",
-        Side::South => "south",
-        Side::East => "east",
-        Side::North => "north",
-    }
-}
-
 fn shown(agent: &AgentPlan, state: &SignalState) -> Shown {
     match agent.phases.greens().iter().position(|green| green == state) {
         Some(green) => Shown::Green(green),
@@ -128,7 +118,7 @@ fn approaches(recording: &Recording) -> Result<Vec<Approach>> {
             standing.push(queue);
         }
         if !standing.is_empty() {
-            approaches.push(Approach { from: name(side), standing });
+            approaches.push(Approach { from: side.name(), standing });
         }
     }
     Ok(approaches)
@@ -154,7 +144,7 @@ fn of_row(recording: &Recording, grid: Grid, row: usize) -> Result<Corridor> {
         agents.clone().map(|agent| grid.incoming_edges(agent)[Side::West.index()].clone()).collect();
     edges.extend(agents.next_back().map(|agent| grid.outgoing_edges(agent)[Side::East.index()].clone()));
     let roads = &recording.roads.roads;
-    let (from, to) = (name(Side::West).to_owned(), name(Side::East).to_owned());
+    let (from, to) = (Side::West.name().to_owned(), Side::East.name().to_owned());
     let name = format!("row {row} of a grid of {grid}");
     Ok(Corridor { name, from, to, ..corridor(recording, roads, &Route::read(&edges.join(","), roads)?)? })
 }
@@ -184,7 +174,8 @@ fn corridor(recording: &Recording, roads: &Roads, route: &Route) -> Result<Corri
             }
         }
         if let Some(light) = light_between(roads, edge, next) {
-            let letters = letters(ways(roads, edge, next));
+            let signals = ways(roads, edge, next).filter_map(|way| way.signal.as_ref());
+            let letters: Vec<usize> = signals.map(|signal| signal.letter).collect();
             let aspects = aspects(recording, light, &letters);
             crossings.push(CorridorLight { name: light.to_owned(), begin_m, end_m: begin_m + within_m, aspects });
         }
@@ -193,17 +184,42 @@ fn corridor(recording: &Recording, roads: &Roads, route: &Route) -> Result<Corri
     let ends = [edges[0], edges[edges.len() - 1]].map(|edge| roads.edge(edge).id.clone());
     let [from, to] = ends;
     let name = if edges.len() == 1 { "one edge".to_owned() } else { format!("a route of {} edges", edges.len()) };
-    let cars = drives(recording, &stretches)?;
+    let cars = trajectories(recording, &stretches)?;
     Ok(Corridor { name, from, to, length_m: begin_m, crossings, cars })
+}
+
+/// A lane on a way.
+struct Stretch {
+    lane: String,
+    /// Metres from the beginning of the way to that of the lane.
+    begin_m: f64,
+    /// Metres on the way for a metre on the lane. Lanes side by side may differ in length.
+    scale: f64,
 }
 
 fn stretch(roads: &Roads, lane: LaneNo, begin_m: f64, scale: f64) -> Stretch {
     Stretch { lane: roads.lane(lane).id.clone(), begin_m, scale }
 }
 
-/// Returns the letters of these ways in the state of their light.
-fn letters<'a>(ways: impl Iterator<Item = &'a Connection>) -> Vec<usize> {
-    ways.filter_map(|way| way.signal.as_ref()).map(|signal| signal.letter).collect()
+/// Returns the trajectories of the cars on these lanes: seconds, and metres from the beginning of the way. A car that
+/// leaves the way and comes back has two.
+fn trajectories(recording: &Recording, stretches: &[Stretch]) -> Result<Vec<Vec<(f64, f64)>>> {
+    let mut cars: BTreeMap<CarId, Vec<(usize, f64)>> = BTreeMap::new();
+    for Stretch { lane, begin_m, scale } in stretches {
+        for (step, on_lane) in recording.on_lane(lane)?.enumerate() {
+            for car in on_lane.iter() {
+                cars.entry(car.id).or_default().push((step + 1, begin_m + car.position_m * scale));
+            }
+        }
+    }
+    let mut trajectories = Vec::new();
+    for mut points in cars.into_values() {
+        points.sort_by_key(|&(second, _)| second);
+        let goes_on = |one: &(usize, f64), next: &(usize, f64)| next.0 == one.0 + 1 && next.1 >= one.1;
+        let parts = points.chunk_by(goes_on);
+        trajectories.extend(parts.map(|part| part.iter().map(|&(second, place_m)| (second as f64, place_m)).collect()));
+    }
+    Ok(trajectories)
 }
 
 /// Returns what a light shows to ways with these letters: green if any of them has green.

@@ -7,13 +7,12 @@ use super::visit_tables::VisitTables;
 use crate::agents::border_plan::BorderPlan;
 use crate::cut::local_net::LocalNet;
 
-/// The routes of one local net.
 #[derive(Clone, Debug, Default)]
-pub(crate) struct Ways {
+pub(crate) struct LocalRoutes {
     routes: Vec<LocalRoute>,
-    /// Number of each way, by its roads and the road behind the region.
+    /// Number of each route, by its roads in the region and the road behind it.
     numbers: HashMap<(Vec<String>, Option<String>), usize>,
-    /// Number of the way of a car of which nothing is known, by entry.
+    /// Number of the route of a car of which nothing is known, by entry.
     defaults: Vec<usize>,
 }
 
@@ -25,13 +24,13 @@ pub(crate) struct LocalRoute {
     pub(crate) end_m: Option<f64>,
 }
 
-impl Ways {
+impl LocalRoutes {
     /// Makes a route of each way that was recorded, and of the default ways of the entries.
-    pub(crate) fn of(agent: usize, border: &BorderPlan, net: &LocalNet, tables: &VisitTables) -> Ways {
-        let mut ways = Ways::default();
+    pub(super) fn of(agent: usize, border: &BorderPlan, net: &LocalNet, tables: &VisitTables) -> LocalRoutes {
+        let mut routes = LocalRoutes::default();
         let recorded = tables.visits().of_agents[agent].iter().filter(|visit| !visit.way.is_empty());
         for visit in recorded {
-            ways.add(net, &visit.way, visit.next_road.as_ref());
+            routes.add(net, &visit.way, visit.next_road.as_ref());
         }
         for entry in &border.entries {
             let ends_outside =
@@ -39,24 +38,22 @@ impl Ways {
             let last = entry.default_way.iter().position(ends_outside);
             let inside = last.map_or(entry.default_way.len(), |last| last + 1);
             let (way, behind) = entry.default_way.split_at(inside);
-            let number = ways.add(net, way, behind.first());
-            ways.defaults.push(number);
+            let number = routes.add(net, way, behind.first());
+            routes.defaults.push(number);
         }
-        ways
+        routes
     }
 
-    /// Returns the routes by their numbers.
-    pub(crate) fn routes(&self) -> &[LocalRoute] {
+    pub(crate) fn all(&self) -> &[LocalRoute] {
         &self.routes
     }
 
-    /// Returns the number of a way that was recorded.
+    /// Returns the number of the route of a way that was recorded.
     pub(crate) fn number(&self, way: &[String], next_road: Option<&String>) -> usize {
         self.numbers[&(way.to_vec(), next_road.cloned())]
     }
 
-    /// Returns the number of the default way of an entry.
-    pub(crate) fn default_of(&self, entry: usize) -> usize {
+    pub(super) fn default_of(&self, entry: usize) -> usize {
         self.defaults[entry]
     }
 

@@ -1,0 +1,222 @@
+//! A scenario of the user, with an agent for each light that can learn.
+
+use std::collections::{BTreeSet, HashSet};
+use std::sync::{Arc, OnceLock};
+
+use anyhow::{Context, anyhow};
+
+use super::{Files, RoadNetwork};
+use crate::agents::derive::border::Seconds;
+use crate::agents::derive::greens::Greens;
+use crate::agents::derive::keeping::sentences;
+use crate::agents::derive::overrides::Overrides;
+use crate::agents::derive::padding::{InfluencePadding, Padding};
+use crate::agents::derive::{Agent, Derived, Rules, derive};
+use crate::agents::plan::{AgentPlan, Border, JointPlan};
+use crate::config::{Reward, ScenarioConfig};
+use crate::controllers::actuated::{self, Light, ProgramPhase};
+use crate::cut::names::free_name;
+use crate::cut::of_scenario::{cut_all, types_of};
+use crate::network::loadable::Loadable;
+use crate::network::roads::program::Program;
+use crate::scenario::SumoScenario;
+use crate::sim::local_forest::{LocalParts, driving_options};
+use dials_core::domain::{DomainTable, Kinds, RegionSpec, Result, RoughCosts, SourceSpec};
+use dials_core::outside::quoted;
+
+/// Share of switches per second of green below which an agent is stuck: its greens last for more than five minutes on
+/// average, so others wait for longer than any program makes them. Own programs and trained agents are at 0.02 to 0.1.
+/// A light that changes as often as it may is at 0.14, which may be right where few cars come.
+const STUCK_BELOW: f64 = 1.0 / 300.0;
+
+/// A scenario with the agents that were derived from it.
+pub(crate) struct ScenarioFiles {
+    pub(crate) files: SumoScenario,
+    derived: Derived,
+    /// What local simulators are made of, once they were.
+    local: OnceLock<Arc<LocalParts>>,
+}
+
+/// Derives the agents of a scenario that was read. An error names file, element and the way out. The agents are of one
+/// kind, as wide as the widest of them needs.
+pub(crate) fn open(files: SumoScenario, config: &ScenarioConfig) -> Result<(RoadNetwork, JointPlan)> {
+    let place = || files.path().display().to_string();
+    let roads = files.roads()?;
+    let overrides = match files.agents() {
+        None => Overrides::default(),
+        Some((path, text)) => Overrides::parse(text).map_err(|error| anyhow!("{}: {error:#}", path.display()))?,
+    };
+    let derived = derive(&roads, &rules(config), &overrides).with_context(place)?;
+    let borders = derived.borders(&roads, &files.departs_on(&roads), config.approach_m, Seconds::of(config));
+    let refuses_actuated = derived.agents.iter().find_map(|Agent { program, .. }| {
+        let states: Vec<_> = program.phases.iter().map(|phase| &phase.state).collect();
+        let [one, other] = roads.waiting_for_each_other(&program.light, &states)?;
+        Some(format!(
+            "{}: SUMO refuses the programs that the controller `actuated` needs here: light `{}` gives `g` to the \
+             letters {one} and {other} at once, whose cars yield to each other; choose another controller",
+            place(),
+            program.light
+        ))
+    });
+    let agents = derived.plans();
+    let sources = borders.iter().map(|border| border.plan.sources()).collect();
+    let plan = JointPlan {
+        kinds: Kinds::one(agents.len(), spec(&agents, &borders, config)).with_sources(sources),
+        agents,
+        borders,
+        decision_steps: config.decision_s as usize,
+        reward: config.reward.clone(),
+        emergency_decel_mps2: None,
+    };
+    let keeps = sentences(&derived.keeping).into_iter().map(|(sentence, _)| sentence);
+    let network = RoadNetwork {
+        horizon: config.horizon(),
+        refuses_actuated,
+        cannot_be_simulated: format!(
+            "{}: SUMO cannot simulate this scenario; try it with: sumo -c {}",
+            place(),
+            quoted(files.path())
+        ),
+        rough_costs: rough_costs(f64::from(config.decision_s)),
+        unusual_reward: (config.reward != Reward::default()).then(|| config.reward.name()),
+        strange_files: vec![files.path().to_owned()],
+        left_out: files.left_out().iter().cloned().chain(keeps).collect(),
+        switch_bias: 0.0,
+        is_random: files.dawdles(),
+        is_stuck: |p_switch| p_switch < STUCK_BELOW,
+        rival: "program",
+        files: Files::Scenario(Box::new(ScenarioFiles { files, derived, local: OnceLock::new() })),
+    };
+    Ok((network, plan))
+}
+
+fn spec(agents: &[AgentPlan], borders: &[Border], config: &ScenarioConfig) -> RegionSpec {
+    let Padding { columns, actions, .. } = Padding::of(agents.iter());
+    let influence = InfluencePadding::of(borders.iter());
+    RegionSpec {
+        obs_dim: columns,
+        d_set_dim: influence.columns,
+        n_actions: actions,
+        masks: true,
+        sources: SourceSpec { parts: influence.parts, ..SourceSpec::bits(influence.sources) },
+        horizon: config.horizon(),
+        local_horizon: config.local_horizon(),
+    }
+}
+
+/// Measured with runs on the shipped town and on RESCO's maps, with decisions of 5 s. Between these maps a second of a
+/// light differs by a factor of four: lights have from 4 to 20 lanes, and jams cost time.
+fn rough_costs(decision_s: f64) -> RoughCosts {
+    const LEARNING_S: f64 = 15e-6;
+    RoughCosts {
+        training_s: LEARNING_S + decision_s * 40e-6,
+        training_on_gs_s: LEARNING_S + decision_s * 45e-6,
+        influence_s: decision_s * 13e-6,
+        evaluation_s: decision_s * 60e-6,
+        process_mb: 120.0,
+        agent_mb: 4.0,
+    }
+}
+
+/// Returns what the config says of all lights.
+fn rules(config: &ScenarioConfig) -> Rules {
+    let &ScenarioConfig { approach_m, yellow_s, min_green_s, observation, .. } = config;
+    Rules { approach_m, yellow: yellow_s, min_green_s, cars: observation }
+}
+
+/// Returns the program of a light, for the actuated one that is made of it. `cars`: letters that cars obey.
+fn actuated_light<'a>(program: &'a Program, cars: &BTreeSet<usize>) -> Light<'a> {
+    let greens = Greens::of(program, cars);
+    let made = program.phases.iter().enumerate().map(|(number, phase)| ProgramPhase {
+        state: phase.state.as_str(),
+        is_green: greens.is_green(number),
+        duration_s: phase.duration_s,
+        least_s: phase.limits_s[0],
+        most_s: phase.limits_s[1],
+        next: &phase.next,
+    });
+    let phases = made.collect();
+    let is_actuated = program.kind == "actuated";
+    Light {
+        id: &program.light,
+        offset_s: if is_actuated { program.offset_s } else { 0.0 },
+        parameters: if is_actuated { &program.parameters } else { &[] },
+        phases,
+    }
+}
+
+impl ScenarioFiles {
+    /// Returns the name of the scenario, as its user knows it.
+    pub(super) fn name(&self) -> &str {
+        self.files.path().file_stem().and_then(|name| name.to_str()).unwrap_or_default()
+    }
+
+    /// Puts everything that the GS loads into memory.
+    pub(super) fn source(&self) -> Result<Loadable> {
+        let agents = self.derived.agents.iter();
+        let lights = agents.map(|Agent { plan, program, .. }| actuated_light(program, plan.phases.cars()));
+        let roots = [self.files.net()].into_iter().chain(self.files.additional());
+        let taken: HashSet<&str> =
+            roots.flat_map(|root| root.all("tlLogic")).filter_map(|light| light.attribute("programID")).collect();
+        let program = free_name(actuated::PROGRAM, |name| taken.contains(name));
+        self.files.for_sumo(&actuated::programs(&program, lights), &program)
+    }
+
+    /// Returns what local simulators are made of. The first call cuts them out.
+    pub(crate) fn local_parts(&self) -> Result<Arc<LocalParts>> {
+        if let Some(known) = self.local.get() {
+            return Ok(known.clone());
+        }
+        let parts = Arc::new(LocalParts {
+            nets: cut_all(&self.files, &self.derived)?,
+            types: types_of(&self.files),
+            options: driving_options(self.files.options()),
+            name: self.files.path().display().to_string(),
+        });
+        Ok(self.local.get_or_init(|| parts).clone())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::network::roads::example::roads;
+
+    #[test]
+    fn all_red_with_a_link_that_is_always_green_keeps_its_time_in_the_actuated_program() {
+        let roads = roads(&[
+            ("state=\"yyrr\"", "state=\"Gyrr\""),
+            ("state=\"rrrr\"", "state=\"Grrr\""),
+            ("state=\"rrGG\"", "state=\"GrGg\""),
+            ("state=\"rryy\"", "state=\"Gryy\""),
+        ]);
+        let made = actuated_light(&roads.programs[0], &roads.letters_of_vehicles("J")).phases;
+        let found: Vec<(&str, bool)> = made.iter().map(|phase| (phase.state, phase.is_green)).collect();
+        let expected = [("GGrr", true), ("Gyrr", false), ("Grrr", false), ("GrGg", true), ("Gryy", false)];
+        assert_eq!(found, expected);
+    }
+
+    #[test]
+    fn only_a_program_that_is_actuated_keeps_its_parameters_and_its_offset() {
+        let made = |kind: &str| {
+            let head = format!("type=\"{kind}\" programID=\"0\" offset=\"7\"><param key=\"max-gap\" value=\"0.5\"/>");
+            let roads = roads(&[("type=\"static\" programID=\"0\" offset=\"0\">", &head)]);
+            let light = actuated_light(&roads.programs[0], &BTreeSet::from([0, 1, 2, 3]));
+            (light.offset_s, light.parameters.to_vec())
+        };
+        assert_eq!(made("static"), (0.0, Vec::new()));
+        assert_eq!(made("actuated"), (7.0, vec![("max-gap".to_owned(), "0.5".to_owned())]));
+    }
+
+    #[test]
+    fn greens_keep_the_limits_that_their_program_gives_whether_one_or_two() {
+        let limits = |given: &str| {
+            let roads = roads(&[("state=\"rrGG\"", &format!("state=\"rrGG\" {given}"))]);
+            let made = actuated_light(&roads.programs[0], &roads.letters_of_vehicles("J")).phases;
+            made.iter().find(|phase| phase.state == "rrGG").map(|phase| [phase.least_s, phase.most_s]).unwrap()
+        };
+        assert_eq!(limits(""), [None, None]);
+        assert_eq!(limits("minDur=\"8\""), [Some(8.0), None]);
+        assert_eq!(limits("minDur=\"0:00:08\" maxDur=\"8\""), [Some(8.0), Some(8.0)]);
+    }
+}

@@ -1,0 +1,260 @@
+//! The entries of all rows of a forest, at which cars wait until there is room, and the exits, which can be blocked.
+
+use std::collections::{HashSet, VecDeque};
+use std::sync::Arc;
+
+use super::arriving::ArrivingCar;
+use super::local_forest::{FIRST_CAR, LocalForest, RowPlace};
+use crate::agents::plan::JointPlan;
+use crate::agents::region::EDGES;
+use dials_core::base::Rows;
+use dials_core::domain::Result;
+use libsumo::{CarId, Entering, Insertion, LightId, SignalState};
+
+/// Entries and exits of a forest.
+pub(crate) struct Entries {
+    plan: Arc<JointPlan>,
+    rows: Vec<RowEntries>,
+    next_car: u64,
+    pub(crate) counts: EntryCounts,
+}
+
+/// What happened at the entries in all episodes.
+#[derive(Clone, Copy, Debug, Default)]
+pub(crate) struct EntryCounts {
+    pub(crate) came: u64,
+    /// Number of cars that found no room at first, and waited.
+    pub(crate) waited: u64,
+    /// Number of cars that no entry let in. On a grid these are all that find no room at once.
+    pub(crate) dropped: u64,
+}
+
+struct RowEntries {
+    /// Cars that wait, by entry, the first one at the front.
+    queues: Vec<VecDeque<WaitingCar>>,
+    gate: Option<SignalState>,
+}
+
+struct WaitingCar {
+    car: ArrivingCar,
+    /// Whether it has found no room before.
+    waited: bool,
+}
+
+/// Cars that try to enter in a step, in the order of their numbers.
+pub(crate) struct Tried {
+    places: Vec<(usize, usize)>,
+    /// What SUMO got of each.
+    pub(crate) insertions: Vec<Insertion>,
+}
+
+impl RowEntries {
+    /// Nobody waits, and no exit was blocked or opened.
+    fn new(plan: &JointPlan, place: &RowPlace) -> RowEntries {
+        let entries = plan.borders.get(place.agent.0).map_or(EDGES, |border| border.plan.entries.len());
+        RowEntries { queues: (0..entries).map(|_| VecDeque::new()).collect(), gate: None }
+    }
+
+    /// Returns the cars that try to enter in this second, with their entries: the first one of each entry, and at most
+    /// one per lane. Two cars on a lane would depend on SUMO's order.
+    fn first(&self) -> impl Iterator<Item = (usize, &ArrivingCar)> {
+        let mut taken = Vec::new();
+        let first = self.queues.iter().enumerate().filter_map(|(entry, queue)| Some((entry, &queue.front()?.car)));
+        first.filter(move |(_, car)| {
+            let is_free = !taken.contains(&car.lane);
+            taken.push(car.lane);
+            is_free
+        })
+    }
+}
+
+impl Entries {
+    pub(crate) fn new(plan: Arc<JointPlan>, forest: &LocalForest) -> Entries {
+        let rows = forest.rows.iter().map(|place| RowEntries::new(&plan, place)).collect();
+        Entries {
+            plan,
+            rows,
+            next_car: if forest.first.is_empty() { 0 } else { FIRST_CAR },
+            counts: EntryCounts::default(),
+        }
+    }
+
+    pub(super) fn begin(&mut self, row: usize, place: &RowPlace) {
+        self.rows[row] = RowEntries::new(&self.plan, place);
+    }
+
+    pub(crate) fn waiting(&self, row: usize) -> usize {
+        self.rows[row].queues.iter().map(VecDeque::len).sum()
+    }
+
+    /// Lets a car come to an entry of a row. It enters when there is room. `None`: none that may enter there.
+    pub(crate) fn come(&mut self, row: usize, entry: usize, car: Option<ArrivingCar>) {
+        self.counts.came += 1;
+        match car {
+            Some(car) => self.rows[row].queues[entry].push_back(WaitingCar { car, waited: false }),
+            None => self.counts.dropped += 1,
+        }
+    }
+
+    /// Returns a number that no car of the forest has.
+    pub(crate) fn next_car(&mut self) -> u64 {
+        self.next_car += 1;
+        self.next_car - 1
+    }
+
+    /// Shows red at the exits that are blocked in this decision, `[rows, sources]`, and green at the others; `None`: at all.
+    pub(crate) fn set_gates(
+        &mut self,
+        forest: &mut LocalForest,
+        rows: impl Iterator<Item = usize>,
+        sources: Option<&Rows<u8>>,
+    ) -> Result<()> {
+        let mut changed: Vec<(LightId, usize)> = Vec::new();
+        for row in rows {
+            let place = &forest.rows[row];
+            let Some(gate) = &place.gate else { continue };
+            let border = &self.plan.borders[place.agent.0].plan;
+            let mut letters = vec!['G'; gate.letters];
+            if let Some(sources) = sources {
+                for (exit, letter) in gate.of_exit.iter().enumerate() {
+                    if let Some(letter) = letter
+                        && sources.row(row)[border.blocked(exit)] == 1
+                    {
+                        letters[*letter] = 'r';
+                    }
+                }
+            }
+            let state = Some(SignalState::new(letters.into_iter().collect::<String>())?);
+            if self.rows[row].gate != state {
+                self.rows[row].gate = state;
+                changed.push((gate.light, row));
+            }
+        }
+        let (lights, rows): (Vec<LightId>, Vec<usize>) = changed.into_iter().unzip();
+        let states: Vec<&SignalState> = rows.iter().filter_map(|&row| self.rows[row].gate.as_ref()).collect();
+        Ok(forest.simulation.set_lights(&lights, &states)?)
+    }
+
+    /// Lets cars try to enter in the next step.
+    pub(crate) fn let_in(&mut self, forest: &mut LocalForest) -> Result<Tried> {
+        let mut tried = Tried { places: Vec::new(), insertions: Vec::new() };
+        let mut entering = Vec::new();
+        for (row, entries) in self.rows.iter().enumerate() {
+            let place = &forest.rows[row];
+            for (entry, car) in entries.first() {
+                let insertion = Insertion {
+                    car: self.next_car + tried.places.len() as u64,
+                    route: place.routes[car.route],
+                    position_m: car.placement.position_m,
+                    speed: car.placement.speed,
+                };
+                tried.places.push((row, entry));
+                tried.insertions.push(insertion);
+                if let Some(border) = self.plan.borders.get(place.agent.0) {
+                    entering.push(Entering {
+                        insertion,
+                        vehicle_type: forest.type_named(car.vehicle_type.as_deref()),
+                        lane: Some(index_of(&border.plan.lanes[car.lane].lane)),
+                        speed_factor: car.speed_factor,
+                        end_m: place.local_routes.all()[car.route].end_m,
+                    });
+                }
+            }
+        }
+        self.next_car += tried.places.len() as u64;
+        // On a grid all cars are of the type `car` and on the only lane, which takes less time.
+        if self.is_grid() {
+            forest.simulation.insert(&tried.insertions)?;
+        } else {
+            forest.simulation.enter(&entering)?;
+        }
+        Ok(tried)
+    }
+
+    /// Takes the cars that have departed in the step out of the queues, wherever they are, and the others out of SUMO. So
+    /// no car is on the road and still waits. On a grid the others are dropped. Returns row and entry of those that are in.
+    pub(crate) fn note_entered(&mut self, forest: &mut LocalForest, tried: &Tried) -> Result<Vec<(usize, usize)>> {
+        let mut entered = Vec::new();
+        if tried.places.is_empty() {
+            return Ok(entered);
+        }
+        let departed: HashSet<CarId> = forest.simulation.departed()?.into_iter().collect();
+        for (insertion, &(row, entry)) in tried.insertions.iter().zip(&tried.places) {
+            let drops = self.is_grid();
+            let queue = &mut self.rows[row].queues[entry];
+            if departed.contains(&CarId(insertion.car)) {
+                queue.pop_front();
+                entered.push((row, entry));
+            } else if drops {
+                queue.pop_front();
+                self.counts.dropped += 1;
+            } else {
+                let first = queue.front_mut().expect("a car that tried is in the queue");
+                self.counts.waited += u64::from(!std::mem::replace(&mut first.waited, true));
+            }
+        }
+        if entered.len() < tried.places.len() {
+            forest.simulation.clear_pending()?;
+        }
+        Ok(entered)
+    }
+
+    fn is_grid(&self) -> bool {
+        self.plan.borders.is_empty()
+    }
+}
+
+/// Returns the index of a lane on its road: SUMO's names end with it.
+fn index_of(lane: &str) -> u32 {
+    lane.rsplit_once('_').and_then(|(_, index)| index.parse().ok()).expect("SUMO's name of a lane ends with its index")
+}
+
+#[cfg(test)]
+mod tests {
+    use std::path::Path;
+
+    use super::*;
+    use crate::Traffic;
+    use crate::agents::border_plan::EntryPlace;
+    use crate::config::ScenarioConfig;
+    use crate::road_network::Files;
+    use crate::sim::local_forest::rows_of;
+    use dials_core::base::{AgentId, Seed};
+
+    #[test]
+    fn a_car_that_enters_on_another_road_than_expected_enters_once() {
+        let scenario = "../../sumo_nets/grid_4x4_turns/grid_4x4_turns.sumocfg";
+        let scenario = Path::new(env!("CARGO_MANIFEST_DIR")).join(scenario);
+        let minutes = ScenarioConfig { begin_s: Some(0), end_s: Some(120), ..ScenarioConfig::new(scenario) };
+        let traffic = Traffic::open_scenario(&minutes).unwrap();
+        let (agent, tables) = (AgentId(5), traffic.visits().unwrap());
+        let Files::Scenario(files) = &traffic.network.files else { panic!("a scenario") };
+        let parts = files.local_parts().unwrap();
+        let rows = rows_of(&[agent], 1, Seed::new(0));
+        let mut forest = LocalForest::of_scenario(&parts, &traffic.plan, &tables, &rows).unwrap();
+        let border = &traffic.plan.borders[agent.0].plan;
+        let mut visits = tables.visits().of_agents[agent.0].iter();
+        let found = visits.find_map(|visit| Some((visit.entry.filter(|_| !visit.way.is_empty())?, visit)));
+        let (entry, visit) = found.expect("cars come to the region");
+        let (routes, driver) = (&forest.rows[0].local_routes, tables.visits().driver(visit));
+        let mut car = ArrivingCar::of(border, routes, entry, visit, driver).unwrap();
+        // SUMO gets the index of the lane and the way. So the car begins on the first road of its way.
+        let index = index_of(&border.lanes[car.lane].lane);
+        let elsewhere = border.entries.iter().find_map(|other| match other.place {
+            EntryPlace::Lane(lane) => {
+                (index_of(&border.lanes[lane].lane) == index && !border.is_on_road(lane, &visit.way[0])).then_some(lane)
+            }
+            EntryPlace::Road(_) => None,
+        });
+        car.lane = elsewhere.expect("another road has a lane of this index");
+        let mut entries = Entries::new(traffic.plan.clone(), &forest);
+        entries.come(0, entry, Some(car));
+        let tried = [(); 3].map(|()| {
+            let tried = entries.let_in(&mut forest).unwrap();
+            forest.simulation.step().unwrap();
+            let entered = entries.note_entered(&mut forest, &tried).unwrap();
+            (tried.insertions.len(), entered)
+        });
+        assert_eq!((tried, entries.waiting(0)), ([(1, vec![(0, entry)]), (0, vec![]), (0, vec![])], 0));
+    }
+}

@@ -1,0 +1,136 @@
+//! The lights of a loaded net under their plans, and what they show.
+
+use std::sync::Arc;
+
+use crate::agents::phase_plan::{PhasePlan, Shown};
+use crate::light::Signal;
+use dials_core::domain::{Action, Result};
+use libsumo::{LightId, SignalState, Simulation};
+
+pub(crate) struct Lights {
+    lights: Vec<LightId>,
+    plans: Vec<Arc<PhasePlan>>,
+    signals: Vec<Signal>,
+    /// For each light that one of SUMO's programs runs: its last green.
+    by_program: Vec<Option<usize>>,
+}
+
+impl Lights {
+    /// Registers lights, SUMO's names, with their plans.
+    pub(crate) fn register(
+        simulation: &mut Simulation,
+        lights: impl Iterator<Item = (String, Arc<PhasePlan>)>,
+    ) -> Result<Lights> {
+        let (names, plans): (Vec<String>, Vec<Arc<PhasePlan>>) = lights.unzip();
+        Ok(Lights {
+            lights: simulation.register_lights(&names)?,
+            signals: plans.iter().map(|plan| Signal::at_the_beginning(plan)).collect(),
+            by_program: vec![None; plans.len()],
+            plans,
+        })
+    }
+
+    /// Returns what a light shows, if no program of SUMO runs it.
+    pub(crate) fn signal(&self, row: usize) -> Signal {
+        self.signals[row]
+    }
+
+    /// Sets the lights of these rows to the beginning of an episode.
+    pub(crate) fn reset(&mut self, simulation: &mut Simulation, rows: &[usize]) -> Result<()> {
+        for &row in rows {
+            self.signals[row] = Signal::at_the_beginning(&self.plans[row]);
+            self.by_program[row] = None;
+        }
+        self.show(simulation, rows)
+    }
+
+    /// Lets every agent act on its light, unless one of SUMO's programs runs it. Only lights that change are sent to
+    /// SUMO.
+    pub(crate) fn act(&mut self, simulation: &mut Simulation, actions: &[Action]) -> Result<()> {
+        assert_eq!(actions.len(), self.lights.len(), "one action per intersection");
+        let mut changed = Vec::new();
+        for (row, (signal, &action)) in self.signals.iter_mut().zip(actions).enumerate() {
+            if self.by_program[row].is_some() {
+                continue;
+            }
+            let (plan, before) = (&*self.plans[row], *signal);
+            signal.act(plan, action);
+            if signal.state(plan) != before.state(plan) {
+                changed.push(row);
+            }
+        }
+        self.show(simulation, &changed)
+    }
+
+    /// Writes what all lights show into `shown`, one per row. `states` is memory for reuse.
+    fn read(&mut self, simulation: &mut Simulation, states: &mut Vec<SignalState>, shown: &mut [Shown]) -> Result<()> {
+        shown.iter_mut().zip(&self.signals).for_each(|(shown, signal)| *shown = signal.shown());
+        let rows: Vec<usize> = (0..shown.len()).filter(|&row| self.by_program[row].is_some()).collect();
+        if rows.is_empty() {
+            return Ok(());
+        }
+        simulation.read_lights(&self.ids(&rows), states)?;
+        for (row, state) in rows.into_iter().zip(states) {
+            let last = self.by_program[row].as_mut().expect("a light that a program runs");
+            shown[row] = self.plans[row].recognise(state, *last);
+            *last = shown[row].green().unwrap_or(*last);
+        }
+        Ok(())
+    }
+
+    /// Lets one of SUMO's programs run the lights of these rows. `None`: the one that SUMO has begun with.
+    pub(super) fn hand_to_program(
+        &mut self,
+        simulation: &mut Simulation,
+        program: Option<&str>,
+        rows: &[usize],
+    ) -> Result<()> {
+        rows.iter().for_each(|&row| self.by_program[row] = Some(0));
+        program.map_or(Ok(()), |program| Ok(simulation.set_programs(&self.ids(rows), program)?))
+    }
+
+    fn show(&self, simulation: &mut Simulation, rows: &[usize]) -> Result<()> {
+        let states: Vec<&SignalState> = rows.iter().map(|&row| self.signals[row].state(&self.plans[row])).collect();
+        Ok(simulation.set_lights(&self.ids(rows), &states)?)
+    }
+
+    fn ids(&self, rows: &[usize]) -> Vec<LightId> {
+        rows.iter().map(|&row| self.lights[row]).collect()
+    }
+}
+
+/// What every light of a GS shows, `[agents]`: now, a second ago, and at the last decision.
+pub(super) struct ShownLights {
+    pub(super) now: Vec<Shown>,
+    pub(super) before: Vec<Shown>,
+    pub(super) at_decision: Vec<Shown>,
+    /// Number of seconds for which every light has shown what it shows.
+    pub(super) steps: Vec<u32>,
+    /// States that SUMO last gave, if it runs the lights.
+    states: Vec<SignalState>,
+}
+
+impl ShownLights {
+    pub(super) fn new(agents: usize) -> ShownLights {
+        let [now, before, at_decision] = [(); 3].map(|()| vec![Shown::Green(0); agents]);
+        ShownLights { now, before, at_decision, steps: vec![0; agents], states: Vec::new() }
+    }
+
+    pub(super) fn begin(&mut self, lights: &mut Lights, simulation: &mut Simulation) -> Result<()> {
+        self.steps.fill(0);
+        lights.read(simulation, &mut self.states, &mut self.now)
+    }
+
+    pub(super) fn decide(&mut self) {
+        self.at_decision.copy_from_slice(&self.now);
+    }
+
+    pub(super) fn second(&mut self, lights: &mut Lights, simulation: &mut Simulation) -> Result<()> {
+        self.before.copy_from_slice(&self.now);
+        lights.read(simulation, &mut self.states, &mut self.now)?;
+        for (steps, (before, now)) in self.steps.iter_mut().zip(self.before.iter().zip(&self.now)) {
+            *steps = if before == now { *steps + 1 } else { 1 };
+        }
+        Ok(())
+    }
+}
