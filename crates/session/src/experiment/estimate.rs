@@ -1,54 +1,34 @@
 //! Estimates the time and memory of a run from measured runs.
 //!
-//! The costs are in core-seconds per agent: for a timestep of training, for a sample and epoch of the training of the
-//! approximate influence predictors (AIPs), and for a timestep of evaluation. They come from runs of the same scenario and
-//! simulator, or else of the same domain (for traffic: grids and scenarios apart) with the nearest number of agents.
-//! Unfinished runs count only where none is finished. If there are none, constants are used. These were measured on two
-//! cores of a cloud machine with the configs of this project.
+//! The costs come from runs of the same scenario and simulator, or else of the same domain (for traffic: grids and
+//! scenarios apart) with the nearest number of agents. Unfinished runs count only where none is finished. If there are
+//! none, constants are used. These were measured on two cores of a cloud machine with the configs of this project.
 
 use super::file::{PlannedBaseline, PlannedRun};
 use crate::config::RunConfig;
-use crate::cost::{Prices, Workload};
+use crate::cost::{Prices, Workload, cores_at_work};
 use crate::domains::DomainConfig;
 use crate::records::run_record::{RunRecord, Status};
 use dials_core::domain::RoughCosts;
 use dials_learn::config::Simulator;
 use dials_traffic::config::TrafficTable;
 
-/// Core-seconds and memory of one kind of run.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub(crate) struct UnitCosts {
-    /// Core-seconds of training per agent and timestep.
-    pub(crate) training_s: f64,
-    /// Core-seconds of collecting a dataset and training on it, per agent, epoch and step of the global simulator (GS).
-    pub(crate) influence_s: f64,
-    /// Core-seconds of evaluation per agent and step of an episode.
-    pub(crate) evaluation_s: f64,
-    /// Memory of each process without its agents, in MiB.
-    pub(crate) process_mb: f64,
-    /// Memory of each agent, in all processes together, in MiB.
-    pub(crate) agent_mb: f64,
-}
-
-impl UnitCosts {
-    /// Returns the seconds of wall time for one of everything on `cores` cores, of which some train.
-    fn prices(&self, work: &Workload, training_cores: usize, cores: usize) -> Prices<f64> {
-        let of_episodes =
-            |episodes: usize| work.gs_steps(episodes) * self.evaluation_s / cores.min(episodes).max(1) as f64;
-        Prices {
-            step: self.training_s / training_cores as f64,
-            evaluation: of_episodes(work.evaluation_episodes),
-            final_evaluation: of_episodes(work.final_episodes),
-            // This includes the collection, because run directories have both in one column.
-            aip_training: work.samples_per_retraining() * self.influence_s / training_cores as f64,
-            ..Prices::default()
-        }
+/// Returns the seconds of wall time for one of everything on `cores` cores, of which some train.
+fn prices(costs: &RoughCosts, work: &Workload, training_cores: f64, cores: usize) -> Prices<f64> {
+    let of_episodes = |episodes: usize| work.gs_steps(episodes) * costs.evaluation_s / cores_at_work(cores, episodes);
+    Prices {
+        step: costs.training_s / training_cores,
+        evaluation: of_episodes(work.evaluation_episodes),
+        final_evaluation: of_episodes(work.final_episodes),
+        // This includes the collection, because run directories have both in one column.
+        aip_training: work.samples_per_retraining() * costs.influence_s / training_cores,
+        ..Prices::default()
     }
 }
 
-/// Returns the number of cores that train. A core has whole agents. With the GS it is one: an experiment gives it no more.
-fn training_cores(config: &RunConfig, agents: usize, cores: usize) -> usize {
-    if config.learning.simulator == Simulator::Global { 1 } else { cores.min(agents) }
+/// Returns the number of cores that train. On the GS it is one: an experiment gives it no more.
+fn training_cores(config: &RunConfig, agents: usize, cores: usize) -> f64 {
+    cores_at_work(cores, if config.learning.simulator == Simulator::Global { 1 } else { agents })
 }
 
 /// The source of an estimate.
@@ -74,13 +54,16 @@ const START_S: f64 = 2.0;
 /// Estimates the time and memory of one run on `cores` cores.
 pub fn estimate(run: &PlannedRun, cores: usize, measured: &[RunRecord]) -> Estimate {
     let nearest = nearest(run, measured);
-    let rough = costs_without_runs(run);
+    let mut rough = run.rough_costs;
+    if run.config.learning.simulator == Simulator::Global {
+        rough.training_s = rough.training_on_gs_s;
+    }
     let (costs, source) = match costs_of(&nearest, rough) {
         Some(costs) => (costs, Source::Measured(nearest.len())),
         None => (rough, Source::Constants),
     };
     let work = Workload::of(&run.config, run.agents(), run.config.learning.last_step());
-    let seconds = costs.prices(&work, training_cores(&run.config, run.agents(), cores), cores).of_run(&work).sum();
+    let seconds = prices(&costs, &work, training_cores(&run.config, run.agents(), cores), cores).of_run(&work).sum();
     let memory_mb = (cores + 1) as f64 * costs.process_mb + run.agents() as f64 * costs.agent_mb;
     Estimate { seconds, memory_mb, source }
 }
@@ -94,12 +77,6 @@ pub fn estimate_controller(baseline: &PlannedBaseline) -> Estimate {
         memory_mb: rough_costs.process_mb,
         source: Source::Constants,
     }
-}
-
-fn costs_without_runs(run: &PlannedRun) -> UnitCosts {
-    let RoughCosts { training_s, training_on_gs_s, influence_s, evaluation_s, process_mb, agent_mb } = run.rough_costs;
-    let training_s = if run.config.learning.simulator == Simulator::Global { training_on_gs_s } else { training_s };
-    UnitCosts { training_s, influence_s, evaluation_s, process_mb, agent_mb }
 }
 
 /// Returns the measured runs of the same scenario and simulator. If there are none: those of the same domain with the
@@ -132,15 +109,15 @@ fn nearest<'a>(run: &PlannedRun, measured: &'a [RunRecord]) -> Vec<&'a RunRecord
 }
 
 /// Returns the mean costs of runs, and `fallback` for work that they did not do; `None` if there are no runs.
-fn costs_of(runs: &[&RunRecord], fallback: UnitCosts) -> Option<UnitCosts> {
+fn costs_of(runs: &[&RunRecord], fallback: RoughCosts) -> Option<RoughCosts> {
     runs.first()?;
     let mut spent = [0.0; 3];
     let mut done = [0.0; 3];
     let mut process_mb = 0.0_f64;
     for run in runs {
         let (time, agents) = (run.total_time()?, run.scenario().id.agents);
-        let training_cores = training_cores(&run.config, agents, run.workers) as f64;
-        let evaluating_cores = run.workers.min(run.config.learning.evaluation.episodes).max(1) as f64;
+        let training_cores = training_cores(&run.config, agents, run.workers);
+        let evaluating_cores = cores_at_work(run.workers, run.config.learning.evaluation.episodes);
         let mut work = Workload::of(&run.config, agents, time.steps);
         if run.status() != Status::Finished {
             // The times of a period have the evaluation before it, so the last evaluation is not among them yet.
@@ -162,12 +139,12 @@ fn costs_of(runs: &[&RunRecord], fallback: UnitCosts) -> Option<UnitCosts> {
         process_mb = process_mb.max((total - of_agents) / (run.workers as f64 + 1.0));
     }
     let cost = |kind: usize, fallback: f64| if done[kind] > 0.0 { spent[kind] / done[kind] } else { fallback };
-    Some(UnitCosts {
+    Some(RoughCosts {
         training_s: cost(0, fallback.training_s),
         influence_s: cost(1, fallback.influence_s),
         evaluation_s: cost(2, fallback.evaluation_s),
         process_mb,
-        agent_mb: fallback.agent_mb,
+        ..fallback
     })
 }
 
@@ -257,22 +234,17 @@ mod tests {
     }
 
     #[test]
-    fn the_gs_trains_on_one_core_only() {
-        // 2 workers, of which one trains: 40 / (4 x 1000) = 0.01.
-        let records = [measured("gs", 4, 2, [40.0, 0.0, 0.0])];
-        let found = estimate(&planned("gs", 1000, 4), 4, &records);
-        assert!((found.seconds - 40.0).abs() < 1e-9, "{found:?}");
-    }
-
-    #[test]
-    fn more_cores_than_agents_do_not_train_and_more_than_episodes_do_not_evaluate() {
-        // 8 workers, of which 4 train and 2 evaluate: each unit costs 10 core-milliseconds, as above.
-        let records = [measured("dials", 4, 8, [10.0 + 0.8 + 0.8, 0.8, 0.8])];
+    fn one_core_trains_on_the_gs_and_elsewhere_no_more_than_agents_and_none_evaluates_less_than_an_episode() {
+        // Each unit costs 10 core-milliseconds: of 2 workers one trains on the GS; of 8 workers 4 train and 2 evaluate.
+        let on_the_gs = [measured("gs", 4, 2, [40.0, 0.0, 0.0])];
+        let local = [measured("dials", 4, 8, [10.0 + 0.8 + 0.8, 0.8, 0.8])];
         // 40 s of training and 3.2 s for the AIPs by 4 cores, and 1.6 s of evaluations by 2.
-        let found = estimate(&planned("dials", 1000, 4), 8, &records);
-        assert!((found.seconds - 11.6).abs() < 1e-9, "{found:?}");
-        let on_one = estimate(&planned("dials", 1000, 4), 1, &records);
-        assert!((on_one.seconds - 44.8).abs() < 1e-9, "{on_one:?}");
+        for (simulator, records, cores, seconds) in
+            [("gs", &on_the_gs, 4, 40.0), ("dials", &local, 8, 11.6), ("dials", &local, 1, 44.8)]
+        {
+            let found = estimate(&planned(simulator, 1000, 4), cores, records);
+            assert!((found.seconds - seconds).abs() < 1e-9, "{simulator}, {cores} cores: {found:?}");
+        }
     }
 
     #[test]

@@ -1,21 +1,23 @@
 //! Memory and CPU time of this process, as Linux counts them.
 
-use std::fs;
 use std::time::Duration;
 
 use rustix::time::{ClockId, clock_gettime};
 
+use crate::machine::kib_in;
 use dials_learn::training::answers::Footprint;
 
 /// Measures the memory of this process.
 pub(super) fn footprint() -> Footprint {
-    Footprint { peak_rss_kib: field("/proc/self/status", "VmHWM:"), pss_kib: field("/proc/self/smaps_rollup", "Pss:") }
+    let [peak_rss_kib, pss_kib] = [("/proc/self/status", "VmHWM:"), ("/proc/self/smaps_rollup", "Pss:")]
+        .map(|(file, key)| kib_in(file, key).unwrap_or(0));
+    Footprint { peak_rss_kib, pss_kib }
 }
 
 /// Returns the resident memory of this process now, in KiB, shared libraries counted in full; 0 if the system does not
 /// report it.
 pub(super) fn resident_kib() -> u64 {
-    field("/proc/self/status", "VmRSS:")
+    kib_in("/proc/self/status", "VmRSS:").unwrap_or(0)
 }
 
 /// A clock of the CPU time of this process, user and system, all threads, from one reading to the next.
@@ -45,12 +47,6 @@ impl CpuClock {
 
 fn cpu_time() -> Duration {
     Duration::try_from(clock_gettime(ClockId::ProcessCPUTime)).unwrap_or_default()
-}
-
-fn field(file: &str, key: &str) -> u64 {
-    let text = fs::read_to_string(file).unwrap_or_default();
-    let line = text.lines().find_map(|line| line.strip_prefix(key));
-    line.and_then(|value| value.split_whitespace().next()?.parse().ok()).unwrap_or(0)
 }
 
 #[cfg(test)]

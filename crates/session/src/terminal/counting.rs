@@ -4,9 +4,9 @@ use std::cell::Cell;
 use std::fmt::Display;
 use std::time::{Duration, Instant};
 
-use indicatif::{ProgressBar, ProgressStyle};
+use indicatif::ProgressBar;
 
-use super::{Talk, shows_bars, talks, tell};
+use super::{shows_bars, tell};
 use dials_core::outside::Printable;
 
 /// Without a terminal a line is printed this often.
@@ -26,13 +26,9 @@ impl EpisodeBar {
 
     /// Makes a bar for `count` things. `things`: their name, in the plural.
     pub fn of(count: usize, things: &str) -> Self {
-        // indicatif draws to standard error, and only if that is a terminal.
-        let style = ProgressStyle::with_template(&format!(
-            "{{bar:20.cyan/blue}} {{pos}}/{{len}} {things}  {{eta}} left  {{wide_msg}}"
-        ));
-        let bar = if talks(Talk::Normal) { ProgressBar::new(count as u64) } else { ProgressBar::hidden() };
+        let template = format!("{{bar:20.cyan/blue}} {{pos}}/{{len}} {things}  {{eta}} left  {{wide_msg}}");
         EpisodeBar {
-            bar: bar.with_style(style.expect("the template is well-formed")),
+            bar: super::bar(Some(count as u64), &template),
             things: things.to_owned(),
             last_line: Cell::new(Instant::now()),
         }

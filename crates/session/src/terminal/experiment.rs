@@ -3,11 +3,10 @@
 use std::collections::BTreeMap;
 use std::time::{Duration, Instant};
 
-use indicatif::{MultiProgress, ProgressBar, ProgressDrawTarget, ProgressStyle};
+use indicatif::{MultiProgress, ProgressBar, ProgressDrawTarget};
 
-use super::duration::duration;
 use super::training::plain_line;
-use super::{shows_bars, tell};
+use super::{duration, shows_bars, style, tell};
 use dials_core::outside::Printable;
 
 /// Interval between plain lines about all running processes.
@@ -31,7 +30,6 @@ pub struct Planned {
 /// The progress display of an experiment.
 pub struct Display {
     bars: MultiProgress,
-    terminal: bool,
     whole: ProgressBar,
     begun: Instant,
     last_plain: Instant,
@@ -54,12 +52,10 @@ struct State {
 
 impl Display {
     pub fn new(tasks: Vec<Planned>) -> Self {
-        let terminal = shows_bars();
-        let target = if terminal { ProgressDrawTarget::stderr() } else { ProgressDrawTarget::hidden() };
+        let target = if shows_bars() { ProgressDrawTarget::stderr() } else { ProgressDrawTarget::hidden() };
         let bars = MultiProgress::with_draw_target(target);
-        let style = ProgressStyle::with_template("{bar:8.green/blue} {pos} of {len} done  {wide_msg}");
-        let whole = ProgressBar::new(tasks.len() as u64).with_style(style.expect("the template is well-formed"));
-        let whole = bars.add(whole);
+        let style = style("{bar:8.green/blue} {pos} of {len} done  {wide_msg}");
+        let whole = bars.add(ProgressBar::new(tasks.len() as u64).with_style(style));
         whole.set_position(0);
         let state = |task: &Planned| State {
             weight: task.seconds * task.width as f64,
@@ -71,25 +67,22 @@ impl Display {
         };
         let tasks = tasks.into_iter().map(|task| (task.name.clone(), state(&task))).collect();
         let now = Instant::now();
-        Display { bars, terminal, whole, begun: now, last_plain: now, tasks }
+        Display { bars, whole, begun: now, last_plain: now, tasks }
     }
 
     /// Prints a line above the bars.
     pub fn say(&self, line: &str) {
-        match self.terminal {
-            true => self.bars.suspend(|| tell(line)),
-            false => tell(line),
-        }
+        self.bars.suspend(|| tell(line));
     }
 
     pub fn began(&mut self, task: &str) {
         let Some(state) = self.tasks.get_mut(task) else { return };
-        let style = ProgressStyle::with_template("{bar:8.cyan/blue} {percent:>3} %  {prefix}  {wide_msg}");
-        let bar = ProgressBar::new(state.steps.max(NO_STEPS)).with_style(style.expect("the template is well-formed"));
+        let style = style("{bar:8.cyan/blue} {percent:>3} %  {prefix}  {wide_msg}");
+        let bar = ProgressBar::new(state.steps.max(NO_STEPS)).with_style(style);
         let bar = self.bars.insert_before(&self.whole, bar).with_prefix(Printable(task).to_string());
         bar.set_message("running");
         bar.set_position((state.share * state.steps as f64) as u64);
-        if !self.terminal {
+        if !shows_bars() {
             let resumed = if state.share > 0.0 { "resumed" } else { "began" };
             tell(format_args!("{resumed} {task}"));
         }
@@ -128,22 +121,18 @@ impl Display {
     }
 
     pub fn tick(&mut self) {
-        self.whole.set_message(self.time_left().map_or(String::new(), |left| format!("about {} left", duration(left))));
-        if !self.terminal && self.last_plain.elapsed() >= PLAIN_LINES_EVERY {
+        let left = self.left_per_done().map(|ratio| duration(self.begun.elapsed().mul_f64(ratio)));
+        self.whole.set_message(left.as_ref().map_or(String::new(), |left| format!("about {left} left")));
+        if !shows_bars() && self.last_plain.elapsed() >= PLAIN_LINES_EVERY {
             self.last_plain = Instant::now();
             for (name, state) in &self.tasks {
                 if let Some(bar) = &state.bar {
                     tell(format_args!("{name}: {:.0} %, {}", 100.0 * state.share, bar.message()));
                 }
             }
-            let left = self.time_left().map_or(String::new(), |left| format!(", about {} left", duration(left)));
+            let left = left.map_or(String::new(), |left| format!(", about {left} left"));
             tell(format_args!("{} of {} done{left}", self.whole.position(), self.tasks.len()));
         }
-    }
-
-    /// Estimates the time left from the speed so far.
-    fn time_left(&self) -> Option<Duration> {
-        self.left_per_done().map(|ratio| self.begun.elapsed().mul_f64(ratio))
     }
 
     /// Returns how much is left for what was done since the beginning. Tasks are weighted by their core-seconds.
@@ -177,21 +166,17 @@ mod tests {
         Display::new(widths.iter().enumerate().map(task).collect())
     }
 
-    fn half_done(display: &mut Display, task: &str) {
-        display.began(task);
-        display.heard(task, "step 50/100: 900 agent-steps/s");
-    }
-
     #[test]
-    fn a_run_on_all_cores_keeps_all_of_them_busy() {
+    fn what_is_left_is_counted_in_core_hours_and_nothing_is_left_of_a_task_that_failed() {
+        let half_done = |display: &mut Display, task: &str| {
+            display.began(task);
+            display.heard(task, "step 50/100: 900 agent-steps/s");
+        };
         // Eight runs of one core are at half, and one of eight cores comes after them: 4 core-hours done, 4 + 8 left.
         let mut display = of_widths(&[1, 1, 1, 1, 1, 1, 1, 1, 8]);
         (0..8).for_each(|task| half_done(&mut display, &task.to_string()));
         assert_eq!(display.left_per_done(), Some(3.0));
-    }
 
-    #[test]
-    fn nothing_is_left_of_a_task_that_failed() {
         let mut display = of_widths(&[1, 1, 1]);
         // One cannot begin, and one fails at half. The third is at half: 1 hour done, half an hour left.
         display.ended("0", Some("error: damaged"));

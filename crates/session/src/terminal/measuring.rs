@@ -5,12 +5,10 @@ use std::fmt::Display;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 
-use indicatif::{ProgressBar, ProgressStyle};
+use indicatif::ProgressBar;
 
-use super::activity::doing;
-use super::{Talk, Wish, shows_bars, stop_on_signals, talks, tell, warn};
-use dials_core::base::Activity;
-use dials_core::base::counted;
+use super::{Wish, doing, shows_bars, stop_on_signals, tell, warn};
+use dials_core::base::{Activity, counted};
 use dials_learn::training::observer::Observer;
 
 /// The progress of `bench`: a status line on a terminal, elsewhere one line per fleet.
@@ -25,10 +23,7 @@ pub struct BenchProgress {
 impl BenchProgress {
     /// Starts the display, and listens for Ctrl-C from here on.
     pub fn new() -> anyhow::Result<Self> {
-        let style =
-            ProgressStyle::with_template("{spinner} {elapsed}  {wide_msg}").expect("the template is well-formed");
-        let line = if talks(Talk::Normal) { ProgressBar::new_spinner() } else { ProgressBar::hidden() };
-        let line = line.with_style(style);
+        let line = super::bar(None, "{spinner} {elapsed}  {wide_msg}");
         line.set_message("peak speed of matrix products");
         let place = line.clone();
         let stop = stop_on_signals(move |wish| match wish {

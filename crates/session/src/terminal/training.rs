@@ -5,15 +5,12 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::{Duration, Instant};
 
-use indicatif::{ProgressBar, ProgressStyle};
+use indicatif::ProgressBar;
 
-use super::activity::doing;
-use super::duration::duration;
-use super::{Talk, Wish, shows_bars, stop_on_signals, talks, tell, warn};
+use super::{Talk, Wish, doing, duration, shows_bars, stop_on_signals, talks, tell, warn};
 use crate::config::RunConfig;
-use dials_core::base::Activity;
 use dials_core::base::statistics::{Interval, mean};
-use dials_core::base::{counted, decimals};
+use dials_core::base::{Activity, counted, decimals};
 use dials_learn::algorithms::imitation::ImitationLoss;
 use dials_learn::evaluation::Evaluation;
 use dials_learn::influence::{AipLoss, FreshLoss, mean_loss};
@@ -25,7 +22,7 @@ const PLAIN_LINE_EVERY: Duration = Duration::from_secs(10);
 
 /// The progress of `train`.
 pub struct Progress {
-    bar: Option<ProgressBar>,
+    bar: ProgressBar,
     agents: usize,
     end: u64,
     begun: Instant,
@@ -102,16 +99,12 @@ impl Progress {
         agents: usize,
         last_words: impl Fn() -> String + Send + Sync + 'static,
     ) -> anyhow::Result<Self> {
-        let bar = shows_bars().then(|| {
-            let style = "{bar:8.cyan/blue} {percent:>3} %  {wide_msg}";
-            let style = ProgressStyle::with_template(style).expect("the template is well-formed");
-            ProgressBar::new(config.learning.end()).with_style(style)
-        });
+        let bar = super::bar(Some(config.learning.end()), "{bar:8.cyan/blue} {percent:>3} %  {wide_msg}");
         let doing = Doing::default();
         let (place, now_doing) = (bar.clone(), doing.clone());
         let stop = stop_on_signals(move |wish| match wish {
-            Wish::Stop => say(place.as_ref(), &stopping(*now_doing.lock().unwrap_or_else(PoisonError::into_inner))),
-            Wish::StopNow => insist(place.as_ref(), &last_words()),
+            Wish::Stop => place.suspend(|| tell(stopping(*now_doing.lock().unwrap_or_else(PoisonError::into_inner)))),
+            Wish::StopNow => place.suspend(|| warn(last_words())),
         })?;
         let now = Instant::now();
         Ok(Progress {
@@ -127,18 +120,17 @@ impl Progress {
         })
     }
 
-    /// Removes the bar. `done`: whether the training came to its end, so that its time is told.
+    /// Removes the bar. `done`: whether the training came to its end, so that its time is printed.
     pub fn finish(&self, done: bool) {
-        if let Some(bar) = &self.bar {
-            bar.finish_and_clear();
-        }
+        self.bar.finish_and_clear();
         if done {
             tell(format_args!("done in {}", duration(self.begun.elapsed())));
         }
     }
 
+    /// Prints a line, above the bar if there is one.
     fn say(&self, line: &str) {
-        say(self.bar.as_ref(), line);
+        self.bar.suspend(|| tell(line));
     }
 
     fn note(&self, activity: Activity) {
@@ -167,26 +159,18 @@ impl Observer for Progress {
         self.note(Activity::Training);
         let now = Instant::now();
         self.rate.borrow_mut().note(steps, now);
-        match &self.bar {
-            Some(bar) => {
-                bar.set_position(steps.min(self.end));
-                bar.set_message(self.message());
-            }
-            None if now - self.last_line.get() >= PLAIN_LINE_EVERY => {
-                self.last_line.set(now);
-                tell(format_args!("step {steps}/{}: {}", self.end, self.message()));
-            }
-            None => (),
+        self.bar.set_position(steps.min(self.end));
+        self.bar.set_message(self.message());
+        if !shows_bars() && now - self.last_line.get() >= PLAIN_LINE_EVERY {
+            self.last_line.set(now);
+            tell(format_args!("step {steps}/{}: {}", self.end, self.message()));
         }
     }
 
     fn busy(&self, activity: Activity, share: f64) {
         self.note(activity);
         self.rate.borrow_mut().since = None;
-        let what = doing(activity);
-        if let Some(bar) = &self.bar {
-            bar.set_message(format!("{what} {:.0} %", 100.0 * share));
-        }
+        self.bar.set_message(format!("{} {:.0} %", doing(activity), 100.0 * share));
     }
 
     fn imitated(&self, controller: &str, losses: &[ImitationLoss]) {
@@ -243,7 +227,7 @@ impl Observer for Progress {
     }
 
     fn worker_lost(&self, message: &str) {
-        insist(self.bar.as_ref(), &format!("warning: {message}"));
+        self.bar.suspend(|| warn(format_args!("warning: {message}")));
     }
 
     fn stop_requested(&self) -> bool {
@@ -262,22 +246,6 @@ fn judged(loss: f64, constants: f64) -> String {
         "no better than"
     };
     format!("{better} constants, which have {of_constants}")
-}
-
-/// Prints a line, above the bar if there is one.
-fn say(bar: Option<&ProgressBar>, line: &str) {
-    match bar {
-        Some(bar) => bar.suspend(|| tell(line)),
-        None => tell(line),
-    }
-}
-
-/// Prints a line like [`say`], also if the process is quiet.
-fn insist(bar: Option<&ProgressBar>, line: &str) {
-    match bar {
-        Some(bar) => bar.suspend(|| warn(line)),
-        None => warn(line),
-    }
 }
 
 /// Returns the line that is printed after the first Ctrl-C.
@@ -315,18 +283,6 @@ mod tests {
     }
 
     #[test]
-    fn the_same_step_twice_in_a_row_is_no_reason_to_guess_the_time_left() {
-        let config: RunConfig = toml::from_str("warehouse = { agents_per_side = 2 }").unwrap();
-        let progress = Progress::new(&config, 4, String::new).unwrap();
-        progress.trained(128);
-        std::thread::sleep(Duration::from_millis(1));
-        progress.trained(128);
-        assert_eq!(progress.message(), "");
-        progress.trained(256);
-        assert!(progress.message().contains("agent-steps/s, "), "{}", progress.message());
-    }
-
-    #[test]
     fn the_time_left_counts_all_work_and_the_speed_only_training() {
         let begun = Instant::now();
         let at = |second| begun + Duration::from_secs(second);
@@ -353,6 +309,9 @@ mod tests {
         assert_eq!(rate.left(1000, begun), None);
         rate.note(200, begun);
         assert_eq!(rate.left(1000, begun + Duration::from_secs(5)), None);
+        // The same step twice in a row is that of the slowest worker.
+        rate.note(200, begun + Duration::from_secs(5));
+        assert_eq!((rate.left(1000, begun + Duration::from_secs(5)), rate.per_second()), (None, None));
         // After a lost worker.
         rate.note(100, begun + Duration::from_secs(6));
         assert_eq!(rate.left(1000, begun + Duration::from_secs(7)), None);
