@@ -15,7 +15,6 @@ use dials_core::base::Phase;
 use dials_core::domain::Kinds;
 use dials_learn::config::Simulator;
 
-/// Phases of a simulator's step.
 const SIMULATING: [Phase; 3] = [Phase::Insertion, Phase::SimulatorStep, Phase::Reading];
 /// Our work around a simulator's own step.
 const AROUND: [Phase; 2] = [Phase::Insertion, Phase::Reading];
@@ -174,7 +173,6 @@ impl Costs {
         }
     }
 
-    /// Returns the cost of everything.
     pub(crate) fn all(&self) -> Cost {
         let exchange = Cost { ours: self.exchange, ..Cost::default() };
         exchange + self.training + self.evaluation + self.collection + self.aip_training
@@ -200,7 +198,6 @@ impl Machine {
         1e6 * flops / self.peak_flops
     }
 
-    /// Returns SUMO's own step among the phases.
     fn sumo_step(&self, phases: &[f64]) -> f64 {
         if self.sumo { phases[Phase::SimulatorStep as usize] } else { 0.0 }
     }
@@ -257,7 +254,6 @@ pub(crate) struct StepCost {
 /// Costs of the simulators of a run by themselves, and of learning for comparison.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct SimulatorCosts {
-    /// Number of the simulator's steps in a timestep.
     pub(crate) steps_per_timestep: usize,
     /// The simulators by name: the GS in evaluations, the GS while datasets are collected, when it also observes the
     /// influence on the local regions, and what the policies train on.
@@ -286,12 +282,10 @@ impl SimulatorCosts {
     }
 }
 
-/// Returns the core-microseconds of a phase per unit.
 fn per_unit(orders: &Orders, phase: Phase) -> f64 {
     1e6 * orders.phases.spent(phase).as_secs_f64() / orders.units
 }
 
-/// Returns the core-microseconds of a phase per order.
 fn per_order(orders: &Orders, phase: Phase) -> f64 {
     1e6 * orders.phases.spent(phase).as_secs_f64() / orders.count.max(1) as f64
 }

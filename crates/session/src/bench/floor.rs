@@ -26,7 +26,6 @@ impl Flops {
         Flops { training: mean(|flops| flops.training), acting: mean(|flops| flops.acting) }
     }
 
-    /// Returns the operations of an agent of one kind.
     fn of(config: &RunConfig, spec: &RegionSpec) -> Flops {
         let policy = PolicyStack::shape(spec, &config.learning.policy);
         let learning =

@@ -29,8 +29,7 @@ const TRAINING: f64 = 0.5;
 const START: Duration = Duration::from_secs(1);
 /// Number of passes over a dataset: few, but enough that the losses before and after them cost little in comparison.
 const AIP_EPOCHS: usize = 8;
-/// Guess of the speed of AIP trainings, as a share of the peak. It only decides how
-/// long they are measured.
+/// Guess of the speed of AIP trainings, as a share of the peak. It only decides how long they are measured.
 const OF_PEAK: f64 = 0.4;
 
 /// Returns a config with which every order to a fleet of N workers is short, and each worker has a share of it.
@@ -94,8 +93,7 @@ pub struct Measured {
 }
 
 impl Measured {
-    /// Returns the part of an episode that every local simulator, or the GS, played while the
-    /// policies trained.
+    /// Returns the part of an episode that every local simulator, or the GS, played while the policies trained.
     pub fn share_of_an_episode(&self, config: &RunConfig, agents: usize) -> f64 {
         self.training.units / (agents * config.learning.copies() * config.training_horizon()) as f64
     }
@@ -223,7 +221,6 @@ fn episodes_for(plan: &MeasurePlan<'_>, flops: f64) -> usize {
     episodes
 }
 
-/// Repeats the episodes of `dataset` until there are at least `episodes`.
 fn repeated(dataset: &Dataset, episodes: usize) -> Dataset {
     let mut longer = dataset.clone();
     while longer.episodes() < episodes {
@@ -233,11 +230,9 @@ fn repeated(dataset: &Dataset, episodes: usize) -> Dataset {
 }
 
 impl Orders {
-    /// Phases in which simulators are made and brought to the current state of training. They do not grow with the
-    /// work.
+    /// Phases in which simulators are made and brought to the state of training. They do not grow with the work.
     pub(crate) const BEGINNING: [Phase; 2] = [Phase::Loading, Phase::Retracing];
 
-    /// Returns the time spent in [`Orders::BEGINNING`], added up over the workers.
     pub(crate) fn beginning(&self) -> Duration {
         beginning(&self.phases)
     }

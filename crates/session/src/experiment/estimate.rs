@@ -31,21 +31,13 @@ fn training_cores(config: &RunConfig, agents: usize, cores: usize) -> f64 {
     cores_at_work(cores, if config.learning.simulator == Simulator::Global { 1 } else { agents })
 }
 
-/// The source of an estimate.
-#[derive(Clone, Debug, PartialEq)]
-pub enum Source {
-    /// Number of measured runs in the same folder.
-    Measured(usize),
-    /// The constants of this project.
-    Constants,
-}
-
 /// Time and memory of one run from its beginning to its end.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Estimate {
     pub seconds: f64,
     pub memory_mb: f64,
-    pub source: Source,
+    /// Number of runs from whose measurements it is. 0: it is from the constants of this project.
+    pub measured_runs: usize,
 }
 
 /// Seconds that a process takes to begin and to load what it simulates.
@@ -58,14 +50,11 @@ pub fn estimate(run: &PlannedRun, cores: usize, measured: &[RunRecord]) -> Estim
     if run.config.learning.simulator == Simulator::Global {
         rough.training_s = rough.training_on_gs_s;
     }
-    let (costs, source) = match costs_of(&nearest, rough) {
-        Some(costs) => (costs, Source::Measured(nearest.len())),
-        None => (rough, Source::Constants),
-    };
+    let costs = costs_of(&nearest, rough);
     let work = Workload::of(&run.config, run.agents(), run.config.learning.last_step());
     let seconds = prices(&costs, &work, training_cores(&run.config, run.agents(), cores), cores).of_run(&work).sum();
     let memory_mb = (cores + 1) as f64 * costs.process_mb + run.agents() as f64 * costs.agent_mb;
-    Estimate { seconds, memory_mb, source }
+    Estimate { seconds, memory_mb, measured_runs: nearest.len() }
 }
 
 /// Estimates the time and memory of measuring a controller, on one core.
@@ -75,7 +64,7 @@ pub fn estimate_controller(baseline: &PlannedBaseline) -> Estimate {
     Estimate {
         seconds: START_S + steps as f64 * rough_costs.evaluation_s,
         memory_mb: rough_costs.process_mb,
-        source: Source::Constants,
+        measured_runs: 0,
     }
 }
 
@@ -108,14 +97,13 @@ fn nearest<'a>(run: &PlannedRun, measured: &'a [RunRecord]) -> Vec<&'a RunRecord
     near
 }
 
-/// Returns the mean costs of runs, and `fallback` for work that they did not do; `None` if there are no runs.
-fn costs_of(runs: &[&RunRecord], fallback: RoughCosts) -> Option<RoughCosts> {
-    runs.first()?;
-    let mut spent = [0.0; 3];
-    let mut done = [0.0; 3];
-    let mut process_mb = 0.0_f64;
+/// Returns the mean costs of runs, and `fallback` for work that they did not do.
+fn costs_of(runs: &[&RunRecord], fallback: RoughCosts) -> RoughCosts {
+    // Core-seconds and amount of work of training, of the AIPs and of evaluation.
+    let mut sums = [(0.0, 0.0); 3];
     for run in runs {
-        let (time, agents) = (run.total_time()?, run.scenario().id.agents);
+        let time = run.total_time().expect("only runs with times are near");
+        let agents = run.scenario().id.agents;
         let training_cores = training_cores(&run.config, agents, run.workers);
         let evaluating_cores = cores_at_work(run.workers, run.config.learning.evaluation.episodes);
         let mut work = Workload::of(&run.config, agents, time.steps);
@@ -123,40 +111,41 @@ fn costs_of(runs: &[&RunRecord], fallback: RoughCosts) -> Option<RoughCosts> {
             // The times of a period have the evaluation before it, so the last evaluation is not among them yet.
             work.final_episodes = 0;
         }
-        let samples = work.retrainings as f64 * work.samples_per_retraining();
-        let training_s = time.runtime_s() - time.influence_s;
-        let of_run =
-            [training_s * training_cores, time.influence_s * training_cores, time.evaluation_s * evaluating_cores];
-        for (sum, value) in spent.iter_mut().zip(of_run) {
-            *sum += value;
+        let of_run = [
+            ((time.runtime_s() - time.influence_s) * training_cores, work.agent_steps()),
+            (time.influence_s * training_cores, work.retrainings as f64 * work.samples_per_retraining()),
+            (time.evaluation_s * evaluating_cores, work.evaluated_steps()),
+        ];
+        for (sum, (spent, done)) in sums.iter_mut().zip(of_run) {
+            *sum = (sum.0 + spent, sum.1 + done);
         }
-        for (sum, value) in done.iter_mut().zip([work.agent_steps(), samples, work.evaluated_steps()]) {
-            *sum += value;
-        }
-        let total = run.memory.map_or(0.0, |memory| memory.total_pss_mb);
-        // The processes have what the agents do not need.
-        let of_agents = agents as f64 * fallback.agent_mb;
-        process_mb = process_mb.max((total - of_agents) / (run.workers as f64 + 1.0));
     }
-    let cost = |kind: usize, fallback: f64| if done[kind] > 0.0 { spent[kind] / done[kind] } else { fallback };
-    Some(RoughCosts {
+    // The processes have what the agents do not need.
+    let of_process = |run: &&RunRecord| {
+        let of_agents = run.scenario().id.agents as f64 * fallback.agent_mb;
+        (run.memory.map_or(0.0, |memory| memory.total_pss_mb) - of_agents) / (run.workers as f64 + 1.0)
+    };
+    let process_mb = runs.iter().map(of_process).reduce(f64::max);
+    let cost = |kind: usize, fallback: f64| match sums[kind] {
+        (spent, done) if done > 0.0 => spent / done,
+        _ => fallback,
+    };
+    RoughCosts {
         training_s: cost(0, fallback.training_s),
         influence_s: cost(1, fallback.influence_s),
         evaluation_s: cost(2, fallback.evaluation_s),
-        process_mb,
+        process_mb: process_mb.map_or(fallback.process_mb, |mb| mb.max(0.0)),
         ..fallback
-    })
+    }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::records::find::MeasuredWith;
+    use crate::experiment::file;
     use crate::records::run_record::{EvaluationRecord, MemoryRecord, PeriodTime, Returns};
     use dials_core::domain::Scenario;
-    use dials_core::outside::FileName;
     use dials_learn::config::ShortForm;
-    use std::path::PathBuf;
 
     /// Episodes of 10 steps, 2 per evaluation and 8 per dataset.
     fn config(simulator: &str, total_steps: u64) -> RunConfig {
@@ -169,15 +158,7 @@ mod tests {
     }
 
     fn planned(simulator: &str, total_steps: u64, agents: usize) -> PlannedRun {
-        let config = config(simulator, total_steps);
-        PlannedRun {
-            name: FileName::new("a").unwrap(),
-            config_path: PathBuf::new(),
-            settings: Vec::new(),
-            config,
-            scenario: Scenario::new("warehouse", agents, 10),
-            rough_costs: RoughCosts { agent_mb: 8.0, ..RoughCosts::default() },
-        }
+        file::tests::planned(config(simulator, total_steps), Scenario::new("warehouse", agents, 10))
     }
 
     /// A finished run of 1000 steps that took these times.
@@ -211,7 +192,7 @@ mod tests {
         // three evaluations 9 x 60 x 0.01 / 2 = 2.7.
         let found = estimate(&planned("dials", 2000, 9), 2, &records);
         assert!((found.seconds - 99.9).abs() < 1e-9, "{found:?}");
-        assert_eq!(found.source, Source::Measured(1));
+        assert_eq!(found.measured_runs, 1);
         // 332 MiB minus 4 agents x 8 MiB are 2 processes of 150 MiB each. Now there are 3 processes and 9 agents.
         assert!((found.memory_mb - (3.0 * 150.0 + 9.0 * 8.0)).abs() < 1e-9, "{found:?}");
     }
@@ -225,12 +206,12 @@ mod tests {
         // and 2.4 s for three evaluations.
         let found = estimate(&run, 1, &[half.clone()]);
         assert!((found.seconds - 88.8).abs() < 1e-9, "{found:?}");
-        assert_eq!(found.source, Source::Measured(1));
+        assert_eq!(found.measured_runs, 1);
         let whole = measured("dials", 4, 1, [22.4, 0.8, 1.6]);
         assert_eq!(estimate(&run, 1, &[half.clone(), whole.clone()]), estimate(&run, 1, &[whole]));
         // Nothing was timed yet.
         half.periods.clear();
-        assert_eq!(estimate(&run, 1, &[half]).source, Source::Constants);
+        assert_eq!(estimate(&run, 1, &[half]).measured_runs, 0);
     }
 
     #[test]
@@ -256,10 +237,10 @@ mod tests {
         let records =
             [with(measured("dials", 4, 1, [40.0, 0.0, 0.0]), 1), with(measured("dials", 4, 1, [80.0, 0.0, 0.0]), 2)];
         let mut run = planned("dials", 1000, 4);
-        assert_eq!(estimate(&run, 1, &records).source, Source::Measured(2));
+        assert_eq!(estimate(&run, 1, &records).measured_runs, 2);
         run.scenario = run.scenario.with_checksum(2);
         let found = estimate(&run, 1, &records);
-        assert_eq!((found.source, found.seconds), (Source::Measured(1), 80.0));
+        assert_eq!((found.measured_runs, found.seconds), (1, 80.0));
     }
 
     #[test]
@@ -270,22 +251,12 @@ mod tests {
         grid.config = text("network = 'n'\nlocal_network = 'l'");
         let mut run = planned("gs", 1000, 4);
         run.config = text("scenario = 's.sumocfg'\nbegin_s = 0\nend_s = 3600");
-        assert_eq!(estimate(&run, 1, &[grid]).source, Source::Constants);
+        assert_eq!(estimate(&run, 1, &[grid]).measured_runs, 0);
     }
 
     #[test]
     fn a_controller_plays_its_episodes_on_one_core() {
-        let run = planned("gs", 1000, 4);
-        let baseline = PlannedBaseline {
-            name: FileName::new("a").unwrap(),
-            config: run.config,
-            scenario: "s".to_owned(),
-            controller: "random".to_owned(),
-            episodes: 50,
-            agents: 4,
-            rough_costs: RoughCosts { evaluation_s: 1e-3, process_mb: 120.0, ..RoughCosts::default() },
-            measured_with: MeasuredWith::default(),
-        };
+        let baseline = file::tests::planned_baseline(&planned("gs", 1000, 4), 50);
         // 4 agents x 50 episodes x 10 steps x 1 ms, after 2 s.
         let found = estimate_controller(&baseline);
         assert!((found.seconds - 4.0).abs() < 1e-9 && found.memory_mb == 120.0, "{found:?}");
@@ -295,7 +266,7 @@ mod tests {
     fn runs_of_the_nearest_size_count_and_without_any_the_constants() {
         let records = [measured("dials", 4, 1, [40.0, 0.0, 0.0]), measured("dials", 100, 1, [9000.0, 0.0, 0.0])];
         let small = estimate(&planned("dials", 1000, 4), 1, &records);
-        assert_eq!((small.source, small.seconds), (Source::Measured(1), 40.0));
-        assert_eq!(estimate(&planned("untrained-dials", 1000, 4), 1, &records).source, Source::Constants);
+        assert_eq!((small.measured_runs, small.seconds), (1, 40.0));
+        assert_eq!(estimate(&planned("untrained-dials", 1000, 4), 1, &records).measured_runs, 0);
     }
 }

@@ -21,7 +21,6 @@ const MOST_RUNS: usize = 10_000;
 /// Number of episodes that a controller may play, as for `baseline --episodes`.
 const EPISODES: RangeInclusive<u32> = 1..=100_000;
 
-/// Contents of an experiment's file.
 #[derive(Clone, Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct ExperimentFile {
@@ -53,8 +52,7 @@ pub(crate) struct RunGrid {
     /// Simulators. Default: the one in each config.
     #[serde(default)]
     pub(crate) simulators: Vec<ShortForm>,
-    /// Values of F, the steps between two trainings of the AIPs. Only for simulators
-    /// with trained AIPs. Default: the one in each config.
+    /// Values of F. Only for simulators with trained AIPs. Default: the one in each config.
     #[serde(default)]
     pub(crate) retrain_every_steps: Vec<u64>,
     /// Seeds of these runs. Default: those of the experiment.
@@ -72,7 +70,6 @@ fn all_cores_from_agents() -> usize {
     25
 }
 
-/// A run that an experiment plans.
 #[derive(Clone, Debug)]
 pub struct PlannedRun {
     /// Name of its directory.
@@ -107,7 +104,6 @@ pub struct PlannedBaseline {
     pub(crate) measured_with: MeasuredWith,
 }
 
-/// All planned runs and baselines of an experiment.
 #[derive(Debug)]
 pub struct Experiment {
     pub baselines: Vec<PlannedBaseline>,
@@ -297,8 +293,34 @@ fn stem(path: &Path) -> String {
 }
 
 #[cfg(test)]
-mod tests {
+pub(super) mod tests {
     use super::*;
+
+    /// Returns a planned run called `a run`.
+    pub(crate) fn planned(config: RunConfig, scenario: Scenario) -> PlannedRun {
+        PlannedRun {
+            name: FileName::new("a run").unwrap(),
+            config_path: PathBuf::new(),
+            settings: Vec::new(),
+            config,
+            scenario,
+            rough_costs: RoughCosts { evaluation_s: 1e-3, process_mb: 120.0, agent_mb: 8.0, ..RoughCosts::default() },
+        }
+    }
+
+    /// Returns a controller that is planned on the scenario of a run.
+    pub(crate) fn planned_baseline(run: &PlannedRun, episodes: usize) -> PlannedBaseline {
+        PlannedBaseline {
+            name: FileName::new("small-random").unwrap(),
+            config: run.config.clone(),
+            scenario: run.scenario.id.word(),
+            controller: "random".to_owned(),
+            episodes,
+            agents: run.agents(),
+            rough_costs: run.rough_costs,
+            measured_with: MeasuredWith::default(),
+        }
+    }
 
     const CONFIG: &str = "[warehouse]\nagents_per_side = 2\n";
 

@@ -176,10 +176,10 @@ fn difference(dir: &Path, planned: &PlannedRun) -> Result<Option<String>> {
 mod tests {
     use super::*;
     use crate::config::{RunConfig, to_toml};
+    use crate::experiment::file;
     use crate::records::files::{NETWORKS, RETURNS};
     use crate::records::kept::Kept;
-    use dials_core::domain::{RoughCosts, Scenario};
-    use dials_core::outside::FileName;
+    use dials_core::domain::Scenario;
     use dials_learn::config::Simulator;
 
     const FIRST: &str = "0,all,1,1,0,1\n0,0,1,1,0,1\n0,1,1,1,0,1\n0,2,1,1,0,1\n0,3,1,1,0,1\n";
@@ -189,15 +189,7 @@ mod tests {
     fn planned(folder: &Path) -> PlannedRun {
         let text = "total_steps = 1000\n[warehouse]\nagents_per_side = 2\n[evaluation]\nfinal_episodes = 1\n";
         let config: RunConfig = toml::from_str(text).unwrap();
-        let scenario = Scenario::new("warehouse", 4, 10);
-        let run = PlannedRun {
-            name: FileName::new("a run").unwrap(),
-            config_path: PathBuf::new(),
-            settings: Vec::new(),
-            config,
-            scenario,
-            rough_costs: RoughCosts::default(),
-        };
+        let run = file::tests::planned(config, Scenario::new("warehouse", 4, 10));
         std::fs::create_dir(directory(folder, &run)).unwrap();
         write(folder, &run, CONFIG, &to_toml(&run.config).unwrap());
         describe(folder, &run, Kept::default());
@@ -272,16 +264,7 @@ mod tests {
     fn a_measurement_of_another_experiment_is_not_overwritten() {
         let folder = tempfile::tempdir().unwrap();
         let run = planned(folder.path());
-        let mut baseline = PlannedBaseline {
-            name: FileName::new("small-random").unwrap(),
-            config: run.config.clone(),
-            scenario: run.scenario.id.word(),
-            controller: "random".to_owned(),
-            episodes: 1,
-            agents: 4,
-            rough_costs: RoughCosts::default(),
-            measured_with: MeasuredWith::default(),
-        };
+        let mut baseline = file::tests::planned_baseline(&run, 1);
         let path = baseline_file(folder.path(), &baseline.name);
         std::fs::create_dir(path.parent().unwrap()).unwrap();
         let record = serde_json::json!({

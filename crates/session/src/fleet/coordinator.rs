@@ -9,10 +9,9 @@ use std::time::{Duration, Instant};
 use anyhow::{Context, Result, bail};
 
 use super::channel::encode;
-use super::footprint::{CpuClock, footprint};
-use super::growth::{Growth, MostGrowth};
 use super::link::{Crew, Frame, Link, Loss, News};
 use super::message::{Order, WorkerReport};
+use super::process::{CpuClock, Growth, MostGrowth, footprint};
 use super::shares::{agents_of_workers, names_of, share};
 use super::task::{Task, report_progress};
 use crate::config::RunConfig;

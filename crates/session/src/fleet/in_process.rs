@@ -9,9 +9,9 @@ use std::time::Duration;
 use anyhow::Result;
 
 use super::channel::decode;
-use super::footprint::CpuClock;
 use super::link::{Crew, Frame, Link, News};
 use super::message::{Order, WorkerReport};
+use super::process::CpuClock;
 use super::serve::Server;
 use super::{Coordinator, MostGrowth, Options};
 use crate::config::RunConfig;

@@ -12,15 +12,13 @@
 //!   processes; `log` is what they printed.
 //! - `mpi`: workers on the ranks of an MPI job, with the feature of that name. `launcher`: whether there is such a job.
 //! - `message`, `channel`: the messages, and how they are written to a stream. `serve`: the worker's side of it.
-//! - `footprint`: memory and CPU time of this process. `growth`: when a worker's process is replaced by a fresh one.
+//! - `process`: memory and CPU time of a process, and when a worker's is replaced by a fresh one.
 //!
 //! Only `run` opens this room. Training knows it as a [`Fleet`](dials_learn::training::fleet::Fleet).
 
 mod channel;
 pub mod children;
 mod coordinator;
-mod footprint;
-mod growth;
 mod in_process;
 mod launcher;
 pub(crate) mod link;
@@ -28,6 +26,7 @@ mod log;
 mod message;
 #[cfg(feature = "mpi")]
 mod mpi;
+mod process;
 mod serve;
 mod shares;
 mod task;
@@ -40,12 +39,12 @@ pub use self::mpi::{End, Job, Part, Prepared, Ranks, Relay, join_the_job};
 #[doc(hidden)]
 pub use channel::{encode, receive};
 pub use coordinator::{Coordinator, Options};
-pub use growth::MostGrowth;
 pub use in_process::in_process;
 pub use launcher::ranks;
 pub use log::Log;
 #[doc(hidden)]
 pub use message::Order;
 pub use message::WorkerReport;
+pub use process::MostGrowth;
 pub use serve::serve;
 pub use shares::agents_of_workers;

@@ -8,8 +8,8 @@ use std::time::{Duration, Instant};
 use anyhow::{Context, Result, bail};
 
 use super::channel::{receive, send};
-use super::footprint::{CpuClock, footprint, resident_kib};
 use super::message::{Order, WorkerReport};
+use super::process::{CpuClock, footprint, resident_kib};
 use crate::config::RunConfig;
 use dials_core::base::Activity;
 use dials_core::domain::Domain;

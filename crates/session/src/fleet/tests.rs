@@ -132,10 +132,16 @@ fn same_for_any_fleet(domain: &Arc<dyn Domain>, config: &Config, deaths: [&[usiz
         assert_eq!(warnings.len(), deaths, "{warnings:?}");
     }
     let (half, standing) = kept.unwrap();
-    let mut fleet = in_process(domain.clone(), config.clone(), Rc::new(Silent)).unwrap();
-    fleet.restore(half.clone()).unwrap();
-    dials::train(config, &mut fleet, standing, &mut Unrecorded, &Silent).unwrap();
-    assert!(*fleet.agents() == expected, "{:?}: from the state after the first period", config.simulator);
+    // Workers that can be replaced are started again, others take the state.
+    for can_replace in [true, false] {
+        let options = Options { workers: 2, threads: 2, patience: PATIENCE, most_growth: NEVER };
+        let crew = Box::new(TestCrew { domain: domain.clone(), ..crew(can_replace, [&[], &[]]) });
+        let run_config = RunConfig::from(config.clone());
+        let mut fleet = Coordinator::start(domain.clone(), &run_config, crew, options, Rc::new(Silent)).unwrap();
+        fleet.restore(half.clone()).unwrap();
+        dials::train(config, &mut fleet, standing, &mut Unrecorded, &Silent).unwrap();
+        assert!(*fleet.agents() == expected, "{:?}: from the state after the first period", config.simulator);
+    }
     (expected, half)
 }
 
@@ -176,22 +182,6 @@ fn the_loss_of_a_worker_that_cannot_be_replaced_ends_the_run_and_names_it_and_it
     // A worker without agents only plays episodes, but its loss counts as any other.
     let (outcome, _) = train(crew(false, [&[(1, Fate::Dies)], &[], &[]]));
     assert_eq!(outcome.unwrap_err(), format!("worker 0 (no agents of its own) died: it is this process{end}"));
-}
-
-#[test]
-fn training_goes_on_from_a_state_with_workers_that_run_or_are_started_again() {
-    let (expected, Keeper(kept)) = undisturbed();
-    let (agents, standing) = kept.unwrap();
-    assert_eq!((standing.until, agents.steps), (250, 256));
-    for can_replace in [true, false] {
-        let options = Options { workers: 2, threads: 2, patience: PATIENCE, most_growth: NEVER };
-        let crew = crew(can_replace, [&[], &[]]);
-        let mut fleet =
-            Coordinator::start(coins(), &RunConfig::from(config()), Box::new(crew), options, Rc::new(Silent)).unwrap();
-        fleet.restore(agents.clone()).unwrap();
-        dials::train(&config(), &mut fleet, standing, &mut Unrecorded, &Silent).unwrap();
-        assert!(*fleet.agents() == expected, "can_replace: {can_replace}");
-    }
 }
 
 /// Counts evaluations.

@@ -38,13 +38,9 @@ pub struct Display {
 }
 
 struct State {
-    /// Estimated core-seconds of the whole task.
-    weight: f64,
-    /// Share of the task that was done before this experiment began.
-    share_before: f64,
+    planned: Planned,
     /// Share of the task that is done now.
     share: f64,
-    steps: u64,
     /// Whether it ended, well or with an error. Then nothing of it is left.
     ended: bool,
     bar: Option<ProgressBar>,
@@ -57,15 +53,9 @@ impl Display {
         let style = style("{bar:8.green/blue} {pos} of {len} done  {wide_msg}");
         let whole = bars.add(ProgressBar::new(tasks.len() as u64).with_style(style));
         whole.set_position(0);
-        let state = |task: &Planned| State {
-            weight: task.seconds * task.width as f64,
-            share_before: task.share,
-            share: task.share,
-            steps: task.steps,
-            ended: false,
-            bar: None,
-        };
-        let tasks = tasks.into_iter().map(|task| (task.name.clone(), state(&task))).collect();
+        let state =
+            |planned: Planned| (planned.name.clone(), State { share: planned.share, planned, ended: false, bar: None });
+        let tasks = tasks.into_iter().map(state).collect();
         let now = Instant::now();
         Display { bars, whole, begun: now, last_plain: now, tasks }
     }
@@ -78,10 +68,10 @@ impl Display {
     pub fn began(&mut self, task: &str) {
         let Some(state) = self.tasks.get_mut(task) else { return };
         let style = style("{bar:8.cyan/blue} {percent:>3} %  {prefix}  {wide_msg}");
-        let bar = ProgressBar::new(state.steps.max(NO_STEPS)).with_style(style);
+        let bar = ProgressBar::new(state.planned.steps.max(NO_STEPS)).with_style(style);
         let bar = self.bars.insert_before(&self.whole, bar).with_prefix(Printable(task).to_string());
         bar.set_message("running");
-        bar.set_position((state.share * state.steps as f64) as u64);
+        bar.set_position((state.share * state.planned.steps as f64) as u64);
         if !shows_bars() {
             let resumed = if state.share > 0.0 { "resumed" } else { "began" };
             tell(format_args!("{resumed} {task}"));
@@ -93,8 +83,8 @@ impl Display {
     pub fn heard(&mut self, task: &str, line: &str) {
         let Some(state) = self.tasks.get_mut(task) else { return };
         if let (Some((steps, words)), Some(bar)) = (plain_line(line), &state.bar) {
-            let steps = steps.min(state.steps);
-            state.share = steps as f64 / state.steps.max(NO_STEPS) as f64;
+            let steps = steps.min(state.planned.steps);
+            state.share = steps as f64 / state.planned.steps.max(NO_STEPS) as f64;
             bar.set_position(steps);
             bar.set_message(Printable(words).to_string());
         }
@@ -104,7 +94,7 @@ impl Display {
     pub fn ended(&mut self, task: &str, why: Option<&str>) {
         let Some(state) = self.tasks.get_mut(task) else { return };
         let words = state.bar.take().map_or(String::new(), |bar| {
-            let words = if state.steps > 0 { format!(": {}", bar.message()) } else { String::new() };
+            let words = if state.planned.steps > 0 { format!(": {}", bar.message()) } else { String::new() };
             bar.finish_and_clear();
             self.bars.remove(&bar);
             words
@@ -137,9 +127,11 @@ impl Display {
 
     /// Returns how much is left for what was done since the beginning. Tasks are weighted by their core-seconds.
     fn left_per_done(&self) -> Option<f64> {
-        let sum =
-            |share: &dyn Fn(&State) -> f64| self.tasks.values().map(|state| state.weight * share(state)).sum::<f64>();
-        let done = sum(&|state| state.share - state.share_before);
+        let core_seconds = |state: &State| state.planned.seconds * state.planned.width as f64;
+        let sum = |share: &dyn Fn(&State) -> f64| {
+            self.tasks.values().map(|state| core_seconds(state) * share(state)).sum::<f64>()
+        };
+        let done = sum(&|state| state.share - state.planned.share);
         let left = sum(&|state| if state.ended { 0.0 } else { 1.0 - state.share });
         // Below one percent an estimate would be too rough.
         (done > 0.01 * (done + left)).then_some(left / done)

@@ -1,7 +1,7 @@
 //! The terminal: printed lines, progress bars, commands to copy, and Ctrl-C.
 //!
-//! - `say`: messages on standard error, results on standard output. Names in them cannot act on the terminal.
-//! - `shell`: finds programs on the PATH.
+//! - `say`: messages on standard error, results on standard output. Names in them cannot act on the terminal. And
+//!   programs on the PATH.
 //! - `stop`: Ctrl-C and SIGTERM.
 //! - [`training`], [`measuring`], [`experiment`]: the progress of `train`, `bench` and `experiment`.
 //!   [`counting`]: that of episodes and other things that are counted. All show bars on a terminal and plain lines
@@ -13,7 +13,6 @@ pub mod counting;
 pub mod experiment;
 pub mod measuring;
 mod say;
-mod shell;
 mod stop;
 pub mod training;
 
@@ -23,8 +22,7 @@ use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 
 use dials_core::base::Activity;
 
-pub use say::{Talk, answer, json, shows_bars, talk, talks, tell, warn};
-pub use shell::{on_the_path, program};
+pub use say::{Talk, answer, json, on_the_path, program, shows_bars, talk, talks, tell, warn};
 pub use stop::{Wish, check_stop, stop_on_signals};
 
 /// Makes a bar, hidden where no bars are shown. A hidden one keeps its numbers and its message. `length`: `None` if it

@@ -39,7 +39,6 @@ const FRAME: mpi::Tag = 2;
 /// Number of a rank, as MPI counts.
 pub(super) type Rank = i32;
 
-/// What a rank says to another.
 #[derive(Debug, Serialize, Deserialize)]
 pub(super) enum Letter {
     /// To a relay: prepare for the run that the frame describes, [`SharedFiles`](super::shared_files::SharedFiles).
@@ -77,16 +76,13 @@ struct Enclosed {
 /// The post of this rank. Dropping it sends what was posted, and leaves the job. All ranks leave together.
 pub(super) struct Post {
     pub(crate) rank: usize,
-    /// Number of ranks.
     pub(crate) ranks: usize,
-    /// Name of the machine.
     pub(crate) host: String,
     outbox: Option<Sender<Outgoing>>,
     inbox: Receiver<Received>,
     thread: Option<JoinHandle<()>>,
 }
 
-/// A letter to other ranks.
 pub(super) struct Outgoing {
     pub(crate) to: Vec<Rank>,
     pub(crate) letter: Letter,
@@ -106,7 +102,6 @@ impl Outgoing {
     }
 }
 
-/// A letter that has come.
 pub(super) struct Received {
     pub(crate) from: usize,
     pub(crate) letter: Letter,
@@ -183,7 +178,6 @@ impl Drop for Post {
 struct Office {
     outgoing: Receiver<Outgoing>,
     received: Sender<Received>,
-    /// Thread to wake when a letter has come.
     reader: Thread,
     /// Groups of ranks that have broadcast before.
     groups: BTreeMap<Vec<Rank>, SimpleCommunicator>,
@@ -288,7 +282,6 @@ impl Office {
     }
 }
 
-/// Begins to send a frame to each of these ranks.
 fn send_frame<'a, 'b>(
     world: &SimpleCommunicator,
     to: &[Rank],

@@ -156,43 +156,35 @@ fn is_closed(mut line: &TcpStream) -> bool {
 mod tests {
     use super::*;
 
-    fn lines() -> (RankWatch, Vec<ParentWatch>) {
-        let mut lines = RankWatch::open("localhost", 3).unwrap();
-        let relays = [1, 2].map(|rank| ParentWatch::connect(&lines.address(), rank).unwrap());
-        [1, 2].iter().for_each(|&rank| lines.expect(rank).unwrap());
-        (lines, relays.into())
-    }
-
     #[test]
-    fn the_end_of_a_rank_is_seen_once_and_that_of_rank_0_by_all() {
-        let (mut lines, mut relays) = lines();
-        assert!(lines.newly_dead().is_empty() && !relays.iter().any(ParentWatch::has_ended));
+    fn the_end_of_a_rank_is_seen_once_and_that_of_rank_0_by_all_and_both_ends_ask() {
+        let mut watch = RankWatch::open("localhost", 3).unwrap();
+        let mut relays =
+            [1, 2].map(|rank| ParentWatch::connect(&watch.address(), rank).unwrap()).into_iter().collect::<Vec<_>>();
+        [1, 2].iter().for_each(|&rank| watch.expect(rank).unwrap());
+        let ends = watch.lines.iter().flatten().chain(relays.iter().map(|relay| &relay.0));
+        let asks =
+            |line| sockopt::socket_keepalive(line).unwrap() && sockopt::tcp_keepidle(line).unwrap() == ASKED_AFTER;
+        assert_eq!(ends.map(asks).collect::<Vec<_>>(), [true; 4]);
+
+        assert!(watch.newly_dead().is_empty() && !relays.iter().any(ParentWatch::has_ended));
         drop(relays.remove(1));
-        assert_eq!(lines.newly_dead(), [2]);
-        assert!(lines.newly_dead().is_empty() && !relays[0].has_ended());
-        drop(lines);
+        assert_eq!(watch.newly_dead(), [2]);
+        assert!(watch.newly_dead().is_empty() && !relays[0].has_ended());
+        drop(watch);
         assert!(relays[0].has_ended());
     }
 
     #[test]
-    fn both_ends_ask_whether_the_other_one_is_still_there() {
-        let (lines, relays) = lines();
-        let ends = lines.lines.iter().flatten().chain(relays.iter().map(|relay| &relay.0));
-        let asks =
-            |line| sockopt::socket_keepalive(line).unwrap() && sockopt::tcp_keepidle(line).unwrap() == ASKED_AFTER;
-        assert_eq!(ends.map(asks).collect::<Vec<_>>(), [true; 4]);
-    }
-
-    #[test]
-    fn a_stranger_is_nobody_s_connection() {
-        let mut lines = RankWatch::open("localhost", 2).unwrap();
-        let wrong = Address { secret: lines.address.secret ^ 1, ..lines.address() };
+    fn a_stranger_is_nobodys_connection() {
+        let mut watch = RankWatch::open("localhost", 2).unwrap();
+        let wrong = Address { secret: watch.address.secret ^ 1, ..watch.address() };
         let stranger = ParentWatch::connect(&wrong, 1).unwrap();
-        let relay = ParentWatch::connect(&lines.address(), 1).unwrap();
-        lines.expect(1).unwrap();
+        let relay = ParentWatch::connect(&watch.address(), 1).unwrap();
+        watch.expect(1).unwrap();
         drop(stranger);
-        assert!(lines.newly_dead().is_empty());
+        assert!(watch.newly_dead().is_empty());
         drop(relay);
-        assert_eq!(lines.newly_dead(), [1]);
+        assert_eq!(watch.newly_dead(), [1]);
     }
 }
