@@ -6,7 +6,7 @@ use std::time::{Duration, Instant};
 use indicatif::{MultiProgress, ProgressBar, ProgressDrawTarget};
 
 use super::training::plain_line;
-use super::{duration, shows_bars, style, tell};
+use super::{duration, note, shows_bars, style};
 use dials_core::outside::Printable;
 
 /// Interval between plain lines about all running processes.
@@ -62,7 +62,7 @@ impl Display {
 
     /// Prints a line above the bars.
     pub fn say(&self, line: &str) {
-        self.bars.suspend(|| tell(line));
+        self.bars.suspend(|| note(line));
     }
 
     pub fn began(&mut self, task: &str) {
@@ -74,7 +74,7 @@ impl Display {
         bar.set_position((state.share * state.planned.steps as f64) as u64);
         if !shows_bars() {
             let resumed = if state.share > 0.0 { "resumed" } else { "began" };
-            tell(format_args!("{resumed} {task}"));
+            note(format_args!("{resumed} {task}"));
         }
         state.bar = Some(bar);
     }
@@ -117,11 +117,11 @@ impl Display {
             self.last_plain = Instant::now();
             for (name, state) in &self.tasks {
                 if let Some(bar) = &state.bar {
-                    tell(format_args!("{name}: {:.0} %, {}", 100.0 * state.share, bar.message()));
+                    note(format_args!("{name}: {:.0} %, {}", 100.0 * state.share, bar.message()));
                 }
             }
             let left = left.map_or(String::new(), |left| format!(", about {left} left"));
-            tell(format_args!("{} of {} done{left}", self.whole.position(), self.tasks.len()));
+            note(format_args!("{} of {} done{left}", self.whole.position(), self.tasks.len()));
         }
     }
 

@@ -7,7 +7,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 
 use indicatif::ProgressBar;
 
-use super::{Wish, doing, shows_bars, stop_on_signals, tell, warn};
+use super::{Wish, doing, note, shows_bars, stop_on_signals, warn};
 use dials_core::base::{Activity, counted};
 use dials_learn::training::observer::Observer;
 
@@ -37,7 +37,7 @@ impl BenchProgress {
     pub fn begin(&self, workers: usize, most: usize) {
         let fleet = format!("{workers} of {}", counted(most, "worker"));
         if !shows_bars() {
-            tell(format_args!("measuring with {fleet}"));
+            note(format_args!("measuring with {fleet}"));
         }
         self.line.set_message(fleet.clone());
         self.fleet.replace(fleet);

@@ -22,7 +22,7 @@ use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 
 use dials_core::base::Activity;
 
-pub use say::{Talk, answer, json, on_the_path, program, shows_bars, talk, talks, tell, warn};
+pub use say::{Talk, answer, json, note, on_the_path, program, shows_bars, talk, talks, warn};
 pub use stop::{Wish, check_stop, stop_on_signals};
 
 /// Makes a bar, hidden where no bars are shown. A hidden one keeps its numbers and its message. `length`: `None` if it

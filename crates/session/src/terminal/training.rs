@@ -7,7 +7,7 @@ use std::time::{Duration, Instant};
 
 use indicatif::ProgressBar;
 
-use super::{Talk, Wish, doing, duration, shows_bars, stop_on_signals, talks, tell, warn};
+use super::{Talk, Wish, doing, duration, note, shows_bars, stop_on_signals, talks, warn};
 use crate::config::RunConfig;
 use dials_core::base::statistics::{Interval, mean};
 use dials_core::base::{Activity, counted, decimals};
@@ -103,7 +103,7 @@ impl Progress {
         let doing = Doing::default();
         let (place, now_doing) = (bar.clone(), doing.clone());
         let stop = stop_on_signals(move |wish| match wish {
-            Wish::Stop => place.suspend(|| tell(stopping(*now_doing.lock().unwrap_or_else(PoisonError::into_inner)))),
+            Wish::Stop => place.suspend(|| note(stopping(*now_doing.lock().unwrap_or_else(PoisonError::into_inner)))),
             Wish::StopNow => place.suspend(|| warn(last_words())),
         })?;
         let now = Instant::now();
@@ -124,13 +124,13 @@ impl Progress {
     pub fn finish(&self, done: bool) {
         self.bar.finish_and_clear();
         if done {
-            tell(format_args!("done in {}", duration(self.begun.elapsed())));
+            note(format_args!("done in {}", duration(self.begun.elapsed())));
         }
     }
 
     /// Prints a line, above the bar if there is one.
     fn say(&self, line: &str) {
-        self.bar.suspend(|| tell(line));
+        self.bar.suspend(|| note(line));
     }
 
     fn note(&self, activity: Activity) {
@@ -163,7 +163,7 @@ impl Observer for Progress {
         self.bar.set_message(self.message());
         if !shows_bars() && now - self.last_line.get() >= PLAIN_LINE_EVERY {
             self.last_line.set(now);
-            tell(format_args!("step {steps}/{}: {}", self.end, self.message()));
+            note(format_args!("step {steps}/{}: {}", self.end, self.message()));
         }
     }
 
