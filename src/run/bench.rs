@@ -29,7 +29,7 @@ use dials_session::machine::allow_open_files;
 use dials_session::records::checkpoint::owner::Owner;
 use dials_session::records::networks::Layouts;
 use dials_session::records::run_log::RunLog;
-use dials_session::terminal::measuring::BenchProgress;
+use dials_session::terminal::training::BenchProgress;
 use dials_session::terminal::{answer, json as in_json, note, warn};
 use stacknets::Peak;
 

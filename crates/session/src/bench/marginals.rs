@@ -1,8 +1,7 @@
 //! AIPs that predict the frequencies of events, without training.
 //!
 //! A benchmark trains AIPs only for a moment. Such AIPs send many times too many cars into the local simulators, whose
-//! steps then take many times too long. Constant AIPs send as many cars as the GS, at the same cost
-//! per sample.
+//! steps then take many times too long. Constant AIPs send as many cars as the GS, at the same cost per sample.
 
 use dials_core::domain::{RegionSpec, SourceSpec};
 use dials_learn::config::AipConfig;

@@ -16,7 +16,6 @@ use dials_core::outside::{Directory, Printable, quoted};
 /// Progress of a planned run or baseline.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Stage {
-    /// There is no directory.
     New,
     /// There is a directory, to be resumed. `steps`: timesteps of the last evaluation.
     Begun {
@@ -57,7 +56,6 @@ impl Stage {
     }
 }
 
-/// Returns the directory of a planned run.
 pub fn directory(folder: &Path, run: &PlannedRun) -> PathBuf {
     folder.join(&run.name)
 }

@@ -73,7 +73,6 @@ impl Crew for Children {
     }
 }
 
-/// Returns the name of a worker's log.
 pub(super) fn log_of(worker: usize) -> String {
     format!("worker_{worker}.log")
 }
@@ -87,7 +86,6 @@ pub(crate) struct ChildProcess<T = WorkerReport> {
     stream: Arc<UnixStream>,
     /// Frames that the writer thread has not taken yet.
     outbox: Sender<Frame>,
-    /// News from the reader thread.
     inbox: Receiver<News<T>>,
     log: Log,
 }

@@ -46,7 +46,7 @@ pub struct Options {
 /// Workers that share the agents: each owns a block of consecutive agents, in the order of the workers. A
 /// [`Fleet`](dials_learn::training::fleet::Fleet), whatever its crew consists of.
 ///
-/// Training on the global simulator (GS) is one simulation. So there the first worker owns all agents and trains them
+/// Training on the GS is one simulation. So there the first worker owns all agents and trains them
 /// with several threads; the others help with evaluation.
 pub struct Coordinator {
     domain: Arc<dyn Domain>,

@@ -1,4 +1,4 @@
-//! The coordinator's view of its workers, whatever they are: child processes, processes on other machines, threads.
+//! The coordinator's view of its workers, whatever they are: child processes, processes on other machines, this process.
 
 use std::sync::Arc;
 use std::thread;
@@ -61,7 +61,6 @@ pub trait Crew {
     }
 }
 
-/// Reason for giving a worker up.
 pub(super) enum Loss {
     /// The stream has ended, or carries invalid data for this reason.
     Gone(Option<anyhow::Error>),

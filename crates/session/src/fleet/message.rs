@@ -17,16 +17,19 @@ use dials_learn::training::state::AgentsState;
 pub enum Order {
     /// First order: what the run is, which agents the worker owns, how many threads may train their policies, and what
     /// the coordinator prepared for all workers ([`dials_core::domain::Domain::prepare`]).
-    Begin { config_json: String, agents: Vec<AgentId>, threads: usize, prepared: Option<Vec<u8>> },
+    Begin {
+        config_json: String,
+        agents: Vec<AgentId>,
+        threads: usize,
+        prepared: Option<Vec<u8>>,
+    },
     /// Continue from this state of its agents.
     Restore(AgentsState),
     /// Policies of all agents, with which the next step plays episodes.
     TakePolicies(JointPolicy),
-    /// Carry out a step of Algorithm 1.
     Step(Request),
 }
 
-/// Messages from a worker.
 #[derive(Debug, Serialize, Deserialize)]
 pub enum WorkerReport {
     /// It has begun, and waits for its first step.

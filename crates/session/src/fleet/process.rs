@@ -11,7 +11,6 @@ use rustix::time::{ClockId, clock_gettime};
 use crate::machine::kib_in;
 use dials_learn::training::answers::Footprint;
 
-/// Measures the memory of this process.
 pub(super) fn footprint() -> Footprint {
     let [peak_rss_kib, pss_kib] = [("/proc/self/status", "VmHWM:"), ("/proc/self/smaps_rollup", "Pss:")]
         .map(|(file, key)| kib_in(file, key).unwrap_or(0));
@@ -35,7 +34,6 @@ impl CpuClock {
         CpuClock { last: Duration::ZERO }
     }
 
-    /// Makes a clock that counts from now on.
     pub(super) fn from_now() -> Self {
         CpuClock { last: cpu_time() }
     }
@@ -68,7 +66,6 @@ impl Default for MostGrowth {
     }
 }
 
-/// The resident memory of a worker's process.
 #[derive(Default)]
 pub(super) struct Growth {
     /// Size after its first period, when everything was loaded once.
@@ -77,7 +74,6 @@ pub(super) struct Growth {
 }
 
 impl Growth {
-    /// Takes the size after an order, in KiB.
     pub(super) fn note(&mut self, resident_kib: u64) {
         self.now_kib = resident_kib;
     }

@@ -8,7 +8,7 @@ mod lies;
 use std::cell::RefCell;
 use std::collections::BTreeMap;
 use std::rc::Rc;
-use std::sync::Arc;
+use std::sync::{Arc, LazyLock};
 use std::time::Duration;
 
 use anyhow::Result;
@@ -41,7 +41,7 @@ impl Observer for Warnings {
 }
 
 /// A journal that keeps the state after the first period.
-#[derive(Default)]
+#[derive(Clone, Default)]
 struct Keeper(Option<(AgentsState, Standing)>);
 
 impl Journal for Keeper {
@@ -91,7 +91,8 @@ fn trained_alone(domain: &Arc<dyn Domain>, config: &Config) -> (AgentsState, Kee
 }
 
 fn undisturbed() -> (AgentsState, Keeper) {
-    trained_alone(&coins(), &config())
+    static ONCE: LazyLock<(AgentsState, Keeper)> = LazyLock::new(|| trained_alone(&coins(), &config()));
+    ONCE.clone()
 }
 
 /// Makes workers whose fates strike them in this order.

@@ -30,7 +30,6 @@ fn lowest(there: Rlimit, wanted: u64) -> u64 {
     [there.current, there.maximum].into_iter().flatten().fold(wanted, u64::min)
 }
 
-/// Returns the bytes of address space that this process has.
 fn used() -> Result<u64> {
     let kib =
         kib_in("/proc/self/status", "VmSize:").context("/proc/self/status: does not say the memory of this process")?;

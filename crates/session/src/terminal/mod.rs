@@ -3,7 +3,7 @@
 //! - `say`: messages on standard error, results on standard output. Names in them cannot act on the terminal. And
 //!   programs on the PATH.
 //! - `stop`: Ctrl-C and SIGTERM.
-//! - [`training`], [`measuring`], [`experiment`]: the progress of `train`, `bench` and `experiment`.
+//! - [`training`], [`experiment`]: the progress of `train` and `bench`, and of `experiment`.
 //!   [`counting`]: that of episodes and other things that are counted. All show bars on a terminal and plain lines
 //!   elsewhere.
 //!
@@ -11,7 +11,6 @@
 
 pub mod counting;
 pub mod experiment;
-pub mod measuring;
 mod say;
 mod stop;
 pub mod training;

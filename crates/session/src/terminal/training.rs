@@ -1,6 +1,7 @@
-//! The progress of `train`: a bar on a terminal, plain lines elsewhere.
+//! The progress of `train` and of `bench`: a bar on a terminal, plain lines elsewhere.
 
 use std::cell::{Cell, RefCell};
+use std::fmt::Display;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::{Duration, Instant};
@@ -52,7 +53,6 @@ struct Rate {
 }
 
 impl Rate {
-    /// Notes that the policies are trained to this step.
     fn note(&mut self, steps: u64, now: Instant) {
         self.first.get_or_insert((now, steps));
         // The first report of a period only starts the clock. After a lost worker the step may go back.
@@ -82,7 +82,6 @@ impl Rate {
     }
 }
 
-/// The newest figures of the run.
 #[derive(Default)]
 struct Latest {
     mean_return: Option<f64>,
@@ -120,7 +119,6 @@ impl Progress {
         })
     }
 
-    /// Removes the bar. `done`: whether the training came to its end, so that its time is printed.
     pub fn finish(&self, done: bool) {
         self.bar.finish_and_clear();
         if done {
@@ -232,6 +230,70 @@ impl Observer for Progress {
 
     fn stop_requested(&self) -> bool {
         self.stop.load(Ordering::Relaxed)
+    }
+}
+
+/// The progress of `bench`: a status line on a terminal, elsewhere one line per fleet.
+///
+/// The first Ctrl-C stops at once, because nothing can be lost.
+pub struct BenchProgress {
+    line: ProgressBar,
+    fleet: RefCell<String>,
+    stop: Arc<AtomicBool>,
+}
+
+impl BenchProgress {
+    /// Starts the display, and listens for Ctrl-C from here on.
+    pub fn new() -> anyhow::Result<Self> {
+        let line = super::bar(None, "{spinner} {elapsed}  {wide_msg}");
+        line.set_message("peak speed of matrix products");
+        let place = line.clone();
+        let stop = stop_on_signals(move |wish| match wish {
+            Wish::Stop => (), // `bench` stops at once
+            Wish::StopNow => place.suspend(|| warn("stopped")),
+        })?;
+        Ok(BenchProgress { line, fleet: RefCell::default(), stop })
+    }
+
+    /// Shows that the fleet with this number of workers is measured. `most`: the largest number that will be.
+    pub fn begin(&self, workers: usize, most: usize) {
+        let fleet = format!("{workers} of {}", counted(most, "worker"));
+        if !shows_bars() {
+            note(format_args!("measuring with {fleet}"));
+        }
+        self.line.set_message(fleet.clone());
+        self.fleet.replace(fleet);
+    }
+
+    pub fn finish(&self) {
+        self.line.finish_and_clear();
+    }
+
+    fn show(&self, doing: impl Display) {
+        self.line.set_message(format!("{}: {doing}", self.fleet.borrow()));
+        self.line.tick();
+    }
+}
+
+impl Observer for BenchProgress {
+    fn trained(&self, steps: u64) {
+        self.show(format_args!("{}, step {steps}", doing(Activity::Training)));
+    }
+
+    fn busy(&self, activity: Activity, share: f64) {
+        self.show(format_args!("{} {:.0} %", doing(activity), 100.0 * share));
+    }
+
+    fn worker_lost(&self, message: &str) {
+        self.line.suspend(|| warn(format_args!("warning: {message}")));
+    }
+
+    fn stop_requested(&self) -> bool {
+        self.stop.load(Ordering::Relaxed)
+    }
+
+    fn keeps_results(&self) -> bool {
+        false
     }
 }
 

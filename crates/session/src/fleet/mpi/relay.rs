@@ -23,12 +23,10 @@ const LOOK: Duration = Duration::from_millis(200);
 /// Longest part of a log that one letter carries, in bytes.
 const LONGEST_PART: u64 = 64 << 10;
 
-/// A rank that is not rank 0.
 pub struct Relay {
     post: Post,
 }
 
-/// Why a relay has ended.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum End {
     /// Rank 0 has said so.

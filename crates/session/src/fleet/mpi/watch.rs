@@ -120,7 +120,6 @@ impl ParentWatch {
         bail!("rank 0 cannot be reached by TCP ({})", tried.join("; "))
     }
 
-    /// Returns whether rank 0 has ended.
     pub(super) fn has_ended(&self) -> bool {
         is_closed(&self.0)
     }
