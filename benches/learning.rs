@@ -25,39 +25,20 @@ struct Setting {
 
 /// Returns the settings of traffic (feed-forward networks) and of the warehouse (recurrent networks).
 fn settings() -> [Setting; 2] {
-    let config = |name: &str| {
-        let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("configs").join(name);
-        load(&path, &[]).unwrap()
+    let config = |name: &str| load(&Path::new(env!("CARGO_MANIFEST_DIR")).join("configs").join(name), &[]).unwrap();
+    let spec = |inputs, n_actions, sources, horizon| RegionSpec {
+        obs_dim: inputs,
+        d_set_dim: inputs,
+        n_actions,
+        masks: false,
+        sources,
+        horizon,
+        local_horizon: horizon,
     };
-    let traffic = SourceSpec::bits(4);
-    let warehouse = SourceSpec { classes: vec![4; 4], parts: 0 };
+    let items = SourceSpec { classes: vec![4; 4], parts: 0 };
     [
-        Setting {
-            name: "traffic",
-            config: config("traffic_4.toml"),
-            spec: RegionSpec {
-                obs_dim: 40,
-                d_set_dim: 40,
-                n_actions: 2,
-                masks: false,
-                sources: traffic,
-                horizon: 300,
-                local_horizon: 300,
-            },
-        },
-        Setting {
-            name: "warehouse",
-            config: config("warehouse_4.toml"),
-            spec: RegionSpec {
-                obs_dim: 37,
-                d_set_dim: 37,
-                n_actions: 4,
-                masks: false,
-                sources: warehouse,
-                horizon: 100,
-                local_horizon: 100,
-            },
-        },
+        Setting { name: "traffic", config: config("traffic_4.toml"), spec: spec(40, 2, SourceSpec::bits(4), 300) },
+        Setting { name: "warehouse", config: config("warehouse_4.toml"), spec: spec(37, 4, items, 100) },
     ]
 }
 

@@ -1,7 +1,7 @@
 //! Benchmarks of the simulators under random actions: `cargo bench --bench simulators`.
 //!
-//! Throughputs are agent-steps per second of the simulator alone, without policies and AIPs (approximate influence
-//! predictors). Episodes restart at their horizon, so the traffic is that of a whole episode.
+//! Throughputs are agent-steps per second of the simulator alone, without policies and AIPs. Episodes restart at their
+//! horizon, so the traffic is that of a whole episode.
 
 use std::path::Path;
 use std::sync::Arc;
@@ -11,31 +11,16 @@ use criterion::{
 };
 use dials_core::base::{AgentId, Dice, Rows, Seed};
 use dials_core::domain::{Action, Beginning, Domain, GlobalSimulator, LocalSimulator, RegionSpec};
-use dials_session::config::{RunConfig, load};
-use dials_session::domains::DomainConfig;
-use dials_traffic::Traffic;
-use dials_traffic::config::TrafficTable;
-use dials_warehouse::Warehouse;
+use dials_session::config::load;
+use dials_session::domains::find;
 use rand::Rng;
 
 /// Probability of an arrival per edge and step, as at the boundary of the paper's grids.
 const ARRIVALS: f64 = 0.1;
 
-fn config(name: &str) -> RunConfig {
-    load(&Path::new(env!("CARGO_MANIFEST_DIR")).join("configs").join(name), &[]).unwrap()
-}
-
-fn traffic(name: &str) -> Arc<dyn Domain> {
-    let config = config(name);
-    let Some(DomainConfig::Traffic(TrafficTable::Grid(table))) = &config.domain else {
-        panic!("{name}: not of traffic")
-    };
-    Arc::new(Traffic::open(table).unwrap())
-}
-
-fn warehouse(name: &str) -> Arc<dyn Domain> {
-    let Some(DomainConfig::Warehouse(table)) = config(name).domain else { panic!("{name}: not of the warehouse") };
-    Arc::new(Warehouse::new(&table))
+fn domain(config: &str) -> Arc<dyn Domain> {
+    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("configs").join(config);
+    find(&load(&path, &[]).unwrap()).unwrap()
 }
 
 /// Draws random actions. In traffic, most of them keep the light.
@@ -121,18 +106,17 @@ fn simulators(criterion: &mut Criterion) {
     let mut group = criterion.benchmark_group("local_simulator");
     group.sample_size(50);
     for rows in [8, 16, 32, 64] {
-        local(&mut group, "traffic", &*traffic("traffic_4.toml"), rows);
+        local(&mut group, "traffic", &*domain("traffic_4.toml"), rows);
     }
-    local(&mut group, "warehouse", &*warehouse("warehouse_4.toml"), 32);
+    local(&mut group, "warehouse", &*domain("warehouse_4.toml"), 32);
     group.finish();
 
     let mut group = criterion.benchmark_group("global_simulator");
     group.sample_size(50);
-    for name in ["traffic_4.toml", "traffic_100.toml"] {
-        global(&mut group, "traffic", &*traffic(name));
-    }
-    for name in ["warehouse_4.toml", "warehouse_100.toml"] {
-        global(&mut group, "warehouse", &*warehouse(name));
+    for name in ["traffic", "warehouse"] {
+        for agents in [4, 100] {
+            global(&mut group, name, &*domain(&format!("{name}_{agents}.toml")));
+        }
     }
     group.finish();
 }

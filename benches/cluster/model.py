@@ -1,17 +1,20 @@
 """Model of the run time on a cluster: prints the tables of docs/cluster.md and draws docs/cluster.svg.
 
-    python3 benches/cluster/model.py docs/cluster.svg
+    dials-traffic describe configs/traffic_100.toml --json | python3 benches/cluster/model.py docs/cluster.svg
 
-The run is that of configs/traffic_100.toml on grids of any size. Needs nothing but Python.
+The run is that of the config, on grids of any size.
 """
 
+import json
 import math
 import sys
 
-# The run: configs/traffic_100.toml.
-STEPS, HORIZON = 4_000_000, 300
-EVALUATIONS, EPISODES, FINAL_EPISODES = 40, 20 + 4, 100  # per evaluation 20 episodes, and 4 for the AIPs' loss
-TRAININGS, DATASET_EPISODES, EPOCHS = 4, 34, 100
+# How often the run does what, as the program counts it.
+CONFIG = json.load(sys.stdin)
+RUN, HORIZON = CONFIG["run"], CONFIG["episode_steps"]
+STEPS, FINAL_EPISODES = RUN["steps_per_agent"], RUN["final_episodes"]
+EVALUATIONS, EPISODES = RUN["evaluations"] - 1, RUN["evaluation_episodes"] + 4  # 4 for the AIPs' loss; the last is apart
+TRAININGS, DATASET_EPISODES, EPOCHS = RUN["aip_trainings"], RUN["dataset_episodes"], RUN["aip_epochs"]
 
 # Seconds, fitted to the tables "Traffic, 100 agents" and "Scaling" of docs/performance.md (one worker).
 PER_STEP = lambda agents: (10 + 10.7 * math.sqrt(100 / agents)) * 1e-6  # per agent-step of a whole run, all included

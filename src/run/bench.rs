@@ -29,8 +29,8 @@ use dials_session::machine::allow_open_files;
 use dials_session::records::checkpoint::owner::Owner;
 use dials_session::records::networks::Layouts;
 use dials_session::records::run_log::RunLog;
-use dials_session::terminal::measuring::BenchProgress;
-use dials_session::terminal::{answer, json as in_json, tell, warn};
+use dials_session::terminal::training::BenchProgress;
+use dials_session::terminal::{answer, json as in_json, note, warn};
 use stacknets::peak;
 
 /// Time for measuring matrix products at peak speed, of each kind.
@@ -60,7 +60,7 @@ pub(super) fn bench(args: &cli::BenchArgs) -> Result<()> {
     let time = Duration::from_secs(args.seconds);
     let of_fleet = |workers| expected(&config, domain.agents(), &domain.rough_costs(), workers, time);
     let whole: Duration = doubling(most).into_iter().map(of_fleet).sum();
-    tell(format_args!(
+    note(format_args!(
         "measuring {} for about {} s each; the whole takes about {:.0} s",
         counted(doubling(most).len(), "fleet"),
         args.seconds,

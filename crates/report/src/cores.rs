@@ -1,9 +1,8 @@
 //! Wall time by number of cores: a model of how long the runs of a group would take elsewhere.
 //!
-//! The model spreads the measured CPU time of a run over the cores. With local simulators, cores have whole agents, so
-//! more cores than agents do not help. The one global simulator (GS) runs on one core, however many there are. There
-//! cores share only the gradient steps of PPO, of one agent each. The model has no waiting and no messages, and no core
-//! that is slower when its neighbours work. Measured points stand beside it and show how much that leaves out.
+//! The model is [`Sharing`] of the measured CPU time of a run. With local simulators, cores share all of it. The one GS
+//! runs on one core, however many there are. There cores share only the gradient steps of PPO, of one agent each. Measured
+//! points stand beside it and show how much the model leaves out.
 
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -13,6 +12,7 @@ use super::finals::Runtime;
 use super::group::{Comparison, Group};
 use super::words::duration;
 use dials_core::base::statistics::mean;
+use dials_session::cost::Sharing;
 use dials_session::records::method::steps_text;
 
 /// Numbers of cores in the table.
@@ -23,12 +23,8 @@ const CORES: [usize; 6] = [1, 2, 8, 32, 128, 1024];
 pub(crate) struct ByCores {
     /// Timesteps per agent.
     pub(crate) steps: u64,
-    /// CPU seconds of a run that only one core can work on, mean over seeds.
-    alone_s: f64,
-    /// CPU seconds of a run that cores can share, mean over seeds.
-    shared_s: f64,
-    /// Largest number of cores that can share them.
-    most: usize,
+    /// CPU seconds of a run, mean over seeds.
+    pub(crate) cpu: Sharing,
     /// Wall seconds by number of workers, means over the runs that had it.
     pub(crate) measured: BTreeMap<usize, f64>,
 }
@@ -53,21 +49,9 @@ impl ByCores {
         let shared_s = if is_global { mean(&updates).min(cpu_s) } else { cpu_s };
         Some(ByCores {
             steps,
-            alone_s: cpu_s - shared_s,
-            shared_s,
-            most,
+            cpu: Sharing { alone_s: cpu_s - shared_s, shared_s, most },
             measured: seconds.into_iter().map(|(workers, seconds)| (workers, mean(&seconds))).collect(),
         })
-    }
-
-    /// Returns the wall seconds of a run on this number of cores.
-    pub(crate) fn seconds(&self, cores: usize) -> f64 {
-        self.alone_s + self.shared_s / cores.clamp(1, self.most) as f64
-    }
-
-    /// Returns the smallest number of cores on which this takes less time than `other`; `None` if there is none.
-    fn faster_from(&self, other: &ByCores) -> Option<usize> {
-        (1..=self.most).find(|&cores| self.seconds(cores) < other.seconds(cores))
     }
 }
 
@@ -87,7 +71,7 @@ pub(crate) fn table(comparison: &Comparison) -> Option<Table> {
     let all = by_cores(comparison);
     let steps = all.iter().map(|(_, model)| model.steps).max()?;
     let gs = all.iter().find(|(group, _)| group.simulator() == "gs" && group.overrides.is_empty());
-    let most = all.iter().map(|(_, model)| model.most).max()?;
+    let most = all.iter().map(|(_, model)| model.cpu.most).max()?;
     // Beyond the number of agents nothing changes any more.
     let cores: BTreeSet<usize> = CORES.into_iter().map(|cores| cores.min(most)).collect();
     let mut header = vec!["time on".to_owned()];
@@ -96,9 +80,9 @@ pub(crate) fn table(comparison: &Comparison) -> Option<Table> {
     header.extend(gs.map(|_| "faster than the GS".to_owned()));
     let row = |(group, model): &(&Group, ByCores)| {
         let mut row = vec![comparison.short_label(group)];
-        row.extend(cores.iter().map(|&cores| duration(model.seconds(cores))));
+        row.extend(cores.iter().map(|&cores| duration(model.cpu.seconds(cores))));
         row.push(by_workers(&model.measured));
-        row.extend(gs.map(|(of_gs, gs)| match model.faster_from(gs) {
+        row.extend(gs.map(|(of_gs, gs)| match model.cpu.faster_from(&gs.cpu) {
             _ if std::ptr::eq(*of_gs, *group) => "-".to_owned(),
             Some(1) => "always".to_owned(),
             Some(cores) => format!("from {cores} cores on"),
@@ -135,19 +119,6 @@ mod tests {
     use dials_session::records::method::Method;
     use dials_session::records::run_record::{CpuTime, EvaluationRecord, PeriodTime, Returns, RunRecord};
 
-    fn model(alone_s: f64, shared_s: f64, most: usize) -> ByCores {
-        ByCores { steps: 1, alone_s, shared_s, most, measured: BTreeMap::new() }
-    }
-
-    #[test]
-    fn cores_share_agents_and_on_the_gs_only_updates() {
-        let (local, global) = (model(0.0, 100.0, 4), model(30.0, 8.0, 4));
-        assert_eq!([1, 2, 4, 128].map(|cores| local.seconds(cores)), [100.0, 50.0, 25.0, 25.0]);
-        assert_eq!([1, 2, 4, 128].map(|cores| global.seconds(cores)), [38.0, 34.0, 32.0, 32.0]);
-        assert_eq!(local.faster_from(&global), Some(4));
-        assert_eq!(model(0.0, 200.0, 4).faster_from(&global), None);
-    }
-
     /// Makes a finished run of four robots that took 70 s, and 90 CPU seconds without evaluations.
     fn run(keys: &str, workers: usize) -> RunRecord {
         let config: RunConfig = toml::from_str(&format!("{keys}\nwarehouse = {{ agents_per_side = 2 }}")).unwrap();
@@ -169,7 +140,7 @@ mod tests {
             let run = run(&format!("simulator = 'gs'\n{keys}"), workers);
             let method = Method::of(&run.config, run.scenario());
             let model = ByCores::of(&Group { method, overrides: Vec::new(), runs: vec![run] }, 4).unwrap();
-            (model.alone_s, model.shared_s, model.most)
+            (model.alone_s, model.shared_s, model.cpu.most)
         };
         assert_eq!(of("", 1), (70.0, 20.0, 4));
         assert_eq!(of("", 2), (50.0, 40.0, 4), "two threads for 20 s");
@@ -187,7 +158,7 @@ mod tests {
     }
 
     #[test]
-    fn measured_times_are_told_by_number_of_workers() {
+    fn measured_times_are_listed_by_number_of_workers() {
         assert_eq!(by_workers(&BTreeMap::from([(2, 1800.0), (1, 5400.0)])), "90.0 min with 1, 30.0 min with 2");
     }
 }

@@ -16,7 +16,7 @@ use crate::records::checkpoint::owner::Owner;
 use crate::records::files;
 use crate::records::networks::JointLayout;
 use crate::records::run_json::{Kept, RunJson, Word};
-use crate::terminal::{program, tell};
+use crate::terminal::{note, program};
 use dials_core::base::{AgentId, counted};
 use dials_core::domain::Domain;
 use dials_core::outside::{Directory, Whereabouts, quoted};
@@ -75,7 +75,7 @@ impl TrainedRun {
     /// Says of which step the policies are, if somebody is still training the run.
     pub fn note_still_trained(&self, path: &Path) {
         if let Some(steps) = self.still_trained_at {
-            tell(format_args!("{}: is still being trained; its policies are those of step {steps}", path.display()));
+            note(format_args!("{}: is still being trained; its policies are those of step {steps}", path.display()));
         }
     }
 

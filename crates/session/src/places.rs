@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result, ensure};
 
-use crate::terminal::tell;
+use crate::terminal::note;
 use dials_core::outside::{Busy, Directory, StagedDirectory, folder_of, rename_to_free};
 
 /// Number of levels of folders that are searched for runs that are being written.
@@ -108,7 +108,7 @@ pub fn clear(path: &Path, existing: Existing) -> Result<()> {
         let moved = rename_to_free(path, &aside);
         if moved.with_context(|| format!("{}: cannot be moved aside", path.display()))? {
             Directory::open(folder_of(path))?.sync()?;
-            tell(format_args!("moved {} to {}", path.display(), aside.display()));
+            note(format_args!("moved {} to {}", path.display(), aside.display()));
             return Ok(());
         }
     }

@@ -4,7 +4,6 @@ use serde_json::{Value, json};
 
 use super::Described;
 use dials_core::outside::path_as_text;
-use dials_session::experiment::estimate::Source;
 
 /// Returns the whole object.
 pub(super) fn described(described: &Described) -> Value {
@@ -38,10 +37,7 @@ pub(super) fn described(described: &Described) -> Value {
             "workers": workers,
             "seconds": estimate.seconds,
             "memory_mib": estimate.memory_mb,
-            "measured_runs": match estimate.source {
-                Source::Measured(runs) => runs,
-                Source::Constants => 0,
-            },
+            "measured_runs": estimate.measured_runs,
         },
     })
 }

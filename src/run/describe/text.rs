@@ -9,7 +9,6 @@ use dials_core::outside::quoted;
 use dials_learn::algorithms;
 use dials_learn::config::Simulator;
 use dials_report::words::duration;
-use dials_session::experiment::estimate::Source;
 use dials_session::terminal::program;
 
 /// Largest number of agents whose names are listed.
@@ -158,9 +157,9 @@ fn cost(text: &mut String, Described { path, workers, estimate, .. }: &Described
             counted(*workers, "worker")
         ),
     );
-    let source = match estimate.source {
-        Source::Measured(runs) => format!("from {} of this machine in runs/", counted(runs, "run")),
-        Source::Constants => "rough: from runs on two cores of another machine".to_owned(),
+    let source = match estimate.measured_runs {
+        0 => "rough: from runs on two cores of another machine".to_owned(),
+        runs => format!("from {} of this machine in runs/", counted(runs, "run")),
     };
     paragraph(text, format_args!("{source}; to measure it here:"));
     line(text, format_args!("  {} bench {}", program(), quoted(path)));

@@ -9,7 +9,7 @@ use dials_core::base::{TERMINAL_COLUMNS, for_terminal};
 use dials_learn::config::Simulator;
 use dials_report::words::duration;
 use dials_session::config::RunConfig;
-use dials_session::experiment::estimate::{Estimate, Source, estimate, estimate_controller};
+use dials_session::experiment::estimate::{Estimate, estimate, estimate_controller};
 use dials_session::experiment::file::{Experiment, PlannedBaseline, PlannedRun};
 use dials_session::experiment::progress::{Stage, directory, stage, stage_of_baseline};
 use dials_session::experiment::schedule::{Job, Total, total, width};
@@ -170,7 +170,7 @@ impl Tasks {
             self.cores,
             if self.cores == 1 { "core" } else { "cores" }
         )));
-        let guessed = to_do.iter().filter(|task| task.steps > 0 && task.estimate.source == Source::Constants).count();
+        let guessed = to_do.iter().filter(|task| task.steps > 0 && task.estimate.measured_runs == 0).count();
         if guessed > 0 {
             lines
                 .push(format!("{guessed} of the estimates are from another machine; they improve with the first runs"));

@@ -16,13 +16,13 @@ pub(crate) fn time_by_cores(comparison: &Comparison, looks: &Looks) -> Result<Op
     let all = by_cores(comparison);
     let Some((_, first)) = all.first() else { return Ok(None) };
     let steps = first.steps;
-    let (unit, unit_s) = time_unit(all.iter().map(|(_, model)| model.seconds(1)).fold(0.0, f64::max));
+    let (unit, unit_s) = time_unit(all.iter().map(|(_, model)| model.cpu.seconds(1)).fold(0.0, f64::max));
     // One doubling beyond the number of agents, to show that nothing changes there.
     let last = comparison.scenario.agents.next_power_of_two().ilog2() + 1;
     let lines = all.iter().map(|(group, model)| Line {
         label: format!("{}, model", comparison.short_label(group)),
         look: looks.of(&group.label()),
-        points: (0..=last).map(|power| point(f64::from(power), model.seconds(1 << power) / unit_s)).collect(),
+        points: (0..=last).map(|power| point(f64::from(power), model.cpu.seconds(1 << power) / unit_s)).collect(),
         companion: Vec::new(),
         seeds: Vec::new(),
     });

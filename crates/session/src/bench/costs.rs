@@ -2,21 +2,25 @@
 //!
 //! A core-microsecond is a microsecond of wall time on one core: with two workers a microsecond of wall time costs two.
 //! Work that is done once per order (making simulators, messages, files) counts once for each order of the schedule.
-//! Episodes on the GS (global simulator) go in rounds, in which every worker plays one. A training of the AIPs
-//! (approximate influence predictors) costs what its operations cost in the measured trainings.
+//! Episodes on the GS go in rounds, in which every worker plays one. A training of the AIPs costs what its operations cost
+//! in the measured trainings.
 
 use std::ops::{Add, Mul};
 
 use super::floor::{Flops, aip_trainings_flops};
 use super::measure::{Measured, Orders};
-use super::simulators::SimulatorCosts;
 use crate::config::RunConfig;
 use crate::cost::{Prices, Workload};
 use dials_core::base::Phase;
 use dials_core::domain::Kinds;
+use dials_learn::config::Simulator;
 
-/// Phases of a simulator's step.
 const SIMULATING: [Phase; 3] = [Phase::Insertion, Phase::SimulatorStep, Phase::Reading];
+/// Our work around a simulator's own step.
+const AROUND: [Phase; 2] = [Phase::Insertion, Phase::Reading];
+/// All work on a sample of training that is not the simulator's.
+const LEARNING: [Phase; 6] =
+    [Phase::Acting, Phase::AipSampling, Phase::Bookkeeping, Phase::Forward, Phase::Backward, Phase::Adam];
 
 /// A cost with its lower bound, in core-microseconds per agent-step.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -41,6 +45,13 @@ impl Cost {
 
     pub(crate) fn phase(&self, phase: Phase) -> f64 {
         self.phases[phase as usize]
+    }
+
+    /// Returns a cost that is all in one phase.
+    fn in_phase(phase: Phase, us: f64) -> Cost {
+        let mut cost = Cost { ours: us, ..Cost::default() };
+        cost.phases[phase as usize] = us;
+        cost
     }
 }
 
@@ -112,11 +123,23 @@ impl Costs {
             machine.on_the_gs(orders, episodes, work.gs_steps(episodes) * flops.acting)
         };
         let retraining_flops = aip_trainings_flops(config, kinds, work.dataset_episodes);
-        let step = TrainingStep::of(training, &machine);
+        let in_no_phase = 1e6 * (training.work.as_secs_f64() - training.phases.total().as_secs_f64()) / training.units;
+        let busy = (training.work - training.beginning()).as_secs_f64();
+        let waited = machine.workers * training.slowest.as_secs_f64() - busy;
+        let (other, idle) = (in_no_phase.max(0.0), 1e6 * waited.max(0.0) / training.units);
+        let mut phases = Phase::ALL.map(|phase| per_unit(training, phase));
+        Orders::BEGINNING.iter().for_each(|&phase| phases[phase as usize] = 0.0);
+        // The measured orders begin with empty roads and replay none.
+        let replayed = SIMULATING.iter().map(|&phase| per_unit(training, phase)).sum();
         let prices = Prices {
-            step: step.price(training, &machine, flops.training),
-            retraced_step: again(training),
-            period: loading(training),
+            step: Cost {
+                ours: phases.iter().sum::<f64>() + other + idle,
+                sumo: machine.sumo_step(&phases),
+                products: machine.products(flops.training),
+                phases,
+            },
+            retraced_step: Cost::in_phase(Phase::Retracing, replayed),
+            period: Cost::in_phase(Phase::Loading, per_order(training, Phase::Loading)),
             evaluation: of_episodes(evaluation, work.evaluation_episodes),
             final_evaluation: of_episodes(evaluation, work.final_episodes),
             collection: of_episodes(collection, work.dataset_episodes),
@@ -136,8 +159,8 @@ impl Costs {
         let rounds_per_s = (collection.count > 0).then(|| collection.units / collection.slowest.as_secs_f64());
         Costs {
             workers: measured.workers,
-            other: step.other,
-            idle: step.idle,
+            other,
+            idle,
             exchange: exchange.of_run(&work).sum() * per_agent_step,
             training: whole.training * per_agent_step,
             evaluation: whole.evaluation * per_agent_step,
@@ -150,7 +173,6 @@ impl Costs {
         }
     }
 
-    /// Returns the cost of everything.
     pub(crate) fn all(&self) -> Cost {
         let exchange = Cost { ours: self.exchange, ..Cost::default() };
         exchange + self.training + self.evaluation + self.collection + self.aip_training
@@ -176,7 +198,6 @@ impl Machine {
         1e6 * flops / self.peak_flops
     }
 
-    /// Returns SUMO's own step among the phases.
     fn sumo_step(&self, phases: &[f64]) -> f64 {
         if self.sumo { phases[Phase::SimulatorStep as usize] } else { 0.0 }
     }
@@ -220,64 +241,60 @@ impl Machine {
     }
 }
 
-/// Cost of a timestep of training besides its phases.
-struct TrainingStep {
-    other: f64,
-    idle: f64,
+/// Cost of one step of a simulator for one agent, in core-microseconds. Making simulators and beginning episodes is not
+/// in it. For traffic such a step is a light, or the local region of one, for a second.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct StepCost {
+    /// Inside the simulator's own step.
+    pub(crate) own_us: f64,
+    /// Around it: setting lights, letting cars in, reading.
+    pub(crate) around_us: f64,
 }
 
-impl TrainingStep {
-    fn of(training: &Orders, machine: &Machine) -> TrainingStep {
-        let work = 1e6 * (training.work.as_secs_f64() - training.phases.total().as_secs_f64()) / training.units;
-        let busy = training.work - training.beginning();
-        let waited = machine.workers * training.slowest.as_secs_f64() - busy.as_secs_f64();
-        TrainingStep { other: work.max(0.0), idle: 1e6 * waited.max(0.0) / training.units }
-    }
+/// Costs of the simulators of a run by themselves, and of learning for comparison.
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) struct SimulatorCosts {
+    pub(crate) steps_per_timestep: usize,
+    /// The simulators by name: the GS in evaluations, the GS while datasets are collected, when it also observes the
+    /// influence on the local regions, and what the policies train on.
+    pub(crate) named: Vec<(&'static str, StepCost)>,
+    /// Everything else in training, per agent and timestep.
+    pub(crate) learning_us: f64,
+}
 
-    /// Returns the price of the whole timestep. `flops`: operations of its networks.
-    fn price(&self, training: &Orders, machine: &Machine, flops: f64) -> Cost {
-        let mut phases = Phase::ALL.map(|phase| per_unit(training, phase));
-        Orders::BEGINNING.iter().for_each(|&phase| phases[phase as usize] = 0.0);
-        Cost {
-            ours: phases.iter().sum::<f64>() + self.other + self.idle,
-            sumo: machine.sumo_step(&phases),
-            products: machine.products(flops),
-            phases,
+impl SimulatorCosts {
+    fn of(config: &RunConfig, kinds: &Kinds, steps_per_timestep: usize, measured: &Measured) -> SimulatorCosts {
+        let steps = steps_per_timestep as f64;
+        // An episode of each worker is that many steps of agents.
+        let of_episode = (measured.workers * kinds.horizon() * kinds.agents()) as f64 * steps;
+        let cost = |orders: &Orders, steps_per_unit: f64| StepCost {
+            own_us: per_unit(orders, Phase::SimulatorStep) / steps_per_unit,
+            around_us: AROUND.iter().map(|&phase| per_unit(orders, phase)).sum::<f64>() / steps_per_unit,
+        };
+        let mut named = vec![("GS in evaluation", cost(&measured.evaluation, of_episode))];
+        if measured.collection.count > 0 {
+            named.push(("GS in collection", cost(&measured.collection, of_episode)));
         }
+        let on_gs = config.learning.simulator == Simulator::Global;
+        named.push((if on_gs { "GS in training" } else { "LS in training" }, cost(&measured.training, steps)));
+        let learning_us = LEARNING.iter().map(|&phase| per_unit(&measured.training, phase)).sum();
+        SimulatorCosts { steps_per_timestep, named, learning_us }
     }
 }
 
-/// Returns the price of a timestep that simulators replay. The measured orders begin with empty roads and replay none.
-fn again(training: &Orders) -> Cost {
-    in_phase(Phase::Retracing, SIMULATING.iter().map(|&phase| per_unit(training, phase)).sum())
-}
-
-/// Returns the price of the simulators that a period makes.
-fn loading(training: &Orders) -> Cost {
-    in_phase(Phase::Loading, per_order(training, Phase::Loading))
-}
-
-fn in_phase(phase: Phase, us: f64) -> Cost {
-    let mut cost = Cost { ours: us, ..Cost::default() };
-    cost.phases[phase as usize] = us;
-    cost
-}
-
-/// Returns the core-microseconds of a phase per unit.
-pub(super) fn per_unit(orders: &Orders, phase: Phase) -> f64 {
+fn per_unit(orders: &Orders, phase: Phase) -> f64 {
     1e6 * orders.phases.spent(phase).as_secs_f64() / orders.units
 }
 
-/// Returns the core-microseconds of a phase per order.
 fn per_order(orders: &Orders, phase: Phase) -> f64 {
     1e6 * orders.phases.spent(phase).as_secs_f64() / orders.count.max(1) as f64
 }
 
 #[cfg(test)]
 mod tests {
+    use super::super::floor::tests::small;
     use super::*;
     use dials_core::base::Stopwatch;
-    use dials_core::domain::{RegionSpec, SourceSpec};
     use std::time::Duration;
 
     fn orders(count: usize, units: f64, wall: u64, slowest: u64, work: u64, phases: &[(Phase, u64)]) -> Orders {
@@ -287,30 +304,11 @@ mod tests {
         Orders { count, units, wall: seconds(wall), slowest: seconds(slowest), work: seconds(work), phases: watch }
     }
 
-    /// Returns a run of one agent, 1000 timesteps in ten periods, each with an evaluation of 3 episodes, and one of 5
-    /// at the end. AIPs are trained twice on 2 episodes of 10 steps. Networks as in the tests of the floor, and a
-    /// machine of 1e6 operations per second.
-    fn setting() -> (RunConfig, Kinds) {
-        let config = "total_steps = 1000\ntraffic = { network = 'n', local_network = 'l', horizon = 10 }\n\
-                      policy = { hidden = [3] }\nppo = { memory = 100, rollout_steps = 4, epochs = 3, time_limit = 'bootstrap' }\n\
-                      aip = { hidden = [5], batch = 8, epochs = 2, held_out = 0.5, dataset_steps = 40, \
-                      retrain_every_steps = 500 }\nevaluation = { every_steps = 100, episodes = 3, final_episodes = 5 }";
-        let sources = SourceSpec::bits(2);
-        let spec = RegionSpec {
-            obs_dim: 4,
-            d_set_dim: 2,
-            n_actions: 2,
-            masks: false,
-            sources,
-            horizon: 10,
-            local_horizon: 10,
-        };
-        (toml::from_str(config).unwrap(), Kinds::one(1, spec))
-    }
-
     #[test]
     fn a_run_on_two_workers_is_worked_out_by_hand() {
-        let (config, kinds) = setting();
+        // Networks as in the tests of the floor, and a machine of 1e6 operations per second.
+        let (config, spec) = small();
+        let kinds = Kinds::one(1, spec);
         let step = |seconds| (Phase::SimulatorStep, seconds);
         let measured = Measured {
             workers: 2,
@@ -354,13 +352,13 @@ mod tests {
         near(costs.gs_steps_per_s.unwrap(), 5.0);
         // Per agent and step of SUMO, of which a timestep has 5: in training 4 s / 200 / 5; in two evaluations, each of an
         // episode of 10 timesteps on 2 workers, 8 s / 2 / 2 / 50; in the collection 6 s / 2 / 50.
-        let SimulatorCosts { gs, gs_collecting, training, learning_us, trains_on_gs, .. } = costs.simulators;
-        near(training.own_us, 0.004e6);
-        near(gs.own_us, 0.04e6);
-        near(gs_collecting.unwrap().own_us, 0.06e6);
-        assert_eq!((training.around_us, gs.around_us, trains_on_gs), (0.0, 0.0, false));
+        let expected = [("GS in evaluation", 0.04e6), ("GS in collection", 0.06e6), ("LS in training", 0.004e6)];
+        for ((name, cost), (expected_name, own_us)) in costs.simulators.named.iter().zip(expected) {
+            assert_eq!((*name, cost.around_us), (expected_name, 0.0));
+            near(cost.own_us, own_us);
+        }
         // The forward passes: 5 s / 200.
-        near(learning_us, 0.025e6);
+        near(costs.simulators.learning_us, 0.025e6);
         // 402.7 operations per timestep of training.
         near(costs.training.floor(), 0.02e6 + 402.7);
     }

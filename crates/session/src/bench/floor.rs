@@ -6,9 +6,8 @@ use dials_learn::algorithms;
 use dials_learn::config::held_out_episodes;
 use dials_learn::policy::PolicyStack;
 use dials_learn::predictors::AipStack;
-use stacknets::Shape;
 
-/// Number of operations per agent and unit of work. AIP: approximate influence predictor; GS: global simulator.
+/// Number of operations per agent and unit of work.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Flops {
     /// Operations per timestep of training: PPO, acting, and sampling from the AIP.
@@ -27,7 +26,6 @@ impl Flops {
         Flops { training: mean(|flops| flops.training), acting: mean(|flops| flops.acting) }
     }
 
-    /// Returns the operations of an agent of one kind.
     fn of(config: &RunConfig, spec: &RegionSpec) -> Flops {
         let policy = PolicyStack::shape(spec, &config.learning.policy);
         let learning =
@@ -45,10 +43,10 @@ pub(crate) fn aip_trainings_flops(config: &RunConfig, kinds: &Kinds, episodes: u
 
 /// Returns the operations of one agent: the gradient steps, and the loss before and after on all samples.
 fn aip_training_flops(config: &RunConfig, spec: &RegionSpec, episodes: usize) -> f64 {
-    let aip: Shape = AipStack::shape(spec, &config.learning.aip);
+    let config_of_aips = &config.learning.aip;
+    let aip = AipStack::shape(spec, config_of_aips);
     let steps = if aip.recurrent.is_some() { spec.horizon } else { 1 };
-    let visits =
-        config.learning.aip.epochs * gradient_steps(config, spec.horizon, episodes) * config.learning.aip.batch * steps;
+    let visits = config_of_aips.epochs * gradient_steps(config, spec.horizon, episodes) * config_of_aips.batch * steps;
     visits as f64 * (aip.forward_flops() + aip.backward_flops(steps))
         + 2.0 * (episodes * spec.horizon) as f64 * aip.forward_flops()
 }
@@ -61,30 +59,26 @@ pub(crate) fn gradient_steps(config: &RunConfig, horizon: usize, episodes: usize
 }
 
 #[cfg(test)]
-mod tests {
+pub(super) mod tests {
     use super::*;
     use dials_core::base::AgentId;
     use dials_core::domain::{Kind, SourceSpec};
     use dials_learn::config::Simulator;
 
     /// Returns small networks. Policy 4 -> 3 -> (2 + 1): 21 weights; AIP 2 -> 5 -> 2: 20 weights.
-    fn small() -> (RunConfig, RegionSpec) {
-        let config = "warehouse = { agents_per_side = 1, horizon = 10 }\npolicy = { hidden = [3] }\n\
-                      ppo = { rollout_steps = 4, epochs = 3, time_limit = 'bootstrap' }\n\
-                      aip = { hidden = [5], batch = 8, epochs = 2, held_out = 0.5 }";
+    pub(in crate::bench) fn small() -> (RunConfig, RegionSpec) {
+        // A run of 1000 timesteps in ten periods, each with an evaluation of 3 episodes, and one of 5 at the end. AIPs are
+        // trained twice on 4 episodes of 10 steps.
+        let config = "total_steps = 1000\ntraffic = { network = 'n', local_network = 'l', horizon = 10 }\n\
+                      policy = { hidden = [3] }\n\
+                      ppo = { memory = 100, rollout_steps = 4, epochs = 3, time_limit = 'bootstrap' }\n\
+                      aip = { hidden = [5], batch = 8, epochs = 2, held_out = 0.5, dataset_steps = 40, \
+                      retrain_every_steps = 500 }\n\
+                      evaluation = { every_steps = 100, episodes = 3, final_episodes = 5 }";
         let sources = SourceSpec::bits(2);
-        (
-            toml::from_str(config).unwrap(),
-            RegionSpec {
-                obs_dim: 4,
-                d_set_dim: 2,
-                n_actions: 2,
-                masks: false,
-                sources,
-                horizon: 10,
-                local_horizon: 10,
-            },
-        )
+        let (horizon, local_horizon) = (10, 10);
+        let spec = RegionSpec { obs_dim: 4, d_set_dim: 2, n_actions: 2, masks: false, sources, horizon, local_horizon };
+        (toml::from_str(config).unwrap(), spec)
     }
 
     #[test]

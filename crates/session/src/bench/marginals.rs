@@ -1,8 +1,7 @@
-//! AIPs (approximate influence predictors) that predict the frequencies of events, without training.
+//! AIPs that predict the frequencies of events, without training.
 //!
 //! A benchmark trains AIPs only for a moment. Such AIPs send many times too many cars into the local simulators, whose
-//! steps then take many times too long. Constant AIPs send as many cars as the GS (global simulator), at the same cost
-//! per sample.
+//! steps then take many times too long. Constant AIPs send as many cars as the GS, at the same cost per sample.
 
 use dials_core::domain::{RegionSpec, SourceSpec};
 use dials_learn::config::AipConfig;
@@ -49,15 +48,8 @@ mod tests {
 
     /// Draws from AIPs that predict the marginals of a dataset in which a quarter of the samples have class 1.
     fn share_of_ones(sources: SourceSpec, correct_marginals: bool) -> f64 {
-        let spec = RegionSpec {
-            obs_dim: 2,
-            d_set_dim: 2,
-            n_actions: 2,
-            masks: false,
-            sources,
-            horizon: 1000,
-            local_horizon: 1000,
-        };
+        let (horizon, local_horizon) = (1000, 1000);
+        let spec = RegionSpec { obs_dim: 2, d_set_dim: 2, n_actions: 2, masks: false, sources, horizon, local_horizon };
         let mut dataset = Dataset::new(&spec);
         (0..1000).for_each(|sample| dataset.push(&[1.0, 0.0], &[u8::from(sample % 4 == 0)]));
         let config = AipConfig { hidden: vec![5], correct_marginals, ..AipConfig::default() };

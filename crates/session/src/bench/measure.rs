@@ -29,8 +29,7 @@ const TRAINING: f64 = 0.5;
 const START: Duration = Duration::from_secs(1);
 /// Number of passes over a dataset: few, but enough that the losses before and after them cost little in comparison.
 const AIP_EPOCHS: usize = 8;
-/// Guess of the speed of AIP (approximate influence predictor) trainings, as a share of the peak. It only decides how
-/// long they are measured.
+/// Guess of the speed of AIP trainings, as a share of the peak. It only decides how long they are measured.
 const OF_PEAK: f64 = 0.4;
 
 /// Returns a config with which every order to a fleet of N workers is short, and each worker has a share of it.
@@ -94,8 +93,7 @@ pub struct Measured {
 }
 
 impl Measured {
-    /// Returns the part of an episode that every local simulator, or the GS (global simulator), played while the
-    /// policies trained.
+    /// Returns the part of an episode that every local simulator, or the GS, played while the policies trained.
     pub fn share_of_an_episode(&self, config: &RunConfig, agents: usize) -> f64 {
         self.training.units / (agents * config.learning.copies() * config.training_horizon()) as f64
     }
@@ -113,50 +111,75 @@ pub struct MeasurePlan<'a> {
 }
 
 /// Gives orders of every kind to `fleet`, which was made for `plan.config`.
-pub fn measure(plan: &MeasurePlan<'_>, fleet: &mut impl Fleet, journal: &mut dyn Recorder) -> Result<Measured> {
+pub fn measure<F: Fleet>(plan: &MeasurePlan<'_>, fleet: &mut F, journal: &mut dyn Recorder) -> Result<Measured> {
+    let (learning, kinds) = (&plan.config.learning, plan.kinds);
     let agents = fleet.agents().agents();
-    let mut bench = Bench {
-        fleet,
-        journal,
-        standing: TrainingProgress::default(),
-        evaluation_episodes: plan.config.learning.evaluation.episodes,
-        collection_rounds: rounds_of_a_collection(plan),
-        period: Period { start: 0, end: 0, train_aips: AipTraining::No, evaluate: false, average: false },
-    };
     let part = |share: f64| plan.time.mul_f64(share);
 
-    let evaluation = repeat(part(EVALUATION), |orders| bench.evaluate(orders))?;
+    let evaluation = repeat(part(EVALUATION), Activity::Evaluation, 1.0, |_| {
+        let begun = Instant::now();
+        let evaluation = evaluate(fleet, learning.evaluation.episodes)?;
+        let load = fleet.take_load();
+        journal.evaluated(fleet.agents(), &evaluation)?;
+        Ok((begun.elapsed(), load))
+    })?;
+    let mut period = Period { start: 0, end: 0, train_aips: AipTraining::No, evaluate: false, average: false };
     let (mut collection, mut aip_training) = (Orders::default(), Orders::default());
-    if plan.config.learning.trains_predictors() {
-        let (mut datasets, mut seen) = (Vec::new(), Dataset::of_all(plan.kinds));
-        collection = repeat(part(COLLECTION), |orders| {
-            datasets = bench.collect(orders)?;
-            seen.iter_mut().zip(&datasets).for_each(|(seen, dataset)| seen.extend(dataset));
-            Ok(())
+    if learning.trains_predictors() {
+        // A single worker plays two episodes, because one of a dataset is held out.
+        let rounds = learning.dataset_episodes(kinds.horizon()) as f64 / plan.workers as f64;
+        let mut collected = Vec::new();
+        collection = repeat(part(COLLECTION), Activity::Collection, rounds, |order| {
+            let begun = Instant::now();
+            // Different episodes each time: the traffic of one varies by several percent, and the marginals come from them.
+            collected.push(collect_datasets(fleet, Purpose::Training { steps: order })?);
+            let load = fleet.take_load();
+            Ok((begun.elapsed(), load))
         })?;
+        let mut seen = Dataset::of_all(kinds);
+        for datasets in &collected {
+            seen.iter_mut().zip(datasets).for_each(|(seen, dataset)| seen.extend(dataset));
+        }
         let flops = part(AIP_TRAINING).as_secs_f64() * plan.peak_flops * OF_PEAK * plan.workers as f64;
         let enough = episodes_for(plan, flops);
-        let datasets: Vec<Dataset> = datasets.iter().map(|dataset| repeated(dataset, enough)).collect();
-        let flops = aip_trainings_flops(plan.config, plan.kinds, datasets[0].episodes());
-        aip_training = repeat(part(AIP_TRAINING), |orders| bench.train_aips(orders, &datasets, flops))?;
-        let mut state = bench.fleet.agents().clone();
-        for (agent, (spec, seen)) in plan.kinds.specs().zip(&seen).enumerate() {
-            predict_marginals(state.aips.row_mut(agent), spec, &plan.config.learning.aip, seen);
+        let last = collected.pop().expect("at least one order was given");
+        let datasets: Vec<Dataset> = last.iter().map(|dataset| repeated(dataset, enough)).collect();
+        let flops = aip_trainings_flops(plan.config, kinds, datasets[0].episodes());
+        aip_training = repeat(part(AIP_TRAINING), Activity::AipTraining, flops, |_| {
+            let datasets = datasets.clone();
+            let begun = Instant::now();
+            let losses = train_aips(fleet, datasets, &period)?;
+            let load = fleet.take_load();
+            journal.aips_trained(fleet.agents(), &losses)?;
+            Ok((begun.elapsed(), load))
+        })?;
+        let mut state = fleet.agents().clone();
+        for (agent, (spec, seen)) in kinds.specs().zip(&seen).enumerate() {
+            predict_marginals(state.aips.row_mut(agent), spec, &learning.aip, seen);
         }
-        bench.fleet.restore(state)?;
+        fleet.restore(state)?;
     }
+    let mut standing = TrainingProgress::default();
+    let mut train = |fleet: &mut F, steps: u64| {
+        period.end = steps;
+        repeat(Duration::ZERO, Activity::Training, steps as f64 * agents as f64, |_| {
+            let begun = Instant::now();
+            let training = train_policies(fleet, &period)?;
+            let load = fleet.take_load();
+            standing.until = period.end;
+            journal.period_done(fleet.agents(), &standing, &training, load.clone())?;
+            Ok((begun.elapsed(), load))
+        })
+    };
     // The first update only shows how long one takes. The measurement starts again where it did.
-    let memory = algorithms::of(&plan.config.learning).steps_per_update() as u64;
-    let mut guess = Orders::default();
-    let beginning = bench.fleet.agents().clone();
-    bench.train(&mut guess, memory, agents)?;
-    bench.fleet.restore(beginning)?;
-    bench.period.end = 0;
+    let memory = algorithms::of(learning).steps_per_update() as u64;
+    let beginning = fleet.agents().clone();
+    let guess = train(fleet, memory)?;
+    fleet.restore(beginning)?;
     let updates = part(TRAINING).div_duration_f64(guess.slowest.max(Duration::from_millis(1)));
-    let mut training = Orders::default();
-    bench.train(&mut training, memory * (updates as u64).max(2), agents)?;
+    let training = train(fleet, memory * (updates as u64).max(2))?;
 
-    let load = bench.fleet.take_load();
+    let load = fleet.take_load();
     let processes = || load.workers.iter().map(|worker| worker.footprint).chain(load.coordinator);
     Ok(Measured {
         workers: plan.workers,
@@ -169,17 +192,18 @@ pub fn measure(plan: &MeasurePlan<'_>, fleet: &mut impl Fleet, journal: &mut dyn
     })
 }
 
-/// Returns the number of episodes of each worker in a collection. A single worker plays two, because one of a dataset is
-/// held out.
-fn rounds_of_a_collection(plan: &MeasurePlan<'_>) -> f64 {
-    plan.config.learning.dataset_episodes(plan.kinds.horizon()) as f64 / plan.workers as f64
-}
-
-/// Repeats orders until the time is over, at least one.
-fn repeat(time: Duration, mut order: impl FnMut(&mut Orders) -> Result<()>) -> Result<Orders> {
+/// Gives orders until the time is over, at least one. `give` gets the number of earlier ones, gives an order and writes its
+/// results, and returns how long that took and what the workers have spent on it.
+fn repeat(
+    time: Duration,
+    activity: Activity,
+    units: f64,
+    mut give: impl FnMut(u64) -> Result<(Duration, FleetLoad)>,
+) -> Result<Orders> {
     let mut orders = Orders::default();
     while orders.count == 0 || orders.wall < time {
-        order(&mut orders)?;
+        let (wall, load) = give(orders.count as u64)?;
+        orders.note(activity, units, wall, &load);
     }
     Ok(orders)
 }
@@ -197,7 +221,6 @@ fn episodes_for(plan: &MeasurePlan<'_>, flops: f64) -> usize {
     episodes
 }
 
-/// Repeats the episodes of `dataset` until there are at least `episodes`.
 fn repeated(dataset: &Dataset, episodes: usize) -> Dataset {
     let mut longer = dataset.clone();
     while longer.episodes() < episodes {
@@ -206,79 +229,10 @@ fn repeated(dataset: &Dataset, episodes: usize) -> Dataset {
     longer
 }
 
-struct Bench<'a, F> {
-    fleet: &'a mut F,
-    journal: &'a mut dyn Recorder,
-    standing: TrainingProgress,
-    evaluation_episodes: usize,
-    /// Episodes of each worker in a collection.
-    collection_rounds: f64,
-    period: Period,
-}
-
-impl<F: Fleet> Bench<'_, F> {
-    fn evaluate(&mut self, orders: &mut Orders) -> Result<()> {
-        self.order(orders, Activity::Evaluation, 1.0, |bench| {
-            let evaluation = evaluate(bench.fleet, bench.evaluation_episodes)?;
-            let load = bench.fleet.take_load();
-            bench.journal.evaluated(bench.fleet.agents(), &evaluation)?;
-            Ok(load)
-        })
-    }
-
-    fn collect(&mut self, orders: &mut Orders) -> Result<Vec<Dataset>> {
-        let mut datasets = Vec::new();
-        // Different episodes each time: the traffic of one varies by several percent, and the marginals come from them.
-        let order = orders.count as u64;
-        self.order(orders, Activity::Collection, self.collection_rounds, |bench| {
-            datasets = collect_datasets(bench.fleet, Purpose::Training { steps: order })?;
-            Ok(bench.fleet.take_load())
-        })?;
-        Ok(datasets)
-    }
-
-    fn train_aips(&mut self, orders: &mut Orders, datasets: &[Dataset], flops: f64) -> Result<()> {
-        let datasets = datasets.to_vec();
-        self.order(orders, Activity::AipTraining, flops, |bench| {
-            let losses = train_aips(bench.fleet, datasets, &bench.period)?;
-            let load = bench.fleet.take_load();
-            bench.journal.aips_trained(bench.fleet.agents(), &losses)?;
-            Ok(load)
-        })
-    }
-
-    fn train(&mut self, orders: &mut Orders, steps: u64, agents: usize) -> Result<()> {
-        (self.period.start, self.period.end) = (self.period.end, self.period.end + steps);
-        self.order(orders, Activity::Training, steps as f64 * agents as f64, |bench| {
-            let training = train_policies(bench.fleet, &bench.period)?;
-            let load = bench.fleet.take_load();
-            bench.standing.until = bench.period.end;
-            bench.journal.period_done(bench.fleet.agents(), &bench.standing, &training, load.clone())?;
-            Ok(load)
-        })
-    }
-
-    /// Times one order. `give`: gives the order, writes its results, and returns what the workers have spent on it.
-    fn order(
-        &mut self,
-        orders: &mut Orders,
-        activity: Activity,
-        units: f64,
-        give: impl FnOnce(&mut Self) -> Result<FleetLoad>,
-    ) -> Result<()> {
-        let begun = Instant::now();
-        let load = give(self)?;
-        orders.note(activity, units, begun.elapsed(), &load);
-        Ok(())
-    }
-}
-
 impl Orders {
-    /// Phases in which simulators are made and brought to the current state of training. They do not grow with the
-    /// work.
+    /// Phases in which simulators are made and brought to the state of training. They do not grow with the work.
     pub(crate) const BEGINNING: [Phase; 2] = [Phase::Loading, Phase::Retracing];
 
-    /// Returns the time spent in [`Orders::BEGINNING`], added up over the workers.
     pub(crate) fn beginning(&self) -> Duration {
         beginning(&self.phases)
     }

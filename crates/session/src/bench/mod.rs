@@ -2,18 +2,16 @@
 //! them.
 //!
 //! - [`measure`]: gives the orders, a few of each, and keeps their times.
-//! - [`costs`]: the costs of the whole run of a config, in core-microseconds per agent-step. [`crate::cost`] counts how
-//!   often everything happens.
-//! - [`floor`]: a lower bound: the arithmetic of the networks, counted from their shapes.
-//! - `marginals`: AIPs (approximate influence predictors) with which local simulators are as busy as in a run.
-//! - [`simulators`]: what a step of a simulator costs by itself.
+//! - [`costs`]: the costs of the whole run of a config, in core-microseconds per agent-step, and what a step of a simulator
+//!   costs by itself. [`crate::cost`] counts how often everything happens.
+//! - `floor`: a lower bound: the arithmetic of the networks, counted from their shapes.
+//! - `marginals`: AIPs with which local simulators are as busy as in a run.
 //! - [`table`]: the costs for people and for programs.
 //!
 //! This room does not know which fleet it is given, and keeps nothing of what the agents learn.
 
 pub mod costs;
-pub(crate) mod floor;
+mod floor;
 mod marginals;
 pub mod measure;
-pub(crate) mod simulators;
 pub mod table;

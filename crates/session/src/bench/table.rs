@@ -2,22 +2,32 @@
 
 use serde_json::{Map, Value, json};
 
-use super::costs::{Cost, Costs};
-use super::simulators::{StepCost, UNIT};
+use super::costs::{Cost, Costs, SimulatorCosts, StepCost};
 use dials_core::base::Phase;
 
-/// A label, and a value for every fleet.
-struct TableRow(String, Vec<String>);
-
+/// Unit of all costs of steps.
+const UNIT: &str = "core-microseconds per agent and step of the simulator";
 const LABEL: usize = 30;
 const COLUMN: usize = 12;
 
+/// Part of the costs, by name.
+type Part = (&'static str, fn(&Costs) -> Cost);
+const ACTIVITIES: [Part; 4] = [
+    ("training", |costs| costs.training),
+    ("evaluation", |costs| costs.evaluation),
+    ("collection", |costs| costs.collection),
+    ("AIP training", |costs| costs.aip_training),
+];
+
 /// Returns lines of text.
 pub fn text(costs: &[Costs]) -> String {
-    let line =
-        |label: &str, value: &dyn Fn(&Costs) -> String| TableRow(label.to_owned(), costs.iter().map(value).collect());
+    let line = |label: &str, value: &dyn Fn(&Costs) -> String| {
+        let values = costs.iter().map(|costs| format!(" {:>COLUMN$}", value(costs)));
+        format!("{label:<LABEL$}{}", values.collect::<String>())
+    };
     let us = |label: &str, value: &dyn Fn(&Costs) -> f64| line(label, &|costs| format!("{:.2}", value(costs)));
     let percent = |part: f64, costs: &Costs| format!("{:.0} %", 100.0 * part / costs.all().ours);
+    let is_used = |value: &dyn Fn(&Costs) -> f64| costs.iter().any(|costs| value(costs) > 0.0);
     let mut lines = vec![
         line("workers", &|costs| costs.workers.to_string()),
         line("agent-steps/s", &|costs| grouped(costs.agent_steps_per_s())),
@@ -25,35 +35,22 @@ pub fn text(costs: &[Costs]) -> String {
         line("inside the simulators' steps", &|costs| percent(costs.all().phase(Phase::SimulatorStep), costs)),
         line("in forward and backward passes", &|costs| percent(passes(costs), costs)),
         line("memory of all processes", &|costs| format!("{:.0} MiB", mebibytes(costs.pss_kib))),
-        heading("core-microseconds per agent-step"),
+        "\ncore-microseconds per agent-step".to_owned(),
     ];
-    for phase in Phase::ALL {
-        if costs.iter().any(|costs| costs.training.phase(phase) > 0.0) {
-            lines.push(us(&format!("  {}", words(phase)), &|costs| costs.training.phase(phase)));
-        }
+    for phase in Phase::ALL.into_iter().filter(|&phase| is_used(&|costs| costs.training.phase(phase))) {
+        lines.push(us(&format!("  {}", words(phase)), &|costs| costs.training.phase(phase)));
     }
     lines.push(us("  other", &|costs| costs.other));
     lines.push(us("  waiting for the slowest", &|costs| costs.idle));
-    let activities = activities();
-    for (name, cost) in activities {
-        if costs.iter().any(|costs| cost(costs).ours > 0.0) {
-            lines.push(us(name, &|costs| cost(costs).ours));
-        }
-    }
+    let activities = ACTIVITIES.into_iter().filter(|(_, cost)| is_used(&|costs| cost(costs).ours));
+    lines.extend(activities.clone().map(|(name, cost)| us(name, &|costs| cost(costs).ours)));
     lines.push(us("messages and files", &|costs| costs.exchange));
     lines.push(us("all", &|costs| costs.all().ours));
-    lines.push(heading("floor: SUMO's own step + products at peak, and the cost as a multiple of it"));
-    let floors = activities.into_iter().chain([("all", Costs::all as fn(&Costs) -> Cost)]);
-    for (name, cost) in floors {
-        if costs.iter().any(|costs| cost(costs).ours > 0.0) {
-            let floor = |costs: &Costs| {
-                let cost = cost(costs);
-                format!("{:.2} x{:.2}", cost.floor(), cost.ratio())
-            };
-            lines.push(line(name, &floor));
-        }
+    lines.push("\nfloor: SUMO's own step + products at peak, and the cost as a multiple of it".to_owned());
+    for (name, cost) in activities.chain([("all", Costs::all as fn(&Costs) -> Cost)]) {
+        lines.push(line(name, &|costs| format!("{:.2} x{:.2}", cost(costs).floor(), cost(costs).ratio())));
     }
-    if costs.iter().any(|costs| costs.collection.sumo > 0.0) {
+    if is_used(&|costs| costs.collection.sumo) {
         lines.push(line("collection by SUMO alone", &|costs| {
             format!("{:.2} x{:.2}", costs.collection.sumo, costs.collection.ours / costs.collection.sumo)
         }));
@@ -61,16 +58,16 @@ pub fn text(costs: &[Costs]) -> String {
     if costs.iter().any(|costs| costs.gs_steps_per_s.is_some()) {
         lines.push(line("GS steps/s in collection", &|costs| costs.gs_steps_per_s.map_or(String::new(), grouped)));
     }
-    lines.push(heading(&format!("{UNIT}: its own step + the work around it")));
-    for (place, (name, _)) in costs[0].simulators.named().into_iter().enumerate() {
+    lines.push(format!("\n{UNIT}: its own step + the work around it"));
+    for (place, (name, _)) in costs[0].simulators.named.iter().enumerate() {
         lines.push(line(name, &|costs| {
-            let (_, StepCost { own_us, around_us }) = costs.simulators.named()[place];
+            let (_, StepCost { own_us, around_us }) = costs.simulators.named[place];
             format!("{own_us:.1} + {around_us:.1}")
         }));
     }
     lines.push(line("steps of it per timestep", &|costs| costs.simulators.steps_per_timestep.to_string()));
     lines.push(us("learning per agent-step", &|costs| costs.simulators.learning_us));
-    lines.iter().map(TableRow::to_string).collect::<Vec<_>>().join("\n")
+    lines.join("\n")
 }
 
 /// Returns one object per fleet.
@@ -97,7 +94,7 @@ fn object(costs: &Costs) -> Value {
         "agent_steps_per_s": costs.agent_steps_per_s(),
         "agent_steps_per_s_per_core": costs.agent_steps_per_s() / costs.workers as f64,
         "gs_steps_per_s_in_collection": costs.gs_steps_per_s,
-        "simulators": costs.simulators.json(),
+        "simulators": of_simulators(&costs.simulators),
         "memory_mb": mebibytes(costs.pss_kib),
         "peak_rss_mb_of_a_process": mebibytes(costs.peak_rss_kib),
         "share_in_simulator_steps": costs.all().phase(Phase::SimulatorStep) / whole,
@@ -113,16 +110,20 @@ fn object(costs: &Costs) -> Value {
     })
 }
 
-/// Part of the costs, by name.
-type Part = (&'static str, fn(&Costs) -> Cost);
-
-fn activities() -> [Part; 4] {
-    [
-        ("training", |costs| costs.training),
-        ("evaluation", |costs| costs.evaluation),
-        ("collection", |costs| costs.collection),
-        ("AIP training", |costs| costs.aip_training),
-    ]
+fn of_simulators(costs: &SimulatorCosts) -> Value {
+    let cost = |name: &str| {
+        let (_, cost) = costs.named.iter().find(|(other, _)| *other == name)?;
+        Some(json!({ "step_us": cost.own_us, "around_us": cost.around_us }))
+    };
+    json!({
+        "unit": UNIT,
+        "steps_per_timestep": costs.steps_per_timestep,
+        "gs_in_evaluation": cost("GS in evaluation"),
+        "gs_in_collection": cost("GS in collection"),
+        "gs_in_training": cost("GS in training"),
+        "ls_in_training": cost("LS in training"),
+        "learning_us_per_agent_step": costs.learning_us,
+    })
 }
 
 fn passes(costs: &Costs) -> f64 {
@@ -146,21 +147,6 @@ fn grouped(value: f64) -> String {
     let digits = format!("{value:.0}");
     let groups: Vec<&[u8]> = digits.as_bytes().rchunks(3).rev().collect();
     groups.iter().map(|group| String::from_utf8_lossy(group)).collect::<Vec<_>>().join(" ")
-}
-
-fn heading(text: &str) -> TableRow {
-    TableRow(format!("\n{text}"), Vec::new())
-}
-
-impl std::fmt::Display for TableRow {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        let TableRow(label, values) = self;
-        if values.is_empty() {
-            return f.write_str(label);
-        }
-        write!(f, "{label:<LABEL$}")?;
-        values.iter().try_for_each(|value| write!(f, " {value:>COLUMN$}"))
-    }
 }
 
 #[cfg(test)]

@@ -1,63 +1,34 @@
 //! Estimates the time and memory of a run from measured runs.
 //!
-//! The costs are in core-seconds per agent: for a timestep of training, for a sample and epoch of the training of the
-//! approximate influence predictors (AIPs), and for a timestep of evaluation. They come from runs of the same scenario and
-//! simulator, or else of the same domain (for traffic: grids and scenarios apart) with the nearest number of agents.
-//! Unfinished runs count only where none is finished. If there are none, constants are used. These were measured on two
-//! cores of a cloud machine with the configs of this project.
+//! The costs come from runs of the same scenario and simulator, or else of the same domain (for traffic: grids and
+//! scenarios apart) with the nearest number of agents. Unfinished runs count only where none is finished. If there are
+//! none, constants are used. These were measured on two cores of a cloud machine with the configs of this project.
 
 use super::file::{PlannedBaseline, PlannedRun};
 use crate::config::RunConfig;
-use crate::cost::{Prices, Workload};
+use crate::cost::{Prices, Workload, cores_at_work};
 use crate::domains::DomainConfig;
 use crate::records::run_record::{RunRecord, Status};
 use dials_core::domain::RoughCosts;
 use dials_learn::config::Simulator;
 use dials_traffic::config::TrafficTable;
 
-/// Core-seconds and memory of one kind of run.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub(crate) struct UnitCosts {
-    /// Core-seconds of training per agent and timestep.
-    pub(crate) training_s: f64,
-    /// Core-seconds of collecting a dataset and training on it, per agent, epoch and step of the global simulator (GS).
-    pub(crate) influence_s: f64,
-    /// Core-seconds of evaluation per agent and step of an episode.
-    pub(crate) evaluation_s: f64,
-    /// Memory of each process without its agents, in MiB.
-    pub(crate) process_mb: f64,
-    /// Memory of each agent, in all processes together, in MiB.
-    pub(crate) agent_mb: f64,
-}
-
-impl UnitCosts {
-    /// Returns the seconds of wall time for one of everything on `cores` cores, of which some train.
-    fn prices(&self, work: &Workload, training_cores: usize, cores: usize) -> Prices<f64> {
-        let of_episodes =
-            |episodes: usize| work.gs_steps(episodes) * self.evaluation_s / cores.min(episodes).max(1) as f64;
-        Prices {
-            step: self.training_s / training_cores as f64,
-            evaluation: of_episodes(work.evaluation_episodes),
-            final_evaluation: of_episodes(work.final_episodes),
-            // This includes the collection, because run directories have both in one column.
-            aip_training: work.samples_per_retraining() * self.influence_s / training_cores as f64,
-            ..Prices::default()
-        }
+/// Returns the seconds of wall time for one of everything on `cores` cores, of which some train.
+fn prices(costs: &RoughCosts, work: &Workload, training_cores: f64, cores: usize) -> Prices<f64> {
+    let of_episodes = |episodes: usize| work.gs_steps(episodes) * costs.evaluation_s / cores_at_work(cores, episodes);
+    Prices {
+        step: costs.training_s / training_cores,
+        evaluation: of_episodes(work.evaluation_episodes),
+        final_evaluation: of_episodes(work.final_episodes),
+        // This includes the collection, because run directories have both in one column.
+        aip_training: work.samples_per_retraining() * costs.influence_s / training_cores,
+        ..Prices::default()
     }
 }
 
-/// Returns the number of cores that train. A core has whole agents. With the GS it is one: an experiment gives it no more.
-fn training_cores(config: &RunConfig, agents: usize, cores: usize) -> usize {
-    if config.learning.simulator == Simulator::Global { 1 } else { cores.min(agents) }
-}
-
-/// The source of an estimate.
-#[derive(Clone, Debug, PartialEq)]
-pub enum Source {
-    /// Number of measured runs in the same folder.
-    Measured(usize),
-    /// The constants of this project.
-    Constants,
+/// Returns the number of cores that train. On the GS it is one: an experiment gives it no more.
+fn training_cores(config: &RunConfig, agents: usize, cores: usize) -> f64 {
+    cores_at_work(cores, if config.learning.simulator == Simulator::Global { 1 } else { agents })
 }
 
 /// Time and memory of one run from its beginning to its end.
@@ -65,7 +36,8 @@ pub enum Source {
 pub struct Estimate {
     pub seconds: f64,
     pub memory_mb: f64,
-    pub source: Source,
+    /// Number of runs from whose measurements it is. 0: it is from the constants of this project.
+    pub measured_runs: usize,
 }
 
 /// Seconds that a process takes to begin and to load what it simulates.
@@ -74,15 +46,15 @@ const START_S: f64 = 2.0;
 /// Estimates the time and memory of one run on `cores` cores.
 pub fn estimate(run: &PlannedRun, cores: usize, measured: &[RunRecord]) -> Estimate {
     let nearest = nearest(run, measured);
-    let rough = costs_without_runs(run);
-    let (costs, source) = match costs_of(&nearest, rough) {
-        Some(costs) => (costs, Source::Measured(nearest.len())),
-        None => (rough, Source::Constants),
-    };
+    let mut rough = run.rough_costs;
+    if run.config.learning.simulator == Simulator::Global {
+        rough.training_s = rough.training_on_gs_s;
+    }
+    let costs = costs_of(&nearest, rough);
     let work = Workload::of(&run.config, run.agents(), run.config.learning.last_step());
-    let seconds = costs.prices(&work, training_cores(&run.config, run.agents(), cores), cores).of_run(&work).sum();
+    let seconds = prices(&costs, &work, training_cores(&run.config, run.agents(), cores), cores).of_run(&work).sum();
     let memory_mb = (cores + 1) as f64 * costs.process_mb + run.agents() as f64 * costs.agent_mb;
-    Estimate { seconds, memory_mb, source }
+    Estimate { seconds, memory_mb, measured_runs: nearest.len() }
 }
 
 /// Estimates the time and memory of measuring a controller, on one core.
@@ -92,14 +64,8 @@ pub fn estimate_controller(baseline: &PlannedBaseline) -> Estimate {
     Estimate {
         seconds: START_S + steps as f64 * rough_costs.evaluation_s,
         memory_mb: rough_costs.process_mb,
-        source: Source::Constants,
+        measured_runs: 0,
     }
-}
-
-fn costs_without_runs(run: &PlannedRun) -> UnitCosts {
-    let RoughCosts { training_s, training_on_gs_s, influence_s, evaluation_s, process_mb, agent_mb } = run.rough_costs;
-    let training_s = if run.config.learning.simulator == Simulator::Global { training_on_gs_s } else { training_s };
-    UnitCosts { training_s, influence_s, evaluation_s, process_mb, agent_mb }
 }
 
 /// Returns the measured runs of the same scenario and simulator. If there are none: those of the same domain with the
@@ -131,55 +97,55 @@ fn nearest<'a>(run: &PlannedRun, measured: &'a [RunRecord]) -> Vec<&'a RunRecord
     near
 }
 
-/// Returns the mean costs of runs, and `fallback` for work that they did not do; `None` if there are no runs.
-fn costs_of(runs: &[&RunRecord], fallback: UnitCosts) -> Option<UnitCosts> {
-    runs.first()?;
-    let mut spent = [0.0; 3];
-    let mut done = [0.0; 3];
-    let mut process_mb = 0.0_f64;
+/// Returns the mean costs of runs, and `fallback` for work that they did not do.
+fn costs_of(runs: &[&RunRecord], fallback: RoughCosts) -> RoughCosts {
+    // Core-seconds and amount of work of training, of the AIPs and of evaluation.
+    let mut sums = [(0.0, 0.0); 3];
     for run in runs {
-        let (time, agents) = (run.total_time()?, run.scenario().id.agents);
-        let training_cores = training_cores(&run.config, agents, run.workers) as f64;
-        let evaluating_cores = run.workers.min(run.config.learning.evaluation.episodes).max(1) as f64;
+        let time = run.total_time().expect("only runs with times are near");
+        let agents = run.scenario().id.agents;
+        let training_cores = training_cores(&run.config, agents, run.workers);
+        let evaluating_cores = cores_at_work(run.workers, run.config.learning.evaluation.episodes);
         let mut work = Workload::of(&run.config, agents, time.steps);
         if run.status() != Status::Finished {
             // The times of a period have the evaluation before it, so the last evaluation is not among them yet.
             work.final_episodes = 0;
         }
-        let samples = work.retrainings as f64 * work.samples_per_retraining();
-        let training_s = time.runtime_s() - time.influence_s;
-        let of_run =
-            [training_s * training_cores, time.influence_s * training_cores, time.evaluation_s * evaluating_cores];
-        for (sum, value) in spent.iter_mut().zip(of_run) {
-            *sum += value;
+        let of_run = [
+            ((time.runtime_s() - time.influence_s) * training_cores, work.agent_steps()),
+            (time.influence_s * training_cores, work.retrainings as f64 * work.samples_per_retraining()),
+            (time.evaluation_s * evaluating_cores, work.evaluated_steps()),
+        ];
+        for (sum, (spent, done)) in sums.iter_mut().zip(of_run) {
+            *sum = (sum.0 + spent, sum.1 + done);
         }
-        for (sum, value) in done.iter_mut().zip([work.agent_steps(), samples, work.evaluated_steps()]) {
-            *sum += value;
-        }
-        let total = run.memory.map_or(0.0, |memory| memory.total_pss_mb);
-        // The processes have what the agents do not need.
-        let of_agents = agents as f64 * fallback.agent_mb;
-        process_mb = process_mb.max((total - of_agents) / (run.workers as f64 + 1.0));
     }
-    let cost = |kind: usize, fallback: f64| if done[kind] > 0.0 { spent[kind] / done[kind] } else { fallback };
-    Some(UnitCosts {
+    // The processes have what the agents do not need.
+    let of_process = |run: &&RunRecord| {
+        let of_agents = run.scenario().id.agents as f64 * fallback.agent_mb;
+        (run.memory.map_or(0.0, |memory| memory.total_pss_mb) - of_agents) / (run.workers as f64 + 1.0)
+    };
+    let process_mb = runs.iter().map(of_process).reduce(f64::max);
+    let cost = |kind: usize, fallback: f64| match sums[kind] {
+        (spent, done) if done > 0.0 => spent / done,
+        _ => fallback,
+    };
+    RoughCosts {
         training_s: cost(0, fallback.training_s),
         influence_s: cost(1, fallback.influence_s),
         evaluation_s: cost(2, fallback.evaluation_s),
-        process_mb,
-        agent_mb: fallback.agent_mb,
-    })
+        process_mb: process_mb.map_or(fallback.process_mb, |mb| mb.max(0.0)),
+        ..fallback
+    }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::records::find::MeasuredWith;
+    use crate::experiment::file;
     use crate::records::run_record::{EvaluationRecord, MemoryRecord, PeriodTime, Returns};
     use dials_core::domain::Scenario;
-    use dials_core::outside::FileName;
     use dials_learn::config::ShortForm;
-    use std::path::PathBuf;
 
     /// Episodes of 10 steps, 2 per evaluation and 8 per dataset.
     fn config(simulator: &str, total_steps: u64) -> RunConfig {
@@ -192,15 +158,7 @@ mod tests {
     }
 
     fn planned(simulator: &str, total_steps: u64, agents: usize) -> PlannedRun {
-        let config = config(simulator, total_steps);
-        PlannedRun {
-            name: FileName::new("a").unwrap(),
-            config_path: PathBuf::new(),
-            settings: Vec::new(),
-            config,
-            scenario: Scenario::new("warehouse", agents, 10),
-            rough_costs: RoughCosts { agent_mb: 8.0, ..RoughCosts::default() },
-        }
+        file::tests::planned(config(simulator, total_steps), Scenario::new("warehouse", agents, 10))
     }
 
     /// A finished run of 1000 steps that took these times.
@@ -234,7 +192,7 @@ mod tests {
         // three evaluations 9 x 60 x 0.01 / 2 = 2.7.
         let found = estimate(&planned("dials", 2000, 9), 2, &records);
         assert!((found.seconds - 99.9).abs() < 1e-9, "{found:?}");
-        assert_eq!(found.source, Source::Measured(1));
+        assert_eq!(found.measured_runs, 1);
         // 332 MiB minus 4 agents x 8 MiB are 2 processes of 150 MiB each. Now there are 3 processes and 9 agents.
         assert!((found.memory_mb - (3.0 * 150.0 + 9.0 * 8.0)).abs() < 1e-9, "{found:?}");
     }
@@ -248,31 +206,26 @@ mod tests {
         // and 2.4 s for three evaluations.
         let found = estimate(&run, 1, &[half.clone()]);
         assert!((found.seconds - 88.8).abs() < 1e-9, "{found:?}");
-        assert_eq!(found.source, Source::Measured(1));
+        assert_eq!(found.measured_runs, 1);
         let whole = measured("dials", 4, 1, [22.4, 0.8, 1.6]);
         assert_eq!(estimate(&run, 1, &[half.clone(), whole.clone()]), estimate(&run, 1, &[whole]));
         // Nothing was timed yet.
         half.periods.clear();
-        assert_eq!(estimate(&run, 1, &[half]).source, Source::Constants);
+        assert_eq!(estimate(&run, 1, &[half]).measured_runs, 0);
     }
 
     #[test]
-    fn the_gs_trains_on_one_core_only() {
-        // 2 workers, of which one trains: 40 / (4 x 1000) = 0.01.
-        let records = [measured("gs", 4, 2, [40.0, 0.0, 0.0])];
-        let found = estimate(&planned("gs", 1000, 4), 4, &records);
-        assert!((found.seconds - 40.0).abs() < 1e-9, "{found:?}");
-    }
-
-    #[test]
-    fn more_cores_than_agents_do_not_train_and_more_than_episodes_do_not_evaluate() {
-        // 8 workers, of which 4 train and 2 evaluate: each unit costs 10 core-milliseconds, as above.
-        let records = [measured("dials", 4, 8, [10.0 + 0.8 + 0.8, 0.8, 0.8])];
+    fn one_core_trains_on_the_gs_and_elsewhere_no_more_than_agents_and_none_evaluates_less_than_an_episode() {
+        // Each unit costs 10 core-milliseconds: of 2 workers one trains on the GS; of 8 workers 4 train and 2 evaluate.
+        let on_the_gs = [measured("gs", 4, 2, [40.0, 0.0, 0.0])];
+        let local = [measured("dials", 4, 8, [10.0 + 0.8 + 0.8, 0.8, 0.8])];
         // 40 s of training and 3.2 s for the AIPs by 4 cores, and 1.6 s of evaluations by 2.
-        let found = estimate(&planned("dials", 1000, 4), 8, &records);
-        assert!((found.seconds - 11.6).abs() < 1e-9, "{found:?}");
-        let on_one = estimate(&planned("dials", 1000, 4), 1, &records);
-        assert!((on_one.seconds - 44.8).abs() < 1e-9, "{on_one:?}");
+        for (simulator, records, cores, seconds) in
+            [("gs", &on_the_gs, 4, 40.0), ("dials", &local, 8, 11.6), ("dials", &local, 1, 44.8)]
+        {
+            let found = estimate(&planned(simulator, 1000, 4), cores, records);
+            assert!((found.seconds - seconds).abs() < 1e-9, "{simulator}, {cores} cores: {found:?}");
+        }
     }
 
     #[test]
@@ -284,10 +237,10 @@ mod tests {
         let records =
             [with(measured("dials", 4, 1, [40.0, 0.0, 0.0]), 1), with(measured("dials", 4, 1, [80.0, 0.0, 0.0]), 2)];
         let mut run = planned("dials", 1000, 4);
-        assert_eq!(estimate(&run, 1, &records).source, Source::Measured(2));
+        assert_eq!(estimate(&run, 1, &records).measured_runs, 2);
         run.scenario = run.scenario.with_checksum(2);
         let found = estimate(&run, 1, &records);
-        assert_eq!((found.source, found.seconds), (Source::Measured(1), 80.0));
+        assert_eq!((found.measured_runs, found.seconds), (1, 80.0));
     }
 
     #[test]
@@ -298,22 +251,12 @@ mod tests {
         grid.config = text("network = 'n'\nlocal_network = 'l'");
         let mut run = planned("gs", 1000, 4);
         run.config = text("scenario = 's.sumocfg'\nbegin_s = 0\nend_s = 3600");
-        assert_eq!(estimate(&run, 1, &[grid]).source, Source::Constants);
+        assert_eq!(estimate(&run, 1, &[grid]).measured_runs, 0);
     }
 
     #[test]
     fn a_controller_plays_its_episodes_on_one_core() {
-        let run = planned("gs", 1000, 4);
-        let baseline = PlannedBaseline {
-            name: FileName::new("a").unwrap(),
-            config: run.config,
-            scenario: "s".to_owned(),
-            controller: "random".to_owned(),
-            episodes: 50,
-            agents: 4,
-            rough_costs: RoughCosts { evaluation_s: 1e-3, process_mb: 120.0, ..RoughCosts::default() },
-            measured_with: MeasuredWith::default(),
-        };
+        let baseline = file::tests::planned_baseline(&planned("gs", 1000, 4), 50);
         // 4 agents x 50 episodes x 10 steps x 1 ms, after 2 s.
         let found = estimate_controller(&baseline);
         assert!((found.seconds - 4.0).abs() < 1e-9 && found.memory_mb == 120.0, "{found:?}");
@@ -323,7 +266,7 @@ mod tests {
     fn runs_of_the_nearest_size_count_and_without_any_the_constants() {
         let records = [measured("dials", 4, 1, [40.0, 0.0, 0.0]), measured("dials", 100, 1, [9000.0, 0.0, 0.0])];
         let small = estimate(&planned("dials", 1000, 4), 1, &records);
-        assert_eq!((small.source, small.seconds), (Source::Measured(1), 40.0));
-        assert_eq!(estimate(&planned("untrained-dials", 1000, 4), 1, &records).source, Source::Constants);
+        assert_eq!((small.measured_runs, small.seconds), (1, 40.0));
+        assert_eq!(estimate(&planned("untrained-dials", 1000, 4), 1, &records).measured_runs, 0);
     }
 }

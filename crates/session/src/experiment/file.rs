@@ -9,8 +9,7 @@ use serde::Deserialize;
 
 use crate::config::RunConfig;
 use crate::records::find::MeasuredWith;
-use crate::records::method::steps_text;
-use crate::records::method::{Method, Retraining};
+use crate::records::method::{Method, Retraining, steps_text};
 use dials_core::domain::{RoughCosts, Scenario};
 use dials_core::outside::{FileName, in_plain_words, quoted, read_text};
 use dials_learn::config::ShortForm;
@@ -22,7 +21,6 @@ const MOST_RUNS: usize = 10_000;
 /// Number of episodes that a controller may play, as for `baseline --episodes`.
 const EPISODES: RangeInclusive<u32> = 1..=100_000;
 
-/// Contents of an experiment's file.
 #[derive(Clone, Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct ExperimentFile {
@@ -40,7 +38,7 @@ pub struct ExperimentFile {
     #[serde(default)]
     pub(crate) controller_episodes: Option<u32>,
     /// Number of agents from which on a run takes all cores. Runs with fewer agents run side by side, one core each.
-    #[serde(default = "default_all_cores_from_agents")]
+    #[serde(default = "all_cores_from_agents")]
     pub(crate) all_cores_from_agents: usize,
     pub(crate) grid: Vec<RunGrid>,
 }
@@ -54,8 +52,7 @@ pub(crate) struct RunGrid {
     /// Simulators. Default: the one in each config.
     #[serde(default)]
     pub(crate) simulators: Vec<ShortForm>,
-    /// Values of F, the steps between two trainings of the AIPs (approximate influence predictors). Only for simulators
-    /// with trained AIPs. Default: the one in each config.
+    /// Values of F. Only for simulators with trained AIPs. Default: the one in each config.
     #[serde(default)]
     pub(crate) retrain_every_steps: Vec<u64>,
     /// Seeds of these runs. Default: those of the experiment.
@@ -69,11 +66,10 @@ pub(crate) struct RunGrid {
     pub(crate) name: Option<FileName>,
 }
 
-fn default_all_cores_from_agents() -> usize {
+fn all_cores_from_agents() -> usize {
     25
 }
 
-/// A run that an experiment plans.
 #[derive(Clone, Debug)]
 pub struct PlannedRun {
     /// Name of its directory.
@@ -108,7 +104,6 @@ pub struct PlannedBaseline {
     pub(crate) measured_with: MeasuredWith,
 }
 
-/// All planned runs and baselines of an experiment.
 #[derive(Debug)]
 pub struct Experiment {
     pub baselines: Vec<PlannedBaseline>,
@@ -127,9 +122,8 @@ pub struct Knowledge<'a> {
 impl Experiment {
     /// Reads a file and checks all of it. A run that is listed twice is planned once. So is a controller on a scenario.
     pub fn read(path: &Path, knowledge: &Knowledge) -> Result<Experiment> {
-        let failed = || format!("{}: cannot be read", path.display());
-        let text = read_text(path, LARGEST_FILE).with_context(failed)?;
         let shown = path.display();
+        let text = read_text(path, LARGEST_FILE).with_context(|| format!("{shown}: cannot be read"))?;
         let is_config = toml::from_str::<RunConfig>(&text).is_ok_and(|config| config.domain.is_some());
         ensure!(!is_config, "{shown}: is a config, not an experiment file; use: dials-traffic train {}", quoted(path));
         let file: ExperimentFile = toml::from_str(&text)
@@ -141,38 +135,36 @@ impl Experiment {
         let folder = path.parent().unwrap_or(Path::new(""));
         let mut experiment =
             Experiment { baselines: Vec::new(), runs: Vec::new(), all_cores_from_agents: file.all_cores_from_agents };
-        ensure!(!file.grid.is_empty(), "{}: has no [[grid]], and so no runs", path.display());
-        let listed = file.grid.iter().map(|grid| grid.combinations(&file)).fold(0, usize::saturating_add);
+        ensure!(!file.grid.is_empty(), "{shown}: has no [[grid]], and so no runs");
+        let listed = file.grid.iter().map(|grid| grid.count(&file)).fold(0, usize::saturating_add);
         ensure!(
             listed <= MOST_RUNS,
-            "{}: lists {listed} runs, but at most {MOST_RUNS} are allowed; split it into several experiments",
-            path.display()
+            "{shown}: lists {listed} runs, but at most {MOST_RUNS} are allowed; split it into several experiments"
         );
         let mut names: BTreeMap<String, PathBuf> = BTreeMap::new();
         for grid in &file.grid {
-            ensure!(!grid.configs.is_empty(), "{}: a [[grid]] without configs has no runs", path.display());
+            ensure!(!grid.configs.is_empty(), "{shown}: a [[grid]] without configs has no runs");
             let seeds = grid.seeds.as_ref().unwrap_or(&file.seeds);
             ensure!(
                 !seeds.is_empty(),
-                "{}: a [[grid]] without seeds has no runs; add `seeds = [1]` to it, or before the first [[grid]] for all",
-                path.display()
+                "{shown}: a [[grid]] without seeds has no runs; add `seeds = [1]` to it, or before the first [[grid]] for all"
             );
             ensure!(
                 grid.retrain_every_steps.is_empty()
                     || grid.simulators.is_empty()
                     || grid.simulators.iter().any(|kind| kind.trains_predictors()),
-                "{}: retrain_every_steps: no simulator of its [[grid]] trains AIPs; leave it out",
-                path.display()
+                "{shown}: retrain_every_steps: no simulator of its [[grid]] trains AIPs; leave it out"
             );
             for config in &grid.configs {
                 let config_path = folder.join(config);
-                let name = name_of(&config_path, &mut names).with_context(|| path.display().to_string())?;
-                for run in combinations(&file, grid, &config_path, &name) {
-                    experiment.add_run(run, knowledge).with_context(|| format!("{}: planned run", path.display()))?;
+                let name = name_of(&config_path, &mut names).with_context(|| shown.to_string())?;
+                for run in grid.combinations(seeds) {
+                    let added = experiment.add_run(&file, grid, &config_path, &name, run, knowledge);
+                    added.with_context(|| format!("{shown}: planned run"))?;
                 }
             }
         }
-        experiment.add_baselines(&file, knowledge).with_context(|| format!("{}: controllers", path.display()))?;
+        experiment.add_baselines(&file, knowledge).with_context(|| format!("{shown}: controllers"))?;
         Ok(experiment)
     }
 
@@ -208,9 +200,20 @@ impl Experiment {
         Ok(())
     }
 
-    fn add_run(&mut self, combination: Combination, knowledge: &Knowledge) -> Result<()> {
-        let Combination { config_path, config_name, settings, every, words, seed } = combination;
-        let config = crate::config::load(&config_path, &settings)?;
+    fn add_run(
+        &mut self,
+        file: &ExperimentFile,
+        grid: &RunGrid,
+        config_path: &Path,
+        config_name: &str,
+        (simulator, every, seed): Combination,
+        knowledge: &Knowledge,
+    ) -> Result<()> {
+        let mut settings: Vec<String> = file.set.iter().chain(&grid.set).cloned().collect();
+        settings.extend(simulator.map(|kind| format!("simulator={}", kind.name)));
+        settings.extend(every.map(|every| format!("aip.retrain_every_steps={every}")));
+        settings.push(format!("seed={seed}"));
+        let config = crate::config::load(config_path, &settings)?;
         let (scenario, rough_costs) = (knowledge.simulated)(&config)?;
         let retraining = Method::of(&config, &scenario).retraining;
         ensure!(
@@ -220,7 +223,10 @@ impl Experiment {
             config.learning.short_form().name,
             toml::Value::try_from(config.learning.aip.retrain)?.as_str().unwrap_or_default()
         );
-        let name = FileName::new(format!("{config_name}-{}{words}-seed{seed}", config.learning.short_form().name))?;
+        let mut name = format!("{config_name}-{}", config.learning.short_form().name);
+        name.extend(every.map(|every| format!("-F{}", grid.text_of(every))));
+        name.extend(grid.name.iter().map(|name| format!("-{name}")));
+        let name = FileName::new(format!("{name}-seed{seed}"))?;
         // Two combinations give the same run if F is the config's own, or if grids overlap.
         if self.runs.iter().any(|run| run.config_path == config_path && run.config == config) {
             return Ok(());
@@ -229,17 +235,32 @@ impl Experiment {
             self.runs.iter().all(|run| run.name != name),
             "two runs would be called {name}: give a [[grid]] a `name` of its own"
         );
+        let config_path = config_path.to_owned();
         self.runs.push(PlannedRun { name, config_path, settings, config, scenario, rough_costs });
         Ok(())
     }
 }
 
 impl RunGrid {
-    /// Returns the number of its combinations, counted as if every simulator had every F.
-    fn combinations(&self, file: &ExperimentFile) -> usize {
+    /// Returns the number of its runs, counted as if every simulator had every F.
+    fn count(&self, file: &ExperimentFile) -> usize {
         let seeds = self.seeds.as_ref().unwrap_or(&file.seeds).len();
         let factors = [self.configs.len(), self.simulators.len().max(1), self.retrain_every_steps.len().max(1), seeds];
         factors.into_iter().fold(1, usize::saturating_mul)
+    }
+
+    fn combinations(&self, seeds: &[u64]) -> Vec<Combination> {
+        fn one_of<T: Copy>(listed: &[T]) -> Vec<Option<T>> {
+            if listed.is_empty() { vec![None] } else { listed.iter().copied().map(Some).collect() }
+        }
+        let mut combinations = Vec::new();
+        for simulator in one_of(&self.simulators) {
+            let trained = simulator.is_none_or(|kind| kind.trains_predictors());
+            for every in one_of(if trained { &self.retrain_every_steps[..] } else { &[] }) {
+                combinations.extend(seeds.iter().map(|&seed| (simulator, every, seed)));
+            }
+        }
+        combinations
     }
 
     /// Writes an F of this grid: rounded, unless another one rounds to the same.
@@ -250,41 +271,8 @@ impl RunGrid {
     }
 }
 
-struct Combination {
-    config_path: PathBuf,
-    /// What its config is called.
-    config_name: String,
-    settings: Vec<String>,
-    /// F, if the grid lists it.
-    every: Option<u64>,
-    /// Words between simulator and seed in the name.
-    words: String,
-    seed: u64,
-}
-
-fn combinations(file: &ExperimentFile, grid: &RunGrid, config_path: &Path, name: &str) -> Vec<Combination> {
-    /// Returns one `None` for an empty list: the config decides.
-    fn one_of<T: Copy>(listed: &[T]) -> Vec<Option<T>> {
-        if listed.is_empty() { vec![None] } else { listed.iter().copied().map(Some).collect() }
-    }
-    let mut combinations = Vec::new();
-    for kind in one_of(&grid.simulators) {
-        let trained = kind.is_none_or(|kind: ShortForm| kind.trains_predictors());
-        for every in one_of(if trained { &grid.retrain_every_steps[..] } else { &[] }) {
-            for &seed in grid.seeds.as_ref().unwrap_or(&file.seeds) {
-                let mut settings: Vec<String> = file.set.iter().chain(&grid.set).cloned().collect();
-                settings.extend(kind.map(|kind| format!("simulator={}", kind.name)));
-                settings.extend(every.map(|every| format!("aip.retrain_every_steps={every}")));
-                settings.push(format!("seed={seed}"));
-                let mut words = every.map_or(String::new(), |every| format!("-F{}", grid.text_of(every)));
-                words.extend(grid.name.iter().map(|name| format!("-{name}")));
-                let (config_path, config_name) = (config_path.to_owned(), name.to_owned());
-                combinations.push(Combination { config_path, config_name, settings, every, words, seed });
-            }
-        }
-    }
-    combinations
-}
+/// Simulator, F and seed of a run. `None`: the config decides.
+type Combination = (Option<ShortForm>, Option<u64>, u64);
 
 /// Returns what a config is called in the names of runs: its file, or `FOLDER-FILE` if the experiment has another config of
 /// that file name before it. `names`: those given so far.
@@ -305,8 +293,34 @@ fn stem(path: &Path) -> String {
 }
 
 #[cfg(test)]
-mod tests {
+pub(super) mod tests {
     use super::*;
+
+    /// Returns a planned run called `a run`.
+    pub(crate) fn planned(config: RunConfig, scenario: Scenario) -> PlannedRun {
+        PlannedRun {
+            name: FileName::new("a run").unwrap(),
+            config_path: PathBuf::new(),
+            settings: Vec::new(),
+            config,
+            scenario,
+            rough_costs: RoughCosts { evaluation_s: 1e-3, process_mb: 120.0, agent_mb: 8.0, ..RoughCosts::default() },
+        }
+    }
+
+    /// Returns a controller that is planned on the scenario of a run.
+    pub(crate) fn planned_baseline(run: &PlannedRun, episodes: usize) -> PlannedBaseline {
+        PlannedBaseline {
+            name: FileName::new("small-random").unwrap(),
+            config: run.config.clone(),
+            scenario: run.scenario.id.word(),
+            controller: "random".to_owned(),
+            episodes,
+            agents: run.agents(),
+            rough_costs: run.rough_costs,
+            measured_with: MeasuredWith::default(),
+        }
+    }
 
     const CONFIG: &str = "[warehouse]\nagents_per_side = 2\n";
 
@@ -355,12 +369,6 @@ mod tests {
     }
 
     #[test]
-    fn a_config_is_told_from_an_experiment() {
-        let error = read(CONFIG).unwrap_err().to_string();
-        assert!(error.contains("e.toml: is a config, not an experiment file; use: dials-traffic train"), "{error}");
-    }
-
-    #[test]
     fn a_run_that_two_grids_share_is_made_once() {
         // 1000000 is the default of the config.
         let text = "seeds = [1]\n[[grid]]\nconfigs = ['small.toml']\n\
@@ -385,7 +393,7 @@ mod tests {
     }
 
     #[test]
-    fn configs_of_one_file_name_are_told_apart_by_their_folders() {
+    fn configs_of_one_file_name_are_named_with_their_folders() {
         let text = "seeds = [1]\n[[grid]]\nconfigs = ['small.toml', 'paper/small.toml']\n\
                     [[grid]]\nconfigs = ['paper/small.toml']\nsimulators = ['gs']";
         assert_eq!(names(text), ["small-dials-seed1", "paper-small-dials-seed1", "paper-small-gs-seed1"]);
@@ -395,49 +403,64 @@ mod tests {
 
     #[test]
     fn bad_input_names_the_file_and_what_is_wrong() {
-        for (text, told) in [
-            ("seeds = [1]\ngrid = []", "has no [[grid]]"),
-            ("[[grid]]\nconfigs = ['small.toml']", "a [[grid]] without seeds has no runs; add `seeds = [1]`"),
-            ("seeds = [1]\n[[grid]]\nconfigs = []", "without configs"),
-            ("seeds = [1]\n[[grid]]\nconfigs = ['no.toml']", "no.toml: cannot be read"),
-            ("seeds = [1]\nseed = 2\n[[grid]]\nconfigs = ['small.toml']", "unknown field `seed`"),
-            ("seeds = [1]\n[[grid]]\nconfigs = ['small.toml']\nset = ['ppo.klip=1']", "unknown field `klip`"),
+        let assert_message = |text: &str, message: &str| {
+            let error = format!("{:#}", read(text).unwrap_err());
+            assert!(error.contains("e.toml") && error.contains(message), "{error}");
+        };
+        assert_message(CONFIG, "e.toml: is a config, not an experiment file; use: dials-traffic train");
+        assert_message("seeds = [1]\ngrid = []", "has no [[grid]]");
+        assert_message("seeds = [1]\n[[grid]]\nconfigs = []", "without configs");
+        assert_message("seeds = [1]\n[[grid]]\nconfigs = ['no.toml']", "no.toml: cannot be read");
+        let many: Vec<String> = (0..2000).map(|number| number.to_string()).collect();
+        let many = format!("[{}]", many.join(","));
+        let long = format!("name = '{}'", "x".repeat(190));
+        let long_controller = format!("seeds = [1]\ncontrollers = ['fixed-time:file={}']", "x".repeat(190));
+        // What stands before a grid, what stands in it, and the message.
+        for (before, within, message) in [
+            ("", "", "a [[grid]] without seeds has no runs; add `seeds = [1]`"),
+            ("seeds = []", "", "without seeds"),
+            ("seeds = [1]", "seeds = []", "without seeds"),
+            ("seeds = [1]\nseed = 2", "", "unknown field `seed`"),
+            ("seeds = [1]", "set = ['ppo.klip=1']", "unknown field `klip`"),
+            ("seeds = [1]", "simulators = ['ials']", "`ials` is no allowed value; allowed: "),
+            ("seeds = [1]\ncontroller_episodes = 0", "", "e.toml: controller_episodes = 0: must be from 1 to 100000"),
             (
-                "seeds = [1]\n[[grid]]\nconfigs = ['small.toml']\nsimulators = ['ials']",
-                "`ials` is no allowed value; allowed: ",
-            ),
-            (
-                "seeds = [1]\ncontroller_episodes = 0\n[[grid]]\nconfigs = ['small.toml']",
-                "e.toml: controller_episodes = 0: must be from 1 to 100000",
-            ),
-            (
-                "seeds = [1]\ncontroller_episodes = 100001\n[[grid]]\nconfigs = ['small.toml']",
+                "seeds = [1]\ncontroller_episodes = 100001",
+                "",
                 "e.toml: controller_episodes = 100001: must be from 1 to 100000",
             ),
-            ("seeds = []\n[[grid]]\nconfigs = ['small.toml']", "without seeds"),
-            ("seeds = [1]\n[[grid]]\nconfigs = ['small.toml']\nseeds = []", "without seeds"),
             (
-                "seeds = [1]\n[[grid]]\nconfigs = ['small.toml']\nname = '/../../../X'",
+                "seeds = [1]",
+                "name = '/../../../X'",
                 "`/../../../X` cannot be the name of a file or a directory: it contains `/`",
             ),
-            ("seeds = [1]\n[[grid]]\nconfigs = ['small.toml']\nname = \"\\u001b[31m\"", "it contains a character that"),
-            ("seeds = [1]\n[[grid]]\nconfigs = ['small.toml']\nname = '..'", "it begins with `.`"),
+            ("seeds = [1]", "name = \"\\u001b[31m\"", "it contains a character that"),
+            ("seeds = [1]", "name = '..'", "it begins with `.`"),
+            ("seeds = [1]", &long, "bytes, and at most 200 are allowed"),
+            (&long_controller, "", "bytes, and at most 200 are allowed"),
             (
-                "seeds = [1]\ncontrollers = ['nobody']\n[[grid]]\nconfigs = ['small.toml']",
-                "controller `nobody`: unknown",
+                "seeds = [1]\ncontrollers = [\"fixed-time:file=\\u0007\"]",
+                "",
+                "e.toml: controllers: `small-fixed-time:file=\\u{7}` cannot be the name of a file",
             ),
+            ("seeds = [1]\ncontrollers = ['nobody']", "", "controller `nobody`: unknown"),
             (
-                "seeds = [1]\n[[grid]]\nconfigs = ['small.toml']\nset = ['aip.retrain=once']\n\
-                 retrain_every_steps = [100000, 500000]",
+                "seeds = [1]",
+                "set = ['aip.retrain=once']\nretrain_every_steps = [100000, 500000]",
                 "retrain_every_steps: has no effect with simulator = dials and aip.retrain = once",
             ),
             (
-                "seeds = [1]\n[[grid]]\nconfigs = ['small.toml']\nset = ['simulator=gs']\nretrain_every_steps = [100000]",
+                "seeds = [1]",
+                "set = ['simulator=gs']\nretrain_every_steps = [100000]",
                 "retrain_every_steps: has no effect with simulator = gs",
             ),
+            (
+                &format!("seeds = {many}"),
+                &format!("retrain_every_steps = {many}"),
+                "e.toml: lists 4000000 runs, but at most 10000 are allowed",
+            ),
         ] {
-            let error = format!("{:#}", read(text).unwrap_err());
-            assert!(error.contains("e.toml") && error.contains(told), "{error}");
+            assert_message(&format!("{before}\n[[grid]]\nconfigs = ['small.toml']\n{within}"), message);
         }
     }
 
@@ -473,30 +496,5 @@ mod tests {
             ]
         );
         assert_eq!(experiment.runs.len(), 4);
-    }
-
-    #[test]
-    fn no_name_of_an_experiment_leaves_its_folder_or_is_too_long_for_it() {
-        let grid = "[[grid]]\nconfigs = ['small.toml']\n";
-        let error = |text: &str| format!("{:#}", read(text).unwrap_err());
-        let long = "x".repeat(190);
-        assert!(error(&format!("seeds = [1]\n{grid}name = '{long}'")).contains("bytes, and at most 200 are allowed"));
-        let long = format!("fixed-time:file={long}");
-        let long = error(&format!("seeds = [1]\ncontrollers = ['{long}']\n{grid}"));
-        assert!(
-            long.contains("e.toml: controllers: `small-fixed-time:file=xxx") && long.contains("at most 200"),
-            "{long}"
-        );
-        let bell = error(&format!("seeds = [1]\ncontrollers = [\"fixed-time:file=\\u0007\"]\n{grid}"));
-        assert!(bell.contains("fixed-time:file=\\u{7}` cannot be the name of a file"), "{bell}");
-    }
-
-    #[test]
-    fn a_file_that_lists_more_runs_than_anybody_makes_is_refused_before_any_is_planned() {
-        let many: Vec<String> = (0..2000).map(|number| number.to_string()).collect();
-        let many = many.join(",");
-        let text = format!("seeds = [{many}]\n[[grid]]\nconfigs = ['small.toml']\nretrain_every_steps = [{many}]");
-        let error = read(&text).unwrap_err().to_string();
-        assert!(error.contains("e.toml: lists 4000000 runs, but at most 10000 are allowed"), "{error}");
     }
 }

@@ -1,5 +1,4 @@
-//! Experiments: a grid of runs (scenario x simulator x F x seed x settings), described in one file. F is the number of
-//! steps between two trainings of the AIPs (approximate influence predictors).
+//! Experiments: a grid of runs (scenario x simulator x F x seed x settings), described in one file.
 //!
 //! - [`mod@file`]: the TOML file and the runs that it plans.
 //! - [`progress`]: which of them are done. Only the run directories record this, so a killed experiment loses nothing.

@@ -8,8 +8,7 @@ use super::file::{PlannedBaseline, PlannedRun};
 use crate::records::checkpoint::owner::NotOfThisRun;
 use crate::records::files::{CONFIG, is_run_dir};
 use crate::records::find::{BaselineRecord, MeasuredWith, baseline_file, read_baseline};
-use crate::records::method::Method;
-use crate::records::method::differing;
+use crate::records::method::{Method, differing};
 use crate::records::run_json::RunJson;
 use crate::records::run_record::{RunRecord, Status};
 use dials_core::outside::{Directory, Printable, quoted};
@@ -17,7 +16,6 @@ use dials_core::outside::{Directory, Printable, quoted};
 /// Progress of a planned run or baseline.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Stage {
-    /// There is no directory.
     New,
     /// There is a directory, to be resumed. `steps`: timesteps of the last evaluation.
     Begun {
@@ -58,7 +56,6 @@ impl Stage {
     }
 }
 
-/// Returns the directory of a planned run.
 pub fn directory(folder: &Path, run: &PlannedRun) -> PathBuf {
     folder.join(&run.name)
 }
@@ -150,74 +147,51 @@ fn difference(dir: &Path, planned: &PlannedRun) -> Result<Option<String>> {
     let planned_keys = Method::of(&planned.config, &planned.scenario).keys;
     let (keys, planned_scenario, planned) = (Method::of(&there, &scenario).keys, &planned.scenario, &planned.config);
     let value = |value: Option<String>| value.unwrap_or("nothing".to_owned());
-    let loss_episodes = |config: &crate::config::RunConfig| config.learning.evaluation.aip_loss_episodes;
-    Ok(match differing(&keys, &planned_keys).into_iter().next() {
-        Some((key, [a, b])) => Some(format!("{key}: {} there, {} planned", value(a), value(b))),
-        None if there.learning.last_step() != planned.learning.last_step() => {
-            Some(format!("steps: {} there, {} planned", there.learning.last_step(), planned.learning.last_step()))
-        }
-        // This is no key of the method, because it moves no policy. But what it measures would be missing.
-        None if planned.learning.measures_aips() && loss_episodes(&there) != loss_episodes(planned) => Some(format!(
-            "evaluation.aip_loss_episodes: {} there, {} planned",
-            loss_episodes(&there),
-            loss_episodes(planned)
-        )),
-        None if there.learning.seed != planned.learning.seed => {
-            Some(format!("seed: {} there, {} planned", there.learning.seed, planned.learning.seed))
-        }
-        None if scenario.id != planned_scenario.id => {
-            Some(format!("scenario: {} there, {} planned", scenario.id.word(), planned_scenario.id.word()))
-        }
-        None => None,
-    })
+    if let Some((key, [a, b])) = differing(&keys, &planned_keys).into_iter().next() {
+        return Ok(Some(format!("{key}: {} there, {} planned", value(a), value(b))));
+    }
+    let both = [&there, planned].map(|config| &config.learning);
+    // This is no key of the method, because it moves no policy. But what it measures would be missing.
+    let aip_loss_episodes = if planned.learning.measures_aips() {
+        both.map(|config| config.evaluation.aip_loss_episodes as u64)
+    } else {
+        [0; 2]
+    };
+    let others = [
+        ("steps", both.map(|config| config.last_step())),
+        ("evaluation.aip_loss_episodes", aip_loss_episodes),
+        ("seed", both.map(|config| config.seed)),
+    ];
+    if let Some((key, [a, b])) = others.into_iter().find(|(_, [a, b])| a != b) {
+        return Ok(Some(format!("{key}: {a} there, {b} planned")));
+    }
+    let is_other = scenario.id != planned_scenario.id;
+    let [a, b] = [&scenario, planned_scenario].map(|scenario| scenario.id.word());
+    Ok(is_other.then(|| format!("scenario: {a} there, {b} planned")))
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
     use crate::config::{RunConfig, to_toml};
-    use crate::records::files::{EPISODES, NETWORKS, RETURNS, TIMING};
-    use crate::records::run_json::Kept;
-    use dials_core::domain::{RoughCosts, Scenario};
-    use dials_core::outside::FileName;
+use crate::experiment::file;
+use crate::records::files::{NETWORKS, RETURNS};
+use crate::records::run_json::Kept;
+use dials_core::domain::Scenario;
     use dials_learn::config::Simulator;
 
     const FIRST: &str = "0,all,1,1,0,1\n0,0,1,1,0,1\n0,1,1,1,0,1\n0,2,1,1,0,1\n0,3,1,1,0,1\n";
     const RETURNS_HEADER: &str = "steps,agent,mean,median,std_error,episodes\n";
-    const TIMES: &str = "steps,worker,elapsed_s,cpu_s,cpu_evaluation_s\n1000,all,3,3,1\n1000,all,4,4,1\n";
-    const TWO_EPISODES: &str = "steps,episode,return\n0,0,1\n1000,0,1\n";
 
     /// Returns a planned run of 1000 timesteps with four agents, in the folder of a run whose files it is compared with.
     fn planned(folder: &Path) -> PlannedRun {
         let text = "total_steps = 1000\n[warehouse]\nagents_per_side = 2\n[evaluation]\nfinal_episodes = 1\n";
         let config: RunConfig = toml::from_str(text).unwrap();
-        let scenario = Scenario::new("warehouse", 4, 10);
-        let run = PlannedRun {
-            name: FileName::new("a run").unwrap(),
-            config_path: PathBuf::new(),
-            settings: Vec::new(),
-            config,
-            scenario,
-            rough_costs: RoughCosts::default(),
-        };
+        let run = file::tests::planned(config, Scenario::new("warehouse", 4, 10));
         std::fs::create_dir(directory(folder, &run)).unwrap();
         write(folder, &run, CONFIG, &to_toml(&run.config).unwrap());
         describe(folder, &run, Kept::default());
         run
-    }
-
-    /// Returns a controller that is planned on the scenario of a run, for one episode.
-    fn planned_baseline(run: &PlannedRun) -> PlannedBaseline {
-        PlannedBaseline {
-            name: FileName::new("small-random").unwrap(),
-            config: run.config.clone(),
-            scenario: run.scenario.id.word(),
-            controller: "random".to_owned(),
-            episodes: 1,
-            agents: 4,
-            rough_costs: RoughCosts::default(),
-            measured_with: MeasuredWith::default(),
-        }
     }
 
     fn describe(folder: &Path, run: &PlannedRun, kept: Kept) {
@@ -250,24 +224,6 @@ mod tests {
     }
 
     #[test]
-    fn a_run_is_finished_when_its_last_lines_are_there() {
-        let folder = tempfile::tempdir().unwrap();
-        let run = planned(folder.path());
-        let last = FIRST.replace("0,", "1000,").replace("1,1,1000,", "1,1,0,");
-        write(folder.path(), &run, RETURNS, &format!("{RETURNS_HEADER}{FIRST}{last}"));
-        let stage_with = |episodes: &str, times: &str| {
-            write(folder.path(), &run, EPISODES, episodes);
-            write(folder.path(), &run, TIMING, times);
-            stage(folder.path(), &run).unwrap()
-        };
-        assert_eq!(stage_with(TWO_EPISODES, TIMES), Stage::Finished);
-        let without_last = TWO_EPISODES.trim_end_matches("1000,0,1\n");
-        assert_eq!(stage_with(without_last, TIMES), Stage::Begun { steps: 0 });
-        let begun = Stage::Begun { steps: 1000 };
-        assert_eq!(stage_with(TWO_EPISODES, TIMES.trim_end_matches("1000,all,4,4,1\n")), begun);
-    }
-
-    #[test]
     fn a_run_that_did_not_measure_what_is_planned_now_is_another_one() {
         let folder = tempfile::tempdir().unwrap();
         let mut run = planned(folder.path());
@@ -283,46 +239,22 @@ mod tests {
 
     #[test]
     fn a_baseline_is_outdated_when_its_controllers_file_or_sumo_is_another_one() {
-        let folder = tempfile::tempdir().unwrap();
-        let run = planned(folder.path());
         let with = |file: Option<&str>, sumo: Option<&str>| {
             let [controller_file_crc32, sumo_version] = [file, sumo].map(|text| text.map(str::to_owned));
             MeasuredWith { controller_file_crc32, sumo_version }
         };
-        let mut baseline = planned_baseline(&run);
-        let path = baseline_file(folder.path(), &baseline.name);
-        std::fs::create_dir(path.parent().unwrap()).unwrap();
-        let mut stage_of = |then: MeasuredWith, now: MeasuredWith| {
-            let mut record = serde_json::json!({
-                "scenario": baseline.scenario, "controller": baseline.controller, "mean_return": 1.0, "std_error": 0.0,
-                "episodes": 1, "seed": baseline.config.learning.evaluation.seed, "episode_returns": [1.0],
-            });
-            if let Some(checksum) = then.controller_file_crc32 {
-                record["controller_file_crc32"] = checksum.into();
-            }
-            if let Some(version) = then.sumo_version {
-                record["sumo_version"] = version.into();
-            }
-            std::fs::write(&path, record.to_string()).unwrap();
-            baseline.measured_with = now;
-            stage_of_baseline(folder.path(), &baseline).unwrap()
-        };
         let (a, b, old, new) = (Some("a"), Some("b"), Some("SUMO 1.15.0"), Some("SUMO 1.16.0"));
-        for (then, now) in [
-            (with(None, None), with(None, None)),
-            (with(a, new), with(a, new)),
-            (with(None, None), with(None, new)),
-            (with(None, old), with(None, None)),
+        for (then, now, same) in [
+            (with(None, None), with(None, None), true),
+            (with(a, new), with(a, new), true),
+            (with(None, None), with(None, new), true),
+            (with(None, old), with(None, None), true),
+            (with(a, new), with(b, new), false),
+            (with(None, new), with(a, new), false),
+            (with(a, new), with(None, new), false),
+            (with(None, old), with(None, new), false),
         ] {
-            assert_eq!(stage_of(then.clone(), now.clone()), Stage::Finished, "{then:?}, {now:?}");
-        }
-        for (then, now) in [
-            (with(a, new), with(b, new)),
-            (with(None, new), with(a, new)),
-            (with(a, new), with(None, new)),
-            (with(None, old), with(None, new)),
-        ] {
-            assert_eq!(stage_of(then.clone(), now.clone()), Stage::Outdated, "{then:?}, {now:?}");
+            assert_eq!(is_measured_with(&then, &now), same, "{then:?}, {now:?}");
         }
     }
 
@@ -330,7 +262,7 @@ mod tests {
     fn a_measurement_of_another_experiment_is_not_overwritten() {
         let folder = tempfile::tempdir().unwrap();
         let run = planned(folder.path());
-        let mut baseline = planned_baseline(&run);
+        let mut baseline = file::tests::planned_baseline(&run, 1);
         let path = baseline_file(folder.path(), &baseline.name);
         std::fs::create_dir(path.parent().unwrap()).unwrap();
         let record = serde_json::json!({
@@ -341,21 +273,9 @@ mod tests {
         assert_eq!(stage_of_baseline(folder.path(), &baseline).unwrap(), Stage::Finished);
         baseline.scenario = "warehouse_9".to_owned();
         let error = stage_of_baseline(folder.path(), &baseline).unwrap_err().to_string();
-        let told = format!(
-            "holds another measurement than planned (scenario: {} there, warehouse_9 planned)",
-            run.scenario.id.word()
-        );
-        assert!(error.contains(&told), "{error}");
-    }
-
-    #[test]
-    fn a_run_that_cannot_be_read_has_a_command_to_try() {
-        let folder = tempfile::tempdir().unwrap();
-        let run = planned(folder.path());
-        write(folder.path(), &run, RETURNS, &format!("{RETURNS_HEADER}{FIRST}{FIRST}"));
-        let Stage::Unreadable { why } = stage(folder.path(), &run).unwrap() else { panic!("it was read") };
-        let command = format!("; try: dials-traffic train --resume '{}/a run'; if", folder.path().display());
-        assert!(why.contains("not later than 0 before it") && why.contains(&command), "{why}");
+        let there = run.scenario.id.word();
+        let message = format!("holds another measurement than planned (scenario: {there} there, warehouse_9 planned)");
+        assert!(error.contains(&message), "{error}");
     }
 
     #[test]

@@ -1,7 +1,7 @@
 //! Schedule of runs on the cores: in the order of the plan, each run starts as soon as enough cores are free.
 
 /// Returns the number of cores for a run. Small runs take one core each and run side by side; large ones take all
-/// cores. Training on the GS (global simulator) always takes one core: more would share only the updates.
+/// cores. Training on the GS always takes one core: more would share only the updates.
 pub fn width(agents: usize, on_the_gs: bool, all_cores_from_agents: usize, cores: usize) -> usize {
     if on_the_gs || agents < all_cores_from_agents { 1 } else { cores }
 }
@@ -33,7 +33,6 @@ impl Cores {
     }
 }
 
-/// A run in a schedule.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Job {
     pub width: usize,
@@ -41,7 +40,6 @@ pub struct Job {
     pub memory_mb: f64,
 }
 
-/// Duration and memory of a whole schedule.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Total {
     pub seconds: f64,

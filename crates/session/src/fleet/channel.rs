@@ -15,8 +15,6 @@ const LONGEST: u64 = 1 << 36;
 /// Length of a header: magic, protocol and the length of the message.
 const HEADER: usize = 14;
 
-type Header = [u8; HEADER];
-
 /// Encodes a message with its header. The frame can be sent any number of times.
 pub fn encode<T: Serialize>(message: &T) -> Result<Vec<u8>> {
     let mut frame = Vec::new();
@@ -35,24 +33,33 @@ pub(super) fn send<T: Serialize>(stream: &mut impl Write, message: &T) -> Result
 
 /// Reads the next message. If the other side has closed the stream: `None`.
 pub fn receive<T: DeserializeOwned>(stream: &mut impl Read) -> Result<Option<T>> {
-    let Some((_, length)) = receive_header(stream)? else { return Ok(None) };
-    let mut payload = Vec::new();
-    receive_payload(stream, length, &mut payload)?;
-    Ok(Some(decoded(&payload)?))
+    receive_frame(stream)?.map(|frame| decode(&frame)).transpose()
 }
 
-fn receive_header(stream: &mut impl Read) -> Result<Option<(Header, u64)>> {
+/// Reads the next message like [`receive`], but leaves it encoded, with its header.
+pub(super) fn receive_frame(stream: &mut impl Read) -> Result<Option<Vec<u8>>> {
     let mut header = [0; HEADER];
     match stream.read_exact(&mut header) {
         Err(error) if matches!(error.kind(), ErrorKind::UnexpectedEof | ErrorKind::ConnectionReset) => return Ok(None),
         outcome => outcome?,
     }
     let length = length_in(header)?;
-    Ok(Some((header, length)))
+    let mut frame = header.to_vec();
+    let read = stream.take(length).read_to_end(&mut frame)?;
+    ensure!(read as u64 == length, "a message ended after {read} of {length} bytes");
+    Ok(Some(frame))
+}
+
+/// Decodes a whole message with its header.
+pub(super) fn decode<T: DeserializeOwned>(frame: &[u8]) -> Result<T> {
+    let (header, payload) = frame.split_first_chunk().context("a message ended within its header")?;
+    let length = length_in(*header)?;
+    ensure!(payload.len() as u64 == length, "a message ended after {} of {length} bytes", payload.len());
+    postcard::from_bytes(payload).context("a message cannot be decoded")
 }
 
 /// Returns the length of the message that follows a header.
-fn length_in(header: Header) -> Result<u64> {
+fn length_in(header: [u8; HEADER]) -> Result<u64> {
     let (magic, rest) = header.split_at(4);
     let (protocol, length) = rest.split_at(2);
     ensure!(magic == MAGIC, "the channel received data that is not one of our messages");
@@ -67,34 +74,6 @@ fn length_in(header: Header) -> Result<u64> {
     Ok(length)
 }
 
-/// Appends a message of this length to `bytes`.
-fn receive_payload(stream: &mut impl Read, length: u64, bytes: &mut Vec<u8>) -> Result<()> {
-    let read = stream.take(length).read_to_end(bytes)?;
-    ensure!(read as u64 == length, "a message ended after {read} of {length} bytes");
-    Ok(())
-}
-
-fn decoded<T: DeserializeOwned>(payload: &[u8]) -> Result<T> {
-    postcard::from_bytes(payload).context("a message cannot be decoded")
-}
-
-/// Reads the next message like [`receive`], but leaves it encoded, with its header.
-#[cfg(feature = "mpi")]
-pub(super) fn receive_frame(stream: &mut impl Read) -> Result<Option<Vec<u8>>> {
-    let Some((header, length)) = receive_header(stream)? else { return Ok(None) };
-    let mut frame = header.to_vec();
-    receive_payload(stream, length, &mut frame)?;
-    Ok(Some(frame))
-}
-
-/// Decodes a whole message with its header.
-pub(super) fn decode<T: DeserializeOwned>(frame: &[u8]) -> Result<T> {
-    let (header, payload) = frame.split_first_chunk().context("a message ended within its header")?;
-    let length = length_in(*header)?;
-    ensure!(payload.len() as u64 == length, "a message ended after {} of {length} bytes", payload.len());
-    decoded(payload)
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -104,33 +83,24 @@ mod tests {
     }
 
     #[test]
-    fn messages_come_back_one_by_one_and_then_nothing() {
+    fn messages_come_back_one_by_one_and_stay_the_same_where_they_are_passed_on_unread() {
         let mut stream = Vec::new();
         send(&mut stream, &vec![1_u32, 2, 3]).unwrap();
+        let first = stream.clone();
         send(&mut stream, &Vec::<u32>::new()).unwrap();
+        send(&mut stream, &vec![1_u32, 2, 3]).unwrap();
         let mut reader = &stream[..];
         assert_eq!(receive::<Vec<u32>>(&mut reader).unwrap(), Some(vec![1, 2, 3]));
         assert_eq!(receive::<Vec<u32>>(&mut reader).unwrap(), Some(vec![]));
+        assert_eq!(receive_frame(&mut reader).unwrap().as_ref(), Some(&first));
         assert_eq!(receive::<Vec<u32>>(&mut reader).unwrap(), None);
-    }
-
-    #[cfg(feature = "mpi")]
-    #[test]
-    fn a_message_that_is_passed_on_unread_stays_the_same() {
-        let frame = encode(&vec![1_u32, 2, 3]).unwrap();
-        let mut stream = &[&frame[..], &frame].concat()[..];
-        let passed_on = receive_frame(&mut stream).unwrap().unwrap();
-        assert_eq!(passed_on, frame);
-        assert_eq!(decode::<Vec<u32>>(&passed_on).unwrap(), [1, 2, 3]);
-        assert_eq!(receive::<Vec<u32>>(&mut stream).unwrap(), Some(vec![1, 2, 3]));
-        assert!(receive_frame(&mut stream).unwrap().is_none());
-        for cut in [3, frame.len() - 1] {
-            assert!(decode::<Vec<u32>>(&frame[..cut]).unwrap_err().to_string().contains("a message ended"));
+        for cut in [3, first.len() - 1] {
+            assert!(decode::<Vec<u32>>(&first[..cut]).unwrap_err().to_string().contains("a message ended"));
         }
     }
 
     #[test]
-    fn other_versions_strangers_and_torn_messages_are_told_apart() {
+    fn other_versions_strangers_and_torn_messages_have_errors_of_their_own() {
         let frame = encode(&vec![1_u32, 2, 3]).unwrap();
         let mut newer = frame.clone();
         newer[4] = 9;

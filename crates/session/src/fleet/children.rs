@@ -9,17 +9,16 @@ use std::net::Shutdown;
 use std::os::fd::{AsFd, OwnedFd};
 use std::os::unix::net::UnixStream;
 use std::os::unix::process::{CommandExt, ExitStatusExt};
-use std::path::PathBuf;
+use std::path::Path;
 use std::process::{Command, ExitStatus, Stdio};
 use std::sync::Arc;
 use std::sync::mpsc::{Receiver, Sender, channel};
-use std::thread;
+use std::thread::{self, Thread};
 use std::time::{Duration, Instant};
 
 use anyhow::{Context, Result};
 use rustix::process::{Signal, set_parent_process_death_signal};
 
-use super::bell::{Bell, Cord};
 use super::channel::receive;
 use super::link::{Crew, Frame, Link, News};
 use super::log::Log;
@@ -55,45 +54,27 @@ pub fn serve_the_parent(open_domain: impl FnOnce(&RunConfig) -> Result<Arc<dyn D
 pub struct Children {
     /// Folder of the logs, `worker_N.log`.
     logs: Directory,
-    bell: Bell,
 }
 
 impl Children {
     pub fn new(logs: &Directory) -> Children {
-        Children { logs: logs.clone(), bell: Bell::new() }
+        Children { logs: logs.clone() }
     }
 }
 
 impl Crew for Children {
     fn start(&mut self, worker: usize) -> Result<Box<dyn Link>> {
         let log = Log::open(&self.logs, log_of(worker))?;
-        let place = Place { worker, log, cord: self.bell.cord(), paths_from: None };
-        Ok(Box::new(ChildProcess::spawn(place, |stream| receive(stream))?))
+        Ok(Box::new(ChildProcess::spawn(worker, log, None, |stream| receive(stream))?))
     }
 
     fn can_replace(&self) -> bool {
         true
     }
-
-    fn wait(&mut self, at_most: Duration) {
-        self.bell.wait(at_most);
-    }
 }
 
-/// Returns the name of a worker's log.
 pub(super) fn log_of(worker: usize) -> String {
     format!("worker_{worker}.log")
-}
-
-/// What a worker process gets from the process that starts it.
-pub(super) struct Place {
-    pub(crate) worker: usize,
-    /// Log that takes the output of the worker.
-    pub(crate) log: Log,
-    /// Cord that its messages pull.
-    pub(crate) cord: Cord,
-    /// Folder from which the paths of its config lead. `None`: that of the process that starts it.
-    pub(crate) paths_from: Option<PathBuf>,
 }
 
 /// Function that reads the next message of a worker, if there is one.
@@ -105,15 +86,16 @@ pub(crate) struct ChildProcess<T = WorkerReport> {
     stream: Arc<UnixStream>,
     /// Frames that the writer thread has not taken yet.
     outbox: Sender<Frame>,
-    /// News from the reader thread.
     inbox: Receiver<News<T>>,
     log: Log,
 }
 
 impl<T: Send + 'static> ChildProcess<T> {
-    /// Starts this program as a worker.
-    pub(super) fn spawn(place: Place, hear: Hear<T>) -> Result<ChildProcess<T>> {
-        let Place { worker, log, cord, paths_from } = place;
+    /// Starts this program as a worker. Its messages wake the thread that calls this.
+    ///
+    /// `log`: takes the output of the worker. `paths_from`: folder from which the paths of its config lead. `None`: that of
+    /// this process.
+    pub(super) fn spawn(worker: usize, log: Log, paths_from: Option<&Path>, hear: Hear<T>) -> Result<ChildProcess<T>> {
         let (stream, theirs) = UnixStream::pair().context("no socket for a worker")?;
         // Not the path of the program, because that may be another build by now. Not from another thread, because the
         // worker asks the system to kill it when the thread that started it ends.
@@ -135,17 +117,13 @@ impl<T: Send + 'static> ChildProcess<T> {
         // From here on, dropping it kills the process.
         let child = ChildProcess { process, stream: Arc::new(stream), outbox, inbox, log };
         let (reader, writer) = (child.stream.clone(), child.stream.clone());
-        let name = |thread: &str| format!("worker {worker} {thread}");
-        let read = move || read_all(&reader, hear, &news, &cord);
-        thread::Builder::new()
-            .name(name("reader"))
-            .spawn(read)
-            .context("cannot start the thread that reads from a worker")?;
+        let coordinator = thread::current();
+        let read = move || read_all(&reader, hear, &news, &coordinator);
+        let name = format!("worker {worker} reader");
+        thread::Builder::new().name(name).spawn(read).context("cannot start the thread that reads from a worker")?;
         let write = move || write_all(&writer, &frames);
-        thread::Builder::new()
-            .name(name("writer"))
-            .spawn(write)
-            .context("cannot start the thread that writes to a worker")?;
+        let name = format!("worker {worker} writer");
+        thread::Builder::new().name(name).spawn(write).context("cannot start the thread that writes to a worker")?;
         Ok(child)
     }
 }
@@ -219,8 +197,8 @@ impl<T> Drop for ChildProcess<T> {
     }
 }
 
-/// Passes on what a child sends until the child or its [`ChildProcess`] has gone.
-fn read_all<T>(mut stream: &UnixStream, hear: Hear<T>, news: &Sender<News<T>>, cord: &Cord) {
+/// Passes on what a child sends to the coordinator, and wakes it, until the child or its [`ChildProcess`] has gone.
+fn read_all<T>(mut stream: &UnixStream, hear: Hear<T>, news: &Sender<News<T>>, coordinator: &Thread) {
     loop {
         let heard = match hear(&mut stream) {
             Ok(Some(report)) => News::Said(report),
@@ -228,7 +206,7 @@ fn read_all<T>(mut stream: &UnixStream, hear: Hear<T>, news: &Sender<News<T>>, c
             Err(error) => News::Gone(Some(error)),
         };
         let last = matches!(heard, News::Gone(_)) | news.send(heard).is_err();
-        cord.ring();
+        coordinator.unpark();
         if last {
             break;
         }
@@ -246,7 +224,7 @@ fn write_all(mut stream: &UnixStream, frames: &Receiver<Frame>) {
     }
 }
 
-/// Returns how a worker ended; `log`: its last lines, which tell one abort from another.
+/// Returns how a worker ended; `log`: its last lines, which show why it aborted.
 fn describe(status: Option<ExitStatus>, log: &str) -> String {
     match status.map(|status| (status.code(), status.signal())) {
         Some((Some(code), _)) => format!("exit code {code}"),

@@ -6,15 +6,12 @@ use std::rc::Rc;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
-use anyhow::{Result, anyhow, bail};
+use anyhow::{Context, Result, bail};
 
 use super::channel::encode;
-use super::check::check_report;
-use super::footprint::{CpuClock, footprint};
-use super::growth::{Growth, MostGrowth};
-use super::link::{Crew, Frame, Link, News};
-use super::loss::Loss;
+use super::link::{Crew, Frame, Link, Loss, News};
 use super::message::{Order, WorkerReport};
+use super::process::{CpuClock, Growth, MostGrowth, footprint};
 use super::shares::{agents_of_workers, names_of, share};
 use super::task::{Task, report_progress};
 use crate::config::RunConfig;
@@ -49,7 +46,7 @@ pub struct Options {
 /// Workers that share the agents: each owns a block of consecutive agents, in the order of the workers. A
 /// [`Fleet`](dials_learn::fleet::Fleet), whatever its crew consists of.
 ///
-/// Training on the global simulator (GS) is one simulation. So there the first worker owns all agents and trains them
+/// Training on the GS is one simulation. So there the first worker owns all agents and trains them
 /// with several threads; the others help with evaluation.
 pub struct Coordinator {
     domain: Arc<dyn Domain>,
@@ -70,11 +67,11 @@ pub struct Coordinator {
 
 /// A worker, whichever process it is at the moment.
 struct Slot {
-    pub(crate) agents: Range<usize>,
+    agents: Range<usize>,
     link: Option<Box<dyn Link>>,
     /// Growth of this process.
     growth: Growth,
-    pub(crate) load: WorkerLoad,
+    load: WorkerLoad,
 }
 
 impl Coordinator {
@@ -199,56 +196,51 @@ impl Coordinator {
         done: usize,
     ) -> Result<Option<S::Reply>> {
         let lost = match news {
+            News::Said(WorkerReport::Failed { reason }) => bail!("{}{reason}", self.prefix(worker)),
             News::Said(report) => match self.hear::<S>(worker, report, open, done) {
-                Ok(Some(reply)) => {
-                    open.remove(&worker);
-                    return Ok(Some(reply));
+                Ok(reply) => {
+                    if reply.is_some() {
+                        open.remove(&worker);
+                    }
+                    return Ok(reply);
                 }
-                Ok(None) => return Ok(None),
-                Err(Heard::Failed(reason)) => bail!("{}{reason}", self.prefix(worker)),
-                Err(Heard::Nonsense(reason)) => Loss::Nonsense(reason),
+                Err(reason) => Loss::Nonsense(reason),
             },
             News::Gone(reason) => Loss::Gone(reason),
         };
         self.lose(worker, lost, open.get_mut(&worker)).map(|()| None)
     }
 
-    /// Processes a message of a worker; returns its reply if it is one.
+    /// Processes a message of a worker; returns its reply if it is one. An error: it cannot be right.
     fn hear<S: Step>(
         &mut self,
         worker: usize,
         report: WorkerReport,
         open: &mut BTreeMap<usize, Task<S::Reply>>,
         done: usize,
-    ) -> Result<Option<S::Reply>, Heard> {
+    ) -> Result<Option<S::Reply>> {
         let task = open.get_mut(&worker);
         let most_steps =
             task.as_ref().and_then(|task| task.trains_until).map(|end| self.config.learning.update_at_or_after(end));
-        check_report(&report, most_steps)?;
-        match report {
-            WorkerReport::Failed { reason } => Err(Heard::Failed(reason)),
-            WorkerReport::Done { reply, load, resident_kib } => {
-                let Some(task) = task else { return Err(anyhow!("it answered without an order").into()) };
-                let reply = S::reply(*reply).ok_or_else(|| anyhow!("it answered another order than the one it has"))?;
-                (task.check)(&reply, &self.fit(worker))?;
-                let Slot { load: mine, growth, .. } = &mut self.workers[worker];
-                growth.note(resident_kib);
-                mine.timesheet.add(&load.timesheet);
-                mine.footprint = mine.footprint.max(load.footprint);
-                Ok(Some(reply))
-            }
-            WorkerReport::Begun => {
-                task.into_iter().for_each(|task| task.silence = Duration::ZERO);
-                Ok(None)
-            }
-            progress => {
-                if let Some(task) = task {
-                    (task.silence, task.progress) = (Duration::ZERO, Some(progress));
-                    report_progress(open.values(), done, &*self.observer);
-                }
-                Ok(None)
+        report.check(most_steps)?;
+        if let WorkerReport::Done { reply, load, resident_kib } = report {
+            let task = task.context("it answered without an order")?;
+            let reply = S::reply(*reply).context("it answered another order than the one it has")?;
+            (task.check)(&reply, &self.fit(worker))?;
+            let Slot { load: mine, growth, .. } = &mut self.workers[worker];
+            growth.note(resident_kib);
+            mine.timesheet.add(&load.timesheet);
+            mine.footprint = mine.footprint.max(load.footprint);
+            return Ok(Some(reply));
+        }
+        if let Some(task) = task {
+            task.silence = Duration::ZERO;
+            if !matches!(report, WorkerReport::Begun) {
+                task.progress = Some(report);
+                report_progress(open.values(), done, &*self.observer);
             }
         }
+        Ok(None)
     }
 
     /// Returns what the replies of a worker are checked by.
@@ -303,15 +295,6 @@ impl Coordinator {
         Ok(())
     }
 
-    /// Ends the workers that have grown too much in a period whose end this is. The next order starts them again.
-    fn end_those_that_grew(&mut self) {
-        if self.crew.can_replace() {
-            let most = self.options.most_growth;
-            let grown = self.workers.iter_mut().filter_map(|slot| slot.growth.is_too_much(most).then_some(slot));
-            grown.for_each(|slot| slot.link = None);
-        }
-    }
-
     /// Handles the loss of a worker, or ends a worker. With a task it is started again, if it can be, and gets the task
     /// again.
     fn lose<Reply>(&mut self, worker: usize, loss: Loss, task: Option<&mut Task<Reply>>) -> Result<()> {
@@ -342,12 +325,6 @@ impl Coordinator {
         if self.crew.is_this_process() { String::new() } else { format!("{}: ", self.name(worker)) }
     }
 
-    /// Shares `episodes` out among the workers. Returns the workers that get some.
-    fn shares(&self, episodes: usize) -> Vec<(usize, Range<usize>)> {
-        let shares = (0..self.workers.len()).map(|worker| (worker, share(episodes, self.workers.len(), worker)));
-        shares.filter(|(_, share)| !share.is_empty()).collect()
-    }
-
     /// Returns the policies of all agents as a message.
     fn encoded_policies(&mut self) -> Result<Frame> {
         // Lent and not copied: with a thousand agents the copy would be a fifth of this process.
@@ -357,20 +334,6 @@ impl Coordinator {
             self.agents.policies = policies;
         }
         Ok(encoded?.into())
-    }
-}
-
-/// Why a message of a worker is no news and no reply.
-enum Heard {
-    /// Its step failed, for this reason.
-    Failed(String),
-    /// It cannot be right.
-    Nonsense(anyhow::Error),
-}
-
-impl From<anyhow::Error> for Heard {
-    fn from(reason: anyhow::Error) -> Heard {
-        Heard::Nonsense(reason)
     }
 }
 
@@ -411,8 +374,10 @@ impl Fleet for Coordinator {
     ) -> Result<Vec<S::Reply>> {
         self.observer.busy(activity, 0.0);
         let policies = if with_policies { Some(self.encoded_policies()?) } else { None };
+        let workers = self.workers.len();
+        let shares = (0..workers).map(|worker| (worker, share(episodes, workers, worker)));
         let task = |(worker, share)| Ok((worker, Task::of(step(share), policies.clone())?));
-        let tasks = self.shares(episodes).into_iter().map(task).collect::<Result<_>>()?;
+        let tasks = shares.filter(|(_, share)| !share.is_empty()).map(task).collect::<Result<_>>()?;
         self.ask::<S, _>(tasks, Stop::AtOnce, |_, _, reply| reply)
     }
 
@@ -429,8 +394,13 @@ impl Fleet for Coordinator {
         self.ask::<S, _>(tasks, stop, take)
     }
 
+    /// Ends the workers that have grown too much. The next order starts them again.
     fn period_done(&mut self) {
-        self.end_those_that_grew();
+        if self.crew.can_replace() {
+            let most = self.options.most_growth;
+            let grown = self.workers.iter_mut().filter_map(|slot| slot.growth.is_too_much(most).then_some(slot));
+            grown.for_each(|slot| slot.link = None);
+        }
     }
 
     fn take_load(&mut self) -> FleetLoad {

@@ -9,9 +9,9 @@ use std::time::Duration;
 use anyhow::Result;
 
 use super::channel::decode;
-use super::footprint::CpuClock;
 use super::link::{Crew, Frame, Link, News};
 use super::message::{Order, WorkerReport};
+use super::process::CpuClock;
 use super::serve::Server;
 use super::{Coordinator, MostGrowth, Options};
 use crate::config::RunConfig;
@@ -30,35 +30,41 @@ pub fn in_process(
         patience: Duration::MAX,
         most_growth: MostGrowth { kib: u64::MAX, share: 0.0 },
     };
-    let crew = InProcess { domain: domain.clone(), observer: observer.clone(), server: None, mailbox: Rc::default() };
+    let crew = InProcess::new(domain.clone(), observer.clone());
     Coordinator::start(domain, &config.into(), Box::new(crew), options, observer)
 }
 
 /// The crew.
-struct InProcess {
+pub(super) struct InProcess {
     domain: Arc<dyn Domain>,
     observer: Rc<dyn Observer>,
     server: Option<Server>,
-    mailbox: Rc<RefCell<Mailbox>>,
+    pub(super) mailbox: Rc<RefCell<Mailbox>>,
 }
 
 /// What coordinator and worker have sent each other and not read yet.
 #[derive(Default)]
-struct Mailbox {
-    orders: VecDeque<Frame>,
-    news: VecDeque<News>,
+pub(super) struct Mailbox {
+    pub(super) orders: VecDeque<Frame>,
+    pub(super) news: VecDeque<News>,
 }
 
 impl InProcess {
-    fn carry_out(&mut self, order: &[u8]) -> Result<Option<WorkerReport>> {
-        let order: Order = decode(order)?;
-        match &mut self.server {
-            Some(server) => server.carry_out(order, &*self.observer),
-            None => {
-                self.server = Some(Server::begin(order, CpuClock::from_now(), |_| Ok(self.domain.clone()))?);
-                Ok(Some(WorkerReport::Begun))
+    pub(super) fn new(domain: Arc<dyn Domain>, observer: Rc<dyn Observer>) -> InProcess {
+        InProcess { domain, observer, server: None, mailbox: Rc::default() }
+    }
+
+    /// Carries out an encoded order. Returns the answer, if it has one.
+    pub(super) fn carry_out(&mut self, order: &[u8]) -> Option<News> {
+        let mut answer = || -> Result<Option<WorkerReport>> {
+            let order: Order = decode(order)?;
+            if let Some(server) = &mut self.server {
+                return server.carry_out(order, &*self.observer);
             }
-        }
+            self.server = Some(Server::begin(order, CpuClock::from_now(), |_| Ok(self.domain.clone()))?);
+            Ok(Some(WorkerReport::Begun))
+        };
+        answer().map_or_else(|error| Some(News::Gone(Some(error))), |report| report.map(News::Said))
     }
 }
 
@@ -79,17 +85,14 @@ impl Crew for InProcess {
     fn wait(&mut self, _at_most: Duration) {
         loop {
             let Some(order) = self.mailbox.borrow_mut().orders.pop_front() else { return };
-            let news = match self.carry_out(&order) {
-                Ok(report) => report.map(News::Said),
-                Err(error) => Some(News::Gone(Some(error))),
-            };
+            let news = self.carry_out(&order);
             self.mailbox.borrow_mut().news.extend(news);
         }
     }
 }
 
 /// The link to the worker in this process.
-struct InProcessLink(Rc<RefCell<Mailbox>>);
+pub(super) struct InProcessLink(pub(super) Rc<RefCell<Mailbox>>);
 
 impl Link for InProcessLink {
     fn send(&self, frame: Frame) {

@@ -23,20 +23,19 @@ fn ranks_in(variable: impl Fn(&str) -> Option<String>) -> usize {
 mod tests {
     use super::*;
 
-    fn ranks_of(variables: &[(&str, &str)]) -> usize {
-        ranks_in(|name| variables.iter().find(|(known, _)| *known == name).map(|(_, value)| (*value).to_owned()))
-    }
-
     #[test]
-    fn every_launcher_says_how_many_ranks_it_starts() {
-        assert_eq!(ranks_of(&[("OMPI_COMM_WORLD_SIZE", "9")]), 9);
-        assert_eq!(ranks_of(&[("PMI_SIZE", "4"), ("PMI_RANK", "0")]), 4);
-        assert_eq!(ranks_of(&[("PMIX_RANK", "2"), ("SLURM_STEP_NUM_TASKS", "3")]), 3);
-    }
-
-    #[test]
-    fn a_process_without_a_launcher_is_alone_even_inside_a_slurm_job() {
-        assert_eq!(ranks_of(&[]), 1);
-        assert_eq!(ranks_of(&[("SLURM_STEP_NUM_TASKS", "3")]), 1);
+    fn every_launcher_says_how_many_ranks_it_starts_and_without_one_a_process_is_alone() {
+        for (variables, ranks) in [
+            (&[("OMPI_COMM_WORLD_SIZE", "9")][..], 9),
+            (&[("PMI_SIZE", "4"), ("PMI_RANK", "0")], 4),
+            (&[("PMIX_RANK", "2"), ("SLURM_STEP_NUM_TASKS", "3")], 3),
+            (&[], 1),
+            // Inside a Slurm job, but not started by srun.
+            (&[("SLURM_STEP_NUM_TASKS", "3")], 1),
+        ] {
+            let value =
+                |name: &str| variables.iter().find(|(known, _)| *known == name).map(|(_, value)| (*value).to_owned());
+            assert_eq!(ranks_in(value), ranks, "{variables:?}");
+        }
     }
 }

@@ -1,6 +1,7 @@
-//! The coordinator's view of its workers, whatever they are: child processes, processes on other machines, threads.
+//! The coordinator's view of its workers, whatever they are: child processes, processes on other machines, this process.
 
 use std::sync::Arc;
+use std::thread;
 use std::time::Duration;
 
 use anyhow::Result;
@@ -53,6 +54,39 @@ pub trait Crew {
         false
     }
 
-    /// Waits until a link has news, but not longer than `at_most`.
-    fn wait(&mut self, at_most: Duration);
+    /// Waits until a link has news, but not longer than `at_most`. A link that has news unparks the thread that started
+    /// it. Should something else on this thread swallow that, the wait is only longer.
+    fn wait(&mut self, at_most: Duration) {
+        thread::park_timeout(at_most);
+    }
+}
+
+pub(super) enum Loss {
+    /// The stream has ended, or carries invalid data for this reason.
+    Gone(Option<anyhow::Error>),
+    /// The worker said what cannot be right, for this reason.
+    Nonsense(anyhow::Error),
+    /// The worker said nothing for longer than the patience.
+    Silent,
+}
+
+impl Loss {
+    /// Ends the worker and returns what happened to it.
+    pub(super) fn describe(self, link: Box<dyn Link>, patience: Duration) -> String {
+        match self {
+            Loss::Gone(Some(reason)) => format!("died: {reason:#}; {}", link.end()),
+            Loss::Gone(None) => format!("died: {}", link.end()),
+            Loss::Nonsense(reason) => {
+                format!("sent what cannot be right ({reason:#}) and was ended; {}", link.end_by_force())
+            }
+            Loss::Silent => {
+                let state = link.state().unwrap_or_else(|| "unknown".to_owned());
+                let end = link.end_by_force();
+                format!(
+                    "said nothing for {patience:?} (state: {state}) and was ended; if it needs more time, --patience gives \
+                     it; {end}"
+                )
+            }
+        }
+    }
 }

@@ -1,5 +1,8 @@
-//! Messages between coordinator and workers.
+//! Messages between coordinator and workers, and which of them cannot be right.
 
+use std::time::Duration;
+
+use anyhow::{Result, bail, ensure};
 use serde::{Deserialize, Serialize};
 
 use dials_core::base::{Activity, AgentId};
@@ -14,16 +17,19 @@ use dials_learn::steps::{Reply, Request};
 pub enum Order {
     /// First order: what the run is, which agents the worker owns, how many threads may train their policies, and what
     /// the coordinator prepared for all workers ([`dials_core::domain::Domain::prepare`]).
-    Begin { config_json: String, agents: Vec<AgentId>, threads: usize, prepared: Option<Vec<u8>> },
+    Begin {
+        config_json: String,
+        agents: Vec<AgentId>,
+        threads: usize,
+        prepared: Option<Vec<u8>>,
+    },
     /// Continue from this state of its agents.
     Restore(AgentsState),
     /// Policies of all agents, with which the next step plays episodes.
     TakePolicies(JointPolicy),
-    /// Carry out a step of Algorithm 1.
     Step(Request),
 }
 
-/// Messages from a worker.
 #[derive(Debug, Serialize, Deserialize)]
 pub enum WorkerReport {
     /// It has begun, and waits for its first step.
@@ -37,4 +43,35 @@ pub enum WorkerReport {
     Done { reply: Box<Reply>, load: Box<WorkerLoad>, resident_kib: u64 },
     /// The step cannot be done, for this reason, and would fail again.
     Failed { reason: String },
+}
+
+/// Longest time that a worker may report, about ten years.
+const LONGEST: Duration = Duration::from_secs(10 * 365 * 24 * 3600);
+/// Largest memory that a worker may report.
+const LARGEST_KIB: u64 = 1 << 50;
+
+impl WorkerReport {
+    /// Returns an error if this cannot be right, whatever the step is: such a worker is lost, like one that dies. The
+    /// replies are checked by their [`Step`](dials_learn::steps::Step).
+    ///
+    /// `most_steps`: up to which timestep its step may train; `None` if it does not train.
+    pub(super) fn check(&self, most_steps: Option<u64>) -> Result<()> {
+        match self {
+            WorkerReport::Begun | WorkerReport::Failed { .. } => {}
+            WorkerReport::Trained { steps } => {
+                let Some(most) = most_steps else { bail!("it trained without an order to") };
+                ensure!(*steps <= most, "it trained for {steps} steps, of at most {most}");
+            }
+            WorkerReport::Busy { share, .. } => {
+                ensure!((0.0..1.01).contains(share), "it has done {share} of its work");
+            }
+            WorkerReport::Done { load, .. } => {
+                let WorkerLoad { timesheet, footprint } = &**load;
+                ensure!(timesheet.longest() <= LONGEST, "it worked for {:?}", timesheet.longest());
+                let largest = footprint.peak_rss_kib.max(footprint.pss_kib);
+                ensure!(largest <= LARGEST_KIB, "it uses {largest} KiB of memory");
+            }
+        }
+        Ok(())
+    }
 }

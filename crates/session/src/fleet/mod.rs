@@ -7,37 +7,31 @@
 //! to do blocks the coordinator, and one clock measures its patience.
 //!
 //! - `coordinator`: orders, deaths and patience. `shares`: which worker owns which agents. `task`: an order in progress.
-//!   `check`: what a worker may say. `loss`: why it is given up.
 //! - [`fn@in_process`]: the smallest crew, one worker in this process.
-//! - [`link`]: the worker's stream as the coordinator sees it. [`children`]: child processes; `bell` wakes the
-//!   coordinator, `log` is what a worker printed.
+//! - [`link`]: the worker's stream as the coordinator sees it, and why a worker is given up. [`children`]: child
+//!   processes; `log` is what they printed.
 //! - `mpi`: workers on the ranks of an MPI job, with the feature of that name. `launcher`: whether there is such a job.
 //! - `message`, `channel`: the messages, and how they are written to a stream. `serve`: the worker's side of it.
-//! - `footprint`: memory and CPU time of this process. `growth`: when a worker's process is replaced by a fresh one.
-//! - `threads`: a crew of threads, with which the tests kill and hang workers.
+//! - `process`: memory and CPU time of a process, and when a worker's is replaced by a fresh one.
 //!
 //! Only `run` opens this room. Training knows it as a [`Fleet`](dials_learn::fleet::Fleet).
 
-mod bell;
 mod channel;
-mod check;
 pub mod children;
 mod coordinator;
-mod footprint;
-mod growth;
 mod in_process;
 mod launcher;
 pub(crate) mod link;
 mod log;
-mod loss;
 mod message;
 #[cfg(feature = "mpi")]
 mod mpi;
+mod process;
 mod serve;
 mod shares;
 mod task;
 #[cfg(test)]
-mod threads;
+mod tests;
 
 // The ends of the channel, for tests that send nonsense through it.
 #[cfg(feature = "mpi")]
@@ -45,12 +39,12 @@ pub use self::mpi::{End, Job, Part, Prepared, Ranks, Relay, join_the_job};
 #[doc(hidden)]
 pub use channel::{encode, receive};
 pub use coordinator::{Coordinator, Options};
-pub use growth::MostGrowth;
 pub use in_process::in_process;
 pub use launcher::ranks;
 pub use log::Log;
 #[doc(hidden)]
 pub use message::Order;
 pub use message::WorkerReport;
+pub use process::MostGrowth;
 pub use serve::serve;
 pub use shares::agents_of_workers;

@@ -8,8 +8,8 @@ use std::time::{Duration, Instant};
 use anyhow::{Context, Result, bail};
 
 use super::channel::{receive, send};
-use super::footprint::{CpuClock, footprint, resident_kib};
 use super::message::{Order, WorkerReport};
+use super::process::{CpuClock, footprint, resident_kib};
 use crate::config::RunConfig;
 use dials_core::base::Activity;
 use dials_core::domain::Domain;
@@ -23,8 +23,6 @@ use stacknets::Threads;
 const REPORT_EVERY: Duration = Duration::from_millis(100);
 
 /// Does what the coordinator at the other end of `stream` orders, until the stream ends.
-///
-/// `open_domain` makes the domain of a config.
 pub fn serve(stream: impl Read + Write, open_domain: impl FnOnce(&RunConfig) -> Result<Arc<dyn Domain>>) -> Result<()> {
     let reporter = Reporter { stream: RefCell::new(stream), last: Cell::new(Instant::now()) };
     let Some(order) = reporter.next_order().context("this command is for the program itself, not for people")? else {
@@ -48,7 +46,6 @@ pub fn serve(stream: impl Read + Write, open_domain: impl FnOnce(&RunConfig) -> 
     Ok(())
 }
 
-/// A worker that carries out orders.
 pub(super) struct Server {
     worker: Worker,
     clock: CpuClock,

@@ -1,6 +1,6 @@
 //! The allocator of the program: the system's, but memory that it refuses is an error with a way out.
 //!
-//! Rust's own answer is an abort, and a coordinator could not tell it from an assertion inside SUMO.
+//! Rust's own answer is an abort, which a coordinator would take for an assertion inside SUMO.
 
 #![allow(unsafe_code, reason = "an allocator is unsafe by its trait")]
 
@@ -8,9 +8,8 @@ use std::alloc::{GlobalAlloc, Layout, System};
 use std::io::Write;
 use std::os::fd::AsFd;
 
-use super::processes::option_for_processes;
 use super::signals::end_now;
-use super::way_out::LessMemory;
+use super::way_out::{LessMemory, option_for_processes};
 
 /// The allocator that `main` registers.
 pub struct Allocator;

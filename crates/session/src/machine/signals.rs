@@ -8,14 +8,16 @@ use signal_hook::consts::{SIGINT, SIGTERM, SIGXFSZ};
 
 /// Makes a write beyond the limit of a file's size an error. Otherwise the system kills the process.
 pub fn survive_full_files() -> Result<()> {
-    // Nobody reads the flag: a signal that is handled does not kill.
-    signal_hook::flag::register(SIGXFSZ, Arc::new(AtomicBool::new(false))).context("cannot handle signals")?;
-    Ok(())
+    survive(&[SIGXFSZ])
 }
 
 /// Makes SIGINT and SIGTERM mean nothing: another process gets them too, and ends this one when it is ready.
 pub fn leave_signals_to_another() -> Result<()> {
-    for signal in [SIGINT, SIGTERM] {
+    survive(&[SIGINT, SIGTERM])
+}
+
+fn survive(signals: &[i32]) -> Result<()> {
+    for &signal in signals {
         // Nobody reads the flag: a signal that is handled does not kill.
         signal_hook::flag::register(signal, Arc::new(AtomicBool::new(false))).context("cannot handle signals")?;
     }

@@ -4,9 +4,9 @@ use std::cell::Cell;
 use std::fmt::Display;
 use std::time::{Duration, Instant};
 
-use indicatif::{ProgressBar, ProgressStyle};
+use indicatif::ProgressBar;
 
-use super::{Talk, shows_bars, talks, tell};
+use super::{note, shows_bars};
 use dials_core::outside::Printable;
 
 /// Without a terminal a line is printed this often.
@@ -26,13 +26,9 @@ impl EpisodeBar {
 
     /// Makes a bar for `count` things. `things`: their name, in the plural.
     pub fn of(count: usize, things: &str) -> Self {
-        // indicatif draws to standard error, and only if that is a terminal.
-        let style = ProgressStyle::with_template(&format!(
-            "{{bar:20.cyan/blue}} {{pos}}/{{len}} {things}  {{eta}} left  {{wide_msg}}"
-        ));
-        let bar = if talks(Talk::Normal) { ProgressBar::new(count as u64) } else { ProgressBar::hidden() };
+        let template = format!("{{bar:20.cyan/blue}} {{pos}}/{{len}} {things}  {{eta}} left  {{wide_msg}}");
         EpisodeBar {
-            bar: bar.with_style(style.expect("the template is well-formed")),
+            bar: super::bar(Some(count as u64), &template),
             things: things.to_owned(),
             last_line: Cell::new(Instant::now()),
         }
@@ -43,7 +39,7 @@ impl EpisodeBar {
         if !shows_bars()
             && let Some(line) = self.line_at(Instant::now(), done)
         {
-            tell(line);
+            note(line);
         }
     }
 
@@ -51,7 +47,7 @@ impl EpisodeBar {
         self.bar.set_length(episodes as u64);
     }
 
-    pub fn tell(&self, message: impl Display) {
+    pub fn set_message(&self, message: impl Display) {
         self.bar.set_message(Printable(message).to_string());
     }
 
@@ -82,7 +78,7 @@ mod tests {
         assert_eq!(at(59, 1), None);
         bar.set_length(40);
         assert_eq!(at(60, 2).unwrap(), "2 of 40 episodes");
-        bar.tell("(at most); best 205.3 so far");
+        bar.set_message("(at most); best 205.3 so far");
         assert_eq!(at(119, 3), None);
         assert_eq!(at(125, 4).unwrap(), "4 of 40 episodes (at most); best 205.3 so far");
     }

@@ -3,11 +3,10 @@
 use std::collections::BTreeMap;
 use std::time::{Duration, Instant};
 
-use indicatif::{MultiProgress, ProgressBar, ProgressDrawTarget, ProgressStyle};
+use indicatif::{MultiProgress, ProgressBar, ProgressDrawTarget};
 
-use super::duration::duration;
 use super::training::plain_line;
-use super::{shows_bars, tell};
+use super::{duration, note, shows_bars, style};
 use dials_core::outside::Printable;
 
 /// Interval between plain lines about all running processes.
@@ -31,7 +30,6 @@ pub struct Planned {
 /// The progress display of an experiment.
 pub struct Display {
     bars: MultiProgress,
-    terminal: bool,
     whole: ProgressBar,
     begun: Instant,
     last_plain: Instant,
@@ -40,13 +38,9 @@ pub struct Display {
 }
 
 struct State {
-    /// Estimated core-seconds of the whole task.
-    weight: f64,
-    /// Share of the task that was done before this experiment began.
-    share_before: f64,
+    planned: Planned,
     /// Share of the task that is done now.
     share: f64,
-    steps: u64,
     /// Whether it ended, well or with an error. Then nothing of it is left.
     ended: bool,
     bar: Option<ProgressBar>,
@@ -54,44 +48,33 @@ struct State {
 
 impl Display {
     pub fn new(tasks: Vec<Planned>) -> Self {
-        let terminal = shows_bars();
-        let target = if terminal { ProgressDrawTarget::stderr() } else { ProgressDrawTarget::hidden() };
+        let target = if shows_bars() { ProgressDrawTarget::stderr() } else { ProgressDrawTarget::hidden() };
         let bars = MultiProgress::with_draw_target(target);
-        let style = ProgressStyle::with_template("{bar:8.green/blue} {pos} of {len} done  {wide_msg}");
-        let whole = ProgressBar::new(tasks.len() as u64).with_style(style.expect("the template is well-formed"));
-        let whole = bars.add(whole);
+        let style = style("{bar:8.green/blue} {pos} of {len} done  {wide_msg}");
+        let whole = bars.add(ProgressBar::new(tasks.len() as u64).with_style(style));
         whole.set_position(0);
-        let state = |task: &Planned| State {
-            weight: task.seconds * task.width as f64,
-            share_before: task.share,
-            share: task.share,
-            steps: task.steps,
-            ended: false,
-            bar: None,
-        };
-        let tasks = tasks.into_iter().map(|task| (task.name.clone(), state(&task))).collect();
+        let state =
+            |planned: Planned| (planned.name.clone(), State { share: planned.share, planned, ended: false, bar: None });
+        let tasks = tasks.into_iter().map(state).collect();
         let now = Instant::now();
-        Display { bars, terminal, whole, begun: now, last_plain: now, tasks }
+        Display { bars, whole, begun: now, last_plain: now, tasks }
     }
 
     /// Prints a line above the bars.
     pub fn say(&self, line: &str) {
-        match self.terminal {
-            true => self.bars.suspend(|| tell(line)),
-            false => tell(line),
-        }
+        self.bars.suspend(|| note(line));
     }
 
     pub fn began(&mut self, task: &str) {
         let Some(state) = self.tasks.get_mut(task) else { return };
-        let style = ProgressStyle::with_template("{bar:8.cyan/blue} {percent:>3} %  {prefix}  {wide_msg}");
-        let bar = ProgressBar::new(state.steps.max(NO_STEPS)).with_style(style.expect("the template is well-formed"));
+        let style = style("{bar:8.cyan/blue} {percent:>3} %  {prefix}  {wide_msg}");
+        let bar = ProgressBar::new(state.planned.steps.max(NO_STEPS)).with_style(style);
         let bar = self.bars.insert_before(&self.whole, bar).with_prefix(Printable(task).to_string());
         bar.set_message("running");
-        bar.set_position((state.share * state.steps as f64) as u64);
-        if !self.terminal {
+        bar.set_position((state.share * state.planned.steps as f64) as u64);
+        if !shows_bars() {
             let resumed = if state.share > 0.0 { "resumed" } else { "began" };
-            tell(format_args!("{resumed} {task}"));
+            note(format_args!("{resumed} {task}"));
         }
         state.bar = Some(bar);
     }
@@ -100,8 +83,8 @@ impl Display {
     pub fn heard(&mut self, task: &str, line: &str) {
         let Some(state) = self.tasks.get_mut(task) else { return };
         if let (Some((steps, words)), Some(bar)) = (plain_line(line), &state.bar) {
-            let steps = steps.min(state.steps);
-            state.share = steps as f64 / state.steps.max(NO_STEPS) as f64;
+            let steps = steps.min(state.planned.steps);
+            state.share = steps as f64 / state.planned.steps.max(NO_STEPS) as f64;
             bar.set_position(steps);
             bar.set_message(Printable(words).to_string());
         }
@@ -111,7 +94,7 @@ impl Display {
     pub fn ended(&mut self, task: &str, why: Option<&str>) {
         let Some(state) = self.tasks.get_mut(task) else { return };
         let words = state.bar.take().map_or(String::new(), |bar| {
-            let words = if state.steps > 0 { format!(": {}", bar.message()) } else { String::new() };
+            let words = if state.planned.steps > 0 { format!(": {}", bar.message()) } else { String::new() };
             bar.finish_and_clear();
             self.bars.remove(&bar);
             words
@@ -128,29 +111,27 @@ impl Display {
     }
 
     pub fn tick(&mut self) {
-        self.whole.set_message(self.time_left().map_or(String::new(), |left| format!("about {} left", duration(left))));
-        if !self.terminal && self.last_plain.elapsed() >= PLAIN_LINES_EVERY {
+        let left = self.left_per_done().map(|ratio| duration(self.begun.elapsed().mul_f64(ratio)));
+        self.whole.set_message(left.as_ref().map_or(String::new(), |left| format!("about {left} left")));
+        if !shows_bars() && self.last_plain.elapsed() >= PLAIN_LINES_EVERY {
             self.last_plain = Instant::now();
             for (name, state) in &self.tasks {
                 if let Some(bar) = &state.bar {
-                    tell(format_args!("{name}: {:.0} %, {}", 100.0 * state.share, bar.message()));
+                    note(format_args!("{name}: {:.0} %, {}", 100.0 * state.share, bar.message()));
                 }
             }
-            let left = self.time_left().map_or(String::new(), |left| format!(", about {} left", duration(left)));
-            tell(format_args!("{} of {} done{left}", self.whole.position(), self.tasks.len()));
+            let left = left.map_or(String::new(), |left| format!(", about {left} left"));
+            note(format_args!("{} of {} done{left}", self.whole.position(), self.tasks.len()));
         }
-    }
-
-    /// Estimates the time left from the speed so far.
-    fn time_left(&self) -> Option<Duration> {
-        self.left_per_done().map(|ratio| self.begun.elapsed().mul_f64(ratio))
     }
 
     /// Returns how much is left for what was done since the beginning. Tasks are weighted by their core-seconds.
     fn left_per_done(&self) -> Option<f64> {
-        let sum =
-            |share: &dyn Fn(&State) -> f64| self.tasks.values().map(|state| state.weight * share(state)).sum::<f64>();
-        let done = sum(&|state| state.share - state.share_before);
+        let core_seconds = |state: &State| state.planned.seconds * state.planned.width as f64;
+        let sum = |share: &dyn Fn(&State) -> f64| {
+            self.tasks.values().map(|state| core_seconds(state) * share(state)).sum::<f64>()
+        };
+        let done = sum(&|state| state.share - state.planned.share);
         let left = sum(&|state| if state.ended { 0.0 } else { 1.0 - state.share });
         // Below one percent an estimate would be too rough.
         (done > 0.01 * (done + left)).then_some(left / done)
@@ -177,21 +158,17 @@ mod tests {
         Display::new(widths.iter().enumerate().map(task).collect())
     }
 
-    fn half_done(display: &mut Display, task: &str) {
-        display.began(task);
-        display.heard(task, "step 50/100: 900 agent-steps/s");
-    }
-
     #[test]
-    fn a_run_on_all_cores_keeps_all_of_them_busy() {
+    fn what_is_left_is_counted_in_core_hours_and_nothing_is_left_of_a_task_that_failed() {
+        let half_done = |display: &mut Display, task: &str| {
+            display.began(task);
+            display.heard(task, "step 50/100: 900 agent-steps/s");
+        };
         // Eight runs of one core are at half, and one of eight cores comes after them: 4 core-hours done, 4 + 8 left.
         let mut display = of_widths(&[1, 1, 1, 1, 1, 1, 1, 1, 8]);
         (0..8).for_each(|task| half_done(&mut display, &task.to_string()));
         assert_eq!(display.left_per_done(), Some(3.0));
-    }
 
-    #[test]
-    fn nothing_is_left_of_a_task_that_failed() {
         let mut display = of_widths(&[1, 1, 1]);
         // One cannot begin, and one fails at half. The third is at half: 1 hour done, half an hour left.
         display.ended("0", Some("error: damaged"));

@@ -1,25 +1,67 @@
 //! The terminal: printed lines, progress bars, commands to copy, and Ctrl-C.
 //!
-//! - `say`: messages on standard error, results on standard output. Names in them cannot act on the terminal.
-//! - `shell`: finds programs on the PATH.
+//! - `say`: messages on standard error, results on standard output. Names in them cannot act on the terminal. And
+//!   programs on the PATH.
 //! - `stop`: Ctrl-C and SIGTERM.
-//! - [`training`], [`measuring`], [`experiment`]: the progress of `train`, `bench` and `experiment`. They show bars on
-//!   a terminal and plain lines elsewhere.
-//! - [`counting`]: the progress of episodes and other things that are counted, in the same way.
-//! - `activity`, `duration`: activities and durations as text.
+//! - [`training`], [`experiment`]: the progress of `train` and `bench`, and of `experiment`.
+//!   [`counting`]: that of episodes and other things that are counted. All show bars on a terminal and plain lines
+//!   elsewhere.
 //!
 //! This room only shows what other rooms hand to it. It starts no work and reads no file.
 
-mod activity;
 pub mod counting;
-mod duration;
 pub mod experiment;
-pub mod measuring;
 mod say;
-mod shell;
 mod stop;
 pub mod training;
 
-pub use say::{Talk, answer, json, shows_bars, talk, talks, tell, warn};
-pub use shell::{on_the_path, program};
+use std::time::Duration;
+
+use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
+
+use dials_core::base::Activity;
+
+pub use say::{Talk, answer, json, note, on_the_path, program, shows_bars, talk, talks, warn};
 pub use stop::{Wish, check_stop, stop_on_signals};
+
+/// Makes a bar, hidden where no bars are shown. A hidden one keeps its numbers and its message. `length`: `None` if it
+/// is unknown.
+fn bar(length: Option<u64>, template: &str) -> ProgressBar {
+    let target = if shows_bars() { ProgressDrawTarget::stderr() } else { ProgressDrawTarget::hidden() };
+    ProgressBar::with_draw_target(length, target).with_style(style(template))
+}
+
+fn style(template: &str) -> ProgressStyle {
+    ProgressStyle::with_template(template).expect("the template is well-formed")
+}
+
+/// Returns what a worker is doing, in words.
+fn doing(activity: Activity) -> &'static str {
+    match activity {
+        Activity::Training => "training policies",
+        Activity::Collection => "collecting datasets",
+        Activity::AipTraining => "training AIPs",
+        Activity::Evaluation => "evaluating",
+    }
+}
+
+/// Returns a duration as text: `42 s`, `3 min 20 s` or `2 h 5 min`.
+fn duration(duration: Duration) -> String {
+    let seconds = duration.as_secs();
+    match (seconds / 3600, seconds / 60 % 60, seconds % 60) {
+        (0, 0, seconds) => format!("{seconds} s"),
+        (0, minutes, seconds) => format!("{minutes} min {seconds} s"),
+        (hours, minutes, _) => format!("{hours} h {minutes} min"),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn durations_have_two_units() {
+        let texts = [42, 200, 7500].map(|seconds| duration(Duration::from_secs(seconds)));
+        assert_eq!(texts, ["42 s", "3 min 20 s", "2 h 5 min"]);
+    }
+}

@@ -1,13 +1,14 @@
 //! Printing to standard output and standard error, even if nobody reads them any more. Names in what is printed cannot
-//! act on the terminal.
+//! act on the terminal. And programs as the shell finds them, for commands to copy.
 
 use std::fmt::Display;
 use std::io::{ErrorKind, IsTerminal, Write, stderr, stdout};
+use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicU8, Ordering};
 
 use anyhow::{Context, Result};
 
-use dials_core::outside::{Printable, is_printable};
+use dials_core::outside::{Printable, is_printable, quoted};
 
 /// How much is printed on standard error.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
@@ -60,7 +61,7 @@ pub fn json(value: impl Display) -> String {
 }
 
 /// Prints a message on standard error, unless the process is quiet.
-pub fn tell(line: impl Display) {
+pub fn note(line: impl Display) {
     if talks(Talk::Normal) {
         warn(line);
     }
@@ -80,6 +81,28 @@ pub fn answer(text: impl Display) -> Result<()> {
     }
 }
 
+const PROGRAM: &str = "dials-traffic";
+/// What Linux writes behind the path of a program whose file is another one by now, such as a new build.
+const REPLACED: &str = " (deleted)";
+
+/// Returns the name of this program for a command to copy. If the shell would not find it, this is its path.
+pub fn program() -> String {
+    match std::env::current_exe() {
+        Ok(path) if on_the_path(PROGRAM).is_none() => quoted(in_its_place(&path)),
+        _ => PROGRAM.to_owned(),
+    }
+}
+
+/// Returns the path of a program, or of what has replaced it.
+fn in_its_place(path: &Path) -> &Path {
+    path.to_str().and_then(|path| path.strip_suffix(REPLACED)).map_or(path, Path::new)
+}
+
+/// Finds a program on the PATH.
+pub fn on_the_path(program: &str) -> Option<PathBuf> {
+    std::env::split_paths(&std::env::var_os("PATH")?).map(|folder| folder.join(program)).find(|path| path.is_file())
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -88,8 +111,8 @@ mod tests {
     #[test]
     fn lines_stay_and_nothing_in_them_acts_on_the_terminal() {
         let text = "error: runs/\u{1b}]0;owned\u{7}\u{202E}x: no such folder\n  caused by: \rit\tis not there";
-        let told = "error: runs/\\u{1b}]0;owned\\u{7}\\u{202e}x: no such folder\n  caused by: \\rit\\tis not there";
-        assert_eq!(shown(text), told);
+        let printed = "error: runs/\\u{1b}]0;owned\\u{7}\\u{202e}x: no such folder\n  caused by: \\rit\\tis not there";
+        assert_eq!(shown(text), printed);
         assert_eq!(shown("ü 交差点 ± [1.0, 2.0]\n\n"), "ü 交差点 ± [1.0, 2.0]\n\n");
     }
 
@@ -102,5 +125,11 @@ mod tests {
         assert_eq!(serde_json::from_str::<Value>(&text).unwrap(), value);
         let pretty = serde_json::to_string_pretty(&value).unwrap();
         assert_eq!(serde_json::from_str::<Value>(&json(pretty)).unwrap(), value);
+    }
+
+    #[test]
+    fn a_program_that_was_built_anew_meanwhile_is_named_by_its_place() {
+        assert_eq!(in_its_place(Path::new("target/dials-traffic (deleted)")), Path::new("target/dials-traffic"));
+        assert_eq!(in_its_place(Path::new("target/dials-traffic")), Path::new("target/dials-traffic"));
     }
 }

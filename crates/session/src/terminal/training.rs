@@ -1,19 +1,17 @@
-//! The progress of `train`: a bar on a terminal, plain lines elsewhere.
+//! The progress of `train` and of `bench`: a bar on a terminal, plain lines elsewhere.
 
 use std::cell::{Cell, RefCell};
+use std::fmt::Display;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::{Duration, Instant};
 
-use indicatif::{ProgressBar, ProgressStyle};
+use indicatif::ProgressBar;
 
-use super::activity::doing;
-use super::duration::duration;
-use super::{Talk, Wish, shows_bars, stop_on_signals, talks, tell, warn};
+use super::{Talk, Wish, doing, duration, note, shows_bars, stop_on_signals, talks, warn};
 use crate::config::RunConfig;
-use dials_core::base::Activity;
 use dials_core::base::statistics::{Interval, mean};
-use dials_core::base::{counted, decimals};
+use dials_core::base::{Activity, counted, decimals};
 use dials_learn::algorithms::imitation::ImitationLoss;
 use dials_learn::evaluation::Evaluation;
 use dials_learn::observer::Observer;
@@ -25,7 +23,7 @@ const PLAIN_LINE_EVERY: Duration = Duration::from_secs(10);
 
 /// The progress of `train`.
 pub struct Progress {
-    bar: Option<ProgressBar>,
+    bar: ProgressBar,
     agents: usize,
     end: u64,
     begun: Instant,
@@ -55,7 +53,6 @@ struct Rate {
 }
 
 impl Rate {
-    /// Notes that the policies are trained to this step.
     fn note(&mut self, steps: u64, now: Instant) {
         self.first.get_or_insert((now, steps));
         // The first report of a period only starts the clock. After a lost worker the step may go back.
@@ -85,7 +82,6 @@ impl Rate {
     }
 }
 
-/// The newest figures of the run.
 #[derive(Default)]
 struct Latest {
     mean_return: Option<f64>,
@@ -102,16 +98,12 @@ impl Progress {
         agents: usize,
         last_words: impl Fn() -> String + Send + Sync + 'static,
     ) -> anyhow::Result<Self> {
-        let bar = shows_bars().then(|| {
-            let style = "{bar:8.cyan/blue} {percent:>3} %  {wide_msg}";
-            let style = ProgressStyle::with_template(style).expect("the template is well-formed");
-            ProgressBar::new(config.learning.end()).with_style(style)
-        });
+        let bar = super::bar(Some(config.learning.end()), "{bar:8.cyan/blue} {percent:>3} %  {wide_msg}");
         let doing = Doing::default();
         let (place, now_doing) = (bar.clone(), doing.clone());
         let stop = stop_on_signals(move |wish| match wish {
-            Wish::Stop => say(place.as_ref(), &stopping(*now_doing.lock().unwrap_or_else(PoisonError::into_inner))),
-            Wish::StopNow => insist(place.as_ref(), &last_words()),
+            Wish::Stop => place.suspend(|| note(stopping(*now_doing.lock().unwrap_or_else(PoisonError::into_inner)))),
+            Wish::StopNow => place.suspend(|| warn(last_words())),
         })?;
         let now = Instant::now();
         Ok(Progress {
@@ -127,18 +119,16 @@ impl Progress {
         })
     }
 
-    /// Removes the bar. `done`: whether the training came to its end, so that its time is told.
     pub fn finish(&self, done: bool) {
-        if let Some(bar) = &self.bar {
-            bar.finish_and_clear();
-        }
+        self.bar.finish_and_clear();
         if done {
-            tell(format_args!("done in {}", duration(self.begun.elapsed())));
+            note(format_args!("done in {}", duration(self.begun.elapsed())));
         }
     }
 
+    /// Prints a line, above the bar if there is one.
     fn say(&self, line: &str) {
-        say(self.bar.as_ref(), line);
+        self.bar.suspend(|| note(line));
     }
 
     fn note(&self, activity: Activity) {
@@ -167,26 +157,18 @@ impl Observer for Progress {
         self.note(Activity::Training);
         let now = Instant::now();
         self.rate.borrow_mut().note(steps, now);
-        match &self.bar {
-            Some(bar) => {
-                bar.set_position(steps.min(self.end));
-                bar.set_message(self.message());
-            }
-            None if now - self.last_line.get() >= PLAIN_LINE_EVERY => {
-                self.last_line.set(now);
-                tell(format_args!("step {steps}/{}: {}", self.end, self.message()));
-            }
-            None => (),
+        self.bar.set_position(steps.min(self.end));
+        self.bar.set_message(self.message());
+        if !shows_bars() && now - self.last_line.get() >= PLAIN_LINE_EVERY {
+            self.last_line.set(now);
+            note(format_args!("step {steps}/{}: {}", self.end, self.message()));
         }
     }
 
     fn busy(&self, activity: Activity, share: f64) {
         self.note(activity);
         self.rate.borrow_mut().since = None;
-        let what = doing(activity);
-        if let Some(bar) = &self.bar {
-            bar.set_message(format!("{what} {:.0} %", 100.0 * share));
-        }
+        self.bar.set_message(format!("{} {:.0} %", doing(activity), 100.0 * share));
     }
 
     fn imitated(&self, controller: &str, losses: &[ImitationLoss]) {
@@ -243,11 +225,75 @@ impl Observer for Progress {
     }
 
     fn worker_lost(&self, message: &str) {
-        insist(self.bar.as_ref(), &format!("warning: {message}"));
+        self.bar.suspend(|| warn(format_args!("warning: {message}")));
     }
 
     fn stop_requested(&self) -> bool {
         self.stop.load(Ordering::Relaxed)
+    }
+}
+
+/// The progress of `bench`: a status line on a terminal, elsewhere one line per fleet.
+///
+/// The first Ctrl-C stops at once, because nothing can be lost.
+pub struct BenchProgress {
+    line: ProgressBar,
+    fleet: RefCell<String>,
+    stop: Arc<AtomicBool>,
+}
+
+impl BenchProgress {
+    /// Starts the display, and listens for Ctrl-C from here on.
+    pub fn new() -> anyhow::Result<Self> {
+        let line = super::bar(None, "{spinner} {elapsed}  {wide_msg}");
+        line.set_message("peak speed of matrix products");
+        let place = line.clone();
+        let stop = stop_on_signals(move |wish| match wish {
+            Wish::Stop => (), // `bench` stops at once
+            Wish::StopNow => place.suspend(|| warn("stopped")),
+        })?;
+        Ok(BenchProgress { line, fleet: RefCell::default(), stop })
+    }
+
+    /// Shows that the fleet with this number of workers is measured. `most`: the largest number that will be.
+    pub fn begin(&self, workers: usize, most: usize) {
+        let fleet = format!("{workers} of {}", counted(most, "worker"));
+        if !shows_bars() {
+            note(format_args!("measuring with {fleet}"));
+        }
+        self.line.set_message(fleet.clone());
+        self.fleet.replace(fleet);
+    }
+
+    pub fn finish(&self) {
+        self.line.finish_and_clear();
+    }
+
+    fn show(&self, doing: impl Display) {
+        self.line.set_message(format!("{}: {doing}", self.fleet.borrow()));
+        self.line.tick();
+    }
+}
+
+impl Observer for BenchProgress {
+    fn trained(&self, steps: u64) {
+        self.show(format_args!("{}, step {steps}", doing(Activity::Training)));
+    }
+
+    fn busy(&self, activity: Activity, share: f64) {
+        self.show(format_args!("{} {:.0} %", doing(activity), 100.0 * share));
+    }
+
+    fn worker_lost(&self, message: &str) {
+        self.line.suspend(|| warn(format_args!("warning: {message}")));
+    }
+
+    fn stop_requested(&self) -> bool {
+        self.stop.load(Ordering::Relaxed)
+    }
+
+    fn keeps_results(&self) -> bool {
+        false
     }
 }
 
@@ -262,22 +308,6 @@ fn judged(loss: f64, constants: f64) -> String {
         "no better than"
     };
     format!("{better} constants, which have {of_constants}")
-}
-
-/// Prints a line, above the bar if there is one.
-fn say(bar: Option<&ProgressBar>, line: &str) {
-    match bar {
-        Some(bar) => bar.suspend(|| tell(line)),
-        None => tell(line),
-    }
-}
-
-/// Prints a line like [`say`], also if the process is quiet.
-fn insist(bar: Option<&ProgressBar>, line: &str) {
-    match bar {
-        Some(bar) => bar.suspend(|| warn(line)),
-        None => warn(line),
-    }
 }
 
 /// Returns the line that is printed after the first Ctrl-C.
@@ -315,18 +345,6 @@ mod tests {
     }
 
     #[test]
-    fn the_same_step_twice_in_a_row_is_no_reason_to_guess_the_time_left() {
-        let config: RunConfig = toml::from_str("warehouse = { agents_per_side = 2 }").unwrap();
-        let progress = Progress::new(&config, 4, String::new).unwrap();
-        progress.trained(128);
-        std::thread::sleep(Duration::from_millis(1));
-        progress.trained(128);
-        assert_eq!(progress.message(), "");
-        progress.trained(256);
-        assert!(progress.message().contains("agent-steps/s, "), "{}", progress.message());
-    }
-
-    #[test]
     fn the_time_left_counts_all_work_and_the_speed_only_training() {
         let begun = Instant::now();
         let at = |second| begun + Duration::from_secs(second);
@@ -353,6 +371,9 @@ mod tests {
         assert_eq!(rate.left(1000, begun), None);
         rate.note(200, begun);
         assert_eq!(rate.left(1000, begun + Duration::from_secs(5)), None);
+        // The same step twice in a row is that of the slowest worker.
+        rate.note(200, begun + Duration::from_secs(5));
+        assert_eq!((rate.left(1000, begun + Duration::from_secs(5)), rate.per_second()), (None, None));
         // After a lost worker.
         rate.note(100, begun + Duration::from_secs(6));
         assert_eq!(rate.left(1000, begun + Duration::from_secs(7)), None);

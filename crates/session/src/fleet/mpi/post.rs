@@ -1,13 +1,15 @@
-//! The post of a rank: one thread that makes all calls of MPI, so that no other thread ever waits for a rank.
+//! Letters between ranks, and the post of a rank: one thread that makes all calls of MPI, so that no other thread ever
+//! waits for a rank.
 //!
-//! MPI has no way to wait for a letter without using a whole core. So the thread looks for letters every millisecond
-//! while nothing happens, and all the time while something is on its way.
+//! A letter is short. A frame, which may be long, can come with it. MPI has no way to wait for a letter without using a
+//! whole core. So the thread looks for letters every millisecond while nothing happens, and all the time while something
+//! is on its way.
 
 use std::collections::BTreeMap;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::mpsc::{Receiver, RecvTimeoutError, Sender, channel};
-use std::thread::{self, JoinHandle};
+use std::thread::{self, JoinHandle, Thread};
 use std::time::Duration;
 
 use anyhow::{Context, Result, anyhow};
@@ -16,10 +18,8 @@ use mpi::environment::processor_name;
 use mpi::request::{LocalScope, Request, scope};
 use mpi::topology::SimpleCommunicator;
 use mpi::traits::*;
+use serde::{Deserialize, Serialize};
 
-use super::kept::Kept;
-use super::letter::{Enclosed, Envelope, Letter, Rank};
-use crate::fleet::bell::Cord;
 use crate::fleet::channel::{decode, encode};
 use crate::fleet::link::Frame;
 
@@ -32,23 +32,57 @@ const MOST_WAITING: usize = 64 << 20;
 const LONGEST_PIECE: usize = 1 << 30;
 /// Length of the pieces of a broadcast, which rank 0 must copy.
 const BROADCAST_PIECE: usize = 16 << 20;
-/// Tags that tell letters from frames.
+/// Tags of letters and of frames.
 const LETTER: mpi::Tag = 1;
 const FRAME: mpi::Tag = 2;
+
+/// Number of a rank, as MPI counts.
+pub(super) type Rank = i32;
+
+#[derive(Debug, Serialize, Deserialize)]
+pub(super) enum Letter {
+    /// To a relay: prepare for the run that the frame describes, [`SharedFiles`](super::shared_files::SharedFiles).
+    Prepare,
+    /// To a relay: start this worker.
+    Start { worker: usize },
+    /// To a relay: the frame is for these workers, as far as they are yours.
+    Deliver { workers: Vec<usize> },
+    /// To a relay: end your workers, answer with [`Letter::Ended`] and end.
+    End,
+    /// To rank 0: prepared. `build`: what computes there. `unwatched`: why there is no connection that would show a death.
+    Prepared { host: String, build: String, unwatched: Option<String> },
+    /// To rank 0: this machine cannot take part, for this reason.
+    Unable { host: String, reason: String },
+    /// To rank 0: the frame is a report of this worker.
+    Said { worker: usize },
+    /// To rank 0: this worker has ended in this way.
+    Lost { worker: usize, how: String },
+    /// To rank 0: what this worker printed.
+    Printed { worker: usize, bytes: Vec<u8> },
+    /// To rank 0: nothing comes after this.
+    Ended,
+}
+
+/// How a frame comes with its letter: what the receiver must know to receive it.
+#[derive(Debug, Serialize, Deserialize)]
+struct Enclosed {
+    /// Number of bytes.
+    length: usize,
+    /// Ranks that receive it together in one broadcast of rank 0, which is the first of them. `None`: it comes right
+    /// after the letter.
+    together: Option<Vec<Rank>>,
+}
 
 /// The post of this rank. Dropping it sends what was posted, and leaves the job. All ranks leave together.
 pub(super) struct Post {
     pub(crate) rank: usize,
-    /// Number of ranks.
     pub(crate) ranks: usize,
-    /// Name of the machine.
     pub(crate) host: String,
     outbox: Option<Sender<Outgoing>>,
     inbox: Receiver<Received>,
     thread: Option<JoinHandle<()>>,
 }
 
-/// A letter to other ranks.
 pub(super) struct Outgoing {
     pub(crate) to: Vec<Rank>,
     pub(crate) letter: Letter,
@@ -57,7 +91,17 @@ pub(super) struct Outgoing {
     pub(crate) together: bool,
 }
 
-/// A letter that has come.
+impl Outgoing {
+    /// Returns the encoded envelope, and the group of a broadcast.
+    fn envelope(&self) -> (Vec<u8>, Option<Vec<Rank>>) {
+        let group = self.together.then(|| [&[0], &self.to[..]].concat());
+        let frame = self.frame.as_ref().map(|frame| Enclosed { length: frame.len(), together: group.clone() });
+        // Letters have no type that postcard cannot encode.
+        let letter = encode(&(&self.letter, frame)).expect("a letter can be encoded");
+        (letter, group)
+    }
+}
+
 pub(super) struct Received {
     pub(crate) from: usize,
     pub(crate) letter: Letter,
@@ -78,8 +122,9 @@ impl Drop for Parcel {
 }
 
 impl Post {
-    /// Joins the job. Letters that come ring the bell.
-    pub(super) fn open(cord: Cord) -> Result<Post> {
+    /// Joins the job. Letters that come wake the thread that calls this.
+    pub(super) fn open() -> Result<Post> {
+        let reader = thread::current();
         let (outbox, outgoing) = channel();
         let (received, inbox) = channel();
         let (joined, who) = channel();
@@ -87,7 +132,7 @@ impl Post {
             let Some((universe, _)) = mpi::initialize_with_threading(Threading::Funneled) else { return };
             let world = universe.world();
             let host = processor_name().unwrap_or_default();
-            let office = Office { outgoing, received, cord, groups: BTreeMap::new(), waiting: Arc::default() };
+            let office = Office { outgoing, received, reader, groups: BTreeMap::new(), waiting: Arc::default() };
             // The receiver waits for this line.
             let _ = joined.send((world.rank() as usize, world.size() as usize, host));
             office.run(&world);
@@ -133,7 +178,7 @@ impl Drop for Post {
 struct Office {
     outgoing: Receiver<Outgoing>,
     received: Sender<Received>,
-    cord: Cord,
+    reader: Thread,
     /// Groups of ranks that have broadcast before.
     groups: BTreeMap<Vec<Rank>, SimpleCommunicator>,
     /// Number of bytes that wait for being read.
@@ -146,7 +191,7 @@ impl Office {
             let outgoing = self.outgoing.recv_timeout(LOOK);
             let last = matches!(outgoing, Err(RecvTimeoutError::Disconnected));
             if let Ok(outgoing) = outgoing {
-                self.send_until_all_is_sent(world, outgoing);
+                self.send_all(world, outgoing);
             }
             while self.receive(world) {}
             if last {
@@ -155,58 +200,31 @@ impl Office {
         }
     }
 
-    /// Sends, and receives meanwhile, until nothing of this rank is on its way.
-    fn send_until_all_is_sent(&mut self, world: &SimpleCommunicator, first: Outgoing) {
-        let kept = Kept::new(Frame::default());
+    /// Sends all that is posted, and receives meanwhile, until nothing of this rank is on its way.
+    fn send_all(&mut self, world: &SimpleCommunicator, first: Outgoing) {
+        // MPI reads these until they are sent, so they must stay where they are.
+        let batch: Vec<Outgoing> = std::iter::once(first).chain(self.outgoing.try_iter()).collect();
+        let envelopes: Vec<(Vec<u8>, Option<Vec<Rank>>)> = batch.iter().map(Outgoing::envelope).collect();
         scope(|scope| {
-            let (mut end, mut open, mut next) = (&kept, Vec::new(), Some(first));
-            loop {
-                while let Some(outgoing) = next {
-                    end = self.send(world, outgoing, end, scope, &mut open);
-                    next = self.outgoing.try_recv().ok();
+            let mut open = Vec::new();
+            for (outgoing, (envelope, group)) in batch.iter().zip(&envelopes) {
+                for &rank in &outgoing.to {
+                    open.push(world.process_at_rank(rank).immediate_send_with_tag(scope, &envelope[..], LETTER));
                 }
+                match (&outgoing.frame, group) {
+                    (Some(frame), Some(group)) => self.broadcast(world, group.clone(), frame),
+                    (Some(frame), None) => send_frame(world, &outgoing.to, frame, scope, &mut open),
+                    (None, _) => {}
+                }
+            }
+            while !open.is_empty() {
                 let received = self.receive(world);
                 open = open.into_iter().filter_map(|request: Request<'_, _, _>| request.test().err()).collect();
-                if open.is_empty() {
-                    break;
-                }
-                if !received {
+                if !open.is_empty() && !received {
                     thread::yield_now();
                 }
-                next = self.outgoing.try_recv().ok();
             }
         });
-    }
-
-    /// Begins to send a letter, and its frame if it has one. Returns the new end of the list.
-    fn send<'a, 'b>(
-        &mut self,
-        world: &SimpleCommunicator,
-        outgoing: Outgoing,
-        end: &'a Kept,
-        scope: &'b LocalScope<'a>,
-        open: &mut Vec<Request<'a, [u8], &'b LocalScope<'a>>>,
-    ) -> &'a Kept {
-        let Outgoing { to, letter, frame, together } = outgoing;
-        let group = together.then(|| [&[0], &to[..]].concat());
-        let enclosed = frame.as_ref().map(|frame| Enclosed { length: frame.len(), together: group.clone() });
-        let envelope = encode(&Envelope { letter, frame: enclosed }).expect("a letter can be encoded");
-        let end = end.append(Frame::new(envelope));
-        for &rank in &to {
-            open.push(world.process_at_rank(rank).immediate_send_with_tag(scope, &end.frame[..], LETTER));
-        }
-        let Some(frame) = frame else { return end };
-        let end = end.append(frame);
-        if let Some(group) = group {
-            self.broadcast(world, group, &end.frame);
-            return end;
-        }
-        for &rank in &to {
-            for piece in end.frame.chunks(LONGEST_PIECE) {
-                open.push(world.process_at_rank(rank).immediate_send_with_tag(scope, piece, FRAME));
-            }
-        }
-        end
     }
 
     /// Sends a frame from rank 0 to a group of ranks. Waits until this rank's part is done.
@@ -238,10 +256,10 @@ impl Office {
         let from = status.source_rank();
         let unreadable = |error| {
             let reason = format!("its letters cannot be read: {error:#}");
-            Envelope { letter: Letter::Unable { host: "a machine with another build".to_owned(), reason }, frame: None }
+            (Letter::Unable { host: "a machine with another build".to_owned(), reason }, None)
         };
-        let Envelope { letter, frame } = decode(&envelope).unwrap_or_else(unreadable);
-        let frame = frame.map(|enclosed| {
+        let (letter, enclosed) = decode(&envelope).unwrap_or_else(unreadable);
+        let frame = enclosed.map(|enclosed: Enclosed| {
             let mut frame = vec![0; enclosed.length];
             match enclosed.together {
                 Some(group) => {
@@ -257,9 +275,23 @@ impl Office {
             self.waiting.fetch_add(frame.len(), Ordering::Relaxed);
             Parcel { length: frame.len(), frame, waiting: self.waiting.clone() }
         });
-        // If the reader has gone, the letter is not needed.
+        // If nobody reads any more, the letter is not needed.
         let _ = self.received.send(Received { from: from as usize, letter, frame });
-        self.cord.ring();
+        self.reader.unpark();
         true
+    }
+}
+
+fn send_frame<'a, 'b>(
+    world: &SimpleCommunicator,
+    to: &[Rank],
+    frame: &'a Frame,
+    scope: &'b LocalScope<'a>,
+    open: &mut Vec<Request<'a, [u8], &'b LocalScope<'a>>>,
+) {
+    for &rank in to {
+        for piece in frame.chunks(LONGEST_PIECE) {
+            open.push(world.process_at_rank(rank).immediate_send_with_tag(scope, piece, FRAME));
+        }
     }
 }

@@ -34,17 +34,17 @@ pub(super) struct Address {
     secret: u64,
 }
 
-/// Rank 0's ends of all lifelines.
-pub(super) struct Lifelines {
+/// Rank 0's ends of the connections to all relays.
+pub(super) struct RankWatch {
     listener: TcpListener,
     address: Address,
-    /// By rank. `None`: there is none, or it was found cut.
+    /// By rank. `None`: there is none, or it was found closed.
     lines: Vec<Option<TcpStream>>,
 }
 
-impl Lifelines {
+impl RankWatch {
     /// `host`: the name of this machine.
-    pub(super) fn open(host: &str, ranks: usize) -> Result<Lifelines> {
+    pub(super) fn open(host: &str, ranks: usize) -> Result<RankWatch> {
         let listener = TcpListener::bind((Ipv4Addr::UNSPECIFIED, 0)).context("no port for the other ranks")?;
         listener.set_nonblocking(true)?;
         let outgoing = UdpSocket::bind((Ipv4Addr::UNSPECIFIED, 0)).and_then(|socket| {
@@ -56,14 +56,14 @@ impl Lifelines {
         hosts.push(Ipv4Addr::LOCALHOST.to_string());
         let secret = RandomState::new().build_hasher().finish();
         let address = Address { hosts, port: listener.local_addr()?.port(), secret };
-        Ok(Lifelines { listener, address, lines: (0..ranks).map(|_| None).collect() })
+        Ok(RankWatch { listener, address, lines: (0..ranks).map(|_| None).collect() })
     }
 
     pub(super) fn address(&self) -> Address {
         self.address.clone()
     }
 
-    /// Waits for the lifeline of a rank that says it has connected.
+    /// Waits for the connection of a rank that says it has connected.
     pub(super) fn expect(&mut self, rank: usize) -> Result<()> {
         let begun = Instant::now();
         while self.lines[rank].is_none() {
@@ -93,10 +93,10 @@ impl Lifelines {
     }
 
     /// Returns the ranks that have died since the last call.
-    pub(super) fn newly_cut(&mut self) -> Vec<usize> {
+    pub(super) fn newly_dead(&mut self) -> Vec<usize> {
         let mut cut = Vec::new();
         for (rank, line) in self.lines.iter_mut().enumerate() {
-            if line.as_ref().is_some_and(is_cut) {
+            if line.as_ref().is_some_and(is_closed) {
                 *line = None;
                 cut.push(rank);
             }
@@ -105,24 +105,23 @@ impl Lifelines {
     }
 }
 
-/// A relay's end of its lifeline.
-pub(super) struct Lifeline(TcpStream);
+/// A relay's end of its connection to rank 0.
+pub(super) struct ParentWatch(TcpStream);
 
-impl Lifeline {
-    pub(super) fn connect(address: &Address, rank: usize) -> Result<Lifeline> {
+impl ParentWatch {
+    pub(super) fn connect(address: &Address, rank: usize) -> Result<ParentWatch> {
         let mut tried = Vec::new();
         for host in &address.hosts {
             match greeted(host, address, rank) {
-                Ok(line) => return Ok(Lifeline(line)),
+                Ok(line) => return Ok(ParentWatch(line)),
                 Err(error) => tried.push(format!("{host}:{}: {error}", address.port)),
             }
         }
         bail!("rank 0 cannot be reached by TCP ({})", tried.join("; "))
     }
 
-    /// Returns whether rank 0 has ended.
-    pub(super) fn is_cut(&self) -> bool {
-        is_cut(&self.0)
+    pub(super) fn has_ended(&self) -> bool {
+        is_closed(&self.0)
     }
 }
 
@@ -145,7 +144,7 @@ fn keep_asking(line: &TcpStream) -> std::io::Result<()> {
     Ok(())
 }
 
-fn is_cut(mut line: &TcpStream) -> bool {
+fn is_closed(mut line: &TcpStream) -> bool {
     match line.read(&mut [0]) {
         Ok(read) => read == 0,
         Err(error) => !matches!(error.kind(), ErrorKind::WouldBlock | ErrorKind::Interrupted),
@@ -156,43 +155,35 @@ fn is_cut(mut line: &TcpStream) -> bool {
 mod tests {
     use super::*;
 
-    fn lines() -> (Lifelines, Vec<Lifeline>) {
-        let mut lines = Lifelines::open("localhost", 3).unwrap();
-        let relays = [1, 2].map(|rank| Lifeline::connect(&lines.address(), rank).unwrap());
-        [1, 2].iter().for_each(|&rank| lines.expect(rank).unwrap());
-        (lines, relays.into())
-    }
-
     #[test]
-    fn the_end_of_a_rank_is_seen_once_and_that_of_rank_0_by_all() {
-        let (mut lines, mut relays) = lines();
-        assert!(lines.newly_cut().is_empty() && !relays.iter().any(Lifeline::is_cut));
-        drop(relays.remove(1));
-        assert_eq!(lines.newly_cut(), [2]);
-        assert!(lines.newly_cut().is_empty() && !relays[0].is_cut());
-        drop(lines);
-        assert!(relays[0].is_cut());
-    }
-
-    #[test]
-    fn both_ends_ask_whether_the_other_one_is_still_there() {
-        let (lines, relays) = lines();
-        let ends = lines.lines.iter().flatten().chain(relays.iter().map(|relay| &relay.0));
+    fn the_end_of_a_rank_is_seen_once_and_that_of_rank_0_by_all_and_both_ends_ask() {
+        let mut watch = RankWatch::open("localhost", 3).unwrap();
+        let mut relays =
+            [1, 2].map(|rank| ParentWatch::connect(&watch.address(), rank).unwrap()).into_iter().collect::<Vec<_>>();
+        [1, 2].iter().for_each(|&rank| watch.expect(rank).unwrap());
+        let ends = watch.lines.iter().flatten().chain(relays.iter().map(|relay| &relay.0));
         let asks =
             |line| sockopt::socket_keepalive(line).unwrap() && sockopt::tcp_keepidle(line).unwrap() == ASKED_AFTER;
         assert_eq!(ends.map(asks).collect::<Vec<_>>(), [true; 4]);
+
+        assert!(watch.newly_dead().is_empty() && !relays.iter().any(ParentWatch::has_ended));
+        drop(relays.remove(1));
+        assert_eq!(watch.newly_dead(), [2]);
+        assert!(watch.newly_dead().is_empty() && !relays[0].has_ended());
+        drop(watch);
+        assert!(relays[0].has_ended());
     }
 
     #[test]
-    fn a_stranger_is_nobodys_lifeline() {
-        let mut lines = Lifelines::open("localhost", 2).unwrap();
-        let wrong = Address { secret: lines.address.secret ^ 1, ..lines.address() };
-        let stranger = Lifeline::connect(&wrong, 1).unwrap();
-        let relay = Lifeline::connect(&lines.address(), 1).unwrap();
-        lines.expect(1).unwrap();
+    fn a_stranger_is_nobodys_connection() {
+        let mut watch = RankWatch::open("localhost", 2).unwrap();
+        let wrong = Address { secret: watch.address.secret ^ 1, ..watch.address() };
+        let stranger = ParentWatch::connect(&wrong, 1).unwrap();
+        let relay = ParentWatch::connect(&watch.address(), 1).unwrap();
+        watch.expect(1).unwrap();
         drop(stranger);
-        assert!(lines.newly_cut().is_empty());
+        assert!(watch.newly_dead().is_empty());
         drop(relay);
-        assert_eq!(lines.newly_cut(), [1]);
+        assert_eq!(watch.newly_dead(), [1]);
     }
 }

@@ -1,4 +1,4 @@
-//! The config and the networks of a run on their way to the relays, which need no shared file system.
+//! The config and the networks of a run that rank 0 sends to the relays, which need no shared file system.
 
 use std::fs;
 use std::path::Path;
@@ -6,24 +6,24 @@ use std::path::Path;
 use anyhow::{Context, Result};
 use serde::{Deserialize, Serialize};
 
-use super::lifeline::Address;
+use super::watch::Address;
 use crate::config::RunConfig;
 use dials_core::outside::Directory;
 
-/// Longest file that travels. A network of 10 000 intersections has under 1 GiB.
+/// Longest file that is sent. A network of 10 000 intersections has under 1 GiB.
 const LONGEST: u64 = 8 << 30;
 
-/// What a relay needs to know of a run.
+/// What a relay needs for a run.
 #[derive(Serialize, Deserialize)]
-pub(super) struct Luggage {
-    /// Config whose paths lead from the folder in which the files are unpacked.
+pub(super) struct SharedFiles {
+    /// Config whose paths lead from the folder in which the files are written.
     pub(crate) config_json: String,
-    files: Vec<PackedFile>,
-    pub(crate) lifeline: Address,
+    files: Vec<SharedFile>,
+    pub(crate) rank_0: Address,
 }
 
 #[derive(Serialize, Deserialize)]
-struct PackedFile {
+struct SharedFile {
     folder: String,
     name: String,
     bytes: Vec<u8>,
@@ -39,23 +39,28 @@ pub(super) fn from_the_run_directory(config: &RunConfig, directory: &Directory) 
     Ok(config)
 }
 
-impl Luggage {
-    /// Packs a config as [`from_the_run_directory`] makes it, with the files of one folder of the run directory.
-    pub(super) fn pack(config: &RunConfig, directory: &Directory, folder: &str, lifeline: Address) -> Result<Luggage> {
+impl SharedFiles {
+    /// Reads the files for a config as [`from_the_run_directory`] makes it, those of one folder of the run directory.
+    pub(super) fn read(
+        config: &RunConfig,
+        directory: &Directory,
+        folder: &str,
+        rank_0: Address,
+    ) -> Result<SharedFiles> {
         let mut files = Vec::new();
         if let Some(inside) = directory.subdirectory(folder)? {
             for name in inside.names()? {
                 let name = name.into_string().ok().context("a file of the run directory has no name in UTF-8")?;
                 let bytes = inside.read(&name, LONGEST)?.with_context(|| format!("{name}: was removed"))?;
-                files.push(PackedFile { folder: folder.to_owned(), name, bytes });
+                files.push(SharedFile { folder: folder.to_owned(), name, bytes });
             }
         }
-        Ok(Luggage { config_json: serde_json::to_string(config)?, files, lifeline })
+        Ok(SharedFiles { config_json: serde_json::to_string(config)?, files, rank_0 })
     }
 
     /// Writes the files into a folder of this machine.
-    pub(super) fn unpack(&self, place: &Path) -> Result<()> {
-        for PackedFile { folder, name, bytes } in &self.files {
+    pub(super) fn write(&self, place: &Path) -> Result<()> {
+        for SharedFile { folder, name, bytes } in &self.files {
             let folder = place.join(folder);
             let path = folder.join(name);
             let written = fs::create_dir_all(&folder).and_then(|()| fs::write(&path, bytes));
@@ -84,10 +89,10 @@ mod tests {
             RunConfig { domain: Some(DomainConfig::Traffic(TrafficTable::Grid(traffic))), ..RunConfig::default() };
 
         let config = from_the_run_directory(&config, &directory).unwrap();
-        let luggage = Luggage::pack(&config, &directory, "networks", Address::default()).unwrap();
-        luggage.unpack(there.path()).unwrap();
+        let shared = SharedFiles::read(&config, &directory, "networks", Address::default()).unwrap();
+        shared.write(there.path()).unwrap();
 
-        let mut arrived: RunConfig = serde_json::from_str(&luggage.config_json).unwrap();
+        let mut arrived: RunConfig = serde_json::from_str(&shared.config_json).unwrap();
         let paths: Vec<_> =
             arrived.domain.iter_mut().flat_map(|domain| domain.table_mut().paths()).map(|(_, path)| &*path).collect();
         assert_eq!(paths, [Path::new("networks/global"), Path::new("networks/local")]);
