@@ -2,7 +2,7 @@
 
 use std::collections::BTreeSet;
 
-use super::group::Group;
+use super::group::{Comparison, Group};
 use super::played;
 use dials_core::base::statistics::difference::{BySeed, Episodes, common_episodes};
 use dials_core::base::statistics::{Spread, mean, median};
@@ -82,6 +82,13 @@ impl Final {
             runs: of_runs,
             agents_of_runs,
         })
+    }
+}
+
+impl Comparison {
+    /// Returns the groups of which a run was evaluated, with their final returns.
+    pub(crate) fn ends(&self) -> Vec<(&Group, Final)> {
+        self.groups.iter().filter_map(|group| Some((group, Final::of(group)?))).collect()
     }
 }
 

@@ -34,14 +34,18 @@ impl Comparison {
         letters.next().map_or(String::new(), |first| first.to_uppercase().chain(letters).collect())
     }
 
-    /// Returns the places of the agents, if they are in rows.
-    pub(crate) fn map(&self) -> Option<Map> {
-        self.groups.iter().flat_map(|group| &group.runs).find_map(|run| run.scenario().map)
+    pub(crate) fn runs(&self) -> impl Iterator<Item = &RunRecord> {
+        self.groups.iter().flat_map(|group| &group.runs)
     }
 
-    /// Returns the rules by which the agents see and are paid, if a run recorded them.
+    /// Returns the places of the agents, if they are in rows.
+    pub(crate) fn map(&self) -> Option<Map> {
+        self.runs().find_map(|run| run.scenario().map)
+    }
+
+    /// Returns the rules by which the agents see and are rewarded, if a run recorded them.
     pub(crate) fn rules(&self) -> Option<&Rules> {
-        self.groups.iter().flat_map(|group| &group.runs).find_map(|run| run.scenario().rules.as_ref())
+        self.runs().find_map(|run| run.scenario().rules.as_ref())
     }
 
     /// Returns the number of agents, with whatever else distinguishes the scenario from others.

@@ -216,7 +216,7 @@ mod tests {
             labels.map(|label| Look::of(&label)).map(|(colour, variant)| Look::number(colour, variant)).collect();
         for (index, look) in looks.iter().enumerate() {
             assert!(!looks[..index].contains(look), "{index}: {look:?}");
-            // Between its markers a line is told apart by its shade and its dash.
+            // Between its markers only the shade and the dash of a line are seen.
             let alike = |other: &Look| (other.colour, other.dash) == (look.colour, look.dash);
             assert!(!looks[..index].iter().any(alike), "{index}: {look:?}");
         }

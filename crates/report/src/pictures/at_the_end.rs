@@ -2,10 +2,8 @@
 
 use anyhow::Result;
 
-use super::{comparable, ends, label_with_runs, plain, return_axis, shows_seeds, time_unit};
-use crate::chart::{
-    Axis, Bar, BarChart, Cell, Cluster, HeatMap, Looks, NamedChart, Panel, Row, RowChart, Scale, Series,
-};
+use super::{comparable, ends, joined, label_with_runs, plain, return_axis, shows_seeds, time_unit};
+use crate::chart::{Axis, Bar, BarChart, Cluster, HeatMap, Looks, NamedChart, Panel, Row, RowChart, Scale, Series};
 use crate::drawing::Svg;
 use crate::family::Family;
 use crate::finals::{Final, Runtime};
@@ -22,11 +20,10 @@ use dials_session::records::run_record::Returns;
 /// evaluated.
 pub(crate) fn ablation(comparison: &Comparison) -> Option<Result<Svg>> {
     let (opponent, reference) = (comparison.reference()?, &comparison.groups[comparison.reference?]);
-    let of_reference = Final::of(reference)?;
-    let others = comparison.groups.iter().filter(|group| !std::ptr::eq(*group, reference));
-    let mut ends_of_others: Vec<(&Group, Final)> =
-        others.filter_map(|group| Some((group, Final::of(group)?))).collect();
-    ends_of_others.sort_by(|(_, a), (_, b)| b.returns.mean.total_cmp(&a.returns.mean));
+    let (mut of_reference, mut others): (Vec<_>, Vec<_>) =
+        comparison.ends().into_iter().partition(|(group, _)| std::ptr::eq(*group, reference));
+    let (_, of_reference) = of_reference.pop()?;
+    others.sort_by(|(_, a), (_, b)| b.returns.mean.total_cmp(&a.returns.mean));
     let row = |group: &Group, end: &Final, against: String| Row {
         label: comparison.short_label(group),
         points: end.returns.values.clone(),
@@ -39,10 +36,9 @@ pub(crate) fn ablation(comparison: &Comparison) -> Option<Result<Svg>> {
         None => format!("at {} steps", steps_text(end.steps)),
     };
     let mut rows = vec![row(reference, &of_reference, "the reference".to_owned())];
-    rows.extend(ends_of_others.iter().map(|(group, end)| row(group, end, to_reference(group, end))));
+    rows.extend(others.iter().map(|(group, end)| row(group, end, to_reference(group, end))));
     let enough = rows.iter().any(|row| row.interval.is_some());
-    let few = std::iter::once(&of_reference).chain(ends_of_others.iter().map(|(_, end)| end));
-    let few = few.clone().any(|end| end.returns.interval.is_none());
+    let few = rows.iter().any(|row| row.interval.is_none());
     let note = match (enough, few) {
         (true, false) => "diamond and bar: mean and 95 % Student's t interval over seeds; circles: seeds",
         (true, true) => {
@@ -84,7 +80,7 @@ pub(crate) fn final_bars(family: &Family, looks: &Looks) -> Result<Svg> {
         y: return_axis(comparisons[0]),
         format: figure,
         scale: Scale::Linear,
-        note: note_on_bars(&clusters).unwrap_or_default(),
+        note: note_on_bars(&clusters, ""),
         clusters,
     };
     chart.draw()
@@ -119,10 +115,7 @@ pub(crate) fn runtime_bars(family: &Family, looks: &Looks) -> Result<Option<Svg>
         y: Axis { label: format!("{unit}, powers of 2"), format: plain },
         format: short,
         scale: Scale::Log2,
-        note: std::iter::once("wall time of a run without its evaluations".to_owned())
-            .chain(note_on_bars(&clusters))
-            .collect::<Vec<_>>()
-            .join("; "),
+        note: note_on_bars(&clusters, "wall time of a run without its evaluations"),
         clusters,
     };
     chart.draw().map(Some)
@@ -149,15 +142,14 @@ fn single(spread: &Spread, unit: f64) -> Vec<f64> {
     if shows_seeds(spread.runs()) { values.collect() } else { Vec::new() }
 }
 
-/// Explains whiskers and circles.
-fn note_on_bars(clusters: &[Cluster]) -> Option<String> {
+/// Explains whiskers and circles after another note, which may be empty.
+fn note_on_bars(clusters: &[Cluster], before: &str) -> String {
     let bars = || clusters.iter().flat_map(|cluster| &cluster.bars);
-    let whiskers = bars().any(|bar| bar.whisker.is_some());
-    let whiskers = whiskers.then(|| "whiskers: 95\u{a0}% Student's t interval over seeds".to_owned());
-    let circles = bars().any(|bar| !bar.points.is_empty());
-    let circles = circles.then(|| format!("circles: single seeds, if fewer than {ENOUGH_SEEDS}"));
-    let notes: Vec<String> = whiskers.into_iter().chain(circles).collect();
-    (!notes.is_empty()).then(|| notes.join("; "))
+    joined(&[
+        (!before.is_empty(), before),
+        (bars().any(|bar| bar.whisker.is_some()), "whiskers: 95\u{a0}% Student's t interval over seeds"),
+        (bars().any(|bar| !bar.points.is_empty()), &format!("circles: single seeds, if fewer than {ENOUGH_SEEDS}")),
+    ])
 }
 
 /// Returns the label of a bar. It is the full one if there are several scenarios, because a short one may differ
@@ -195,8 +187,7 @@ pub(crate) fn agents(comparison: &Comparison, looks: &Looks) -> Result<Option<Sv
 
 fn agents_in_rows(comparison: &Comparison, map: Map) -> Result<Option<Svg>> {
     let mut groups = Vec::new();
-    for group in &comparison.groups {
-        let Some(end) = Final::of(group) else { continue };
+    for (group, end) in comparison.ends() {
         let panel = |label: String, agents: Vec<(f64, bool)>| Panel { label, rows: on_the_map(&agents, map) };
         let mut panels = Vec::new();
         if end.agents_of_runs.len() > 1 {
@@ -227,8 +218,7 @@ fn agents_in_rows(comparison: &Comparison, map: Map) -> Result<Option<Svg>> {
 const MOST_NAMED: usize = 40;
 
 fn agents_by_name(comparison: &Comparison, looks: &Looks) -> Result<Option<Svg>> {
-    let ends: Vec<(&Group, Final)> =
-        comparison.groups.iter().filter_map(|group| Some((group, Final::of(group)?))).collect();
+    let ends = comparison.ends();
     let runs = ends.iter().flat_map(|(group, _)| &group.runs);
     let Some(run) = runs.max_by_key(|run| run.about.agents.len()) else { return Ok(None) };
     let all = comparison.scenario.agents;
@@ -258,11 +248,9 @@ fn agents_by_name(comparison: &Comparison, looks: &Looks) -> Result<Option<Svg>>
     chart.draw().map(Some)
 }
 
-/// Arranges agents row by row. `upwards`: agent 0 is in the bottom row.
-fn on_the_map(agents: &[(f64, bool)], map: Map) -> Vec<Vec<Cell>> {
-    let cell = |&(value, stuck): &(f64, bool)| Cell { value, stuck };
-    let mut rows: Vec<Vec<Cell>> =
-        agents.chunks(map.columns.max(1)).map(|row| row.iter().map(cell).collect()).collect();
+/// Arranges agents row by row, with the top row first.
+fn on_the_map(agents: &[(f64, bool)], map: Map) -> Vec<Vec<(f64, bool)>> {
+    let mut rows: Vec<Vec<(f64, bool)>> = agents.chunks(map.columns.max(1)).map(<[_]>::to_vec).collect();
     if map.first_row == FirstRow::Bottom {
         rows.reverse();
     }
@@ -278,7 +266,7 @@ mod tests {
         let agents: Vec<(f64, bool)> = (0..6).map(|agent| (f64::from(agent), false)).collect();
         let values = |first_row| -> Vec<Vec<f64>> {
             let rows = on_the_map(&agents, Map { rows: 2, columns: 3, first_row });
-            rows.iter().map(|row| row.iter().map(|cell| cell.value).collect()).collect()
+            rows.iter().map(|row| row.iter().map(|(value, _)| *value).collect()).collect()
         };
         assert_eq!(values(FirstRow::Bottom), [[3.0, 4.0, 5.0], [0.0, 1.0, 2.0]]);
         assert_eq!(values(FirstRow::Top), [[0.0, 1.0, 2.0], [3.0, 4.0, 5.0]]);
