@@ -1,17 +1,15 @@
 //! Pictures of a traffic episode as SVG: one file and one function per picture.
 //!
 //! - `space_time`: the cars of one corridor over time. `signal_timing`: the lights over time.
-//! - `queues`: standing cars over time. `returns_map`: the return of every agent on a map; `returns_on_net`: on the map of
-//!   any network.
+//! - `queues`: standing cars over time. `returns_map`: the return of every agent on a map.
 //! - `regions_map`: a road network with the local regions of its lights. `net_map`: what maps of networks share.
 //!
-//! Those of an episode are drawn from a [`dials_core::domain::road_trace`]. This room does not know which simulator made it.
+//! Those of an episode are drawn from a [`dials_core::domain::road_trace`]. Nothing here knows which simulator made it.
 
 mod net_map;
 mod queues;
 mod regions_map;
 mod returns_map;
-mod returns_on_net;
 mod signal_timing;
 mod space_time;
 
@@ -19,11 +17,11 @@ use std::ops::Range;
 
 use anyhow::Result;
 use plotters::prelude::*;
-use plotters::style::text_anchor::{HPos, Pos, VPos};
+use plotters::style::text_anchor::{HPos, VPos};
 
 use crate::drawing::{
-    Area, BLUE, BoundedAxis, GREEN, INK, ORANGE, PURPLE, SKY, Svg, draw_mesh, ink_over, pen, px, shade, shortened,
-    text, text_width, widened,
+    Area, BLUE, BoundedAxis, GREEN, INK, ORANGE, PURPLE, SKY, Svg, anchored, draw_mesh, ink_over, pen, px, shade,
+    shortened, text, text_width, widened, write, write_at,
 };
 
 pub use queues::queues;
@@ -75,7 +73,7 @@ fn picture(
     draw: impl FnOnce(&Area<'_>) -> Result<()>,
 ) -> Result<Svg> {
     Svg::draw(width as u32, height as u32, |root| {
-        root.draw_text(title, &text(15, INK), (px(MARGIN), px(14)))?;
+        write(root, title, (px(MARGIN), px(14)), 15)?;
         root.draw_text(about, &text(11, FAINT), (px(MARGIN), px(40)))?;
         draw(&root.margin(px(HEAD), px(MARGIN), px(MARGIN), px(MARGIN)))
     })
@@ -95,10 +93,6 @@ fn draw_axes(chart: &mut Chart<'_, '_>, values: &str, value_labels: usize, secon
             .y_label_formatter(&|value| format!("{value:.0}")),
         11.0,
     )
-}
-
-fn anchored(style: TextStyle<'static>, horizontal: HPos, vertical: VPos) -> TextStyle<'static> {
-    style.pos(Pos::new(horizontal, vertical))
 }
 
 #[cfg(test)]
