@@ -59,8 +59,7 @@ impl Final {
                 })
             })
             .collect();
-        let of_runs: BySeed =
-            runs.iter().filter_map(|run| Some((run.config.learning.seed, played::of_run(run, steps)?))).collect();
+        let of_runs = played::of_runs(&runs, steps);
         let means: Vec<f64> = of_runs.iter().map(|(_, played)| played.mean).collect();
         let medians: Vec<f64> = runs.iter().filter_map(|run| Some(run.evaluation_at(steps)?.all.median)).collect();
         let count = agents_of_runs.first().map_or(0, |(_, agents)| agents.len());

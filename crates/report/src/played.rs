@@ -4,10 +4,14 @@ use dials_core::base::statistics::difference::{BySeed, Difference, Played, to_co
 use dials_session::records::find::BaselineRecord;
 use dials_session::records::run_record::{EvaluationRecord, RunRecord};
 
-/// Returns what a run played at the evaluation at a step; `None` if there was none.
-pub(crate) fn of_run(run: &RunRecord, steps: u64) -> Option<Played> {
-    let EvaluationRecord { all, episode_returns, .. } = run.evaluation_at(steps)?;
-    Some(Played::new(all.mean, run.config.learning.evaluation.seed, episode_returns.clone()))
+/// Returns what runs played at their evaluations at a step, by seed.
+pub(crate) fn of_runs(runs: &[&RunRecord], steps: u64) -> BySeed {
+    let played = runs.iter().filter_map(|run| {
+        let EvaluationRecord { all, episode_returns, .. } = run.evaluation_at(steps)?;
+        let played = Played::new(all.mean, run.config.learning.evaluation.seed, episode_returns.clone());
+        Some((run.config.learning.seed, played))
+    });
+    played.collect()
 }
 
 /// Returns what a controller played.
