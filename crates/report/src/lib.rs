@@ -14,20 +14,22 @@
 //! - [`words`]: formats of numbers, and warnings.
 //! - [`compare`]: a comparison of two groups of runs.
 
-pub(crate) mod chart;
+mod chart;
 pub mod compare;
 mod cores;
 mod cost_tables;
-pub(crate) mod csv_file;
-pub(crate) mod curves;
-pub(crate) mod document;
+mod csv_file;
+mod curves;
+mod document;
 pub mod drawing;
-pub(crate) mod family;
-pub(crate) mod finals;
-pub(crate) mod group;
+mod family;
+mod finals;
+#[cfg(test)]
+mod fixtures;
+mod group;
 pub mod live;
-pub(crate) mod opponent;
-pub(crate) mod paper;
+mod opponent;
+mod paper;
 mod pictures;
 mod played;
 pub mod plot;
@@ -40,7 +42,7 @@ use std::path::PathBuf;
 use anyhow::{Result, ensure};
 
 use dials_session::records::find::Found;
-use document::{Block, Figure};
+use document::Figure;
 use group::{Comparison, Sorted};
 
 /// Name of the report's HTML page.
@@ -67,26 +69,21 @@ pub struct Report {
 /// No run there was evaluated and can be read. The error lists the first reasons.
 pub fn report(folders: &[PathBuf]) -> Result<Report> {
     let (comparisons, warnings) = compared(dials_session::records::find::find(folders)?)?;
-    let mut groups = comparisons.iter().flat_map(|comparison| &comparison.groups);
-    ensure!(groups.any(|group| group.finals().is_some()), words::no_run(&names(folders), &warnings));
+    let groups = || comparisons.iter().flat_map(|comparison| &comparison.groups);
+    let names: Vec<String> = folders.iter().map(|folder| folder.display().to_string()).collect();
+    ensure!(groups().any(|group| group.finals().is_some()), words::no_run(&names.join(", "), &warnings));
     let document = sections::document(&comparisons, &warnings)?;
     let mut files = vec![(PAGE.to_owned(), document.to_html()), (MARKDOWN.to_owned(), document.to_markdown())];
     files.extend(document.figures().map(|figure| (format!("{}.svg", figure.name), figure.svg.file())));
-    files.extend(csv_file::files(&comparisons)?.into_iter().map(|file| (file.name.to_owned(), file.text)));
-    let groups = comparisons.iter().flat_map(|comparison| &comparison.groups);
-    let runs = groups.clone().map(|group| group.runs.len()).sum();
-    Ok(Report { files, runs, groups: groups.count(), warnings })
+    files.extend(csv_file::files(&comparisons)?);
+    let runs = groups().map(|group| group.runs.len()).sum();
+    Ok(Report { files, runs, groups: groups().count(), warnings })
 }
 
 /// Makes the figures of a report about these runs, and only them. None was evaluated yet: no figures.
 pub(crate) fn compared_figures(found: Found) -> Result<Vec<Figure>> {
     let (comparisons, warnings) = compared(found)?;
-    let blocks = sections::document(&comparisons, &warnings)?.blocks.into_iter();
-    let figure = |block| match block {
-        Block::Figure(figure) => Some(figure),
-        _ => None,
-    };
-    Ok(blocks.filter_map(figure).collect())
+    Ok(sections::document(&comparisons, &warnings)?.into_figures().collect())
 }
 
 /// Compares the runs that were found. Also returns sentences about those that are missing or unfinished.
@@ -95,8 +92,4 @@ fn compared(found: Found) -> Result<(Vec<Comparison>, Vec<String>)> {
     let Sorted { comparisons, left_out } = group::sort(found)?;
     let warnings = words::warnings(&comparisons, &missing, &left_out);
     Ok((comparisons, warnings))
-}
-
-fn names(folders: &[PathBuf]) -> String {
-    folders.iter().map(|folder| folder.display().to_string()).collect::<Vec<_>>().join(", ")
 }
