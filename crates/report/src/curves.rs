@@ -27,7 +27,7 @@ pub(crate) struct CurvePoint {
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct LossPoint {
     pub(crate) steps: u64,
-    /// Whether the loss was measured right after a training of the AIPs (approximate influence predictors).
+    /// Whether the loss was measured right after a training of the AIPs.
     pub(crate) after_training: bool,
     /// Cross-entropy in nats per influence source, over seeds.
     pub(crate) loss: Spread,
@@ -38,7 +38,7 @@ pub(crate) struct LossPoint {
 /// Data on which the cross-entropy of a group's AIPs was measured.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum LossData {
-    /// Fresh episodes of the GS (global simulator), at evaluations and after trainings.
+    /// Fresh episodes of the GS, at evaluations and after trainings.
     Fresh,
     /// The held-out episodes of each dataset, before and after the training on it.
     HeldOut,
@@ -142,29 +142,22 @@ fn measured(run: &RunRecord, data: LossData) -> LossesBySteps {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use dials_core::domain::Scenario;
-    use dials_session::records::method::Method;
+    use crate::fixtures;
     use dials_session::records::run_record::FreshLossRecord;
 
     /// Makes runs with losses at these steps; `true`: right after a training. The marginals are 1 higher.
     fn group(runs: &[&[(u64, bool, f64)]]) -> Group {
-        let run = |losses: &&[(u64, bool, f64)]| RunRecord {
-            fresh_losses: losses
-                .iter()
-                .map(|&(steps, after_training, loss)| FreshLossRecord {
-                    steps,
-                    after_training,
-                    loss,
-                    marginals: loss + 1.0,
-                })
-                .collect(),
-            ..RunRecord::empty(
-                toml::from_str("[warehouse]\nagents_per_side = 2").unwrap(),
-                Scenario::new("warehouse", 4, 100),
-            )
+        let record = |&(steps, after_training, loss): &(u64, bool, f64)| FreshLossRecord {
+            steps,
+            after_training,
+            loss,
+            marginals: loss + 1.0,
         };
-        let runs: Vec<RunRecord> = runs.iter().map(run).collect();
-        Group { method: Method::of(&runs[0].config, runs[0].scenario()), overrides: Vec::new(), runs }
+        let run = |losses: &&[(u64, bool, f64)]| RunRecord {
+            fresh_losses: losses.iter().map(record).collect(),
+            ..fixtures::run("")
+        };
+        fixtures::group(runs.iter().map(run).collect())
     }
 
     #[test]

@@ -9,8 +9,7 @@ use dials_session::records::find::{BaselineRecord, Found, LeftOut};
 use dials_session::records::method::{Method, Retraining, steps_text};
 use dials_session::records::run_record::{RunRecord, Status};
 
-/// All groups of one scenario, in the order of the report: GS (global simulator), DIALS by F (the steps between two
-/// trainings of the AIPs), other simulators, variants last.
+/// All groups of one scenario, in the order of the report: GS, DIALS by F, other simulators, variants last.
 pub(crate) struct Comparison {
     pub(crate) scenario: ScenarioId,
     /// What the user calls the scenario, if all runs that recorded a name have the same.
@@ -179,14 +178,14 @@ pub(crate) fn sort(found: Found) -> Result<Sorted> {
     for ((scenario, (methods, _)), (_, name)) in scenarios.into_iter().zip(&all) {
         let plain = plain_slug(&scenario, name.as_deref());
         let unique = named.clone().filter(|&(other, name)| plain_slug(other, name) == plain).count() == 1;
-        let mut told_apart = keys_that_differ(methods.keys().map(|method| &method.keys));
-        told_apart.extend(keys_that_some_leave_out(methods.keys()));
+        let mut distinguishing = keys_that_differ(methods.keys().map(|method| &method.keys));
+        distinguishing.extend(keys_that_some_leave_out(methods.keys()));
         let mut groups: Vec<Group> = methods
             .into_iter()
-            .map(|(method, runs)| group(method, &told_apart, without_doubles(runs, &mut left_out)))
+            .map(|(method, runs)| group(method, &distinguishing, without_doubles(runs, &mut left_out)))
             .collect();
         groups.sort_by_key(Group::order);
-        let reference = reference(&groups, &told_apart);
+        let reference = reference(&groups, &distinguishing);
         let baselines = found.baselines.iter().map(|(_, baseline)| baseline);
         let baselines = baselines.filter(|baseline| baseline.scenario == scenario.word()).cloned().collect();
         let title = scenario.title_among(name.as_deref(), named.clone());
@@ -237,9 +236,9 @@ fn keys_that_some_leave_out<'a>(methods: impl Iterator<Item = &'a Method> + Clon
 
 /// Returns the one group that has the common value of every key whose values differ. `None` if there is no other group,
 /// or not exactly one such group.
-fn reference(groups: &[Group], told_apart: &BTreeMap<String, Option<String>>) -> Option<usize> {
+fn reference(groups: &[Group], distinguishing: &BTreeMap<String, Option<String>>) -> Option<usize> {
     let usual = |group: &Group| {
-        let mut keys = told_apart.iter();
+        let mut keys = distinguishing.iter();
         keys.all(|(key, common)| {
             common.is_some() && group.method.keys.get(key).is_none_or(|own| common.as_ref() == Some(own))
         })
@@ -269,13 +268,13 @@ fn is_always_named(key: &str, value: &str) -> bool {
     ALWAYS_NAMED.contains(&key) && value != OFF || (key, value) == ALWAYS_NAMED_VALUE
 }
 
-fn group(method: Method, told_apart: &BTreeMap<String, Option<String>>, runs: Vec<RunRecord>) -> Group {
+fn group(method: Method, distinguishing: &BTreeMap<String, Option<String>>, runs: Vec<RunRecord>) -> Group {
     let in_the_name = |key: &str| {
         let of_retraining = ["aip.retrain", "aip.retrain_every_steps"].contains(&key);
         key == "simulator" || (method.retraining != Retraining::Never && of_retraining)
     };
     let overrides = method.keys.iter().filter(|(key, value)| {
-        let differs = || told_apart.get(*key).is_some_and(|common| common.as_ref() != Some(value));
+        let differs = || distinguishing.get(*key).is_some_and(|common| common.as_ref() != Some(value));
         !in_the_name(key) && (is_always_named(key, value) || differs())
     });
     let mut overrides: Vec<(String, String)> = overrides.map(|(key, value)| (key.clone(), value.clone())).collect();
@@ -306,38 +305,23 @@ mod tests {
     use std::path::Path;
 
     use super::*;
+    use crate::fixtures::run;
     use dials_core::domain::Scenario;
     use dials_session::records::run_record::FreshLossRecord;
 
-    fn methods(values: &[&str]) -> Vec<BTreeMap<String, String>> {
-        values.iter().map(|&value| BTreeMap::from([("ppo.clip".to_owned(), value.to_owned())])).collect()
-    }
-
-    #[test]
-    fn the_value_of_most_groups_goes_without_saying() {
-        let common = |values: &[&str]| keys_that_differ(methods(values).iter()).remove("ppo.clip");
-        assert_eq!(common(&["0.1", "0.1"]), None, "nothing differs");
-        assert_eq!(common(&["0.1", "0.2", "0.1"]), Some(Some("0.1".to_owned())));
-        assert_eq!(common(&["0.1", "0.2"]), Some(None), "neither is the common one");
-    }
-
     /// Makes groups of the warehouse: our defaults, with one of these settings each.
     fn ablation(settings: &[&str]) -> Comparison {
-        let runs = settings.iter().enumerate().map(|(index, setting)| {
-            let config = toml::from_str(&format!("{setting}\n[warehouse]\nagents_per_side = 2")).unwrap();
-            let scenario = Scenario::new("warehouse", 4, 100);
-            RunRecord { dir: format!("runs/{index}").into(), ..RunRecord::empty(config, scenario) }
-        });
+        let runs = settings.iter().enumerate();
+        let runs = runs.map(|(index, setting)| RunRecord { dir: format!("runs/{index}").into(), ..run(setting) });
         sort(Found { runs: runs.collect(), ..Found::default() }).unwrap().comparisons.remove(0)
     }
 
     #[test]
     fn scenarios_are_called_as_their_runs_call_them() {
         let run = |index: usize, (name, checksum): (Option<&str>, u32)| {
-            let config = toml::from_str(&format!("seed = {index}\n[warehouse]\nagents_per_side = 2")).unwrap();
             let scenario = Scenario::new("traffic", 4, 100).with_checksum(checksum);
             let scenario = name.map_or(scenario.clone(), |name| scenario.with_name(name));
-            RunRecord { dir: format!("runs/{index}").into(), ..RunRecord::empty(config, scenario) }
+            RunRecord::empty(run(&format!("seed = {index}")).config, scenario)
         };
         let called = |runs: &[(Option<&str>, u32)]| {
             let runs = runs.iter().enumerate().map(|(index, &of)| run(index, of)).collect();
@@ -373,10 +357,7 @@ mod tests {
 
     #[test]
     fn of_two_equal_runs_the_one_that_measured_its_aips_stays() {
-        let run = |name: &str, fresh_losses: Vec<FreshLossRecord>| {
-            let config = toml::from_str("[warehouse]\nagents_per_side = 2").unwrap();
-            RunRecord { dir: name.into(), fresh_losses, ..RunRecord::empty(config, Scenario::new("warehouse", 4, 100)) }
-        };
+        let run = |name: &str, fresh_losses| RunRecord { dir: name.into(), fresh_losses, ..run("") };
         let loss = FreshLossRecord { steps: 0, after_training: false, loss: 0.1, marginals: 0.2 };
         let mut left_out = Vec::new();
         let kept = without_doubles(vec![run("a", Vec::new()), run("b", vec![loss])], &mut left_out);
@@ -384,17 +365,18 @@ mod tests {
         assert_eq!(left_out[0].reason, "is the same training as b");
     }
 
+    fn labels(settings: &[&str]) -> Vec<String> {
+        ablation(settings).groups.iter().map(Group::label).collect()
+    }
+
     #[test]
     fn a_method_that_imitates_is_never_taken_for_the_papers() {
-        let short = |settings: &[&str]| {
-            let comparison = ablation(settings);
-            comparison.groups.iter().map(|group| comparison.short_label(group)).collect::<Vec<String>>()
-        };
         let copy = "policy.imitate = 'oldest-item'";
-        assert_eq!(ablation(&[copy]).groups[0].label(), "DIALS F=1M, policy.imitate=oldest-item");
+        assert_eq!(labels(&[copy]), ["DIALS F=1M, policy.imitate=oldest-item"]);
         let others = ["ppo.clip = 0.2", "evaluation.episodes = 3\nppo.gamma = 0.9"].map(|key| format!("{copy}\n{key}"));
+        let comparison = ablation(&[copy, &others[0], &others[1]]);
         assert_eq!(
-            short(&[copy, &others[0], &others[1]]),
+            comparison.groups.iter().map(|group| comparison.short_label(group)).collect::<Vec<_>>(),
             [
                 "DIALS F=1M, imitate=oldest-item",
                 "imitate=oldest-item, clip=0.2",
@@ -404,8 +386,7 @@ mod tests {
     }
 
     #[test]
-    fn one_policy_for_all_is_named_even_if_all_groups_have_it() {
-        let labels = |settings: &[&str]| ablation(settings).groups.iter().map(Group::label).collect::<Vec<_>>();
+    fn what_makes_another_method_is_named_even_if_all_groups_have_it() {
         let shared = "simulator = 'gs'\ngs.shared_policy = true";
         assert_eq!(labels(&[shared]), ["GS, gs.shared_policy=true"]);
         assert_eq!(labels(&["simulator = 'gs'"]), ["GS"]);
@@ -414,27 +395,18 @@ mod tests {
         assert_eq!(labels(&["simulator = 'gs'", "simulator = 'gs'\nppo.clip = 0.2", shared])[0], "GS");
         assert_eq!(labels(&["simulator = 'gs'", shared]), ["GS", "GS, gs.shared_policy=true"]);
         assert_eq!(labels(&[mean, "simulator = 'gs'"])[0], "GS");
-    }
-
-    #[test]
-    fn aips_that_see_the_light_are_named_even_if_all_groups_have_them() {
         let named = |value: &str| is_always_named("traffic.d_set", value);
         assert_eq!(["cells+light", "cells+arrivals", "cells"].map(named), [true, false, false]);
     }
 
     #[test]
-    fn a_key_that_is_off_if_it_is_not_set_tells_groups_apart() {
-        let labels = |settings: &[&str]| ablation(settings).groups.iter().map(Group::label).collect::<Vec<_>>();
+    fn a_key_that_is_off_if_it_is_not_set_distinguishes_groups() {
         assert_eq!(labels(&["aip.patience = 3", ""]), ["DIALS F=1M", "DIALS F=1M, aip.patience=3"]);
-        let recurrent = labels(&["policy.recurrent = 8", "", "simulator = 'gs'", "policy.recurrent = 16"]);
         assert_eq!(
-            recurrent,
+            labels(&["policy.recurrent = 8", "", "simulator = 'gs'", "policy.recurrent = 16"]),
             ["GS", "DIALS F=1M", "DIALS F=1M, policy.recurrent=16", "DIALS F=1M, policy.recurrent=8"]
         );
-        let reference = |settings: &[&str]| ablation(settings).reference;
-        assert_eq!(reference(&["aip.patience = 3", ""]), Some(0), "most groups leave it out");
-        let imitates = "policy.imitate = 'oldest-item'";
-        assert_eq!(labels(&[imitates, ""]), ["DIALS F=1M", "DIALS F=1M, policy.imitate=oldest-item"]);
+        assert_eq!(ablation(&["aip.patience = 3", ""]).reference, Some(0), "most groups leave it out");
     }
 
     #[test]
@@ -448,7 +420,7 @@ mod tests {
     }
 
     #[test]
-    fn steps_are_told_as_the_paper_does() {
+    fn steps_are_written_as_in_the_paper() {
         assert_eq!(
             [4_000_000, 500_000, 1_500_000, 150_016, 12_500, 4_000_128, 128, 0].map(steps_text),
             ["4M", "500K", "1.5M", "150K", "12.5K", "4M", "128", "0"]

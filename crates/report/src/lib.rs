@@ -1,18 +1,17 @@
 //! The paper's figures and tables, made from run directories alone: learning curves over seeds, bars, and every agent
 //! on its grid. Tables have the paper's layout, with its numbers beside ours.
 //!
-//! - [`find`]: the runs, baselines and plans under the folders of a report. Nothing here sees a live run, or knows a domain
-//!   by name.
-//!   [`plan`]: the plans of experiments; `json_file`: how plans and baselines are read.
-//! - [`method`], [`group`]: which runs are comparable, and which differ only in their seed.
-//! - [`opponent`]: what the groups of a scenario are compared with. [`family`]: scenarios that may share an axis.
-//! - [`curves`], [`finals`]: results over several seeds; `played`: the episodes behind them, for differences.
-//! - `cores`: wall time by number of cores, a model.
-//! - [`paper`]: the paper's numbers, each with its source.
-//! - [`chart`], [`document`], [`csv_file`]: pictures, pages and files. `pictures`, `tables`, `cost_tables` and
-//!   `sections` fill them.
+//! AIP: approximate influence predictor. GS: global simulator. LS: local simulator. F: steps between two trainings of the
+//! AIPs.
+//!
+//! - `group`: which runs are comparable, and which differ only in their seed.
+//! - `opponent`: what the groups of a scenario are compared with. `family`: scenarios that may share an axis.
+//! - `curves`, `finals`: results over several seeds. `cores`: wall time by number of cores, a model.
+//! - `paper`: the paper's numbers, each with its source.
+//! - `chart`, `document`, `csv_file`: pictures, pages and files. `pictures`, `tables`, `cost_tables` and `sections` fill
+//!   them.
 //! - [`words`]: formats of numbers, and warnings.
-//! - [`compare`]: a comparison of two groups of runs.
+//! - [`compare`]: a comparison of two groups of runs. [`live`]: a page about runs that train. [`plot`]: an episode.
 
 mod chart;
 pub mod compare;
@@ -31,7 +30,6 @@ pub mod live;
 mod opponent;
 mod paper;
 mod pictures;
-mod played;
 pub mod plot;
 mod sections;
 mod tables;

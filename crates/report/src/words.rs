@@ -207,8 +207,8 @@ mod tests {
         let reasons: Vec<String> = (1..=5).map(|run| format!("runs/{run}: not evaluated yet")).collect();
         let head = "runs: no run in it was evaluated and can be read:\n  runs/1: not evaluated yet";
         assert_eq!(no_run("runs", &reasons[..1]), head);
-        let told = no_run("runs", &reasons);
-        assert!(told.starts_with(head) && told.ends_with("\n  runs/3: not evaluated yet\n  and 2 more"), "{told}");
+        let error = no_run("runs", &reasons);
+        assert!(error.starts_with(head) && error.ends_with("\n  runs/3: not evaluated yet\n  and 2 more"), "{error}");
     }
 
     #[test]
@@ -227,7 +227,7 @@ mod tests {
     }
 
     #[test]
-    fn a_difference_is_told_with_its_interval_or_with_its_seeds() {
+    fn a_difference_is_written_with_its_interval_or_with_its_seeds() {
         let of = |seeds: &[f64], interval, pairing| Difference {
             mean: 2.0,
             pairing,
@@ -236,14 +236,14 @@ mod tests {
             of_seeds: (1..).zip(seeds.iter().copied()).collect(),
             interval,
         };
-        let told = |found: Difference| difference(&found, 200.0);
+        let words = |found: Difference| difference(&found, 200.0);
         let interval = Some(Bounds { low: -0.5, high: 4.5 });
-        assert_eq!(told(of(&[2.0; 5], interval, Pairing::EpisodeAndSeed)), "+2.0 [-0.5, +4.5]");
-        assert_eq!(told(of(&[1.0, 3.0], None, Pairing::Episode)), "+2.0 (n = 2: +1.0, +3.0)");
-        assert_eq!(told(of(&[1.0, 3.0], None, Pairing::Seed)), "+2.0 (n = 2: +1.0, +3.0, other episodes)");
-        assert_eq!(told(of(&[2.0], None, Pairing::Episode)), "+2.0 (n = 1)");
-        assert_eq!(told(of(&[2.0; 6], None, Pairing::Nothing)), "+2.0 (n = 6, other episodes)");
+        assert_eq!(words(of(&[2.0; 5], interval, Pairing::EpisodeAndSeed)), "+2.0 [-0.5, +4.5]");
+        assert_eq!(words(of(&[1.0, 3.0], None, Pairing::Episode)), "+2.0 (n = 2: +1.0, +3.0)");
+        assert_eq!(words(of(&[1.0, 3.0], None, Pairing::Seed)), "+2.0 (n = 2: +1.0, +3.0, other episodes)");
+        assert_eq!(words(of(&[2.0], None, Pairing::Episode)), "+2.0 (n = 1)");
+        assert_eq!(words(of(&[2.0; 6], None, Pairing::Nothing)), "+2.0 (n = 6, other episodes)");
         let unlike = Difference { seeds: [2, 3], of_seeds: Vec::new(), ..of(&[2.0], None, Pairing::Episode) };
-        assert_eq!(told(unlike), "+2.0 (n = 2 and 3)");
+        assert_eq!(words(unlike), "+2.0 (n = 2 and 3)");
     }
 }

@@ -16,9 +16,8 @@ use std::path::PathBuf;
 use anyhow::{Context, Result, ensure};
 
 use self::steps::{are_alike, both_in_words, compared_at};
-use super::finals::{agents_at, mean_cpu};
+use super::finals::{agents_at, mean_cpu, played};
 use super::group::{Comparison, Group, Sorted, evaluated_together, sort};
-use super::played;
 use super::words::{no_run, warnings};
 use dials_core::base::statistics::difference::{BySeed, Difference, between, on_shared, shared_episodes};
 use dials_core::base::statistics::{ENOUGH_SEEDS, Spread, mean, median};
@@ -139,7 +138,7 @@ pub fn compare(a: &ComparedSide, b: &ComparedSide, target: Option<f64>) -> Resul
     let (ends, runs) = ([end_a, end_b], [runs_a, runs_b]);
     let steps = compared_at(&evaluated_together(&runs[0]), &evaluated_together(&runs[1]));
     let steps = steps.expect("a side was evaluated");
-    let played: [BySeed; 2] = [0, 1].map(|side| played::of_runs(&runs[side], steps[side]));
+    let played: [BySeed; 2] = [0, 1].map(|side| played(&runs[side], steps[side]));
     let shared = shared_episodes(played.iter().flatten().map(|(_, played)| played));
     if let Some(shared) = shared
         && played.iter().flatten().any(|(_, played)| played.episodes != shared)
