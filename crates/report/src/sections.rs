@@ -94,33 +94,28 @@ fn label_order(comparisons: &[Comparison]) -> Vec<String> {
 fn scenario(comparison: &Comparison, looks: &Looks) -> Result<Vec<Block>> {
     let (slug, title) = (&comparison.slug, &comparison.title);
     let mut blocks = vec![Block::Heading(2, comparison.heading()), Block::Table(tables::finals(comparison))];
-    let runs = comparison.groups.iter().flat_map(|group| &group.runs);
-    let evaluations = runs.map(|run| run.evaluations.len()).max().unwrap_or(0);
+    let evaluations = comparison.runs().map(|run| run.evaluations.len()).max().unwrap_or(0);
     let has_curves = evaluations > 1;
-    let against = |against| if has_curves { pictures::learning(comparison, looks, against) } else { Ok(None) };
+    let learning = |against| if has_curves { pictures::learning(comparison, looks, against) } else { Ok(None) };
     let figures = [
         (
-            format!("ablation_{slug}"),
-            format!("Final returns against the reference (the group with the most common settings), {title}."),
+            "ablation",
+            "Final returns against the reference (the group with the most common settings), {title}.",
             pictures::ablation(comparison).transpose()?,
         ),
-        (format!("learning_{slug}"), format!("Learning curves, {title}."), against(Against::Timesteps)?),
+        ("learning", "Learning curves, {title}.", learning(Against::Timesteps)?),
+        ("runtime_curves", "Learning curves against runtime, {title}.", learning(Against::Runtime)?),
         (
-            format!("runtime_curves_{slug}"),
-            format!("Learning curves against runtime, {title}."),
-            against(Against::Runtime)?,
-        ),
-        (
-            format!("aip_cross_entropy_{slug}"),
-            format!(
-                "Cross-entropy of the AIPs, {title}. Before their first training it is far higher, and not drawn. The \
-                 paper draws it against runtime."
-            ),
+            "aip_cross_entropy",
+            "Cross-entropy of the AIPs, {title}. Before their first training it is far higher, and not drawn. The paper \
+             draws it against runtime.",
             pictures::cross_entropy(comparison, looks)?,
         ),
-        (format!("agents_{slug}"), format!("Every agent at the end, {title}."), pictures::agents(comparison, looks)?),
+        ("agents", "Every agent at the end, {title}.", pictures::agents(comparison, looks)?),
     ];
-    blocks.extend(figures.into_iter().filter_map(|(name, caption, svg)| Some(figure(name, caption, svg?))));
+    blocks.extend(figures.into_iter().filter_map(|(name, caption, svg)| {
+        Some(figure(format!("{name}_{slug}"), caption.replace("{title}", title), svg?))
+    }));
     if !has_curves {
         let why = if evaluations == 0 { "no run was evaluated yet" } else { "every run was evaluated once only" };
         blocks.insert(2, Block::Paragraph(format!("There are no learning curves, because {why}.")));
