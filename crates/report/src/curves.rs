@@ -82,18 +82,6 @@ pub(crate) fn loss_curve(group: &Group) -> (LossData, Vec<LossPoint>) {
     (data, points.collect())
 }
 
-/// Returns the cross-entropies of the single runs of a group, from the same data as [`loss_curve`]: steps, whether
-/// right after a training, and loss.
-pub(crate) fn loss_curves_of_seeds(group: &Group, data: LossData) -> Vec<Vec<(u64, bool, f64)>> {
-    let curve = |run: &RunRecord| {
-        measured(run, data)
-            .iter()
-            .map(|((steps, after_training), [loss, _])| (*steps, *after_training, *loss))
-            .collect()
-    };
-    group.runs.iter().map(curve).collect()
-}
-
 /// Returns the trainings of AIPs that only some runs of a group have, without those at step 0: steps and the loss right
 /// after.
 pub(crate) fn single_trainings(group: &Group) -> Vec<(u64, f64)> {
@@ -106,7 +94,7 @@ pub(crate) fn single_trainings(group: &Group) -> Vec<(u64, f64)> {
 }
 
 /// Losses of a run's AIPs and of constant marginals, by steps and whether right after a training.
-type LossesBySteps = BTreeMap<(u64, bool), [f64; 2]>;
+pub(crate) type LossesBySteps = BTreeMap<(u64, bool), [f64; 2]>;
 
 /// Returns the losses of a run at a step: if it trained there, those before or after the training. Between two measured
 /// steps it interpolates; outside of them: `None`.
@@ -121,7 +109,7 @@ fn loss_at(run: &LossesBySteps, steps: u64, after_training: bool) -> Option<[f64
     Some(std::array::from_fn(|index| before[index] + share * (behind[index] - before[index])))
 }
 
-fn measured(run: &RunRecord, data: LossData) -> LossesBySteps {
+pub(crate) fn measured(run: &RunRecord, data: LossData) -> LossesBySteps {
     match data {
         LossData::Fresh => run
             .fresh_losses

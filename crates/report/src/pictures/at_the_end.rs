@@ -61,23 +61,16 @@ pub(crate) fn ablation(comparison: &Comparison) -> Option<Result<Svg>> {
 
 /// Draws the final returns of a family, a cluster per size.
 pub(crate) fn final_bars(family: &Family, looks: &Looks) -> Result<Svg> {
-    let comparisons = &family.comparisons[..];
-    let clusters = clusters(comparisons, |comparison, group| {
+    let clusters = clusters(family, looks, 1.0, |comparison, group| {
         let end = Final::of(group)?;
         let paper = paper::final_return(&comparison.scenario, group.simulator(), group.method.retraining);
-        Some(Bar {
-            label: bar_label(comparisons, comparison, group, end.finished),
-            look: looks.of(&group.label()),
-            value: Some(end.returns.mean),
-            whisker: end.returns.interval.map(ends),
-            points: single(&end.returns, 1.0),
-            paper: paper.filter(|paper| comparable(end.steps, paper.steps)).map(|paper| paper.mean),
-        })
+        let paper = paper.filter(|paper| comparable(end.steps, paper.steps)).map(|paper| paper.mean);
+        Some((end.finished, end.returns, paper))
     });
     let chart = BarChart {
         title: format!("Final return, {}", family.title),
         x_label: "agents".to_owned(),
-        y: return_axis(comparisons[0]),
+        y: return_axis(family.comparisons[0]),
         format: figure,
         scale: Scale::Linear,
         note: note_on_bars(&clusters, ""),
@@ -88,23 +81,15 @@ pub(crate) fn final_bars(family: &Family, looks: &Looks) -> Result<Svg> {
 
 /// Draws the runtimes of a family, a cluster per size; `None` if no run has trained yet.
 pub(crate) fn runtime_bars(family: &Family, looks: &Looks) -> Result<Option<Svg>> {
-    let comparisons = &family.comparisons[..];
-    let groups = comparisons.iter().flat_map(|comparison| &comparison.groups);
+    let groups = family.comparisons.iter().flat_map(|comparison| &comparison.groups);
     let longest = groups.filter_map(|group| Some(Runtime::of(group)?.total.mean)).fold(0.0, f64::max);
     let (unit, seconds) = time_unit(longest);
-    let clusters = clusters(comparisons, |comparison, group| {
+    let clusters = clusters(family, looks, seconds, |comparison, group| {
         // A run that has not trained yet has no place on an axis of powers.
         let time = Runtime::of(group).filter(|time| time.total.mean > 0.0)?;
         let paper = paper::runtime(&comparison.scenario, group.simulator(), group.method.retraining);
-        let total = &time.total;
-        Some(Bar {
-            label: bar_label(comparisons, comparison, group, time.finished),
-            look: looks.of(&group.label()),
-            value: Some(total.mean / seconds),
-            whisker: total.interval.map(|Bounds { low, high }| (low / seconds, high / seconds)),
-            points: single(total, seconds),
-            paper: paper.filter(|_| comparable(time.steps, paper::STEPS)).map(|paper| paper.total * 3600.0 / seconds),
-        })
+        let paper = paper.filter(|_| comparable(time.steps, paper::STEPS)).map(|paper| paper.total * 3600.0);
+        Some((time.finished, time.total, paper))
     });
     if clusters.iter().all(|cluster| cluster.bars.is_empty()) {
         return Ok(None);
@@ -119,6 +104,35 @@ pub(crate) fn runtime_bars(family: &Family, looks: &Looks) -> Result<Option<Svg>
         clusters,
     };
     chart.draw().map(Some)
+}
+
+/// Returns a cluster per size, with a bar per group. `figure` returns whether the runs of a group are finished, their
+/// figures, and the paper's; `unit`: what is 1 in the chart.
+fn clusters(
+    family: &Family,
+    looks: &Looks,
+    unit: f64,
+    figure: impl Fn(&Comparison, &Group) -> Option<(bool, Spread, Option<f64>)>,
+) -> Vec<Cluster> {
+    let bar = |comparison: &Comparison, group: &Group| {
+        let (finished, spread, paper) = figure(comparison, group)?;
+        // A short label may differ between scenarios.
+        let label = if family.comparisons.len() == 1 { comparison.short_label(group) } else { group.label() };
+        let single = spread.values.iter().map(|value| value / unit);
+        Some(Bar {
+            label: format!("{label}{}", if finished { "" } else { ", unfinished" }),
+            look: looks.of(&group.label()),
+            value: Some(spread.mean / unit),
+            whisker: spread.interval.map(|Bounds { low, high }| (low / unit, high / unit)),
+            points: if shows_seeds(spread.runs()) { single.collect() } else { Vec::new() },
+            paper: paper.map(|paper| paper / unit),
+        })
+    };
+    let clusters = family.comparisons.iter().map(|comparison| Cluster {
+        label: comparison.size(),
+        bars: comparison.groups.iter().filter_map(|group| bar(comparison, group)).collect(),
+    });
+    clusters.collect()
 }
 
 /// Writes a difference like [`difference`], but shorter, to fit a picture. With few seeds: `+4.1 (+3.0, +5.0, +4.3)`,
@@ -136,12 +150,6 @@ fn short_difference(found: Difference, like: f64) -> String {
     }
 }
 
-/// Returns the values of the seeds in this unit, if they are too few for an interval.
-fn single(spread: &Spread, unit: f64) -> Vec<f64> {
-    let values = spread.values.iter().map(|value| value / unit);
-    if shows_seeds(spread.runs()) { values.collect() } else { Vec::new() }
-}
-
 /// Explains whiskers and circles after another note, which may be empty.
 fn note_on_bars(clusters: &[Cluster], before: &str) -> String {
     let bars = || clusters.iter().flat_map(|cluster| &cluster.bars);
@@ -152,13 +160,6 @@ fn note_on_bars(clusters: &[Cluster], before: &str) -> String {
     ])
 }
 
-/// Returns the label of a bar. It is the full one if there are several scenarios, because a short one may differ
-/// between them.
-fn bar_label(comparisons: &[&Comparison], comparison: &Comparison, group: &Group, finished: bool) -> String {
-    let label = if comparisons.len() == 1 { comparison.short_label(group) } else { group.label() };
-    format!("{label}{}", if finished { "" } else { ", unfinished" })
-}
-
 /// Writes a number with three digits.
 fn short(value: f64) -> String {
     match value {
@@ -166,14 +167,6 @@ fn short(value: f64) -> String {
         v if v >= 10.0 => format!("{v:.1}"),
         v => format!("{v:.2}"),
     }
-}
-
-fn clusters(comparisons: &[&Comparison], bar: impl Fn(&Comparison, &Group) -> Option<Bar>) -> Vec<Cluster> {
-    let clusters = comparisons.iter().map(|comparison| Cluster {
-        label: comparison.size(),
-        bars: comparison.groups.iter().filter_map(|group| bar(comparison, group)).collect(),
-    });
-    clusters.collect()
 }
 
 /// Draws every agent of a scenario at the end of its runs: in rows if it is in rows there, else by its name. `None` if

@@ -4,15 +4,14 @@ use anyhow::Result;
 
 use super::{ends, joined, label_with_runs, plain, return_axis, shows_seeds, time_unit};
 use crate::chart::{Axis, Level, Line, LineChart, LinePoint, Looks, MOST_BANDS, Mark};
-use crate::curves::{
-    CurvePoint, LossData, LossPoint, learning_curve, loss_curve, loss_curves_of_seeds, single_trainings,
-};
+use crate::curves::{CurvePoint, LossData, LossPoint, learning_curve, loss_curve, measured, single_trainings};
 use crate::drawing::Svg;
 use crate::group::{Comparison, Group};
 use crate::paper;
 use crate::words::figure;
 use dials_core::base::statistics::{ENOUGH_SEEDS, Spread};
 use dials_session::records::method::steps_text;
+use dials_session::records::run_record::RunRecord;
 
 /// Horizontal axis of a learning curve.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -35,6 +34,16 @@ pub(crate) fn learning(comparison: &Comparison, looks: &Looks, against: Against)
         Against::Timesteps => Some(point.steps as f64),
         Against::Runtime => point.runtime_s.map(|runtime| runtime / seconds),
     };
+    let of_run = |run: &RunRecord| {
+        let points = run.evaluations.iter().filter_map(|point| {
+            let place = match against {
+                Against::Timesteps => point.steps as f64,
+                Against::Runtime => run.runtime_at(point.steps)? / seconds,
+            };
+            Some((place, point.all.mean))
+        });
+        points.collect()
+    };
     let lines: Vec<Line> = curves
         .iter()
         .map(|(group, points)| Line {
@@ -42,7 +51,7 @@ pub(crate) fn learning(comparison: &Comparison, looks: &Looks, against: Against)
             look: looks.of(&group.label()),
             points: points.iter().filter_map(|point| Some(point_of(place(point)?, &point.returns, group))).collect(),
             companion: points.iter().filter_map(|point| Some((place(point)?, point.median_agent))).collect(),
-            seeds: learning_of_seeds(group, against, seconds),
+            seeds: seeds(group, &of_run),
         })
         .filter(|line| !line.points.is_empty())
         .collect();
@@ -72,21 +81,8 @@ pub(crate) fn learning(comparison: &Comparison, looks: &Looks, against: Against)
 
 /// Returns the curves of the single runs if the group has too few for an interval. A single run has none: it is the
 /// mean.
-fn learning_of_seeds(group: &Group, against: Against, seconds: f64) -> Vec<Vec<(f64, f64)>> {
-    if !shows_seeds(group.runs.len()) {
-        return Vec::new();
-    }
-    let curves = group.runs.iter().map(|run| {
-        let points = run.evaluations.iter().filter_map(|point| {
-            let place = match against {
-                Against::Timesteps => point.steps as f64,
-                Against::Runtime => run.runtime_at(point.steps)? / seconds,
-            };
-            Some((place, point.all.mean))
-        });
-        points.collect()
-    });
-    curves.collect()
+fn seeds(group: &Group, curve: &dyn Fn(&RunRecord) -> Vec<(f64, f64)>) -> Vec<Vec<(f64, f64)>> {
+    if shows_seeds(group.runs.len()) { group.runs.iter().map(curve).collect() } else { Vec::new() }
 }
 
 /// Draws a chart, and explains bands and pale lines before its note. With many lines, each one gets a panel with the
@@ -183,7 +179,7 @@ pub(crate) fn cross_entropy(comparison: &Comparison, looks: &Looks) -> Result<Op
         look: looks.of(&group.label()),
         points: points.iter().map(|point| point_of(point.steps as f64, &point.loss, group)).collect(),
         companion: points.iter().map(|point| (point.steps as f64, point.marginals)).collect(),
-        seeds: losses_of_seeds(group, *data),
+        seeds: seeds(group, &|run| losses_of_run(run, *data)),
     });
     let evaluated = comparison.runs().filter_map(|run| Some(run.evaluations.last()?.steps));
     let fresh = "on fresh GS episodes at evaluations";
@@ -213,14 +209,8 @@ fn is_trained(steps: u64, after_training: bool) -> bool {
     steps > 0 || after_training
 }
 
-/// Returns the loss curves of the single runs, on the same condition as [`learning_of_seeds`].
-fn losses_of_seeds(group: &Group, data: LossData) -> Vec<Vec<(f64, f64)>> {
-    if !shows_seeds(group.runs.len()) {
-        return Vec::new();
-    }
-    let curve = |points: Vec<(u64, bool, f64)>| {
-        let points = points.into_iter().filter(|(steps, after_training, _)| is_trained(*steps, *after_training));
-        points.map(|(steps, _, loss)| (steps as f64, loss)).collect()
-    };
-    loss_curves_of_seeds(group, data).into_iter().map(curve).collect()
+fn losses_of_run(run: &RunRecord, data: LossData) -> Vec<(f64, f64)> {
+    let losses = measured(run, data).into_iter();
+    let trained = losses.filter(|((steps, after_training), _)| is_trained(*steps, *after_training));
+    trained.map(|((steps, _), [loss, _])| (steps as f64, loss)).collect()
 }
