@@ -22,6 +22,7 @@ pub(crate) struct Table {
     pub(crate) rows: Vec<Vec<String>>,
 }
 
+#[derive(Clone)]
 pub(crate) struct Figure {
     /// Name of the SVG file, without its extension.
     pub(crate) name: String,
@@ -35,13 +36,6 @@ pub(crate) struct Document {
 }
 
 impl Document {
-    pub(crate) fn into_figures(self) -> impl Iterator<Item = Figure> {
-        self.blocks.into_iter().filter_map(|block| match block {
-            Block::Figure(figure) => Some(figure),
-            _ => None,
-        })
-    }
-
     pub(crate) fn figures(&self) -> impl Iterator<Item = &Figure> {
         self.blocks.iter().filter_map(|block| match block {
             Block::Figure(figure) => Some(figure),

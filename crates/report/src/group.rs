@@ -178,8 +178,7 @@ pub(crate) fn sort(found: Found) -> Result<Sorted> {
     for ((scenario, (methods, _)), (_, name)) in scenarios.into_iter().zip(&all) {
         let plain = plain_slug(&scenario, name.as_deref());
         let unique = named.clone().filter(|&(other, name)| plain_slug(other, name) == plain).count() == 1;
-        let mut distinguishing = keys_that_differ(methods.keys().map(|method| &method.keys));
-        distinguishing.extend(keys_that_some_leave_out(methods.keys()));
+        let distinguishing = keys_that_differ(&methods.keys().collect::<Vec<_>>());
         let mut groups: Vec<Group> = methods
             .into_iter()
             .map(|(method, runs)| group(method, &distinguishing, without_doubles(runs, &mut left_out)))
@@ -205,16 +204,23 @@ fn plain_slug(scenario: &ScenarioId, name: Option<&str>) -> String {
     format!("{}_{}", name.unwrap_or(&scenario.domain), scenario.agents)
 }
 
-/// Returns every key with more than one value among the methods, and the value that goes without saying, if there is one:
-/// that of more than half of them, or else "off" of a key that labels name when it is on.
-fn keys_that_differ<'a>(
-    methods: impl Iterator<Item = &'a BTreeMap<String, String>> + Clone,
-) -> BTreeMap<String, Option<String>> {
-    let keys: BTreeSet<&String> = methods.clone().flat_map(BTreeMap::keys).collect();
+/// Returns the keys that distinguish these methods, each with the value that goes without saying, if there is one.
+///
+/// Of a key with more than one value it is that of more than half of the methods, or else "off" of a key that labels name
+/// when it is on. A key that one method has and another one of the same simulator does not set, which turns it off, goes
+/// without saying when it is off.
+fn keys_that_differ(methods: &[&Method]) -> BTreeMap<String, Option<String>> {
+    let keys: BTreeSet<&String> = methods.iter().flat_map(|method| method.keys.keys()).collect();
     let mut differing = BTreeMap::new();
     for key in keys {
-        let values: Vec<&String> = methods.clone().filter_map(|method| method.get(key)).collect();
-        if values.iter().any(|value| *value != values[0]) {
+        let values: Vec<&String> = methods.iter().filter_map(|method| method.keys.get(key)).collect();
+        let left_out = |method: &&Method| {
+            let mut others = methods.iter().filter(|other| other.simulator == method.simulator);
+            others.any(|other| other.keys.contains_key(key)) && method.has_off(key)
+        };
+        if methods.iter().any(|method| left_out(method)) {
+            differing.insert(key.clone(), Some(OFF.to_owned()));
+        } else if values.iter().any(|value| *value != values[0]) {
             let of_most =
                 values.iter().find(|value| 2 * values.iter().filter(|other| other == value).count() > values.len());
             let off = || values.iter().find(|value| ALWAYS_NAMED.contains(&key.as_str()) && **value == OFF);
@@ -222,16 +228,6 @@ fn keys_that_differ<'a>(
         }
     }
     differing
-}
-
-/// Returns every key that one method has and another one of the same simulator has off, because it is not set.
-fn keys_that_some_leave_out<'a>(methods: impl Iterator<Item = &'a Method> + Clone) -> BTreeMap<String, Option<String>> {
-    let off = |method: &'a Method| {
-        let others = methods.clone().filter(|other| other.simulator == method.simulator);
-        let keys = others.flat_map(|other| other.keys.keys());
-        keys.filter(|key| method.has_off(key))
-    };
-    methods.clone().flat_map(off).map(|key| (key.clone(), Some(OFF.to_owned()))).collect()
 }
 
 /// Returns the one group that has the common value of every key whose values differ. `None` if there is no other group,

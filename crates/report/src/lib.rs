@@ -81,7 +81,7 @@ pub fn report(folders: &[PathBuf]) -> Result<Report> {
 /// Makes the figures of a report about these runs, and only them. None was evaluated yet: no figures.
 pub(crate) fn compared_figures(found: Found) -> Result<Vec<Figure>> {
     let (comparisons, warnings) = compared(found)?;
-    Ok(sections::document(&comparisons, &warnings)?.into_figures().collect())
+    Ok(sections::document(&comparisons, &warnings)?.figures().cloned().collect())
 }
 
 /// Compares the runs that were found. Also returns sentences about those that are missing or unfinished.
