@@ -11,7 +11,6 @@ use dials_core::outside::csv_name;
 /// Returns the lines of a group in a file, without the scenario and the group.
 type Lines = fn(&Comparison, &Group) -> Vec<Vec<String>>;
 
-/// Name, header and lines of each file.
 const FILES: [(&str, &str, Lines); 7] = [
     ("curves.csv", "steps,runs,mean,std_error,low95,high95,median_agent,runtime_s", curves),
     ("aip_cross_entropy.csv", "steps,when,runs,cross_entropy,std_error,low95,high95,marginals", losses),

@@ -10,7 +10,6 @@ use super::group::Group;
 use dials_core::base::statistics::{Spread, mean};
 use dials_session::records::run_record::RunRecord;
 
-/// A point of a learning curve.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct CurvePoint {
     /// Timesteps per agent.
@@ -23,7 +22,6 @@ pub(crate) struct CurvePoint {
     pub(crate) runtime_s: Option<f64>,
 }
 
-/// A point of a curve of cross-entropies.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct LossPoint {
     pub(crate) steps: u64,
@@ -44,7 +42,6 @@ pub(crate) enum LossData {
     HeldOut,
 }
 
-/// Makes the learning curve of a group.
 pub(crate) fn learning_curve(group: &Group) -> Vec<CurvePoint> {
     let steps: BTreeSet<u64> =
         group.runs.iter().flat_map(|run| run.evaluations.iter().map(|evaluation| evaluation.steps)).collect();

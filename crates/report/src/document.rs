@@ -124,7 +124,6 @@ pub(crate) fn to_html(blocks: &[Block]) -> String {
     body
 }
 
-/// Style of all pages.
 pub(crate) const STYLE: &str = include_str!("page.css");
 
 fn line(text: &mut String, words: impl Display) {
@@ -160,7 +159,6 @@ fn table_to_html(text: &mut String, table: &Table) {
     );
 }
 
-/// Returns the HTML id of a heading.
 fn anchor(title: &str) -> String {
     title.to_lowercase().chars().map(|c| if c.is_alphanumeric() { c } else { '-' }).collect()
 }

@@ -25,9 +25,7 @@ pub(crate) type Area<'a> = DrawingArea<SVGBackend<'a>, Shift>;
 /// Units per pixel. The drawing crate has only whole units; with one unit per pixel, fine lines would look ragged.
 pub(crate) const SCALE: u32 = 4;
 
-/// Colour of text and axes.
 pub(crate) const INK: RGBColor = RGBColor(0x1a, 0x1a, 0x1a);
-/// Colour of the background.
 const PAPER: RGBColor = RGBColor(0xfe, 0xfe, 0xfe);
 
 // Okabe and Ito's palette without its yellow, which is invisible on white, and its black, which is the ink.
@@ -132,7 +130,6 @@ pub(crate) fn luminance(RGBColor(red, green, blue): RGBColor) -> f64 {
     (0.2126 * f64::from(red) + 0.7152 * f64::from(green) + 0.0722 * f64::from(blue)) / 255.0
 }
 
-/// A picture.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Svg(String);
 

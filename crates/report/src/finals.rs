@@ -9,7 +9,6 @@ use dials_session::records::run_record::{
     CpuTime, EvaluationRecord, MemoryRecord, PeriodTime, Returns, RunRecord, Status,
 };
 
-/// Final returns of a group.
 pub(crate) struct Final {
     /// Timesteps per agent at which the returns were measured.
     pub(crate) steps: u64,
@@ -38,7 +37,6 @@ fn finished(runs: &[&RunRecord]) -> bool {
     runs.iter().all(|run| run.status() == Status::Finished)
 }
 
-/// An agent of a run.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct AgentAt {
     pub(crate) seed: u64,
@@ -122,7 +120,6 @@ pub(crate) fn agents_at(run: &RunRecord, steps: u64) -> &[Returns] {
 pub(crate) struct Runtime {
     /// Timesteps per agent.
     pub(crate) steps: u64,
-    /// Whether the runs are finished.
     pub(crate) finished: bool,
     pub(crate) agents_training_s: f64,
     /// Time to collect datasets and train the AIPs.
@@ -131,7 +128,6 @@ pub(crate) struct Runtime {
     pub(crate) total: Spread,
     /// Wall time with the evaluations.
     pub(crate) wall_s: f64,
-    /// CPU time of all processes.
     pub(crate) cpu: CpuTime,
     /// Largest number of worker processes of a run.
     pub(crate) workers: usize,
@@ -158,7 +154,6 @@ impl Runtime {
     }
 }
 
-/// Returns the mean over runs.
 pub(crate) fn mean_cpu(times: &[PeriodTime]) -> CpuTime {
     let mean_of = |part: fn(&CpuTime) -> f64| mean(&times.iter().map(|time| part(&time.cpu)).collect::<Vec<_>>());
     CpuTime { total_s: mean_of(|cpu| cpu.total_s), evaluation_s: mean_of(|cpu| cpu.evaluation_s) }

@@ -22,12 +22,10 @@ pub(crate) struct Comparison {
     /// Index of the reference of an ablation: the one group that has the value of most groups in every key. Every other
     /// group departs from it.
     pub(crate) reference: Option<usize>,
-    /// Hand-coded controllers that were measured on this scenario.
     pub(crate) baselines: Vec<BaselineRecord>,
 }
 
 impl Comparison {
-    /// Returns the title with a capital letter, for headings.
     pub(crate) fn heading(&self) -> String {
         let mut letters = self.title.chars();
         letters.next().map_or(String::new(), |first| first.to_uppercase().chain(letters).collect())
@@ -74,7 +72,6 @@ impl Comparison {
     }
 }
 
-/// Largest number of keys that a label names.
 const MOST_KEYS: usize = 8;
 
 /// Runs of one method with several seeds; never empty.
@@ -83,7 +80,6 @@ pub(crate) struct Group {
     /// Config keys whose values differ from those of most groups of the scenario, and those that are always named, with
     /// the values of this group.
     pub(crate) overrides: Vec<(String, String)>,
-    /// Runs in order of their seeds.
     pub(crate) runs: Vec<RunRecord>,
 }
 
@@ -93,7 +89,6 @@ impl Group {
         method_name(self.simulator(), self.method.retraining)
     }
 
-    /// Returns the name of the simulator in configs.
     pub(crate) fn simulator(&self) -> &str {
         &self.method.simulator
     }
@@ -141,7 +136,6 @@ pub(crate) fn method_name(simulator: &str, retraining: Retraining) -> String {
     }
 }
 
-/// Returns the step of the last evaluation.
 fn last_step(run: &RunRecord) -> u64 {
     run.evaluations.last().map_or(0, |evaluation| evaluation.steps)
 }
@@ -152,7 +146,6 @@ pub(crate) fn evaluated_together(runs: &[&RunRecord]) -> BTreeSet<u64> {
     runs.iter().map(steps).reduce(|all, own| &all & &own).unwrap_or_default()
 }
 
-/// Runs sorted into comparisons.
 pub(crate) struct Sorted {
     pub(crate) comparisons: Vec<Comparison>,
     pub(crate) left_out: Vec<LeftOut>,

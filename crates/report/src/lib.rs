@@ -48,13 +48,10 @@ pub const PAGE: &str = "report.html";
 /// Name of the same report as Markdown, with its pictures as files beside it.
 pub const MARKDOWN: &str = "report.md";
 
-/// The files of a report.
 pub struct Report {
     /// Names and contents of the files.
     pub files: Vec<(String, String)>,
-    /// Number of runs in the report.
     pub runs: usize,
-    /// Number of groups in the report.
     pub groups: usize,
     /// Sentences about runs that are missing, unfinished or cannot be used.
     pub warnings: Vec<String>,

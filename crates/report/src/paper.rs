@@ -148,7 +148,6 @@ pub(crate) fn start(scenario: &ScenarioId) -> Option<f64> {
     place(scenario).map(|(domain, size)| domain.starts[size])
 }
 
-/// Returns the paper's dashed line.
 pub(crate) fn hand_coded(scenario: &ScenarioId) -> Option<f64> {
     place(scenario).map(|(domain, size)| domain.hand_coded[size])
 }

@@ -43,7 +43,6 @@ const RULES: [&str; 11] = [
     "The paper's returns were read off its plots. Its runtimes and memory are from its tables.",
 ];
 
-/// Makes the whole report.
 pub(crate) fn document(comparisons: &[Comparison], warnings: &[String]) -> Result<Document> {
     let labels = label_order(comparisons);
     let looks = Looks::new(labels.iter().map(String::as_str));

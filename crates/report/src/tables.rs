@@ -12,7 +12,6 @@ use dials_session::records::likeness::LikenessRecord;
 use dials_session::records::method::steps_text;
 use dials_session::records::run_record::{EvaluationRecord, PeriodTime, Status};
 
-/// Stands where a cell has nothing.
 pub(super) const NOTHING: &str = "-";
 
 pub(super) fn words(cells: &[&str]) -> Vec<String> {
@@ -23,7 +22,6 @@ fn or_nothing(cell: Option<String>) -> String {
     cell.unwrap_or(NOTHING.to_owned())
 }
 
-/// Splits a header into its columns.
 fn header(columns: &str) -> Vec<String> {
     columns.split(" | ").map(str::to_owned).collect()
 }
@@ -191,7 +189,6 @@ fn stuck_agents(stuck: &[AgentAt], name: &dyn Fn(usize) -> String) -> String {
     }
 }
 
-/// Makes the table of all runs with their progress.
 pub(crate) fn runs(comparisons: &[Comparison]) -> Table {
     let mut rows = Vec::new();
     for comparison in comparisons {

@@ -33,7 +33,6 @@ pub(crate) struct Panel {
 
 pub(crate) struct HeatMap {
     pub(crate) title: String,
-    /// Meaning of the shades.
     pub(crate) key: String,
     pub(crate) format: fn(f64) -> String,
     /// Label and panels of each row.

@@ -16,15 +16,11 @@ const WRAP: usize = 29;
 /// Sample before a label.
 #[derive(Clone, Copy)]
 pub(super) enum LegendSample {
-    /// A curve with its markers.
     Curve(Look),
     /// A line across the chart.
     Level(RGBColor, Dash),
-    /// A marker.
     Mark(Look),
-    /// A hollow marker.
     Hollow(Look),
-    /// A bar with its marker.
     Bar(Look),
     Nothing,
 }

@@ -11,12 +11,10 @@ use super::look::{Dash, Look, Marker, mark, stroke};
 use super::{Axis, HEIGHT, LEGEND, MOST_FOR_NUMBERS, Plot, WIDTH, ends_of, whisker, with_air};
 use crate::drawing::{Area, BoundedAxis, INK, SCALE, Svg, anchored, draw_mesh, px, text, text_width, write, write_at};
 
-/// Largest number of markers on a line.
 const MARKERS: usize = 8;
 /// Largest number of lines in a chart with bands and seeds. With more, a reader could not see which line they belong
 /// to.
 pub(crate) const MOST_BANDS: usize = 5;
-/// Number of panels side by side.
 const COLUMNS: usize = 3;
 const PANEL: u32 = 190;
 /// Largest number of characters in a line of a panel's title.
@@ -76,7 +74,6 @@ pub(crate) struct LineChart {
     pub(crate) marks: Vec<Mark>,
     /// Smallest right end of the x axis. Points beyond it extend the axis.
     pub(crate) x_end: f64,
-    /// Text under the legend.
     pub(crate) note: String,
 }
 
@@ -85,9 +82,7 @@ type Ranges = (Range<f64>, Range<f64>);
 /// Sizes of the parts of a chart.
 #[derive(Clone, Copy)]
 struct Size {
-    /// Font size of the numbers at the axes.
     numbers: f64,
-    /// Font size of the names of levels.
     names: f64,
     /// Space for these names at the right, in pixels.
     right: f64,

@@ -65,10 +65,8 @@ pub(crate) struct Series {
 pub(crate) struct NamedChart {
     pub(crate) title: String,
     pub(crate) x: Axis,
-    /// Names from top to bottom.
     pub(crate) names: Vec<String>,
     pub(crate) series: Vec<Series>,
-    /// Text under the legend.
     pub(crate) note: String,
 }
 

@@ -35,7 +35,6 @@ pub struct ComparedSide {
     /// Its name on the command line.
     name: String,
     scenario: ScenarioId,
-    /// Title of the scenario.
     title: String,
     group: Group,
     left_out: Vec<LeftOut>,
@@ -119,11 +118,9 @@ fn means(played: &BySeed) -> Vec<f64> {
     played.iter().map(|(_, played)| played.mean).collect()
 }
 
-/// The result of comparing `b` with `a`.
 pub struct Verdict {
     sides: [SideResult; 2],
     difference: Difference,
-    /// Return to reach.
     target: f64,
     /// Keys of the configs that differ, with both values. `None`: this side does not use the key.
     differing: Vec<(String, [Option<String>; 2])>,

@@ -13,7 +13,6 @@ use dials_core::outside::Printable;
 use dials_session::records::method::steps_text;
 
 impl Verdict {
-    /// Writes the comparison as JSON.
     pub fn to_json(&self, a: &ComparedSide, b: &ComparedSide) -> Value {
         let [of_a, of_b] = &self.sides;
         let of_seed = |(seed, value): &(u64, f64)| json!({ "seed": seed, "difference": value });
@@ -35,7 +34,6 @@ impl Verdict {
         })
     }
 
-    /// Writes the comparison as text.
     pub fn to_text(&self, a: &ComparedSide, b: &ComparedSide) -> String {
         let mut lines = Vec::new();
         for ((letter, side), result) in [("A", a), ("B", b)].into_iter().zip(&self.sides) {

@@ -44,7 +44,6 @@ pub(super) fn check(a: &ComparedSide, b: &ComparedSide) -> Result<Option<String>
     )
 }
 
-/// Lists in what the rules of the sides differ.
 fn differences(a: &ComparedSide, b: &ComparedSide) -> Vec<String> {
     let rules = rules_of(a).zip(rules_of(b));
     rules.map_or(Vec::new(), |(of_a, of_b)| of_a.differences(of_b, ["A", "B"]))

@@ -16,7 +16,6 @@ const BEYOND: f64 = 8.0;
 /// Largest power of ten that divides the distance of the ticks. No chart asks for a million of them.
 const POWERS: i32 = 6;
 
-/// Largest number of ticks at whole numbers.
 const MOST_WHOLE: usize = 32;
 
 /// A linear axis. Whatever its ends are, it has at most as many ticks as it is asked for, and every point is near the

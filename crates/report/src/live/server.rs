@@ -20,7 +20,6 @@ const SCRIPT: &str = include_str!("shell.js");
 /// A server that is ready to answer.
 pub struct LiveServer {
     server: Server,
-    /// `127.0.0.1` and the port.
     host: String,
     token: String,
 }
@@ -43,7 +42,6 @@ impl LiveServer {
         Ok(LiveServer { server, host: format!("127.0.0.1:{port}"), token })
     }
 
-    /// Returns the address of the page.
     pub fn address(&self) -> String {
         format!("http://{}/{}/", self.host, self.token)
     }

@@ -7,7 +7,6 @@ use dials_core::outside::Directory;
 use dials_session::records::files;
 use dials_session::records::run_record::{RunRecord, Status};
 
-/// What a run is doing.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum State {
     /// A process is writing it.
@@ -17,7 +16,6 @@ pub(crate) enum State {
     Stopped,
 }
 
-/// The progress of a run.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct RunStatus {
     pub(crate) state: State,

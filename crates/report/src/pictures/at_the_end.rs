@@ -160,7 +160,6 @@ fn note_on_bars(clusters: &[Cluster], before: &str) -> String {
     ])
 }
 
-/// Writes a number with three digits.
 fn short(value: f64) -> String {
     match value {
         v if v >= 100.0 => format!("{v:.0}"),

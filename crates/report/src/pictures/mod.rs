@@ -36,7 +36,6 @@ fn ends(Bounds { low, high }: Bounds) -> (f64, f64) {
     (low, high)
 }
 
-/// Joins the notes that apply.
 fn joined(notes: &[(bool, &str)]) -> String {
     let notes: Vec<&str> = notes.iter().filter(|(applies, _)| *applies).map(|(_, note)| *note).collect();
     notes.join("; ")

@@ -13,7 +13,6 @@ use dials_core::base::statistics::{ENOUGH_SEEDS, Spread};
 use dials_session::records::method::steps_text;
 use dials_session::records::run_record::RunRecord;
 
-/// Horizontal axis of a learning curve.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Against {
     Timesteps,

@@ -50,7 +50,6 @@ type Chart<'a, 'b> = ChartContext<'a, SVGBackend<'b>, Cartesian2d<BoundedAxis, B
 const FAINT: RGBColor = RGBColor(110, 110, 110);
 const PALE: RGBColor = RGBColor(232, 232, 232);
 
-/// Margin around every picture, in pixels.
 const MARGIN: i32 = 18;
 /// Height of the title and the line under it, in pixels.
 const HEAD: i32 = 64;
@@ -60,7 +59,6 @@ fn width_for(seconds: &Range<usize>) -> i32 {
     seconds.len().clamp(1100, 2400) as i32
 }
 
-/// Returns the axis of these seconds.
 fn time_axis(seconds: &Range<usize>) -> BoundedAxis {
     BoundedAxis::from(seconds.start as f64..seconds.end as f64)
 }

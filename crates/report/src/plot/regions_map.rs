@@ -7,10 +7,8 @@ use super::*;
 use crate::drawing::VERMILLION;
 use dials_core::domain::road_trace::Line;
 
-/// What the map shows.
 #[derive(Clone, Debug, PartialEq)]
 pub struct RegionsMap {
-    /// Name of the network.
     pub subject: String,
     /// Outlines of the junctions; some may be empty.
     pub junctions: Vec<Line>,
@@ -22,10 +20,8 @@ pub struct RegionsMap {
     pub keeping: Vec<[f64; 2]>,
 }
 
-/// The region of one light.
 #[derive(Clone, Debug, PartialEq)]
 pub struct MapRegion {
-    /// Name of the light.
     pub name: String,
     pub place_m: [f64; 2],
     /// Lanes on which cars come to the light.
@@ -34,7 +30,6 @@ pub struct MapRegion {
     pub lanes: Vec<Line>,
 }
 
-/// Colours of the regions.
 const COLOURS: [RGBColor; 6] = [BLUE, ORANGE, GREEN, PURPLE, VERMILLION, SKY];
 
 /// Draws the lanes: grey, in a pale colour if they are in a region, in full colour if cars on them come to its light.
