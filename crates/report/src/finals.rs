@@ -1,7 +1,5 @@
 //! Final results of a group: return, agents, runtime and memory.
 
-use std::collections::BTreeSet;
-
 use super::group::{Comparison, Group};
 use dials_core::base::statistics::difference::{BySeed, Episodes, Played, common_episodes};
 use dials_core::base::statistics::{Spread, mean, median};
@@ -92,11 +90,6 @@ impl Final {
     /// Returns the episodes that all runs played; `None` if they differ.
     pub(crate) fn episodes(&self) -> Option<Episodes> {
         common_episodes(self.runs.iter().map(|(_, played)| played))
-    }
-
-    /// Returns the different numbers of episodes of the runs.
-    pub(crate) fn episode_counts(&self) -> BTreeSet<usize> {
-        self.runs.iter().map(|(_, played)| played.episodes.count).collect()
     }
 }
 

@@ -337,8 +337,7 @@ mod tests {
         let comparison = ablation(&ours);
         let reference = &comparison.groups[comparison.reference.unwrap()];
         assert_eq!(reference.label(), "DIALS F=1M");
-        let short: Vec<String> = comparison.groups.iter().map(|group| comparison.short_label(group)).collect();
-        assert_eq!(short, ["DIALS F=1M", "DIALS once", "aip.epochs=1", "copies=2", "ppo.epochs=1"]);
+        assert_eq!(short_labels(&comparison), ["DIALS F=1M", "DIALS once", "aip.epochs=1", "copies=2", "ppo.epochs=1"]);
         assert_eq!(ablation(&["", "ppo.clip = 0.2"]).reference, None, "neither is the usual one");
         assert_eq!(ablation(&["", "simulator = 'gs'", "predictor = 'untrained'"]).reference, None);
         assert_eq!(ablation(&[""]).reference, None, "there is nothing to compare it with");
@@ -354,6 +353,10 @@ mod tests {
         assert_eq!(left_out[0].reason, "is the same training as b");
     }
 
+    fn short_labels(comparison: &Comparison) -> Vec<String> {
+        comparison.groups.iter().map(|group| comparison.short_label(group)).collect()
+    }
+
     fn labels(settings: &[&str]) -> Vec<String> {
         ablation(settings).groups.iter().map(Group::label).collect()
     }
@@ -362,16 +365,10 @@ mod tests {
     fn a_method_that_imitates_is_never_taken_for_the_papers() {
         let copy = "policy.imitate = 'oldest-item'";
         assert_eq!(labels(&[copy]), ["DIALS F=1M, policy.imitate=oldest-item"]);
-        let others = ["ppo.clip = 0.2", "evaluation.episodes = 3\nppo.gamma = 0.9"].map(|key| format!("{copy}\n{key}"));
-        let comparison = ablation(&[copy, &others[0], &others[1]]);
-        assert_eq!(
-            comparison.groups.iter().map(|group| comparison.short_label(group)).collect::<Vec<_>>(),
-            [
-                "DIALS F=1M, imitate=oldest-item",
-                "imitate=oldest-item, clip=0.2",
-                "imitate=oldest-item, gamma=0.9, episodes=3",
-            ]
-        );
+        let other = format!("{copy}\nevaluation.episodes = 3\nppo.gamma = 0.9");
+        let comparison = ablation(&[copy, &format!("{copy}\nppo.clip = 0.2"), &other]);
+        let short = ["DIALS F=1M, imitate=oldest-item", "imitate=oldest-item, clip=0.2"];
+        assert_eq!(short_labels(&comparison), [&short[..], &["imitate=oldest-item, gamma=0.9, episodes=3"]].concat());
     }
 
     #[test]
@@ -403,7 +400,7 @@ mod tests {
         let many = "ppo = { clip = 0.2, epochs = 1, gamma = 0.9, memory = 64, minibatch = 16, entropy = 0.1, rollout_steps = 8 }
                     aip = { epochs = 1, batch = 8 }";
         let comparison = ablation(&["", "ppo.value_coefficient = 0.5", many]);
-        let labels: Vec<String> = comparison.groups.iter().map(|group| comparison.short_label(group)).collect();
+        let labels = short_labels(&comparison);
         assert_eq!(labels, ["DIALS F=1M", "value_coefficient=0.5", "DIALS F=1M, as runs/2"]);
         assert_eq!(comparison.groups[2].label(), labels[2]);
     }

@@ -114,8 +114,12 @@ fn caption_of_finals(comparison: &Comparison) -> String {
 
 /// Writes the number of episodes: `100`, or `20 each` if seeds have different episodes.
 fn episodes(end: &Final) -> String {
-    let counts: Vec<String> = end.episode_counts().iter().map(usize::to_string).collect();
-    end.episodes().map_or_else(|| format!("{} each", counts.join(" or ")), |episodes| episodes.count.to_string())
+    let each = || {
+        let counts: BTreeSet<usize> = end.runs.iter().map(|(_, played)| played.episodes.count).collect();
+        let counts: Vec<String> = counts.iter().map(usize::to_string).collect();
+        format!("{} each", counts.join(" or "))
+    };
+    end.episodes().map_or_else(each, |episodes| episodes.count.to_string())
 }
 
 /// Makes the table of the agents of one scenario: the stuck ones, and the range of returns.

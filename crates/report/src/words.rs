@@ -3,7 +3,6 @@
 use std::collections::BTreeSet;
 use std::path::PathBuf;
 
-use super::finals::Final;
 use super::group::Comparison;
 use dials_core::base::statistics::difference::{Difference, Pairing};
 use dials_core::base::statistics::{Bounds, ENOUGH_SEEDS, Spread};
@@ -11,7 +10,7 @@ use dials_core::base::{counted, decimals};
 use dials_core::outside::Printable;
 use dials_session::records::find::LeftOut;
 use dials_session::records::method::steps_text;
-use dials_session::records::run_record::{RunRecord, Status};
+use dials_session::records::run_record::Status;
 
 /// Writes a return, with more decimals the smaller it is.
 pub(crate) fn figure(value: f64) -> String {
@@ -113,11 +112,14 @@ pub(crate) fn warnings(comparisons: &[Comparison], missing: &[PathBuf], left_out
                 let (place, planned) = (Printable(run.dir.display()), steps_text(run.config.learning.last_step()));
                 match run.status() {
                     Status::Unfinished { steps } => {
-                        warnings.push(format!(
-                            "{place}: unfinished, at {} of {planned} steps{}",
-                            steps_text(run.trained_to()),
-                            since(run, steps)
-                        ));
+                        let trained = run.trained_to();
+                        // It may have gone on since its last evaluation.
+                        let since = match trained > steps {
+                            true => format!(", last evaluated at {}", steps_text(steps)),
+                            false => String::new(),
+                        };
+                        let at = steps_text(trained);
+                        warnings.push(format!("{place}: unfinished, at {at} of {planned} steps{since}"));
                     }
                     Status::Empty => warnings.push(format!("{place}: not evaluated yet")),
                     Status::Finished if run.return_at(furthest).is_none() => warnings.push(format!(
@@ -138,22 +140,14 @@ pub(crate) fn warnings(comparisons: &[Comparison], missing: &[PathBuf], left_out
     warnings
 }
 
-/// Says at which step a run was evaluated last, if it has gone on from there.
-fn since(run: &RunRecord, evaluated: u64) -> String {
-    let further = run.trained_to() > evaluated;
-    if further { format!(", last evaluated at {}", steps_text(evaluated)) } else { String::new() }
-}
-
 /// Lists groups whose runs played different episodes, or other episodes than their opponents.
 fn of_episodes(comparison: &Comparison) -> Vec<String> {
-    let ends: Vec<_> =
-        comparison.groups.iter().filter_map(|group| Some((group, group.label(), Final::of(group)?))).collect();
-    let mut warnings = Vec::new();
-    for (_, label, end) in &ends {
-        if end.episodes().is_none() {
-            warnings.push(format!("{}, {label}: its runs were evaluated on different episodes", comparison.title));
-        }
-    }
+    let ends: Vec<_> = comparison.ends().into_iter().map(|(group, end)| (group, group.label(), end)).collect();
+    let title = &comparison.title;
+    let different = ends.iter().filter(|(_, _, end)| end.episodes().is_none());
+    let mut warnings: Vec<String> = different
+        .map(|(_, label, _)| format!("{title}, {label}: its runs were evaluated on different episodes"))
+        .collect();
     for opponent in comparison.opponents() {
         let whom = opponent.name();
         let (mut unpaired, mut cut) = (Vec::new(), Vec::new());
@@ -169,16 +163,14 @@ fn of_episodes(comparison: &Comparison) -> Vec<String> {
         }
         if !unpaired.is_empty() {
             warnings.push(format!(
-                "{}: not evaluated on the episodes of {whom}, so the difference is over seeds only and includes the randomness \
-                 of the traffic (another evaluation.seed): {}",
-                comparison.title,
+                "{title}: not evaluated on the episodes of {whom}, so the difference is over seeds only and includes the \
+                 randomness of the traffic (another evaluation.seed): {}",
                 unpaired.join("; ")
             ));
         }
         if !cut.is_empty() {
             warnings.push(format!(
-                "{}: evaluated on more or fewer episodes than {whom}, so the difference is over those that both have: {}",
-                comparison.title,
+                "{title}: evaluated on more or fewer episodes than {whom}, so the difference is over those that both have: {}",
                 cut.join("; ")
             ));
         }

@@ -35,7 +35,6 @@ pub(crate) struct Cluster {
 
 pub(crate) struct BarChart {
     pub(crate) title: String,
-    pub(crate) x_label: String,
     pub(crate) y: Axis,
     /// Format of the numbers on the bars.
     pub(crate) format: fn(f64) -> String,
@@ -76,7 +75,7 @@ impl BarChart {
                 .y_label_area_size((widest.unwrap_or(0) + px(30)).min(px(MOST_FOR_NUMBERS)))
                 .build_cartesian_2d(BoundedAxis::from(0.0..self.clusters.len() as f64), axis)?;
             let mut mesh = chart.configure_mesh();
-            let mesh = mesh.disable_x_mesh().x_labels(0).y_labels(8).x_desc(&self.x_label).y_desc(&self.y.label);
+            let mesh = mesh.disable_x_mesh().x_labels(0).y_labels(8).x_desc("agents").y_desc(&self.y.label);
             draw_mesh(mesh.y_label_formatter(&y_format), 12.0)?;
             let area = chart.plotting_area();
             if self.scale == Scale::Linear && low < 0.0 {
@@ -225,11 +224,11 @@ mod tests {
             paper: None,
         };
         let range = |values: &[f64]| {
-            let [label, title, x_label, note] = [const { String::new() }; 4];
+            let [label, title, note] = [const { String::new() }; 3];
             let clusters = vec![Cluster { label, bars: values.iter().map(|&value| bar(value)).collect() }];
             let format = |value| format!("{value:.1}");
             let y = Axis { label: String::new(), format };
-            BarChart { title, x_label, y, format, scale: Scale::Linear, clusters, note }.range()
+            BarChart { title, y, format, scale: Scale::Linear, clusters, note }.range()
         };
         // A tenth of the 18 or 20 units beyond each end.
         assert_eq!(range(&[-14.0, -4.0]), (-17.6, 1.6));

@@ -9,6 +9,7 @@ use super::ends_of;
 use crate::drawing::{
     self, Area, SCALE, Svg, anchored, ink_over, pen, px, shortened, text, text_width, widened, write, write_at,
 };
+use crate::words::figure;
 
 const PANEL: u32 = 128;
 const GAP: u32 = 16;
@@ -33,8 +34,6 @@ pub(crate) struct Panel {
 
 pub(crate) struct HeatMap {
     pub(crate) title: String,
-    pub(crate) key: String,
-    pub(crate) format: fn(f64) -> String,
     /// Label and panels of each row.
     pub(crate) groups: Vec<(String, Vec<Panel>)>,
 }
@@ -100,7 +99,7 @@ impl HeatMap {
         if side >= NUMBER_FROM {
             let size = (side * 0.26).min(13.0);
             let (x, y) = (px(x + side / 2.0), px(y + side / 2.0));
-            let words = (self.format)(value);
+            let words = figure(value);
             if stuck {
                 let (wide, tall) = (text_width(&words, size) / 2 + px(1), px(size * 0.6));
                 root.draw(&Rectangle::new([(x - wide, y - tall), (x + wide, y + tall)], shade.filled()))?;
@@ -121,9 +120,15 @@ impl HeatMap {
             root.draw(&Rectangle::new(corners, shade(value, (low, high)).filled()))?;
         }
         for (value, x, anchor) in [(low, left, HPos::Left), (high, left + width, HPos::Right)] {
-            write_at(root, &(self.format)(value), (px(x), px(top + 16.0)), 11, (anchor, VPos::Top))?;
+            write_at(root, &figure(value), (px(x), px(top + 16.0)), 11, (anchor, VPos::Top))?;
         }
-        write_at(root, &self.key, (px(left + width + 10.0), px(top + 6.0)), 11, (HPos::Left, VPos::Center))
+        write_at(
+            root,
+            "mean return; cross: stuck",
+            (px(left + width + 10.0), px(top + 6.0)),
+            11,
+            (HPos::Left, VPos::Center),
+        )
     }
 
     fn range(&self) -> (f64, f64) {

@@ -289,21 +289,20 @@ impl LineChart {
 
     /// Returns the ranges of the axes: everything that is drawn, and a margin.
     fn ranges(&self) -> Ranges {
-        let points = || self.lines.iter().flat_map(|line| &line.points);
-        let marks = || self.marks.iter().flat_map(|mark| &mark.points);
-        let xs = points().map(|point| point.x).chain(marks().map(|mark| mark.0));
-        let bands = points().filter_map(|point| point.band).flat_map(|(low, high)| [low, high]);
-        let seeds = || self.lines.iter().flat_map(|line| line.seeds.iter().flatten());
-        let xs = xs.chain(seeds().map(|point| point.0));
-        let ys = points()
-            .map(|point| point.y)
-            .chain(bands)
-            .chain(seeds().map(|point| point.1))
-            .chain(self.lines.iter().flat_map(|line| line.companion.iter().map(|point| point.1)))
-            .chain(self.levels.iter().map(|level| level.y))
-            .chain(marks().flat_map(|&(_, y, error)| [y - error.unwrap_or(0.0), y + error.unwrap_or(0.0)]));
-        let right = xs.fold(self.x_end, f64::max).max(f64::MIN_POSITIVE);
-        let (low, high) = ends_of(ys);
+        let mut places: Vec<(f64, f64)> = Vec::new();
+        let mut heights: Vec<f64> = self.levels.iter().map(|level| level.y).collect();
+        for line in &self.lines {
+            places.extend(line.points.iter().map(|point| (point.x, point.y)));
+            places.extend(line.seeds.iter().flatten());
+            heights.extend(line.points.iter().filter_map(|point| point.band).flat_map(|(low, high)| [low, high]));
+            heights.extend(line.companion.iter().map(|(_, y)| y));
+        }
+        for (x, y, error) in self.marks.iter().flat_map(|mark| &mark.points) {
+            let error = error.unwrap_or(0.0);
+            places.extend([(*x, y - error), (*x, y + error)]);
+        }
+        let right = places.iter().map(|(x, _)| *x).fold(self.x_end, f64::max).max(f64::MIN_POSITIVE);
+        let (low, high) = ends_of(heights.into_iter().chain(places.iter().map(|(_, y)| *y)));
         (0.0..right * 1.015, with_air(if low.is_finite() { (low, high) } else { (0.0, 1.0) }))
     }
 

@@ -113,8 +113,8 @@ mod tests {
             paper: Some(second),
         };
         let clusters = vec![Cluster { label: "4".to_owned(), bars: vec![bar(first), bar(second)] }];
-        let [title, x_label, note] = [const { String::new() }; 3];
-        BarChart { title, x_label, y: axis(), format: axis().format, scale, clusters, note }.draw()
+        let [title, note] = [const { String::new() }; 2];
+        BarChart { title, y: axis(), format: axis().format, scale, clusters, note }.draw()
     }
 
     fn named(first: f64, second: f64) -> Result<Svg> {

@@ -69,7 +69,6 @@ pub(crate) fn final_bars(family: &Family, looks: &Looks) -> Result<Svg> {
     });
     let chart = BarChart {
         title: format!("Final return, {}", family.title),
-        x_label: "agents".to_owned(),
         y: return_axis(family.comparisons[0]),
         format: figure,
         scale: Scale::Linear,
@@ -96,7 +95,6 @@ pub(crate) fn runtime_bars(family: &Family, looks: &Looks) -> Result<Option<Svg>
     }
     let chart = BarChart {
         title: format!("Runtime, {}", family.title),
-        x_label: "agents".to_owned(),
         y: Axis { label: format!("{unit}, powers of 2"), format: plain },
         format: short,
         scale: Scale::Log2,
@@ -197,12 +195,7 @@ fn agents_in_rows(comparison: &Comparison, map: Map) -> Result<Option<Svg>> {
     if groups.is_empty() {
         return Ok(None);
     }
-    let map = HeatMap {
-        title: format!("{}: every agent at the end", comparison.heading()),
-        key: "mean return; cross: stuck".to_owned(),
-        format: figure,
-        groups,
-    };
+    let map = HeatMap { title: format!("{}: every agent at the end", comparison.heading()), groups };
     map.draw().map(Some)
 }
 

@@ -156,14 +156,12 @@ fn paper_marks(comparison: &Comparison, curves: &[(&Group, Vec<CurvePoint>)], lo
 /// Draws the cross-entropy of the AIPs of a scenario; `None` if no AIP was trained.
 pub(crate) fn cross_entropy(comparison: &Comparison, looks: &Looks) -> Result<Option<Svg>> {
     let trained = comparison.groups.iter().filter(|group| group.simulator() != "untrained-dials");
-    let curves: Vec<(&Group, LossData, Vec<LossPoint>)> = trained
-        .map(|group| {
-            let (data, mut points) = loss_curve(group);
-            points.retain(|point| is_trained(point.steps, point.after_training));
-            (group, data, points)
-        })
-        .filter(|(_, _, points)| !points.is_empty())
-        .collect();
+    let curve = |group| {
+        let (data, mut points) = loss_curve(group);
+        points.retain(|point| is_trained(point.steps, point.after_training));
+        (!points.is_empty()).then_some((group, data, points))
+    };
+    let curves: Vec<(&Group, LossData, Vec<LossPoint>)> = trained.filter_map(curve).collect();
     if curves.is_empty() {
         return Ok(None);
     }
