@@ -6,8 +6,7 @@ use crate::drawing::Svg;
 use dials_core::outside::{Printable, is_printable};
 
 pub(crate) enum Block {
-    /// Level from 1 to 3, and text.
-    Heading(usize, String),
+    Heading(String),
     Paragraph(String),
     List(Vec<String>),
     Table(Table),
@@ -49,9 +48,7 @@ impl Document {
         for block in &self.blocks {
             text.push('\n');
             match block {
-                Block::Heading(level, title) => {
-                    line(&mut text, format_args!("{} {}", "#".repeat(*level), plain_line(title)))
-                }
+                Block::Heading(title) => line(&mut text, format_args!("## {}", plain_line(title))),
                 Block::Paragraph(words) => line(&mut text, plain_line(words)),
                 Block::List(items) => {
                     items.iter().for_each(|item| line(&mut text, format_args!("- {}", plain_line(item))))
@@ -82,7 +79,7 @@ impl Document {
             .blocks
             .iter()
             .filter_map(|block| match block {
-                Block::Heading(2, title) => Some(format!("<a href=\"#{}\">{}</a>\n", anchor(title), escape(title))),
+                Block::Heading(title) => Some(format!("<a href=\"#{}\">{}</a>\n", anchor(title), escape(title))),
                 _ => None,
             })
             .collect();
@@ -100,9 +97,9 @@ pub(crate) fn to_html(blocks: &[Block]) -> String {
     let mut body = String::new();
     for block in blocks {
         match block {
-            Block::Heading(level, title) => {
+            Block::Heading(title) => {
                 let (title, id) = (escape(title), anchor(title));
-                line(&mut body, format_args!("<h{level} id=\"{id}\">{title}</h{level}>"));
+                line(&mut body, format_args!("<h2 id=\"{id}\">{title}</h2>"));
             }
             Block::Paragraph(words) => line(&mut body, format_args!("<p>{}</p>", escape(words))),
             Block::List(items) => {

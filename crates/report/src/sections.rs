@@ -48,7 +48,7 @@ pub(crate) fn document(comparisons: &[Comparison], warnings: &[String]) -> Resul
     let looks = Looks::new(labels.iter().map(String::as_str));
     let mut blocks = vec![Block::Paragraph(overview(comparisons))];
     if !warnings.is_empty() {
-        blocks.push(Block::Heading(2, "Missing or unfinished".to_owned()));
+        blocks.push(Block::Heading("Missing or unfinished".to_owned()));
         blocks.push(Block::List(warnings.to_vec()));
     }
     for comparison in comparisons {
@@ -57,9 +57,9 @@ pub(crate) fn document(comparisons: &[Comparison], warnings: &[String]) -> Resul
     for family in families(comparisons) {
         blocks.extend(costs(&family, &looks)?);
     }
-    blocks.push(Block::Heading(2, "How to read this".to_owned()));
+    blocks.push(Block::Heading("How to read this".to_owned()));
     blocks.push(Block::List(RULES.map(str::to_owned).to_vec()));
-    blocks.push(Block::Heading(2, "Runs".to_owned()));
+    blocks.push(Block::Heading("Runs".to_owned()));
     blocks.push(Block::Table(tables::runs(comparisons)));
     blocks.push(Block::Code(commands(comparisons)));
     Ok(Document { title: "DIALS: learning curves, returns and costs".to_owned(), blocks })
@@ -92,7 +92,7 @@ fn label_order(comparisons: &[Comparison]) -> Vec<String> {
 
 fn scenario(comparison: &Comparison, looks: &Looks) -> Result<Vec<Block>> {
     let (slug, title) = (&comparison.slug, &comparison.title);
-    let mut blocks = vec![Block::Heading(2, comparison.heading()), Block::Table(tables::finals(comparison))];
+    let mut blocks = vec![Block::Heading(comparison.heading()), Block::Table(tables::finals(comparison))];
     let evaluations = comparison.runs().map(|run| run.evaluations.len()).max().unwrap_or(0);
     let has_curves = evaluations > 1;
     let learning = |against| if has_curves { pictures::learning(comparison, looks, against) } else { Ok(None) };
@@ -142,7 +142,7 @@ fn costs(family: &Family, looks: &Looks) -> Result<Vec<Block>> {
     let what = if comparisons.iter().any(|comparison| comparison.title == *title) { "Costs" } else { "All sizes" };
     let has_paper = comparisons.iter().any(|comparison| paper::has(&comparison.scenario));
     let diamonds = if has_paper { " Diamonds: the paper, if our runs were as long." } else { "" };
-    let mut blocks = vec![Block::Heading(2, format!("{what}, {title}"))];
+    let mut blocks = vec![Block::Heading(format!("{what}, {title}"))];
     // An ablation has its own picture of the final returns.
     if comparisons.iter().any(|comparison| comparison.reference.is_none()) {
         blocks.push(figure(

@@ -175,17 +175,14 @@ mod tests {
 
     #[test]
     fn the_list_is_as_wide_as_its_longest_line() {
-        let light = |name, value: Option<&str>| MapLight {
-            name,
-            place_m: [0.0, 0.0],
-            colour: INK,
-            value: value.map(str::to_owned),
+        let width = |name, value: Option<&str>| {
+            let value = value.map(str::to_owned);
+            width_of_list(&[MapLight { name, place_m: [0.0, 0.0], colour: INK, value }])
         };
-        let [short, long] =
-            ["b2", "cluster_1_2_3_4_5_6_7_8_9_10_11_12"].map(|name| width_of_list(&[light(name, Some("-1.07"))]));
         // Letters of 11 pixels are 6.16 wide: 2 of them, or 28 and three dots; 5 of the value.
-        assert_eq!([short, long], [30 + 16 + 12 + 20 + 30, 30 + 16 + 191 + 20 + 30]);
-        assert_eq!(width_of_list(&[light("b2", None)]), 30 + 16 + 12);
+        assert_eq!(width("b2", None), 30 + 16 + 12);
+        assert_eq!(width("b2", Some("-1.07")), 30 + 16 + 12 + 20 + 30);
+        assert_eq!(width("cluster_1_2_3_4_5_6_7_8_9_10_11_12", Some("-1.07")), 30 + 16 + 191 + 20 + 30);
     }
 
     #[test]

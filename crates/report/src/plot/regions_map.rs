@@ -99,23 +99,11 @@ mod tests {
     }
 
     #[test]
-    fn every_light_has_its_name_and_a_net_without_shapes_has_a_map_too() {
-        let map = RegionsMap {
-            subject: "town".to_owned(),
-            junctions: vec![vec![], vec![[0.0, 0.0], [5.0, 0.0], [5.0, 5.0]]],
-            lanes: vec![vec![[0.0, 0.0], [1000.0, 0.0]], vec![[0.0, 500.0], [0.0, 0.0]]],
-            regions: vec![region("first", [100.0, 0.0]), region(&"x".repeat(50), [1000.0, 400.0])],
-            keeping: vec![[500.0, 500.0]],
-        };
+    fn a_net_without_shapes_has_a_map_too() {
+        let [subject, name] = [String::new(), "x".repeat(50)];
+        let regions = vec![region(&name, [0.0, 0.0])];
+        let map = RegionsMap { subject, junctions: vec![vec![]], lanes: vec![vec![]], regions, keeping: vec![] };
         let svg = regions_map(&map).unwrap().file();
-        for part in [
-            ">\nfirst\n".to_owned(),
-            format!(">\n{}...\n", "x".repeat(38)),
-            "2 learn (numbers), 1 keep their program (crosses)".to_owned(),
-            ">\n100 m\n".to_owned(),
-        ] {
-            assert!(svg.contains(&part), "{part}\n{svg}");
-        }
-        regions_map(&RegionsMap { junctions: Vec::new(), lanes: vec![Vec::new()], ..map }).unwrap();
+        assert!(svg.contains(&format!(">\n{}...\n", "x".repeat(38))), "a long name is cut: {svg}");
     }
 }
