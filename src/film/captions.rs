@@ -8,7 +8,7 @@ use super::picture_file::Picture;
 const BAND: usize = 40;
 const GAP: usize = 12;
 /// Pixels of a dot of a letter.
-const DOT: usize = 2;
+pub(super) const DOT: usize = 2;
 /// Pixels by which a light is made wider on each side. sumo-gui draws a line of a pixel at the end of a lane.
 const LIGHT: usize = 3;
 /// Colours in which sumo-gui draws red, yellow and green, and nothing else.
@@ -27,26 +27,19 @@ pub(super) fn caption(roads: &Picture, title: &str, second: u64, speeds: &[Speed
     let band = Picture::plain([roads.width, BAND], PAPER).pixels;
     let pixels = [&*band, &roads.pixels, &band].concat();
     let mut picture = Picture { width: roads.width, height: roads.height + 2 * BAND, pixels };
-    widen_lights(&mut picture, roads);
+    for (at, colour) in roads.colours().enumerate() {
+        if let Some(&light) = LIGHTS.iter().find(|light| *light == colour) {
+            let (x, y) = (at % roads.width, BAND + at / roads.width);
+            picture.paint([x.saturating_sub(LIGHT), y.saturating_sub(LIGHT)], [2 * LIGHT + 1; 2], light);
+        }
+    }
     let clock = clock(second);
     let middle = (BAND - HEIGHT * DOT) / 2;
     let clock_x = roads.width.saturating_sub(GAP + width(&clock));
-    write(&mut picture, &fitting(title, clock_x.saturating_sub(2 * GAP)), [GAP, middle]);
-    write(&mut picture, &clock, [clock_x, middle]);
+    write_text(&mut picture, &fitting(title, clock_x.saturating_sub(2 * GAP)), [GAP, middle], INK);
+    write_text(&mut picture, &clock, [clock_x, middle], INK);
     scale(&mut picture, speeds, BAND + roads.height);
     picture
-}
-
-fn widen_lights(picture: &mut Picture, roads: &Picture) {
-    for y in 0..roads.height {
-        for x in 0..roads.width {
-            let colour = roads.colour([x, y]);
-            if LIGHTS.contains(&colour) {
-                let corner = [x.saturating_sub(LIGHT), (BAND + y).saturating_sub(LIGHT)];
-                picture.paint(corner, [2 * LIGHT + 1; 2], colour);
-            }
-        }
-    }
 }
 
 /// Draws a bar with the colours of all speeds into the band that begins at this row.
@@ -54,13 +47,13 @@ fn scale(picture: &mut Picture, speeds: &[SpeedColour], band: usize) {
     let [Some(&(_, slowest)), Some(&(_, fastest))] = [speeds.first(), speeds.last()] else { return };
     let middle = band + (BAND - HEIGHT * DOT) / 2;
     let label = format!("speed of cars (m/s): {slowest}");
-    write(picture, &label, [GAP, middle]);
+    write_text(picture, &label, [GAP, middle], INK);
     let begin = GAP + width(&label) + GAP;
     for x in 0..SCALE {
         let speed = slowest as f32 + (fastest - slowest) as f32 * x as f32 / SCALE as f32;
         picture.paint([begin + x, middle], [1, HEIGHT * DOT], between(speeds, speed));
     }
-    write(picture, &fastest.to_string(), [begin + SCALE + GAP, middle]);
+    write_text(picture, &fastest.to_string(), [begin + SCALE + GAP, middle], INK);
 }
 
 /// Returns the colour of a speed between two of the scale.
@@ -89,8 +82,8 @@ fn fitting(text: &str, most: usize) -> String {
     text.chars().take(letters).chain("...".chars()).collect()
 }
 
-fn write(picture: &mut Picture, text: &str, [x, y]: [usize; 2]) {
-    dots(text).for_each(|(column, row)| picture.paint([x + column * DOT, y + row * DOT], [DOT; 2], INK));
+pub(super) fn write_text(picture: &mut Picture, text: &str, [x, y]: [usize; 2], colour: [u8; 3]) {
+    dots(text).for_each(|(column, row)| picture.paint([x + column * DOT, y + row * DOT], [DOT; 2], colour));
 }
 
 #[cfg(test)]
@@ -105,7 +98,8 @@ mod tests {
 
     /// Returns the number of pixels of a colour in these rows.
     fn count(picture: &Picture, rows: std::ops::Range<usize>, colour: [u8; 3]) -> usize {
-        rows.flat_map(|y| (0..picture.width).map(move |x| [x, y])).filter(|&at| picture.colour(at) == colour).count()
+        let pixels = picture.colours().skip(rows.start * picture.width).take(rows.len() * picture.width);
+        pixels.filter(|&pixel| pixel == colour).count()
     }
 
     #[test]
@@ -115,7 +109,7 @@ mod tests {
         let picture = caption(&roads, "a", 0, &SPEEDS);
         assert_eq!((picture.width, picture.height), (400, 180));
         assert_eq!(count(&picture, 40..140, [0, 255, 0]), 49);
-        assert_eq!(picture.colour([47, 57]), [0, 255, 0]);
+        assert_eq!(picture.colours().position(|pixel| pixel == [0, 255, 0]), Some(57 * 400 + 47));
         assert_eq!(count(&picture, 40..140, [90, 90, 90]), 400 * 100 - 49);
     }
 

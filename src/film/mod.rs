@@ -1,28 +1,124 @@
 //! Films of episodes: GIF and mp4.
 //!
-//! - `replay`: the episode that is filmed. `format`: GIF or mp4, and the programs that each needs.
-//! - `pictures`: sumo-gui takes one picture per step on a virtual `screen`. `gif` and `mp4` join them.
+//! - `pictures`: sumo-gui takes one picture per step on a virtual screen, and they are joined to a film.
 //! - `captions`: what pictures show besides the roads, in `letters`. `picture_file`: their files.
-//! - `gui`: opens sumo-gui for a person.
-//! - `helper`: helper programs, which end together with this one.
+//! - `programs`: other programs, which end together with this one.
 //! - [`scenes`]: pictures that a domain draws itself, as SVG files and as one GIF.
 //!
-//! A replay is a folder that sumo-gui plays. This room does not know how the episode was made.
+//! A replay is a folder that sumo-gui plays. Nothing here knows how the episode was made.
 
 mod captions;
-mod format;
-mod gif;
-mod gui;
-mod helper;
 mod letters;
-mod mp4;
 mod picture_file;
 mod pictures;
-mod replay;
+mod programs;
 pub(crate) mod scenes;
-mod screen;
 
-pub(crate) use format::Format;
-pub(crate) use gui::{check_screen, watch};
-pub(crate) use pictures::Pictures;
-pub(crate) use replay::{Replay, Shape};
+use std::ops::Range;
+use std::path::{Path, PathBuf};
+use std::process::Command;
+
+use anyhow::{Context, Result, ensure};
+
+use captions::SpeedColour;
+use dials_core::outside::quoted;
+use dials_session::terminal::on_the_path;
+
+pub(crate) use pictures::{join, take};
+
+const SUMO_GUI: &str = "sumo-gui";
+
+/// The format of a film.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Format {
+    Gif,
+    Mp4,
+}
+
+impl Format {
+    /// Returns the format for the ending of a file name. Any other ending: `None`.
+    pub(crate) fn of(file: &Path) -> Option<Format> {
+        match file.extension()?.to_str()? {
+            "gif" => Some(Format::Gif),
+            "mp4" => Some(Format::Mp4),
+            _ => None,
+        }
+    }
+
+    /// Checks that all programs for such a film are installed. The error says what to install. `option`: the flag to
+    /// name in it.
+    pub(crate) fn check_tools(self, option: &str) -> Result<()> {
+        let mut tools = vec![(SUMO_GUI, "sumo"), (programs::XVFB, "xvfb"), (programs::SETPRIV, "util-linux")];
+        if self == Format::Mp4 {
+            tools.push(("ffmpeg", "ffmpeg, or make a .gif, which does not need it"));
+        }
+        for (tool, package) in tools {
+            ensure!(
+                on_the_path(tool).is_some(),
+                "{option}: {tool} is not on the PATH: install Debian's package {package}"
+            );
+        }
+        Ok(())
+    }
+}
+
+/// An episode that sumo-gui plays.
+pub(crate) struct Replay<'a> {
+    /// Words above the roads.
+    pub(crate) title: &'a str,
+    /// Colours of cars, from the slowest on.
+    pub(crate) speeds: &'a [SpeedColour],
+    /// Path of the file for `sumo-gui -c`.
+    pub(crate) config: &'a Path,
+    /// Steps that are shown; each becomes one picture.
+    pub(crate) steps: Range<usize>,
+    /// Second at which the episode begins.
+    pub(crate) begin_s: u64,
+    pub(crate) shape: Shape,
+    /// Function that returns settings with which sumo-gui writes these pictures, the i-th before the i-th of these steps.
+    pub(crate) settings: &'a dyn Fn(&[PathBuf]) -> String,
+}
+
+/// The roads, which give a film its shape.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) enum Shape {
+    /// Numbers of intersections from west to east and from south to north.
+    Grid { columns: usize, rows: usize },
+    /// Extent from west to east and from south to north, in metres.
+    Map { wide_m: f64, tall_m: f64 },
+}
+
+/// Checks that sumo-gui can be opened for a person. The error says what to do.
+pub(crate) fn check_screen() -> Result<()> {
+    ensure!(on_the_path(SUMO_GUI).is_some(), "--gui: sumo-gui is not on the PATH: install Debian's package sumo");
+    ensure!(
+        std::env::var_os("DISPLAY").is_some_and(|display| !display.is_empty()),
+        "--gui: there is no screen here (DISPLAY is not set); make a film with --video, or leave --gui \
+         out and open the folder with sumo-gui elsewhere"
+    );
+    Ok(())
+}
+
+/// Opens sumo-gui for a person and waits until it is closed.
+pub(crate) fn watch(config: &Path) -> Result<()> {
+    let status = Command::new(SUMO_GUI).arg("-c").arg(config).arg("--start").status();
+    let status = status.context("sumo-gui could not be started")?;
+    ensure!(
+        status.success(),
+        "sumo-gui ended with {status}; the folder is complete, try to open it with: sumo-gui -c {}",
+        quoted(config)
+    );
+    Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_ending_of_a_file_names_its_format() {
+        let of = |file: &str| Format::of(Path::new(file));
+        assert_eq!([of("a/b.gif"), of("b.mp4")], [Some(Format::Gif), Some(Format::Mp4)]);
+        assert_eq!([of("b.avi"), of("gif"), of(".gif")], [None; 3]);
+    }
+}

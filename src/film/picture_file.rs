@@ -8,10 +8,10 @@ use anyhow::{Context, Result, ensure};
 
 /// A picture.
 pub(super) struct Picture {
-    pub width: usize,
-    pub height: usize,
+    pub(super) width: usize,
+    pub(super) height: usize,
     /// Four bytes for each pixel, row by row: red, green, blue and opacity.
-    pub pixels: Vec<u8>,
+    pub(super) pixels: Vec<u8>,
 }
 
 impl Picture {
@@ -20,7 +20,6 @@ impl Picture {
         Picture { width, height, pixels: [red, green, blue, 255].repeat(width * height) }
     }
 
-    /// Returns width and height of the picture in a file.
     pub(super) fn size(path: &Path) -> Result<[usize; 2]> {
         let reader = open(path)?;
         Ok([reader.info().width as usize, reader.info().height as usize])
@@ -46,10 +45,9 @@ impl Picture {
         writer.finish().with_context(failed)
     }
 
-    /// Returns the colour of a pixel.
-    pub(super) fn colour(&self, [x, y]: [usize; 2]) -> [u8; 3] {
-        let at = 4 * (y * self.width + x);
-        [self.pixels[at], self.pixels[at + 1], self.pixels[at + 2]]
+    /// Returns the colours of all pixels, each as red, green and blue.
+    pub(super) fn colours(&self) -> impl Iterator<Item = &[u8]> {
+        self.pixels.chunks_exact(4).map(|pixel| &pixel[..3])
     }
 
     /// Paints a rectangle. What is outside of the picture is left out.

@@ -1,6 +1,7 @@
-//! Takes the pictures of a film: sumo-gui plays a replay on a virtual screen and takes one picture per step.
+//! Takes the pictures of a film: sumo-gui plays a replay on a virtual screen and takes one picture per step. Then joins
+//! them.
 
-use std::fs;
+use std::fs::{self, File};
 use std::path::{Path, PathBuf};
 use std::process::Stdio;
 use std::sync::atomic::AtomicBool;
@@ -10,13 +11,14 @@ use std::time::{Duration, Instant};
 use anyhow::{Context, Result, ensure};
 
 use super::captions::{PAPER, caption};
-use super::gui::SUMO_GUI;
-use super::helper::{Helper, heard, listener, tied};
 use super::picture_file::Picture;
-use super::screen::Screen;
-use super::{Format, Replay, Shape, gif, mp4};
+use super::programs::{Program, Screen, log_file, logged, tied};
+use super::{Format, Replay, SUMO_GUI, Shape};
 use dials_session::terminal::check_stop;
 use dials_session::terminal::counting::EpisodeBar;
+
+/// Number of steps that a film shows per second.
+const STEPS_PER_SECOND: u16 = 10;
 
 /// Number of steps that sumo-gui plays after the last picture. If it ends with a picture, it often crashes (SUMO 1.15).
 const REST_STEPS: usize = 30;
@@ -30,49 +32,24 @@ const UNSEEN: Duration = Duration::from_millis(500);
 /// Width and height of sumo-gui's window minus those of the roads, in pixels (measured with SUMO 1.15).
 const FRAME: (usize, usize) = (10, 215);
 
-/// The pictures of a replay, in an empty directory. Taking and joining end with an error soon after `stop` is set.
-pub(crate) struct Pictures<'a> {
-    room: &'a Path,
-    files: Vec<PathBuf>,
-}
-
-impl<'a> Pictures<'a> {
-    pub(crate) fn take(replay: &Replay, room: &'a Path, stop: &AtomicBool) -> Result<Pictures<'a>> {
-        let files = take_pictures(replay, room, stop)?;
-        add_captions(replay, &files, stop)?;
-        Ok(Pictures { room, files })
-    }
-
-    /// Writes the film.
-    pub(crate) fn join(&self, format: Format, film: &Path, stop: &AtomicBool) -> Result<()> {
-        match format {
-            Format::Gif => gif::join(&self.files, film, stop),
-            Format::Mp4 => mp4::join(self.room, film, stop),
-        }
-    }
-}
-
-fn picture(number: usize) -> String {
-    format!("{number:06}.png")
-}
-
-/// Lets sumo-gui play the replay and take a picture before every step.
-fn take_pictures(replay: &Replay, room: &Path, stop: &AtomicBool) -> Result<Vec<PathBuf>> {
-    let frames: Vec<PathBuf> = (0..replay.steps.len()).map(|number| room.join(picture(number))).collect();
+/// Takes the pictures of a replay in the empty directory `room`, one per step, and adds their captions. Ends with an error
+/// soon after `stop` is set.
+pub(crate) fn take(replay: &Replay, room: &Path, stop: &AtomicBool) -> Result<Vec<PathBuf>> {
+    let frames: Vec<PathBuf> = (0..replay.steps.len()).map(|number| room.join(format!("{number:06}.png"))).collect();
     let settings = room.join("view.xml");
     fs::write(&settings, (replay.settings)(&frames)).context("the temporary directory cannot be written to")?;
     let (width, height) = canvas(replay.shape);
     let (width, height) = (width + FRAME.0, height + FRAME.1);
     let screen = Screen::open(width, height, room)?;
-    let said = room.join("said.txt");
+    let log = room.join("sumo-gui.txt");
     let mut gui = tied(SUMO_GUI);
     gui.arg("-c").arg(replay.config).arg("--gui-settings-file").arg(&settings);
     let end_s = replay.begin_s + (replay.steps.end + REST_STEPS) as u64;
     gui.args(["--end", &end_s.to_string(), "--start", "--quit-on-end"]);
     gui.args(["--window-size", &format!("{width},{height}")]).env("DISPLAY", &screen.name);
-    gui.stdout(Stdio::null()).stderr(listener(&said)?);
+    gui.stdout(Stdio::null()).stderr(log_file(&log)?);
     let patience = PATIENCE + UNSEEN * replay.steps.start as u32;
-    let end = wait_for(&mut Helper::start(gui)?, &frames, patience, stop)?;
+    let end = wait_for(&mut Program::start(gui)?, &frames, patience, stop)?;
     let missing = frames.iter().filter(|frame| !frame.exists()).count();
     // If all pictures are there, it does not matter how sumo-gui ended.
     ensure!(
@@ -80,8 +57,9 @@ fn take_pictures(replay: &Replay, room: &Path, stop: &AtomicBool) -> Result<Vec<
         "sumo-gui took {} of {} pictures and {end}: {}",
         frames.len() - missing,
         frames.len(),
-        heard(&said)
+        logged(&log)
     );
+    add_captions(replay, &frames, stop)?;
     Ok(frames)
 }
 
@@ -99,7 +77,7 @@ fn add_captions(replay: &Replay, files: &[PathBuf], stop: &AtomicBool) -> Result
 }
 
 /// Waits until sumo-gui has ended, or has taken no picture for `patience`. Returns which of them it was, in words.
-fn wait_for(gui: &mut Helper, frames: &[PathBuf], patience: Duration, stop: &AtomicBool) -> Result<String> {
+fn wait_for(gui: &mut Program, frames: &[PathBuf], patience: Duration, stop: &AtomicBool) -> Result<String> {
     let bar = EpisodeBar::of(frames.len(), "pictures");
     let (mut taken, mut since) = (0, Instant::now());
     let end = loop {
@@ -135,6 +113,55 @@ fn canvas(shape: Shape) -> (usize, usize) {
     (side(wide), side(tall))
 }
 
+/// Joins pictures to a film. Ends with an error soon after `stop` is set.
+pub(crate) fn join(pictures: &[PathBuf], format: Format, film: &Path, stop: &AtomicBool) -> Result<()> {
+    match format {
+        Format::Gif => join_gif(pictures, film, stop),
+        Format::Mp4 => join_mp4(pictures, film, stop),
+    }
+}
+
+fn join_gif(pictures: &[PathBuf], film: &Path, stop: &AtomicBool) -> Result<()> {
+    let bar = EpisodeBar::of(pictures.len(), "pictures joined");
+    let [width, height] = Picture::size(&pictures[0])?;
+    let (width, height) = (u16::try_from(width)?, u16::try_from(height)?);
+    let file = File::create(film).context("the film cannot be written")?;
+    let mut encoder = gif::Encoder::new(file, width, height, &[])?;
+    encoder.set_repeat(gif::Repeat::Infinite)?;
+    for (number, picture) in pictures.iter().enumerate() {
+        check_stop(stop)?;
+        let mut frame = gif::Frame::from_rgba_speed(width, height, &mut Picture::read(picture)?.pixels, 10);
+        frame.delay = 100 / STEPS_PER_SECOND;
+        encoder.write_frame(&frame).context("the film cannot be written")?;
+        bar.set(number + 1);
+    }
+    bar.finish();
+    Ok(())
+}
+
+/// Joins the pictures in the folder of the first one, with ffmpeg.
+fn join_mp4(pictures: &[PathBuf], film: &Path, stop: &AtomicBool) -> Result<()> {
+    let room = pictures[0].parent().expect("pictures are in a folder");
+    let [red, green, blue] = PAPER;
+    // Every player can show an even width and height with this pixel format.
+    let even = format!("pad=ceil(iw/2)*2:ceil(ih/2)*2:color=0x{red:02x}{green:02x}{blue:02x}");
+    let log = room.join("ffmpeg.txt");
+    let mut ffmpeg = tied("ffmpeg");
+    ffmpeg.args(["-loglevel", "error", "-framerate", &STEPS_PER_SECOND.to_string(), "-i"]);
+    ffmpeg.arg(room.join("%06d.png")).args(["-vf", &even, "-pix_fmt", "yuv420p", "-movflags", "+faststart"]);
+    ffmpeg.arg(film).stdout(Stdio::null()).stderr(log_file(&log)?);
+    let mut ffmpeg = Program::start(ffmpeg)?;
+    let status = loop {
+        check_stop(stop)?;
+        if let Some(status) = ffmpeg.0.try_wait().context("cannot wait for ffmpeg")? {
+            break status;
+        }
+        thread::sleep(Duration::from_millis(20));
+    };
+    ensure!(status.success(), "ffmpeg failed ({status}): {}", logged(&log));
+    check_stop(stop)
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -157,16 +184,19 @@ mod tests {
         add_captions(&replay, &files, &AtomicBool::new(false)).unwrap();
         let [early, late] = files.map(|file| Picture::read(&file).unwrap());
         assert_eq!([early.width, early.height], [late.width, late.height]);
-        assert_eq!([&early, &late].map(|picture| picture.colour([200, 150])), [PAPER, [1, 2, 3]]);
+        assert_eq!(
+            [&early, &late].map(|picture| picture.colours().nth(150 * 400 + 200)),
+            [Some(&PAPER[..]), Some(&[1, 2, 3])]
+        );
     }
 
     #[test]
     fn nobody_waits_for_ever_for_a_picture() {
         let mut command = tied("sleep");
         command.arg("600");
-        let mut hung = Helper::start(command).unwrap();
+        let mut hung = Program::start(command).unwrap();
         let frames = [PathBuf::from("/no/such.png")];
-        let wait = |hung: &mut Helper, stop| wait_for(hung, &frames, Duration::ZERO, &AtomicBool::new(stop));
+        let wait = |hung: &mut Program, stop| wait_for(hung, &frames, Duration::ZERO, &AtomicBool::new(stop));
         assert_eq!(wait(&mut hung, false).unwrap(), "then none for 0 s");
         assert_eq!(wait(&mut hung, true).unwrap_err().to_string(), "stopped");
         let place = PathBuf::from(format!("/proc/{}", hung.0.id()));

@@ -2,7 +2,9 @@
 
 use anyhow::{Result, ensure};
 
-use super::letters::{HEIGHT, dots};
+use super::captions::{DOT, write_text};
+use super::letters::HEIGHT;
+use super::picture_file::Picture;
 use dials_core::domain::{Colour, Scene};
 use dials_core::outside::Directory;
 
@@ -12,10 +14,9 @@ const LEAST_SCALE: usize = 16;
 const LONGER_SIDE: f32 = 480.0;
 /// Height of the band above a picture of the animation, and its colours.
 const BAND: usize = 28;
-const PAPER: Colour = Colour([255, 255, 255]);
-const INK: Colour = Colour([26, 26, 26]);
-/// Pixels of a dot of a letter, and from the left side to the first letter.
-const DOT: usize = 2;
+const PAPER: [u8; 3] = [255, 255, 255];
+const INK: [u8; 3] = [26, 26, 26];
+/// Pixels from the left side to the first letter.
 const GAP: usize = 8;
 /// Time that the animation shows each step, in hundredths of a second.
 const STEP_TIME: u16 = 20;
@@ -34,44 +35,31 @@ fn scale(scene: &Scene) -> usize {
     ((LONGER_SIDE / width.max(height)) as usize).max(LEAST_SCALE)
 }
 
-/// Returns width, height and pixels of a picture with a title above.
-fn below_title((width, height, pixels): (usize, usize, Vec<Colour>), title: &str) -> (usize, usize, Vec<Colour>) {
-    let mut band = vec![PAPER; width * BAND];
-    for (column, row) in dots(title) {
-        let (x, y) = (GAP + column * DOT, (BAND - HEIGHT * DOT) / 2 + row * DOT);
-        for dot in 0..DOT * DOT {
-            let (x, y) = (x + dot % DOT, y + dot / DOT);
-            if x < width {
-                band[y * width + x] = INK;
-            }
-        }
-    }
-    band.extend(pixels);
-    (width, height + BAND, band)
+/// Returns the picture of a scene, given as width, height and pixels, with a title above.
+fn below_title((width, height, pixels): (usize, usize, Vec<Colour>), title: &str) -> Picture {
+    let mut picture = Picture::plain([width, BAND], PAPER);
+    write_text(&mut picture, title, [GAP, (BAND - HEIGHT * DOT) / 2], INK);
+    picture.height += height;
+    picture.pixels.extend(pixels.iter().flat_map(|&Colour([red, green, blue])| [red, green, blue, 255]));
+    picture
 }
 
 /// Returns an animation of the scenes as the bytes of a GIF.
 fn animate(scenes: &[Scene], titles: &[String]) -> Result<Vec<u8>> {
-    let frames: Vec<(usize, usize, Vec<Colour>)> =
-        scenes.iter().zip(titles).map(|(scene, title)| below_title(scene.to_pixels(scale(scene)), title)).collect();
-    let (width, height) = (frames[0].0, frames[0].1);
-    let mut palette: Vec<Colour> = frames.iter().flat_map(|(_, _, pixels)| pixels.iter().copied()).collect();
+    let titled = scenes.iter().zip(titles);
+    let frames: Vec<Picture> = titled.map(|(scene, title)| below_title(scene.to_pixels(scale(scene)), title)).collect();
+    let (width, height) = (frames[0].width as u16, frames[0].height as u16);
+    let mut palette: Vec<&[u8]> = frames.iter().flat_map(Picture::colours).collect();
     palette.sort_unstable();
     palette.dedup();
     ensure!(palette.len() <= 256, "{} colours, but a GIF holds at most 256", palette.len());
-    let colours: Vec<u8> = palette.iter().flat_map(|colour| colour.0).collect();
     let mut bytes = Vec::new();
-    let mut encoder = gif::Encoder::new(&mut bytes, width as u16, height as u16, &colours)?;
+    let mut encoder = gif::Encoder::new(&mut bytes, width, height, &palette.concat())?;
     encoder.set_repeat(gif::Repeat::Infinite)?;
-    for (_, _, pixels) in &frames {
-        let indices: Vec<u8> = pixels
-            .iter()
-            .map(|pixel| palette.binary_search(pixel).expect("the palette holds all pixels") as u8)
-            .collect();
-        let mut frame =
-            gif::Frame { width: width as u16, height: height as u16, delay: STEP_TIME, ..Default::default() };
-        frame.buffer = indices.into();
-        encoder.write_frame(&frame)?;
+    for frame in &frames {
+        let index = |colour| palette.binary_search(&colour).expect("the palette holds all pixels") as u8;
+        let buffer = frame.colours().map(index).collect();
+        encoder.write_frame(&gif::Frame { width, height, delay: STEP_TIME, buffer, ..Default::default() })?;
     }
     drop(encoder);
     Ok(bytes)
@@ -83,12 +71,11 @@ mod tests {
 
     #[test]
     fn a_picture_of_the_animation_has_its_title_above() {
-        let grey = Colour([90, 90, 90]);
-        let (width, height, pixels) = below_title((60, 10, vec![grey; 600]), "1 step of a long title");
-        assert_eq!((width, height, pixels.len()), (60, 10 + BAND, 60 * (10 + BAND)));
-        assert!(pixels[60 * BAND..].iter().all(|&pixel| pixel == grey));
+        let picture = below_title((60, 10, vec![Colour([90; 3]); 600]), "1 step of a long title");
+        assert_eq!((picture.width, picture.height, picture.pixels.len()), (60, 10 + BAND, 4 * 60 * (10 + BAND)));
+        assert!(picture.colours().skip(60 * BAND).all(|pixel| pixel == [90; 3]));
         // The stroke of the 1 is seven dots high, in its third column.
-        let stroke = pixels.iter().skip(GAP + 2 * DOT).step_by(60).filter(|&&pixel| pixel == INK).count();
+        let stroke = picture.colours().skip(GAP + 2 * DOT).step_by(60).filter(|&pixel| pixel == INK).count();
         assert_eq!(stroke, 7 * DOT);
     }
 }

@@ -6,7 +6,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 
 use anyhow::{Context, Result, ensure};
 
-use crate::film::{Format, Pictures, Replay};
+use crate::film::{self, Format, Replay};
 use dials_core::outside::{folder_of, temporary_dir};
 use dials_session::error::{self, Error};
 use dials_session::outputs::check_free;
@@ -56,7 +56,7 @@ impl Video {
     }
 
     fn film(&self, replay: &Replay, room: &Path, stop: &AtomicBool) -> Result<()> {
-        let pictures = Pictures::take(replay, room, stop)?;
-        places::make_file(&self.file, self.existing, |beside| pictures.join(self.format, beside, stop))
+        let pictures = film::take(replay, room, stop)?;
+        places::make_file(&self.file, self.existing, |beside| film::join(&pictures, self.format, beside, stop))
     }
 }

@@ -10,7 +10,6 @@ use super::group::Group;
 use dials_core::base::statistics::{Spread, mean};
 use dials_session::records::run_record::RunRecord;
 
-/// A point of a learning curve.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct CurvePoint {
     /// Timesteps per agent.
@@ -23,11 +22,10 @@ pub(crate) struct CurvePoint {
     pub(crate) runtime_s: Option<f64>,
 }
 
-/// A point of a curve of cross-entropies.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct LossPoint {
     pub(crate) steps: u64,
-    /// Whether the loss was measured right after a training of the AIPs (approximate influence predictors).
+    /// Whether the loss was measured right after a training of the AIPs.
     pub(crate) after_training: bool,
     /// Cross-entropy in nats per influence source, over seeds.
     pub(crate) loss: Spread,
@@ -38,13 +36,12 @@ pub(crate) struct LossPoint {
 /// Data on which the cross-entropy of a group's AIPs was measured.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum LossData {
-    /// Fresh episodes of the GS (global simulator), at evaluations and after trainings.
+    /// Fresh episodes of the GS, at evaluations and after trainings.
     Fresh,
     /// The held-out episodes of each dataset, before and after the training on it.
     HeldOut,
 }
 
-/// Makes the learning curve of a group.
 pub(crate) fn learning_curve(group: &Group) -> Vec<CurvePoint> {
     let steps: BTreeSet<u64> =
         group.runs.iter().flat_map(|run| run.evaluations.iter().map(|evaluation| evaluation.steps)).collect();
@@ -82,18 +79,6 @@ pub(crate) fn loss_curve(group: &Group) -> (LossData, Vec<LossPoint>) {
     (data, points.collect())
 }
 
-/// Returns the cross-entropies of the single runs of a group, from the same data as [`loss_curve`]: steps, whether
-/// right after a training, and loss.
-pub(crate) fn loss_curves_of_seeds(group: &Group, data: LossData) -> Vec<Vec<(u64, bool, f64)>> {
-    let curve = |run: &RunRecord| {
-        measured(run, data)
-            .iter()
-            .map(|((steps, after_training), [loss, _])| (*steps, *after_training, *loss))
-            .collect()
-    };
-    group.runs.iter().map(curve).collect()
-}
-
 /// Returns the trainings of AIPs that only some runs of a group have, without those at step 0: steps and the loss right
 /// after.
 pub(crate) fn single_trainings(group: &Group) -> Vec<(u64, f64)> {
@@ -106,7 +91,7 @@ pub(crate) fn single_trainings(group: &Group) -> Vec<(u64, f64)> {
 }
 
 /// Losses of a run's AIPs and of constant marginals, by steps and whether right after a training.
-type LossesBySteps = BTreeMap<(u64, bool), [f64; 2]>;
+pub(crate) type LossesBySteps = BTreeMap<(u64, bool), [f64; 2]>;
 
 /// Returns the losses of a run at a step: if it trained there, those before or after the training. Between two measured
 /// steps it interpolates; outside of them: `None`.
@@ -121,7 +106,7 @@ fn loss_at(run: &LossesBySteps, steps: u64, after_training: bool) -> Option<[f64
     Some(std::array::from_fn(|index| before[index] + share * (behind[index] - before[index])))
 }
 
-fn measured(run: &RunRecord, data: LossData) -> LossesBySteps {
+pub(crate) fn measured(run: &RunRecord, data: LossData) -> LossesBySteps {
     match data {
         LossData::Fresh => run
             .fresh_losses
@@ -142,29 +127,22 @@ fn measured(run: &RunRecord, data: LossData) -> LossesBySteps {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use dials_core::domain::Scenario;
-    use dials_session::records::method::Method;
+    use crate::fixtures;
     use dials_session::records::run_record::FreshLossRecord;
 
     /// Makes runs with losses at these steps; `true`: right after a training. The marginals are 1 higher.
     fn group(runs: &[&[(u64, bool, f64)]]) -> Group {
-        let run = |losses: &&[(u64, bool, f64)]| RunRecord {
-            fresh_losses: losses
-                .iter()
-                .map(|&(steps, after_training, loss)| FreshLossRecord {
-                    steps,
-                    after_training,
-                    loss,
-                    marginals: loss + 1.0,
-                })
-                .collect(),
-            ..RunRecord::empty(
-                toml::from_str("[warehouse]\nagents_per_side = 2").unwrap(),
-                Scenario::new("warehouse", 4, 100),
-            )
+        let record = |&(steps, after_training, loss): &(u64, bool, f64)| FreshLossRecord {
+            steps,
+            after_training,
+            loss,
+            marginals: loss + 1.0,
         };
-        let runs: Vec<RunRecord> = runs.iter().map(run).collect();
-        Group { method: Method::of(&runs[0].config, runs[0].scenario()), overrides: Vec::new(), runs }
+        let run = |losses: &&[(u64, bool, f64)]| RunRecord {
+            fresh_losses: losses.iter().map(record).collect(),
+            ..fixtures::run("")
+        };
+        fixtures::group(runs.iter().map(run).collect())
     }
 
     #[test]

@@ -13,8 +13,8 @@ pub(crate) struct Family<'a> {
 }
 
 /// Returns the families of a report, those of a domain one after the other.
-pub(crate) fn families(comparisons: &[Comparison]) -> Vec<Family<'_>> {
-    let mut kin: Vec<Vec<&Comparison>> = Vec::new();
+pub(crate) fn families<'a>(comparisons: &'a [Comparison]) -> Vec<Family<'a>> {
+    let mut kin: Vec<Vec<&'a Comparison>> = Vec::new();
     for comparison in comparisons {
         match kin.iter_mut().find(|family| are_kin(family[0], comparison)) {
             Some(family) => family.push(comparison),
@@ -22,20 +22,18 @@ pub(crate) fn families(comparisons: &[Comparison]) -> Vec<Family<'_>> {
         }
     }
     let domain = |family: &[&Comparison]| family[0].scenario.domain.clone();
+    kin.sort_by_key(|family| domain(family));
     let alone = |name: &str| kin.iter().filter(|family| domain(family) == name).count() == 1;
-    let mut families: Vec<(String, Family)> = Vec::new();
-    for comparisons in &kin {
+    let family = |comparisons: &Vec<&'a Comparison>| {
         let name = domain(comparisons);
         let (title, slug) = match &comparisons[..] {
-            _ if alone(&name) => (name.clone(), name.clone()),
+            _ if alone(&name) => (name.clone(), name),
             [only] => (only.title.clone(), only.slug.clone()),
-            [first, ..] => of_several(&first.scenario),
-            [] => unreachable!("a family begins with a scenario"),
+            _ => of_several(&comparisons[0].scenario),
         };
-        families.push((name, Family { title, slug, comparisons: comparisons.clone() }));
-    }
-    families.sort_by(|(one, _), (other, _)| one.cmp(other));
-    families.into_iter().map(|(_, family)| family).collect()
+        Family { title, slug, comparisons: comparisons.clone() }
+    };
+    kin.iter().map(family).collect()
 }
 
 fn are_kin(one: &Comparison, other: &Comparison) -> bool {

@@ -1,14 +1,12 @@
 //! Final results of a group: return, agents, runtime and memory.
 
-use std::collections::BTreeSet;
-
-use super::group::Group;
-use super::played;
-use dials_core::base::statistics::difference::{BySeed, Episodes, common_episodes};
+use super::group::{Comparison, Group};
+use dials_core::base::statistics::difference::{BySeed, Episodes, Played, common_episodes};
 use dials_core::base::statistics::{Spread, mean, median};
-use dials_session::records::run_record::{CpuTime, MemoryRecord, PeriodTime, Returns, RunRecord, Status};
+use dials_session::records::run_record::{
+    CpuTime, EvaluationRecord, MemoryRecord, PeriodTime, Returns, RunRecord, Status,
+};
 
-/// Final returns of a group.
 pub(crate) struct Final {
     /// Timesteps per agent at which the returns were measured.
     pub(crate) steps: u64,
@@ -37,7 +35,6 @@ fn finished(runs: &[&RunRecord]) -> bool {
     runs.iter().all(|run| run.status() == Status::Finished)
 }
 
-/// An agent of a run.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct AgentAt {
     pub(crate) seed: u64,
@@ -51,16 +48,16 @@ impl Final {
         let (steps, runs) = group.finals()?;
         let agents_of_runs: Vec<(u64, Vec<Returns>)> =
             runs.iter().map(|run| (run.config.learning.seed, agents_at(run, steps).to_vec())).collect();
-        let everyone: Vec<(AgentAt, bool)> = agents_of_runs
-            .iter()
-            .flat_map(|(seed, agents)| {
-                agents.iter().enumerate().map(|(agent, returns)| {
+        let everyone = || {
+            agents_of_runs.iter().flat_map(|(seed, agents)| {
+                let at = |(agent, returns): (usize, &Returns)| {
                     (AgentAt { seed: *seed, agent, mean_return: returns.mean }, returns.stuck > 0)
-                })
+                };
+                agents.iter().enumerate().map(at)
             })
-            .collect();
-        let of_runs: BySeed =
-            runs.iter().filter_map(|run| Some((run.config.learning.seed, played::of_run(run, steps)?))).collect();
+        };
+        let worst_agent = everyone().map(|(agent, _)| agent).min_by(|a, b| a.mean_return.total_cmp(&b.mean_return))?;
+        let of_runs = played(&runs, steps);
         let means: Vec<f64> = of_runs.iter().map(|(_, played)| played.mean).collect();
         let medians: Vec<f64> = runs.iter().filter_map(|run| Some(run.evaluation_at(steps)?.all.median)).collect();
         let count = agents_of_runs.first().map_or(0, |(_, agents)| agents.len());
@@ -72,16 +69,20 @@ impl Final {
             returns: Spread::of(&means)?,
             median_run: median(&means),
             median_agent: mean(&medians),
-            worst_agent: everyone
-                .iter()
-                .map(|(agent, _)| *agent)
-                .min_by(|a, b| a.mean_return.total_cmp(&b.mean_return))?,
-            stuck: everyone.iter().filter(|(_, stuck)| *stuck).map(|(agent, _)| *agent).collect(),
-            agents: everyone.len(),
+            worst_agent,
+            stuck: everyone().filter(|(_, stuck)| *stuck).map(|(agent, _)| agent).collect(),
+            agents: everyone().count(),
             agent_means: agent_means.collect(),
             runs: of_runs,
             agents_of_runs,
         })
+    }
+}
+
+impl Comparison {
+    /// Returns the groups of which a run was evaluated, with their final returns.
+    pub(crate) fn ends(&self) -> Vec<(&Group, Final)> {
+        self.groups.iter().filter_map(|group| Some((group, Final::of(group)?))).collect()
     }
 }
 
@@ -90,11 +91,16 @@ impl Final {
     pub(crate) fn episodes(&self) -> Option<Episodes> {
         common_episodes(self.runs.iter().map(|(_, played)| played))
     }
+}
 
-    /// Returns the different numbers of episodes of the runs.
-    pub(crate) fn episode_counts(&self) -> BTreeSet<usize> {
-        self.runs.iter().map(|(_, played)| played.episodes.count).collect()
-    }
+/// Returns what runs played at their evaluations at a step, by seed.
+pub(crate) fn played(runs: &[&RunRecord], steps: u64) -> BySeed {
+    let played = runs.iter().filter_map(|run| {
+        let EvaluationRecord { all, episode_returns, .. } = run.evaluation_at(steps)?;
+        let played = Played::new(all.mean, run.config.learning.evaluation.seed, episode_returns.clone());
+        Some((run.config.learning.seed, played))
+    });
+    played.collect()
 }
 
 /// Returns the agents' returns at the evaluation at step `steps`; nothing if there was none.
@@ -107,16 +113,14 @@ pub(crate) fn agents_at(run: &RunRecord, steps: u64) -> &[Returns] {
 pub(crate) struct Runtime {
     /// Timesteps per agent.
     pub(crate) steps: u64,
-    /// Whether the runs are finished.
     pub(crate) finished: bool,
     pub(crate) agents_training_s: f64,
-    /// Time to collect datasets and train the AIPs (approximate influence predictors).
+    /// Time to collect datasets and train the AIPs.
     pub(crate) influence_s: f64,
     /// Sum of the two over seeds: wall time without evaluations.
     pub(crate) total: Spread,
     /// Wall time with the evaluations.
     pub(crate) wall_s: f64,
-    /// CPU time of all processes.
     pub(crate) cpu: CpuTime,
     /// Largest number of worker processes of a run.
     pub(crate) workers: usize,
@@ -143,7 +147,6 @@ impl Runtime {
     }
 }
 
-/// Returns the mean over runs.
 pub(crate) fn mean_cpu(times: &[PeriodTime]) -> CpuTime {
     let mean_of = |part: fn(&CpuTime) -> f64| mean(&times.iter().map(|time| part(&time.cpu)).collect::<Vec<_>>());
     CpuTime { total_s: mean_of(|cpu| cpu.total_s), evaluation_s: mean_of(|cpu| cpu.evaluation_s) }
@@ -157,41 +160,25 @@ pub(crate) fn peak_memory(group: &Group) -> Option<MemoryRecord> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use dials_core::domain::Scenario;
-    use dials_session::records::method::Method;
-    use dials_session::records::run_record::EvaluationRecord;
+    use crate::fixtures;
 
     #[test]
     fn the_runtime_of_unfinished_runs_is_until_the_step_that_all_have_reached() {
-        let returns = Returns { mean: 1.0, median: 1.0, std_error: 0.0, stuck: 0 };
         // 1 s per 1000 steps: a fifth for evaluations and a tenth for the AIPs. A period has 4000 steps.
-        let run = |periods: u64| RunRecord {
-            evaluations: (1..=periods)
-                .map(|period| EvaluationRecord {
-                    steps: period * 4000 - 2000,
-                    all: returns,
-                    agents: vec![returns],
-                    episode_returns: Vec::new(),
-                })
-                .collect(),
-            periods: (1..=periods)
-                .map(|period| PeriodTime {
-                    steps: period * 4000,
-                    elapsed_s: 4.0 * period as f64,
-                    evaluation_s: 0.8 * period as f64,
-                    influence_s: 0.4 * period as f64,
-                    update_s: 0.2 * period as f64,
-                    cpu: CpuTime { total_s: 8.0 * period as f64, evaluation_s: 1.6 * period as f64 },
-                })
-                .collect(),
-            ..RunRecord::empty(
-                toml::from_str("total_steps = 100000\n[warehouse]\nagents_per_side = 1").unwrap(),
-                Scenario::new("warehouse", 1, 100),
-            )
+        let time = |period: u64| PeriodTime {
+            steps: period * 4000,
+            elapsed_s: 4.0 * period as f64,
+            evaluation_s: 0.8 * period as f64,
+            influence_s: 0.4 * period as f64,
+            update_s: 0.2 * period as f64,
+            cpu: CpuTime { total_s: 8.0 * period as f64, evaluation_s: 1.6 * period as f64 },
         };
-        let runs = vec![run(2), run(20)];
-        let group = Group { method: Method::of(&runs[0].config, runs[0].scenario()), overrides: Vec::new(), runs };
-        let time = Runtime::of(&group).unwrap();
+        let run = |periods: u64| RunRecord {
+            evaluations: (1..=periods).map(|period| fixtures::evaluation(period * 4000 - 2000, 1.0)).collect(),
+            periods: (1..=periods).map(time).collect(),
+            ..fixtures::run("total_steps = 100000")
+        };
+        let time = Runtime::of(&fixtures::group(vec![run(2), run(20)])).unwrap();
         // Both runs until 6000: 6 s, minus 1.2 s of evaluations. 0.6 s are for the AIPs.
         assert_eq!((time.steps, time.finished, time.wall_s), (6000, false, 6.0));
         // Two threads work all the time.

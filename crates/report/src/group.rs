@@ -9,8 +9,7 @@ use dials_session::records::find::{BaselineRecord, Found, LeftOut};
 use dials_session::records::method::{Method, Retraining, steps_text};
 use dials_session::records::run_record::{RunRecord, Status};
 
-/// All groups of one scenario, in the order of the report: GS (global simulator), DIALS by F (the steps between two
-/// trainings of the AIPs), other simulators, variants last.
+/// All groups of one scenario, in the order of the report: GS, DIALS by F, other simulators, variants last.
 pub(crate) struct Comparison {
     pub(crate) scenario: ScenarioId,
     /// What the user calls the scenario, if all runs that recorded a name have the same.
@@ -23,25 +22,27 @@ pub(crate) struct Comparison {
     /// Index of the reference of an ablation: the one group that has the value of most groups in every key. Every other
     /// group departs from it.
     pub(crate) reference: Option<usize>,
-    /// Hand-coded controllers that were measured on this scenario.
     pub(crate) baselines: Vec<BaselineRecord>,
 }
 
 impl Comparison {
-    /// Returns the title with a capital letter, for headings.
     pub(crate) fn heading(&self) -> String {
         let mut letters = self.title.chars();
         letters.next().map_or(String::new(), |first| first.to_uppercase().chain(letters).collect())
     }
 
-    /// Returns the places of the agents, if they are in rows.
-    pub(crate) fn map(&self) -> Option<Map> {
-        self.groups.iter().flat_map(|group| &group.runs).find_map(|run| run.scenario().map)
+    pub(crate) fn runs(&self) -> impl Iterator<Item = &RunRecord> {
+        self.groups.iter().flat_map(|group| &group.runs)
     }
 
-    /// Returns the rules by which the agents see and are paid, if a run recorded them.
+    /// Returns the places of the agents, if they are in rows.
+    pub(crate) fn map(&self) -> Option<Map> {
+        self.runs().find_map(|run| run.scenario().map)
+    }
+
+    /// Returns the rules by which the agents see and are rewarded, if a run recorded them.
     pub(crate) fn rules(&self) -> Option<&Rules> {
-        self.groups.iter().flat_map(|group| &group.runs).find_map(|run| run.scenario().rules.as_ref())
+        self.runs().find_map(|run| run.scenario().rules.as_ref())
     }
 
     /// Returns the number of agents, with whatever else distinguishes the scenario from others.
@@ -71,7 +72,6 @@ impl Comparison {
     }
 }
 
-/// Largest number of keys that a label names.
 const MOST_KEYS: usize = 8;
 
 /// Runs of one method with several seeds; never empty.
@@ -80,7 +80,6 @@ pub(crate) struct Group {
     /// Config keys whose values differ from those of most groups of the scenario, and those that are always named, with
     /// the values of this group.
     pub(crate) overrides: Vec<(String, String)>,
-    /// Runs in order of their seeds.
     pub(crate) runs: Vec<RunRecord>,
 }
 
@@ -90,7 +89,6 @@ impl Group {
         method_name(self.simulator(), self.method.retraining)
     }
 
-    /// Returns the name of the simulator in configs.
     pub(crate) fn simulator(&self) -> &str {
         &self.method.simulator
     }
@@ -138,7 +136,6 @@ pub(crate) fn method_name(simulator: &str, retraining: Retraining) -> String {
     }
 }
 
-/// Returns the step of the last evaluation.
 fn last_step(run: &RunRecord) -> u64 {
     run.evaluations.last().map_or(0, |evaluation| evaluation.steps)
 }
@@ -149,7 +146,6 @@ pub(crate) fn evaluated_together(runs: &[&RunRecord]) -> BTreeSet<u64> {
     runs.iter().map(steps).reduce(|all, own| &all & &own).unwrap_or_default()
 }
 
-/// Runs sorted into comparisons.
 pub(crate) struct Sorted {
     pub(crate) comparisons: Vec<Comparison>,
     pub(crate) left_out: Vec<LeftOut>,
@@ -175,14 +171,13 @@ pub(crate) fn sort(found: Found) -> Result<Sorted> {
     for ((scenario, (methods, _)), (_, name)) in scenarios.into_iter().zip(&all) {
         let plain = plain_slug(&scenario, name.as_deref());
         let unique = named.clone().filter(|&(other, name)| plain_slug(other, name) == plain).count() == 1;
-        let mut told_apart = keys_that_differ(methods.keys().map(|method| &method.keys));
-        told_apart.extend(keys_that_some_leave_out(methods.keys()));
+        let distinguishing = keys_that_differ(&methods.keys().collect::<Vec<_>>());
         let mut groups: Vec<Group> = methods
             .into_iter()
-            .map(|(method, runs)| group(method, &told_apart, without_doubles(runs, &mut left_out)))
+            .map(|(method, runs)| group(method, &distinguishing, without_doubles(runs, &mut left_out)))
             .collect();
         groups.sort_by_key(Group::order);
-        let reference = reference(&groups, &told_apart);
+        let reference = reference(&groups, &distinguishing);
         let baselines = found.baselines.iter().map(|(_, baseline)| baseline);
         let baselines = baselines.filter(|baseline| baseline.scenario == scenario.word()).cloned().collect();
         let title = scenario.title_among(name.as_deref(), named.clone());
@@ -202,16 +197,23 @@ fn plain_slug(scenario: &ScenarioId, name: Option<&str>) -> String {
     format!("{}_{}", name.unwrap_or(&scenario.domain), scenario.agents)
 }
 
-/// Returns every key with more than one value among the methods, and the value that goes without saying, if there is one:
-/// that of more than half of them, or else "off" of a key that labels name when it is on.
-fn keys_that_differ<'a>(
-    methods: impl Iterator<Item = &'a BTreeMap<String, String>> + Clone,
-) -> BTreeMap<String, Option<String>> {
-    let keys: BTreeSet<&String> = methods.clone().flat_map(BTreeMap::keys).collect();
+/// Returns the keys that distinguish these methods, each with the value that goes without saying, if there is one.
+///
+/// Of a key with more than one value it is that of more than half of the methods, or else "off" of a key that labels name
+/// when it is on. A key that one method has and another one of the same simulator does not set, which turns it off, goes
+/// without saying when it is off.
+fn keys_that_differ(methods: &[&Method]) -> BTreeMap<String, Option<String>> {
+    let keys: BTreeSet<&String> = methods.iter().flat_map(|method| method.keys.keys()).collect();
     let mut differing = BTreeMap::new();
     for key in keys {
-        let values: Vec<&String> = methods.clone().filter_map(|method| method.get(key)).collect();
-        if values.iter().any(|value| *value != values[0]) {
+        let values: Vec<&String> = methods.iter().filter_map(|method| method.keys.get(key)).collect();
+        let left_out = |method: &&Method| {
+            let mut others = methods.iter().filter(|other| other.simulator == method.simulator);
+            others.any(|other| other.keys.contains_key(key)) && method.has_off(key)
+        };
+        if methods.iter().any(|method| left_out(method)) {
+            differing.insert(key.clone(), Some(OFF.to_owned()));
+        } else if values.iter().any(|value| *value != values[0]) {
             let of_most =
                 values.iter().find(|value| 2 * values.iter().filter(|other| other == value).count() > values.len());
             let off = || values.iter().find(|value| ALWAYS_NAMED.contains(&key.as_str()) && **value == OFF);
@@ -221,21 +223,11 @@ fn keys_that_differ<'a>(
     differing
 }
 
-/// Returns every key that one method has and another one of the same simulator has off, because it is not set.
-fn keys_that_some_leave_out<'a>(methods: impl Iterator<Item = &'a Method> + Clone) -> BTreeMap<String, Option<String>> {
-    let off = |method: &'a Method| {
-        let others = methods.clone().filter(|other| other.simulator == method.simulator);
-        let keys = others.flat_map(|other| other.keys.keys());
-        keys.filter(|key| method.has_off(key))
-    };
-    methods.clone().flat_map(off).map(|key| (key.clone(), Some(OFF.to_owned()))).collect()
-}
-
 /// Returns the one group that has the common value of every key whose values differ. `None` if there is no other group,
 /// or not exactly one such group.
-fn reference(groups: &[Group], told_apart: &BTreeMap<String, Option<String>>) -> Option<usize> {
+fn reference(groups: &[Group], distinguishing: &BTreeMap<String, Option<String>>) -> Option<usize> {
     let usual = |group: &Group| {
-        let mut keys = told_apart.iter();
+        let mut keys = distinguishing.iter();
         keys.all(|(key, common)| {
             common.is_some() && group.method.keys.get(key).is_none_or(|own| common.as_ref() == Some(own))
         })
@@ -265,13 +257,13 @@ fn is_always_named(key: &str, value: &str) -> bool {
     ALWAYS_NAMED.contains(&key) && value != OFF || (key, value) == ALWAYS_NAMED_VALUE
 }
 
-fn group(method: Method, told_apart: &BTreeMap<String, Option<String>>, runs: Vec<RunRecord>) -> Group {
+fn group(method: Method, distinguishing: &BTreeMap<String, Option<String>>, runs: Vec<RunRecord>) -> Group {
     let in_the_name = |key: &str| {
         let of_retraining = ["aip.retrain", "aip.retrain_every_steps"].contains(&key);
         key == "simulator" || (method.retraining != Retraining::Never && of_retraining)
     };
     let overrides = method.keys.iter().filter(|(key, value)| {
-        let differs = || told_apart.get(*key).is_some_and(|common| common.as_ref() != Some(value));
+        let differs = || distinguishing.get(*key).is_some_and(|common| common.as_ref() != Some(value));
         !in_the_name(key) && (is_always_named(key, value) || differs())
     });
     let mut overrides: Vec<(String, String)> = overrides.map(|(key, value)| (key.clone(), value.clone())).collect();
@@ -302,38 +294,23 @@ mod tests {
     use std::path::Path;
 
     use super::*;
+    use crate::fixtures::run;
     use dials_core::domain::Scenario;
     use dials_session::records::run_record::FreshLossRecord;
 
-    fn methods(values: &[&str]) -> Vec<BTreeMap<String, String>> {
-        values.iter().map(|&value| BTreeMap::from([("ppo.clip".to_owned(), value.to_owned())])).collect()
-    }
-
-    #[test]
-    fn the_value_of_most_groups_goes_without_saying() {
-        let common = |values: &[&str]| keys_that_differ(methods(values).iter()).remove("ppo.clip");
-        assert_eq!(common(&["0.1", "0.1"]), None, "nothing differs");
-        assert_eq!(common(&["0.1", "0.2", "0.1"]), Some(Some("0.1".to_owned())));
-        assert_eq!(common(&["0.1", "0.2"]), Some(None), "neither is the common one");
-    }
-
     /// Makes groups of the warehouse: our defaults, with one of these settings each.
     fn ablation(settings: &[&str]) -> Comparison {
-        let runs = settings.iter().enumerate().map(|(index, setting)| {
-            let config = toml::from_str(&format!("{setting}\n[warehouse]\nagents_per_side = 2")).unwrap();
-            let scenario = Scenario::new("warehouse", 4, 100);
-            RunRecord { dir: format!("runs/{index}").into(), ..RunRecord::empty(config, scenario) }
-        });
+        let runs = settings.iter().enumerate();
+        let runs = runs.map(|(index, setting)| RunRecord { dir: format!("runs/{index}").into(), ..run(setting) });
         sort(Found { runs: runs.collect(), ..Found::default() }).unwrap().comparisons.remove(0)
     }
 
     #[test]
     fn scenarios_are_called_as_their_runs_call_them() {
         let run = |index: usize, (name, checksum): (Option<&str>, u32)| {
-            let config = toml::from_str(&format!("seed = {index}\n[warehouse]\nagents_per_side = 2")).unwrap();
             let scenario = Scenario::new("traffic", 4, 100).with_checksum(checksum);
             let scenario = name.map_or(scenario.clone(), |name| scenario.with_name(name));
-            RunRecord { dir: format!("runs/{index}").into(), ..RunRecord::empty(config, scenario) }
+            RunRecord::empty(run(&format!("seed = {index}")).config, scenario)
         };
         let called = |runs: &[(Option<&str>, u32)]| {
             let runs = runs.iter().enumerate().map(|(index, &of)| run(index, of)).collect();
@@ -360,8 +337,7 @@ mod tests {
         let comparison = ablation(&ours);
         let reference = &comparison.groups[comparison.reference.unwrap()];
         assert_eq!(reference.label(), "DIALS F=1M");
-        let short: Vec<String> = comparison.groups.iter().map(|group| comparison.short_label(group)).collect();
-        assert_eq!(short, ["DIALS F=1M", "DIALS once", "aip.epochs=1", "copies=2", "ppo.epochs=1"]);
+        assert_eq!(short_labels(&comparison), ["DIALS F=1M", "DIALS once", "aip.epochs=1", "copies=2", "ppo.epochs=1"]);
         assert_eq!(ablation(&["", "ppo.clip = 0.2"]).reference, None, "neither is the usual one");
         assert_eq!(ablation(&["", "simulator = 'gs'", "predictor = 'untrained'"]).reference, None);
         assert_eq!(ablation(&[""]).reference, None, "there is nothing to compare it with");
@@ -369,10 +345,7 @@ mod tests {
 
     #[test]
     fn of_two_equal_runs_the_one_that_measured_its_aips_stays() {
-        let run = |name: &str, fresh_losses: Vec<FreshLossRecord>| {
-            let config = toml::from_str("[warehouse]\nagents_per_side = 2").unwrap();
-            RunRecord { dir: name.into(), fresh_losses, ..RunRecord::empty(config, Scenario::new("warehouse", 4, 100)) }
-        };
+        let run = |name: &str, fresh_losses| RunRecord { dir: name.into(), fresh_losses, ..run("") };
         let loss = FreshLossRecord { steps: 0, after_training: false, loss: 0.1, marginals: 0.2 };
         let mut left_out = Vec::new();
         let kept = without_doubles(vec![run("a", Vec::new()), run("b", vec![loss])], &mut left_out);
@@ -380,28 +353,26 @@ mod tests {
         assert_eq!(left_out[0].reason, "is the same training as b");
     }
 
-    #[test]
-    fn a_method_that_imitates_is_never_taken_for_the_papers() {
-        let short = |settings: &[&str]| {
-            let comparison = ablation(settings);
-            comparison.groups.iter().map(|group| comparison.short_label(group)).collect::<Vec<String>>()
-        };
-        let copy = "policy.imitate = 'oldest-item'";
-        assert_eq!(ablation(&[copy]).groups[0].label(), "DIALS F=1M, policy.imitate=oldest-item");
-        let others = ["ppo.clip = 0.2", "evaluation.episodes = 3\nppo.gamma = 0.9"].map(|key| format!("{copy}\n{key}"));
-        assert_eq!(
-            short(&[copy, &others[0], &others[1]]),
-            [
-                "DIALS F=1M, imitate=oldest-item",
-                "imitate=oldest-item, clip=0.2",
-                "imitate=oldest-item, gamma=0.9, episodes=3",
-            ]
-        );
+    fn short_labels(comparison: &Comparison) -> Vec<String> {
+        comparison.groups.iter().map(|group| comparison.short_label(group)).collect()
+    }
+
+    fn labels(settings: &[&str]) -> Vec<String> {
+        ablation(settings).groups.iter().map(Group::label).collect()
     }
 
     #[test]
-    fn one_policy_for_all_is_named_even_if_all_groups_have_it() {
-        let labels = |settings: &[&str]| ablation(settings).groups.iter().map(Group::label).collect::<Vec<_>>();
+    fn a_method_that_imitates_is_never_taken_for_the_papers() {
+        let copy = "policy.imitate = 'oldest-item'";
+        assert_eq!(labels(&[copy]), ["DIALS F=1M, policy.imitate=oldest-item"]);
+        let other = format!("{copy}\nevaluation.episodes = 3\nppo.gamma = 0.9");
+        let comparison = ablation(&[copy, &format!("{copy}\nppo.clip = 0.2"), &other]);
+        let short = ["DIALS F=1M, imitate=oldest-item", "imitate=oldest-item, clip=0.2"];
+        assert_eq!(short_labels(&comparison), [&short[..], &["imitate=oldest-item, gamma=0.9, episodes=3"]].concat());
+    }
+
+    #[test]
+    fn what_makes_another_method_is_named_even_if_all_groups_have_it() {
         let shared = "simulator = 'gs'\ngs.shared_policy = true";
         assert_eq!(labels(&[shared]), ["GS, gs.shared_policy=true"]);
         assert_eq!(labels(&["simulator = 'gs'"]), ["GS"]);
@@ -410,27 +381,18 @@ mod tests {
         assert_eq!(labels(&["simulator = 'gs'", "simulator = 'gs'\nppo.clip = 0.2", shared])[0], "GS");
         assert_eq!(labels(&["simulator = 'gs'", shared]), ["GS", "GS, gs.shared_policy=true"]);
         assert_eq!(labels(&[mean, "simulator = 'gs'"])[0], "GS");
-    }
-
-    #[test]
-    fn aips_that_see_the_light_are_named_even_if_all_groups_have_them() {
         let named = |value: &str| is_always_named("traffic.d_set", value);
         assert_eq!(["cells+light", "cells+arrivals", "cells"].map(named), [true, false, false]);
     }
 
     #[test]
-    fn a_key_that_is_off_if_it_is_not_set_tells_groups_apart() {
-        let labels = |settings: &[&str]| ablation(settings).groups.iter().map(Group::label).collect::<Vec<_>>();
+    fn a_key_that_is_off_if_it_is_not_set_distinguishes_groups() {
         assert_eq!(labels(&["aip.patience = 3", ""]), ["DIALS F=1M", "DIALS F=1M, aip.patience=3"]);
-        let recurrent = labels(&["policy.recurrent = 8", "", "simulator = 'gs'", "policy.recurrent = 16"]);
         assert_eq!(
-            recurrent,
+            labels(&["policy.recurrent = 8", "", "simulator = 'gs'", "policy.recurrent = 16"]),
             ["GS", "DIALS F=1M", "DIALS F=1M, policy.recurrent=16", "DIALS F=1M, policy.recurrent=8"]
         );
-        let reference = |settings: &[&str]| ablation(settings).reference;
-        assert_eq!(reference(&["aip.patience = 3", ""]), Some(0), "most groups leave it out");
-        let imitates = "policy.imitate = 'oldest-item'";
-        assert_eq!(labels(&[imitates, ""]), ["DIALS F=1M", "DIALS F=1M, policy.imitate=oldest-item"]);
+        assert_eq!(ablation(&["aip.patience = 3", ""]).reference, Some(0), "most groups leave it out");
     }
 
     #[test]
@@ -438,13 +400,13 @@ mod tests {
         let many = "ppo = { clip = 0.2, epochs = 1, gamma = 0.9, memory = 64, minibatch = 16, entropy = 0.1, rollout_steps = 8 }
                     aip = { epochs = 1, batch = 8 }";
         let comparison = ablation(&["", "ppo.value_coefficient = 0.5", many]);
-        let labels: Vec<String> = comparison.groups.iter().map(|group| comparison.short_label(group)).collect();
+        let labels = short_labels(&comparison);
         assert_eq!(labels, ["DIALS F=1M", "value_coefficient=0.5", "DIALS F=1M, as runs/2"]);
         assert_eq!(comparison.groups[2].label(), labels[2]);
     }
 
     #[test]
-    fn steps_are_told_as_the_paper_does() {
+    fn steps_are_written_as_in_the_paper() {
         assert_eq!(
             [4_000_000, 500_000, 1_500_000, 150_016, 12_500, 4_000_128, 128, 0].map(steps_text),
             ["4M", "500K", "1.5M", "150K", "12.5K", "4M", "128", "0"]

@@ -1,35 +1,35 @@
 //! The paper's figures and tables, made from run directories alone: learning curves over seeds, bars, and every agent
 //! on its grid. Tables have the paper's layout, with its numbers beside ours.
 //!
-//! - [`find`]: the runs, baselines and plans under the folders of a report. Nothing here sees a live run, or knows a domain
-//!   by name.
-//!   [`plan`]: the plans of experiments; `json_file`: how plans and baselines are read.
-//! - [`method`], [`group`]: which runs are comparable, and which differ only in their seed.
-//! - [`opponent`]: what the groups of a scenario are compared with. [`family`]: scenarios that may share an axis.
-//! - [`curves`], [`finals`]: results over several seeds; `played`: the episodes behind them, for differences.
-//! - `cores`: wall time by number of cores, a model.
-//! - [`paper`]: the paper's numbers, each with its source.
-//! - [`chart`], [`document`], [`csv_file`]: pictures, pages and files. `pictures`, `tables`, `cost_tables` and
-//!   `sections` fill them.
+//! AIP: approximate influence predictor. GS: global simulator. LS: local simulator. F: steps between two trainings of the
+//! AIPs.
+//!
+//! - `group`: which runs are comparable, and which differ only in their seed.
+//! - `opponent`: what the groups of a scenario are compared with. `family`: scenarios that may share an axis.
+//! - `curves`, `finals`: results over several seeds. `cores`: wall time by number of cores, a model.
+//! - `paper`: the paper's numbers, each with its source.
+//! - `chart`, `document`, `csv_file`: pictures, pages and files. `pictures`, `tables`, `cost_tables` and `sections` fill
+//!   them.
 //! - [`words`]: formats of numbers, and warnings.
-//! - [`compare`]: a comparison of two groups of runs.
+//! - [`compare`]: a comparison of two groups of runs. [`live`]: a page about runs that train. [`plot`]: an episode.
 
-pub(crate) mod chart;
+mod chart;
 pub mod compare;
 mod cores;
 mod cost_tables;
-pub(crate) mod csv_file;
-pub(crate) mod curves;
-pub(crate) mod document;
+mod csv_file;
+mod curves;
+mod document;
 pub mod drawing;
-pub(crate) mod family;
-pub(crate) mod finals;
-pub(crate) mod group;
+mod family;
+mod finals;
+#[cfg(test)]
+mod fixtures;
+mod group;
 pub mod live;
-pub(crate) mod opponent;
-pub(crate) mod paper;
+mod opponent;
+mod paper;
 mod pictures;
-mod played;
 pub mod plot;
 mod sections;
 mod tables;
@@ -40,7 +40,7 @@ use std::path::PathBuf;
 use anyhow::{Result, ensure};
 
 use dials_session::records::find::Found;
-use document::{Block, Figure};
+use document::Figure;
 use group::{Comparison, Sorted};
 
 /// Name of the report's HTML page.
@@ -48,13 +48,10 @@ pub const PAGE: &str = "report.html";
 /// Name of the same report as Markdown, with its pictures as files beside it.
 pub const MARKDOWN: &str = "report.md";
 
-/// The files of a report.
 pub struct Report {
     /// Names and contents of the files.
     pub files: Vec<(String, String)>,
-    /// Number of runs in the report.
     pub runs: usize,
-    /// Number of groups in the report.
     pub groups: usize,
     /// Sentences about runs that are missing, unfinished or cannot be used.
     pub warnings: Vec<String>,
@@ -67,26 +64,21 @@ pub struct Report {
 /// No run there was evaluated and can be read. The error lists the first reasons.
 pub fn report(folders: &[PathBuf]) -> Result<Report> {
     let (comparisons, warnings) = compared(dials_session::records::find::find(folders)?)?;
-    let mut groups = comparisons.iter().flat_map(|comparison| &comparison.groups);
-    ensure!(groups.any(|group| group.finals().is_some()), words::no_run(&names(folders), &warnings));
+    let groups = || comparisons.iter().flat_map(|comparison| &comparison.groups);
+    let names: Vec<String> = folders.iter().map(|folder| folder.display().to_string()).collect();
+    ensure!(groups().any(|group| group.finals().is_some()), words::no_run(&names.join(", "), &warnings));
     let document = sections::document(&comparisons, &warnings)?;
     let mut files = vec![(PAGE.to_owned(), document.to_html()), (MARKDOWN.to_owned(), document.to_markdown())];
     files.extend(document.figures().map(|figure| (format!("{}.svg", figure.name), figure.svg.file())));
-    files.extend(csv_file::files(&comparisons)?.into_iter().map(|file| (file.name.to_owned(), file.text)));
-    let groups = comparisons.iter().flat_map(|comparison| &comparison.groups);
-    let runs = groups.clone().map(|group| group.runs.len()).sum();
-    Ok(Report { files, runs, groups: groups.count(), warnings })
+    files.extend(csv_file::files(&comparisons)?);
+    let runs = groups().map(|group| group.runs.len()).sum();
+    Ok(Report { files, runs, groups: groups().count(), warnings })
 }
 
 /// Makes the figures of a report about these runs, and only them. None was evaluated yet: no figures.
 pub(crate) fn compared_figures(found: Found) -> Result<Vec<Figure>> {
     let (comparisons, warnings) = compared(found)?;
-    let blocks = sections::document(&comparisons, &warnings)?.blocks.into_iter();
-    let figure = |block| match block {
-        Block::Figure(figure) => Some(figure),
-        _ => None,
-    };
-    Ok(blocks.filter_map(figure).collect())
+    Ok(sections::document(&comparisons, &warnings)?.figures().cloned().collect())
 }
 
 /// Compares the runs that were found. Also returns sentences about those that are missing or unfinished.
@@ -95,8 +87,4 @@ fn compared(found: Found) -> Result<(Vec<Comparison>, Vec<String>)> {
     let Sorted { comparisons, left_out } = group::sort(found)?;
     let warnings = words::warnings(&comparisons, &missing, &left_out);
     Ok((comparisons, warnings))
-}
-
-fn names(folders: &[PathBuf]) -> String {
-    folders.iter().map(|folder| folder.display().to_string()).collect::<Vec<_>>().join(", ")
 }

@@ -3,8 +3,7 @@
 use super::compare::steps::are_alike;
 use super::finals::Final;
 use super::group::{Comparison, Group};
-use super::played::{minus_controller, of_controller};
-use dials_core::base::statistics::difference::{Difference, Episodes, between};
+use dials_core::base::statistics::difference::{Difference, Episodes, Played, between, to_controller};
 use dials_session::records::find::BaselineRecord;
 
 /// A controller or a group whose return is subtracted from those of the groups of a scenario.
@@ -26,7 +25,7 @@ impl Opponent<'_> {
     /// Returns the episodes of its final return; `None` if its runs have different ones.
     pub(crate) fn episodes(&self) -> Option<Episodes> {
         match self {
-            Opponent::Controller(controller) => Some(of_controller(controller).episodes),
+            Opponent::Controller(controller) => Some(played(controller).episodes),
             Opponent::Group(group, _) => Final::of(group)?.episodes(),
         }
     }
@@ -35,7 +34,7 @@ impl Opponent<'_> {
     /// measured at different steps; up to a hundredth they are the same.
     pub(crate) fn difference(&self, group: &Group, end: &Final) -> Option<Difference> {
         match self {
-            Opponent::Controller(controller) => Some(minus_controller(&end.runs, controller)),
+            Opponent::Controller(controller) => Some(to_controller(&end.runs, &played(controller))),
             Opponent::Group(other, _) if std::ptr::eq(*other, group) => None,
             Opponent::Group(other, _) => {
                 let of_other = Final::of(other)?;
@@ -43,6 +42,10 @@ impl Opponent<'_> {
             }
         }
     }
+}
+
+fn played(controller: &BaselineRecord) -> Played {
+    Played::new(controller.mean_return, controller.seed, controller.episode_returns.clone())
 }
 
 impl Comparison {
@@ -66,24 +69,15 @@ impl Comparison {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use dials_core::domain::Scenario;
-    use dials_session::records::method::Method;
-    use dials_session::records::run_record::{EvaluationRecord, Returns, RunRecord};
-
-    /// Makes a group of one finished run.
-    fn group(total_steps: u64, mean: f64) -> Group {
-        let text = format!("total_steps = {total_steps}\n[warehouse]\nagents_per_side = 2");
-        let (config, scenario) = (toml::from_str(&text).unwrap(), Scenario::new("warehouse", 4, 100));
-        let method = Method::of(&config, &scenario);
-        let all = Returns { mean, median: mean, std_error: 0.0, stuck: 0 };
-        let evaluation =
-            EvaluationRecord { steps: total_steps, all, agents: vec![all; 4], episode_returns: vec![mean] };
-        let run = RunRecord { evaluations: vec![evaluation], ..RunRecord::empty(config, scenario) };
-        Group { method, overrides: Vec::new(), runs: vec![run] }
-    }
+    use crate::fixtures;
+    use dials_session::records::run_record::RunRecord;
 
     #[test]
     fn groups_are_compared_if_they_end_at_the_same_step_up_to_a_hundredth() {
+        let group = |total_steps: u64, mean| {
+            let run = fixtures::run(&format!("total_steps = {total_steps}"));
+            fixtures::group(vec![RunRecord { evaluations: vec![fixtures::evaluation(total_steps, mean)], ..run }])
+        };
         let reference = group(200_704, 10.0);
         let opponent = Opponent::Group(&reference, "reference".to_owned());
         let minus_reference = |total_steps| {

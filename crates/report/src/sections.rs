@@ -43,13 +43,12 @@ const RULES: [&str; 11] = [
     "The paper's returns were read off its plots. Its runtimes and memory are from its tables.",
 ];
 
-/// Makes the whole report.
 pub(crate) fn document(comparisons: &[Comparison], warnings: &[String]) -> Result<Document> {
     let labels = label_order(comparisons);
     let looks = Looks::new(labels.iter().map(String::as_str));
     let mut blocks = vec![Block::Paragraph(overview(comparisons))];
     if !warnings.is_empty() {
-        blocks.push(Block::Heading(2, "Missing or unfinished".to_owned()));
+        blocks.push(Block::Heading("Missing or unfinished".to_owned()));
         blocks.push(Block::List(warnings.to_vec()));
     }
     for comparison in comparisons {
@@ -58,9 +57,9 @@ pub(crate) fn document(comparisons: &[Comparison], warnings: &[String]) -> Resul
     for family in families(comparisons) {
         blocks.extend(costs(&family, &looks)?);
     }
-    blocks.push(Block::Heading(2, "How to read this".to_owned()));
+    blocks.push(Block::Heading("How to read this".to_owned()));
     blocks.push(Block::List(RULES.map(str::to_owned).to_vec()));
-    blocks.push(Block::Heading(2, "Runs".to_owned()));
+    blocks.push(Block::Heading("Runs".to_owned()));
     blocks.push(Block::Table(tables::runs(comparisons)));
     blocks.push(Block::Code(commands(comparisons)));
     Ok(Document { title: "DIALS: learning curves, returns and costs".to_owned(), blocks })
@@ -93,34 +92,29 @@ fn label_order(comparisons: &[Comparison]) -> Vec<String> {
 
 fn scenario(comparison: &Comparison, looks: &Looks) -> Result<Vec<Block>> {
     let (slug, title) = (&comparison.slug, &comparison.title);
-    let mut blocks = vec![Block::Heading(2, comparison.heading()), Block::Table(tables::finals(comparison))];
-    let runs = comparison.groups.iter().flat_map(|group| &group.runs);
-    let evaluations = runs.map(|run| run.evaluations.len()).max().unwrap_or(0);
+    let mut blocks = vec![Block::Heading(comparison.heading()), Block::Table(tables::finals(comparison))];
+    let evaluations = comparison.runs().map(|run| run.evaluations.len()).max().unwrap_or(0);
     let has_curves = evaluations > 1;
-    let against = |against| if has_curves { pictures::learning(comparison, looks, against) } else { Ok(None) };
+    let learning = |against| if has_curves { pictures::learning(comparison, looks, against) } else { Ok(None) };
     let figures = [
         (
-            format!("ablation_{slug}"),
-            format!("Final returns against the reference (the group with the most common settings), {title}."),
+            "ablation",
+            "Final returns against the reference (the group with the most common settings), {title}.",
             pictures::ablation(comparison).transpose()?,
         ),
-        (format!("learning_{slug}"), format!("Learning curves, {title}."), against(Against::Timesteps)?),
+        ("learning", "Learning curves, {title}.", learning(Against::Timesteps)?),
+        ("runtime_curves", "Learning curves against runtime, {title}.", learning(Against::Runtime)?),
         (
-            format!("runtime_curves_{slug}"),
-            format!("Learning curves against runtime, {title}."),
-            against(Against::Runtime)?,
-        ),
-        (
-            format!("aip_cross_entropy_{slug}"),
-            format!(
-                "Cross-entropy of the AIPs, {title}. Before their first training it is far higher, and not drawn. The \
-                 paper draws it against runtime."
-            ),
+            "aip_cross_entropy",
+            "Cross-entropy of the AIPs, {title}. Before their first training it is far higher, and not drawn. The paper \
+             draws it against runtime.",
             pictures::cross_entropy(comparison, looks)?,
         ),
-        (format!("agents_{slug}"), format!("Every agent at the end, {title}."), pictures::agents(comparison, looks)?),
+        ("agents", "Every agent at the end, {title}.", pictures::agents(comparison, looks)?),
     ];
-    blocks.extend(figures.into_iter().filter_map(|(name, caption, svg)| Some(figure(name, caption, svg?))));
+    blocks.extend(figures.into_iter().filter_map(|(name, caption, svg)| {
+        Some(figure(format!("{name}_{slug}"), caption.replace("{title}", title), svg?))
+    }));
     if !has_curves {
         let why = if evaluations == 0 { "no run was evaluated yet" } else { "every run was evaluated once only" };
         blocks.insert(2, Block::Paragraph(format!("There are no learning curves, because {why}.")));
@@ -148,7 +142,7 @@ fn costs(family: &Family, looks: &Looks) -> Result<Vec<Block>> {
     let what = if comparisons.iter().any(|comparison| comparison.title == *title) { "Costs" } else { "All sizes" };
     let has_paper = comparisons.iter().any(|comparison| paper::has(&comparison.scenario));
     let diamonds = if has_paper { " Diamonds: the paper, if our runs were as long." } else { "" };
-    let mut blocks = vec![Block::Heading(2, format!("{what}, {title}"))];
+    let mut blocks = vec![Block::Heading(format!("{what}, {title}"))];
     // An ablation has its own picture of the final returns.
     if comparisons.iter().any(|comparison| comparison.reference.is_none()) {
         blocks.push(figure(

@@ -3,7 +3,6 @@
 use std::collections::BTreeSet;
 use std::path::PathBuf;
 
-use super::finals::Final;
 use super::group::Comparison;
 use dials_core::base::statistics::difference::{Difference, Pairing};
 use dials_core::base::statistics::{Bounds, ENOUGH_SEEDS, Spread};
@@ -11,7 +10,7 @@ use dials_core::base::{counted, decimals};
 use dials_core::outside::Printable;
 use dials_session::records::find::LeftOut;
 use dials_session::records::method::steps_text;
-use dials_session::records::run_record::{RunRecord, Status};
+use dials_session::records::run_record::Status;
 
 /// Writes a return, with more decimals the smaller it is.
 pub(crate) fn figure(value: f64) -> String {
@@ -113,11 +112,14 @@ pub(crate) fn warnings(comparisons: &[Comparison], missing: &[PathBuf], left_out
                 let (place, planned) = (Printable(run.dir.display()), steps_text(run.config.learning.last_step()));
                 match run.status() {
                     Status::Unfinished { steps } => {
-                        warnings.push(format!(
-                            "{place}: unfinished, at {} of {planned} steps{}",
-                            steps_text(run.trained_to()),
-                            since(run, steps)
-                        ));
+                        let trained = run.trained_to();
+                        // It may have gone on since its last evaluation.
+                        let since = match trained > steps {
+                            true => format!(", last evaluated at {}", steps_text(steps)),
+                            false => String::new(),
+                        };
+                        let at = steps_text(trained);
+                        warnings.push(format!("{place}: unfinished, at {at} of {planned} steps{since}"));
                     }
                     Status::Empty => warnings.push(format!("{place}: not evaluated yet")),
                     Status::Finished if run.return_at(furthest).is_none() => warnings.push(format!(
@@ -138,22 +140,14 @@ pub(crate) fn warnings(comparisons: &[Comparison], missing: &[PathBuf], left_out
     warnings
 }
 
-/// Says at which step a run was evaluated last, if it has gone on from there.
-fn since(run: &RunRecord, evaluated: u64) -> String {
-    let further = run.trained_to() > evaluated;
-    if further { format!(", last evaluated at {}", steps_text(evaluated)) } else { String::new() }
-}
-
 /// Lists groups whose runs played different episodes, or other episodes than their opponents.
 fn of_episodes(comparison: &Comparison) -> Vec<String> {
-    let ends: Vec<_> =
-        comparison.groups.iter().filter_map(|group| Some((group, group.label(), Final::of(group)?))).collect();
-    let mut warnings = Vec::new();
-    for (_, label, end) in &ends {
-        if end.episodes().is_none() {
-            warnings.push(format!("{}, {label}: its runs were evaluated on different episodes", comparison.title));
-        }
-    }
+    let ends: Vec<_> = comparison.ends().into_iter().map(|(group, end)| (group, group.label(), end)).collect();
+    let title = &comparison.title;
+    let different = ends.iter().filter(|(_, _, end)| end.episodes().is_none());
+    let mut warnings: Vec<String> = different
+        .map(|(_, label, _)| format!("{title}, {label}: its runs were evaluated on different episodes"))
+        .collect();
     for opponent in comparison.opponents() {
         let whom = opponent.name();
         let (mut unpaired, mut cut) = (Vec::new(), Vec::new());
@@ -169,16 +163,14 @@ fn of_episodes(comparison: &Comparison) -> Vec<String> {
         }
         if !unpaired.is_empty() {
             warnings.push(format!(
-                "{}: not evaluated on the episodes of {whom}, so the difference is over seeds only and includes the randomness \
-                 of the traffic (another evaluation.seed): {}",
-                comparison.title,
+                "{title}: not evaluated on the episodes of {whom}, so the difference is over seeds only and includes the \
+                 randomness of the traffic (another evaluation.seed): {}",
                 unpaired.join("; ")
             ));
         }
         if !cut.is_empty() {
             warnings.push(format!(
-                "{}: evaluated on more or fewer episodes than {whom}, so the difference is over those that both have: {}",
-                comparison.title,
+                "{title}: evaluated on more or fewer episodes than {whom}, so the difference is over those that both have: {}",
                 cut.join("; ")
             ));
         }
@@ -207,8 +199,8 @@ mod tests {
         let reasons: Vec<String> = (1..=5).map(|run| format!("runs/{run}: not evaluated yet")).collect();
         let head = "runs: no run in it was evaluated and can be read:\n  runs/1: not evaluated yet";
         assert_eq!(no_run("runs", &reasons[..1]), head);
-        let told = no_run("runs", &reasons);
-        assert!(told.starts_with(head) && told.ends_with("\n  runs/3: not evaluated yet\n  and 2 more"), "{told}");
+        let error = no_run("runs", &reasons);
+        assert!(error.starts_with(head) && error.ends_with("\n  runs/3: not evaluated yet\n  and 2 more"), "{error}");
     }
 
     #[test]
@@ -227,7 +219,7 @@ mod tests {
     }
 
     #[test]
-    fn a_difference_is_told_with_its_interval_or_with_its_seeds() {
+    fn a_difference_is_written_with_its_interval_or_with_its_seeds() {
         let of = |seeds: &[f64], interval, pairing| Difference {
             mean: 2.0,
             pairing,
@@ -236,14 +228,14 @@ mod tests {
             of_seeds: (1..).zip(seeds.iter().copied()).collect(),
             interval,
         };
-        let told = |found: Difference| difference(&found, 200.0);
+        let words = |found: Difference| difference(&found, 200.0);
         let interval = Some(Bounds { low: -0.5, high: 4.5 });
-        assert_eq!(told(of(&[2.0; 5], interval, Pairing::EpisodeAndSeed)), "+2.0 [-0.5, +4.5]");
-        assert_eq!(told(of(&[1.0, 3.0], None, Pairing::Episode)), "+2.0 (n = 2: +1.0, +3.0)");
-        assert_eq!(told(of(&[1.0, 3.0], None, Pairing::Seed)), "+2.0 (n = 2: +1.0, +3.0, other episodes)");
-        assert_eq!(told(of(&[2.0], None, Pairing::Episode)), "+2.0 (n = 1)");
-        assert_eq!(told(of(&[2.0; 6], None, Pairing::Nothing)), "+2.0 (n = 6, other episodes)");
+        assert_eq!(words(of(&[2.0; 5], interval, Pairing::EpisodeAndSeed)), "+2.0 [-0.5, +4.5]");
+        assert_eq!(words(of(&[1.0, 3.0], None, Pairing::Episode)), "+2.0 (n = 2: +1.0, +3.0)");
+        assert_eq!(words(of(&[1.0, 3.0], None, Pairing::Seed)), "+2.0 (n = 2: +1.0, +3.0, other episodes)");
+        assert_eq!(words(of(&[2.0], None, Pairing::Episode)), "+2.0 (n = 1)");
+        assert_eq!(words(of(&[2.0; 6], None, Pairing::Nothing)), "+2.0 (n = 6, other episodes)");
         let unlike = Difference { seeds: [2, 3], of_seeds: Vec::new(), ..of(&[2.0], None, Pairing::Episode) };
-        assert_eq!(told(unlike), "+2.0 (n = 2 and 3)");
+        assert_eq!(words(unlike), "+2.0 (n = 2 and 3)");
     }
 }

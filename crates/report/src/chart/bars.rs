@@ -1,22 +1,13 @@
 //! Bar charts: a cluster per size of a scenario, a bar per method.
 
-use std::ops::Range;
-
 use anyhow::Result;
-use plotters::coord::ranged1d::{DefaultFormatting, KeyPointHint, Ranged};
 use plotters::prelude::*;
-use plotters::style::text_anchor::{HPos, Pos, VPos};
+use plotters::style::text_anchor::{HPos, VPos};
 
 use super::legend::{self, LegendEntry, LegendSample};
-use super::lines::{Axis, MOST_FOR_NUMBERS, whisker};
 use super::look::{Look, Marker, mark};
-use crate::drawing::{Area, BoundedAxis, INK, Svg, draw_mesh, ink_over, pen, px, text, text_width};
-
-const WIDTH: u32 = 860;
-const HEIGHT: u32 = 400;
-const LEGEND: u32 = 250;
-/// Largest number of ticks at powers of 2.
-const MOST_POWERS: usize = 32;
+use super::{Axis, HEIGHT, LEGEND, MOST_FOR_NUMBERS, Plot, WIDTH, whisker};
+use crate::drawing::{Area, BoundedAxis, INK, Svg, anchored, draw_mesh, ink_over, pen, px, text, text_width, write_at};
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Scale {
@@ -44,7 +35,6 @@ pub(crate) struct Cluster {
 
 pub(crate) struct BarChart {
     pub(crate) title: String,
-    pub(crate) x_label: String,
     pub(crate) y: Axis,
     /// Format of the numbers on the bars.
     pub(crate) format: fn(f64) -> String,
@@ -53,21 +43,10 @@ pub(crate) struct BarChart {
     pub(crate) note: String,
 }
 
-impl Scale {
-    /// Returns where on the axis a value stands.
-    fn place(self, value: f64) -> f64 {
-        match self {
-            Scale::Linear => value,
-            Scale::Log2 => value.log2(),
-        }
-    }
-
-    /// Returns the value that stands here on the axis.
-    fn value(self, place: f64) -> f64 {
-        match self {
-            Scale::Linear => place,
-            Scale::Log2 => place.exp2(),
-        }
+impl Bar {
+    /// Returns the look of the paper's value.
+    fn of_paper(&self) -> Look {
+        Look { colour: INK, marker: Marker::Diamond, ..self.look }
     }
 }
 
@@ -76,76 +55,90 @@ impl BarChart {
         let entries = self.legend();
         let height = HEIGHT.max(legend::height(&entries) + 40);
         let (low, high) = self.range();
-        let [low, high] = [low, high].map(|end| self.scale.place(end));
+        let [low, high] = [low, high].map(|end| self.place(end));
         Svg::draw(WIDTH, height, |root| {
             let (plot, right) = root.split_horizontally(px(WIDTH - LEGEND));
-            legend::draw(&right.margin(px(34.0), 0, px(6.0), 0), &entries)?;
-            let y_format = |place: &f64| (self.y.format)(self.scale.value(*place));
-            let ends = match self.scale {
-                Scale::Linear => [low, high],
-                Scale::Log2 => [low.ceil(), high.floor()],
+            legend::draw(&right.margin(px(34), 0, px(6), 0), &entries)?;
+            let (axis, ends) = match self.scale {
+                Scale::Linear => (BoundedAxis::from(low..high), [low, high]),
+                Scale::Log2 => (BoundedAxis::of_whole_numbers(low..high), [low.ceil(), high.floor()]),
+            };
+            let y_format = |place: &f64| match self.scale {
+                Scale::Linear => (self.y.format)(*place),
+                Scale::Log2 => (self.y.format)(place.exp2()),
             };
             let widest = ends.map(|end| text_width(&y_format(&end), 12.0)).into_iter().max();
             let mut chart = ChartBuilder::on(&plot)
                 .caption(&self.title, text(15.0, INK))
-                .margin(px(8.0))
-                .x_label_area_size(px(42.0))
-                .y_label_area_size((widest.unwrap_or(0) + px(30.0)).min(px(MOST_FOR_NUMBERS)))
-                .build_cartesian_2d(
-                    BoundedAxis::from(0.0..self.clusters.len() as f64),
-                    Ticked::new(low..high, self.scale),
-                )?;
-            draw_mesh(
-                chart
-                    .configure_mesh()
-                    .disable_x_mesh()
-                    .x_labels(0)
-                    .y_labels(8)
-                    .x_desc(&self.x_label)
-                    .y_desc(&self.y.label)
-                    .y_label_formatter(&y_format),
-                12.0,
-            )?;
-            let bars = Bars { chart: self, root, plot: chart.plotting_area(), low };
+                .margin(px(8))
+                .x_label_area_size(px(42))
+                .y_label_area_size((widest.unwrap_or(0) + px(30)).min(px(MOST_FOR_NUMBERS)))
+                .build_cartesian_2d(BoundedAxis::from(0.0..self.clusters.len() as f64), axis)?;
+            let mut mesh = chart.configure_mesh();
+            let mesh = mesh.disable_x_mesh().x_labels(0).y_labels(8).x_desc("agents").y_desc(&self.y.label);
+            draw_mesh(mesh.y_label_formatter(&y_format), 12.0)?;
+            let area = chart.plotting_area();
             if self.scale == Scale::Linear && low < 0.0 {
-                bars.draw_zero()?;
+                let zero = vec![(0.0, 0.0), (self.clusters.len() as f64, 0.0)];
+                area.draw(&PathElement::new(zero, pen(INK, 1)))?;
             }
-            self.clusters.iter().enumerate().try_for_each(|(index, cluster)| bars.draw_cluster(index, cluster))
+            for (index, cluster) in self.clusters.iter().enumerate() {
+                let foot = area.map_coordinate(&(index as f64 + 0.5, low));
+                write_at(root, &cluster.label, (foot.0, foot.1 + px(8)), 12, (HPos::Center, VPos::Top))?;
+                let size = if cluster.bars.len() * self.clusters.len() > 12 { 9.0 } else { 11.0 };
+                let width = 0.8 / cluster.bars.len().max(1) as f64;
+                for (place, bar) in cluster.bars.iter().enumerate() {
+                    let left = index as f64 + 0.1 + place as f64 * width;
+                    let middle = left + width / 2.0;
+                    if let Some(value) = bar.value {
+                        self.draw_bar((root, area), bar, value, [left, width, low, size])?;
+                        self.draw_spread(area, bar, (middle, low))?;
+                    }
+                    if let Some(paper) = bar.paper {
+                        mark(area, (middle, self.place(paper)), bar.of_paper(), 10.0, false)?;
+                    }
+                }
+            }
+            Ok(())
         })
+    }
+
+    /// Returns where on the axis a value stands.
+    fn place(&self, value: f64) -> f64 {
+        match self.scale {
+            Scale::Linear => value,
+            Scale::Log2 => value.log2(),
+        }
+    }
+
+    fn bars(&self) -> impl Iterator<Item = &Bar> {
+        self.clusters.iter().flat_map(|cluster| &cluster.bars)
     }
 
     fn legend(&self) -> Vec<LegendEntry> {
         let mut entries: Vec<LegendEntry> = Vec::new();
-        let bars = || self.clusters.iter().flat_map(|cluster| &cluster.bars);
-        for bar in bars() {
+        for bar in self.bars() {
             if entries.iter().all(|entry| entry.label != bar.label) {
-                entries.push(LegendEntry { sample: LegendSample::Bar(bar.look), label: bar.label.clone() });
+                entries.push(LegendEntry::new(LegendSample::Bar(bar.look), &bar.label));
             }
         }
-        if let Some(bar) = bars().find(|bar| bar.paper.is_some()) {
-            let look = Look { colour: INK, marker: Marker::Diamond, ..bar.look };
-            entries.push(LegendEntry { sample: LegendSample::Hollow(look), label: "the paper".to_owned() });
-        }
-        if !self.note.is_empty() {
-            entries.push(LegendEntry { sample: LegendSample::Nothing, label: self.note.clone() });
-        }
+        let of_paper = self.bars().find(|bar| bar.paper.is_some());
+        entries.extend(of_paper.map(|bar| LegendEntry::new(LegendSample::Hollow(bar.of_paper()), "the paper")));
+        entries.extend(LegendEntry::of_note(&self.note));
         entries
     }
 
     fn range(&self) -> (f64, f64) {
-        let bars = || self.clusters.iter().flat_map(|cluster| &cluster.bars);
         let values = || {
-            bars().flat_map(|bar| {
-                [bar.value, bar.paper, bar.whisker.map(|(_, to)| to)]
-                    .into_iter()
-                    .flatten()
-                    .chain(bar.points.iter().copied())
+            self.bars().flat_map(|bar| {
+                let single = [bar.value, bar.paper, bar.whisker.map(|(_, to)| to)].into_iter().flatten();
+                single.chain(bar.points.iter().copied())
             })
         };
         let high = values().fold(f64::MIN_POSITIVE, f64::max);
         match self.scale {
             Scale::Linear => {
-                let whiskers = bars().filter_map(|bar| Some(bar.whisker?.0));
+                let whiskers = self.bars().filter_map(|bar| Some(bar.whisker?.0));
                 let low = values().chain(whiskers).fold(0.0, f64::min);
                 // The number of a low bar stands beyond its end.
                 let air = 0.1 * (high - low);
@@ -157,137 +150,45 @@ impl BarChart {
             }
         }
     }
-}
 
-/// The bars of a chart, and where they are drawn.
-struct Bars<'a, 'b> {
-    chart: &'a BarChart,
-    /// The whole picture, in pixels.
-    root: &'a Area<'b>,
-    /// The plot: a cluster is 1 wide.
-    plot: &'a DrawingArea<SVGBackend<'b>, Cartesian2d<BoundedAxis, Ticked>>,
-    /// Lower end of the axis.
-    low: f64,
-}
-
-/// Where in the plot a bar stands, and the size of its number in pixels.
-#[derive(Clone, Copy)]
-struct Slot {
-    left: f64,
-    width: f64,
-    number: f64,
-}
-
-impl Slot {
-    fn middle(self) -> f64 {
-        self.left + self.width / 2.0
-    }
-}
-
-impl Bars<'_, '_> {
-    fn draw_zero(&self) -> Result<()> {
-        let zero = vec![(0.0, 0.0), (self.chart.clusters.len() as f64, 0.0)];
-        Ok(self.plot.draw(&PathElement::new(zero, pen(INK, 1)))?)
-    }
-
-    fn draw_cluster(&self, index: usize, cluster: &Cluster) -> Result<()> {
-        let below = Pos::new(HPos::Center, VPos::Top);
-        let label = Text::new(cluster.label.clone(), (0, px(8.0)), text(12.0, INK).pos(below));
-        let foot = self.plot.map_coordinate(&(index as f64 + 0.5, self.low));
-        self.root.draw(&(EmptyElement::at(foot) + label))?;
-        let number = if cluster.bars.len() * self.chart.clusters.len() > 12 { 9.0 } else { 11.0 };
-        let width = 0.8 / cluster.bars.len().max(1) as f64;
-        for (place, bar) in cluster.bars.iter().enumerate() {
-            let slot = Slot { left: index as f64 + 0.1 + place as f64 * width, width, number };
-            if let Some(value) = bar.value {
-                self.draw_value(bar, value, slot)?;
-                self.draw_spread(bar, slot)?;
-            }
-            if let Some(paper) = bar.paper {
-                let hollow = Look { colour: INK, marker: Marker::Diamond, ..bar.look };
-                mark(self.plot, (slot.middle(), self.chart.scale.place(paper)), hollow, 10.0, false)?;
-            }
-        }
-        Ok(())
-    }
-
-    /// Draws the bar itself, its marker and its number.
-    fn draw_value(&self, bar: &Bar, value: f64, slot: Slot) -> Result<()> {
-        let scale = self.chart.scale;
-        let Slot { left, width, number } = slot;
-        let begin = if scale == Scale::Linear { 0.0 } else { self.low };
-        let corners = [(left + 0.05 * width, begin), (left + 0.95 * width, scale.place(value))];
-        self.plot.draw(&Rectangle::new(corners, bar.look.colour.filled()))?;
+    /// Draws a bar with its marker and its number. `places`: its left end and its width in clusters, the lower end of
+    /// the axis, and the size of the number in pixels.
+    fn draw_bar(&self, (root, area): (&Area, &Plot), bar: &Bar, value: f64, places: [f64; 4]) -> Result<()> {
+        let [left, width, low, size] = places;
+        let begin = if self.scale == Scale::Linear { 0.0 } else { low };
+        let corners = [(left + 0.05 * width, begin), (left + 0.95 * width, self.place(value))];
+        area.draw(&Rectangle::new(corners, bar.look.colour.filled()))?;
         // The marker at its foot identifies the bar in black and white.
         let over = ink_over(bar.look.colour);
-        let foot = self.plot.map_coordinate(&(slot.middle(), begin));
-        let rise = foot.1 - self.plot.map_coordinate(&(slot.middle(), scale.place(value))).1;
+        let middle = left + width / 2.0;
+        let foot = area.map_coordinate(&(middle, begin));
+        let rise = foot.1 - area.map_coordinate(&(middle, self.place(value))).1;
         let (tall, away) = (rise.abs(), if rise < 0 { 1 } else { -1 });
-        if tall > px(20.0) {
-            let within = (foot.0, foot.1 + away * px(12.0));
-            mark(self.root, within, Look { colour: over, ..bar.look }, 9.0, true)?;
+        if tall > px(20) {
+            let within = (foot.0, foot.1 + away * px(12));
+            mark(root, within, Look { colour: over, ..bar.look }, 9.0, true)?;
         }
-        let words = (self.chart.format)(value);
-        let end = |x| self.plot.map_coordinate(&(x, begin)).0;
+        let words = (self.format)(value);
+        let end = |x| area.map_coordinate(&(x, begin)).0;
         let room = end(left + width) - end(left);
-        let (turn, far, inside) = place_of_number(text_width(&words, number), room, tall);
-        let style = text(number, if inside { over } else { INK });
-        let style = style.transform(turn).pos(Pos::new(HPos::Center, VPos::Center));
-        Ok(self.root.draw(&Text::new(words, (foot.0, foot.1 + away * far), style))?)
+        let (turn, far, inside) = place_of_number(text_width(&words, size), room, tall);
+        let style = text(size, if inside { over } else { INK }).transform(turn);
+        Ok(root.draw_text(&words, &anchored(style, HPos::Center, VPos::Center), (foot.0, foot.1 + away * far))?)
     }
 
     /// Draws the whisker and the values of single seeds.
-    fn draw_spread(&self, bar: &Bar, slot: Slot) -> Result<()> {
-        let (place, x) = (|value| self.chart.scale.place(value), slot.middle());
+    fn draw_spread(&self, area: &Plot, bar: &Bar, (x, low): (f64, f64)) -> Result<()> {
         if let Some((from, to)) = bar.whisker {
             // No whisker goes below the axis.
-            let from = place(from).max(self.low);
-            whisker(self.plot, x, (from, place(to)), INK)?;
+            whisker(area, x, (self.place(from).max(low), self.place(to)), INK)?;
         }
         for &point in &bar.points {
             // Dark on white is visible on the bar and above it.
             let circle = |colour| Look { colour, marker: Marker::Circle, ..bar.look };
-            mark(self.plot, (x, place(point)), circle(WHITE), 7.0, true)?;
-            mark(self.plot, (x, place(point)), circle(INK), 6.0, false)?;
+            mark(area, (x, self.place(point)), circle(WHITE), 7.0, true)?;
+            mark(area, (x, self.place(point)), circle(INK), 6.0, false)?;
         }
         Ok(())
-    }
-}
-
-/// An axis with its ticks at whole powers of 2 if the scale is [`Scale::Log2`].
-struct Ticked {
-    axis: BoundedAxis,
-    scale: Scale,
-}
-
-impl Ticked {
-    fn new(range: Range<f64>, scale: Scale) -> Self {
-        Ticked { axis: BoundedAxis::from(range), scale }
-    }
-}
-
-impl Ranged for Ticked {
-    type FormatOption = DefaultFormatting;
-    type ValueType = f64;
-
-    fn map(&self, value: &f64, limit: (i32, i32)) -> i32 {
-        self.axis.map(value, limit)
-    }
-
-    fn key_points<Hint: KeyPointHint>(&self, hint: Hint) -> Vec<f64> {
-        let Range { start, end } = self.axis.range();
-        match self.scale {
-            Scale::Linear => self.axis.key_points(hint),
-            Scale::Log2 => {
-                let powers = start.ceil() as i32..=end.floor() as i32;
-                let every = powers.clone().count().div_ceil(MOST_POWERS).max(1);
-                powers.step_by(every).map(f64::from).collect()
-            }
-        }
-    }
-
-    fn range(&self) -> Range<f64> {
-        self.axis.range()
     }
 }
 
@@ -296,12 +197,12 @@ impl Ranged for Ticked {
 /// `long`: length of the number; `room`: width from bar to bar; `tall`: height of the bar; all in pixels. In a narrow bar
 /// the number stands upright, so that it does not reach into the next one.
 fn place_of_number(long: i32, room: i32, tall: i32) -> (FontTransform, i32, bool) {
-    let (turn, high) = match long + px(2.0) > room {
+    let (turn, high) = match long + px(2) > room {
         true => (FontTransform::Rotate270, long),
-        false => (FontTransform::None, px(16.0)),
+        false => (FontTransform::None, px(16)),
     };
     // Below it is the marker at the foot.
-    let below = px(22.0);
+    let below = px(22);
     match tall > below + high {
         true => (turn, below + high / 2, true),
         false => (turn, tall + high / 2, false),
@@ -323,12 +224,11 @@ mod tests {
             paper: None,
         };
         let range = |values: &[f64]| {
-            let clusters =
-                vec![Cluster { label: String::new(), bars: values.iter().map(|&value| bar(value)).collect() }];
-            let axis = || Axis { label: String::new(), format: |value| format!("{value:.1}") };
-            let [title, x_label, note] = [const { String::new() }; 3];
-            BarChart { title, x_label, y: axis(), format: |_| String::new(), scale: Scale::Linear, clusters, note }
-                .range()
+            let [label, title, note] = [const { String::new() }; 3];
+            let clusters = vec![Cluster { label, bars: values.iter().map(|&value| bar(value)).collect() }];
+            let format = |value| format!("{value:.1}");
+            let y = Axis { label: String::new(), format };
+            BarChart { title, y, format, scale: Scale::Linear, clusters, note }.range()
         };
         // A tenth of the 18 or 20 units beyond each end.
         assert_eq!(range(&[-14.0, -4.0]), (-17.6, 1.6));
@@ -343,41 +243,11 @@ mod tests {
             (matches!(turn, FontTransform::Rotate270), far, inside)
         };
         // Lying, it is 16 high and stands on the 22 of the marker: 22 + 16 / 2.
-        assert_eq!(place(30.0, 36.0, 200.0), (false, px(30.0), true));
+        assert_eq!(place(30.0, 36.0, 200.0), (false, px(30), true));
         // Upright, it is as high as it is long: 22 + 30 / 2.
-        assert_eq!(place(30.0, 20.0, 200.0), (true, px(37.0), true));
+        assert_eq!(place(30.0, 20.0, 200.0), (true, px(37), true));
         // A bar of 40 has room for the number that lies, not for the upright one.
         assert!(place(30.0, 36.0, 40.0).2);
-        assert_eq!(place(30.0, 20.0, 40.0), (true, px(55.0), false));
-    }
-
-    #[test]
-    fn whatever_the_values_are_a_chart_is_drawn() {
-        let odd = [f64::MAX, f64::MIN, 1e300, -1e300, 5e-324, -0.0, 0.0, 1.0, -3.0, f64::INFINITY, f64::NAN];
-        for scale in [Scale::Linear, Scale::Log2] {
-            for first in odd {
-                for second in odd {
-                    let bar = |value: f64| Bar {
-                        label: "a".to_owned(),
-                        look: Look::FIRST,
-                        value: Some(value),
-                        whisker: Some((second, first)),
-                        points: vec![first, second],
-                        paper: Some(second),
-                    };
-                    let chart = BarChart {
-                        title: String::new(),
-                        x_label: String::new(),
-                        y: Axis { label: String::new(), format: |value| format!("{value:.1}") },
-                        format: |value| format!("{value:.1}"),
-                        scale,
-                        clusters: vec![Cluster { label: "4".to_owned(), bars: vec![bar(first), bar(second)] }],
-                        note: String::new(),
-                    };
-                    let svg = chart.draw().unwrap().file();
-                    roxmltree::Document::parse(&svg).unwrap();
-                }
-            }
-        }
+        assert_eq!(place(30.0, 20.0, 40.0), (true, px(55), false));
     }
 }

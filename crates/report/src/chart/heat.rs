@@ -3,9 +3,13 @@
 
 use anyhow::Result;
 use plotters::prelude::*;
-use plotters::style::text_anchor::{HPos, Pos, VPos};
+use plotters::style::text_anchor::{HPos, VPos};
 
-use crate::drawing::{self, Area, INK, SCALE, Svg, ink_over, pen, px, shortened, text, text_width, widened};
+use super::ends_of;
+use crate::drawing::{
+    self, Area, SCALE, Svg, anchored, ink_over, pen, px, shortened, text, text_width, widened, write, write_at,
+};
+use crate::words::figure;
 
 const PANEL: u32 = 128;
 const GAP: u32 = 16;
@@ -21,22 +25,15 @@ const LONGEST_LABEL: usize = 110;
 /// Smallest side, in pixels, of a cell with a number in it.
 const NUMBER_FROM: f64 = 22.0;
 
-pub(crate) struct Cell {
-    pub(crate) value: f64,
-    pub(crate) stuck: bool,
-}
-
 /// Agents in rows, seen from above, with the top row first.
 pub(crate) struct Panel {
     pub(crate) label: String,
-    pub(crate) rows: Vec<Vec<Cell>>,
+    /// Value of each agent, and whether it is stuck.
+    pub(crate) rows: Vec<Vec<(f64, bool)>>,
 }
 
 pub(crate) struct HeatMap {
     pub(crate) title: String,
-    /// Meaning of the shades.
-    pub(crate) key: String,
-    pub(crate) format: fn(f64) -> String,
     /// Label and panels of each row.
     pub(crate) groups: Vec<(String, Vec<Panel>)>,
 }
@@ -53,12 +50,10 @@ impl HeatMap {
         let width = (columns * (PANEL + GAP)).max(labels.max().unwrap_or(0)).max(416) + 2 * MARGIN;
         let (low, high) = self.range();
         Svg::draw(width, TITLE + height + KEY, |root| {
-            let title = Text::new(self.title.clone(), (px(MARGIN), px(8.0)), text(15.0, INK));
-            root.draw(&title)?;
+            write(root, &self.title, (px(MARGIN), px(8)), 15)?;
             let mut top = TITLE;
             for (label, panels) in &self.groups {
-                let at = (px(MARGIN), px(f64::from(top) + 2.0));
-                root.draw(&Text::new(shortened(label, LONGEST_LABEL), at, text(13.0, INK)))?;
+                write(root, &shortened(label, LONGEST_LABEL), (px(MARGIN), px(top + 2)), 13)?;
                 top += ROW_LABEL;
                 for (index, panel) in panels.iter().enumerate() {
                     let (line, column) = (index / MOST_COLUMNS, index % MOST_COLUMNS);
@@ -72,37 +67,44 @@ impl HeatMap {
     }
 
     fn draw_panel(&self, root: &Area, panel: &Panel, (left, top): (u32, u32), range: (f64, f64)) -> Result<()> {
-        let at = (px(left), px(top));
-        root.draw(&Text::new(panel.label.clone(), at, text(11.0, INK)))?;
+        write(root, &panel.label, (px(left), px(top)), 11)?;
         let columns = panel.rows.iter().map(Vec::len).max().unwrap_or(1);
         let side = f64::from(PANEL) / panel.rows.len().max(columns) as f64;
         for (row, cells) in panel.rows.iter().enumerate() {
-            for (column, cell) in cells.iter().enumerate() {
+            for (column, &cell) in cells.iter().enumerate() {
                 let x = f64::from(left) + column as f64 * side;
                 let y = f64::from(top + PANEL_LABEL) + row as f64 * side;
-                let corners = [(px(x + 0.5), px(y + 0.5)), (px(x + side - 0.5), px(y + side - 0.5))];
-                let shade = shade(cell.value, range);
-                root.draw(&Rectangle::new(corners, shade.filled()))?;
-                let over = ink_over(shade);
-                if cell.stuck {
-                    let style = pen(over, 1.6);
-                    let (a, b) = (corners[0], corners[1]);
-                    for line in [[a, b], [(a.0, b.1), (b.0, a.1)]] {
-                        root.draw(&PathElement::new(line, style))?;
-                    }
-                }
-                if side >= NUMBER_FROM {
-                    let size = (side * 0.26).min(13.0);
-                    let style = text(size, over).pos(Pos::new(HPos::Center, VPos::Center));
-                    let middle = (px(x + side / 2.0), px(y + side / 2.0));
-                    if cell.stuck {
-                        let (wide, tall) = (text_width(&(self.format)(cell.value), size) / 2 + px(1.0), px(size * 0.6));
-                        let behind = [(middle.0 - wide, middle.1 - tall), (middle.0 + wide, middle.1 + tall)];
-                        root.draw(&Rectangle::new(behind, shade.filled()))?;
-                    }
-                    root.draw(&Text::new((self.format)(cell.value), middle, style))?;
-                }
+                self.draw_cell(root, cell, (x, y, side), range)?;
             }
+        }
+        Ok(())
+    }
+
+    fn draw_cell(
+        &self,
+        root: &Area,
+        (value, stuck): (f64, bool),
+        (x, y, side): (f64, f64, f64),
+        range: (f64, f64),
+    ) -> Result<()> {
+        let [a, b] = [(px(x + 0.5), px(y + 0.5)), (px(x + side - 0.5), px(y + side - 0.5))];
+        let shade = shade(value, range);
+        root.draw(&Rectangle::new([a, b], shade.filled()))?;
+        let over = ink_over(shade);
+        if stuck {
+            for line in [[a, b], [(a.0, b.1), (b.0, a.1)]] {
+                root.draw(&PathElement::new(line, pen(over, 1.6)))?;
+            }
+        }
+        if side >= NUMBER_FROM {
+            let size = (side * 0.26).min(13.0);
+            let (x, y) = (px(x + side / 2.0), px(y + side / 2.0));
+            let words = figure(value);
+            if stuck {
+                let (wide, tall) = (text_width(&words, size) / 2 + px(1), px(size * 0.6));
+                root.draw(&Rectangle::new([(x - wide, y - tall), (x + wide, y + tall)], shade.filled()))?;
+            }
+            root.draw_text(&words, &anchored(text(size, over), HPos::Center, VPos::Center), (x, y))?;
         }
         Ok(())
     }
@@ -118,19 +120,20 @@ impl HeatMap {
             root.draw(&Rectangle::new(corners, shade(value, (low, high)).filled()))?;
         }
         for (value, x, anchor) in [(low, left, HPos::Left), (high, left + width, HPos::Right)] {
-            let style = text(11.0, INK).pos(Pos::new(anchor, VPos::Top));
-            root.draw(&Text::new((self.format)(value), (px(x), px(top + 16.0)), style))?;
+            write_at(root, &figure(value), (px(x), px(top + 16.0)), 11, (anchor, VPos::Top))?;
         }
-        let style = text(11.0, INK).pos(Pos::new(HPos::Left, VPos::Center));
-        root.draw(&Text::new(self.key.clone(), (px(left + width + 10.0), px(top + 6.0)), style))?;
-        Ok(())
+        write_at(
+            root,
+            "mean return; cross: stuck",
+            (px(left + width + 10.0), px(top + 6.0)),
+            11,
+            (HPos::Left, VPos::Center),
+        )
     }
 
     fn range(&self) -> (f64, f64) {
         let panels = self.groups.iter().flat_map(|(_, panels)| panels);
-        let values = panels.flat_map(|panel| panel.rows.iter().flatten().map(|cell| cell.value));
-        let (low, high) =
-            values.fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), value| (low.min(value), high.max(value)));
+        let (low, high) = ends_of(panels.flat_map(|panel| panel.rows.iter().flatten().map(|(value, _)| *value)));
         widened(low, high)
     }
 }
@@ -138,15 +141,4 @@ impl HeatMap {
 /// Returns the shade of a value: the higher, the darker.
 fn shade(value: f64, (low, high): (f64, f64)) -> RGBColor {
     drawing::shade(if high > low { (value - low) / (high - low) } else { 0.5 })
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn higher_returns_are_darker() {
-        let shades: Vec<RGBColor> = (0..=10).map(|value| shade(f64::from(value), (0.0, 10.0))).collect();
-        assert!(shades.windows(2).all(|pair| drawing::luminance(pair[0]) > drawing::luminance(pair[1])), "{shades:?}");
-    }
 }

@@ -2,10 +2,10 @@
 
 use anyhow::Result;
 use plotters::prelude::*;
-use plotters::style::text_anchor::{HPos, Pos, VPos};
+use plotters::style::text_anchor::{HPos, VPos};
 
 use super::look::{Dash, Look, mark, stroke};
-use crate::drawing::{Area, INK, ink_over, px, text};
+use crate::drawing::{Area, ink_over, px, write_at};
 use dials_core::base::wrapped;
 
 const SIZE: f64 = 12.0;
@@ -16,15 +16,11 @@ const WRAP: usize = 29;
 /// Sample before a label.
 #[derive(Clone, Copy)]
 pub(super) enum LegendSample {
-    /// A curve with its markers.
     Curve(Look),
     /// A line across the chart.
     Level(RGBColor, Dash),
-    /// A marker.
     Mark(Look),
-    /// A hollow marker.
     Hollow(Look),
-    /// A bar with its marker.
     Bar(Look),
     Nothing,
 }
@@ -32,6 +28,17 @@ pub(super) enum LegendSample {
 pub(super) struct LegendEntry {
     pub(crate) sample: LegendSample,
     pub(crate) label: String,
+}
+
+impl LegendEntry {
+    pub(super) fn new(sample: LegendSample, label: &str) -> LegendEntry {
+        LegendEntry { sample, label: label.to_owned() }
+    }
+
+    /// Returns the entry of a note under the others; `None` for an empty one.
+    pub(super) fn of_note(note: &str) -> Option<LegendEntry> {
+        (!note.is_empty()).then(|| LegendEntry::new(LegendSample::Nothing, note))
+    }
 }
 
 /// Draws entries from the top of an area.
@@ -58,8 +65,7 @@ pub(super) fn draw(area: &Area, entries: &[LegendEntry]) -> Result<()> {
             LegendSample::Nothing => {}
         }
         for line in in_lines(&entry.label, WRAP) {
-            let style = text(SIZE, INK).pos(Pos::new(HPos::Left, VPos::Center));
-            area.draw(&Text::new(line, (px(40.0), y), style))?;
+            write_at(area, &line, (px(40.0), y), SIZE, (HPos::Left, VPos::Center))?;
             y += px(LINE_HEIGHT);
         }
         y += px(5.0);

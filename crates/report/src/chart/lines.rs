@@ -1,28 +1,25 @@
 //! Line charts with bands, single seeds, levels and points from the paper.
 
+use std::ops::Range;
+
 use anyhow::Result;
-use plotters::coord::CoordTranslate;
 use plotters::prelude::*;
-use plotters::style::text_anchor::{HPos, Pos, VPos};
+use plotters::style::text_anchor::{HPos, VPos};
 
 use super::legend::{self, LegendEntry, LegendSample};
 use super::look::{Dash, Look, Marker, mark, stroke};
-use crate::drawing::{Area, BoundedAxis, INK, SCALE, Svg, draw_mesh, pen, px, text, text_width};
+use super::{Axis, HEIGHT, LEGEND, MOST_FOR_NUMBERS, Plot, WIDTH, ends_of, whisker, with_air};
+use crate::drawing::{Area, BoundedAxis, INK, SCALE, Svg, anchored, draw_mesh, px, text, text_width, write, write_at};
 
-const WIDTH: u32 = 860;
-const HEIGHT: u32 = 400;
-const LEGEND: u32 = 250;
-/// Largest width of the numbers at a vertical axis, in pixels. Longer numbers reach into the margin.
-pub(super) const MOST_FOR_NUMBERS: u32 = 130;
-/// Largest number of markers on a line.
 const MARKERS: usize = 8;
-
-/// Label of an axis, and format of its numbers.
-#[derive(Clone)]
-pub(crate) struct Axis {
-    pub(crate) label: String,
-    pub(crate) format: fn(f64) -> String,
-}
+/// Largest number of lines in a chart with bands and seeds. With more, a reader could not see which line they belong
+/// to.
+pub(crate) const MOST_BANDS: usize = 5;
+const COLUMNS: usize = 3;
+const PANEL: u32 = 190;
+/// Largest number of characters in a line of a panel's title.
+const PANEL_WRAP: usize = 44;
+const PANEL_LINE: u32 = 14;
 
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct LinePoint {
@@ -45,13 +42,6 @@ pub(crate) struct Line {
     pub(crate) seeds: Vec<Vec<(f64, f64)>>,
 }
 
-impl Line {
-    /// Returns the line without its companion.
-    fn bare(&self) -> Line {
-        Line { companion: Vec::new(), ..self.clone() }
-    }
-}
-
 /// A horizontal line across the chart.
 #[derive(Clone)]
 pub(crate) struct Level {
@@ -72,6 +62,7 @@ pub(crate) struct Mark {
     pub(crate) points: Vec<(f64, f64, Option<f64>)>,
 }
 
+#[derive(Clone)]
 pub(crate) struct LineChart {
     pub(crate) title: String,
     pub(crate) x: Axis,
@@ -83,28 +74,15 @@ pub(crate) struct LineChart {
     pub(crate) marks: Vec<Mark>,
     /// Smallest right end of the x axis. Points beyond it extend the axis.
     pub(crate) x_end: f64,
-    /// Text under the legend.
     pub(crate) note: String,
 }
 
-/// Largest number of lines in a chart with bands and seeds. With more, a reader could not see which line they belong
-/// to.
-pub(crate) const MOST_BANDS: usize = 5;
-/// Number of panels side by side.
-const COLUMNS: usize = 3;
-const PANEL: u32 = 190;
-/// Largest number of characters in a line of a panel's title.
-const PANEL_WRAP: usize = 44;
-const PANEL_LINE: u32 = 14;
-
-type Ranges = (std::ops::Range<f64>, std::ops::Range<f64>);
+type Ranges = (Range<f64>, Range<f64>);
 
 /// Sizes of the parts of a chart.
 #[derive(Clone, Copy)]
 struct Size {
-    /// Font size of the numbers at the axes.
     numbers: f64,
-    /// Font size of the names of levels.
     names: f64,
     /// Space for these names at the right, in pixels.
     right: f64,
@@ -115,87 +93,81 @@ struct Size {
 const WHOLE: Size = Size { numbers: 12.0, names: 11.0, right: 76.0, ticks: 7, axis_titles: true };
 const SMALL: Size = Size { numbers: 10.0, names: 9.0, right: 60.0, ticks: 4, axis_titles: false };
 
+/// Look of the reference in all panels.
+const OF_REFERENCE: Look = Look { colour: INK, dash: Dash::Dashed, marker: Marker::Square };
+
+/// Returns the look of another line in its panel.
+fn of_other(line: &Line) -> Look {
+    Look { colour: line.look.colour, ..Look::FIRST }
+}
+
 impl LineChart {
     pub(crate) fn draw(&self) -> Result<Svg> {
-        let entries = self.legend();
+        // In the order of the lines' right ends, from top to bottom.
+        let mut lines: Vec<&Line> = self.lines.iter().collect();
+        let end = |line: &Line| line.points.last().map_or(f64::NEG_INFINITY, |point| point.y);
+        lines.sort_by(|a, b| end(b).total_cmp(&end(a)));
+        let lines = lines.into_iter().map(|line| LegendEntry::new(LegendSample::Curve(line.look), &line.label));
+        let entries: Vec<LegendEntry> = lines.chain(self.legend_of_the_rest()).collect();
         let height = HEIGHT.max(legend::height(&entries) + 40);
         Svg::draw(WIDTH, height, |root| {
             let (plot, right) = root.split_horizontally(px(WIDTH - LEGEND));
-            let right = right.margin(px(34.0), 0, px(6.0), 0);
-            legend::draw(&right, &entries)?;
-            let title = text(15.0, INK).pos(Pos::new(HPos::Center, VPos::Top));
+            legend::draw(&right.margin(px(34), 0, px(6), 0), &entries)?;
             let middle = px(f64::from(WIDTH - LEGEND) / 2.0);
-            plot.draw(&Text::new(self.title.clone(), (middle, px(8.0)), title))?;
-            self.plot(&plot.margin(px(26.0), 0, 0, 0), self.ranges(), WHOLE)
+            write_at(&plot, &self.title, (middle, px(8)), 15, (HPos::Center, VPos::Top))?;
+            self.plot(&plot.margin(px(26), 0, 0, 0), self.ranges(), WHOLE)
         })
     }
 
     /// Draws a panel for each line except the reference, which is in all of them.
     pub(crate) fn draw_against(&self, reference: usize) -> Result<Svg> {
-        let others: Vec<&Line> =
-            self.lines.iter().enumerate().filter(|(index, _)| *index != reference).map(|(_, line)| line).collect();
         let reference = &self.lines[reference];
-        let of_reference = Look { colour: INK, dash: Dash::Dashed, marker: Marker::Square };
-        let of_other = |line: &Line| Look { colour: line.look.colour, ..Look::FIRST };
-        let panels: Vec<LineChart> = others
+        let others: Vec<&Line> = self.lines.iter().filter(|line| !std::ptr::eq(*line, reference)).collect();
+        let panels: Vec<(LineChart, Vec<String>)> = others
             .iter()
-            .map(|line| LineChart {
-                title: line.label.clone(),
-                x: self.x.clone(),
-                y: self.y.clone(),
-                lines: vec![
-                    Line { look: of_reference, ..reference.bare() },
-                    Line { look: of_other(line), ..(*line).clone() },
-                ],
-                companions: None,
-                levels: self.levels.clone(),
-                marks: self
-                    .marks
-                    .iter()
-                    .filter_map(|mark| {
-                        let look = [(reference.look, of_reference), (line.look, of_other(line))];
-                        let (_, look) = look.into_iter().find(|(own, _)| *own == mark.look)?;
-                        Some(Mark { look, ..mark.clone() })
-                    })
-                    .collect(),
-                x_end: self.x_end,
-                note: String::new(),
-            })
+            .map(|line| (self.panel(line, reference), legend::in_lines(&line.label, PANEL_WRAP)))
             .collect();
-        let first = others.first().map_or(Look::FIRST, |line| of_other(line));
-        let entries = self.legend_against(reference, of_reference, first);
+        let title_height = |row: &[(LineChart, Vec<String>)]| {
+            row.iter().map(|(_, title)| title.len()).max().unwrap_or(1) as u32 * PANEL_LINE + 8
+        };
+        let grid_height: u32 = panels.chunks(COLUMNS).map(|row| title_height(row) + PANEL).sum();
+        let entries = self.legend_against(reference, others.first().map_or(Look::FIRST, |line| of_other(line)));
         let legend_columns: Vec<&[LegendEntry]> = entries.chunks(entries.len().div_ceil(COLUMNS).max(1)).collect();
         let legend_height = legend_columns.iter().map(|entries| legend::height(entries)).max().unwrap_or(0);
-        let titles: Vec<Vec<String>> = panels.iter().map(|panel| legend::in_lines(&panel.title, PANEL_WRAP)).collect();
-        let title_heights: Vec<u32> = titles
-            .chunks(COLUMNS)
-            .map(|row| row.iter().map(Vec::len).max().unwrap_or(1) as u32 * PANEL_LINE + 8)
-            .collect();
-        let grid_height = title_heights.iter().map(|height| height + PANEL).sum::<u32>();
-        let ranges = self.ranges();
         let title = format!("{}: {}, by {}", self.title, self.y.label, self.x.label);
         Svg::draw(WIDTH, 30 + grid_height + legend_height, |root| {
-            root.draw(&Text::new(title, (px(12.0), px(8.0)), text(15.0, INK)))?;
-            let (_, mut below) = root.split_vertically(px(30.0));
-            for ((panels, titles), title_height) in
-                panels.chunks(COLUMNS).zip(titles.chunks(COLUMNS)).zip(&title_heights)
-            {
-                let (row, rest) = below.split_vertically(px(title_height + PANEL));
+            write(root, &title, (px(12), px(8)), 15)?;
+            let (_, mut below) = root.split_vertically(px(30));
+            for panels in panels.chunks(COLUMNS) {
+                let (row, rest) = below.split_vertically(px(title_height(panels) + PANEL));
                 below = rest;
-                for ((panel, lines), area) in panels.iter().zip(titles).zip(row.split_evenly((1, COLUMNS))) {
-                    let (above, plot) = area.split_vertically(px(f64::from(*title_height)));
-                    for (number, line) in lines.iter().enumerate() {
-                        let at = (px(14.0), px(8.0 + f64::from(number as u32 * PANEL_LINE)));
-                        above.draw(&Text::new(line.clone(), at, text(11.5, INK)))?;
+                for ((panel, title), area) in panels.iter().zip(row.split_evenly((1, COLUMNS))) {
+                    let (above, plot) = area.split_vertically(px(title_height(panels)));
+                    for (number, line) in title.iter().enumerate() {
+                        write(&above, line, (px(14), px(8 + number as u32 * PANEL_LINE)), 11.5)?;
                     }
-                    panel.plot(&plot, ranges.clone(), SMALL)?;
+                    panel.plot(&plot, self.ranges(), SMALL)?;
                 }
             }
             for (entries, area) in legend_columns.iter().zip(below.split_evenly((1, COLUMNS))) {
-                legend::draw(&area.margin(px(4.0), 0, px(10.0), 0), entries)?;
+                legend::draw(&area.margin(px(4), 0, px(10), 0), entries)?;
             }
             Ok(())
         })
+    }
+
+    /// Returns the panel of a line. Only its own marks and those of the reference are in it.
+    fn panel(&self, line: &Line, reference: &Line) -> LineChart {
+        let looks = [(reference.look, OF_REFERENCE), (line.look, of_other(line))];
+        let marks = self.marks.iter().filter_map(|mark| {
+            let (_, look) = looks.into_iter().find(|(own, _)| *own == mark.look)?;
+            Some(Mark { look, ..mark.clone() })
+        });
+        let lines = vec![
+            Line { look: OF_REFERENCE, companion: Vec::new(), ..reference.clone() },
+            Line { look: of_other(line), ..line.clone() },
+        ];
+        LineChart { lines, marks: marks.collect(), ..self.clone() }
     }
 
     fn plot(&self, area: &Area, (x, y): Ranges, size: Size) -> Result<()> {
@@ -258,19 +230,13 @@ impl LineChart {
             let (x, y) = ends[index];
             let y = (y - corner.1).max(free_from);
             free_from = y + px(1.25 * size.names);
-            let style = text(size.names, INK).pos(Pos::new(HPos::Left, VPos::Center));
-            let name = Text::new(self.levels[index].name.clone(), (x - corner.0 + px(4.0), y), style);
-            area.draw(&name)?;
+            let at = (x - corner.0 + px(4), y);
+            write_at(area, &self.levels[index].name, at, size.names, (HPos::Left, VPos::Center))?;
         }
         Ok(())
     }
 
-    fn draw_line(
-        &self,
-        area: &DrawingArea<SVGBackend<'_>, Cartesian2d<BoundedAxis, BoundedAxis>>,
-        index: usize,
-        line: &Line,
-    ) -> Result<()> {
+    fn draw_line(&self, area: &Plot, index: usize, line: &Line) -> Result<()> {
         let colour = line.look.colour;
         stroke(area, line.companion.clone(), (colour.to_rgba(), Dash::Dotted), 1.0)?;
         for seed in &line.seeds {
@@ -283,8 +249,8 @@ impl LineChart {
         stroke(area, places(&line.points[whole.saturating_sub(1)..]), (colour.to_rgba(), line.look.dash), 0.8)?;
         if let [only] = &line.points[..] {
             mark(area, (only.x, only.y), line.look, 11.0, true)?;
-            let beside =
-                Text::new((self.y.format)(only.y), (px(9), 0), text(11.0, INK).pos(Pos::new(HPos::Left, VPos::Center)));
+            let style = anchored(text(11.0, INK), HPos::Left, VPos::Center);
+            let beside = Text::new((self.y.format)(only.y), (px(9), 0), style);
             area.draw(&(EmptyElement::at((only.x, only.y)) + beside))?;
             return Ok(());
         }
@@ -296,75 +262,52 @@ impl LineChart {
         Ok(())
     }
 
-    fn legend(&self) -> Vec<LegendEntry> {
-        // In the order of the lines' right ends, from top to bottom.
-        let mut lines: Vec<&Line> = self.lines.iter().collect();
-        let end = |line: &Line| line.points.last().map_or(f64::NEG_INFINITY, |point| point.y);
-        lines.sort_by(|a, b| end(b).total_cmp(&end(a)));
-        let lines = lines
-            .into_iter()
-            .map(|line| LegendEntry { sample: LegendSample::Curve(line.look), label: line.label.clone() });
-        lines.chain(self.legend_of_the_rest()).collect()
-    }
-
-    fn legend_against(&self, reference: &Line, of_reference: Look, of_other: Look) -> Vec<LegendEntry> {
-        let entry =
-            |look: Look, label: &str| LegendEntry { sample: LegendSample::Curve(look), label: label.to_owned() };
+    fn legend_against(&self, reference: &Line, of_other: Look) -> Vec<LegendEntry> {
         let mut entries = vec![
-            entry(of_reference, &format!("in all panels: {}", reference.label)),
-            entry(of_other, "method in the panel's title"),
+            LegendEntry::new(LegendSample::Curve(OF_REFERENCE), &format!("in all panels: {}", reference.label)),
+            LegendEntry::new(LegendSample::Curve(of_other), "method in the panel's title"),
         ];
         // Marks have the look of their line, which is not the one in the panels. One entry stands for all of them.
         entries.extend(self.legend_of_the_rest().filter(|entry| !matches!(entry.sample, LegendSample::Hollow(_))));
-        entries.extend(self.marks.first().map(|_| LegendEntry {
-            sample: LegendSample::Hollow(of_other),
-            label: self.marks.iter().map(|mark| mark.label.as_str()).collect::<Vec<_>>().join("; "),
-        }));
+        let marks: Vec<&str> = self.marks.iter().map(|mark| mark.label.as_str()).collect();
+        if !marks.is_empty() {
+            entries.push(LegendEntry::new(LegendSample::Hollow(of_other), &marks.join("; ")));
+        }
         entries
     }
 
     fn legend_of_the_rest(&self) -> impl Iterator<Item = LegendEntry> {
-        let companions = self
-            .companions
-            .iter()
-            .map(|label| LegendEntry { sample: LegendSample::Level(INK, Dash::Dotted), label: label.clone() });
-        let levels = self.levels.iter().enumerate().map(|(number, level)| LegendEntry {
-            sample: LegendSample::Level(INK, level_dash(number, level)),
-            label: level.label.clone(),
-        });
-        let marks = self
-            .marks
-            .iter()
-            .map(|mark| LegendEntry { sample: LegendSample::Hollow(mark.look), label: mark.label.clone() });
-        let note =
-            (!self.note.is_empty()).then(|| LegendEntry { sample: LegendSample::Nothing, label: self.note.clone() });
-        companions.chain(levels).chain(marks).chain(note)
+        let dotted = LegendSample::Level(INK, Dash::Dotted);
+        let companions = self.companions.iter().map(move |label| LegendEntry::new(dotted, label));
+        let levels =
+            self.levels.iter().enumerate().map(|(number, level)| {
+                LegendEntry::new(LegendSample::Level(INK, level_dash(number, level)), &level.label)
+            });
+        let marks = self.marks.iter().map(|mark| LegendEntry::new(LegendSample::Hollow(mark.look), &mark.label));
+        companions.chain(levels).chain(marks).chain(LegendEntry::of_note(&self.note))
     }
 
     /// Returns the ranges of the axes: everything that is drawn, and a margin.
     fn ranges(&self) -> Ranges {
-        let points = || self.lines.iter().flat_map(|line| &line.points);
-        let marks = || self.marks.iter().flat_map(|mark| &mark.points);
-        let xs = points().map(|point| point.x).chain(marks().map(|mark| mark.0));
-        let bands = points().filter_map(|point| point.band).flat_map(|(low, high)| [low, high]);
-        let seeds = || self.lines.iter().flat_map(|line| line.seeds.iter().flatten());
-        let xs = xs.chain(seeds().map(|point| point.0));
-        let ys = points()
-            .map(|point| point.y)
-            .chain(bands)
-            .chain(seeds().map(|point| point.1))
-            .chain(self.lines.iter().flat_map(|line| line.companion.iter().map(|point| point.1)))
-            .chain(self.levels.iter().map(|level| level.y))
-            .chain(marks().flat_map(|&(_, y, error)| [y - error.unwrap_or(0.0), y + error.unwrap_or(0.0)]));
-        let right = xs.fold(self.x_end, f64::max).max(f64::MIN_POSITIVE);
-        let (low, high) = ys.fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), y| (low.min(y), high.max(y)));
-        let (low, high) = if low.is_finite() { (low, high) } else { (0.0, 1.0) };
-        let air = ((high - low) * 0.05).max(high.abs() * 1e-3).max(1e-6);
-        (0.0..right * 1.015, (low - air)..(high + air))
+        let mut places: Vec<(f64, f64)> = Vec::new();
+        let mut heights: Vec<f64> = self.levels.iter().map(|level| level.y).collect();
+        for line in &self.lines {
+            places.extend(line.points.iter().map(|point| (point.x, point.y)));
+            places.extend(line.seeds.iter().flatten());
+            heights.extend(line.points.iter().filter_map(|point| point.band).flat_map(|(low, high)| [low, high]));
+            heights.extend(line.companion.iter().map(|(_, y)| y));
+        }
+        for (x, y, error) in self.marks.iter().flat_map(|mark| &mark.points) {
+            let error = error.unwrap_or(0.0);
+            places.extend([(*x, y - error), (*x, y + error)]);
+        }
+        let right = places.iter().map(|(x, _)| *x).fold(self.x_end, f64::max).max(f64::MIN_POSITIVE);
+        let (low, high) = ends_of(heights.into_iter().chain(places.iter().map(|(_, y)| *y)));
+        (0.0..right * 1.015, with_air(if low.is_finite() { (low, high) } else { (0.0, 1.0) }))
     }
 
     /// Returns the width of the y axis with its numbers and label, in pixels.
-    fn label_width(&self, y: &std::ops::Range<f64>, size: Size) -> f64 {
+    fn label_width(&self, y: &Range<f64>, size: Size) -> f64 {
         // Some formats write whole numbers only.
         let ends = [y.start, y.end, y.start.ceil(), y.end.floor()];
         let widest = ends.map(|value| text_width(&(self.y.format)(value), size.numbers)).into_iter().max();
@@ -375,61 +318,4 @@ impl LineChart {
 fn level_dash(number: usize, level: &Level) -> Dash {
     const MEASURED: [Dash; 3] = [Dash::Dashed, Dash::Short, Dash::Sparse];
     if level.measured { MEASURED[number % MEASURED.len()] } else { Dash::Long }
-}
-
-/// Draws an error bar: a vertical line with a short bar at each end.
-pub(super) fn whisker<CT, X>(
-    area: &DrawingArea<SVGBackend<'_>, CT>,
-    x: X,
-    (low, high): (f64, f64),
-    colour: RGBColor,
-) -> Result<()>
-where
-    X: Clone + 'static,
-    CT: CoordTranslate<From = (X, f64)>,
-{
-    let style = pen(colour, 1.2);
-    area.draw(&PathElement::new(vec![(x.clone(), low), (x.clone(), high)], style))?;
-    for end in [low, high] {
-        let foot = PathElement::new(vec![(-px(3.0), 0), (px(3.0), 0)], style);
-        area.draw(&(EmptyElement::at((x.clone(), end)) + foot))?;
-    }
-    Ok(())
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn whatever_the_values_are_a_chart_is_drawn() {
-        let odd = [f64::MAX, f64::MIN, 1e300, -1e300, 1e15, 5e-324, -0.0, 0.0, 1.0, f64::INFINITY, f64::NAN];
-        for first in odd {
-            for second in odd {
-                let point = |x: f64, y: f64| LinePoint { x, y, band: Some((second, first)), whole: true };
-                let look = Look { dash: Dash::Dotted, ..Look::FIRST };
-                let line = Line {
-                    label: "a".to_owned(),
-                    look,
-                    points: vec![point(0.0, first), point(1.0, second), point(first, second)],
-                    companion: vec![(0.0, second), (second, first)],
-                    seeds: vec![vec![(0.0, first), (1.0, second)]],
-                };
-                let chart = LineChart {
-                    title: String::new(),
-                    x: Axis { label: String::new(), format: |value| format!("{value:.1}") },
-                    y: Axis { label: String::new(), format: |value| format!("{value:.1}") },
-                    lines: vec![line.clone(), line],
-                    companions: None,
-                    levels: vec![Level { label: String::new(), name: String::new(), y: second, measured: true }],
-                    marks: vec![Mark { label: String::new(), look, points: vec![(first, second, Some(first))] }],
-                    x_end: 0.0,
-                    note: String::new(),
-                };
-                for svg in [chart.draw().unwrap(), chart.draw_against(0).unwrap()] {
-                    roxmltree::Document::parse(&svg.file()).unwrap();
-                }
-            }
-        }
-    }
 }

@@ -17,7 +17,6 @@ const MARKERS: [Marker; 5] = [Marker::Circle, Marker::Square, Marker::Triangle, 
 const METHODS: [&str; 4] = ["DIALS", "GS", "untrained-DIALS", "marginal-DIALS"];
 /// What may stand behind that word, each with a dash and a marker of its own. The first one is like a bare word.
 const USUAL: [&str; 9] = ["F=1M", "F=500K", "F=4M", "F=100K", "F=50K", "F=2M", "F=200K", "once", "on drift"];
-/// Number of combinations of a dash and a marker.
 const VARIANTS: usize = DASHES.len() * MARKERS.len();
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -41,7 +40,6 @@ pub(crate) enum Marker {
     Cross,
 }
 
-/// Colour, dash and marker.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Look {
     pub(crate) colour: RGBColor,
@@ -82,7 +80,6 @@ impl Look {
     }
 }
 
-/// Mixes a colour with a share of another one.
 fn mixed(colour: RGBColor, other: RGBColor, share: f64) -> RGBColor {
     let mixed = |one: u8, other: u8| (f64::from(one) + share * (f64::from(other) - f64::from(one))).round() as u8;
     RGBColor(mixed(colour.0, other.0), mixed(colour.1, other.1), mixed(colour.2, other.2))
@@ -216,7 +213,7 @@ mod tests {
             labels.map(|label| Look::of(&label)).map(|(colour, variant)| Look::number(colour, variant)).collect();
         for (index, look) in looks.iter().enumerate() {
             assert!(!looks[..index].contains(look), "{index}: {look:?}");
-            // Between its markers a line is told apart by its shade and its dash.
+            // Between its markers only the shade and the dash of a line are seen.
             let alike = |other: &Look| (other.colour, other.dash) == (look.colour, look.dash);
             assert!(!looks[..index].iter().any(alike), "{index}: {look:?}");
         }

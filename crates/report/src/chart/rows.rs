@@ -1,28 +1,38 @@
-//! Row charts, for ablations: a mean per row, and a vertical line at the mean of the reference.
+//! Charts with a row for each mean of an ablation, or for each named thing, such as the agents of a network.
 
 use anyhow::Result;
 use plotters::prelude::*;
-use plotters::style::text_anchor::{HPos, Pos, VPos};
+use plotters::style::text_anchor::{HPos, VPos};
 
-use super::legend;
-use super::lines::Axis;
+use super::legend::{self, LegendEntry, LegendSample};
 use super::look::{Dash, Look, Marker, mark, stroke};
-use crate::drawing::{BoundedAxis, INK, Svg, draw_mesh, px, text};
+use super::{Axis, LEGEND, WIDTH, ends_of, with_air};
+use crate::drawing::{Area, BoundedAxis, INK, Svg, draw_mesh, pen, px, shortened, write, write_at};
 
-const WIDTH: u32 = 860;
-/// Width of the labels at the left.
+/// Height of an axis of a row chart, and of the note below it.
+const AXIS: u32 = 48;
+const NOTE: u32 = 22;
+/// Height of the title of a row chart with the header of its columns.
+const HEADER: u32 = 50;
+/// Width of the labels at the left of a row chart, and of the words at its right.
 const LABELS: u32 = 230;
-/// Width of the words at the right.
 const WORDS: u32 = 330;
 /// Right ends of the columns of words, measured from the right of the picture.
 const COLUMNS: [u32; 3] = [276, 66, 8];
-const TITLE: u32 = 50;
-const AXIS: u32 = 48;
-const NOTE: u32 = 22;
 const LINE: u32 = 14;
 /// Largest number of characters in a line of a label.
 const WRAP: usize = 36;
 
+/// Height of a named row, of the title above them and of the axis below them.
+const NAMED_ROW: u32 = 16;
+const TITLE: u32 = 34;
+const NAMED_AXIS: u32 = 52;
+/// Width of the names at the left.
+const NAMES: u32 = 190;
+/// Largest number of characters of a name.
+const LONGEST_NAME: usize = 28;
+
+/// A mean of an ablation.
 pub(crate) struct Row {
     pub(crate) label: String,
     /// Values of single seeds, drawn as hollow circles.
@@ -33,6 +43,7 @@ pub(crate) struct Row {
     pub(crate) words: [String; 3],
 }
 
+/// A chart of an ablation, with a vertical line at the mean of the reference.
 pub(crate) struct RowChart {
     pub(crate) title: String,
     pub(crate) x: Axis,
@@ -43,6 +54,55 @@ pub(crate) struct RowChart {
     pub(crate) note: String,
 }
 
+/// The values of one method, in the order of the names, and whether the thing is stuck.
+pub(crate) struct Series {
+    pub(crate) label: String,
+    pub(crate) look: Look,
+    pub(crate) values: Vec<(f64, bool)>,
+}
+
+/// A chart of named things: a row per name, a marker per method.
+pub(crate) struct NamedChart {
+    pub(crate) title: String,
+    pub(crate) x: Axis,
+    pub(crate) names: Vec<String>,
+    pub(crate) series: Vec<Series>,
+    pub(crate) note: String,
+}
+
+/// Where the rows of a chart are, in pixels: top and height, left and right margins, and the height of the axis.
+struct Rows {
+    top: u32,
+    height: u32,
+    left: u32,
+    right: u32,
+    axis: u32,
+}
+
+type Chart<'a, 'b> = ChartContext<'a, SVGBackend<'b>, Cartesian2d<BoundedAxis, BoundedAxis>>;
+
+impl Rows {
+    /// Draws the horizontal axis for these values. Rows have negative y, from 0 down.
+    fn chart<'a, 'b>(&self, root: &'a Area<'b>, x: &Axis, values: impl Iterator<Item = f64>) -> Result<Chart<'a, 'b>> {
+        let below = root.dim_in_pixel().1 as i32 - px(self.top + self.height + self.axis);
+        let mut chart = ChartBuilder::on(root)
+            .margin_top(px(self.top))
+            .margin_bottom(below)
+            .margin_left(px(self.left))
+            .margin_right(px(self.right))
+            .x_label_area_size(px(self.axis))
+            .build_cartesian_2d(
+                BoundedAxis::from(with_air(ends_of(values))),
+                BoundedAxis::from(-f64::from(self.height)..0.0),
+            )?;
+        let format = |value: &f64| (x.format)(*value);
+        let mut mesh = chart.configure_mesh();
+        let mesh = mesh.disable_y_mesh().disable_y_axis().x_labels(6).x_desc(&x.label);
+        draw_mesh(mesh.x_label_formatter(&format), 12.0)?;
+        Ok(chart)
+    }
+}
+
 impl RowChart {
     pub(crate) fn draw(&self) -> Result<Svg> {
         let labels: Vec<Vec<String>> = self.rows.iter().map(|row| legend::in_lines(&row.label, WRAP)).collect();
@@ -51,27 +111,13 @@ impl RowChart {
         let middles: Vec<f64> = (0..heights.len())
             .map(|row| f64::from(heights[..row].iter().sum::<u32>()) + f64::from(heights[row]) / 2.0)
             .collect();
-        Svg::draw(WIDTH, TITLE + all + AXIS + NOTE, |root| {
-            let title = Text::new(self.title.clone(), (px(12.0), px(8.0)), text(15.0, INK));
-            root.draw(&title)?;
-            // Rows have negative y, from 0 down.
-            let mut chart = ChartBuilder::on(root)
-                .margin_top(px(TITLE))
-                .margin_bottom(px(NOTE))
-                .margin_left(px(LABELS))
-                .margin_right(px(WORDS))
-                .x_label_area_size(px(AXIS))
-                .build_cartesian_2d(BoundedAxis::from(self.range()), BoundedAxis::from(-f64::from(all)..0.0))?;
-            draw_mesh(
-                chart
-                    .configure_mesh()
-                    .disable_y_mesh()
-                    .disable_y_axis()
-                    .x_labels(6)
-                    .x_desc(&self.x.label)
-                    .x_label_formatter(&|value| (self.x.format)(*value)),
-                12.0,
-            )?;
+        Svg::draw(WIDTH, HEADER + all + AXIS + NOTE, |root| {
+            write(root, &self.title, (px(12), px(8)), 15)?;
+            let ends = self.rows.iter().filter_map(|row| row.interval).flat_map(|(low, high)| [low, high]);
+            let ends = ends.chain(self.rows.iter().map(|row| row.mean));
+            let values = self.rows.iter().flat_map(|row| row.points.iter().copied()).chain(ends);
+            let rows = Rows { top: HEADER, height: all, left: LABELS, right: WORDS, axis: AXIS };
+            let chart = rows.chart(root, &self.x, values)?;
             let area = chart.plotting_area();
             let reference = &self.rows[0];
             if let Some((low, high)) = reference.interval {
@@ -92,36 +138,56 @@ impl RowChart {
                 }
                 mark(area, (row.mean, -middle), look(Marker::Diamond), 9.0, true)?;
             }
-            let style = |horizontal| text(12.0, INK).pos(Pos::new(horizontal, VPos::Center));
             for (lines, &middle) in labels.iter().zip(&middles) {
-                let top = f64::from(TITLE) + middle - (lines.len() - 1) as f64 * f64::from(LINE) / 2.0;
+                let top = f64::from(HEADER) + middle - (lines.len() - 1) as f64 * f64::from(LINE) / 2.0;
                 for (number, line) in lines.iter().enumerate() {
-                    let at = (px(f64::from(LABELS) - 10.0), px(top + number as f64 * f64::from(LINE)));
-                    root.draw(&Text::new(line.clone(), at, style(HPos::Right)))?;
+                    let at = (px(LABELS - 10), px(top + number as f64 * f64::from(LINE)));
+                    write_at(root, line, at, 12, (HPos::Right, VPos::Center))?;
                 }
             }
             let places = std::iter::once(-16.0).chain(middles.iter().copied());
             let all_words = std::iter::once(&self.header).chain(self.rows.iter().map(|row| &row.words));
             for (place, words) in places.zip(all_words) {
                 for (word, right) in words.iter().zip(COLUMNS) {
-                    let at = (px(WIDTH - right), px(f64::from(TITLE) + place));
-                    root.draw(&Text::new(word.clone(), at, style(HPos::Right)))?;
+                    let at = (px(WIDTH - right), px(f64::from(HEADER) + place));
+                    write_at(root, word, at, 12, (HPos::Right, VPos::Center))?;
                 }
             }
-            let at = (px(12.0), px(f64::from(TITLE + all + AXIS) + 4.0));
-            root.draw(&Text::new(self.note.clone(), at, text(11.0, INK)))?;
-            Ok(())
+            write(root, &self.note, (px(12), px(HEADER + all + AXIS + 4)), 11)
         })
     }
+}
 
-    /// Returns the range of the axis: everything that is drawn, and a margin.
-    fn range(&self) -> std::ops::Range<f64> {
-        let ends = self.rows.iter().filter_map(|row| row.interval).flat_map(|(low, high)| [low, high]);
-        let ends = ends.chain(self.rows.iter().map(|row| row.mean));
-        let values = self.rows.iter().flat_map(|row| row.points.iter().copied()).chain(ends);
-        let (low, high) =
-            values.fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), value| (low.min(value), high.max(value)));
-        let air = ((high - low) * 0.05).max(high.abs() * 1e-3).max(1e-6);
-        (low - air)..(high + air)
+impl NamedChart {
+    pub(crate) fn draw(&self) -> Result<Svg> {
+        let series = self.series.iter().map(|series| LegendEntry::new(LegendSample::Mark(series.look), &series.label));
+        let entries: Vec<LegendEntry> = series.chain([LegendEntry::new(LegendSample::Nothing, &self.note)]).collect();
+        let rows = self.names.len() as u32 * NAMED_ROW;
+        let height = TITLE + (rows + NAMED_AXIS).max(legend::height(&entries));
+        Svg::draw(WIDTH, height, |root| {
+            write(root, &self.title, (px(12), px(8)), 15)?;
+            let (_, right) = root.split_horizontally(px(WIDTH - LEGEND));
+            legend::draw(&right.margin(px(TITLE), 0, px(6), 0), &entries)?;
+            let values = self.series.iter().flat_map(|series| series.values.iter().map(|(value, _)| *value));
+            let rows = Rows { top: TITLE, height: rows, left: NAMES, right: LEGEND + 12, axis: NAMED_AXIS };
+            let chart = rows.chart(root, &self.x, values)?;
+            let area = chart.plotting_area();
+            let x = area.get_x_range();
+            for (row, name) in self.names.iter().enumerate() {
+                let middle = f64::from(NAMED_ROW) * (row as f64 + 0.5);
+                area.draw(&PathElement::new([(x.start, -middle), (x.end, -middle)], pen(INK.mix(0.13), 1)))?;
+                let at = (px(NAMES - 8), px(f64::from(TITLE) + middle));
+                write_at(root, &shortened(name, LONGEST_NAME), at, 11, (HPos::Right, VPos::Center))?;
+                for series in &self.series {
+                    let (value, stuck) = series.values[row];
+                    mark(area, (value, -middle), series.look, 8.0, true)?;
+                    if stuck {
+                        let cross = Look { colour: INK, marker: Marker::Cross, ..series.look };
+                        mark(area, (value, -middle), cross, 12.0, true)?;
+                    }
+                }
+            }
+            Ok(())
+        })
     }
 }

@@ -5,21 +5,19 @@
 //! played more of the same episodes, both are compared on those of the other.
 //!
 //! - `steps`: the step at which each side is compared. `rules`: whether returns can be compared at all.
-//! - `text`, `as_json`: the result for people and for programs.
+//! - `output`: the result for people and for programs.
 
-mod as_json;
+mod output;
 mod rules;
 pub(super) mod steps;
-mod text;
 
 use std::path::PathBuf;
 
 use anyhow::{Context, Result, ensure};
 
 use self::steps::{are_alike, both_in_words, compared_at};
-use super::finals::{agents_at, mean_cpu};
-use super::group::{Group, Sorted, evaluated_together, sort};
-use super::played;
+use super::finals::{agents_at, mean_cpu, played};
+use super::group::{Comparison, Group, Sorted, evaluated_together, sort};
 use super::words::{no_run, warnings};
 use dials_core::base::statistics::difference::{BySeed, Difference, between, on_shared, shared_episodes};
 use dials_core::base::statistics::{ENOUGH_SEEDS, Spread, mean, median};
@@ -27,7 +25,7 @@ use dials_core::domain::ScenarioId;
 use dials_core::outside::Printable;
 use dials_session::records::find::{LeftOut, find};
 use dials_session::records::method::differing;
-use dials_session::records::run_record::{CpuTime, PeriodTime, RunRecord, Status};
+use dials_session::records::run_record::{PeriodTime, RunRecord, Status};
 
 /// How far the default return to reach is below the lower final return, as a share of its size.
 const BELOW: f64 = 0.05;
@@ -35,11 +33,10 @@ const BELOW: f64 = 0.05;
 /// One side of a comparison: runs of one method.
 pub struct ComparedSide {
     /// Its name on the command line.
-    pub(crate) name: String,
-    pub(crate) scenario: ScenarioId,
-    /// Title of the scenario.
+    name: String,
+    scenario: ScenarioId,
     title: String,
-    pub(crate) group: Group,
+    group: Group,
     left_out: Vec<LeftOut>,
 }
 
@@ -49,12 +46,11 @@ impl ComparedSide {
         let found = find(folders)?;
         let missing = found.missing.clone();
         let Sorted { mut comparisons, left_out } = sort(found)?;
-        let labels: Vec<String> = comparisons
-            .iter()
-            .flat_map(|comparison| {
-                comparison.groups.iter().map(|group| format!("{}: {}", comparison.title, group.label()))
-            })
-            .collect();
+        let of_comparison = |comparison: &Comparison| {
+            let label = |group: &Group| format!("{}: {}", comparison.title, group.label());
+            comparison.groups.iter().map(label).collect::<Vec<String>>()
+        };
+        let labels: Vec<String> = comparisons.iter().flat_map(of_comparison).collect();
         ensure!(
             labels.len() < 2,
             "{name}: holds runs of {} methods, but a side must have only one: {}",
@@ -65,69 +61,70 @@ impl ComparedSide {
         let evaluated = comparisons.pop().filter(|found| found.groups.iter().any(|group| group.finals().is_some()));
         let comparison = evaluated.with_context(|| no_run(name, &reasons))?;
         let group = comparison.groups.into_iter().next().expect("the one that was counted");
-        Ok(ComparedSide {
-            name: name.to_owned(),
-            scenario: comparison.scenario,
-            title: comparison.title,
-            group,
-            left_out,
-        })
+        let (scenario, title) = (comparison.scenario, comparison.title);
+        Ok(ComparedSide { name: name.to_owned(), scenario, title, group, left_out })
     }
 }
 
-/// Steps and time that a side needed to reach a return.
-pub(crate) struct Reached {
-    /// Seed, timesteps and seconds of each run that reached it.
-    pub(crate) runs: Vec<(u64, u64, Option<f64>)>,
-    /// Number of all runs.
-    pub(crate) of: usize,
-}
-
-impl Reached {
-    /// Finds the first evaluation of each run with at least this mean return.
-    fn of(runs: &[&RunRecord], target: f64) -> Reached {
-        let first = |run: &&RunRecord| {
-            let steps = run.evaluations.iter().find(|evaluation| evaluation.all.mean >= target)?.steps;
-            Some((run.config.learning.seed, steps, run.runtime_at(steps)))
-        };
-        Reached { runs: runs.iter().filter_map(first).collect(), of: runs.len() }
-    }
-
-    /// Median timesteps of the runs that reached it.
-    pub(crate) fn steps(&self) -> Option<f64> {
-        let steps: Vec<f64> = self.runs.iter().map(|(_, steps, _)| *steps as f64).collect();
-        (!steps.is_empty()).then(|| median(&steps))
-    }
-
-    /// Median seconds of the runs that reached it.
-    pub(crate) fn seconds(&self) -> Option<f64> {
-        let seconds: Vec<f64> = self.runs.iter().filter_map(|(_, _, seconds)| *seconds).collect();
-        (!seconds.is_empty()).then(|| median(&seconds))
-    }
-}
-
-/// The result of comparing `b` with `a`.
-pub struct Verdict {
-    /// Timesteps per agent at which the returns of each side were measured.
-    pub(crate) steps: [u64; 2],
-    pub(crate) returns: [Spread; 2],
+/// What a side has at the step at which it is compared.
+struct SideResult {
+    /// Timesteps per agent.
+    steps: u64,
     /// The runs that are compared, by seed, on the episodes that all of them played.
-    pub(crate) runs: [BySeed; 2],
+    runs: BySeed,
+    returns: Spread,
     /// Return of the median agent of a run, mean over seeds.
-    pub(crate) median_agents: [f64; 2],
+    median_agent: f64,
     /// Number of stuck agents and of all agents, over all runs.
-    pub(crate) stuck: [(usize, usize); 2],
-    pub(crate) difference: Difference,
-    /// Mean wall seconds up to these timesteps, without evaluations.
-    pub(crate) runtimes: [Option<f64>; 2],
-    /// Mean CPU seconds up to these timesteps.
-    pub(crate) cpu: [Option<CpuTime>; 2],
-    /// Return to reach.
-    pub(crate) target: f64,
-    pub(crate) reached: [Reached; 2],
+    stuck: (usize, usize),
+    /// Mean wall and CPU seconds up to this step, without evaluations.
+    runtime_s: Option<f64>,
+    cpu_s: Option<f64>,
+    /// Timesteps and wall seconds of each run that reached the return to reach.
+    reached: Vec<(u64, Option<f64>)>,
+}
+
+impl SideResult {
+    fn of(runs: &[&RunRecord], steps: u64, played: BySeed, target: f64) -> SideResult {
+        let medians: Vec<f64> = runs.iter().filter_map(|run| Some(run.evaluation_at(steps)?.all.median)).collect();
+        let agents = runs.iter().flat_map(|run| agents_at(run, steps));
+        let runtimes: Option<Vec<f64>> = runs.iter().map(|run| run.runtime_at(steps)).collect();
+        let times: Option<Vec<PeriodTime>> = runs.iter().map(|run| run.time_at(steps)).collect();
+        let reached = runs.iter().filter_map(|run| {
+            let first = run.evaluations.iter().find(|evaluation| evaluation.all.mean >= target)?.steps;
+            Some((first, run.runtime_at(first)))
+        });
+        SideResult {
+            steps,
+            returns: Spread::of(&means(&played)).expect("a final return per run"),
+            runs: played,
+            median_agent: mean(&medians),
+            stuck: agents.fold((0, 0), |(stuck, all), agent| (stuck + agent.stuck, all + 1)),
+            runtime_s: runtimes.map(|runtimes| mean(&runtimes)),
+            cpu_s: times.map(|times| mean_cpu(&times).runtime_s()),
+            reached: reached.collect(),
+        }
+    }
+
+    /// Returns the median timesteps and the median seconds of the runs that reached the return.
+    fn median_reached(&self) -> [Option<f64>; 2] {
+        let steps: Vec<f64> = self.reached.iter().map(|(steps, _)| *steps as f64).collect();
+        let seconds: Vec<f64> = self.reached.iter().filter_map(|(_, seconds)| *seconds).collect();
+        [steps, seconds].map(|values| (!values.is_empty()).then(|| median(&values)))
+    }
+}
+
+fn means(played: &BySeed) -> Vec<f64> {
+    played.iter().map(|(_, played)| played.mean).collect()
+}
+
+pub struct Verdict {
+    sides: [SideResult; 2],
+    difference: Difference,
+    target: f64,
     /// Keys of the configs that differ, with both values. `None`: this side does not use the key.
-    pub(crate) differing: Vec<(String, [Option<String>; 2])>,
-    pub(crate) warnings: Vec<String>,
+    differing: Vec<(String, [Option<String>; 2])>,
+    warnings: Vec<String>,
 }
 
 /// Compares two sides. `target`: the return to reach; by default the lower final return minus 5 % of its size.
@@ -136,13 +133,9 @@ pub fn compare(a: &ComparedSide, b: &ComparedSide, target: Option<f64>) -> Resul
     let sides = [a, b];
     let [(end_a, runs_a), (end_b, runs_b)] = sides.map(|side| side.group.finals().expect("a side was evaluated"));
     let (ends, runs) = ([end_a, end_b], [runs_a, runs_b]);
-    let evaluated = runs.each_ref().map(|runs| evaluated_together(runs));
-    let steps = compared_at(&evaluated[0], &evaluated[1]).expect("a side was evaluated");
-    let both = [0, 1].map(|side| (&runs[side], steps[side]));
-    let played = both.map(|(runs, steps)| {
-        let played = runs.iter().filter_map(|run| Some((run.config.learning.seed, played::of_run(run, steps)?)));
-        played.collect::<BySeed>()
-    });
+    let steps = compared_at(&evaluated_together(&runs[0]), &evaluated_together(&runs[1]));
+    let steps = steps.expect("a side was evaluated");
+    let played: [BySeed; 2] = [0, 1].map(|side| played(&runs[side], steps[side]));
     let shared = shared_episodes(played.iter().flatten().map(|(_, played)| played));
     if let Some(shared) = shared
         && played.iter().flatten().any(|(_, played)| played.episodes != shared)
@@ -153,28 +146,10 @@ pub fn compare(a: &ComparedSide, b: &ComparedSide, target: Option<f64>) -> Resul
             shared.count
         ));
     }
-    let played = played.map(|side| on_shared(&side, shared));
-    let returns = played.each_ref().map(|side| side.iter().map(|(_, played)| played.mean).collect::<Vec<f64>>());
-    let found = between(&played[0], &played[1]);
-    let median_agents = both.map(|(runs, steps)| {
-        let medians = runs.iter().filter_map(|run| Some(run.evaluation_at(steps)?.all.median));
-        mean(&medians.collect::<Vec<f64>>())
-    });
-    let stuck = both.map(|(runs, steps)| {
-        let agents = runs.iter().flat_map(|run| agents_at(run, steps));
-        agents.fold((0, 0), |(stuck, all), agent| (stuck + agent.stuck, all + 1))
-    });
-    let means = returns.each_ref().map(|returns| mean(returns));
-    let lower = means[0].min(means[1]);
+    let [of_a, of_b] = played.map(|side| on_shared(&side, shared));
+    let difference = between(&of_a, &of_b);
+    let lower = mean(&means(&of_a)).min(mean(&means(&of_b)));
     let target = target.unwrap_or(lower - BELOW * lower.abs());
-    let runtimes = both.map(|(runs, steps)| {
-        let times: Vec<f64> = runs.iter().filter_map(|run| run.runtime_at(steps)).collect();
-        (times.len() == runs.len()).then(|| mean(&times))
-    });
-    let cpu = both.map(|(runs, steps)| {
-        let times: Option<Vec<PeriodTime>> = runs.iter().map(|run| run.time_at(steps)).collect();
-        times.map(|times| mean_cpu(&times))
-    });
     for (side, runs) in sides.iter().zip(&runs) {
         warnings.extend(side.left_out.iter().map(LeftOut::to_string));
         let unused = side.group.runs.iter().filter(|run| !runs.iter().any(|used| used.dir == run.dir));
@@ -186,18 +161,17 @@ pub fn compare(a: &ComparedSide, b: &ComparedSide, target: Option<f64>) -> Resul
         }
     }
     warnings.extend(of_steps(steps, ends));
-    let workers = runs.each_ref().map(|runs| runs.iter().map(|run| run.workers).max().unwrap_or(1));
-    if workers[0] != workers[1] {
-        warnings
-            .push(format!("A ran on {} workers and B on {}: their times are not comparable", workers[0], workers[1]));
+    let [on_a, on_b] = runs.each_ref().map(|runs| runs.iter().map(|run| run.workers).max().unwrap_or(1));
+    if on_a != on_b {
+        warnings.push(format!("A ran on {on_a} workers and B on {on_b}: their times are not comparable"));
     }
-    if found.seeds.iter().any(|&seeds| seeds < ENOUGH_SEEDS) {
-        let [a, b] = found.seeds;
+    let [n_a, n_b] = difference.seeds;
+    if n_a.min(n_b) < ENOUGH_SEEDS {
         warnings.push(format!(
-            "n = {a} in A and {b} in B: an interval needs {ENOUGH_SEEDS} seeds on each side; train more with --seed"
+            "n = {n_a} in A and {n_b} in B: an interval needs {ENOUGH_SEEDS} seeds on each side; train more with --seed"
         ));
     }
-    if !found.pairing.by_episode() {
+    if !difference.pairing.by_episode() {
         warnings.push(
             "A and B were not evaluated on the same episodes, so the difference is over seeds only and includes the \
              randomness of the traffic; `evaluate` with the same --seed plays the same episodes"
@@ -205,16 +179,9 @@ pub fn compare(a: &ComparedSide, b: &ComparedSide, target: Option<f64>) -> Resul
         );
     }
     Ok(Verdict {
-        steps,
-        runs: played,
-        cpu,
-        median_agents,
-        stuck,
-        returns: returns.each_ref().map(|returns| Spread::of(returns).expect("a final return per run")),
-        difference: found,
-        runtimes,
+        sides: [SideResult::of(&runs[0], steps[0], of_a, target), SideResult::of(&runs[1], steps[1], of_b, target)],
+        difference,
         target,
-        reached: runs.each_ref().map(|runs| Reached::of(runs, target)),
         differing: differing(&a.group.method.keys, &b.group.method.keys),
         warnings,
     })
@@ -235,8 +202,4 @@ fn of_steps(steps: [u64; 2], ends: [u64; 2]) -> Option<String> {
              evaluated"
         )
     })
-}
-
-fn quotient([a, b]: [Option<f64>; 2]) -> Option<f64> {
-    Some(b? / a?).filter(|quotient| quotient.is_finite())
 }

@@ -3,7 +3,7 @@
 use anyhow::{Result, bail, ensure};
 
 use super::ComparedSide;
-use dials_core::domain::{Rules, ScenarioId};
+use dials_core::domain::ScenarioId;
 use dials_core::outside::quoted;
 use dials_session::records::files::CONFIG;
 
@@ -13,7 +13,9 @@ use dials_session::records::files::CONFIG;
 ///
 /// The scenarios differ, the rewards, or the versions of the environment.
 pub(super) fn check(a: &ComparedSide, b: &ComparedSide) -> Result<Option<String>> {
-    let mut differences = differences(a, b);
+    // The rules are the same for all runs of a side. A domain may name none.
+    let rules = |side: &ComparedSide| side.group.runs.iter().find_map(|run| run.scenario().rules.clone());
+    let mut differences = rules(a).zip(rules(b)).map_or(Vec::new(), |(of_a, of_b)| of_a.differences(&of_b, ["A", "B"]));
     if a.scenario == b.scenario {
         let warning = format!("A and B differ in more than their methods: {}", differences.join("; "));
         return Ok((!differences.is_empty()).then_some(warning));
@@ -42,15 +44,4 @@ pub(super) fn check(a: &ComparedSide, b: &ComparedSide) -> Result<Option<String>
         quoted(of_a),
         quoted(of_b)
     )
-}
-
-/// Lists in what the rules of the sides differ.
-fn differences(a: &ComparedSide, b: &ComparedSide) -> Vec<String> {
-    let rules = rules_of(a).zip(rules_of(b));
-    rules.map_or(Vec::new(), |(of_a, of_b)| of_a.differences(of_b, ["A", "B"]))
-}
-
-/// Returns the rules of a side, which are the same for all its runs; `None` if its domain names none.
-fn rules_of(side: &ComparedSide) -> Option<&Rules> {
-    side.group.runs.iter().find_map(|run| run.scenario().rules.as_ref())
 }

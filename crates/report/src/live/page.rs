@@ -16,7 +16,6 @@ use dials_session::records::files::{AIP_LOSS, RETURNS, RUN, TIMING};
 use dials_session::records::find::{DEPTH, Found, LeftOut, find};
 use dials_session::records::run_record::{EvaluationRecord, RunRecord};
 
-/// A figure that is not known yet.
 const NONE: &str = "-";
 /// Most maps on the page. Runs that are being written come first.
 const MAPS: usize = 4;
@@ -84,7 +83,6 @@ impl Page {
     }
 }
 
-/// Returns a line per run.
 fn progress(runs: &[RunRecord]) -> Table {
     let row = |run: &RunRecord| {
         let status = RunStatus::of(run);

@@ -20,7 +20,6 @@ const SCRIPT: &str = include_str!("shell.js");
 /// A server that is ready to answer.
 pub struct LiveServer {
     server: Server,
-    /// `127.0.0.1` and the port.
     host: String,
     token: String,
 }
@@ -43,7 +42,6 @@ impl LiveServer {
         Ok(LiveServer { server, host: format!("127.0.0.1:{port}"), token })
     }
 
-    /// Returns the address of the page.
     pub fn address(&self) -> String {
         format!("http://{}/{}/", self.host, self.token)
     }
@@ -61,26 +59,26 @@ impl LiveServer {
     fn answer(&self, request: &Request, page: &mut Page, title: &str) -> Answer {
         let host = request.headers().iter().find(|header| header.field.equiv("Host"));
         if host.is_none_or(|host| host.value.as_str() != self.host) {
-            return told(403, "text/plain", "this page is for browsers on this machine only\n".to_owned());
+            return answer(403, "text/plain", "this page is for browsers on this machine only\n".to_owned());
         }
         if *request.method() != Method::Get {
-            return told(405, "text/plain", "this page can only be read\n".to_owned());
+            return answer(405, "text/plain", "this page can only be read\n".to_owned());
         }
         let path = request.url().strip_prefix('/').and_then(|path| path.strip_prefix(&self.token));
         match path {
             Some("/") => {
                 let shell = SHELL.replace("{{style}}", STYLE).replace("{{title}}", &escape(title));
-                told(200, "text/html", shell)
+                answer(200, "text/html", shell)
             }
-            Some("/shell.js") => told(200, "text/javascript", SCRIPT.to_owned()),
-            Some("/now") => told(200, "text/html", page.now()),
-            _ => told(404, "text/plain", "no such page; the address ends with the token and /\n".to_owned()),
+            Some("/shell.js") => answer(200, "text/javascript", SCRIPT.to_owned()),
+            Some("/now") => answer(200, "text/html", page.now()),
+            _ => answer(404, "text/plain", "no such page; the address ends with the token and /\n".to_owned()),
         }
     }
 }
 
 /// Makes an answer that no other site can use, and that no browser keeps.
-fn told(status: u16, kind: &str, text: String) -> Answer {
+fn answer(status: u16, kind: &str, text: String) -> Answer {
     let rules = "default-src 'none'; style-src 'unsafe-inline'; script-src 'self'; connect-src 'self'; \
                  base-uri 'none'; form-action 'none'; frame-ancestors 'none'";
     let headers = [

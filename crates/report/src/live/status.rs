@@ -1,4 +1,4 @@
-//! How far a run is, how fast it goes, when it will end, and what its AIPs (approximate influence predictors) know.
+//! How far a run is, how fast it goes, when it will end, and what its AIPs know.
 
 use std::fs;
 use std::time::{Duration, SystemTime};
@@ -7,7 +7,6 @@ use dials_core::outside::Directory;
 use dials_session::records::files;
 use dials_session::records::run_record::{RunRecord, Status};
 
-/// What a run is doing.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum State {
     /// A process is writing it.
@@ -17,7 +16,6 @@ pub(crate) enum State {
     Stopped,
 }
 
-/// The progress of a run.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct RunStatus {
     pub(crate) state: State,
@@ -83,26 +81,16 @@ fn last_period(run: &RunRecord) -> Option<f64> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use dials_session::config::RunConfig;
-    use dials_session::records::run_record::{
-        AipTrainingRecord, EvaluationRecord, FreshLossRecord, PeriodTime, Returns,
-    };
+    use crate::fixtures;
+    use dials_session::records::run_record::{AipTrainingRecord, FreshLossRecord, PeriodTime};
 
     /// A run of 1000 timesteps that was evaluated at these steps, at these seconds.
     fn run(ends: &[(u64, f64)]) -> RunRecord {
-        let all = Returns { mean: 1.0, median: 1.0, std_error: 0.0, stuck: 0 };
-        let evaluation =
-            |&(steps, _): &(u64, f64)| EvaluationRecord { steps, all, agents: Vec::new(), episode_returns: Vec::new() };
-        let mut config = RunConfig::default();
-        config.learning.total_steps = 1000;
+        let period = |&(steps, elapsed_s): &(u64, f64)| PeriodTime { steps, elapsed_s, ..PeriodTime::default() };
         RunRecord {
-            dir: "run".into(),
-            evaluations: ends.iter().map(evaluation).collect(),
-            periods: ends
-                .iter()
-                .map(|&(steps, elapsed_s)| PeriodTime { steps, elapsed_s, ..PeriodTime::default() })
-                .collect(),
-            ..RunRecord::empty(config, dials_core::domain::Scenario::new("ants", 3, 5))
+            evaluations: ends.iter().map(|(steps, _)| fixtures::evaluation(*steps, 1.0)).collect(),
+            periods: ends.iter().map(period).collect(),
+            ..fixtures::run("total_steps = 1000")
         }
     }
 

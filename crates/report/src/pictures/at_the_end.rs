@@ -2,10 +2,8 @@
 
 use anyhow::Result;
 
-use super::{comparable, ends, label_with_runs, plain, return_axis, shows_seeds, time_unit};
-use crate::chart::{
-    Axis, Bar, BarChart, Cell, Cluster, HeatMap, Looks, NamedChart, Panel, Row, RowChart, Scale, Series,
-};
+use super::{comparable, ends, joined, label_with_runs, plain, return_axis, shows_seeds, time_unit};
+use crate::chart::{Axis, Bar, BarChart, Cluster, HeatMap, Looks, NamedChart, Panel, Row, RowChart, Scale, Series};
 use crate::drawing::Svg;
 use crate::family::Family;
 use crate::finals::{Final, Runtime};
@@ -22,11 +20,10 @@ use dials_session::records::run_record::Returns;
 /// evaluated.
 pub(crate) fn ablation(comparison: &Comparison) -> Option<Result<Svg>> {
     let (opponent, reference) = (comparison.reference()?, &comparison.groups[comparison.reference?]);
-    let of_reference = Final::of(reference)?;
-    let others = comparison.groups.iter().filter(|group| !std::ptr::eq(*group, reference));
-    let mut ends_of_others: Vec<(&Group, Final)> =
-        others.filter_map(|group| Some((group, Final::of(group)?))).collect();
-    ends_of_others.sort_by(|(_, a), (_, b)| b.returns.mean.total_cmp(&a.returns.mean));
+    let (mut of_reference, mut others): (Vec<_>, Vec<_>) =
+        comparison.ends().into_iter().partition(|(group, _)| std::ptr::eq(*group, reference));
+    let (_, of_reference) = of_reference.pop()?;
+    others.sort_by(|(_, a), (_, b)| b.returns.mean.total_cmp(&a.returns.mean));
     let row = |group: &Group, end: &Final, against: String| Row {
         label: comparison.short_label(group),
         points: end.returns.values.clone(),
@@ -39,10 +36,9 @@ pub(crate) fn ablation(comparison: &Comparison) -> Option<Result<Svg>> {
         None => format!("at {} steps", steps_text(end.steps)),
     };
     let mut rows = vec![row(reference, &of_reference, "the reference".to_owned())];
-    rows.extend(ends_of_others.iter().map(|(group, end)| row(group, end, to_reference(group, end))));
+    rows.extend(others.iter().map(|(group, end)| row(group, end, to_reference(group, end))));
     let enough = rows.iter().any(|row| row.interval.is_some());
-    let few = std::iter::once(&of_reference).chain(ends_of_others.iter().map(|(_, end)| end));
-    let few = few.clone().any(|end| end.returns.interval.is_none());
+    let few = rows.iter().any(|row| row.interval.is_none());
     let note = match (enough, few) {
         (true, false) => "diamond and bar: mean and 95 % Student's t interval over seeds; circles: seeds",
         (true, true) => {
@@ -65,26 +61,18 @@ pub(crate) fn ablation(comparison: &Comparison) -> Option<Result<Svg>> {
 
 /// Draws the final returns of a family, a cluster per size.
 pub(crate) fn final_bars(family: &Family, looks: &Looks) -> Result<Svg> {
-    let comparisons = &family.comparisons[..];
-    let clusters = clusters(comparisons, |comparison, group| {
+    let clusters = clusters(family, looks, 1.0, |comparison, group| {
         let end = Final::of(group)?;
         let paper = paper::final_return(&comparison.scenario, group.simulator(), group.method.retraining);
-        Some(Bar {
-            label: bar_label(comparisons, comparison, group, end.finished),
-            look: looks.of(&group.label()),
-            value: Some(end.returns.mean),
-            whisker: end.returns.interval.map(ends),
-            points: single(&end.returns, 1.0),
-            paper: paper.filter(|paper| comparable(end.steps, paper.steps)).map(|paper| paper.mean),
-        })
+        let paper = paper.filter(|paper| comparable(end.steps, paper.steps)).map(|paper| paper.mean);
+        Some((end.finished, end.returns, paper))
     });
     let chart = BarChart {
         title: format!("Final return, {}", family.title),
-        x_label: "agents".to_owned(),
-        y: return_axis(comparisons[0]),
+        y: return_axis(family.comparisons[0]),
         format: figure,
         scale: Scale::Linear,
-        note: note_on_bars(&clusters).unwrap_or_default(),
+        note: note_on_bars(&clusters, ""),
         clusters,
     };
     chart.draw()
@@ -92,40 +80,57 @@ pub(crate) fn final_bars(family: &Family, looks: &Looks) -> Result<Svg> {
 
 /// Draws the runtimes of a family, a cluster per size; `None` if no run has trained yet.
 pub(crate) fn runtime_bars(family: &Family, looks: &Looks) -> Result<Option<Svg>> {
-    let comparisons = &family.comparisons[..];
-    let groups = comparisons.iter().flat_map(|comparison| &comparison.groups);
+    let groups = family.comparisons.iter().flat_map(|comparison| &comparison.groups);
     let longest = groups.filter_map(|group| Some(Runtime::of(group)?.total.mean)).fold(0.0, f64::max);
     let (unit, seconds) = time_unit(longest);
-    let clusters = clusters(comparisons, |comparison, group| {
+    let clusters = clusters(family, looks, seconds, |comparison, group| {
         // A run that has not trained yet has no place on an axis of powers.
         let time = Runtime::of(group).filter(|time| time.total.mean > 0.0)?;
         let paper = paper::runtime(&comparison.scenario, group.simulator(), group.method.retraining);
-        let total = &time.total;
-        Some(Bar {
-            label: bar_label(comparisons, comparison, group, time.finished),
-            look: looks.of(&group.label()),
-            value: Some(total.mean / seconds),
-            whisker: total.interval.map(|Bounds { low, high }| (low / seconds, high / seconds)),
-            points: single(total, seconds),
-            paper: paper.filter(|_| comparable(time.steps, paper::STEPS)).map(|paper| paper.total * 3600.0 / seconds),
-        })
+        let paper = paper.filter(|_| comparable(time.steps, paper::STEPS)).map(|paper| paper.total * 3600.0);
+        Some((time.finished, time.total, paper))
     });
     if clusters.iter().all(|cluster| cluster.bars.is_empty()) {
         return Ok(None);
     }
     let chart = BarChart {
         title: format!("Runtime, {}", family.title),
-        x_label: "agents".to_owned(),
         y: Axis { label: format!("{unit}, powers of 2"), format: plain },
         format: short,
         scale: Scale::Log2,
-        note: std::iter::once("wall time of a run without its evaluations".to_owned())
-            .chain(note_on_bars(&clusters))
-            .collect::<Vec<_>>()
-            .join("; "),
+        note: note_on_bars(&clusters, "wall time of a run without its evaluations"),
         clusters,
     };
     chart.draw().map(Some)
+}
+
+/// Returns a cluster per size, with a bar per group. `figure` returns whether the runs of a group are finished, their
+/// figures, and the paper's; `unit`: what is 1 in the chart.
+fn clusters(
+    family: &Family,
+    looks: &Looks,
+    unit: f64,
+    figure: impl Fn(&Comparison, &Group) -> Option<(bool, Spread, Option<f64>)>,
+) -> Vec<Cluster> {
+    let bar = |comparison: &Comparison, group: &Group| {
+        let (finished, spread, paper) = figure(comparison, group)?;
+        // A short label may differ between scenarios.
+        let label = if family.comparisons.len() == 1 { comparison.short_label(group) } else { group.label() };
+        let single = spread.values.iter().map(|value| value / unit);
+        Some(Bar {
+            label: format!("{label}{}", if finished { "" } else { ", unfinished" }),
+            look: looks.of(&group.label()),
+            value: Some(spread.mean / unit),
+            whisker: spread.interval.map(|Bounds { low, high }| (low / unit, high / unit)),
+            points: if shows_seeds(spread.runs()) { single.collect() } else { Vec::new() },
+            paper: paper.map(|paper| paper / unit),
+        })
+    };
+    let clusters = family.comparisons.iter().map(|comparison| Cluster {
+        label: comparison.size(),
+        bars: comparison.groups.iter().filter_map(|group| bar(comparison, group)).collect(),
+    });
+    clusters.collect()
 }
 
 /// Writes a difference like [`difference`], but shorter, to fit a picture. With few seeds: `+4.1 (+3.0, +5.0, +4.3)`,
@@ -143,45 +148,22 @@ fn short_difference(found: Difference, like: f64) -> String {
     }
 }
 
-/// Returns the values of the seeds in this unit, if they are too few for an interval.
-fn single(spread: &Spread, unit: f64) -> Vec<f64> {
-    let values = spread.values.iter().map(|value| value / unit);
-    if shows_seeds(spread.runs()) { values.collect() } else { Vec::new() }
-}
-
-/// Explains whiskers and circles.
-fn note_on_bars(clusters: &[Cluster]) -> Option<String> {
+/// Explains whiskers and circles after another note, which may be empty.
+fn note_on_bars(clusters: &[Cluster], before: &str) -> String {
     let bars = || clusters.iter().flat_map(|cluster| &cluster.bars);
-    let whiskers = bars().any(|bar| bar.whisker.is_some());
-    let whiskers = whiskers.then(|| "whiskers: 95\u{a0}% Student's t interval over seeds".to_owned());
-    let circles = bars().any(|bar| !bar.points.is_empty());
-    let circles = circles.then(|| format!("circles: single seeds, if fewer than {ENOUGH_SEEDS}"));
-    let notes: Vec<String> = whiskers.into_iter().chain(circles).collect();
-    (!notes.is_empty()).then(|| notes.join("; "))
+    joined(&[
+        (!before.is_empty(), before),
+        (bars().any(|bar| bar.whisker.is_some()), "whiskers: 95\u{a0}% Student's t interval over seeds"),
+        (bars().any(|bar| !bar.points.is_empty()), &format!("circles: single seeds, if fewer than {ENOUGH_SEEDS}")),
+    ])
 }
 
-/// Returns the label of a bar. It is the full one if there are several scenarios, because a short one may differ
-/// between them.
-fn bar_label(comparisons: &[&Comparison], comparison: &Comparison, group: &Group, finished: bool) -> String {
-    let label = if comparisons.len() == 1 { comparison.short_label(group) } else { group.label() };
-    format!("{label}{}", if finished { "" } else { ", unfinished" })
-}
-
-/// Writes a number with three digits.
 fn short(value: f64) -> String {
     match value {
         v if v >= 100.0 => format!("{v:.0}"),
         v if v >= 10.0 => format!("{v:.1}"),
         v => format!("{v:.2}"),
     }
-}
-
-fn clusters(comparisons: &[&Comparison], bar: impl Fn(&Comparison, &Group) -> Option<Bar>) -> Vec<Cluster> {
-    let clusters = comparisons.iter().map(|comparison| Cluster {
-        label: comparison.size(),
-        bars: comparison.groups.iter().filter_map(|group| bar(comparison, group)).collect(),
-    });
-    clusters.collect()
 }
 
 /// Draws every agent of a scenario at the end of its runs: in rows if it is in rows there, else by its name. `None` if
@@ -195,8 +177,7 @@ pub(crate) fn agents(comparison: &Comparison, looks: &Looks) -> Result<Option<Sv
 
 fn agents_in_rows(comparison: &Comparison, map: Map) -> Result<Option<Svg>> {
     let mut groups = Vec::new();
-    for group in &comparison.groups {
-        let Some(end) = Final::of(group) else { continue };
+    for (group, end) in comparison.ends() {
         let panel = |label: String, agents: Vec<(f64, bool)>| Panel { label, rows: on_the_map(&agents, map) };
         let mut panels = Vec::new();
         if end.agents_of_runs.len() > 1 {
@@ -214,12 +195,7 @@ fn agents_in_rows(comparison: &Comparison, map: Map) -> Result<Option<Svg>> {
     if groups.is_empty() {
         return Ok(None);
     }
-    let map = HeatMap {
-        title: format!("{}: every agent at the end", comparison.heading()),
-        key: "mean return; cross: stuck".to_owned(),
-        format: figure,
-        groups,
-    };
+    let map = HeatMap { title: format!("{}: every agent at the end", comparison.heading()), groups };
     map.draw().map(Some)
 }
 
@@ -227,8 +203,7 @@ fn agents_in_rows(comparison: &Comparison, map: Map) -> Result<Option<Svg>> {
 const MOST_NAMED: usize = 40;
 
 fn agents_by_name(comparison: &Comparison, looks: &Looks) -> Result<Option<Svg>> {
-    let ends: Vec<(&Group, Final)> =
-        comparison.groups.iter().filter_map(|group| Some((group, Final::of(group)?))).collect();
+    let ends = comparison.ends();
     let runs = ends.iter().flat_map(|(group, _)| &group.runs);
     let Some(run) = runs.max_by_key(|run| run.about.agents.len()) else { return Ok(None) };
     let all = comparison.scenario.agents;
@@ -258,11 +233,9 @@ fn agents_by_name(comparison: &Comparison, looks: &Looks) -> Result<Option<Svg>>
     chart.draw().map(Some)
 }
 
-/// Arranges agents row by row. `upwards`: agent 0 is in the bottom row.
-fn on_the_map(agents: &[(f64, bool)], map: Map) -> Vec<Vec<Cell>> {
-    let cell = |&(value, stuck): &(f64, bool)| Cell { value, stuck };
-    let mut rows: Vec<Vec<Cell>> =
-        agents.chunks(map.columns.max(1)).map(|row| row.iter().map(cell).collect()).collect();
+/// Arranges agents row by row, with the top row first.
+fn on_the_map(agents: &[(f64, bool)], map: Map) -> Vec<Vec<(f64, bool)>> {
+    let mut rows: Vec<Vec<(f64, bool)>> = agents.chunks(map.columns.max(1)).map(<[_]>::to_vec).collect();
     if map.first_row == FirstRow::Bottom {
         rows.reverse();
     }
@@ -278,7 +251,7 @@ mod tests {
         let agents: Vec<(f64, bool)> = (0..6).map(|agent| (f64::from(agent), false)).collect();
         let values = |first_row| -> Vec<Vec<f64>> {
             let rows = on_the_map(&agents, Map { rows: 2, columns: 3, first_row });
-            rows.iter().map(|row| row.iter().map(|cell| cell.value).collect()).collect()
+            rows.iter().map(|row| row.iter().map(|(value, _)| *value).collect()).collect()
         };
         assert_eq!(values(FirstRow::Bottom), [[3.0, 4.0, 5.0], [0.0, 1.0, 2.0]]);
         assert_eq!(values(FirstRow::Top), [[0.0, 1.0, 2.0], [3.0, 4.0, 5.0]]);

@@ -4,9 +4,9 @@ use anyhow::Result;
 
 use super::{comparable, time_unit};
 use crate::chart::{Axis, Line, LineChart, LinePoint, Look, Looks, Mark, Marker};
-use crate::cores::{ByCores, by_cores};
+use crate::cores::by_cores;
 use crate::drawing::{INK, Svg};
-use crate::group::{Comparison, Group};
+use crate::group::Comparison;
 use crate::paper;
 use dials_session::records::method::steps_text;
 
@@ -19,16 +19,44 @@ pub(crate) fn time_by_cores(comparison: &Comparison, looks: &Looks) -> Result<Op
     let (unit, unit_s) = time_unit(all.iter().map(|(_, model)| model.cpu.seconds(1)).fold(0.0, f64::max));
     // One doubling beyond the number of agents, to show that nothing changes there.
     let last = comparison.scenario.agents.next_power_of_two().ilog2() + 1;
+    // Both axes are logarithms to base 2.
+    let place = |cores: f64, seconds: f64| (cores.log2(), (seconds / unit_s).log2());
     let lines = all.iter().map(|(group, model)| Line {
         label: format!("{}, model", comparison.short_label(group)),
         look: looks.of(&group.label()),
-        points: (0..=last).map(|power| point(f64::from(power), model.cpu.seconds(1 << power) / unit_s)).collect(),
+        points: (0..=last)
+            .map(|power| {
+                let (x, y) = place(f64::from(1 << power), model.cpu.seconds(1 << power));
+                LinePoint { x, y, band: None, whole: true }
+            })
+            .collect(),
         companion: Vec::new(),
         seeds: Vec::new(),
     });
-    let mut marks: Vec<Mark> =
-        all.iter().map(|(group, model)| measured(comparison, group, model, unit_s, looks)).collect();
-    marks.extend(all.iter().filter_map(|(group, model)| of_the_paper(comparison, group, model, unit_s, looks)));
+    let measured = all.iter().map(|(group, model)| Mark {
+        label: format!("{}, measured", comparison.short_label(group)),
+        look: looks.of(&group.label()),
+        points: model
+            .measured
+            .iter()
+            .map(|(&workers, &seconds)| place(workers as f64, seconds))
+            .map(|(x, y)| (x, y, None))
+            .collect(),
+    });
+    // The paper's GS is one process, and its DIALS has one process per agent.
+    let of_paper = all.iter().filter_map(|(group, model)| {
+        let simulator = group.simulator();
+        let time = paper::runtime(&comparison.scenario, simulator, group.method.retraining)
+            .filter(|_| group.overrides.is_empty() && comparable(model.steps, paper::STEPS))?;
+        let cores = if simulator == "gs" { 1 } else { comparison.scenario.agents };
+        let (x, y) = place(cores as f64, time.total * 3600.0);
+        Some(Mark {
+            label: format!("{}, the paper", group.name()),
+            look: Look { colour: INK, marker: Marker::Diamond, ..looks.of(&group.label()) },
+            points: vec![(x, y, None)],
+        })
+    });
+    let marks = measured.chain(of_paper).collect();
     let chart = LineChart {
         title: format!("{}: wall time by number of cores, {} timesteps", comparison.heading(), steps_text(steps)),
         x: Axis { label: "cores".to_owned(), format: power_of_two },
@@ -43,39 +71,6 @@ pub(crate) fn time_by_cores(comparison: &Comparison, looks: &Looks) -> Result<Op
             .to_owned(),
     };
     chart.draw().map(Some)
-}
-
-/// Returns a point of the chart. Both axes are logarithms to base 2.
-fn point(power: f64, time: f64) -> LinePoint {
-    LinePoint { x: power, y: time.log2(), band: None, whole: true }
-}
-
-fn measured(comparison: &Comparison, group: &Group, model: &ByCores, unit_s: f64, looks: &Looks) -> Mark {
-    let points = model.measured.iter().map(|(&workers, seconds)| {
-        let LinePoint { x, y, .. } = point((workers as f64).log2(), seconds / unit_s);
-        (x, y, None)
-    });
-    Mark {
-        label: format!("{}, measured", comparison.short_label(group)),
-        look: looks.of(&group.label()),
-        points: points.collect(),
-    }
-}
-
-/// Returns the paper's hours. Its GS is one process, and DIALS has one process per agent.
-fn of_the_paper(comparison: &Comparison, group: &Group, model: &ByCores, unit_s: f64, looks: &Looks) -> Option<Mark> {
-    let (simulator, retraining) = (group.simulator(), group.method.retraining);
-    if !group.overrides.is_empty() || !comparable(model.steps, paper::STEPS) {
-        return None;
-    }
-    let time = paper::runtime(&comparison.scenario, simulator, retraining)?;
-    let cores = if simulator == "gs" { 1 } else { comparison.scenario.agents };
-    let LinePoint { x, y, .. } = point((cores as f64).log2(), time.total * 3600.0 / unit_s);
-    Some(Mark {
-        label: format!("{}, the paper", group.name()),
-        look: Look { colour: INK, marker: Marker::Diamond, ..looks.of(&group.label()) },
-        points: vec![(x, y, None)],
-    })
 }
 
 /// Writes whole powers of two, and two digits of what lies between: a narrow axis has hardly any whole power.

@@ -36,6 +36,11 @@ fn ends(Bounds { low, high }: Bounds) -> (f64, f64) {
     (low, high)
 }
 
+fn joined(notes: &[(bool, &str)]) -> String {
+    let notes: Vec<&str> = notes.iter().filter(|(applies, _)| *applies).map(|(_, note)| *note).collect();
+    notes.join("; ")
+}
+
 fn plain(value: f64) -> String {
     // Three decimals are enough for the ticks of an axis, and hide their rounding errors.
     format!("{}", (value * 1000.0).round() / 1000.0)

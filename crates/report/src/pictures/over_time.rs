@@ -2,19 +2,17 @@
 
 use anyhow::Result;
 
-use super::{ends, label_with_runs, plain, return_axis, shows_seeds, time_unit};
+use super::{ends, joined, label_with_runs, plain, return_axis, shows_seeds, time_unit};
 use crate::chart::{Axis, Level, Line, LineChart, LinePoint, Looks, MOST_BANDS, Mark};
-use crate::curves::{
-    CurvePoint, LossData, LossPoint, learning_curve, loss_curve, loss_curves_of_seeds, single_trainings,
-};
+use crate::curves::{CurvePoint, LossData, LossPoint, learning_curve, loss_curve, measured, single_trainings};
 use crate::drawing::Svg;
 use crate::group::{Comparison, Group};
 use crate::paper;
 use crate::words::figure;
 use dials_core::base::statistics::{ENOUGH_SEEDS, Spread};
 use dials_session::records::method::steps_text;
+use dials_session::records::run_record::RunRecord;
 
-/// Horizontal axis of a learning curve.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Against {
     Timesteps,
@@ -35,6 +33,16 @@ pub(crate) fn learning(comparison: &Comparison, looks: &Looks, against: Against)
         Against::Timesteps => Some(point.steps as f64),
         Against::Runtime => point.runtime_s.map(|runtime| runtime / seconds),
     };
+    let of_run = |run: &RunRecord| {
+        let points = run.evaluations.iter().filter_map(|point| {
+            let place = match against {
+                Against::Timesteps => point.steps as f64,
+                Against::Runtime => run.runtime_at(point.steps)? / seconds,
+            };
+            Some((place, point.all.mean))
+        });
+        points.collect()
+    };
     let lines: Vec<Line> = curves
         .iter()
         .map(|(group, points)| Line {
@@ -42,27 +50,22 @@ pub(crate) fn learning(comparison: &Comparison, looks: &Looks, against: Against)
             look: looks.of(&group.label()),
             points: points.iter().filter_map(|point| Some(point_of(place(point)?, &point.returns, group))).collect(),
             companion: points.iter().filter_map(|point| Some((place(point)?, point.median_agent))).collect(),
-            seeds: learning_of_seeds(group, against, seconds),
+            seeds: seeds(group, &of_run),
         })
         .filter(|line| !line.points.is_empty())
         .collect();
     if lines.is_empty() {
         return Ok(None);
     }
-    let marks = match against {
-        Against::Timesteps => paper_marks(comparison, &curves, looks),
-        Against::Runtime => Vec::new(),
-    };
-    let x = match against {
-        Against::Timesteps => steps_axis(),
-        Against::Runtime => Axis { label: format!("wall time without evaluations, {unit}"), format: plain },
-    };
-    let what = match against {
-        Against::Timesteps => "return by timesteps",
-        Against::Runtime => "return by wall time",
+    let (x, marks, what) = match against {
+        Against::Timesteps => (steps_axis(), paper_marks(comparison, &curves, looks), "timesteps"),
+        Against::Runtime => {
+            let label = format!("wall time without evaluations, {unit}");
+            (Axis { label, format: plain }, Vec::new(), "wall time")
+        }
     };
     let chart = LineChart {
-        title: format!("{}: {what}", comparison.heading()),
+        title: format!("{}: return by {what}", comparison.heading()),
         x,
         y: return_axis(comparison),
         lines,
@@ -77,42 +80,22 @@ pub(crate) fn learning(comparison: &Comparison, looks: &Looks, against: Against)
 
 /// Returns the curves of the single runs if the group has too few for an interval. A single run has none: it is the
 /// mean.
-fn learning_of_seeds(group: &Group, against: Against, seconds: f64) -> Vec<Vec<(f64, f64)>> {
-    if !shows_seeds(group.runs.len()) {
-        return Vec::new();
-    }
-    let curves = group.runs.iter().map(|run| {
-        let points = run.evaluations.iter().filter_map(|point| {
-            let place = match against {
-                Against::Timesteps => point.steps as f64,
-                Against::Runtime => run.runtime_at(point.steps)? / seconds,
-            };
-            Some((place, point.all.mean))
-        });
-        points.collect()
-    });
-    curves.collect()
+fn seeds(group: &Group, curve: &dyn Fn(&RunRecord) -> Vec<(f64, f64)>) -> Vec<Vec<(f64, f64)>> {
+    if shows_seeds(group.runs.len()) { group.runs.iter().map(curve).collect() } else { Vec::new() }
 }
 
-/// Explains bands and pale lines.
-fn note_on_seeds(lines: &[Line]) -> Option<String> {
-    let bands = lines.iter().any(|line| line.points.iter().any(|point| point.band.is_some()));
-    let bands = bands.then(|| "band: 95\u{a0}% Student's t interval over seeds".to_owned());
-    let seeds = lines.iter().any(|line| !line.seeds.is_empty());
-    let seeds = seeds.then(|| format!("pale lines: single seeds, if fewer than {ENOUGH_SEEDS}"));
-    let notes: Vec<String> = bands.into_iter().chain(seeds).collect();
-    (!notes.is_empty()).then(|| notes.join("; "))
-}
-
-/// Draws a chart. With many lines, each one gets a panel with the reference. If there is no reference, all share one
-/// chart without bands, seeds and companions.
+/// Draws a chart, and explains bands and pale lines before its note. With many lines, each one gets a panel with the
+/// reference. If there is no reference, all share one chart without bands, seeds and companions.
 fn draw(mut chart: LineChart, comparison: &Comparison, looks: &Looks) -> Result<Svg> {
-    let told = chart.note.clone();
-    let with = |note: Option<String>| {
-        let notes: Vec<String> = note.into_iter().chain(Some(told.clone()).filter(|told| !told.is_empty())).collect();
-        notes.join("; ")
-    };
-    chart.note = with(note_on_seeds(&chart.lines));
+    let note = (!chart.note.is_empty(), chart.note.as_str());
+    let without_bands = joined(&[(true, "intervals and seeds: in the CSV files"), note]);
+    let bands = chart.lines.iter().flat_map(|line| &line.points).any(|point| point.band.is_some());
+    let seeds = chart.lines.iter().any(|line| !line.seeds.is_empty());
+    chart.note = joined(&[
+        (bands, "band: 95\u{a0}% Student's t interval over seeds"),
+        (seeds, &format!("pale lines: single seeds, if fewer than {ENOUGH_SEEDS}")),
+        note,
+    ]);
     if chart.lines.len() <= MOST_BANDS {
         return chart.draw();
     }
@@ -125,8 +108,7 @@ fn draw(mut chart: LineChart, comparison: &Comparison, looks: &Looks) -> Result<
         line.seeds.clear();
         line.points.iter_mut().for_each(|point| point.band = None);
     }
-    chart.note = with(Some("intervals and seeds: in the CSV files".to_owned()));
-    LineChart { companions: None, ..chart }.draw()
+    LineChart { companions: None, note: without_bands, ..chart }.draw()
 }
 
 fn point_of(x: f64, spread: &Spread, group: &Group) -> LinePoint {
@@ -153,14 +135,13 @@ fn levels(comparison: &Comparison) -> Vec<Level> {
 /// Returns the paper's points within the steps that are drawn, for each of its methods that has a curve here.
 fn paper_marks(comparison: &Comparison, curves: &[(&Group, Vec<CurvePoint>)], looks: &Looks) -> Vec<Mark> {
     let last = curves.iter().filter_map(|(_, points)| points.last()).map(|point| point.steps).max().unwrap_or(0);
-    let mut told = Vec::new();
-    let mut marks = Vec::new();
+    let (mut methods, mut marks) = (Vec::new(), Vec::new());
     for (group, _) in curves {
         let method = (group.simulator(), group.method.retraining);
         let mut points = paper::curve(&comparison.scenario, group.simulator(), group.method.retraining);
         points.retain(|point| point.steps as f64 <= 1.02 * last as f64);
-        if points.iter().any(|point| point.steps > 0) && !told.contains(&method) {
-            told.push(method);
+        if points.iter().any(|point| point.steps > 0) && !methods.contains(&method) {
+            methods.push(method);
             let drawn = points.iter().any(|point| point.std_error.is_some());
             marks.push(Mark {
                 label: format!("{}, the paper{}", group.name(), if drawn { ", ± its standard error" } else { "" }),
@@ -172,17 +153,15 @@ fn paper_marks(comparison: &Comparison, curves: &[(&Group, Vec<CurvePoint>)], lo
     marks
 }
 
-/// Draws the cross-entropy of the AIPs (approximate influence predictors) of a scenario; `None` if no AIP was trained.
+/// Draws the cross-entropy of the AIPs of a scenario; `None` if no AIP was trained.
 pub(crate) fn cross_entropy(comparison: &Comparison, looks: &Looks) -> Result<Option<Svg>> {
     let trained = comparison.groups.iter().filter(|group| group.simulator() != "untrained-dials");
-    let curves: Vec<(&Group, LossData, Vec<LossPoint>)> = trained
-        .map(|group| {
-            let (data, mut points) = loss_curve(group);
-            points.retain(|point| is_trained(point.steps, point.after_training));
-            (group, data, points)
-        })
-        .filter(|(_, _, points)| !points.is_empty())
-        .collect();
+    let curve = |group| {
+        let (data, mut points) = loss_curve(group);
+        points.retain(|point| is_trained(point.steps, point.after_training));
+        (!points.is_empty()).then_some((group, data, points))
+    };
+    let curves: Vec<(&Group, LossData, Vec<LossPoint>)> = trained.filter_map(curve).collect();
     if curves.is_empty() {
         return Ok(None);
     }
@@ -197,12 +176,11 @@ pub(crate) fn cross_entropy(comparison: &Comparison, looks: &Looks) -> Result<Op
         look: looks.of(&group.label()),
         points: points.iter().map(|point| point_of(point.steps as f64, &point.loss, group)).collect(),
         companion: points.iter().map(|point| (point.steps as f64, point.marginals)).collect(),
-        seeds: losses_of_seeds(group, *data),
+        seeds: seeds(group, &|run| losses_of_run(run, *data)),
     });
-    let runs = comparison.groups.iter().flat_map(|group| &group.runs);
-    let evaluated = runs.filter_map(|run| Some(run.evaluations.last()?.steps));
-    let (fresh, held_out) =
-        ("on fresh GS episodes at evaluations", "on held-out episodes, before and after each training");
+    let evaluated = comparison.runs().filter_map(|run| Some(run.evaluations.last()?.steps));
+    let fresh = "on fresh GS episodes at evaluations";
+    let held_out = "on held-out episodes, before and after each training";
     let of = |data| curves.iter().any(|(_, of, _)| *of == data);
     let note = match (of(LossData::Fresh), of(LossData::HeldOut)) {
         (true, false) => fresh.to_owned(),
@@ -228,14 +206,8 @@ fn is_trained(steps: u64, after_training: bool) -> bool {
     steps > 0 || after_training
 }
 
-/// Returns the loss curves of the single runs, on the same condition as [`learning_of_seeds`].
-fn losses_of_seeds(group: &Group, data: LossData) -> Vec<Vec<(f64, f64)>> {
-    if !shows_seeds(group.runs.len()) {
-        return Vec::new();
-    }
-    let curve = |points: Vec<(u64, bool, f64)>| {
-        let points = points.into_iter().filter(|(steps, after_training, _)| is_trained(*steps, *after_training));
-        points.map(|(steps, _, loss)| (steps as f64, loss)).collect()
-    };
-    loss_curves_of_seeds(group, data).into_iter().map(curve).collect()
+fn losses_of_run(run: &RunRecord, data: LossData) -> Vec<(f64, f64)> {
+    let losses = measured(run, data).into_iter();
+    let trained = losses.filter(|((steps, after_training), _)| is_trained(*steps, *after_training));
+    trained.map(|((steps, _), [loss, _])| (steps as f64, loss)).collect()
 }

@@ -39,23 +39,46 @@ pub(super) struct MapLight<'a> {
 }
 
 /// The sheet of a map: the map at the left, and the names of the lights at the right unless there are too many.
-pub(super) struct Sheet {
-    frame: Frame,
+pub(super) struct Sheet<'a> {
+    lanes: &'a [Line],
+    junctions: &'a [Line],
+    lights: Vec<MapLight<'a>>,
+    /// Western and northern ends of the net, in metres.
+    corner_m: [f64; 2],
+    px_per_m: f64,
+    /// Width of a lane, in pixels.
+    lane_px: f64,
     /// Width of the map and height of the sheet, in pixels.
     width: i32,
-    tall: i32,
+    pub(super) tall: i32,
     /// Width of the list of names in pixels, if there is one.
     names: Option<i32>,
 }
 
-impl Sheet {
-    /// Returns the sheet for a net with these lights.
-    pub(super) fn around(lanes: &[Line], junctions: &[Line], lights: &[MapLight<'_>]) -> Sheet {
-        let frame = Frame::around(lanes, junctions);
-        let names = (lights.len() <= MOST_NAMES).then(|| width_of_list(lights));
-        let width = (frame.width.ceil() as i32).max(LEAST_WIDTH);
+impl<'a> Sheet<'a> {
+    pub(super) fn around(lanes: &'a [Line], junctions: &'a [Line], lights: Vec<MapLight<'a>>) -> Sheet<'a> {
+        let places = || lanes.iter().chain(junctions).flatten();
+        let end =
+            |axis: usize, pick: fn(f64, f64) -> f64, from: f64| places().map(|place| place[axis]).fold(from, pick);
+        let [west, south] = [0, 1].map(|axis| end(axis, f64::min, f64::INFINITY));
+        let [east, north] = [0, 1].map(|axis| end(axis, f64::max, f64::NEG_INFINITY));
+        // A net without shapes is drawn as a point.
+        let [wide_m, tall_m] = [east - west, north - south].map(|metres| if metres > 1.0 { metres } else { 1.0 });
+        let px_per_m = LONGER / wide_m.max(tall_m);
+        let [wide, tall] = [wide_m, tall_m].map(|metres| (metres * px_per_m).max(SHORTER).ceil() as i32);
+        let names = (lights.len() <= MOST_NAMES).then(|| width_of_list(&lights));
         let listed = names.map_or(0, |_| NAME_HEIGHT * lights.len() as i32);
-        Sheet { width, tall: (frame.height.ceil() as i32).max(listed), names, frame }
+        Sheet {
+            lanes,
+            junctions,
+            lights,
+            corner_m: [west, north],
+            px_per_m,
+            lane_px: (LANE_M * px_per_m * 0.7).clamp(1.0, 6.0),
+            width: wide.max(LEAST_WIDTH),
+            tall: tall.max(listed),
+            names,
+        }
     }
 
     /// Returns the width and height of the picture, in pixels.
@@ -68,64 +91,56 @@ impl Sheet {
         self.width + self.names.unwrap_or(0)
     }
 
-    /// Returns the height of the map and the list, in pixels.
-    pub(super) fn tall(&self) -> i32 {
-        self.tall
-    }
-
-    pub(super) fn draw_junctions(&self, area: &Area<'_>, outlines: &[Line]) -> Result<()> {
-        for outline in outlines.iter().filter(|outline| outline.len() >= 3) {
-            area.draw(&Polygon::new(self.frame.line(outline), PALE.filled()))?;
+    /// Draws the map, and its lights over what `between` draws. Each light has its name in the list.
+    pub(super) fn draw(&self, area: &Area<'_>, between: impl FnOnce() -> Result<()>) -> Result<()> {
+        for outline in self.junctions.iter().filter(|outline| outline.len() >= 3) {
+            area.draw(&Polygon::new(self.line(outline), PALE.filled()))?;
         }
-        Ok(())
-    }
-
-    /// Draws the lanes of a net under everything else.
-    pub(super) fn draw_net(&self, area: &Area<'_>, lanes: &[Line]) -> Result<()> {
-        self.draw_lanes(area, lanes, FAINT.mix(0.45))
+        self.draw_lanes(area, self.lanes, FAINT.mix(0.45))?;
+        between()?;
+        for (number, light) in self.lights.iter().enumerate() {
+            draw_light(area, self.point(light.place_m), number, light.colour)?;
+            if self.names.is_some() {
+                let at = (px(self.width + DISC), px(10 + NAME_HEIGHT * number as i32));
+                draw_light(area, at, number, light.colour)?;
+                let behind = (at.0 + px(BEHIND_DISC), at.1);
+                write_at(area, &light.in_list(), behind, LETTERS, (HPos::Left, VPos::Center))?;
+                if let Some(value) = &light.value {
+                    write_at(area, value, (px(self.right()), at.1), LETTERS, (HPos::Right, VPos::Center))?;
+                }
+            }
+        }
+        self.draw_scale(area)
     }
 
     pub(super) fn draw_lanes(&self, area: &Area<'_>, lanes: &[Line], colour: RGBAColor) -> Result<()> {
         for line in lanes.iter().filter(|line| line.len() >= 2) {
-            area.draw(&PathElement::new(self.frame.line(line), pen(colour, self.frame.lane_px)))?;
+            area.draw(&PathElement::new(self.line(line), pen(colour, self.lane_px)))?;
         }
         Ok(())
     }
 
     pub(super) fn draw_cross(&self, area: &Area<'_>, place_m: [f64; 2]) -> Result<()> {
-        area.draw(&Cross::new(self.frame.point(place_m), px(5), pen(INK, 2)))?;
-        Ok(())
-    }
-
-    /// Draws the lights, and each with its name in the list.
-    pub(super) fn draw_lights(&self, area: &Area<'_>, lights: &[MapLight<'_>]) -> Result<()> {
-        for (number, light) in lights.iter().enumerate() {
-            draw_light(area, self.frame.point(light.place_m), number, light.colour)?;
-            if self.names.is_some() {
-                let at = (px(self.width + DISC), px(10 + NAME_HEIGHT * number as i32));
-                draw_light(area, at, number, light.colour)?;
-                let style = anchored(text(LETTERS, INK), HPos::Left, VPos::Center);
-                area.draw_text(&light.in_list(), &style, (at.0 + px(BEHIND_DISC), at.1))?;
-                if let Some(value) = &light.value {
-                    let style = anchored(text(LETTERS, INK), HPos::Right, VPos::Center);
-                    area.draw_text(value, &style, (px(self.right()), at.1))?;
-                }
-            }
-        }
+        area.draw(&Cross::new(self.point(place_m), px(5), pen(INK, 2)))?;
         Ok(())
     }
 
     /// Draws a line of a round number of metres under the map.
-    pub(super) fn draw_scale(&self, area: &Area<'_>) -> Result<()> {
-        let px_per_m = self.frame.px_per_m;
+    fn draw_scale(&self, area: &Area<'_>) -> Result<()> {
         let fitting = (0..8).flat_map(|power| [1.0, 2.0, 5.0].map(|part| part * 10_f64.powi(power)));
-        let metres = fitting.take_while(|metres| metres * px_per_m <= 160.0).last().unwrap_or(1.0);
-        let y = px(self.tall + 14);
-        let end = px(metres * px_per_m);
+        let metres = fitting.take_while(|metres| metres * self.px_per_m <= 160.0).last().unwrap_or(1.0);
+        let (y, end) = (px(self.tall + 14), px(metres * self.px_per_m));
         area.draw(&PathElement::new([(0, y), (end, y)], pen(INK, 2)))?;
-        let style = anchored(text(11, INK), HPos::Left, VPos::Center);
-        area.draw_text(&format!("{metres:.0} m"), &style, (end + px(8), y))?;
-        Ok(())
+        write_at(area, &format!("{metres:.0} m"), (end + px(8), y), 11, (HPos::Left, VPos::Center))
+    }
+
+    fn point(&self, [x, y]: [f64; 2]) -> (i32, i32) {
+        let [west, north] = self.corner_m;
+        (px((x - west) * self.px_per_m), px((north - y) * self.px_per_m))
+    }
+
+    fn line(&self, line: &Line) -> Vec<(i32, i32)> {
+        line.iter().map(|&place| self.point(place)).collect()
     }
 }
 
@@ -154,70 +169,27 @@ fn draw_light(area: &Area<'_>, at: (i32, i32), number: usize, colour: RGBColor) 
     Ok(())
 }
 
-/// Where a place of the net is on the map.
-struct Frame {
-    /// Western and northern ends, in metres.
-    corner_m: [f64; 2],
-    px_per_m: f64,
-    width: f64,
-    height: f64,
-    /// Width of a lane in pixels.
-    lane_px: f64,
-}
-
-impl Frame {
-    fn around(lanes: &[Line], junctions: &[Line]) -> Frame {
-        let places = || lanes.iter().chain(junctions).flatten();
-        let end =
-            |axis: usize, pick: fn(f64, f64) -> f64, from: f64| places().map(|place| place[axis]).fold(from, pick);
-        let [west, south] = [0, 1].map(|axis| end(axis, f64::min, f64::INFINITY));
-        let [east, north] = [0, 1].map(|axis| end(axis, f64::max, f64::NEG_INFINITY));
-        // A net without shapes is drawn as a point.
-        let [wide, tall] = [east - west, north - south].map(|metres| if metres > 1.0 { metres } else { 1.0 });
-        let px_per_m = LONGER / wide.max(tall);
-        Frame {
-            corner_m: [west, north],
-            px_per_m,
-            width: (wide * px_per_m).max(SHORTER),
-            height: (tall * px_per_m).max(SHORTER),
-            lane_px: (LANE_M * px_per_m * 0.7).clamp(1.0, 6.0),
-        }
-    }
-
-    fn point(&self, [x, y]: [f64; 2]) -> (i32, i32) {
-        let [west, north] = self.corner_m;
-        (px((x - west) * self.px_per_m), px((north - y) * self.px_per_m))
-    }
-
-    fn line(&self, line: &Line) -> Vec<(i32, i32)> {
-        line.iter().map(|&place| self.point(place)).collect()
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
 
     #[test]
     fn the_list_is_as_wide_as_its_longest_line() {
-        let light = |name, value: Option<&str>| MapLight {
-            name,
-            place_m: [0.0, 0.0],
-            colour: INK,
-            value: value.map(str::to_owned),
+        let width = |name, value: Option<&str>| {
+            let value = value.map(str::to_owned);
+            width_of_list(&[MapLight { name, place_m: [0.0, 0.0], colour: INK, value }])
         };
-        let [short, long] =
-            ["b2", "cluster_1_2_3_4_5_6_7_8_9_10_11_12"].map(|name| width_of_list(&[light(name, Some("-1.07"))]));
         // Letters of 11 pixels are 6.16 wide: 2 of them, or 28 and three dots; 5 of the value.
-        assert_eq!([short, long], [30 + 16 + 12 + 20 + 30, 30 + 16 + 191 + 20 + 30]);
-        assert_eq!(width_of_list(&[light("b2", None)]), 30 + 16 + 12);
+        assert_eq!(width("b2", None), 30 + 16 + 12);
+        assert_eq!(width("b2", Some("-1.07")), 30 + 16 + 12 + 20 + 30);
+        assert_eq!(width("cluster_1_2_3_4_5_6_7_8_9_10_11_12", Some("-1.07")), 30 + 16 + 191 + 20 + 30);
     }
 
     #[test]
     fn north_is_up_and_the_longer_side_fills_the_map() {
         let lanes = [vec![[0.0, 0.0], [1000.0, 0.0]], vec![[0.0, 500.0], [0.0, 0.0]]];
-        let frame = Frame::around(&lanes, &[]);
+        let sheet = Sheet::around(&lanes, &[], Vec::new());
         // 1000 m are 1000 pixels.
-        assert_eq!([frame.point([0.0, 500.0]), frame.point([1000.0, 0.0])], [(0, 0), (px(1000), px(500))]);
+        assert_eq!([sheet.point([0.0, 500.0]), sheet.point([1000.0, 0.0])], [(0, 0), (px(1000), px(500))]);
     }
 }

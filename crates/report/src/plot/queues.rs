@@ -45,7 +45,7 @@ pub fn queues(trace: &RoadTrace, about: &About) -> Result<Svg> {
             }
             let mean = means.iter().sum::<f64>() / seconds.len().max(1) as f64;
             let word = format!("from the {from}: {mean:.2} cars on average");
-            panel.draw_text(&word, &text(11, INK), (px(62), px(1)))?;
+            write(panel, &word, (px(62), px(1)), 11)?;
         }
         Ok(())
     })
@@ -59,14 +59,13 @@ fn panels<'a>(area: &Area<'a>, count: usize) -> Vec<Area<'a>> {
 }
 
 fn draw_legend(area: &Area<'_>, several: bool) -> Result<()> {
-    let style = anchored(text(11, INK), HPos::Left, VPos::Center);
     let mean = if several { "standing cars, mean over the intersections" } else { "standing cars" };
     area.draw(&Rectangle::new([(px(58), px(10)), (px(84), px(16))], SKY.mix(0.55).filled()))?;
     area.draw(&PathElement::new(vec![(px(58), px(10)), (px(84), px(10))], pen(BLUE, 2)))?;
-    area.draw_text(mean, &style, (px(92), px(11)))?;
+    write_at(area, mean, (px(92), px(11)), 11, (HPos::Left, VPos::Center))?;
     if several {
         area.draw(&PathElement::new(vec![(px(410), px(11)), (px(436), px(11))], pen(FAINT, 1)))?;
-        area.draw_text("the longest queue", &style, (px(444), px(11)))?;
+        write_at(area, "the longest queue", (px(444), px(11)), 11, (HPos::Left, VPos::Center))?;
     }
     Ok(())
 }

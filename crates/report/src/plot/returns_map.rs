@@ -2,7 +2,7 @@
 
 use anyhow::Result;
 
-use super::returns_on_net::returns_on_net;
+use super::net_map::{MapLight, Sheet};
 use super::*;
 use dials_core::base::statistics::mean;
 use dials_core::base::{Rows, decimals};
@@ -11,13 +11,13 @@ use dials_core::domain::road_trace::{Layout, RoadMap, RoadTrace};
 /// Length of the map's longer side in pixels, unless its squares would become too small or too large.
 const MAP: i32 = 420;
 /// Width of the colour scale beside the map, in pixels.
-pub(super) const SCALE: i32 = 110;
+const SCALE: i32 = 110;
 /// Least width of the picture, so that the title fits, in pixels.
 const LEAST_WIDTH: i32 = 640;
 
 /// The mean return of every agent, and the range of the colours.
-pub(super) struct Returns {
-    pub(crate) means: Vec<f64>,
+struct Returns {
+    means: Vec<f64>,
     low: f64,
     high: f64,
 }
@@ -30,19 +30,19 @@ impl Returns {
     }
 
     fn of_means(means: Vec<f64>) -> Returns {
-        let range = |(low, high): (f64, f64), &value: &f64| (low.min(value), high.max(value));
-        let (low, high) = means.iter().fold((f64::MAX, f64::MIN), range);
+        let [low, high] =
+            [means.iter().copied().fold(f64::MAX, f64::min), means.iter().copied().fold(f64::MIN, f64::max)];
         let (low, high) = widened(low, high);
         Returns { means, low, high }
     }
 
     /// Returns the place of a value in the range of the colours, from 0 to 1.
-    pub(super) fn share(&self, value: f64) -> f64 {
+    fn share(&self, value: f64) -> f64 {
         if self.high > self.low { (value - self.low) / (self.high - self.low) } else { 0.5 }
     }
 
     /// Returns a value with as many decimals as the largest return needs.
-    pub(super) fn written(&self, value: f64) -> String {
+    fn written(&self, value: f64) -> String {
         let digits = decimals(self.low.abs().max(self.high.abs()), None);
         format!("{value:.digits$}")
     }
@@ -66,6 +66,24 @@ pub fn means_on_map(map: &RoadMap, names: &[String], means: &[f64], line: &str) 
     let returns = Returns::of_means(means.to_vec());
     let title = format!("Return per agent: {} on average", returns.written(mean(&returns.means)));
     returns_on_net(map, names, &returns, &title, line)
+}
+
+/// Draws the lights on the roads, each in the shade of its return. The list at the right has the numbers.
+fn returns_on_net(map: &RoadMap, names: &[String], returns: &Returns, title: &str, about: &str) -> Result<Svg> {
+    let lights = names.iter().zip(&map.lights_m).zip(&returns.means).map(|((name, &place_m), &mean)| MapLight {
+        name,
+        place_m,
+        colour: shade(returns.share(mean)),
+        value: Some(returns.written(mean)),
+    });
+    let sheet = Sheet::around(&map.lanes, &map.junctions, lights.collect());
+    let (width, height) = sheet.size();
+    picture((width + SCALE, height), title, about, |area| {
+        sheet.draw(area, || Ok(()))?;
+        draw_scale(area, px(sheet.right() + 24), px(sheet.tall.min(300)), returns)?;
+        area.draw_text("sum of rewards over an episode", &text(10, FAINT), (px(300), px(sheet.tall + 8)))?;
+        Ok(())
+    })
 }
 
 /// Draws a square per intersection.
@@ -102,21 +120,16 @@ fn draw_grid(
 }
 
 /// Draws the scale of the colours, from low returns at the bottom to high ones at the top.
-pub(super) fn draw_scale(area: &Area<'_>, x: i32, height: i32, returns: &Returns) -> Result<()> {
+fn draw_scale(area: &Area<'_>, x: i32, height: i32, returns: &Returns) -> Result<()> {
     let Returns { low, high, .. } = *returns;
     for y in (0..height).step_by(px(1) as usize) {
         let share = 1.0 - f64::from(y) / f64::from(height - 1);
         area.draw(&Rectangle::new([(x, y), (x + px(16), y + px(1))], shade(share).filled()))?;
     }
-    let style = text(11, INK);
     for share in [0.0, 0.5, 1.0] {
         let y = ((1.0 - share) * f64::from(height - 1)) as i32;
-        let style = anchored(style.clone(), HPos::Left, VPos::Center);
-        area.draw_text(
-            &returns.written(low + share * (high - low)),
-            &style,
-            (x + px(24), y.clamp(px(6), height - px(6))),
-        )?;
+        let at = (x + px(24), y.clamp(px(6), height - px(6)));
+        write_at(area, &returns.written(low + share * (high - low)), at, 11, (HPos::Left, VPos::Center))?;
     }
     Ok(())
 }

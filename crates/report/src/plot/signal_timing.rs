@@ -46,8 +46,7 @@ pub fn signal_timing(trace: &RoadTrace, about: &About) -> Result<Svg> {
                 from = to;
             }
             let place = chart.backend_coord(&(trace.seconds.start as f64, middle));
-            let style = anchored(text(letters, INK), HPos::Right, VPos::Center);
-            area.draw_text(name, &style, (place.0 - left - px(6), place.1 - top))?;
+            write_at(&area, name, (place.0 - left - px(6), place.1 - top), letters, (HPos::Right, VPos::Center))?;
         }
         draw_legend(&legend, trace)
     })
@@ -79,12 +78,11 @@ fn draw_legend(area: &Area<'_>, trace: &RoadTrace) -> Result<()> {
     if trace.lights.iter().flatten().any(|&shown| shown == Shown::Other) {
         words.push((Shown::Other, "all red or other"));
     }
-    let style = anchored(text(11, INK), HPos::Left, VPos::Center);
     // Each word takes only its own room: a light may have eight greens.
     let mut x = px(58);
     for (shown, word) in words {
         area.draw(&Rectangle::new([(x, px(4)), (x + px(26), px(16))], colour(shown).filled()))?;
-        area.draw_text(word, &style, (x + px(34), px(10)))?;
+        write_at(area, word, (x + px(34), px(10)), 11, (HPos::Left, VPos::Center))?;
         x += px(50) + text_width(word, 11.0);
     }
     Ok(())

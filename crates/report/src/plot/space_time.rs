@@ -40,9 +40,8 @@ pub fn space_time(corridor: &Corridor, seconds: &Range<usize>, about: &About) ->
             let (from, to) = (crossing.begin_m, crossing.end_m);
             chart.draw_series([Rectangle::new([(first, from), (last, to)], PALE.filled())])?;
             let place = chart.backend_coord(&(last, (from + to) / 2.0));
-            let style = anchored(text(11, INK), HPos::Left, VPos::Center);
             let (x, y) = area.get_base_pixel();
-            area.draw_text(name, &style, (place.0 - x + px(8), place.1 - y))?;
+            write_at(&area, name, (place.0 - x + px(8), place.1 - y), 11, (HPos::Left, VPos::Center))?;
         }
         draw_axes(&mut chart, &format!("distance from the {from} end (m)"), 8, true)?;
         for places in cars {
@@ -71,17 +70,16 @@ fn bar(aspect: Aspect) -> (f64, RGBColor) {
 }
 
 fn draw_legend(area: &Area<'_>) -> Result<()> {
-    let style = anchored(text(11, INK), HPos::Left, VPos::Center);
+    let label = |words, x: i32| write_at(area, words, (px(x), px(10)), 11, (HPos::Left, VPos::Center));
     area.draw(&PathElement::new(vec![(px(58), px(10)), (px(84), px(10))], pen(INK, 1)))?;
-    area.draw_text("a car", &style, (px(92), px(10)))?;
+    label("a car", 92)?;
     let lights = [(Aspect::Green, "green"), (Aspect::Yellow, "yellow"), (Aspect::Red, "red at the stop line")];
     for (number, (aspect, word)) in lights.into_iter().enumerate() {
         let (height, colour) = bar(aspect);
         let x = 158 + 100 * number as i32;
         area.draw(&Rectangle::new([(px(x), px(15 - height as i32)), (px(x + 26), px(15))], colour.filled()))?;
-        area.draw_text(word, &style, (px(x + 34), px(10)))?;
+        label(word, x + 34)?;
     }
     area.draw(&Rectangle::new([(px(548), px(4)), (px(574), px(15))], PALE.filled()))?;
-    area.draw_text("inside of an intersection", &style, (px(582), px(10)))?;
-    Ok(())
+    label("inside of an intersection", 582)
 }
