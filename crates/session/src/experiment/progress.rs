@@ -174,10 +174,10 @@ fn difference(dir: &Path, planned: &PlannedRun) -> Result<Option<String>> {
 mod tests {
     use super::*;
     use crate::config::{RunConfig, to_toml};
-use crate::experiment::file;
-use crate::records::files::{NETWORKS, RETURNS};
-use crate::records::run_json::Kept;
-use dials_core::domain::Scenario;
+    use crate::experiment::file;
+    use crate::records::files::{NETWORKS, RETURNS};
+    use crate::records::run_json::Kept;
+    use dials_core::domain::Scenario;
     use dials_learn::config::Simulator;
 
     const FIRST: &str = "0,all,1,1,0,1\n0,0,1,1,0,1\n0,1,1,1,0,1\n0,2,1,1,0,1\n0,3,1,1,0,1\n";

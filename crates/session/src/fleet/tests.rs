@@ -20,15 +20,15 @@ use crate::config::RunConfig;
 use dials_core::base::Ragged;
 use dials_core::domain::Domain;
 use dials_learn::config::{AlgorithmName, Config, PolicyConfig, Simulator};
+use dials_learn::dials;
 use dials_learn::evaluation::Evaluation;
-use dials_learn::fleet::FleetLoad;
-use dials_learn::steps::train_policies::PolicyTraining;
-use dials_learn::training::dials;
 use dials_learn::fleet::Fleet;
-use dials_learn::training::journal::{Journal, Unrecorded};
+use dials_learn::fleet::FleetLoad;
 use dials_learn::observer::{Observer, Silent};
+use dials_learn::observer::{Recorder, Unrecorded};
 use dials_learn::progress::TrainingProgress;
 use dials_learn::state::AgentsState;
+use dials_learn::steps::train_policies::PolicyTraining;
 use dials_testkit::toy::{Coins, CoinsAndDice};
 
 /// An observer that keeps the warnings.
@@ -43,7 +43,7 @@ impl Observer for Warnings {
 
 /// A journal that keeps the state after the first period.
 #[derive(Clone, Default)]
-struct Keeper(Option<(AgentsState, Standing)>);
+struct Keeper(Option<(AgentsState, TrainingProgress)>);
 
 impl Recorder for Keeper {
     fn period_done(
@@ -201,7 +201,7 @@ impl Recorder for Evaluations {
 fn an_evaluation_that_was_made_is_not_made_again_when_a_period_begins_after_the_same_update() {
     let (agents, standing) = undisturbed().1.0.unwrap();
     for (evaluated_at, evaluations) in [(Some(256), 1), (Some(0), 2)] {
-        let (standing, mut journal) = (Standing { evaluated_at, ..standing }, Evaluations::default());
+        let (standing, mut journal) = (TrainingProgress { evaluated_at, ..standing }, Evaluations::default());
         let mut fleet = in_process(coins(), config(), Rc::new(Silent)).unwrap();
         fleet.restore(agents.clone()).unwrap();
         dials::train(&config(), &mut fleet, standing, &mut journal, &Silent).unwrap();

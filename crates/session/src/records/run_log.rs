@@ -21,13 +21,13 @@ use dials_core::outside::Directory;
 use dials_learn::algorithms::imitation::ImitationLoss;
 use dials_learn::evaluation::Evaluation;
 use dials_learn::evaluation::csv::Lines;
-use dials_learn::predictors::{AipLoss, FreshLoss};
 use dials_learn::fleet::FleetLoad;
-use dials_learn::steps::train_policies::PolicyTraining;
-use dials_learn::progress::Moment;
 use dials_learn::observer::Recorder;
+use dials_learn::predictors::{AipLoss, FreshLoss};
+use dials_learn::progress::Moment;
 use dials_learn::progress::TrainingProgress;
 use dials_learn::state::AgentsState;
+use dials_learn::steps::train_policies::PolicyTraining;
 
 /// A journal that writes a run directory.
 pub struct RunLog {
