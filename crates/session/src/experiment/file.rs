@@ -23,7 +23,7 @@ const MOST_RUNS: usize = 10_000;
 /// Number of episodes that a controller may play, as for `baseline --episodes`.
 const EPISODES: RangeInclusive<u32> = 1..=100_000;
 
-#[derive(Default, Deserialize)]
+#[derive(Debug, Default, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct ExperimentFile {
     /// Seeds of all runs, unless a grid has its own. Every combination runs once per seed.
@@ -41,7 +41,7 @@ pub struct ExperimentFile {
 }
 
 /// All combinations of the listed configs, simulators, values of F and seeds.
-#[derive(Default, Deserialize)]
+#[derive(Debug, Default, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 struct RunGrid {
     /// Config files, relative to the file of the experiment.
