@@ -16,58 +16,46 @@ use dials_learn::config::ShortForm;
 
 /// Largest file. That of the largest experiment here has two kibibytes.
 const LARGEST_FILE: u64 = 1 << 20;
+/// Number of agents from which on a run takes all cores, if the file does not say it.
+const ALL_CORES_FROM_AGENTS: usize = 25;
 /// Largest number of combinations that a file may list.
 const MOST_RUNS: usize = 10_000;
 /// Number of episodes that a controller may play, as for `baseline --episodes`.
 const EPISODES: RangeInclusive<u32> = 1..=100_000;
 
-#[derive(Clone, Debug, Deserialize)]
-#[serde(deny_unknown_fields)]
+#[derive(Debug, Default, Deserialize)]
+#[serde(default, deny_unknown_fields)]
 pub struct ExperimentFile {
     /// Seeds of all runs, unless a grid has its own. Every combination runs once per seed.
-    #[serde(default)]
-    pub(crate) seeds: Vec<u64>,
+    seeds: Vec<u64>,
     /// Settings of all runs, in the form of `train --set`.
-    #[serde(default)]
-    pub(crate) set: Vec<String>,
+    set: Vec<String>,
     /// Hand-coded controllers to measure on every scenario, for the report's dashed lines.
-    #[serde(default)]
-    pub(crate) controllers: Vec<String>,
+    controllers: Vec<String>,
     /// Number of episodes that each of them plays. Default: that of the last evaluation of a run, so that controllers
     /// and runs are compared episode by episode.
-    #[serde(default)]
-    pub(crate) controller_episodes: Option<u32>,
-    /// Number of agents from which on a run takes all cores. Runs with fewer agents run side by side, one core each.
-    #[serde(default = "all_cores_from_agents")]
-    pub(crate) all_cores_from_agents: usize,
-    pub(crate) grid: Vec<RunGrid>,
+    controller_episodes: Option<u32>,
+    /// Number of agents from which on a run takes all cores. Smaller ones run side by side, one core each.
+    all_cores_from_agents: Option<usize>,
+    grid: Vec<RunGrid>,
 }
 
 /// All combinations of the listed configs, simulators, values of F and seeds.
-#[derive(Clone, Debug, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub(crate) struct RunGrid {
+#[derive(Debug, Default, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+struct RunGrid {
     /// Config files, relative to the file of the experiment.
-    pub(crate) configs: Vec<PathBuf>,
+    configs: Vec<PathBuf>,
     /// Simulators. Default: the one in each config.
-    #[serde(default)]
-    pub(crate) simulators: Vec<ShortForm>,
+    simulators: Vec<ShortForm>,
     /// Values of F. Only for simulators with trained AIPs. Default: the one in each config.
-    #[serde(default)]
-    pub(crate) retrain_every_steps: Vec<u64>,
+    retrain_every_steps: Vec<u64>,
     /// Seeds of these runs. Default: those of the experiment.
-    #[serde(default)]
-    pub(crate) seeds: Option<Vec<u64>>,
+    seeds: Option<Vec<u64>>,
     /// Settings of these runs, in addition to those of the experiment.
-    #[serde(default)]
-    pub(crate) set: Vec<String>,
+    set: Vec<String>,
     /// Word to add to the names of these runs.
-    #[serde(default)]
-    pub(crate) name: Option<FileName>,
-}
-
-fn all_cores_from_agents() -> usize {
-    25
+    name: Option<FileName>,
 }
 
 #[derive(Clone, Debug)]
@@ -133,8 +121,11 @@ impl Experiment {
             bail!("{shown}: controller_episodes = {episodes}: must be from {least} to {most}");
         }
         let folder = path.parent().unwrap_or(Path::new(""));
-        let mut experiment =
-            Experiment { baselines: Vec::new(), runs: Vec::new(), all_cores_from_agents: file.all_cores_from_agents };
+        let mut experiment = Experiment {
+            baselines: Vec::new(),
+            runs: Vec::new(),
+            all_cores_from_agents: file.all_cores_from_agents.unwrap_or(ALL_CORES_FROM_AGENTS),
+        };
         ensure!(!file.grid.is_empty(), "{shown}: has no [[grid]], and so no runs");
         let listed = file.grid.iter().map(|grid| grid.count(&file)).fold(0, usize::saturating_add);
         ensure!(

@@ -130,22 +130,6 @@ impl Coordinator {
             let agents = fleet.workers[worker].agents.clone();
             taken.insert(worker, take(&mut fleet.agents, agents, reply));
         };
-        let replies = self.ask_and_wait::<S>(tasks, stop, &mut take);
-        self.at_work += begun.elapsed();
-        // One by one, so that each is freed before the next is processed.
-        for (worker, reply) in replies? {
-            take(self, worker, reply);
-        }
-        Ok(taken.into_values().collect())
-    }
-
-    /// Returns the replies that `take` has not got yet.
-    fn ask_and_wait<S: Step>(
-        &mut self,
-        tasks: Vec<(usize, Task<S::Reply>)>,
-        stop: Stop,
-        take: &mut impl FnMut(&mut Self, usize, S::Reply),
-    ) -> Result<BTreeMap<usize, S::Reply>> {
         let mut open = BTreeMap::new();
         let asked = tasks.len();
         for (worker, mut task) in tasks {
@@ -184,7 +168,12 @@ impl Coordinator {
                 return Err(Interrupted.into());
             }
         }
-        Ok(replies)
+        self.at_work += begun.elapsed();
+        // One by one, so that each is freed before the next is processed.
+        for (worker, reply) in replies {
+            take(self, worker, reply);
+        }
+        Ok(taken.into_values().collect())
     }
 
     /// Processes news of a worker. Returns its reply if that is complete.

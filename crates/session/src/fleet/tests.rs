@@ -41,11 +41,19 @@ impl Observer for Warnings {
     }
 }
 
-/// A journal that keeps the state after the first period.
+/// A journal that keeps the state after the first period, and counts evaluations.
 #[derive(Clone, Default)]
-struct Keeper(Option<(AgentsState, TrainingProgress)>);
+struct Keeper {
+    first: Option<(AgentsState, TrainingProgress)>,
+    evaluations: usize,
+}
 
 impl Recorder for Keeper {
+    fn evaluated(&mut self, _agents: &AgentsState, _evaluation: &Evaluation) -> Result<()> {
+        self.evaluations += 1;
+        Ok(())
+    }
+
     fn period_done(
         &mut self,
         agents: &AgentsState,
@@ -53,7 +61,7 @@ impl Recorder for Keeper {
         _training: &PolicyTraining,
         _load: FleetLoad,
     ) -> Result<()> {
-        self.0.get_or_insert_with(|| (agents.clone(), *standing));
+        self.first.get_or_insert_with(|| (agents.clone(), *standing));
         Ok(())
     }
 }
@@ -123,7 +131,7 @@ fn train_as(config: &Config, crew: TestCrew) -> (Result<AgentsState, String>, Ve
 /// Trains alone, with several crews, through these deaths, and from the state after the first period. All must make the
 /// same agents. Returns them and that state.
 fn same_for_any_fleet(domain: &Arc<dyn Domain>, config: &Config, deaths: [&[usize]; 3]) -> (AgentsState, AgentsState) {
-    let (expected, Keeper(kept)) = trained_alone(domain, config);
+    let (expected, kept) = trained_alone(domain, config);
     let of_worker = |frames: &[usize]| frames.iter().map(|&frame| (frame, Fate::Dies)).collect::<Vec<FateAt>>();
     let [a, b, c] = deaths.map(of_worker);
     for crew in [crew(true, [&[]]), crew(false, [&[], &[]]), crew(false, [&[], &[], &[]]), crew(true, [&a, &b, &c])] {
@@ -131,9 +139,10 @@ fn same_for_any_fleet(domain: &Arc<dyn Domain>, config: &Config, deaths: [&[usiz
         let deaths: usize = crew.fates.iter().map(Vec::len).sum();
         let (outcome, warnings) = train_as(config, TestCrew { domain: domain.clone(), ..crew });
         assert!(outcome.unwrap() == expected, "{:?}: {workers} workers, {deaths} deaths", config.simulator);
-        assert_eq!(warnings.len(), deaths, "{warnings:?}");
+        let end = "died: it is this process\nstarted again from the last exchange";
+        assert!(warnings.len() == deaths && warnings.iter().all(|warning| warning.ends_with(end)), "{warnings:?}");
     }
-    let (half, standing) = kept.unwrap();
+    let (half, standing) = kept.first.unwrap();
     // Workers that can be replaced are started again, others take the state.
     for can_replace in [true, false] {
         let options = Options { workers: 2, threads: 2, patience: PATIENCE, most_growth: NEVER };
@@ -150,14 +159,6 @@ fn same_for_any_fleet(domain: &Arc<dyn Domain>, config: &Config, deaths: [&[usiz
 // Frames of an owner: 0 begin, 1 its state, 2 and 3 policies and evaluation, 4 and 5 policies and measuring, 6 the
 // AIPs' loss, 7 and 8 policies and datasets, 9 AIP training, 10 and 11 policies and measuring, 12 the AIPs' loss, 13
 // training of policies. Frames of a replaced worker: 0 begin, 1 its state, 2 its order.
-
-#[test]
-fn a_lost_worker_is_replaced_and_the_numbers_stay() {
-    let (outcome, warnings) = train(crew(true, [&[], &[(13, Fate::Dies), (2, Fate::Dies)]]));
-    assert!(outcome.unwrap() == undisturbed().0);
-    let warning = "worker 1 (agent 1) died: it is this process\nstarted again from the last exchange";
-    assert_eq!(warnings, [warning, warning]);
-}
 
 #[test]
 fn a_worker_that_has_grown_is_replaced_and_the_numbers_stay() {
@@ -186,26 +187,15 @@ fn the_loss_of_a_worker_that_cannot_be_replaced_ends_the_run_and_names_it_and_it
     assert_eq!(outcome.unwrap_err(), format!("worker 0 (no agents of its own) died: it is this process{end}"));
 }
 
-/// Counts evaluations.
-#[derive(Default)]
-struct Evaluations(usize);
-
-impl Recorder for Evaluations {
-    fn evaluated(&mut self, _agents: &AgentsState, _evaluation: &Evaluation) -> Result<()> {
-        self.0 += 1;
-        Ok(())
-    }
-}
-
 #[test]
 fn an_evaluation_that_was_made_is_not_made_again_when_a_period_begins_after_the_same_update() {
-    let (agents, standing) = undisturbed().1.0.unwrap();
+    let (agents, standing) = undisturbed().1.first.unwrap();
     for (evaluated_at, evaluations) in [(Some(256), 1), (Some(0), 2)] {
-        let (standing, mut journal) = (TrainingProgress { evaluated_at, ..standing }, Evaluations::default());
+        let (standing, mut journal) = (TrainingProgress { evaluated_at, ..standing }, Keeper::default());
         let mut fleet = in_process(coins(), config(), Rc::new(Silent)).unwrap();
         fleet.restore(agents.clone()).unwrap();
         dials::train(&config(), &mut fleet, standing, &mut journal, &Silent).unwrap();
-        assert_eq!(journal.0, evaluations, "evaluated at {evaluated_at:?}, and once at the end");
+        assert_eq!(journal.evaluations, evaluations, "evaluated at {evaluated_at:?}, and once at the end");
     }
 }
 
