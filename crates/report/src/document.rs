@@ -1,7 +1,5 @@
 //! A report as a list of blocks. It is written as Markdown and as one HTML page that needs no other file.
 
-use std::fmt::Display;
-
 use crate::drawing::Svg;
 use dials_core::outside::{Printable, is_printable};
 
@@ -44,31 +42,8 @@ impl Document {
 
     /// Writes Markdown that links the figures as files beside it.
     pub(crate) fn to_markdown(&self) -> String {
-        let mut text = format!("# {}\n", plain_line(&self.title));
-        for block in &self.blocks {
-            text.push('\n');
-            match block {
-                Block::Heading(title) => line(&mut text, format_args!("## {}", plain_line(title))),
-                Block::Paragraph(words) => line(&mut text, plain_line(words)),
-                Block::List(items) => {
-                    items.iter().for_each(|item| line(&mut text, format_args!("- {}", plain_line(item))))
-                }
-                Block::Table(table) => table_to_markdown(&mut text, table),
-                Block::Figure(figure) => {
-                    let (caption, name) = (markdown(&figure.caption), &figure.name);
-                    line(&mut text, format_args!("![{caption}]({name}.svg)\n\n{caption}"));
-                }
-                Block::Code(commands) => {
-                    let lines = commands.iter().map(|command| Printable(command).to_string());
-                    let commands = lines.collect::<Vec<_>>().join("\n");
-                    // A fence of backticks that is not in the text.
-                    let longest = commands.split(|letter| letter != '`').map(str::len).max().unwrap_or(0);
-                    let fence = "`".repeat((longest + 1).max(3));
-                    line(&mut text, format_args!("{fence}sh\n{commands}\n{fence}"));
-                }
-            }
-        }
-        text
+        let blocks: String = self.blocks.iter().map(|block| format!("\n{}\n", block.to_markdown())).collect();
+        format!("# {}\n{blocks}", plain_line(&self.title))
     }
 
     /// Writes one HTML page that contains its figures.
@@ -92,69 +67,74 @@ impl Document {
     }
 }
 
-/// Writes blocks as HTML, to be put into a page with [`STYLE`].
-pub(crate) fn to_html(blocks: &[Block]) -> String {
-    let mut body = String::new();
-    for block in blocks {
-        match block {
-            Block::Heading(title) => {
-                let (title, id) = (escape(title), anchor(title));
-                line(&mut body, format_args!("<h2 id=\"{id}\">{title}</h2>"));
+impl Block {
+    fn to_markdown(&self) -> String {
+        match self {
+            Block::Heading(title) => format!("## {}", plain_line(title)),
+            Block::Paragraph(words) => plain_line(words),
+            Block::List(items) => joined(items, |item| format!("- {}", plain_line(item))),
+            Block::Table(Table { caption, header, rows }) => {
+                let row = |cells: &Vec<String>| {
+                    let cells: Vec<String> = cells.iter().map(|cell| markdown_cell(cell)).collect();
+                    format!("| {} |", cells.join(" | "))
+                };
+                let rule = format!("| ---{} |", " | --:".repeat(header.len() - 1));
+                let lines: Vec<String> = [row(header), rule].into_iter().chain(rows.iter().map(row)).collect();
+                format!("**{}**\n\n{}", markdown(caption), lines.join("\n"))
             }
-            Block::Paragraph(words) => line(&mut body, format_args!("<p>{}</p>", escape(words))),
-            Block::List(items) => {
-                let items: String = items.iter().map(|item| format!("<li>{}</li>\n", escape(item))).collect();
-                line(&mut body, format_args!("<ul>\n{items}</ul>"));
-            }
-            Block::Table(table) => table_to_html(&mut body, table),
-            Block::Figure(figure) => {
-                let caption = escape(&figure.caption);
-                let svg = figure.svg.inline(&caption);
-                line(&mut body, format_args!("<figure>\n{svg}<figcaption>{caption}</figcaption>\n</figure>"));
+            Block::Figure(Figure { name, caption, .. }) => {
+                let caption = markdown(caption);
+                format!("![{caption}]({name}.svg)\n\n{caption}")
             }
             Block::Code(commands) => {
-                let commands: Vec<String> = commands.iter().map(|command| escape(command)).collect();
-                line(&mut body, format_args!("<pre>{}</pre>", commands.join("\n")));
+                let commands = joined(commands, |command| Printable(command).to_string());
+                // A fence of backticks that is not in the text.
+                let longest = commands.split(|letter| letter != '`').map(str::len).max().unwrap_or(0);
+                let fence = "`".repeat((longest + 1).max(3));
+                format!("{fence}sh\n{commands}\n{fence}")
             }
         }
     }
-    body
+
+    fn to_html(&self) -> String {
+        match self {
+            Block::Heading(title) => format!("<h2 id=\"{}\">{}</h2>", anchor(title), escape(title)),
+            Block::Paragraph(words) => format!("<p>{}</p>", escape(words)),
+            Block::List(items) => {
+                format!("<ul>\n{}\n</ul>", joined(items, |item| format!("<li>{}</li>", escape(item))))
+            }
+            Block::Table(Table { caption, header, rows }) => {
+                let row = |tag: &str, cells: &[String]| {
+                    let cells: String = cells.iter().map(|cell| format!("<{tag}>{}</{tag}>", escape(cell))).collect();
+                    format!("<tr>{cells}</tr>\n")
+                };
+                let rows: String = rows.iter().map(|cells| row("td", cells)).collect();
+                format!(
+                    "<div class=\"table\"><table>\n<caption>{}</caption>\n<thead>\n{}</thead>\n<tbody>\n{rows}</tbody>\n\
+                     </table></div>",
+                    escape(caption),
+                    row("th", header)
+                )
+            }
+            Block::Figure(Figure { caption, svg, .. }) => {
+                let caption = escape(caption);
+                format!("<figure>\n{}<figcaption>{caption}</figcaption>\n</figure>", svg.inline(&caption))
+            }
+            Block::Code(commands) => format!("<pre>{}</pre>", joined(commands, |command| escape(command))),
+        }
+    }
+}
+
+fn joined<T>(items: &[T], line: impl Fn(&T) -> String) -> String {
+    items.iter().map(line).collect::<Vec<_>>().join("\n")
+}
+
+/// Writes blocks as HTML, to be put into a page with [`STYLE`].
+pub(crate) fn to_html(blocks: &[Block]) -> String {
+    blocks.iter().map(|block| block.to_html() + "\n").collect()
 }
 
 pub(crate) const STYLE: &str = include_str!("page.css");
-
-fn line(text: &mut String, words: impl Display) {
-    *text += &format!("{words}\n");
-}
-
-fn table_to_markdown(text: &mut String, table: &Table) {
-    let row = |cells: &[String]| {
-        let cells: Vec<String> = cells.iter().map(|cell| markdown_cell(cell)).collect();
-        format!("| {} |", cells.join(" | "))
-    };
-    line(text, format_args!("**{}**\n", markdown(&table.caption)));
-    line(text, row(&table.header));
-    let rule: Vec<String> =
-        table.header.iter().enumerate().map(|(i, _)| if i == 0 { "---" } else { "--:" }.to_owned()).collect();
-    line(text, row(&rule));
-    table.rows.iter().for_each(|cells| line(text, row(cells)));
-}
-
-fn table_to_html(text: &mut String, table: &Table) {
-    let row = |tag: &str, cells: &[String]| {
-        let cells: String = cells.iter().map(|cell| format!("<{tag}>{}</{tag}>", escape(cell))).collect();
-        format!("<tr>{cells}</tr>\n")
-    };
-    let rows: String = table.rows.iter().map(|cells| row("td", cells)).collect();
-    let (caption, header) = (escape(&table.caption), row("th", &table.header));
-    line(
-        text,
-        format_args!(
-            "<div class=\"table\"><table>\n<caption>{caption}</caption>\n<thead>\n{header}</thead>\n<tbody>\n{rows}</tbody>\n\
-             </table></div>"
-        ),
-    );
-}
 
 fn anchor(title: &str) -> String {
     title.to_lowercase().chars().map(|c| if c.is_alphanumeric() { c } else { '-' }).collect()

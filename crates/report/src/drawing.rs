@@ -62,7 +62,7 @@ pub(crate) fn write(area: &Area, words: &str, at: (i32, i32), size: impl Into<f6
     write_at(area, words, at, size, (HPos::Left, VPos::Top))
 }
 
-/// Like [`write`], with another point of the text at the place.
+/// Like [`write()`], with another point of the text at the place.
 pub(crate) fn write_at(
     area: &Area,
     words: &str,

@@ -77,19 +77,17 @@ impl Final {
             agents_of_runs,
         })
     }
+
+    /// Returns the episodes that all runs played; `None` if they differ.
+    pub(crate) fn episodes(&self) -> Option<Episodes> {
+        common_episodes(self.runs.iter().map(|(_, played)| played))
+    }
 }
 
 impl Comparison {
     /// Returns the groups of which a run was evaluated, with their final returns.
     pub(crate) fn ends(&self) -> Vec<(&Group, Final)> {
         self.groups.iter().filter_map(|group| Some((group, Final::of(group)?))).collect()
-    }
-}
-
-impl Final {
-    /// Returns the episodes that all runs played; `None` if they differ.
-    pub(crate) fn episodes(&self) -> Option<Episodes> {
-        common_episodes(self.runs.iter().map(|(_, played)| played))
     }
 }
 

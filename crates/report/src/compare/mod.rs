@@ -4,16 +4,14 @@
 //! [`dials_core::base::statistics::difference`] takes the difference: by episode and by seed if both are the same. If one side
 //! played more of the same episodes, both are compared on those of the other.
 //!
-//! - `steps`: the step at which each side is compared. `rules`: whether returns can be compared at all.
-//! - `output`: the result for people and for programs.
+//! - `steps`: the step at which each side is compared. `output`: the result for people and for programs.
 
 mod output;
-mod rules;
 pub(super) mod steps;
 
 use std::path::PathBuf;
 
-use anyhow::{Context, Result, ensure};
+use anyhow::{Context, Result, bail, ensure};
 
 use self::steps::{are_alike, both_in_words, compared_at};
 use super::finals::{agents_at, mean_cpu, played};
@@ -22,7 +20,8 @@ use super::words::{no_run, warnings};
 use dials_core::base::statistics::difference::{BySeed, Difference, between, on_shared, shared_episodes};
 use dials_core::base::statistics::{ENOUGH_SEEDS, Spread, mean, median};
 use dials_core::domain::ScenarioId;
-use dials_core::outside::Printable;
+use dials_core::outside::{Printable, quoted};
+use dials_session::records::files::CONFIG;
 use dials_session::records::find::{LeftOut, find};
 use dials_session::records::method::differing;
 use dials_session::records::run_record::{PeriodTime, RunRecord, Status};
@@ -129,7 +128,7 @@ pub struct Verdict {
 
 /// Compares two sides. `target`: the return to reach; by default the lower final return minus 5 % of its size.
 pub fn compare(a: &ComparedSide, b: &ComparedSide, target: Option<f64>) -> Result<Verdict> {
-    let mut warnings: Vec<String> = rules::check(a, b)?.into_iter().collect();
+    let mut warnings: Vec<String> = check_rules(a, b)?.into_iter().collect();
     let sides = [a, b];
     let [(end_a, runs_a), (end_b, runs_b)] = sides.map(|side| side.group.finals().expect("a side was evaluated"));
     let (ends, runs) = ([end_a, end_b], [runs_a, runs_b]);
@@ -185,6 +184,45 @@ pub fn compare(a: &ComparedSide, b: &ComparedSide, target: Option<f64>) -> Resul
         differing: differing(&a.group.method.keys, &b.group.method.keys),
         warnings,
     })
+}
+
+/// Returns warnings about what the agents of the sides see.
+///
+/// # Errors
+///
+/// The scenarios differ, the rewards, or the versions of the environment.
+fn check_rules(a: &ComparedSide, b: &ComparedSide) -> Result<Option<String>> {
+    // The rules are the same for all runs of a side. A domain may name none.
+    let rules = |side: &ComparedSide| side.group.runs.iter().find_map(|run| run.scenario().rules.clone());
+    let mut differences = rules(a).zip(rules(b)).map_or(Vec::new(), |(of_a, of_b)| of_a.differences(&of_b, ["A", "B"]));
+    if a.scenario == b.scenario {
+        let warning = format!("A and B differ in more than their methods: {}", differences.join("; "));
+        return Ok((!differences.is_empty()).then_some(warning));
+    }
+    // The checksum of a network of one's own covers the reward, too.
+    let place = |side: &ComparedSide| ScenarioId { rules: None, checksum: None, ..side.scenario.clone() };
+    ensure!(
+        place(a) == place(b) && a.scenario.rules != b.scenario.rules,
+        "{} is {} and {} is {}: returns of different scenarios (domain, agents, horizon, network) cannot be compared",
+        a.name,
+        a.scenario.word(),
+        b.name,
+        b.scenario.word()
+    );
+    if let (Some(of_a), Some(of_b)) = (&a.scenario.checksum, &b.scenario.checksum)
+        && of_a != of_b
+    {
+        differences.push(format!("checksum of network and rules: {of_a} in A, {of_b} in B"));
+    }
+    let [of_a, of_b] = [a, b].map(|side| &side.group.runs[0].dir);
+    bail!(
+        "the returns of A and B are by different rules, so their difference means nothing\n  {}\nplay both by the same \
+         rules on the same episodes, and compare other figures:\n  dials-traffic baseline {} --compare {},{}",
+        differences.join("\n  "),
+        quoted(&of_a.join(CONFIG)),
+        quoted(of_a),
+        quoted(of_b)
+    )
 }
 
 /// Says at which steps the sides are compared, if these are not their ends or differ.
