@@ -30,7 +30,7 @@ use dials_session::records::checkpoint::owner::Owner;
 use dials_session::records::networks::Layouts;
 use dials_session::records::run_log::RunLog;
 use dials_session::terminal::measuring::BenchProgress;
-use dials_session::terminal::{answer, json as in_json, tell, warn};
+use dials_session::terminal::{answer, json as in_json, note, warn};
 use stacknets::Peak;
 
 /// Time for measuring matrix products at peak speed.
@@ -54,7 +54,7 @@ pub(super) fn bench(args: &cli::BenchArgs) -> Result<()> {
     let time = Duration::from_secs(args.seconds);
     let of_fleet = |workers| expected(&config, domain.agents(), &domain.rough_costs(), workers, time);
     let whole: Duration = doubling(most).into_iter().map(of_fleet).sum();
-    tell(format_args!(
+    note(format_args!(
         "measuring {} for about {} s each; the whole takes about {:.0} s",
         counted(doubling(most).len(), "fleet"),
         args.seconds,

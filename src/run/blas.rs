@@ -2,7 +2,7 @@
 
 use std::os::unix::process::CommandExt;
 
-use dials_session::terminal::tell;
+use dials_session::terminal::note;
 
 /// Makes sure that libtorch's BLAS runs in one thread.
 ///
@@ -19,7 +19,7 @@ pub(super) fn keep_to_one_thread() {
         }
         again.args(typed).envs(THREADS.map(|name| (name, "1")));
         let error = again.exec();
-        tell(format_args!(
+        note(format_args!(
             "warning: could not restart with one BLAS thread ({error}); libtorch's peak may be that of several cores"
         ));
     }

@@ -13,7 +13,7 @@ use dials_session::config::schema;
 use dials_session::error::{Error, Result};
 use dials_session::outputs::check_free;
 use dials_session::places::{self, Existing};
-use dials_session::terminal::{answer, json, tell};
+use dials_session::terminal::{answer, json, note};
 
 pub(super) fn completions(shell: Shell) -> Result<()> {
     let mut command = Cli::command();
@@ -33,7 +33,7 @@ pub(super) fn man(dir: &Path, force: bool) -> Result<()> {
         places::make(dir, existing, |staged| pages.iter().try_for_each(|(name, text)| staged.put(name, text)));
     written.map_err(Error::Usage)?;
     let first = quoted(&dir.join("dials-traffic.1"));
-    tell(format_args!("wrote {} pages into {}; read the first with: man -l {first}", pages.len(), dir.display()));
+    note(format_args!("wrote {} pages into {}; read the first with: man -l {first}", pages.len(), dir.display()));
     Ok(())
 }
 

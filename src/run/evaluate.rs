@@ -93,7 +93,7 @@ impl<'a> Session<'a> {
         let places = [("--csv", &output.csv), ("--plot", &output.plot), ("--render", &output.render)];
         outputs::check_apart(&places.map(|(option, dir)| (option, dir.as_deref()))).map_err(Error::Usage)?;
         let scenario = domain.scenario().map_err(Error::Run)?.id.word();
-        domains::tell_left_out(domain);
+        domains::note_left_out(domain);
         let seed = episodes.seed.unwrap_or(config.learning.evaluation.seed);
         Ok(Session { domain, episodes: count, seed, scenario, output })
     }

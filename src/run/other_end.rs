@@ -11,7 +11,7 @@ use dials_session::config::{LARGEST_FILE as LARGEST_CONFIG, RunConfig, load};
 use dials_session::records::files;
 use dials_session::records::resume_point::ResumePoint;
 use dials_session::records::run_record::{EvaluationRecord, RunRecord};
-use dials_session::terminal::{program, tell};
+use dials_session::terminal::{note, program};
 
 /// Makes the run end at step `steps`, by its config. Returns the text of the config before.
 pub(super) fn end_at(directory: &Directory, steps: u64) -> Result<String> {
@@ -48,7 +48,7 @@ pub(super) fn has_ended(directory: &Directory, config: &RunConfig, point: &Resum
     } else {
         "for a longer one begin a new run with a larger total_steps".to_owned()
     };
-    tell(format_args!("note: this run has ended, at step {steps}\n  {further}"));
+    note(format_args!("note: this run has ended, at step {steps}\n  {further}"));
     true
 }
 
@@ -62,7 +62,7 @@ pub(super) fn tell_of_lost_evaluation(dir: &Path, config: &RunConfig, point: &Re
     let comes_again = rest.first().is_none_or(|next| next.evaluate) || standing.evaluated_at == Some(steps);
     let was_evaluated = || RunRecord::read(dir).is_ok_and(|run| run.evaluation_at(steps).is_some());
     if !comes_again && was_evaluated() {
-        tell(format_args!(
+        note(format_args!(
             "note: {} loses the evaluation at step {steps}, the earlier end of this run.\n  A run that goes on is not \
              evaluated there (evaluation.every_steps = {}).",
             files::RETURNS,

@@ -16,7 +16,7 @@ use dials_session::config::RunConfig;
 use dials_session::domains;
 use dials_session::outputs::{self, check_seconds};
 use dials_session::places::{self, Existing};
-use dials_session::terminal::tell;
+use dials_session::terminal::note;
 use dials_traffic::Traffic;
 use dials_traffic::sim::recording::{Recording, Tape};
 use dials_traffic::sim::trace::route::Route;
@@ -90,7 +90,7 @@ fn of_episode(trace: &RoadTrace, about: &About) -> Result<Vec<(&'static str, Svg
     // A grid has one per row, of which the middle one is drawn.
     match trace.corridors.get(trace.corridors.len().saturating_sub(1) / 2) {
         Some(corridor) => pictures.insert(0, ("space_time.svg", plot::space_time(corridor, &trace.seconds, about)?)),
-        None => tell(format_args!("note: no car entered, so there is no space_time.svg")),
+        None => note(format_args!("note: no car entered, so there is no space_time.svg")),
     }
     Ok(pictures)
 }
@@ -100,6 +100,6 @@ fn write(pictures: &[(&str, Svg)], dir: &Path, existing: Existing) -> Result<()>
         pictures.iter().try_for_each(|(name, svg)| dir.put(name, svg.file().as_bytes()))
     })?;
     let names: Vec<&str> = pictures.iter().map(|(name, _)| *name).collect();
-    tell(format_args!("drew {} into {}", names.join(", "), dir.display()));
+    note(format_args!("drew {} into {}", names.join(", "), dir.display()));
     Ok(())
 }

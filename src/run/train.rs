@@ -37,7 +37,7 @@ use dials_session::records::resume_point::{NothingFits, ResumePoint};
 use dials_session::records::run_json::{RunJson, Versions};
 use dials_session::records::run_log::RunLog;
 use dials_session::terminal::training::Progress;
-use dials_session::terminal::{answer, program, tell, warn};
+use dials_session::terminal::{answer, note, program, warn};
 
 pub(super) fn train(args: &cli::TrainArgs) -> Result<()> {
     let Some(team) = Team::join(args)? else { return Ok(()) };
@@ -53,7 +53,7 @@ pub(super) fn train(args: &cli::TrainArgs) -> Result<()> {
     }
     let workers = run.workers(asked);
     remember(&run.directory, args.workers).map_err(Error::Run)?;
-    tell(run.plan(workers).map_err(Error::Run)?);
+    note(run.plan(workers).map_err(Error::Run)?);
     let patience = Duration::from_secs(args.patience);
     let _view = args.dashboard.then(|| Beside::of(run.directory.path())).transpose().map_err(Error::Run)?;
     let (directory, config, domain) = (run.directory.clone(), run.config.clone(), run.domain.clone());
@@ -110,7 +110,7 @@ struct Run {
 fn begin(args: &cli::TrainArgs, config_path: &Path, wanted: Option<usize>) -> Result<Run> {
     let config = load(config_path, &settings(args)).map_err(Error::Usage)?;
     let domain = domains::check_for_training(&config).map_err(Error::Usage)?;
-    domains::tell_left_out(&*domain);
+    domains::note_left_out(&*domain);
     allow_workers(workers(wanted, &config, domain.agents()))?;
     let existing = match (args.force, &args.out) {
         (true, _) => Existing::MoveAside,
@@ -158,7 +158,7 @@ fn resume_locked(args: &cli::TrainArgs, dir: &Path, directory: Directory, wanted
     let layouts = Layouts::of(&run.config.learning, run.domain.kinds());
     for name in layouts.restore(&run.directory, &run.config, &point).map_err(Error::Run)? {
         let file = run.directory.path_of(name);
-        tell(format_args!("note: {}: was lost or damaged; made again from the checkpoint", file.display()));
+        note(format_args!("note: {}: was lost or damaged; made again from the checkpoint", file.display()));
     }
     let has_ended = has_ended(&run.directory, &run.config, &point);
     if !has_ended {
@@ -180,7 +180,7 @@ impl Run {
         let most = most_workers(&self.config, self.domain.agents());
         let Some((asked, words)) = asked else { return cores().min(most) };
         if asked > most {
-            tell(for_terminal(&format!(
+            note(for_terminal(&format!(
                 "note: {words}: starting {most}, because there are {} and never more than {most} episodes or agents \
                  to share out",
                 counted(self.domain.agents(), "agent")

@@ -12,7 +12,7 @@ use dials_session::domains;
 use dials_session::error::{Error, Result};
 use dials_session::outputs;
 use dials_session::terminal::counting::EpisodeBar;
-use dials_session::terminal::tell;
+use dials_session::terminal::note;
 use dials_traffic::controllers::timing_file::{TimingFile, TunedOn};
 use dials_traffic::controllers::{COORDINATED, FIXED_TIME};
 use dials_traffic::tuning;
@@ -60,11 +60,11 @@ fn tuned_file(config: &RunConfig, controller: &str, episodes: usize) -> Result<P
     let path = Path::new(FOLDER).join(FileName::new(name).map_err(Error::Usage)?);
     if path.exists() {
         check_kept(&path, &wanted).map_err(Error::Usage)?;
-        tell(format_args!("{}: uses the timings of an earlier search", path.display()));
+        note(format_args!("{}: uses the timings of an earlier search", path.display()));
         return Ok(path);
     }
     outputs::check_writable(Path::new(FOLDER)).map_err(Error::Usage)?;
-    tell(format_args!(
+    note(format_args!(
         "{FOLDER}: has no timings of {controller} for this network, horizon, seed, search and SUMO version; searching for \
          them"
     ));
@@ -72,7 +72,7 @@ fn tuned_file(config: &RunConfig, controller: &str, episodes: usize) -> Result<P
     let found = tuning::tune(&traffic, wanted, config.learning.seed, &mut |standing| {
         bar.set_length(standing.at_most);
         bar.set(standing.played);
-        bar.tell(format_args!("(at most); best {} so far", standing.best));
+        bar.set_message(format_args!("(at most); best {} so far", standing.best));
     });
     bar.finish();
     let found = found.map_err(Error::Run)?;
@@ -80,7 +80,7 @@ fn tuned_file(config: &RunConfig, controller: &str, episodes: usize) -> Result<P
         .to_toml()
         .and_then(|text| write_together(Path::new(FOLDER), &[(path.clone(), text.into_bytes())]))
         .map_err(Error::Run)?;
-    tell(format_args!("{}: tuned on {}, {}", path.display(), counted(episodes, "episode"), found.score()));
+    note(format_args!("{}: tuned on {}, {}", path.display(), counted(episodes, "episode"), found.score()));
     Ok(path)
 }
 

@@ -19,7 +19,7 @@ use dials_session::domains;
 use dials_session::error::{Error, Result};
 use dials_session::parent::END_WITH;
 use dials_session::records::run_record::RunRecord;
-use dials_session::terminal::{answer, tell};
+use dials_session::terminal::{answer, note};
 
 pub(super) fn watch(args: &cli::WatchArgs) -> Result<()> {
     check(&args.folder).map_err(Error::Usage)?;
@@ -76,7 +76,7 @@ impl Beside {
         let told = view.0.stdout.take().expect("the output was asked for above");
         BufReader::new(told).read_line(&mut address).context("--dashboard: the live view says nothing")?;
         ensure!(!address.is_empty(), "--dashboard: the live view has ended at once");
-        tell(format_args!("watch it at {}", address.trim_end()));
+        note(format_args!("watch it at {}", address.trim_end()));
         Ok(view)
     }
 }

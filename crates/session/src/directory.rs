@@ -18,7 +18,7 @@ use crate::records::joint_layout::JointLayout;
 use crate::records::kept::Kept;
 use crate::records::run_json::RunJson;
 use crate::records::word::Word;
-use crate::terminal::{program, tell};
+use crate::terminal::{note, program};
 use dials_core::base::{AgentId, counted};
 use dials_core::domain::Domain;
 use dials_core::outside::{Directory, Whereabouts, quoted};
@@ -78,7 +78,7 @@ impl TrainedRun {
     /// Says of which step the policies are, if somebody is still training the run.
     pub fn tell_still_trained(&self, path: &Path) {
         if let Some(steps) = self.still_trained_at {
-            tell(format_args!("{}: is still being trained; its policies are those of step {steps}", path.display()));
+            note(format_args!("{}: is still being trained; its policies are those of step {steps}", path.display()));
         }
     }
 }

@@ -8,7 +8,7 @@ use anyhow::{Context, Result, bail, ensure};
 use super::trial;
 use crate::config::RunConfig;
 use crate::records::files;
-use crate::terminal::tell;
+use crate::terminal::note;
 use schemars::{Schema, SchemaGenerator};
 use serde::Serialize;
 use serde::de::MapAccess;
@@ -201,6 +201,6 @@ pub(crate) fn keep_files(config: &RunConfig, domain: &dyn Domain, dir: &Path) ->
 }
 
 /// Says what of the domain's files is not simulated.
-pub fn tell_left_out(domain: &dyn Domain) {
-    domain.left_out().iter().for_each(|what| tell(for_terminal(&format!("note: {what}"))));
+pub fn note_left_out(domain: &dyn Domain) {
+    domain.left_out().iter().for_each(|what| note(for_terminal(&format!("note: {what}"))));
 }

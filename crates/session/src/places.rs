@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result, ensure};
 
-use crate::terminal::tell;
+use crate::terminal::note;
 use dials_core::outside::{Busy, Directory, StagedDirectory, folder_of, rename_to_free};
 
 /// Number of levels of folders that are searched for runs that are being written.
@@ -141,7 +141,7 @@ fn check_nobody_writes(path: &Path, levels: usize) -> Result<()> {
 }
 
 pub(crate) fn tell_moved(path: &Path, aside: &Path) {
-    tell(format_args!("moved {} to {}", path.display(), aside.display()));
+    note(format_args!("moved {} to {}", path.display(), aside.display()));
 }
 
 /// Returns `path` itself if it is free and numbers begin at 2, otherwise the first free of `path` + `word` + number.

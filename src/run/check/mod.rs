@@ -49,7 +49,7 @@ pub(super) fn check(args: &CheckArgs) -> CommandResult<()> {
     let traffic = opened(&config, args).map_err(Error::Usage)?;
     let agents = agents(&traffic, args).map_err(Error::Usage)?;
     let window = window(traffic.seconds(), args).map_err(Error::Usage)?;
-    domains::tell_left_out(&traffic);
+    domains::note_left_out(&traffic);
     let lights = measured(&traffic, &agents, &window, Seed::new(args.seed)).map_err(Error::Run)?;
     let on_grid = traffic.grid().is_some();
     let checked = Checked { window, sigma: args.sigma, seed: args.seed, lights, on_grid };
@@ -102,12 +102,12 @@ fn window(episode_s: usize, args: &CheckArgs) -> Result<Range<usize>> {
 
 fn measured(traffic: &Traffic, agents: &[AgentId], window: &Range<usize>, seed: Seed) -> Result<Vec<LightFidelity>> {
     let bar = EpisodeBar::of(agents.len(), "lights");
-    bar.tell("the global simulator plays");
+    bar.set_message("the global simulator plays");
     let truth = Truth::play(traffic, window.end, seed)?;
     let fidelity = Fidelity::new(traffic, &truth, window.clone())?;
     let mut lights = Vec::new();
     for &agent in agents {
-        bar.tell(&traffic.plans()[agent.0].light);
+        bar.set_message(&traffic.plans()[agent.0].light);
         lights.push(fidelity.measure(agent)?);
         bar.set(lights.len());
     }

@@ -19,7 +19,7 @@ use dials_core::outside::{did_you_mean, excerpt, read_text};
 use dials_session::error::{Error, Result as CommandResult};
 use dials_session::outputs;
 use dials_session::places::{self, Existing};
-use dials_session::terminal::{self, answer, program, tell};
+use dials_session::terminal::{self, answer, note, program};
 use dials_traffic::agents::derive::border::Seconds;
 use dials_traffic::agents::derive::overrides::Overrides;
 use dials_traffic::agents::derive::padding::{InfluencePadding, Padding};
@@ -56,7 +56,7 @@ pub(super) fn inspect(args: &InspectArgs) -> CommandResult<()> {
     let inspected = Inspected::of(args, existing).map_err(Error::Usage)?;
     let told = inspected.told(args).map_err(Error::Usage)?;
     if let Some(columns) = inspected.columns_of_grid {
-        tell(for_terminal(&format!(
+        note(for_terminal(&format!(
             "note: this is one of the paper's grids, here described as a scenario of your own; a config of the grid \
              (traffic.network) gives its agents {columns} columns, see: {} describe CONFIG",
             program()
@@ -172,6 +172,6 @@ fn draw(inspected: &Inspected, dir: &Path, existing: Existing) -> Result<()> {
     const NAME: &str = "regions.svg";
     let svg = map::drawn(inspected)?;
     places::make(dir, existing, |staged| staged.put(NAME, svg.file().as_bytes()))?;
-    tell(format_args!("drew {NAME} into {}", dir.display()));
+    note(format_args!("drew {NAME} into {}", dir.display()));
     Ok(())
 }

@@ -6,7 +6,7 @@ use std::time::{Duration, Instant};
 
 use indicatif::{ProgressBar, ProgressStyle};
 
-use super::{Talk, shows_bars, talks, tell};
+use super::{Talk, note, shows_bars, talks};
 use dials_core::outside::Printable;
 
 /// Without a terminal a line is printed this often.
@@ -43,7 +43,7 @@ impl EpisodeBar {
         if !shows_bars()
             && let Some(line) = self.line_at(Instant::now(), done)
         {
-            tell(line);
+            note(line);
         }
     }
 
@@ -51,7 +51,7 @@ impl EpisodeBar {
         self.bar.set_length(episodes as u64);
     }
 
-    pub fn tell(&self, message: impl Display) {
+    pub fn set_message(&self, message: impl Display) {
         self.bar.set_message(Printable(message).to_string());
     }
 
@@ -82,7 +82,7 @@ mod tests {
         assert_eq!(at(59, 1), None);
         bar.set_length(40);
         assert_eq!(at(60, 2).unwrap(), "2 of 40 episodes");
-        bar.tell("(at most); best 205.3 so far");
+        bar.set_message("(at most); best 205.3 so far");
         assert_eq!(at(119, 3), None);
         assert_eq!(at(125, 4).unwrap(), "4 of 40 episodes (at most); best 205.3 so far");
     }

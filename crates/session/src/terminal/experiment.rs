@@ -7,7 +7,7 @@ use indicatif::{MultiProgress, ProgressBar, ProgressDrawTarget, ProgressStyle};
 
 use super::duration::duration;
 use super::training::plain_line;
-use super::{shows_bars, tell};
+use super::{note, shows_bars};
 use dials_core::outside::Printable;
 
 /// Interval between plain lines about all running processes.
@@ -77,8 +77,8 @@ impl Display {
     /// Prints a line above the bars.
     pub fn say(&self, line: &str) {
         match self.terminal {
-            true => self.bars.suspend(|| tell(line)),
-            false => tell(line),
+            true => self.bars.suspend(|| note(line)),
+            false => note(line),
         }
     }
 
@@ -91,7 +91,7 @@ impl Display {
         bar.set_position((state.share * state.steps as f64) as u64);
         if !self.terminal {
             let resumed = if state.share > 0.0 { "resumed" } else { "began" };
-            tell(format_args!("{resumed} {task}"));
+            note(format_args!("{resumed} {task}"));
         }
         state.bar = Some(bar);
     }
@@ -133,11 +133,11 @@ impl Display {
             self.last_plain = Instant::now();
             for (name, state) in &self.tasks {
                 if let Some(bar) = &state.bar {
-                    tell(format_args!("{name}: {:.0} %, {}", 100.0 * state.share, bar.message()));
+                    note(format_args!("{name}: {:.0} %, {}", 100.0 * state.share, bar.message()));
                 }
             }
             let left = self.time_left().map_or(String::new(), |left| format!(", about {} left", duration(left)));
-            tell(format_args!("{} of {} done{left}", self.whole.position(), self.tasks.len()));
+            note(format_args!("{} of {} done{left}", self.whole.position(), self.tasks.len()));
         }
     }
 

@@ -8,7 +8,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use indicatif::{ProgressBar, ProgressStyle};
 
 use super::activity::doing;
-use super::{Talk, Wish, shows_bars, stop_on_signals, talks, tell, warn};
+use super::{Talk, Wish, note, shows_bars, stop_on_signals, talks, warn};
 use dials_core::base::Activity;
 use dials_core::base::counted;
 use dials_learn::training::observer::Observer;
@@ -42,7 +42,7 @@ impl BenchProgress {
     pub fn begin(&self, workers: usize, most: usize) {
         let fleet = format!("{workers} of {}", counted(most, "worker"));
         if !shows_bars() {
-            tell(format_args!("measuring with {fleet}"));
+            note(format_args!("measuring with {fleet}"));
         }
         self.line.set_message(fleet.clone());
         self.fleet.replace(fleet);

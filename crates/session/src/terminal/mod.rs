@@ -20,6 +20,6 @@ mod shell;
 mod stop;
 pub mod training;
 
-pub use say::{Talk, answer, json, shows_bars, talk, talks, tell, warn};
+pub use say::{Talk, answer, json, note, shows_bars, talk, talks, warn};
 pub use shell::{on_the_path, program};
 pub use stop::{Wish, check_stop, stop_on_signals};

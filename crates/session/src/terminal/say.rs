@@ -60,7 +60,7 @@ pub fn json(value: impl Display) -> String {
 }
 
 /// Prints a message on standard error, unless the process is quiet.
-pub fn tell(line: impl Display) {
+pub fn note(line: impl Display) {
     if talks(Talk::Normal) {
         warn(line);
     }

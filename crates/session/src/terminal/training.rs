@@ -9,7 +9,7 @@ use indicatif::{ProgressBar, ProgressStyle};
 
 use super::activity::doing;
 use super::duration::duration;
-use super::{Talk, Wish, shows_bars, stop_on_signals, talks, tell, warn};
+use super::{Talk, Wish, note, shows_bars, stop_on_signals, talks, warn};
 use crate::config::RunConfig;
 use dials_core::base::Activity;
 use dials_core::base::statistics::{Interval, mean};
@@ -133,7 +133,7 @@ impl Progress {
             bar.finish_and_clear();
         }
         if done {
-            tell(format_args!("done in {}", duration(self.begun.elapsed())));
+            note(format_args!("done in {}", duration(self.begun.elapsed())));
         }
     }
 
@@ -174,7 +174,7 @@ impl Observer for Progress {
             }
             None if now - self.last_line.get() >= PLAIN_LINE_EVERY => {
                 self.last_line.set(now);
-                tell(format_args!("step {steps}/{}: {}", self.end, self.message()));
+                note(format_args!("step {steps}/{}: {}", self.end, self.message()));
             }
             None => (),
         }
@@ -267,8 +267,8 @@ fn judged(loss: f64, constants: f64) -> String {
 /// Prints a line, above the bar if there is one.
 fn say(bar: Option<&ProgressBar>, line: &str) {
     match bar {
-        Some(bar) => bar.suspend(|| tell(line)),
-        None => tell(line),
+        Some(bar) => bar.suspend(|| note(line)),
+        None => note(line),
     }
 }
 
