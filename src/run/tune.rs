@@ -69,10 +69,10 @@ fn tuned_file(config: &RunConfig, controller: &str, episodes: usize) -> Result<P
          them"
     ));
     let bar = EpisodeBar::new(1);
-    let found = tuning::tune(&traffic, wanted, config.learning.seed, &mut |standing| {
-        bar.set_length(standing.at_most);
-        bar.set(standing.played);
-        bar.set_message(format_args!("(at most); best {} so far", standing.best));
+    let found = tuning::tune(&traffic, wanted, config.learning.seed, &mut |progress| {
+        bar.set_length(progress.at_most);
+        bar.set(progress.played);
+        bar.set_message(format_args!("(at most); best {} so far", progress.best));
     });
     bar.finish();
     let found = found.map_err(Error::Run)?;

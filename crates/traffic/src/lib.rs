@@ -61,8 +61,8 @@ use anyhow::{Context, Error, bail, ensure};
 
 use crate::config::{ScenarioConfig, TrafficConfig};
 use agents::plan::{AgentPlan, Border, JointPlan};
+use controllers::HandCoded;
 use controllers::timing_file::TimingFile;
-use controllers::{HandCoded, Trials};
 use dials_core::base::{AgentId, RandomPurpose, Rows, Seed};
 use dials_core::domain::road_trace::RoadMap;
 use dials_core::domain::{
@@ -244,16 +244,6 @@ impl Traffic {
     /// Loads an LS of `rows` rows of a grid with its own type.
     pub fn local(&self, rows: usize) -> Result<LocalTraffic> {
         self.ground.local(rows, self.tape.as_ref())
-    }
-}
-
-impl Trials for Traffic {
-    fn load_gs(&self, by: HandCoded) -> Result<Box<dyn GlobalSimulator>> {
-        Ok(Box::new(self.global(self.everywhere(by))?))
-    }
-
-    fn horizon(&self) -> usize {
-        self.about().horizon
     }
 }
 

@@ -5,7 +5,7 @@ use std::str::FromStr;
 
 use anyhow::{Context, Result, bail, ensure};
 
-use super::timing::Leeway;
+use super::clock::Leeway;
 
 /// Possible lengths of a green, in steps.
 pub(super) const GREENS: RangeInclusive<u32> = 1..=3600;

@@ -1,14 +1,14 @@
-//! The parameters of lights that go by the clock: greens, cycle and offsets, or a file of the tuner.
+//! The parameters of lights that go by the clock: greens, cycle and offsets, or a file of the tuner. Also what they and
+//! the tuner share: steps divided by shares, and a checkerboard of lights.
 
+use std::collections::{HashMap, VecDeque};
 use std::path::Path;
 
 use anyhow::{Result, ensure};
 
 use super::are_of_a_grid;
 use super::arguments::{Arguments, GREENS};
-use super::neighbours::every_other;
-use super::split::split;
-use super::timing::{ClockPlan, Leeway, Timing};
+use super::clock::{ClockPlan, Leeway, Timing};
 use super::timing_file::TimingFile;
 use crate::agents::plan::AgentPlan;
 use dials_core::outside::Printable;
@@ -18,11 +18,11 @@ const GREEN_OF_A_GRID: u32 = 10;
 const GREEN: u32 = 20;
 
 /// Returns what fixed-time lights follow: [`clock`] without leeway, or a `file` that the tuner wrote.
-pub(crate) fn fixed_time(arguments: &mut Arguments<'_>, plans: &[AgentPlan]) -> Result<ClockPlan> {
+pub(super) fn fixed_time(arguments: &mut Arguments<'_>, plans: &[AgentPlan]) -> Result<ClockPlan> {
     if let Some(file) = arguments.take(super::FILE)? {
         return TimingFile::plan(Path::new(file), super::FIXED_TIME, plans);
     }
-    Ok(ClockPlan { timings: clock(arguments, plans, "none")?, leeway: Leeway::NONE })
+    Ok(ClockPlan::fixed(clock(arguments, plans, "none")?))
 }
 
 /// Returns what coordinated lights follow: [`clock`], but neighbours half a cycle apart if the parameters do not say
@@ -72,21 +72,25 @@ fn clock(arguments: &mut Arguments<'_>, plans: &[AgentPlan], usual: &'static str
 
 /// Reads a list of greens that suits all lights.
 fn greens(arguments: &Arguments<'_>, plans: &[AgentPlan], text: &str) -> Result<Vec<u32>> {
-    let greens: Vec<u32> = text.split('-').map_while(|steps| steps.parse().ok()).collect();
-    let good = greens.len() == text.split('-').count()
-        && greens.iter().all(|&steps| steps == 0 || GREENS.contains(&steps))
-        && greens.iter().any(|&steps| steps > 0);
-    ensure!(good, arguments.refuse(format!("greens = {text}: must be steps such as 20-10, from 0 to 3600, not all 0")));
+    let good = |greens: &Vec<u32>| {
+        let fits = |&steps: &u32| steps == 0 || GREENS.contains(&steps);
+        greens.iter().all(fits) && greens.iter().any(|&steps| steps > 0)
+    };
+    let greens = steps(text).filter(good).ok_or_else(|| {
+        arguments.refuse(format!("greens = {text}: must be steps such as 20-10, from 0 to 3600, not all 0"))
+    })?;
     if let Some(other) = plans.iter().find(|plan| plan.greens() != greens.len()) {
-        let why = format!(
-            "greens = {text}: has {} numbers, but light {} has {} greens; use green or file",
-            greens.len(),
-            Printable(&other.light),
-            other.greens()
-        );
+        let (given, light, has) = (greens.len(), Printable(&other.light), other.greens());
+        let why =
+            format!("greens = {text}: has {given} numbers, but light {light} has {has} greens; use green or file");
         return Err(arguments.refuse(why));
     }
     Ok(greens)
+}
+
+/// Reads steps such as `20-0-10`.
+fn steps(text: &str) -> Option<Vec<u32>> {
+    text.split('-').map(|steps| steps.parse().ok()).collect()
 }
 
 /// Returns a timing with the same shares and another cycle.
@@ -109,9 +113,8 @@ fn offsets(arguments: &mut Arguments<'_>, plans: &[AgentPlan], timings: &[Timing
             Ok(every_other(plans).into_iter().zip(timings).map(half).collect())
         }
         list => {
-            let offsets: Option<Vec<u32>> = list.split('-').map(|offset| offset.parse().ok()).collect();
             let why = format!("offsets = {list}: must be none, checkerboard or steps such as 0-13-13-0");
-            let offsets = offsets.ok_or_else(|| arguments.refuse(why))?;
+            let offsets = steps(list).ok_or_else(|| arguments.refuse(why))?;
             ensure!(
                 offsets.len() == plans.len(),
                 arguments.refuse(format!("{} offsets for {} intersections", offsets.len(), plans.len()))
@@ -119,6 +122,58 @@ fn offsets(arguments: &mut Arguments<'_>, plans: &[AgentPlan], timings: &[Timing
             Ok(offsets)
         }
     }
+}
+
+/// Divides steps in proportion to `weights`, which are not negative. Every weight above 0 gets `least` steps at least,
+/// and a weight of 0 gets none. Returns `None` if there are too few steps.
+pub(super) fn split(steps: u32, weights: &[f64], least: u32) -> Option<Vec<u32>> {
+    let shown = weights.iter().filter(|&&weight| weight > 0.0).count() as u32;
+    let free = steps.checked_sub(shown * least).filter(|_| shown > 0)?;
+    let sum: f64 = weights.iter().sum();
+    let exact: Vec<f64> = weights.iter().map(|weight| f64::from(steps) * weight / sum).collect();
+    let mut parts: Vec<u32> = weights.iter().map(|&weight| if weight > 0.0 { least } else { 0 }).collect();
+    // Each step goes where most is missing.
+    for _ in 0..free {
+        let lack = |part: usize| exact[part] - f64::from(parts[part]);
+        let shown = (0..parts.len()).filter(|&part| weights[part] > 0.0);
+        let most = shown.max_by(|&one, &other| lack(one).total_cmp(&lack(other)).then(other.cmp(&one)));
+        parts[most.expect("some weight is above 0")] += 1;
+    }
+    Some(parts)
+}
+
+/// Returns for each light whether it is an odd number of roads away from the first light that it is joined to. Two
+/// lights are joined if an exit of one is an approach of the other.
+pub(super) fn every_other(plans: &[AgentPlan]) -> Vec<bool> {
+    let joined = joined(plans);
+    let mut odd: Vec<Option<bool>> = vec![None; plans.len()];
+    for first in 0..plans.len() {
+        let mut reached = VecDeque::from([(first, false)]);
+        while let Some((light, is_odd)) = reached.pop_front() {
+            if odd[light].is_none() {
+                odd[light] = Some(is_odd);
+                reached.extend(joined[light].iter().map(|&other| (other, !is_odd)));
+            }
+        }
+    }
+    odd.into_iter().map(|odd| odd.expect("every light was reached")).collect()
+}
+
+/// Returns the lights that each light is joined to.
+fn joined(plans: &[AgentPlan]) -> Vec<Vec<usize>> {
+    let mut behind: HashMap<&str, Vec<usize>> = HashMap::new();
+    for (light, plan) in plans.iter().enumerate() {
+        plan.region.approaches.iter().for_each(|lane| behind.entry(&lane.lane).or_default().push(light));
+    }
+    let mut joined = vec![Vec::new(); plans.len()];
+    for (light, plan) in plans.iter().enumerate() {
+        let ahead = plan.region.exits.iter().filter_map(|exit| behind.get(exit.lane.as_str())).flatten();
+        for &other in ahead {
+            joined[light].push(other);
+            joined[other].push(light);
+        }
+    }
+    joined
 }
 
 #[cfg(test)]
@@ -190,8 +245,26 @@ mod tests {
             "greens = 9-9: has 2 numbers, but light crossing has 4 greens; use green or file"
         );
         for bad in ["0-0-0-0", "9-x", "9--9-9", "9-3601-1-1", ""] {
-            let told = error(&format!("fixed-time:greens={bad}"));
-            assert!(told.ends_with("must be steps such as 20-10, from 0 to 3600, not all 0"), "{told}");
+            let error = error(&format!("fixed-time:greens={bad}"));
+            assert!(error.ends_with("must be steps such as 20-10, from 0 to 3600, not all 0"), "{error}");
         }
+    }
+
+    #[test]
+    fn a_grid_becomes_a_checkerboard_and_lights_alone_are_even() {
+        assert_eq!(every_other(&grid(2, 3)), [false, true, false, true, false, true]);
+        assert_eq!(every_other(&[crossing(), crossing()]), [false, false]);
+    }
+
+    #[test]
+    fn parts_sum_up_and_follow_the_weights() {
+        assert_eq!(split(10, &[1.0, 1.0], 1), Some(vec![5, 5]));
+        assert_eq!(split(11, &[1.0, 1.0], 1), Some(vec![6, 5]));
+        assert_eq!(split(70, &[4.0, 0.0, 2.0, 1.0], 1), Some(vec![40, 0, 20, 10]));
+        assert_eq!(split(10, &[1000.0, 1.0], 1), Some(vec![9, 1]), "one step at least");
+        assert_eq!(split(20, &[8.0, 1.0, 1.0], 5), Some(vec![10, 5, 5]));
+        assert_eq!(split(2, &[3.0, 0.0, 1.0], 1), Some(vec![1, 0, 1]));
+        assert_eq!(split(9, &[3.0, 1.0], 5), None);
+        assert_eq!(split(5, &[0.0], 1), None);
     }
 }

@@ -6,11 +6,12 @@ use std::rc::Rc;
 
 use anyhow::Result;
 
-use super::control::{HandCoded, LightController, Trials};
+use super::control::{HandCoded, LightController};
 use super::intersections::Intersections;
-use crate::agents::plan::AgentPlan;
+use crate::Traffic;
 use crate::agents::region_plan::Approach;
 use dials_core::base::{AgentId, Ragged, RandomPurpose, Seed};
+use dials_core::domain::GlobalSimulator;
 use libsumo::CarId;
 
 /// Cars that were counted.
@@ -21,13 +22,9 @@ pub(crate) struct Flows {
     pub(crate) seconds: u32,
 }
 
-/// Counts cars on the GS (global simulator) on separate episodes, with the lights under this rule.
-pub(super) fn measure(
-    plans: &[AgentPlan],
-    trials: &dyn Trials,
-    episodes: u32,
-    by: impl LightController + 'static,
-) -> Result<Flows> {
+/// Counts cars on the GS on separate episodes, with the lights under this rule.
+pub(super) fn measure(traffic: &Traffic, episodes: u32, by: impl LightController + 'static) -> Result<Flows> {
+    let plans = traffic.plans();
     let approaches: Vec<usize> = plans.iter().map(|plan| plan.region.approaches.len()).collect();
     let flows = Rc::new(RefCell::new(Flows { cars: Ragged::new(approaches), seconds: 0 }));
     let counter = Counter {
@@ -37,11 +34,11 @@ pub(super) fn measure(
         last: HashMap::new(),
         is_first: true,
     };
-    let mut gs = trials.load_gs(HandCoded::rule(counter))?;
+    let mut gs = traffic.global(traffic.everywhere(HandCoded::rule(counter)))?;
     let mut actions = vec![0; plans.len()];
     for episode in 0..episodes {
         gs.reset(Seed::new(0).fork(RandomPurpose::Webster).for_episode(episode as usize))?;
-        for _ in 0..trials.horizon() {
+        for _ in 0..traffic.about().horizon {
             gs.step(&actions)?;
         }
         // The rule sees the cars before each step. Asked once more, it sees those after the last one.
@@ -53,9 +50,7 @@ pub(super) fn measure(
 
 /// Returns the road of each approach: the index of the first approach on the same road.
 fn roads(approaches: &[Approach]) -> Vec<usize> {
-    fn road(approach: &Approach) -> Option<&str> {
-        approach.lane.rsplit_once('_').map(|(road, _)| road)
-    }
+    let road = |approach: &Approach| approach.lane.rsplit_once('_').map(|(road, _)| road.to_owned());
     approaches
         .iter()
         .map(|approach| approaches.iter().position(|other| road(other) == road(approach)).expect("it is one of them"))
