@@ -9,8 +9,8 @@ use serde_json::json;
 
 use super::train::{cores, settings_with};
 use crate::cli;
-use crate::features::command_for_feature;
 use crate::program::PROGRAM;
+use crate::program::command_for_feature;
 use dials_core::base::counted;
 use dials_core::domain::Domain;
 use dials_core::outside::{Directory, temporary_dir};
@@ -40,7 +40,7 @@ const PATIENCE: Duration = Duration::from_secs(600);
 
 pub(super) fn bench(args: &cli::BenchArgs) -> Result<()> {
     #[cfg(feature = "torch")]
-    super::blas::keep_to_one_thread();
+    keep_to_one_thread();
     let config = load(&args.config, &settings_with(&args.settings, args.simulator.as_deref())).map_err(Error::Usage)?;
     if config.learning.predictor_in_use() == Some(Predictor::Marginals) {
         let reason = "marginal-dials costs the same as dials without the training of AIPs; measure dials instead";
@@ -173,15 +173,26 @@ fn as_json(
     Ok(in_json(object))
 }
 
-#[cfg(test)]
-mod tests {
-    use super::*;
+/// Makes sure that libtorch's BLAS runs in one thread.
+///
+/// The libraries read two variables when they are loaded, which is before `main`. If the variables are not set, the
+/// process starts itself again with them. Nothing else in this program computes with BLAS.
+#[cfg(feature = "torch")]
+fn keep_to_one_thread() {
+    use std::os::unix::process::CommandExt;
 
-    #[test]
-    fn fleets_double_up_to_the_largest() {
-        assert_eq!(doubling(1), [1]);
-        assert_eq!(doubling(2), [1, 2]);
-        assert_eq!(doubling(6), [1, 2, 4, 6]);
-        assert_eq!(doubling(8), [1, 2, 4, 8]);
+    const THREADS: [&str; 2] = ["OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS"];
+    if THREADS.iter().any(|name| std::env::var_os(name).is_none_or(|value| value != "1")) {
+        let mut again = std::process::Command::new("/proc/self/exe");
+        let mut typed = std::env::args_os();
+        // Keep the name under which the program was called, for help and for `run.json`.
+        if let Some(name) = typed.next() {
+            again.arg0(name);
+        }
+        again.args(typed).envs(THREADS.map(|name| (name, "1")));
+        let error = again.exec();
+        note(format_args!(
+            "warning: could not restart with one BLAS thread ({error}); libtorch's peak may be that of several cores"
+        ));
     }
 }

@@ -1,24 +1,31 @@
 //! `evaluate` and `baseline`: both play the same episodes and print the same figures.
 
-use anyhow::{anyhow, bail};
+use std::path::Path;
+
+use anyhow::{Context, anyhow, bail, ensure};
 use serde_json::{Value, json};
 
-use super::csv_files::CsvFiles;
 use super::plot::Plots;
-use super::render::render;
 use super::subject::{Background, Subject, agent_called};
 use super::tune::tune;
 use crate::cli;
+use crate::film::scenes;
 use dials_core::base::{AgentId, Seed, repeated};
-use dials_core::domain::{Baseline, Domain};
-use dials_learn::evaluation::{Evaluation, Finding, comparison, json, play_episodes, table};
+use dials_core::domain::{Baseline, Controller, Domain, GlobalSimulator, Measures};
+use dials_core::outside::Directory;
+use dials_learn::evaluation::csv::{Lines, by_agent, by_episode};
+use dials_learn::evaluation::{
+    Evaluation, Finding, comparison, episode_seed, json, play_episodes, play_watched, table,
+};
 use dials_report::plot::About;
 use dials_session::config::{RunConfig, load};
 use dials_session::directory;
 use dials_session::domains;
 use dials_session::error::{Error, Result};
 use dials_session::outputs;
-use dials_session::places::Existing;
+use dials_session::places::{self, Existing};
+use dials_session::records::csv::block;
+use dials_session::records::growing::{GrowingFile, Mark};
 use dials_session::terminal::counting::EpisodeBar;
 use dials_session::terminal::{answer, json as in_json};
 
@@ -31,14 +38,13 @@ pub(super) fn evaluate(args: &cli::EvaluateArgs) -> Result<()> {
         return Err(Error::Usage(anyhow!(twice)));
     }
     let background = args.background.clone().map(|controller| Background { controller, policies_of });
-    let subject = Subject::Run { dir: args.run_dir.clone(), greedy: args.greedy, background };
+    let subjects = vec![Subject::Run { dir: args.run_dir.clone(), greedy: args.greedy, background }];
     let plots = Plots::asked_for(&args.output, &config).map_err(Error::Usage)?;
     let domain = plots.as_ref().map_or(&*domain, Plots::domain);
     let session = Session::new(domain, &config, &args.episodes, &args.output)?;
-    let subjects = vec![subject];
     let csv = session.prepare(&subjects)?;
     let (findings, written) = session.play(subjects, csv)?;
-    session.tell_one(&findings[0], &[])?;
+    session.print(&findings, false, &[])?;
     session.draw(plots.as_ref(), &findings[0], format!("policies of {}", findings[0].player.label))?;
     written
 }
@@ -61,14 +67,9 @@ pub(super) fn baseline(args: &cli::BaselineArgs) -> Result<()> {
         tune(&config, args.tune_episodes as usize, &mut subjects)?;
     }
     let (findings, written) = session.play(subjects, csv)?;
-    if args.compare.is_some() {
-        session.tell_all(&findings, &about)?;
-        return written;
-    }
-    let finding = &findings[0];
-    session.tell_one(finding, &about)?;
+    session.print(&findings, args.compare.is_some(), &about)?;
     let config = args.config.file_name().unwrap_or_default().to_string_lossy();
-    session.draw(plots.as_ref(), finding, format!("controller {} on {config}", finding.player.label))?;
+    session.draw(plots.as_ref(), &findings[0], format!("controller {} on {config}", findings[0].player.label))?;
     written
 }
 
@@ -145,10 +146,22 @@ impl<'a> Session<'a> {
         Ok((findings, written))
     }
 
-    fn tell_one(&self, finding: &Finding, about: &[(&str, Value)]) -> Result<()> {
-        let found = match self.output.json {
-            true => self.with_circumstances(json::of_one(self.domain, finding), about)?,
-            false => table(self.domain, finding),
+    /// Prints the figures of one player, or compares all. `about`: further keys of the JSON object.
+    fn print(&self, findings: &[Finding], compares: bool, about: &[(&str, Value)]) -> Result<()> {
+        let found = if self.output.json {
+            let mut object = match compares {
+                true => json::of_all(self.domain, findings),
+                false => json::of_one(self.domain, &findings[0]),
+            };
+            object.extend(about.iter().map(|(key, value)| ((*key).to_owned(), value.clone())));
+            object.insert("scenario".into(), json!(self.scenario));
+            object.insert("seed".into(), json!(self.seed));
+            object.insert("sumo_version".into(), json!(dials_traffic::sumo_version().map_err(Error::Run)?));
+            in_json(Value::Object(object))
+        } else if compares {
+            comparison(findings)
+        } else {
+            table(self.domain, &findings[0])
         };
         answer(found).map_err(Error::Run)
     }
@@ -159,24 +172,64 @@ impl<'a> Session<'a> {
         let evaluation = Evaluation::new(self.domain, &finding.episodes);
         plots.draw(&evaluation, &About { subject, seed: self.seed }).map_err(Error::Run)
     }
+}
 
-    fn tell_all(&self, findings: &[Finding], about: &[(&str, Value)]) -> Result<()> {
-        let found = match self.output.json {
-            true => self.with_circumstances(json::of_all(self.domain, findings), about)?,
-            false => comparison(findings),
-        };
-        answer(found).map_err(Error::Run)
+/// The CSV files of `--csv`. The lines of each player are written as soon as it has played.
+struct CsvFiles {
+    directory: Directory,
+    episodes: GrowingFile,
+    agents: GrowingFile,
+}
+
+impl CsvFiles {
+    /// Makes the directory. If one of the files exists, `existing` says what becomes of it.
+    fn create(dir: &Path, existing: Existing) -> anyhow::Result<CsvFiles> {
+        let names = ["episodes.csv", "agents.csv"];
+        let paths = names.map(|name| dir.join(name));
+        paths.iter().try_for_each(|file| outputs::check_free(file, "--csv", existing))?;
+        outputs::check_writable(dir)?;
+        paths.iter().try_for_each(|file| places::clear(file, existing))?;
+        let [episodes, agents] = names.map(|name| GrowingFile::new(name, Mark::default()));
+        Ok(CsvFiles { directory: Directory::open(dir)?, episodes, agents })
     }
 
-    fn with_circumstances(
-        &self,
-        mut object: serde_json::Map<String, Value>,
-        about: &[(&str, Value)],
-    ) -> Result<String> {
-        object.extend(about.iter().map(|(key, value)| ((*key).to_owned(), value.clone())));
-        object.insert("scenario".into(), json!(self.scenario));
-        object.insert("seed".into(), json!(self.seed));
-        object.insert("sumo_version".into(), json!(dials_traffic::sumo_version().map_err(Error::Run)?));
-        Ok(in_json(Value::Object(object)))
+    fn append(&mut self, finding: &Finding) -> anyhow::Result<()> {
+        for (file, Lines { header, lines }) in
+            [(&mut self.episodes, by_episode(finding)), (&mut self.agents, by_agent(finding))]
+        {
+            file.append(&self.directory, |new| block(&header, &lines, new))?;
+        }
+        Ok(())
     }
+}
+
+/// Plays the first evaluation episode of the seed `run` and draws it into the directory `dir`, which is made anew.
+///
+/// The files are `step_NNN.svg` for every step, and `episode.gif`.
+fn render(
+    simulator: &mut dyn GlobalSimulator,
+    controller: &mut dyn Controller,
+    run: Seed,
+    dir: &Path,
+    existing: Existing,
+) -> anyhow::Result<()> {
+    ensure!(
+        simulator.scene().is_some(),
+        "--render: this domain draws no pictures; try --plot, or `replay` for sumo-gui"
+    );
+    let (mut drawn, mut titles) = (Vec::new(), Vec::new());
+    play_watched(simulator, controller, episode_seed(run, 0), &mut |simulator| {
+        drawn.push(simulator.scene().context("the domain drew no picture of a step")?);
+        titles.push(title(titles.len(), &simulator.measures()?));
+        Ok(())
+    })?;
+    places::make(dir, existing, |dir| scenes::write(&drawn, &titles, dir))
+        .with_context(|| format!("{}: cannot be written", dir.display()))
+        .map(drop)
+}
+
+/// Returns the title of a step: its number, and what the agents have together in each figure.
+fn title(step: usize, measures: &Measures) -> String {
+    let figures = measures.per_agent.iter().map(|(name, values)| format!(", {name} {:.0}", values.iter().sum::<f64>()));
+    format!("step {step}{}", figures.collect::<String>())
 }

@@ -5,9 +5,8 @@ use std::rc::Rc;
 use std::sync::Arc;
 use std::time::Duration;
 
-use anyhow::anyhow;
+use anyhow::{anyhow, ensure};
 
-use super::other_end::{end_at, has_ended, tell_of_lost_evaluation};
 use super::run_name::default_dir;
 use super::team::{Plan, Team};
 use super::watch::Beside;
@@ -15,13 +14,15 @@ use crate::cli;
 use crate::program::PROGRAM;
 use dials_core::base::{counted, for_terminal};
 use dials_core::domain::Domain;
-use dials_core::outside::{Directory, Whereabouts, folder_of, quoted};
+use dials_core::outside::{Directory, Whereabouts, folder_of, quoted, read_text};
+use dials_learn::config::rest_of_schedule;
 use dials_learn::training::dials;
 use dials_learn::training::fleet::Fleet;
 use dials_learn::training::observer::Interrupted;
 use dials_learn::training::standing::Standing;
 use dials_session::build::{other_build, record_resume};
-use dials_session::config::{RunConfig, load};
+use dials_session::config::resume::with_end;
+use dials_session::config::{LARGEST_FILE as LARGEST_CONFIG, RunConfig, load};
 use dials_session::directory;
 use dials_session::domains;
 use dials_session::error::{Error, Result};
@@ -36,6 +37,7 @@ use dials_session::records::networks::Layouts;
 use dials_session::records::resume_point::{NothingFits, ResumePoint};
 use dials_session::records::run_json::{RunJson, Versions};
 use dials_session::records::run_log::RunLog;
+use dials_session::records::run_record::{EvaluationRecord, RunRecord};
 use dials_session::terminal::training::Progress;
 use dials_session::terminal::{answer, note, program, warn};
 
@@ -162,7 +164,7 @@ fn resume_locked(args: &cli::TrainArgs, dir: &Path, directory: Directory, wanted
     }
     let has_ended = has_ended(&run.directory, &run.config, &point);
     if !has_ended {
-        tell_of_lost_evaluation(dir, &run.config, &point);
+        note_lost_evaluation(dir, &run.config, &point);
     }
     Ok(Run { resumed: Some(point), has_ended, other_build, ..run })
 }
@@ -174,19 +176,77 @@ fn open(directory: Directory, opened: fn(&RunConfig) -> anyhow::Result<Arc<dyn D
     Ok(Run { directory, config, domain, owner, resumed: None, has_ended: false, other_build: None })
 }
 
+/// Makes the run end at step `steps`, by its config. Returns the text of the config before.
+fn end_at(directory: &Directory, steps: u64) -> anyhow::Result<String> {
+    let path = directory.path().join(files::CONFIG);
+    let config = load(&path, &[])?;
+    ensure!(
+        steps <= config.learning.total_steps,
+        "--steps {steps}: this run can go to step {0} only, because its learning rate and clip range have decayed to \
+         nothing there (total_steps = {0}); for a longer one begin a new run with --set total_steps={steps}",
+        config.learning.total_steps
+    );
+    let text = read_text(&path, LARGEST_CONFIG)?;
+    directory.write(files::CONFIG, with_end(&text, steps).as_bytes())?;
+    Ok(text)
+}
+
+/// Returns whether nothing is left to do, and then says how to train further.
+fn has_ended(directory: &Directory, config: &RunConfig, point: &ResumePoint) -> bool {
+    let Some(checkpoint) = &point.checkpoint else { return false };
+    let dir = directory.path();
+    let (steps, until) = (checkpoint.agents.steps, checkpoint.progress.standing.until);
+    let is_final = |last: &EvaluationRecord| last.episode_returns.len() == config.learning.evaluation.final_episodes;
+    let all_is_there = |run: RunRecord| run.evaluation_at(steps).is_some_and(is_final) && run.is_whole();
+    if !rest_of_schedule(&config.learning, until).is_empty() || !RunRecord::read(dir).is_ok_and(all_is_there) {
+        return false;
+    }
+    let further = if steps < config.learning.total_steps {
+        format!(
+            "train it further with: {} train --resume {} --steps {}",
+            program(),
+            quoted(dir),
+            config.learning.total_steps
+        )
+    } else {
+        "for a longer one begin a new run with a larger total_steps".to_owned()
+    };
+    note(format_args!("note: this run has ended, at step {steps}\n  {further}"));
+    true
+}
+
+/// Says so if the resumed run loses an evaluation: that of an earlier end at which the longer run is not evaluated. The
+/// files of a resumed run are those of a run that was never stopped.
+fn note_lost_evaluation(dir: &Path, config: &RunConfig, point: &ResumePoint) {
+    let Some(checkpoint) = &point.checkpoint else { return };
+    let (steps, standing) = (checkpoint.agents.steps, &checkpoint.progress.standing);
+    let rest = rest_of_schedule(&config.learning, standing.until);
+    // Without a rest the run ends here, with an evaluation.
+    let comes_again = rest.first().is_none_or(|next| next.evaluate) || standing.evaluated_at == Some(steps);
+    let was_evaluated = || RunRecord::read(dir).is_ok_and(|run| run.evaluation_at(steps).is_some());
+    if !comes_again && was_evaluated() {
+        note(format_args!(
+            "note: {} loses the evaluation at step {steps}, the earlier end of this run.\n  A run that goes on is not \
+             evaluated there (evaluation.every_steps = {}).",
+            files::RETURNS,
+            config.learning.evaluation.every_steps
+        ));
+    }
+}
+
 impl Run {
     /// Returns how many workers to start, not more than have work, and says so if they are fewer than were asked for.
     fn workers(&self, asked: Option<(usize, String)>) -> usize {
-        let most = most_workers(&self.config, self.domain.agents());
-        let Some((asked, words)) = asked else { return cores().min(most) };
-        if asked > most {
+        let agents = self.domain.agents();
+        let workers = workers(asked.as_ref().map(|(asked, _)| *asked), &self.config, agents);
+        if let Some((_, words)) = asked.filter(|(asked, _)| *asked > workers) {
+            let agents = counted(agents, "agent");
             note(for_terminal(&format!(
-                "note: {words}: starting {most}, because there are {} and never more than {most} episodes or agents \
-                 to share out",
-                counted(self.domain.agents(), "agent")
+                "note: {words}: starting {workers}, because there are {agents} and never more than {workers} episodes or \
+                 agents to share out"
             )));
         }
-        asked.min(most)
+        workers
     }
 
     /// Returns a line that says what this run is and what it will do.
@@ -246,21 +306,17 @@ fn remember(directory: &Directory, workers: Option<usize>) -> anyhow::Result<()>
 
 /// Returns how many workers to start: not more than have work.
 fn workers(asked: Option<usize>, config: &RunConfig, agents: usize) -> usize {
-    asked.unwrap_or_else(cores).min(most_workers(config, agents))
+    let (learning, evaluation) = (&config.learning, &config.learning.evaluation);
+    let imitated = learning.policy.imitate.as_ref().map_or(0, |_| learning.imitation.episodes(config.horizon()));
+    let datasets = learning.dataset_episodes(config.horizon());
+    // At some time of the run each has an agent or an episode.
+    let shared = [evaluation.episodes, evaluation.final_episodes, evaluation.aip_loss_episodes, datasets, imitated];
+    asked.unwrap_or_else(cores).min(shared.into_iter().fold(agents, usize::max))
 }
 
 /// Makes sure that this process may have enough files open for its workers.
 fn allow_workers(workers: usize) -> Result<()> {
     allow_open_files(workers, FILES_PER_WORKER, "--workers").map_err(Error::Usage)
-}
-
-/// Returns the largest number of workers that each have agents or episodes at some time of the run.
-fn most_workers(config: &RunConfig, agents: usize) -> usize {
-    let (evaluation, datasets) = (&config.learning.evaluation, config.learning.dataset_episodes(config.horizon()));
-    let imitated =
-        config.learning.policy.imitate.as_ref().map_or(0, |_| config.learning.imitation.episodes(config.horizon()));
-    let shared = [evaluation.episodes, evaluation.final_episodes, evaluation.aip_loss_episodes, datasets, imitated];
-    shared.into_iter().fold(agents, usize::max)
 }
 
 /// Returns the flags that override keys of the config, as `KEY=VALUE` settings.
@@ -287,7 +343,7 @@ pub(super) fn cores() -> usize {
 fn stopped(directory: &Directory, place: &Path, end: u64) -> String {
     let kept = match newest_step(directory) {
         Ok(Some(step)) => format!("stopped; kept up to step {step} of {end} per agent"),
-        // What cannot be read is told by the resume.
+        // The resume says what cannot be read.
         Ok(None) | Err(_) => "stopped; there is no checkpoint yet, so it will begin again".to_owned(),
     };
     format!("{kept}; resume with: {}", resume_command(place))

@@ -2,7 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
-use anyhow::{anyhow, ensure};
+use anyhow::anyhow;
 
 use super::subject::Subject;
 use dials_core::base::counted;
@@ -59,7 +59,10 @@ fn tuned_file(config: &RunConfig, controller: &str, episodes: usize) -> Result<P
     let name = format!("{}-{controller}-{key:08x}.toml", wanted.network.replace(',', "_"));
     let path = Path::new(FOLDER).join(FileName::new(name).map_err(Error::Usage)?);
     if path.exists() {
-        check_kept(&path, &wanted).map_err(Error::Usage)?;
+        let kept = TimingFile::read(&path).map_err(Error::Usage)?;
+        if kept.tuned_on != wanted {
+            return Err(Error::Usage(anyhow!("{}: was tuned for another setting; move it away", path.display())));
+        }
         note(format_args!("{}: uses the timings of an earlier search", path.display()));
         return Ok(path);
     }
@@ -82,10 +85,4 @@ fn tuned_file(config: &RunConfig, controller: &str, episodes: usize) -> Result<P
         .map_err(Error::Run)?;
     note(format_args!("{}: tuned on {}, {}", path.display(), counted(episodes, "episode"), found.score()));
     Ok(path)
-}
-
-fn check_kept(path: &Path, wanted: &TunedOn) -> anyhow::Result<()> {
-    let kept = TimingFile::read(path)?;
-    ensure!(kept.tuned_on == *wanted, "{}: was tuned for another setting; move it away", path.display());
-    Ok(())
 }

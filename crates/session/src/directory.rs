@@ -76,7 +76,7 @@ pub struct TrainedRun {
 
 impl TrainedRun {
     /// Says of which step the policies are, if somebody is still training the run.
-    pub fn tell_still_trained(&self, path: &Path) {
+    pub fn note_still_trained(&self, path: &Path) {
         if let Some(steps) = self.still_trained_at {
             note(format_args!("{}: is still being trained; its policies are those of step {steps}", path.display()));
         }

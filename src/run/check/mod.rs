@@ -1,14 +1,14 @@
 //! `check`: how far the local simulator (LS) of each light is like the global one (GS).
 //!
-//! - `table`: for people; `json`: for programs.
+//! `table`: for people. The JSON for programs is here.
 
-mod json;
 mod table;
 
 use std::collections::BTreeSet;
 use std::ops::Range;
 
 use anyhow::{Result, anyhow, bail, ensure};
+use serde_json::{Value, json};
 
 use crate::cli::CheckArgs;
 use dials_core::base::{AgentId, Seed};
@@ -22,8 +22,9 @@ use dials_session::terminal::{answer, json as in_json};
 use dials_session::{directory, domains};
 use dials_traffic::Traffic;
 use dials_traffic::fidelity::agreement::Comparison;
+use dials_traffic::fidelity::doubts::doubt;
 use dials_traffic::fidelity::truth::Truth;
-use dials_traffic::fidelity::{Fidelity, LightFidelity};
+use dials_traffic::fidelity::{Causes, Fidelity, LightFidelity};
 
 /// Second from which cells are compared, and for how long, if the episode is long enough.
 const BEGIN_S: usize = 600;
@@ -36,6 +37,8 @@ struct Checked {
     sigma: Option<f64>,
     seed: u64,
     lights: Vec<LightFidelity>,
+    /// All lights together.
+    all: LightFidelity,
     /// Whether these are lights of a grid, whose LS leaves out cars without room.
     on_grid: bool,
 }
@@ -52,8 +55,9 @@ pub(super) fn check(args: &CheckArgs) -> CommandResult<()> {
     domains::note_left_out(&traffic);
     let lights = measured(&traffic, &agents, &window, Seed::new(args.seed)).map_err(Error::Run)?;
     let on_grid = traffic.grid().is_some();
-    let checked = Checked { window, sigma: args.sigma, seed: args.seed, lights, on_grid };
-    let message = if args.json { in_json(json::described(&checked)) } else { table::described(&checked) };
+    let all = together(&lights);
+    let checked = Checked { window, sigma: args.sigma, seed: args.seed, lights, all, on_grid };
+    let message = if args.json { in_json(as_json(&checked)) } else { table::described(&checked) };
     answer(message).map_err(Error::Run)
 }
 
@@ -116,8 +120,70 @@ fn measured(traffic: &Traffic, agents: &[AgentId], window: &Range<usize>, seed: 
 }
 
 /// Returns the comparison of all lights together.
-fn together(lights: &[LightFidelity], one: impl Fn(&LightFidelity) -> Comparison) -> Comparison {
-    let mut sum = Comparison::default();
-    lights.iter().for_each(|light| sum += one(light));
-    sum
+fn together(lights: &[LightFidelity]) -> LightFidelity {
+    let sum = |one: &dyn Fn(&LightFidelity) -> Comparison| {
+        let mut sum = Comparison::default();
+        lights.iter().for_each(|light| sum += one(light));
+        sum
+    };
+    let is_random = lights.iter().any(|light| light.other_seed.is_some());
+    LightFidelity {
+        agent: AgentId(0),
+        light: "all".to_owned(),
+        true_entries: sum(&|light| light.true_entries),
+        sampled_entries: sum(&|light| light.sampled_entries),
+        other_seed: is_random.then(|| sum(&|light| light.other_seed.unwrap_or_default())),
+        causes: Causes::default(),
+    }
+}
+
+/// Returns the whole object. Precision and recall compare the local simulator with the global one; in `other_seed`, two
+/// local simulators.
+fn as_json(checked: &Checked) -> Value {
+    let Checked { window, sigma, seed, lights, all, .. } = checked;
+    let each = lights.iter().map(|light| {
+        json!({
+            "id": light.light,
+            "true_entries": entries(light.true_entries),
+            "sampled_entries": entries(light.sampled_entries),
+            "other_seed": light.other_seed.map(cells),
+            "spillback": light.causes.spillback,
+            "short_entries": light.causes.short_entries,
+            "doubt": doubt(light),
+        })
+    });
+    json!({
+        "begin": window.start,
+        "seconds": window.len(),
+        "sigma": sigma,
+        "seed": seed,
+        "lights": each.collect::<Vec<_>>(),
+        "all": {
+            "true_entries": entries(all.true_entries),
+            "sampled_entries": entries(all.sampled_entries),
+            "other_seed": all.other_seed.map(cells),
+        },
+    })
+}
+
+fn cells(comparison: Comparison) -> Value {
+    let cells = comparison.cells;
+    json!({
+        "precision": cells.precision(),
+        "recall": cells.recall(),
+        "occupancy_ratio": cells.occupancy_ratio(),
+    })
+}
+
+fn entries(comparison: Comparison) -> Value {
+    let mut value = cells(comparison);
+    let [gs, ls] = comparison.sums;
+    let object = value.as_object_mut().expect("made as an object");
+    object.insert("mean_speed_mps".into(), json!({ "gs": gs.mean_speed_mps(), "ls": ls.mean_speed_mps() }));
+    object.insert("passed_per_h".into(), json!({ "gs": gs.passed_per_h(), "ls": ls.passed_per_h() }));
+    object.insert("backlog".into(), json!(ls.backlog()));
+    object.insert("waited_share".into(), json!(ls.waited_share()));
+    object.insert("dropped_share".into(), json!(ls.dropped_share()));
+    object.insert("lost".into(), json!(ls.lost));
+    value
 }

@@ -192,33 +192,25 @@ mod tests {
     use super::*;
     use std::sync::mpsc::channel;
 
-    /// Returns the last words of a process that prints this.
-    fn last_words(printed: &str) -> Option<String> {
-        let (said, heard) = channel();
-        let words = listen(printed.as_bytes(), tempfile::tempfile().unwrap(), "a".to_owned(), &said);
-        drop(said);
-        assert_eq!(heard.iter().map(|said| said.line + "\n").collect::<String>(), printed, "all lines are passed on");
-        words
-    }
-
     #[test]
-    fn bytes_that_are_no_text_do_not_end_the_listening() {
-        let (said, heard) = channel();
-        let printed = b"warning: edge \xff is odd\r\nerror: disk full\n  make room";
-        let words = listen(&printed[..], tempfile::tempfile().unwrap(), "a".to_owned(), &said);
-        drop(said);
-        assert_eq!(words.as_deref(), Some("error: disk full\n  make room"));
-        let lines: Vec<String> = heard.iter().map(|said| said.line).collect();
-        assert_eq!(lines, ["warning: edge \u{fffd} is odd", "error: disk full", "  make room"]);
-    }
-
-    #[test]
-    fn the_last_words_of_a_process_have_their_causes_and_the_way_out() {
+    fn the_last_words_of_a_process_have_their_causes_and_the_way_out_and_all_lines_are_passed_on() {
         let error = "error: run.json: cannot be written\n  caused by: disk full\n  way out: make room";
-        assert_eq!(last_words(&format!("step 1/2: slow\n  a note\n{error}\n")).as_deref(), Some(error));
         let earlier = format!("error: an earlier one\n  caused by: a\n{error}\ngoodbye\n  not of the error\n");
-        assert_eq!(last_words(&earlier).as_deref(), Some(error));
-        assert_eq!(last_words("stopped; kept up to step 5\n").as_deref(), Some("stopped; kept up to step 5"));
-        assert_eq!(last_words("step 1/2: slow\n  a note\n"), None);
+        for (printed, words) in [
+            (format!("step 1/2: slow\n  a note\n{error}\n").as_bytes(), Some(error)),
+            (earlier.as_bytes(), Some(error)),
+            (b"stopped; kept up to step 5\n", Some("stopped; kept up to step 5")),
+            (b"step 1/2: slow\n  a note\n", None),
+            // Bytes that are no text do not end the listening.
+            (b"edge \xff is odd\r\nerror: disk full\n  make room", Some("error: disk full\n  make room")),
+        ] {
+            let (said, heard) = channel();
+            let found = listen(printed, tempfile::tempfile().unwrap(), "a".to_owned(), &said);
+            drop(said);
+            assert_eq!(found.as_deref(), words);
+            let lines: Vec<String> = heard.iter().map(|said| said.line).collect();
+            let text = String::from_utf8_lossy(printed).replace('\r', "");
+            assert_eq!(lines, text.lines().collect::<Vec<_>>());
+        }
     }
 }

@@ -272,24 +272,23 @@ impl Batch {
 mod tests {
     use super::*;
 
-    fn message(tasks: usize, failed: &[&str], interrupted: bool) -> (u8, String) {
-        let failed = failed.iter().map(|&name| name.to_owned()).collect();
-        let error = Outcome { tasks, failed, interrupted }.judged(Path::new("logs"), "again").unwrap_err();
-        (error.exit_code(), error.to_string())
-    }
-
     #[test]
     fn an_interrupted_experiment_names_what_failed_and_does_not_call_the_rest_done() {
-        assert_eq!(message(3, &[], true), (130, "stopped; resume with: again".to_owned()));
-        let both = "stopped; 1 of 3 failed: a; their logs are in logs; resume with: again";
-        assert_eq!(message(3, &["a"], true), (130, both.to_owned()));
-    }
-
-    #[test]
-    fn the_others_are_done_if_there_are_any() {
-        let some = "error: 1 of 3 failed: a; their logs are in logs; the others are done; to try these again: again";
-        assert_eq!(message(3, &["a"], false), (1, some.to_owned()));
-        let all = "error: 2 of 2 failed: a, b; their logs are in logs; to try these again: again";
-        assert_eq!(message(2, &["a", "b"], false), (1, all.to_owned()));
+        for (tasks, failed, interrupted, code, message) in [
+            (3, &[][..], true, 130, "stopped; resume with: again"),
+            (3, &["a"], true, 130, "stopped; 1 of 3 failed: a; their logs are in logs; resume with: again"),
+            (
+                3,
+                &["a"],
+                false,
+                1,
+                "error: 1 of 3 failed: a; their logs are in logs; the others are done; to try these again: again",
+            ),
+            (2, &["a", "b"], false, 1, "error: 2 of 2 failed: a, b; their logs are in logs; to try these again: again"),
+        ] {
+            let failed = failed.iter().map(|&name| name.to_owned()).collect();
+            let error = Outcome { tasks, failed, interrupted }.judged(Path::new("logs"), "again").unwrap_err();
+            assert_eq!((error.exit_code(), error.to_string()), (code, message.to_owned()));
+        }
     }
 }

@@ -1,11 +1,8 @@
 //! `nets inspect`: what becomes of the lights of a network, before anything is simulated.
 //!
-//! - `overview`, `text`: for people, a line for each light or lights in full; `json`: for programs; `map`: the picture of
-//!   `--plot`.
+//! `text`: for people; `json`: for programs.
 
 mod json;
-mod map;
-mod overview;
 mod text;
 
 use std::collections::BTreeSet;
@@ -15,7 +12,10 @@ use anyhow::{Context, Result, anyhow, ensure};
 
 use crate::cli::InspectArgs;
 use dials_core::base::for_terminal;
+use dials_core::domain::road_trace::Line;
 use dials_core::outside::{did_you_mean, excerpt, read_text};
+use dials_report::drawing::Svg;
+use dials_report::plot::{MapRegion, RegionsMap, regions_map};
 use dials_session::error::{Error, Result as CommandResult};
 use dials_session::outputs;
 use dials_session::places::{self, Existing};
@@ -28,7 +28,7 @@ use dials_traffic::agents::plan::Border;
 use dials_traffic::agents::region::spec;
 use dials_traffic::config::{ScenarioConfig, TrafficConfig};
 use dials_traffic::network::files::NetworkFiles;
-use dials_traffic::network::roads::{EdgeNo, Roads, file};
+use dials_traffic::network::roads::{LaneNo, Roads, file};
 use dials_traffic::paper_grid::recognise::recognise_grid;
 use dials_traffic::scenario::SumoScenario;
 
@@ -54,7 +54,7 @@ struct Inspected {
 pub(super) fn inspect(args: &InspectArgs) -> CommandResult<()> {
     let existing = Existing::of_named(args.force);
     let inspected = Inspected::of(args, existing).map_err(Error::Usage)?;
-    let told = inspected.told(args).map_err(Error::Usage)?;
+    let text = inspected.text(args).map_err(Error::Usage)?;
     if let Some(columns) = inspected.columns_of_grid {
         note(for_terminal(&format!(
             "note: this is one of the paper's grids, here described as a scenario of your own; a config of the grid \
@@ -63,7 +63,7 @@ pub(super) fn inspect(args: &InspectArgs) -> CommandResult<()> {
         )));
     }
     let plot = args.plot.as_deref();
-    answer(told).and_then(|()| plot.map_or(Ok(()), |dir| draw(&inspected, dir, existing))).map_err(Error::Run)
+    answer(text).and_then(|()| plot.map_or(Ok(()), |dir| draw(&inspected, dir, existing))).map_err(Error::Run)
 }
 
 impl Inspected {
@@ -75,11 +75,18 @@ impl Inspected {
             "{}: is a config of this program; inspect the .sumocfg or the net that it names",
             path.display()
         );
-        let Subject { net, roads, departs_on, seconds, left_out } =
-            match path.extension().is_some_and(|extension| extension == "sumocfg") {
-                true => of_scenario(path)?,
-                false => of_net(path)?,
-            };
+        let is_scenario = path.extension().is_some_and(|extension| extension == "sumocfg");
+        let (net, roads, departs_on, seconds, left_out) = if is_scenario {
+            let config = ScenarioConfig::of_file(path)?;
+            let scenario = SumoScenario::read(&config)?;
+            let roads = scenario.roads()?;
+            let departs_on = scenario.departs_on(&roads);
+            (scenario.net_path().to_owned(), roads, departs_on, Seconds::of(&config), scenario.left_out().to_vec())
+        } else {
+            // Nobody departs on a net alone, and an episode would be an hour of decisions of the usual length.
+            let decision = ScenarioConfig::new(path).decision_s as usize;
+            (path.clone(), file::read(path)?, BTreeSet::new(), Seconds { decision, episode: 3600 }, Vec::new())
+        };
         let overrides = args.agents.as_deref().map_or(Ok(Overrides::default()), read_overrides)?;
         let rules = Rules::default();
         let derived = derive(&roads, &rules, &overrides).map_err(|error| anyhow!("{}: {error:#}", net.display()));
@@ -95,17 +102,16 @@ impl Inspected {
     }
 
     /// Returns what was asked for, as text.
-    fn told(&self, args: &InspectArgs) -> Result<String> {
+    fn text(&self, args: &InspectArgs) -> Result<String> {
         if args.json {
             let text = serde_json::to_string_pretty(&json::described(self)).expect("JSON has any text");
             return Ok(terminal::json(text));
         }
-        let text = match &args.light {
-            Some(light) => text::one(self, light).with_context(|| no_light(self, light))?,
-            None if args.all => text::all(self),
-            None => overview::described(self),
-        };
-        Ok(text.trim_end().to_owned())
+        match &args.light {
+            Some(light) => text::one(self, light).with_context(|| no_light(self, light)),
+            None if args.all => Ok(text::all(self)),
+            None => Ok(text::overview(self)),
+        }
     }
 }
 
@@ -127,42 +133,6 @@ fn columns_of_grid(net: &Path) -> Option<usize> {
     Some(spec(&TrafficConfig::new("", "")).obs_dim)
 }
 
-/// What is inspected.
-struct Subject {
-    net: PathBuf,
-    roads: Roads,
-    /// Roads on which cars depart.
-    departs_on: BTreeSet<EdgeNo>,
-    seconds: Seconds,
-    left_out: Vec<String>,
-}
-
-/// Reads a scenario whole.
-fn of_scenario(path: &Path) -> Result<Subject> {
-    let config = ScenarioConfig::of_file(path)?;
-    let scenario = SumoScenario::read(&config)?;
-    let roads = scenario.roads()?;
-    Ok(Subject {
-        net: scenario.net_path().to_owned(),
-        departs_on: scenario.departs_on(&roads),
-        roads,
-        seconds: Seconds::of(&config),
-        left_out: scenario.left_out().to_vec(),
-    })
-}
-
-/// Reads a net alone. Nobody departs there, and an episode would be an hour of decisions of the usual length.
-fn of_net(path: &Path) -> Result<Subject> {
-    let decision = ScenarioConfig::new(path).decision_s as usize;
-    Ok(Subject {
-        net: path.to_owned(),
-        roads: file::read(path)?,
-        departs_on: BTreeSet::new(),
-        seconds: Seconds { decision, episode: 3600 },
-        left_out: Vec::new(),
-    })
-}
-
 fn read_overrides(path: &Path) -> Result<Overrides> {
     let text = read_text(path, MOST_OVERRIDES).with_context(|| format!("{}: could not be read", path.display()))?;
     Overrides::parse(&text).map_err(|error| anyhow!("{}: {error:#}", path.display()))
@@ -170,8 +140,32 @@ fn read_overrides(path: &Path) -> Result<Overrides> {
 
 fn draw(inspected: &Inspected, dir: &Path, existing: Existing) -> Result<()> {
     const NAME: &str = "regions.svg";
-    let svg = map::drawn(inspected)?;
+    let svg = map(inspected)?;
     places::make(dir, existing, |staged| staged.put(NAME, svg.file().as_bytes()))?;
     note(format_args!("drew {NAME} into {}", dir.display()));
     Ok(())
+}
+
+/// Returns the map of a network with the regions of its agents.
+fn map(inspected: &Inspected) -> Result<Svg> {
+    let Inspected { net, roads, derived, .. } = inspected;
+    let line = |lane: LaneNo| -> Line { roads.lane(lane).shape.clone() };
+    let regions = derived.agents.iter().map(|agent| {
+        let edges = agent.region.edges(roads);
+        let within = |lane: &LaneNo| edges.contains(&roads.lane(*lane).edge);
+        MapRegion {
+            name: agent.plan.light.clone(),
+            place_m: agent.plan.place_m,
+            approaches: agent.region.ahead_m.keys().map(|&lane| line(lane)).collect(),
+            lanes: roads.lanes_of_cars().filter(within).map(line).collect(),
+        }
+    });
+    let keeping = derived.keeping.iter().flat_map(|kept| roads.junctions_of(&kept.light));
+    regions_map(&RegionsMap {
+        subject: net.file_name().unwrap_or(net.as_os_str()).to_string_lossy().into_owned(),
+        junctions: roads.junctions.iter().map(|junction| junction.shape.clone()).collect(),
+        lanes: roads.lanes_of_cars().map(line).collect(),
+        regions: regions.collect(),
+        keeping: keeping.map(|junction| roads.junction(junction).place_m).collect(),
+    })
 }

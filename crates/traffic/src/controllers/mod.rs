@@ -78,11 +78,11 @@ const SWITCH_EVERY: &str = "switch-every-";
 const FILE: &str = "file";
 
 /// A function that makes a controller. It first measures what the controller needs to know, on simulators of its own.
-pub(crate) type Recipe = Box<dyn Fn(&Traffic) -> Result<HandCoded>>;
+pub type Recipe = Box<dyn Fn(&Traffic) -> Result<HandCoded>>;
 
 /// Returns the controller of these lights that a text names, with parameters: `max-pressure:min-green=5`. Errors: an
 /// unknown name (the error lists the known ones) and an unknown parameter (it lists those of the controller).
-pub(crate) fn recipe(text: &str, plans: &[AgentPlan]) -> Result<Recipe> {
+pub fn recipe(text: &str, plans: &[AgentPlan]) -> Result<Recipe> {
     let mut arguments = Arguments::of(text);
     let recipe: Recipe = match arguments.name() {
         "random" => Box::new(|_| Ok(HandCoded::rule(Random::new(Seed::new(0))))),

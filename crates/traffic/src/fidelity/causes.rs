@@ -1,4 +1,4 @@
-//! What spoils the local simulator (LS) of a light, read off the recorded episode on the global simulator (GS).
+//! What spoils the LS of a light, read off the recorded episode on the GS.
 
 use std::ops::Range;
 

@@ -19,15 +19,15 @@ pub(crate) mod seen;
 pub mod truth;
 
 use std::ops::Range;
+use std::sync::Arc;
 
 use super::Traffic;
+use crate::sim::local_forest::LocalParts;
+use crate::sim::visit_tables::VisitTables;
 use agreement::Comparison;
 pub use causes::Causes;
-use dials_core::base::{AgentId, Seed};
+use dials_core::base::AgentId;
 use dials_core::domain::Result;
-use on_grid::OnGrid;
-use on_scenario::OnScenario;
-use seen::Seen;
 use truth::Truth;
 
 /// What was measured of one light.
@@ -54,30 +54,21 @@ enum Entering {
     ByRule,
 }
 
-/// An LS that plays the recorded episode again.
-trait Again {
-    /// Plays the whole recording at a light. `seed`: of SUMO's random numbers.
-    fn play(&self, agent: AgentId, entering: Entering, seed: Seed, window: &Range<usize>) -> Result<Seen>;
-}
-
 /// Measures lights one after the other.
 pub struct Fidelity<'a> {
     traffic: &'a Traffic,
     truth: &'a Truth,
     window: Range<usize>,
-    again: Box<dyn Again + 'a>,
-    /// Whether the types of the cars leave something to chance.
-    is_random: bool,
+    /// What the LSs of a scenario are made of, and the recorded visits.
+    scenario: Option<(Arc<LocalParts>, VisitTables)>,
 }
 
 impl<'a> Fidelity<'a> {
     /// Prepares to compare the seconds `window` of a recorded episode. Nothing of it is simulated yet.
     pub fn new(traffic: &'a Traffic, truth: &'a Truth, window: Range<usize>) -> Result<Fidelity<'a>> {
-        let again: Box<dyn Again> = match traffic.ground.local_parts()? {
-            Some(parts) => Box::new(OnScenario { traffic, truth, parts, tables: truth.tables(traffic) }),
-            None => Box::new(OnGrid { traffic, truth }),
-        };
-        Ok(Fidelity { traffic, truth, window, again, is_random: traffic.about().is_random })
+        let visits = || VisitTables::new(truth.visits.clone().unwrap_or_default(), &traffic.plan.borders);
+        let scenario = traffic.ground.local_parts()?.map(|parts| (parts, visits()));
+        Ok(Fidelity { traffic, truth, window, scenario })
     }
 
     /// Measures a light. SUMO must not be loaded elsewhere in this process.
@@ -85,10 +76,13 @@ impl<'a> Fidelity<'a> {
         let plan = &self.traffic.plan.agents[agent.0];
         let of_gs = self.truth.seen(plan, &self.window)?;
         let seed = self.truth.seed.for_agent(agent);
-        let play = |entering, copy| self.again.play(agent, entering, seed.for_copy(copy), &self.window);
+        let play = |entering, copy| match &self.scenario {
+            Some((parts, tables)) => self.play_on_scenario((parts, tables), agent, entering, seed.for_copy(copy)),
+            None => self.play_on_grid(agent, entering),
+        };
         let true_entries = play(Entering::Truly, 0)?;
         let sampled_entries = play(Entering::ByRule, 0)?;
-        let other_seed = match self.is_random {
+        let other_seed = match self.traffic.about().is_random {
             true => Some(Comparison::of(&true_entries, &play(Entering::Truly, 1)?)),
             false => None,
         };

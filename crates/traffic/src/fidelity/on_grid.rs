@@ -1,30 +1,20 @@
-//! The local simulator (LS) of a grid's light plays the recorded episode again. Nothing in it is random.
-
-use std::ops::Range;
+//! The LS of a grid's light plays the recorded episode again. Nothing in it is random.
 
 use super::seen::Seen;
-use super::truth::Truth;
-use super::{Again, Entering};
-use crate::Traffic;
+use super::{Entering, Fidelity};
 use crate::agents::region::EDGES;
 use crate::arrivals::has_arrival;
 use crate::sim::local::Placement;
-use dials_core::base::{AgentId, Rows, Seed};
+use dials_core::base::{AgentId, Rows};
 use dials_core::domain::{Beginning, LocalSimulator, Result};
 use libsumo::{CarTable, DepartSpeed};
 
-/// A recorded episode of a grid.
-pub(crate) struct OnGrid<'a> {
-    pub(crate) traffic: &'a Traffic,
-    pub(crate) truth: &'a Truth,
-}
-
-impl Again for OnGrid<'_> {
-    fn play(&self, agent: AgentId, entering: Entering, _seed: Seed, window: &Range<usize>) -> Result<Seen> {
+impl Fidelity<'_> {
+    pub(super) fn play_on_grid(&self, agent: AgentId, entering: Entering) -> Result<Seen> {
         let plan = &self.traffic.plan.agents[agent.0];
         let mut ls = self.traffic.local(1)?;
         ls.reset(&Beginning::first([0]))?;
-        let mut seen = Seen::new(plan, window.clone());
+        let mut seen = Seen::new(plan, self.window.clone());
         let mut before = CarTable::of(vec![Vec::new(); EDGES]);
         let recorded = self.truth.actions.iter().zip(&self.truth.sources).zip(self.truth.on_approaches(plan)?);
         for ((actions, sources), now) in recorded {
