@@ -1,33 +1,34 @@
-//! `evaluate` and `baseline`: both play the same episodes and print the same figures.
+//! `evaluate` and `baseline`: both play the same episodes and print the same figures. `--tune` first searches the best
+//! timings of the lights that go by the clock, once per network, and caches them in a file.
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use anyhow::{Context, anyhow, bail, ensure};
 use serde_json::{Value, json};
 
 use super::plot::Plots;
 use super::subject::{Background, Subject, agent_called};
-use super::tune::tune;
 use crate::cli;
 use crate::film::scenes;
-use dials_core::base::{AgentId, Seed, repeated};
+use dials_core::base::{AgentId, Seed, counted, repeated};
 use dials_core::domain::{Baseline, Controller, Domain, GlobalSimulator, Measures};
-use dials_core::outside::Directory;
+use dials_core::outside::{Directory, FileName, path_as_text, write_together};
 use dials_learn::evaluation::csv::{Lines, by_agent, by_episode};
 use dials_learn::evaluation::{
     Evaluation, Finding, comparison, episode_seed, json, play_episodes, play_watched, table,
 };
 use dials_report::plot::About;
 use dials_session::config::{RunConfig, load};
-use dials_session::directory;
-use dials_session::domains;
 use dials_session::error::{Error, Result};
-use dials_session::outputs;
 use dials_session::places::{self, Existing};
 use dials_session::records::csv::block;
 use dials_session::records::growing::{GrowingFile, Mark};
 use dials_session::terminal::counting::EpisodeBar;
-use dials_session::terminal::{answer, json as in_json};
+use dials_session::terminal::{answer, json as in_json, note};
+use dials_session::{directory, domains, outputs};
+use dials_traffic::controllers::timing_file::{TimingFile, TunedOn};
+use dials_traffic::controllers::{COORDINATED, FIXED_TIME};
+use dials_traffic::tuning;
 
 pub(super) fn evaluate(args: &cli::EvaluateArgs) -> Result<()> {
     let (config, domain) = directory::open_unchanged(&args.run_dir, domains::open).map_err(Error::Usage)?;
@@ -53,7 +54,7 @@ pub(super) fn baseline(args: &cli::BaselineArgs) -> Result<()> {
     let config = load(&args.config, &[]).map_err(Error::Usage)?;
     let domain = domains::open(&config).map_err(Error::Usage)?;
     domains::check(&config).map_err(Error::Usage)?;
-    let about = [("config", json!(dials_core::outside::path_as_text(&args.config)))];
+    let about = [("config", json!(path_as_text(&args.config)))];
     let plots = Plots::asked_for(&args.output, &config).map_err(Error::Usage)?;
     let domain = plots.as_ref().map_or(&*domain, Plots::domain);
     let session = Session::new(domain, &config, &args.episodes, &args.output)?;
@@ -232,4 +233,74 @@ fn render(
 fn title(step: usize, measures: &Measures) -> String {
     let figures = measures.per_agent.iter().map(|(name, values)| format!(", {name} {:.0}", values.iter().sum::<f64>()));
     format!("step {step}{}", figures.collect::<String>())
+}
+
+/// Folder of the cached timings.
+const FOLDER: &str = "tuned";
+/// Controllers that are tuned.
+const TUNED: [&str; 2] = [FIXED_TIME, COORDINATED];
+
+/// Replaces every `fixed-time` and `coordinated` without parameters by the best timings that the search finds.
+fn tune(config: &RunConfig, episodes: usize, subjects: &mut [Subject]) -> Result<()> {
+    let is = |subject: &Subject, name: &str| *subject == Subject::Controller(name.to_owned());
+    let untuned = TUNED.into_iter().filter(|name| subjects.iter().any(|subject| is(subject, name)));
+    let untuned: Vec<&str> = untuned.collect();
+    if untuned.is_empty() {
+        let timed = subjects.iter().find_map(|subject| match subject {
+            Subject::Controller(name) => Some((name, TUNED.into_iter().find(|tuned| name.starts_with(tuned))?)),
+            Subject::Run { .. } => None,
+        });
+        return Err(Error::Usage(match timed {
+            Some((name, tuned)) => {
+                anyhow!("--tune: searches all timings of {tuned}, but `{name}` already sets some of them")
+            }
+            None => anyhow!("--tune: tunes {}, which are no controllers of this command", TUNED.join(" and ")),
+        }));
+    }
+    for controller in untuned {
+        let file = tuned_file(config, controller, episodes)?;
+        let tuned = Subject::Controller(format!("{controller}:file={}", file.display()));
+        subjects.iter_mut().filter(|subject| is(subject, controller)).for_each(|subject| *subject = tuned.clone());
+    }
+    Ok(())
+}
+
+/// Returns the file of a controller's timings for this network, horizon, seed, search and SUMO. If there is none, makes
+/// it.
+fn tuned_file(config: &RunConfig, controller: &str, episodes: usize) -> Result<PathBuf> {
+    let Some(traffic) = domains::traffic(config).map_err(Error::Usage)? else {
+        return Err(Error::Usage(anyhow!("--tune: only traffic lights can be tuned")));
+    };
+    let wanted = TunedOn::of(&traffic, controller, episodes, config.learning.seed).map_err(Error::Usage)?;
+    let key = crc32fast::hash(&serde_json::to_vec(&wanted).expect("names and numbers are JSON"));
+    // A comma in a path would end the parameter of the controller that reads the file.
+    let name = format!("{}-{controller}-{key:08x}.toml", wanted.network.replace(',', "_"));
+    let path = Path::new(FOLDER).join(FileName::new(name).map_err(Error::Usage)?);
+    if path.exists() {
+        let kept = TimingFile::read(&path).map_err(Error::Usage)?;
+        if kept.tuned_on != wanted {
+            return Err(Error::Usage(anyhow!("{}: was tuned for another setting; move it away", path.display())));
+        }
+        note(format_args!("{}: uses the timings of an earlier search", path.display()));
+        return Ok(path);
+    }
+    outputs::check_writable(Path::new(FOLDER)).map_err(Error::Usage)?;
+    note(format_args!(
+        "{FOLDER}: has no timings of {controller} for this network, horizon, seed, search and SUMO version; searching for \
+         them"
+    ));
+    let bar = EpisodeBar::new(1);
+    let found = tuning::tune(&traffic, wanted, config.learning.seed, &mut |progress| {
+        bar.set_length(progress.at_most);
+        bar.set(progress.played);
+        bar.set_message(format_args!("(at most); best {} so far", progress.best));
+    });
+    bar.finish();
+    let found = found.map_err(Error::Run)?;
+    found
+        .to_toml()
+        .and_then(|text| write_together(Path::new(FOLDER), &[(path.clone(), text.into_bytes())]))
+        .map_err(Error::Run)?;
+    note(format_args!("{}: tuned on {}, {}", path.display(), counted(episodes, "episode"), found.score()));
+    Ok(path)
 }

@@ -2,8 +2,8 @@
 //!
 //! - `train`: trains policies and writes a run directory. `team`: where its workers are. `run_name`: its default name.
 //! - `evaluate`: plays and measures saved policies; also `baseline`, which does so with hand-coded controllers.
-//!   `subject`: what both play. `tune`: `--tune`, which searches timings of lights that go by the clock.
-//! - `replay`: an episode for sumo-gui. `video`: its films. `plot`: pictures of an episode.
+//!   `subject`: what both play.
+//! - `replay`: an episode for sumo-gui, and films of it. `plot`: pictures of an episode.
 //! - `experiment`: makes all runs of a file. `report`, `compare`: summarise runs; `watch`: shows them live.
 //! - `bench`: measures training speed. `check`: local simulators beside the global one. `export`: policies as TorchScript.
 //! - `describe`: the agents of a config, what a run of it will do, and what that costs.
@@ -30,8 +30,6 @@ mod run_name;
 mod subject;
 mod team;
 mod train;
-mod tune;
-mod video;
 mod watch;
 
 use crate::cli::{Cli, Command};

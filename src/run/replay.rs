@@ -1,30 +1,31 @@
 //! `replay`: writes one episode as a folder that SUMO plays; on request opens it in sumo-gui or films it. The players are
 //! a controller, trained policies, or one agent in its local simulator.
 
-use std::path::PathBuf;
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::sync::atomic::{AtomicBool, Ordering};
 
 use anyhow::{Context, Result, bail, ensure};
 
 use super::plot::draw_recording;
-use super::subject::{Subject, agent_called};
-use super::video::Video;
+use super::subject::{Subject, agent_called, selection};
 use crate::cli;
-use crate::film::{Replay, Shape, check_screen, watch};
+use crate::film::{Format, Pictures, Replay, Shape, check_screen, watch};
 use dials_core::base::{AgentId, RandomPurpose, Seed, Stopwatch, counted};
 use dials_core::domain::Domain;
-use dials_core::outside::quoted;
+use dials_core::outside::{folder_of, quoted, temporary_dir};
 use dials_learn::evaluation::{episode_seed, play};
 use dials_learn::influence::TrainablePredictor;
-use dials_learn::policy::{JointPolicyController, Selection, StackController};
+use dials_learn::policy::{JointPolicyController, StackController};
 use dials_learn::training::environment::Environment;
 use dials_learn::training::ials::Ials;
 use dials_learn::training::stream::{AgentStream, RowStream};
 use dials_report::plot::About;
 use dials_session::config::{RunConfig, load};
-use dials_session::error::Error;
+use dials_session::error::{self, Error};
 use dials_session::outputs::{check_apart, check_can_be_made, check_free, check_not_a_run, check_seconds};
 use dials_session::places::{self, Existing};
-use dials_session::terminal::answer;
+use dials_session::terminal::{Wish, answer, stop_on_signals, warn};
 use dials_session::{directory, domains};
 use dials_traffic::Traffic;
 use dials_traffic::sim::recording::{Recording, Tape};
@@ -157,7 +158,7 @@ impl ReplayedEpisode {
         }
         let run = directory::open(subject)?;
         run.note_still_trained(subject);
-        let selection = if args.greedy { Selection::Greedy } else { Selection::Sampled };
+        let selection = selection(args.greedy);
         let cast = match &args.local {
             None => Cast::Policies(run.controller(selection)),
             Some(word) => {
@@ -195,5 +196,53 @@ impl ReplayedEpisode {
             }
         }
         self.tape.take().context("the simulator recorded nothing")
+    }
+}
+
+/// A film that can be made: its tools and its folder were checked.
+struct Video {
+    file: PathBuf,
+    format: Format,
+    existing: Existing,
+}
+
+impl Video {
+    /// Checks the tools and the output file before any work begins.
+    fn asked_for(file: &Path, existing: Existing) -> Result<Video> {
+        let format =
+            Format::of(file).with_context(|| format!("--video {}: must end in .gif or .mp4", file.display()))?;
+        format.check_tools("--video")?;
+        check_free(file, "--video", existing)?;
+        let folder = folder_of(file);
+        ensure!(folder.is_dir(), "{}: there is no such directory for the film; make it first", folder.display());
+        Ok(Video { file: file.to_owned(), format, existing })
+    }
+
+    fn file(&self) -> &Path {
+        &self.file
+    }
+
+    /// Films a replay. Ctrl-C stops this and leaves no file behind.
+    fn make(&self, replay: &Replay) -> error::Result<()> {
+        let room = temporary_dir().context("the pictures have no place").map_err(Error::Run)?;
+        let last_words = format!("stopped; {} was not made", self.file.display());
+        let (pictures, words) = (room.path().to_owned(), last_words.clone());
+        let stop = stop_on_signals(move |wish| {
+            if wish == Wish::StopNow {
+                warn(&words);
+                // The process ends without its destructors.
+                let _ = fs::remove_dir_all(&pictures);
+            }
+        });
+        let stop = stop.map_err(Error::Run)?;
+        match self.film(replay, room.path(), &stop) {
+            Err(_) if stop.load(Ordering::Relaxed) => Err(Error::Interrupted(last_words)),
+            done => done.map_err(Error::Run),
+        }
+    }
+
+    fn film(&self, replay: &Replay, room: &Path, stop: &AtomicBool) -> Result<()> {
+        let pictures = Pictures::take(replay, room, stop)?;
+        places::make_file(&self.file, self.existing, |beside| pictures.join(self.format, beside, stop))
     }
 }

@@ -3,11 +3,11 @@
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result, anyhow, ensure};
-use serde_json::{Value, json};
+use serde_json::json;
 
 use dials_core::base::AgentId;
 use dials_core::domain::{Baseline, Domain};
-use dials_core::outside::{did_you_mean, excerpt};
+use dials_core::outside::{did_you_mean, excerpt, path_as_text};
 use dials_learn::evaluation::Player;
 use dials_learn::policy::Selection;
 use dials_session::directory::{self, TrainedRun};
@@ -87,34 +87,21 @@ impl Subject {
 
     /// Returns the subject as findings describe it. `domain`: where it plays.
     pub(super) fn player(&self, domain: &dyn Domain) -> Result<Player> {
-        let policies = match self {
-            Subject::Controller(_) => None,
-            Subject::Run { greedy: true, .. } => Some(Selection::Greedy),
-            Subject::Run { greedy: false, .. } => Some(Selection::Sampled),
-        };
-        let others = match self {
-            Subject::Run { background: Some(background), .. } => Some(background.words()),
-            _ => None,
-        };
-        Ok(Player { label: self.label(), keys: self.keys(domain)?, policies, others })
-    }
-
-    /// Returns the JSON keys and values that identify the subject.
-    fn keys(&self, domain: &dyn Domain) -> Result<Vec<(&'static str, Value)>> {
-        Ok(match self {
+        let (policies, others, keys) = match self {
             Subject::Controller(name) => {
                 let file = controller_file(domain, name)?.map(|checksum| ("controller_file_crc32", json!(checksum)));
-                [("controller", json!(name))].into_iter().chain(file).collect()
+                (None, None, [("controller", json!(name))].into_iter().chain(file).collect())
             }
             Subject::Run { dir, greedy, background } => {
-                let mut keys = vec![("run", json!(dials_core::outside::path_as_text(dir))), ("greedy", json!(greedy))];
+                let mut keys = vec![("run", json!(path_as_text(dir))), ("greedy", json!(greedy))];
                 if let Some(Background { controller, policies_of }) = background {
                     let agents: Vec<usize> = policies_of.iter().map(|agent| agent.0).collect();
                     keys.extend([("background", json!(controller)), ("policies_of", json!(agents))]);
                 }
-                keys
+                (Some(selection(*greedy)), background.as_ref().map(Background::words), keys)
             }
-        })
+        };
+        Ok(Player { label: self.label(), keys, policies, others })
     }
 
     /// Checks that the subject can be played on the global simulator (GS) of `domain`.
@@ -143,8 +130,7 @@ impl Subject {
             Subject::Run { dir, greedy, background } => {
                 let run = fitting(dir, domain)?;
                 run.note_still_trained(dir);
-                let selection = if *greedy { Selection::Greedy } else { Selection::Sampled };
-                let controller = Box::new(run.controller(selection));
+                let controller = Box::new(run.controller(selection(*greedy)));
                 let simulator = match background {
                     None => domain.global_simulator()?,
                     Some(background) => {
@@ -155,6 +141,11 @@ impl Subject {
             }
         }
     }
+}
+
+/// Returns how `--greedy` says that policies choose their actions.
+pub(super) fn selection(greedy: bool) -> Selection {
+    if greedy { Selection::Greedy } else { Selection::Sampled }
 }
 
 /// Warns if the run in `dir` was trained by other rules than those by which `domain` scores it. It is an error if its

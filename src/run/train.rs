@@ -37,7 +37,7 @@ use dials_session::records::networks::Layouts;
 use dials_session::records::resume_point::{NothingFits, ResumePoint};
 use dials_session::records::run_json::{RunJson, Versions};
 use dials_session::records::run_log::RunLog;
-use dials_session::records::run_record::{EvaluationRecord, RunRecord};
+use dials_session::records::run_record::RunRecord;
 use dials_session::terminal::training::Progress;
 use dials_session::terminal::{answer, note, program, warn};
 
@@ -162,10 +162,7 @@ fn resume_locked(args: &cli::TrainArgs, dir: &Path, directory: Directory, wanted
         let file = run.directory.path_of(name);
         note(format_args!("note: {}: was lost or damaged; made again from the checkpoint", file.display()));
     }
-    let has_ended = has_ended(&run.directory, &run.config, &point);
-    if !has_ended {
-        note_lost_evaluation(dir, &run.config, &point);
-    }
+    let has_ended = has_ended(dir, &run.config, &point);
     Ok(Run { resumed: Some(point), has_ended, other_build, ..run })
 }
 
@@ -191,47 +188,36 @@ fn end_at(directory: &Directory, steps: u64) -> anyhow::Result<String> {
     Ok(text)
 }
 
-/// Returns whether nothing is left to do, and then says how to train further.
-fn has_ended(directory: &Directory, config: &RunConfig, point: &ResumePoint) -> bool {
+/// Returns whether nothing is left to do, and then says how to train further. Otherwise says so if the resumed run loses an
+/// evaluation: that of an earlier end at which the longer run is not evaluated. The files of a resumed run are those of a
+/// run that was never stopped.
+fn has_ended(dir: &Path, config: &RunConfig, point: &ResumePoint) -> bool {
     let Some(checkpoint) = &point.checkpoint else { return false };
-    let dir = directory.path();
-    let (steps, until) = (checkpoint.agents.steps, checkpoint.progress.standing.until);
-    let is_final = |last: &EvaluationRecord| last.episode_returns.len() == config.learning.evaluation.final_episodes;
-    let all_is_there = |run: RunRecord| run.evaluation_at(steps).is_some_and(is_final) && run.is_whole();
-    if !rest_of_schedule(&config.learning, until).is_empty() || !RunRecord::read(dir).is_ok_and(all_is_there) {
-        return false;
-    }
-    let further = if steps < config.learning.total_steps {
-        format!(
-            "train it further with: {} train --resume {} --steps {}",
-            program(),
-            quoted(dir),
-            config.learning.total_steps
-        )
-    } else {
-        "for a longer one begin a new run with a larger total_steps".to_owned()
-    };
-    note(format_args!("note: this run has ended, at step {steps}\n  {further}"));
-    true
-}
-
-/// Says so if the resumed run loses an evaluation: that of an earlier end at which the longer run is not evaluated. The
-/// files of a resumed run are those of a run that was never stopped.
-fn note_lost_evaluation(dir: &Path, config: &RunConfig, point: &ResumePoint) {
-    let Some(checkpoint) = &point.checkpoint else { return };
     let (steps, standing) = (checkpoint.agents.steps, &checkpoint.progress.standing);
-    let rest = rest_of_schedule(&config.learning, standing.until);
-    // Without a rest the run ends here, with an evaluation.
-    let comes_again = rest.first().is_none_or(|next| next.evaluate) || standing.evaluated_at == Some(steps);
-    let was_evaluated = || RunRecord::read(dir).is_ok_and(|run| run.evaluation_at(steps).is_some());
-    if !comes_again && was_evaluated() {
+    let (learning, rest) = (&config.learning, rest_of_schedule(&config.learning, standing.until));
+    let run = RunRecord::read(dir).ok();
+    let evaluation = run.as_ref().and_then(|run| run.evaluation_at(steps));
+    let is_final = evaluation.is_some_and(|last| last.episode_returns.len() == learning.evaluation.final_episodes);
+    let has_ended = rest.is_empty() && is_final && run.as_ref().is_some_and(RunRecord::is_whole);
+    if has_ended {
+        let (program, run, total) = (program(), quoted(dir), learning.total_steps);
+        let further = match steps < total {
+            true => format!("train it further with: {program} train --resume {run} --steps {total}"),
+            false => "for a longer one begin a new run with a larger total_steps".to_owned(),
+        };
+        note(format_args!("note: this run has ended, at step {steps}\n  {further}"));
+    } else if rest.first().is_some_and(|next| !next.evaluate)
+        && standing.evaluated_at != Some(steps)
+        && evaluation.is_some()
+    {
         note(format_args!(
             "note: {} loses the evaluation at step {steps}, the earlier end of this run.\n  A run that goes on is not \
              evaluated there (evaluation.every_steps = {}).",
             files::RETURNS,
-            config.learning.evaluation.every_steps
+            learning.evaluation.every_steps
         ));
     }
+    has_ended
 }
 
 impl Run {
@@ -358,19 +344,15 @@ fn how_to_go_on(dir: &Path, config: &RunConfig, domain: &dyn Domain) -> String {
     let episodes = config.learning.evaluation.final_episodes;
     let (program, place, run) = (program(), dir.display(), quoted(dir));
     let kept = quoted(&dir.join(files::CONFIG));
-    let watch = if config.logging.tensorboard {
-        format!("\nand watch it next to other runs with:\n  tensorboard --logdir {}", quoted(folder_of(dir)))
-    } else {
-        String::new()
-    };
-    let rival = domain.rival().map_or(String::new(), |rival| {
-        format!(
-            "\nand measure a controller on the same {} with:\n  {program} baseline {kept} --controller {rival}",
-            counted(episodes, "episode")
-        )
-    });
-    format!(
-        "\nwritten to {place}; repeat its last evaluation with:\n  \
-         {program} evaluate {run}{rival}{watch}"
-    )
+    let mut commands = format!("\nwritten to {place}; repeat its last evaluation with:\n  {program} evaluate {run}");
+    if let Some(rival) = domain.rival() {
+        let command = format!("{program} baseline {kept} --controller {rival}");
+        let episodes = counted(episodes, "episode");
+        commands += &format!("\nand measure a controller on the same {episodes} with:\n  {command}");
+    }
+    if config.logging.tensorboard {
+        let runs = quoted(folder_of(dir));
+        commands += &format!("\nand watch it next to other runs with:\n  tensorboard --logdir {runs}");
+    }
+    commands
 }

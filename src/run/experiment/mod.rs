@@ -66,14 +66,16 @@ pub(super) fn experiment(args: &cli::ExperimentArgs) -> Result<()> {
         return answer(tasks.table()).map_err(Error::Run);
     }
     check_not_a_run("--out", &folder).map_err(Error::Usage)?;
-    let made = [folder.clone(), folder.join(LOGS), folder.join(BASELINES)];
-    let directory = made
-        .iter()
-        .try_for_each(|folder| {
-            fs::create_dir_all(folder).with_context(|| format!("{}: cannot be made", folder.display()))
+    for folder in [folder.clone(), folder.join(LOGS), folder.join(BASELINES)] {
+        let made = fs::create_dir_all(&folder).with_context(|| format!("{}: cannot be made", folder.display()));
+        made.map_err(Error::Usage)?;
+    }
+    let directory = Directory::lock(&folder).map_err(|error| {
+        Error::Usage(match error.is::<Busy>() {
+            true => error.context(format!("{}: another experiment is running here", folder.display())),
+            false => error,
         })
-        .and_then(|()| lock(&folder))
-        .map_err(Error::Usage)?;
+    })?;
     // Before anything is read: a run that is being written has files that do not belong together.
     check_nobody_trains(&experiment, &folder).map_err(Error::Usage)?;
     let tasks = Tasks::look(&experiment, &folder, cores, args.accept_other_build).map_err(Error::Usage)?;
@@ -106,14 +108,6 @@ fn write_plan(experiment: &Experiment, file: &Path, folder: &Directory) -> anyho
     let mut plans = FolderPlan::read(folder.path()).with_context(failed)?.unwrap_or_default();
     plans.put(&file.file_name().unwrap_or_default().to_string_lossy(), plan);
     folder.write(PLAN, &serde_json::to_vec_pretty(&plans).expect("names are JSON"))
-}
-
-/// Locks the folder of the runs.
-fn lock(folder: &Path) -> anyhow::Result<Directory> {
-    Directory::lock(folder).map_err(|error| match error.is::<Busy>() {
-        true => error.context(format!("{}: another experiment is running here", folder.display())),
-        false => error,
-    })
 }
 
 /// Checks that no other process trains a run of this experiment.

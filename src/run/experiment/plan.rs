@@ -130,11 +130,8 @@ impl Tasks {
         cores: usize,
         accept_other_build: bool,
     ) -> Result<Tasks> {
-        let measured = if folder.is_dir() {
-            find(&[folder.to_owned()]).map_or(Vec::new(), |found| found.runs)
-        } else {
-            Vec::new()
-        };
+        // Without runs, estimates are only worse.
+        let measured = find(&[folder.to_owned()]).map_or(Vec::new(), |found| found.runs);
         let baselines = experiment.baselines.iter().map(|baseline| PlannedWork::of_baseline(baseline, folder));
         let mut tasks = baselines.collect::<Result<Vec<PlannedWork>>>()?;
         for run in &experiment.runs {

@@ -11,19 +11,15 @@
 //! - `control`: the trait of controllers; [`intersections`]: what a controller sees.
 //! - `simple`: lights that do not look at the traffic. `responsive`, `max_pressure`: lights that do.
 //! - `clock`, `webster`: lights that go by the clock; [`actuated`]: the programs of SUMO's actuated lights.
-//! - `flows`: what Webster's formula needs to know. [`timing_file`]: files of the tuner; [`search`]: its search for the
-//!   best timings.
-//! - `arguments`: the text that names a controller; `clock_text`: its part about the clock.
-//! - `examples`: lights made by hand, for tests.
+//! - [`timing_file`]: files of the tuner; [`search`]: its search for the best timings.
+//! - `arguments`: the text that names a controller. `examples`: lights made by hand, for tests.
 
 pub(crate) mod actuated;
 mod arguments;
 mod clock;
-mod clock_text;
 mod control;
 #[cfg(test)]
 pub(crate) mod examples;
-mod flows;
 pub(crate) mod intersections;
 mod max_pressure;
 mod responsive;
@@ -93,8 +89,8 @@ pub fn recipe(text: &str, plans: &[AgentPlan]) -> Result<Recipe> {
         "gap-out" => each(responsive::gap_out, GreenLimits::longest(&mut arguments, plans)?),
         "max-pressure" => each(max_pressure::decide, GreenLimits::of(&mut arguments, plans)?),
         "longest-queue" => each(responsive::longest_queue, GreenLimits::of(&mut arguments, plans)?),
-        FIXED_TIME => by_the_clock(clock_text::fixed_time(&mut arguments, plans)?),
-        COORDINATED => by_the_clock(clock_text::coordinated(&mut arguments, plans)?),
+        FIXED_TIME => by_the_clock(arguments::fixed_time(&mut arguments, plans)?),
+        COORDINATED => by_the_clock(arguments::coordinated(&mut arguments, plans)?),
         "webster" => {
             let webster = Webster::of(&mut arguments)?;
             Box::new(move |traffic| {

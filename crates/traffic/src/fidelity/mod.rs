@@ -6,28 +6,29 @@
 //! training: by the entry rule, at the true second and on the true lane. Where the two simulators have cars is compared,
 //! second by second, in cells of 10 m of the approaches.
 //!
-//! - [`truth`]: the episode on the GS. `on_scenario`, `on_grid`: the LS plays it again.
-//! - [`seen`]: what is compared of a light. [`agreement`]: how far two of them agree.
-//! - `causes`: what spoils an LS. [`doubts`]: whether it can be trusted, and the limits.
+//! - [`truth`]: the episode on the GS. `on_scenario`: the LS of a scenario's light plays it again.
+//! - [`agreement`]: what is compared of a light, and how far two simulators agree.
+//! - [`doubts`]: whether an LS can be trusted, the limits, and what spoils it.
 
 pub mod agreement;
-mod causes;
 pub mod doubts;
-mod on_grid;
 mod on_scenario;
-pub(crate) mod seen;
 pub mod truth;
 
 use std::ops::Range;
 use std::sync::Arc;
 
 use super::Traffic;
+use crate::agents::region::EDGES;
+use crate::arrivals::has_arrival;
+use crate::sim::local::Placement;
 use crate::sim::local_forest::LocalParts;
 use crate::sim::visit_tables::VisitTables;
-use agreement::Comparison;
-pub use causes::Causes;
-use dials_core::base::AgentId;
-use dials_core::domain::Result;
+use agreement::{Comparison, Seen};
+use dials_core::base::{AgentId, Rows};
+use dials_core::domain::{Beginning, LocalSimulator, Result};
+pub use doubts::Causes;
+use libsumo::{CarTable, DepartSpeed};
 use truth::Truth;
 
 /// What was measured of one light.
@@ -95,4 +96,35 @@ impl<'a> Fidelity<'a> {
             other_seed,
         })
     }
+
+    /// Plays the whole recording at a light of a grid. Nothing in it is random.
+    fn play_on_grid(&self, agent: AgentId, entering: Entering) -> Result<Seen> {
+        let plan = &self.traffic.plan.agents[agent.0];
+        let mut ls = self.traffic.local(1)?;
+        ls.reset(&Beginning::first([0]))?;
+        let mut seen = Seen::new(plan, self.window.clone());
+        let mut before = CarTable::of(vec![Vec::new(); EDGES]);
+        let recorded = self.truth.actions.iter().zip(&self.truth.sources).zip(self.truth.on_approaches(plan)?);
+        for ((actions, sources), now) in recorded {
+            let actions = &actions[agent.0..=agent.0];
+            match entering {
+                Entering::ByRule => ls.step(actions, &Rows::from_vec(sources.row(agent.0).to_vec(), EDGES))?,
+                Entering::Truly => ls.step_with(actions, &[placements(&now, &before)])?,
+            };
+            seen.note(plan, ls.cars_on(0), &[], 0); // Trips end behind the intersection.
+            before = now;
+        }
+        let counted = ls.counters();
+        [seen.sums.came, seen.sums.dropped] = [counted[0].1, counted[1].1];
+        Ok(seen)
+    }
+}
+
+/// Returns where and how fast a car came to each edge between two reads.
+fn placements(now: &CarTable, before: &CarTable) -> [Option<Placement>; EDGES] {
+    std::array::from_fn(|edge| {
+        let [now, before] = [now, before].map(|cars| cars.lane(edge));
+        let car = now.iter().next().filter(|_| has_arrival(now, before));
+        car.map(|car| Placement { position_m: car.position_m, speed: DepartSpeed::Fixed(car.speed_mps) })
+    })
 }

@@ -1,6 +1,6 @@
 //! The LS of a scenario's light plays the recorded episode again.
 
-use super::seen::Seen;
+use super::agreement::Seen;
 use super::{Entering, Fidelity};
 use crate::sim::doors::Doors;
 use crate::sim::entrance::comer;

@@ -5,7 +5,7 @@ use std::ops::Range;
 use anyhow::{Context, ensure};
 use rand::seq::IndexedRandom;
 
-use super::seen::Seen;
+use super::agreement::Seen;
 use crate::Traffic;
 use crate::agents::plan::AgentPlan;
 use crate::cars_at::CarsAt;

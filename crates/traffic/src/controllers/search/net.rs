@@ -13,8 +13,8 @@ use anyhow::Result;
 
 use super::Judge;
 use crate::agents::plan::AgentPlan;
+use crate::controllers::arguments::{every_other, split};
 use crate::controllers::clock::{ClockPlan, Leeway, Timing};
-use crate::controllers::clock_text::{every_other, split};
 use crate::controllers::webster::{self, FlowRatios};
 use dials_core::base::statistics::mean;
 
