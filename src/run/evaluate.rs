@@ -43,7 +43,7 @@ pub(super) fn evaluate(args: &cli::EvaluateArgs) -> Result<()> {
     let plots = Plots::asked_for(&args.output, &config).map_err(Error::Usage)?;
     let domain = plots.as_ref().map_or(&*domain, Plots::domain);
     let session = Session::new(domain, &config, &args.episodes, &args.output)?;
-    let csv = session.prepare(&subjects)?;
+    let csv = session.prepare(&subjects).map_err(Error::Usage)?;
     let (findings, written) = session.play(subjects, csv)?;
     session.print(&findings, false, &[])?;
     session.draw(plots.as_ref(), &findings[0], format!("policies of {}", findings[0].player.label))?;
@@ -63,7 +63,7 @@ pub(super) fn baseline(args: &cli::BaselineArgs) -> Result<()> {
         (None, Some(list)) => Subject::list(list, args.greedy, domain).map_err(Error::Usage)?,
         (None, None) => unreachable!("clap asks for one of them"),
     };
-    let csv = session.prepare(&subjects)?;
+    let csv = session.prepare(&subjects).map_err(Error::Usage)?;
     if args.tune {
         tune(&config, args.tune_episodes as usize, &mut subjects)?;
     }
@@ -100,23 +100,15 @@ impl<'a> Session<'a> {
         Ok(Session { domain, episodes: count, seed, scenario, output })
     }
 
-    /// Checks all subjects and all output places before anything plays.
-    fn prepare(&self, subjects: &[Subject]) -> Result<Option<CsvFiles>> {
-        self.check(subjects).map_err(Error::Usage)?;
-        let csv = self.output.csv.as_deref().map(|dir| CsvFiles::create(dir, self.existing()));
-        csv.transpose().map_err(Error::Usage)
-    }
-
-    fn existing(&self) -> Existing {
-        Existing::of_named(self.output.force)
-    }
-
-    fn check(&self, subjects: &[Subject]) -> anyhow::Result<()> {
+    /// Checks all subjects and all output places before anything plays. Makes the files of `--csv`.
+    fn prepare(&self, subjects: &[Subject]) -> anyhow::Result<Option<CsvFiles>> {
         subjects.iter().try_for_each(|subject| subject.check(self.domain))?;
         if let Some(subject) = repeated(subjects) {
             bail!("--compare: `{}` is named twice", subject.label());
         }
-        self.output.render.as_deref().map_or(Ok(()), |dir| outputs::check_free(dir, "--render", self.existing()))
+        let existing = Existing::of_named(self.output.force);
+        self.output.render.iter().try_for_each(|dir| outputs::check_free(dir, "--render", existing))?;
+        self.output.csv.as_deref().map(|dir| CsvFiles::create(dir, existing)).transpose()
     }
 
     /// Lets all subjects play the same episodes, one subject after the other. Returns what was found, and whether it is in
@@ -131,7 +123,8 @@ impl<'a> Session<'a> {
             let Baseline { mut simulator, mut controller } = subject.open(self.domain).map_err(Error::Usage)?;
             let (simulator, controller) = (&mut *simulator, &mut *controller);
             if let Some(dir) = &self.output.render {
-                render(simulator, controller, Seed::new(self.seed), dir, self.existing()).map_err(Error::Usage)?;
+                let existing = Existing::of_named(self.output.force);
+                render(simulator, controller, Seed::new(self.seed), dir, existing).map_err(Error::Usage)?;
             }
             let progress = &mut |done| bar.set(number * self.episodes + done);
             let played = simulator

@@ -47,13 +47,8 @@ impl<'a> Arguments<'a> {
         Ok(values.first().copied())
     }
 
-    /// Returns a number of steps within [`GREENS`], or `default` if it was not given.
-    pub(crate) fn steps(&mut self, key: &'static str, default: u32) -> Result<u32> {
-        Ok(self.steps_if_given(key)?.unwrap_or(default))
-    }
-
     /// Returns a number of steps within [`GREENS`]; `None` if it was not given.
-    pub(crate) fn steps_if_given(&mut self, key: &'static str) -> Result<Option<u32>> {
+    pub(crate) fn steps(&mut self, key: &'static str) -> Result<Option<u32>> {
         self.number(key, "a whole number from 1 to 3600", |steps| GREENS.contains(steps))
     }
 
@@ -129,13 +124,13 @@ pub(super) fn usual(plans: &[AgentPlan]) -> Vec<Timing> {
 ///   `0-13-13-0`.
 fn clock(arguments: &mut Arguments<'_>, plans: &[AgentPlan], usual: &'static str) -> Result<Vec<Timing>> {
     let timings = if are_of_a_grid(plans) {
-        let green = arguments.steps("green", GREEN_OF_A_GRID)?;
-        let greens = [arguments.steps("vertical", green)?, arguments.steps("horizontal", green)?];
+        let green = arguments.steps("green")?.unwrap_or(GREEN_OF_A_GRID);
+        let greens = [arguments.steps("vertical")?.unwrap_or(green), arguments.steps("horizontal")?.unwrap_or(green)];
         plans.iter().map(|plan| Timing::new(&plan.phases, &greens, 0)).collect()
     } else {
-        let green = arguments.steps("green", GREEN)?;
+        let green = arguments.steps("green")?.unwrap_or(GREEN);
         let greens = arguments.take("greens")?.map(|text| greens(arguments, plans, text)).transpose()?;
-        let cycle = arguments.steps_if_given("cycle")?;
+        let cycle = arguments.steps("cycle")?;
         let timing = |plan: &AgentPlan| {
             let greens = greens.clone().unwrap_or_else(|| vec![green; plan.greens()]);
             let timing = Timing::new(&plan.phases, &greens, 0);

@@ -33,7 +33,7 @@ impl Default for GreenLimits {
 impl GreenLimits {
     /// Returns the limits for the parameters `min-green` and `max-green`.
     pub(super) fn of(arguments: &mut Arguments<'_>, plans: &[AgentPlan]) -> Result<GreenLimits> {
-        let least = arguments.steps("min-green", GreenLimits::default().least)?;
+        let least = arguments.steps("min-green")?.unwrap_or(GreenLimits::default().least);
         let limits = GreenLimits { least, ..GreenLimits::longest(arguments, plans)? };
         match limits.most {
             Some(most) if most < least => {
@@ -45,7 +45,7 @@ impl GreenLimits {
 
     /// Returns the limits for the parameter `max-green`, with no shortest green.
     pub(super) fn longest(arguments: &mut Arguments<'_>, plans: &[AgentPlan]) -> Result<GreenLimits> {
-        let most = arguments.steps_if_given("max-green")?.or(GreenLimits::usual(plans).most);
+        let most = arguments.steps("max-green")?.or(GreenLimits::usual(plans).most);
         Ok(GreenLimits { least: 0, most })
     }
 
