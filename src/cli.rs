@@ -1,6 +1,5 @@
-//! The command line: only types and help texts. `values` reads the values of options, `reading` all of it.
+//! The command line: only types and help texts. `values` reads the values of options.
 
-mod reading;
 mod values;
 
 use std::ops::Range;

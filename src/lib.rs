@@ -1,14 +1,16 @@
 //! The command line of dials-traffic.
 //!
 //! - [`cli`]: flags and subcommands. `run`: one short file per subcommand.
-//! - `film`: a replay as GIF or mp4. `libtorch`: the program beside this one that is linked with libtorch. `features`, `program`: what this build is.
+//! - `film`: a replay as GIF or mp4. `libtorch`: the program beside this one that is linked with libtorch. `program`: what
+//!   this build is.
 
 pub mod cli;
-mod features;
 mod film;
 mod libtorch;
 mod program;
 mod run;
+
+use clap::{Command, CommandFactory, FromArgMatches};
 
 use dials_session::error::Error;
 use dials_session::machine::survive_full_files;
@@ -18,12 +20,40 @@ use crate::cli::Cli;
 
 /// Parses the command line, runs the command and prints its error. Returns the exit code.
 pub fn main() -> u8 {
-    let cli = Cli::of_this_process();
+    let matches = with_negative_numbers(Cli::command()).get_matches();
+    let cli = Cli::from_arg_matches(&matches).unwrap_or_else(|error| error.exit());
     match survive_full_files().map_err(Error::Run).and_then(|()| run::run(cli)) {
         Ok(()) => 0,
         Err(error) => {
             warn(&error);
             error.exit_code()
+        }
+    }
+}
+
+/// Lets all values be negative numbers, which their own checks then refuse. Otherwise clap takes one for an option, and its
+/// advice would make it a file.
+fn with_negative_numbers(command: Command) -> Command {
+    let command = command.mut_args(|arg| {
+        let takes_values = arg.get_action().takes_values();
+        arg.allow_negative_numbers(takes_values)
+    });
+    command.mut_subcommands(with_negative_numbers)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_negative_number_is_refused_as_the_value_that_it_is() {
+        let message = |line: &str| {
+            let words = ["dials-traffic"].into_iter().chain(line.split(' '));
+            let error = with_negative_numbers(Cli::command()).try_get_matches_from(words).unwrap_err();
+            error.to_string().lines().next().unwrap_or_default().to_owned()
+        };
+        for line in ["train a.toml --steps -5", "evaluate a --episodes -1", "train a.toml --seed -1"] {
+            assert!(message(line).starts_with("error: invalid value '-"), "{line}: {}", message(line));
         }
     }
 }

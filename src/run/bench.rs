@@ -8,8 +8,7 @@ use anyhow::{Context, anyhow};
 use serde_json::json;
 
 use super::train::{cores, settings_with};
-use crate::features::command_for_feature;
-use crate::program::PROGRAM;
+use crate::program::{PROGRAM, command_for_feature};
 use crate::{cli, libtorch};
 use dials_core::base::counted;
 use dials_core::domain::Domain;
@@ -177,17 +176,4 @@ fn as_json(
         "fleets": table::json(costs),
     });
     Ok(in_json(object))
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn fleets_double_up_to_the_largest() {
-        assert_eq!(doubling(1), [1]);
-        assert_eq!(doubling(2), [1, 2]);
-        assert_eq!(doubling(6), [1, 2, 4, 6]);
-        assert_eq!(doubling(8), [1, 2, 4, 8]);
-    }
 }

@@ -8,7 +8,7 @@ use clap::CommandFactory;
 use clap_complete::Shell;
 
 use crate::cli::Cli;
-use dials_core::outside::{quoted, temporary_dir};
+use dials_core::outside::quoted;
 use dials_session::config::schema;
 use dials_session::error::{Error, Result};
 use dials_session::outputs::check_free;
@@ -28,27 +28,16 @@ pub(super) fn completions(shell: Shell) -> Result<()> {
 pub(super) fn man(dir: &Path, force: bool) -> Result<()> {
     let existing = Existing::of_named(force);
     check_free(dir, "--out", existing).map_err(Error::Usage)?;
-    let pages = pages().map_err(Error::Run)?;
-    let written =
-        places::make(dir, existing, |staged| pages.iter().try_for_each(|(name, text)| staged.put(name, text)));
+    let mut pages = 0;
+    let written = places::make(dir, existing, |staged| {
+        clap_mangen::generate_to(Cli::command(), staged.path()).context("the pages could not be made")?;
+        pages = fs::read_dir(staged.path())?.count();
+        Ok(())
+    });
     written.map_err(Error::Usage)?;
     let first = quoted(&dir.join("dials-traffic.1"));
-    note(format_args!("wrote {} pages into {}; read the first with: man -l {first}", pages.len(), dir.display()));
+    note(format_args!("wrote {pages} pages into {}; read the first with: man -l {first}", dir.display()));
     Ok(())
-}
-
-/// Returns the pages with their names, in order.
-fn pages() -> anyhow::Result<Vec<(String, Vec<u8>)>> {
-    let made = temporary_dir().context("the pages have no place")?;
-    clap_mangen::generate_to(Cli::command(), made.path()).context("the pages could not be made")?;
-    let mut pages = Vec::new();
-    for entry in fs::read_dir(made.path())? {
-        let path = entry?.path();
-        let name = path.file_name().unwrap_or_default().to_string_lossy().into_owned();
-        pages.push((name, fs::read(path)?));
-    }
-    pages.sort();
-    Ok(pages)
 }
 
 /// Prints the JSON schema of a config.

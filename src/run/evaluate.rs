@@ -1,26 +1,33 @@
-//! `evaluate` and `baseline`: both play the same episodes and print the same figures.
+//! `evaluate` and `baseline`: both play the same episodes and print the same figures. `--tune` first searches the best
+//! timings of the lights that go by the clock, once per network, and caches them in a file.
 
-use anyhow::{anyhow, bail};
+use std::path::{Path, PathBuf};
+
+use anyhow::{Context, anyhow, bail, ensure};
 use serde_json::{Value, json};
 
-use super::csv_files::CsvFiles;
 use super::plot::Plots;
-use super::render::render;
 use super::subject::{Background, Subject, agent_called};
-use super::tune::tune;
 use crate::cli;
-use dials_core::base::{AgentId, Seed, repeated};
-use dials_core::domain::{Baseline, Domain};
-use dials_learn::evaluation::{Evaluation, Finding, comparison, json, play_episodes, table};
+use crate::film::scenes;
+use dials_core::base::{AgentId, Seed, counted, repeated};
+use dials_core::domain::{Baseline, Controller, Domain, GlobalSimulator, Measures};
+use dials_core::outside::{Directory, FileName, path_as_text, write_together};
+use dials_learn::evaluation::csv::{by_agent, by_episode};
+use dials_learn::evaluation::{
+    Evaluation, Finding, comparison, episode_seed, json, play_episodes, play_watched, table,
+};
 use dials_report::plot::About;
 use dials_session::config::{RunConfig, load};
-use dials_session::directory;
-use dials_session::domains;
 use dials_session::error::{Error, Result};
-use dials_session::outputs;
-use dials_session::places::Existing;
+use dials_session::places::{self, Existing};
+use dials_session::records::growing::{GrowingFile, Mark};
 use dials_session::terminal::counting::EpisodeBar;
-use dials_session::terminal::{answer, json as in_json};
+use dials_session::terminal::{answer, json as in_json, note};
+use dials_session::{directory, domains, outputs};
+use dials_traffic::controllers::timing_file::{TimingFile, TunedOn};
+use dials_traffic::controllers::{COORDINATED, FIXED_TIME};
+use dials_traffic::tuning;
 
 pub(super) fn evaluate(args: &cli::EvaluateArgs) -> Result<()> {
     let (config, domain) = directory::open_unchanged(&args.run_dir, domains::open).map_err(Error::Usage)?;
@@ -31,14 +38,13 @@ pub(super) fn evaluate(args: &cli::EvaluateArgs) -> Result<()> {
         return Err(Error::Usage(anyhow!(twice)));
     }
     let background = args.background.clone().map(|controller| Background { controller, policies_of });
-    let subject = Subject::Run { dir: args.run_dir.clone(), greedy: args.greedy, background };
+    let subjects = vec![Subject::Run { dir: args.run_dir.clone(), greedy: args.greedy, background }];
     let plots = Plots::asked_for(&args.output, &config).map_err(Error::Usage)?;
     let domain = plots.as_ref().map_or(&*domain, Plots::domain);
     let session = Session::new(domain, &config, &args.episodes, &args.output)?;
-    let subjects = vec![subject];
-    let csv = session.prepare(&subjects)?;
+    let csv = session.prepare(&subjects).map_err(Error::Usage)?;
     let (findings, written) = session.play(subjects, csv)?;
-    session.tell_one(&findings[0], &[])?;
+    session.print(&findings, false, &[])?;
     session.draw(plots.as_ref(), &findings[0], format!("policies of {}", findings[0].player.label))?;
     written
 }
@@ -47,7 +53,7 @@ pub(super) fn baseline(args: &cli::BaselineArgs) -> Result<()> {
     let config = load(&args.config, &[]).map_err(Error::Usage)?;
     let domain = domains::open(&config).map_err(Error::Usage)?;
     domains::check(&config).map_err(Error::Usage)?;
-    let about = [("config", json!(dials_core::outside::path_as_text(&args.config)))];
+    let about = [("config", json!(path_as_text(&args.config)))];
     let plots = Plots::asked_for(&args.output, &config).map_err(Error::Usage)?;
     let domain = plots.as_ref().map_or(&*domain, Plots::domain);
     let session = Session::new(domain, &config, &args.episodes, &args.output)?;
@@ -56,19 +62,14 @@ pub(super) fn baseline(args: &cli::BaselineArgs) -> Result<()> {
         (None, Some(list)) => Subject::list(list, args.greedy, domain).map_err(Error::Usage)?,
         (None, None) => unreachable!("clap asks for one of them"),
     };
-    let csv = session.prepare(&subjects)?;
+    let csv = session.prepare(&subjects).map_err(Error::Usage)?;
     if args.tune {
         tune(&config, args.tune_episodes as usize, &mut subjects)?;
     }
     let (findings, written) = session.play(subjects, csv)?;
-    if args.compare.is_some() {
-        session.tell_all(&findings, &about)?;
-        return written;
-    }
-    let finding = &findings[0];
-    session.tell_one(finding, &about)?;
+    session.print(&findings, args.compare.is_some(), &about)?;
     let config = args.config.file_name().unwrap_or_default().to_string_lossy();
-    session.draw(plots.as_ref(), finding, format!("controller {} on {config}", finding.player.label))?;
+    session.draw(plots.as_ref(), &findings[0], format!("controller {} on {config}", findings[0].player.label))?;
     written
 }
 
@@ -98,23 +99,15 @@ impl<'a> Session<'a> {
         Ok(Session { domain, episodes: count, seed, scenario, output })
     }
 
-    /// Checks all subjects and all output places before anything plays.
-    fn prepare(&self, subjects: &[Subject]) -> Result<Option<CsvFiles>> {
-        self.check(subjects).map_err(Error::Usage)?;
-        let csv = self.output.csv.as_deref().map(|dir| CsvFiles::create(dir, self.existing()));
-        csv.transpose().map_err(Error::Usage)
-    }
-
-    fn existing(&self) -> Existing {
-        Existing::of_named(self.output.force)
-    }
-
-    fn check(&self, subjects: &[Subject]) -> anyhow::Result<()> {
+    /// Checks all subjects and all output places before anything plays. Makes the files of `--csv`.
+    fn prepare(&self, subjects: &[Subject]) -> anyhow::Result<Option<CsvFiles>> {
         subjects.iter().try_for_each(|subject| subject.check(self.domain))?;
         if let Some(subject) = repeated(subjects) {
             bail!("--compare: `{}` is named twice", subject.label());
         }
-        self.output.render.as_deref().map_or(Ok(()), |dir| outputs::check_free(dir, "--render", self.existing()))
+        let existing = Existing::of_named(self.output.force);
+        self.output.render.iter().try_for_each(|dir| outputs::check_free(dir, "--render", existing))?;
+        self.output.csv.as_deref().map(|dir| CsvFiles::create(dir, existing)).transpose()
     }
 
     /// Lets all subjects play the same episodes, one subject after the other. Returns what was found, and whether it is in
@@ -129,7 +122,8 @@ impl<'a> Session<'a> {
             let Baseline { mut simulator, mut controller } = subject.open(self.domain).map_err(Error::Usage)?;
             let (simulator, controller) = (&mut *simulator, &mut *controller);
             if let Some(dir) = &self.output.render {
-                render(simulator, controller, Seed::new(self.seed), dir, self.existing()).map_err(Error::Usage)?;
+                let existing = Existing::of_named(self.output.force);
+                render(simulator, controller, Seed::new(self.seed), dir, existing).map_err(Error::Usage)?;
             }
             let progress = &mut |done| bar.set(number * self.episodes + done);
             let played = simulator
@@ -145,10 +139,22 @@ impl<'a> Session<'a> {
         Ok((findings, written))
     }
 
-    fn tell_one(&self, finding: &Finding, about: &[(&str, Value)]) -> Result<()> {
-        let found = match self.output.json {
-            true => self.with_circumstances(json::of_one(self.domain, finding), about)?,
-            false => table(self.domain, finding),
+    /// Prints the figures of one player, or compares all. `about`: further keys of the JSON object.
+    fn print(&self, findings: &[Finding], compares: bool, about: &[(&str, Value)]) -> Result<()> {
+        let found = if self.output.json {
+            let mut object = match compares {
+                true => json::of_all(self.domain, findings),
+                false => json::of_one(self.domain, &findings[0]),
+            };
+            object.extend(about.iter().map(|(key, value)| ((*key).to_owned(), value.clone())));
+            object.insert("scenario".into(), json!(self.scenario));
+            object.insert("seed".into(), json!(self.seed));
+            object.insert("sumo_version".into(), json!(dials_traffic::sumo_version().map_err(Error::Run)?));
+            in_json(Value::Object(object))
+        } else if compares {
+            comparison(findings)
+        } else {
+            table(self.domain, &findings[0])
         };
         answer(found).map_err(Error::Run)
     }
@@ -159,24 +165,130 @@ impl<'a> Session<'a> {
         let evaluation = Evaluation::new(self.domain, &finding.episodes);
         plots.draw(&evaluation, &About { subject, seed: self.seed }).map_err(Error::Run)
     }
+}
 
-    fn tell_all(&self, findings: &[Finding], about: &[(&str, Value)]) -> Result<()> {
-        let found = match self.output.json {
-            true => self.with_circumstances(json::of_all(self.domain, findings), about)?,
-            false => comparison(findings),
-        };
-        answer(found).map_err(Error::Run)
+/// The CSV files of `--csv`. The lines of each player are written as soon as it has played.
+struct CsvFiles {
+    directory: Directory,
+    episodes: GrowingFile,
+    agents: GrowingFile,
+}
+
+impl CsvFiles {
+    /// Makes the directory. If one of the files exists, `existing` says what becomes of it.
+    fn create(dir: &Path, existing: Existing) -> anyhow::Result<CsvFiles> {
+        let names = ["episodes.csv", "agents.csv"];
+        let paths = names.map(|name| dir.join(name));
+        paths.iter().try_for_each(|file| outputs::check_free(file, "--csv", existing))?;
+        outputs::check_writable(dir)?;
+        paths.iter().try_for_each(|file| places::clear(file, existing))?;
+        let [episodes, agents] = names.map(|name| GrowingFile::new(name, Mark::default()));
+        Ok(CsvFiles { directory: Directory::open(dir)?, episodes, agents })
     }
 
-    fn with_circumstances(
-        &self,
-        mut object: serde_json::Map<String, Value>,
-        about: &[(&str, Value)],
-    ) -> Result<String> {
-        object.extend(about.iter().map(|(key, value)| ((*key).to_owned(), value.clone())));
-        object.insert("scenario".into(), json!(self.scenario));
-        object.insert("seed".into(), json!(self.seed));
-        object.insert("sumo_version".into(), json!(dials_traffic::sumo_version().map_err(Error::Run)?));
-        Ok(in_json(Value::Object(object)))
+    fn append(&mut self, finding: &Finding) -> anyhow::Result<()> {
+        self.episodes.append_lines(&self.directory, &by_episode(finding))?;
+        self.agents.append_lines(&self.directory, &by_agent(finding))
     }
+}
+
+/// Plays the first evaluation episode of the seed `run` and draws it into the directory `dir`, which is made anew.
+///
+/// The files are `step_NNN.svg` for every step, and `episode.gif`.
+fn render(
+    simulator: &mut dyn GlobalSimulator,
+    controller: &mut dyn Controller,
+    run: Seed,
+    dir: &Path,
+    existing: Existing,
+) -> anyhow::Result<()> {
+    ensure!(
+        simulator.scene().is_some(),
+        "--render: this domain draws no pictures; try --plot, or `replay` for sumo-gui"
+    );
+    let (mut drawn, mut titles) = (Vec::new(), Vec::new());
+    play_watched(simulator, controller, episode_seed(run, 0), &mut |simulator| {
+        drawn.push(simulator.scene().context("the domain drew no picture of a step")?);
+        titles.push(title(titles.len(), &simulator.measures()?));
+        Ok(())
+    })?;
+    places::make(dir, existing, |dir| scenes::write(&drawn, &titles, dir))
+        .with_context(|| format!("{}: cannot be written", dir.display()))
+        .map(drop)
+}
+
+/// Returns the title of a step: its number, and what the agents have together in each figure.
+fn title(step: usize, measures: &Measures) -> String {
+    let figures = measures.per_agent.iter().map(|(name, values)| format!(", {name} {:.0}", values.iter().sum::<f64>()));
+    format!("step {step}{}", figures.collect::<String>())
+}
+
+/// Folder of the cached timings.
+const FOLDER: &str = "tuned";
+/// Controllers that are tuned.
+const TUNED: [&str; 2] = [FIXED_TIME, COORDINATED];
+
+/// Replaces every `fixed-time` and `coordinated` without parameters by the best timings that the search finds.
+fn tune(config: &RunConfig, episodes: usize, subjects: &mut [Subject]) -> Result<()> {
+    let is = |subject: &Subject, name: &str| *subject == Subject::Controller(name.to_owned());
+    let untuned = TUNED.into_iter().filter(|name| subjects.iter().any(|subject| is(subject, name)));
+    let untuned: Vec<&str> = untuned.collect();
+    if untuned.is_empty() {
+        let timed = subjects.iter().find_map(|subject| match subject {
+            Subject::Controller(name) => Some((name, TUNED.into_iter().find(|tuned| name.starts_with(tuned))?)),
+            Subject::Run { .. } => None,
+        });
+        return Err(Error::Usage(match timed {
+            Some((name, tuned)) => {
+                anyhow!("--tune: searches all timings of {tuned}, but `{name}` already sets some of them")
+            }
+            None => anyhow!("--tune: tunes {}, which are no controllers of this command", TUNED.join(" and ")),
+        }));
+    }
+    for controller in untuned {
+        let file = tuned_file(config, controller, episodes)?;
+        let tuned = Subject::Controller(format!("{controller}:file={}", file.display()));
+        subjects.iter_mut().filter(|subject| is(subject, controller)).for_each(|subject| *subject = tuned.clone());
+    }
+    Ok(())
+}
+
+/// Returns the file of a controller's timings for this network, horizon, seed, search and SUMO. If there is none, makes
+/// it.
+fn tuned_file(config: &RunConfig, controller: &str, episodes: usize) -> Result<PathBuf> {
+    let Some(traffic) = domains::traffic(config).map_err(Error::Usage)? else {
+        return Err(Error::Usage(anyhow!("--tune: only traffic lights can be tuned")));
+    };
+    let wanted = TunedOn::of(&traffic, controller, episodes, config.learning.seed).map_err(Error::Usage)?;
+    let key = crc32fast::hash(&serde_json::to_vec(&wanted).expect("names and numbers are JSON"));
+    // A comma in a path would end the parameter of the controller that reads the file.
+    let name = format!("{}-{controller}-{key:08x}.toml", wanted.network.replace(',', "_"));
+    let path = Path::new(FOLDER).join(FileName::new(name).map_err(Error::Usage)?);
+    if path.exists() {
+        let kept = TimingFile::read(&path).map_err(Error::Usage)?;
+        if kept.tuned_on != wanted {
+            return Err(Error::Usage(anyhow!("{}: was tuned for another setting; move it away", path.display())));
+        }
+        note(format_args!("{}: uses the timings of an earlier search", path.display()));
+        return Ok(path);
+    }
+    outputs::check_writable(Path::new(FOLDER)).map_err(Error::Usage)?;
+    note(format_args!(
+        "{FOLDER}: has no timings of {controller} for this network, horizon, seed, search and SUMO version; searching for \
+         them"
+    ));
+    let bar = EpisodeBar::new(1);
+    let found = tuning::tune(&traffic, wanted, config.learning.seed, &mut |progress| {
+        bar.set_length(progress.at_most);
+        bar.set(progress.played);
+        bar.set_message(format_args!("(at most); best {} so far", progress.best));
+    });
+    bar.finish();
+    let found = found.map_err(Error::Run)?;
+    found
+        .to_toml()
+        .and_then(|text| write_together(Path::new(FOLDER), &[(path.clone(), text.into_bytes())]))
+        .map_err(Error::Run)?;
+    note(format_args!("{}: tuned on {}, {}", path.display(), counted(episodes, "episode"), found.score()));
+    Ok(path)
 }

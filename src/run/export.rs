@@ -1,14 +1,14 @@
 //! `export`: writes the policies for use outside of this program.
 
 use std::fs;
+use std::os::unix::ffi::OsStrExt;
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context, ensure};
 
-use super::python::to_load;
 use crate::{cli, libtorch};
 use dials_core::domain::{Kind, Kinds};
-use dials_core::outside::{Printable, folder_of};
+use dials_core::outside::{Printable, folder_of, is_printable};
 use dials_learn::config::PolicyConfig;
 use dials_learn::policy::{JointPolicy, PolicyStack};
 use dials_session::directory;
@@ -28,8 +28,8 @@ pub(super) fn export(args: &cli::ExportArgs) -> Result<()> {
     write_scripts(run.domain.kinds(), &run.config.learning.policy, &run.policies, &files, existing)
         .map_err(Error::Run)?;
     let of_kinds = run.domain.kinds().iter().zip(&files);
-    let told: Vec<String> = of_kinds.map(|(kind, file)| how_to_use(file, kind, &run.config.learning.policy)).collect();
-    answer(told.join("\n")).map_err(Error::Run)
+    let uses: Vec<String> = of_kinds.map(|(kind, file)| how_to_use(file, kind, &run.config.learning.policy)).collect();
+    answer(uses.join("\n")).map_err(Error::Run)
 }
 
 /// Returns the output files: `out` itself if all agents are of one kind.
@@ -103,20 +103,55 @@ fn how_to_use(file: &Path, kind: &Kind, config: &PolicyConfig) -> String {
     lines.join("\n")
 }
 
+/// Returns a path as an argument of `torch.jit.load`. One that is not UTF-8 is opened by its bytes.
+fn to_load(path: &Path) -> String {
+    let escaped = |letter: char| match letter {
+        '"' | '\\' => format!("\\{letter}"),
+        _ if is_printable(letter) => letter.to_string(),
+        _ => format!("\\U{:08x}", u32::from(letter)),
+    };
+    let escaped_byte = |&byte: &u8| match byte {
+        b'"' | b'\\' => format!("\\{}", char::from(byte)),
+        b' '..=b'~' => char::from(byte).to_string(),
+        _ => format!("\\x{byte:02x}"),
+    };
+    match path.to_str() {
+        Some(text) => format!("\"{}\"", text.chars().map(escaped).collect::<String>()),
+        None => {
+            let bytes: String = path.as_os_str().as_bytes().iter().map(escaped_byte).collect();
+            format!("open(b\"{bytes}\", \"rb\")")
+        }
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
     use dials_core::domain::Domain;
     use dials_testkit::toy::{Coins, CoinsAndDice};
+    use std::ffi::OsStr;
+
+    #[test]
+    fn a_path_is_written_as_python_writes_it() {
+        let cases: [(&[u8], &str); 5] = [
+            (b"a b/it's.pt", r#""a b/it's.pt""#),
+            ("Süd/\"\\x41".as_bytes(), r#""Süd/\"\\x41""#),
+            (b"\x1b[31m\n", r#""\U0000001b[31m\U0000000a""#),
+            (b"a\xff7\"\\", r#"open(b"a\xff7\"\\", "rb")"#),
+            (b"\xff\n \x1b", r#"open(b"\xff\x0a \x1b", "rb")"#),
+        ];
+        for (path, written) in cases {
+            assert_eq!(to_load(Path::new(OsStr::from_bytes(path))), written);
+        }
+    }
 
     #[test]
     fn every_kind_has_a_file_of_its_own() {
-        let files = |domain: &dyn Domain, out: &str| -> Vec<String> {
-            let files = files_of(Path::new(out), domain.kinds());
-            files.iter().map(|file| file.display().to_string()).collect()
-        };
-        assert_eq!(files(&Coins::new(1), "a/policies.pt"), ["a/policies.pt"]);
-        assert_eq!(files(&CoinsAndDice::new(1), "a/policies.pt"), ["a/policies.coin.pt", "a/policies.die.pt"]);
-        assert_eq!(files(&CoinsAndDice::new(1), "plain"), ["plain.coin", "plain.die"]);
+        let files = |domain: &dyn Domain, out: &str| files_of(Path::new(out), domain.kinds());
+        let paths = |paths: [&str; 2]| paths.map(PathBuf::from);
+        assert_eq!(files(&Coins::new(1), "a/policies.pt"), [PathBuf::from("a/policies.pt")]);
+        let kinds = CoinsAndDice::new(1);
+        assert_eq!(files(&kinds, "a/policies.pt"), paths(["a/policies.coin.pt", "a/policies.die.pt"]));
+        assert_eq!(files(&kinds, "plain"), paths(["plain.coin", "plain.die"]));
     }
 }

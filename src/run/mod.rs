@@ -1,33 +1,21 @@
 //! One file per subcommand: config -> domain -> fleet -> training -> run directory.
 //!
-//! - `train`: trains policies and writes a run directory. `other_end`: of a run that is resumed. `team`: where its workers
-//!   are. `worker`: its worker processes.
+//! - `train`: trains policies and writes a run directory. `team`: where its workers are. `run_name`: its default name.
 //! - `evaluate`: plays and measures saved policies; also `baseline`, which does so with hand-coded controllers.
-//! - `experiment`: makes all runs of a file. `report`, `compare`: summarise runs; `watch`: shows them live. `bench`: measures training speed.
-//! - `export`: policies as TorchScript; `python`: paths in lines of Python. `replay`: an episode for sumo-gui.
+//!   `subject`: what both play.
+//! - `replay`: an episode for sumo-gui, and films of it. `plot`: pictures of an episode.
+//! - `experiment`: makes all runs of a file. `report`, `compare`: summarise runs; `watch`: shows them live.
+//! - `bench`: measures training speed. `check`: local simulators beside the global one. `export`: policies as TorchScript.
 //! - `describe`: the agents of a config, what a run of it will do, and what that costs.
-//! - `nets`: SUMO networks, made and inspected (`inspect`). `check`: local simulators beside the global one.
-//!   `info`: versions. `doctor`: what is missing.
-//! - `complete`: completions, manual pages, and the schema of a config. `listing`: lists of names as text.
-//! - `trial`: files that might crash a simulator, tried in a child process; also the hidden command of that child.
-//! - `domain`: finds the domain that a config names. Only this file knows all domains.
-//! - `directory`: makes and opens run directories. `run_name`: their default names. `places`: makes any directory whole
-//!   or not at all. `outputs`: checks output paths.
-//! - `build`: the program, libraries and machine that compute a run.
-//! - `subject`: what `evaluate` and `baseline` play. `cast`: the players of the episode that `replay` records.
-//! - One flag each: `csv_files` (`--csv`), `plot` and `render` (pictures), `tune` (lights that go by the clock), `video` (films).
+//! - `nets`: SUMO networks, made and inspected (`inspect`). `listing`: lists of names as text.
+//! - `info`: versions. `doctor`: what is missing. `complete`: completions, manual pages, and the schema of a config.
 
 mod bench;
-
-mod cast;
 mod check;
 mod compare;
 mod complete;
-mod csv_files;
 mod describe;
-
 mod doctor;
-
 mod evaluate;
 mod experiment;
 mod export;
@@ -35,25 +23,19 @@ mod info;
 mod inspect;
 mod listing;
 mod nets;
-mod other_end;
-
 mod plot;
-mod python;
-mod render;
 pub(crate) mod replay;
 mod report;
 mod run_name;
 mod subject;
 mod team;
 mod train;
-
-mod tune;
-mod video;
 mod watch;
-mod worker;
 
 use crate::cli::{Cli, Command};
+use dials_session::domains;
 use dials_session::error::{Error, Result};
+use dials_session::fleet::children::serve_the_parent;
 use dials_session::machine::note_option_for_processes;
 use dials_session::parent::end_with;
 use dials_session::terminal::{Talk, talk};
@@ -92,7 +74,7 @@ pub(crate) fn run(cli: Cli) -> Result<()> {
         Command::Completions { shell } => complete::completions(shell),
         Command::Man { out, force } => complete::man(&out, force),
         Command::Schema => complete::print_schema(),
-        Command::Worker => worker::worker(),
+        Command::Worker => serve_the_parent(domains::open_tried).map_err(Error::Run),
         Command::TryOut => dials_session::trial::try_out(),
     }
 }

@@ -64,7 +64,8 @@ fn put(out: &Path, force: bool, name: &str, make: impl FnOnce(&Path) -> Result<N
     for entry in fs::read_dir(room.path())? {
         let entry = entry?;
         let (place, bytes) = (out.join(entry.file_name()), fs::read(entry.path())?);
-        if !holds(&place, &bytes) {
+        let as_long = place.metadata().is_ok_and(|there| there.is_file() && there.len() == bytes.len() as u64);
+        if !(as_long && fs::read(&place).is_ok_and(|there| there == bytes)) {
             new.push((place, bytes));
         }
     }
@@ -73,10 +74,4 @@ fn put(out: &Path, force: bool, name: &str, make: impl FnOnce(&Path) -> Result<N
     new.iter().try_for_each(|(place, _)| clear(place, existing))?;
     write_together(out, &new)?;
     Ok(files)
-}
-
-/// Returns whether a file has these bytes already.
-fn holds(place: &Path, bytes: &[u8]) -> bool {
-    let as_long = place.metadata().is_ok_and(|there| there.is_file() && there.len() == bytes.len() as u64);
-    as_long && fs::read(place).is_ok_and(|there| there == bytes)
 }

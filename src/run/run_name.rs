@@ -69,50 +69,32 @@ fn plain(value: &str) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use std::collections::BTreeMap;
-
     use dials_session::config::load;
-
-    fn root() -> &'static Path {
-        Path::new(env!("CARGO_MANIFEST_DIR"))
-    }
 
     fn name(config: &str, settings: &[&str]) -> String {
         let settings: Vec<String> = settings.iter().map(|&setting| setting.to_owned()).collect();
-        let path = root().join(config);
+        let path = Path::new(env!("CARGO_MANIFEST_DIR")).join(config);
         let config = load(&path, &settings).unwrap();
         default_dir(&path, &config, &settings).to_str().unwrap().to_owned()
     }
 
     #[test]
-    fn what_differs_is_in_the_name() {
-        assert_eq!(name("configs/traffic_4.toml", &[]), "runs/traffic_4-dials-seed1");
-        assert_eq!(name("configs/paper/traffic_4.toml", &["simulator=gs"]), "runs/paper-traffic_4-gs-seed1");
-        let settings = ["ppo.clip=0.3", "seed = 7", "policy.hidden=[8, 4]", "ppo.clip = 0.2"];
-        assert_eq!(
-            name("configs/traffic_4.toml", &settings),
-            "runs/traffic_4-dials-policy.hidden=8_4-ppo.clip=0.2-seed7"
-        );
-        assert_eq!(
-            name("sumo_nets/town/town.sumocfg", &["total_steps=1000000"]),
-            "runs/town-dials-total_steps=1000000-seed1"
-        );
-    }
-
-    #[test]
-    fn no_name_needs_quotes_and_none_is_a_pattern() {
-        let settings = ["traffic.reward={queue = 0.5, wait = 0.5}", "policy.hidden=[16]"];
-        assert_eq!(
-            name("configs/traffic_4.toml", &settings),
-            "runs/traffic_4-dials-policy.hidden=16-traffic.reward=queue=0.5_wait=0.5-seed1"
-        );
+    fn a_name_has_what_differs_and_changes_the_policies_and_needs_no_quotes() {
+        let four = "configs/traffic_4.toml";
+        let clip = ["ppo.clip=0.3", "seed = 7", "policy.hidden=[8, 4]", "ppo.clip = 0.2"];
+        let reward = ["traffic.reward={queue = 0.5, wait = 0.5}", "policy.hidden=[16]"];
+        let changeable = ["stop_at_steps=1000", "evaluation.episodes=3", "logging.tensorboard=true"];
+        for (config, settings, expected) in [
+            (four, &[][..], "traffic_4-dials-seed1"),
+            ("configs/paper/traffic_4.toml", &["simulator=gs"], "paper-traffic_4-gs-seed1"),
+            (four, &clip, "traffic_4-dials-policy.hidden=8_4-ppo.clip=0.2-seed7"),
+            ("sumo_nets/town/town.sumocfg", &["total_steps=1000000"], "town-dials-total_steps=1000000-seed1"),
+            (four, &reward, "traffic_4-dials-policy.hidden=16-traffic.reward=queue=0.5_wait=0.5-seed1"),
+            (four, &changeable, "traffic_4-dials-seed1"),
+        ] {
+            assert_eq!(name(config, settings), format!("runs/{expected}"));
+        }
         assert_eq!(["a*?", "'b'", "{c=1,d=-2}", "~/$x;(y)", "ü"].map(plain), ["a", "b", "c=1_d=-2", "x_y", "ü"]);
-    }
-
-    #[test]
-    fn what_does_not_change_the_policies_is_not() {
-        let settings = ["stop_at_steps=1000", "evaluation.episodes=3", "logging.tensorboard=true"];
-        assert_eq!(name("configs/traffic_4.toml", &settings), "runs/traffic_4-dials-seed1");
     }
 
     #[test]
@@ -120,36 +102,5 @@ mod tests {
         let settings: Vec<String> = (0..40).map(|number| format!("key{number}=ü")).collect();
         let words = listed(&settings);
         assert!(words.len() <= LONGEST_SETTINGS + 10 && words.ends_with("-and-more"), "{words}");
-    }
-
-    /// Every command of README and guide that trains without `--out`: two that train something else have two names.
-    #[test]
-    fn the_documented_runs_have_names_of_their_own() {
-        let mut found: BTreeMap<String, String> = BTreeMap::new();
-        for page in ["README.md", "docs/guide.md"] {
-            let text = std::fs::read_to_string(root().join(page)).unwrap();
-            for line in text.lines().filter(|line| !line.contains("--out")) {
-                let Some((_, words)) = line.split_once(" train configs/") else { continue };
-                let words: Vec<&str> = words.split('#').next().unwrap().split_whitespace().collect();
-                let Some(config) = words.first().filter(|word| word.ends_with(".toml")) else { continue };
-                let mut settings = Vec::new();
-                for pair in words.windows(2) {
-                    match pair[0] {
-                        "--set" => settings.push(pair[1].to_owned()),
-                        "--seed" => settings.push(format!("seed={}", pair[1])),
-                        "--simulator" => settings.push(format!("simulator={}", pair[1])),
-                        _ => (),
-                    }
-                }
-                settings.sort();
-                // The default seed is 1.
-                settings.retain(|setting| setting != "seed=1");
-                let what = format!("{config} {settings:?}");
-                let settings: Vec<&str> = settings.iter().map(String::as_str).collect();
-                let other = found.insert(name(&format!("configs/{config}"), &settings), what.clone());
-                assert!(other.as_ref().is_none_or(|other| *other == what), "{other:?} and {what} have one name");
-            }
-        }
-        assert!(found.len() >= 4, "{found:?}");
     }
 }

@@ -62,7 +62,7 @@ impl Team {
         Err(Error::Usage(anyhow!(
             "{ranks} ranks were started, but this program was built without MPI, so each would train a run of its own; \
              build it with MPI: {}",
-            crate::features::command_for_feature("mpi")
+            crate::program::command_for_feature("mpi")
         )))
     }
 

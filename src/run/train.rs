@@ -5,9 +5,8 @@ use std::rc::Rc;
 use std::sync::Arc;
 use std::time::Duration;
 
-use anyhow::anyhow;
+use anyhow::{anyhow, ensure};
 
-use super::other_end::{end_at, has_ended, tell_of_lost_evaluation};
 use super::run_name::default_dir;
 use super::team::{Plan, Team};
 use super::watch::Beside;
@@ -15,13 +14,15 @@ use crate::cli;
 use crate::program::PROGRAM;
 use dials_core::base::{counted, for_terminal};
 use dials_core::domain::Domain;
-use dials_core::outside::{Directory, Whereabouts, folder_of, quoted};
+use dials_core::outside::{Directory, Whereabouts, folder_of, quoted, read_text};
+use dials_learn::config::rest_of_schedule;
 use dials_learn::dials;
 use dials_learn::fleet::Fleet;
 use dials_learn::observer::Interrupted;
 use dials_learn::progress::TrainingProgress;
 use dials_session::build::{other_build, record_resume};
-use dials_session::config::{RunConfig, load};
+use dials_session::config::resume::with_end;
+use dials_session::config::{LARGEST_FILE as LARGEST_CONFIG, RunConfig, load};
 use dials_session::directory;
 use dials_session::domains;
 use dials_session::error::{Error, Result};
@@ -36,6 +37,7 @@ use dials_session::records::networks::Layouts;
 use dials_session::records::resume_point::{NothingFits, ResumePoint};
 use dials_session::records::run_json::{RunJson, Versions};
 use dials_session::records::run_log::RunLog;
+use dials_session::records::run_record::RunRecord;
 use dials_session::terminal::training::Progress;
 use dials_session::terminal::{answer, note, program, warn};
 
@@ -160,10 +162,7 @@ fn resume_locked(args: &cli::TrainArgs, dir: &Path, directory: Directory, wanted
         let file = run.directory.path_of(name);
         note(format_args!("note: {}: was lost or damaged; made again from the checkpoint", file.display()));
     }
-    let has_ended = has_ended(&run.directory, &run.config, &point);
-    if !has_ended {
-        tell_of_lost_evaluation(dir, &run.config, &point);
-    }
+    let has_ended = has_ended(dir, &run.config, &point);
     Ok(Run { resumed: Some(point), has_ended, other_build, ..run })
 }
 
@@ -174,19 +173,66 @@ fn open(directory: Directory, opened: fn(&RunConfig) -> anyhow::Result<Arc<dyn D
     Ok(Run { directory, config, domain, owner, resumed: None, has_ended: false, other_build: None })
 }
 
+/// Makes the run end at step `steps`, by its config. Returns the text of the config before.
+fn end_at(directory: &Directory, steps: u64) -> anyhow::Result<String> {
+    let path = directory.path().join(files::CONFIG);
+    let config = load(&path, &[])?;
+    ensure!(
+        steps <= config.learning.total_steps,
+        "--steps {steps}: this run can go to step {0} only, because its learning rate and clip range have decayed to \
+         nothing there (total_steps = {0}); for a longer one begin a new run with --set total_steps={steps}",
+        config.learning.total_steps
+    );
+    let text = read_text(&path, LARGEST_CONFIG)?;
+    directory.write(files::CONFIG, with_end(&text, steps).as_bytes())?;
+    Ok(text)
+}
+
+/// Returns whether nothing is left to do, and then says how to train further. Otherwise says so if the resumed run loses an
+/// evaluation: that of an earlier end at which the longer run is not evaluated. The files of a resumed run are those of a
+/// run that was never stopped.
+fn has_ended(dir: &Path, config: &RunConfig, point: &ResumePoint) -> bool {
+    let Some(checkpoint) = &point.checkpoint else { return false };
+    let (steps, standing) = (checkpoint.agents.steps, &checkpoint.progress.standing);
+    let (learning, rest) = (&config.learning, rest_of_schedule(&config.learning, standing.until));
+    let run = RunRecord::read(dir).ok();
+    let evaluation = run.as_ref().and_then(|run| run.evaluation_at(steps));
+    let is_final = evaluation.is_some_and(|last| last.episode_returns.len() == learning.evaluation.final_episodes);
+    let has_ended = rest.is_empty() && is_final && run.as_ref().is_some_and(RunRecord::is_whole);
+    if has_ended {
+        let (program, run, total) = (program(), quoted(dir), learning.total_steps);
+        let further = match steps < total {
+            true => format!("train it further with: {program} train --resume {run} --steps {total}"),
+            false => "for a longer one begin a new run with a larger total_steps".to_owned(),
+        };
+        note(format_args!("note: this run has ended, at step {steps}\n  {further}"));
+    } else if rest.first().is_some_and(|next| !next.evaluate)
+        && standing.evaluated_at != Some(steps)
+        && evaluation.is_some()
+    {
+        note(format_args!(
+            "note: {} loses the evaluation at step {steps}, the earlier end of this run.\n  A run that goes on is not \
+             evaluated there (evaluation.every_steps = {}).",
+            files::RETURNS,
+            learning.evaluation.every_steps
+        ));
+    }
+    has_ended
+}
+
 impl Run {
     /// Returns how many workers to start, not more than have work, and says so if they are fewer than were asked for.
     fn workers(&self, asked: Option<(usize, String)>) -> usize {
-        let most = most_workers(&self.config, self.domain.agents());
-        let Some((asked, words)) = asked else { return cores().min(most) };
-        if asked > most {
+        let agents = self.domain.agents();
+        let workers = workers(asked.as_ref().map(|(asked, _)| *asked), &self.config, agents);
+        if let Some((_, words)) = asked.filter(|(asked, _)| *asked > workers) {
+            let agents = counted(agents, "agent");
             note(for_terminal(&format!(
-                "note: {words}: starting {most}, because there are {} and never more than {most} episodes or agents \
-                 to share out",
-                counted(self.domain.agents(), "agent")
+                "note: {words}: starting {workers}, because there are {agents} and never more than {workers} episodes or \
+                 agents to share out"
             )));
         }
-        asked.min(most)
+        workers
     }
 
     /// Returns a line that says what this run is and what it will do.
@@ -246,21 +292,17 @@ fn remember(directory: &Directory, workers: Option<usize>) -> anyhow::Result<()>
 
 /// Returns how many workers to start: not more than have work.
 fn workers(asked: Option<usize>, config: &RunConfig, agents: usize) -> usize {
-    asked.unwrap_or_else(cores).min(most_workers(config, agents))
+    let (learning, evaluation) = (&config.learning, &config.learning.evaluation);
+    let imitated = learning.policy.imitate.as_ref().map_or(0, |_| learning.imitation.episodes(config.horizon()));
+    let datasets = learning.dataset_episodes(config.horizon());
+    // At some time of the run each has an agent or an episode.
+    let shared = [evaluation.episodes, evaluation.final_episodes, evaluation.aip_loss_episodes, datasets, imitated];
+    asked.unwrap_or_else(cores).min(shared.into_iter().fold(agents, usize::max))
 }
 
 /// Makes sure that this process may have enough files open for its workers.
 fn allow_workers(workers: usize) -> Result<()> {
     allow_open_files(workers, FILES_PER_WORKER, "--workers").map_err(Error::Usage)
-}
-
-/// Returns the largest number of workers that each have agents or episodes at some time of the run.
-fn most_workers(config: &RunConfig, agents: usize) -> usize {
-    let (evaluation, datasets) = (&config.learning.evaluation, config.learning.dataset_episodes(config.horizon()));
-    let imitated =
-        config.learning.policy.imitate.as_ref().map_or(0, |_| config.learning.imitation.episodes(config.horizon()));
-    let shared = [evaluation.episodes, evaluation.final_episodes, evaluation.aip_loss_episodes, datasets, imitated];
-    shared.into_iter().fold(agents, usize::max)
 }
 
 /// Returns the flags that override keys of the config, as `KEY=VALUE` settings.
@@ -287,7 +329,7 @@ pub(super) fn cores() -> usize {
 fn stopped(directory: &Directory, place: &Path, end: u64) -> String {
     let kept = match newest_step(directory) {
         Ok(Some(step)) => format!("stopped; kept up to step {step} of {end} per agent"),
-        // What cannot be read is told by the resume.
+        // The resume says what cannot be read.
         Ok(None) | Err(_) => "stopped; there is no checkpoint yet, so it will begin again".to_owned(),
     };
     format!("{kept}; resume with: {}", resume_command(place))
@@ -302,19 +344,15 @@ fn how_to_go_on(dir: &Path, config: &RunConfig, domain: &dyn Domain) -> String {
     let episodes = config.learning.evaluation.final_episodes;
     let (program, place, run) = (program(), dir.display(), quoted(dir));
     let kept = quoted(&dir.join(files::CONFIG));
-    let watch = if config.logging.tensorboard {
-        format!("\nand watch it next to other runs with:\n  tensorboard --logdir {}", quoted(folder_of(dir)))
-    } else {
-        String::new()
-    };
-    let rival = domain.rival().map_or(String::new(), |rival| {
-        format!(
-            "\nand measure a controller on the same {} with:\n  {program} baseline {kept} --controller {rival}",
-            counted(episodes, "episode")
-        )
-    });
-    format!(
-        "\nwritten to {place}; repeat its last evaluation with:\n  \
-         {program} evaluate {run}{rival}{watch}"
-    )
+    let mut commands = format!("\nwritten to {place}; repeat its last evaluation with:\n  {program} evaluate {run}");
+    if let Some(rival) = domain.rival() {
+        let command = format!("{program} baseline {kept} --controller {rival}");
+        let episodes = counted(episodes, "episode");
+        commands += &format!("\nand measure a controller on the same {episodes} with:\n  {command}");
+    }
+    if config.logging.tensorboard {
+        let runs = quoted(folder_of(dir));
+        commands += &format!("\nand watch it next to other runs with:\n  tensorboard --logdir {runs}");
+    }
+    commands
 }

@@ -6,7 +6,7 @@ use std::os::unix::process::CommandExt;
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Stdio};
 
-use anyhow::{Context, Result as Anyhow, ensure};
+use anyhow::{Context, Result as Anyhow, anyhow, ensure};
 
 use crate::cli;
 use dials_core::domain::road_trace::RoadMap;
@@ -22,30 +22,24 @@ use dials_session::records::run_record::RunRecord;
 use dials_session::terminal::{answer, note};
 
 pub(super) fn watch(args: &cli::WatchArgs) -> Result<()> {
-    check(&args.folder).map_err(Error::Usage)?;
+    let folder = &args.folder;
+    if !folder.is_dir() {
+        let what = if folder.exists() { "is no folder" } else { "no such folder" };
+        let cure = "name a run directory, or a folder with some in it, such as runs";
+        return Err(Error::Usage(anyhow!("{}: {what}; {cure}", folder.display())));
+    }
     let server = LiveServer::new(args.port).map_err(Error::Usage)?;
     answer(server.address()).map_err(Error::Run)?;
     let mut maps = BTreeMap::new();
-    let mut page = Page::new(&args.folder, Box::new(move |run| map_of(run, &mut maps)));
-    server.serve(&mut page, &path_as_text(&args.folder)).map_err(Error::Run)
-}
-
-fn check(folder: &Path) -> Anyhow<()> {
-    let what = if folder.exists() { "is no folder" } else { "no such folder" };
-    ensure!(
-        folder.is_dir(),
-        "{}: {what}; name a run directory, or a folder with some in it, such as runs",
-        folder.display()
-    );
-    Ok(())
+    let mut page = Page::new(folder, Box::new(move |run| map_of(run, &mut maps)));
+    server.serve(&mut page, &path_as_text(folder)).map_err(Error::Run)
 }
 
 /// The map of a network, and the names of its lights.
 type Place = (RoadMap, Vec<String>);
 
-/// Draws the agents of a run on the map of their network. `None`: there is only one, they are in rows, or their
-/// files cannot be read now.
-/// `maps`: the maps of the run directories that were drawn before.
+/// Draws the agents of a run on the map of their network. `None`: there is only one, they are in rows, or their files
+/// cannot be read now. `maps`: the maps of the run directories that were drawn before.
 fn map_of(run: &RunRecord, maps: &mut BTreeMap<PathBuf, Option<Place>>) -> Option<Svg> {
     let place = maps.entry(run.dir.clone()).or_insert_with(|| place_of(run).ok().flatten());
     let ((map, names), last) = (place.as_ref()?, run.evaluations.last()?);
@@ -73,8 +67,8 @@ impl Beside {
         command.stdin(Stdio::null()).stdout(Stdio::piped()).process_group(0);
         let mut view = Beside(command.spawn().context("--dashboard: the live view cannot be started")?);
         let mut address = String::new();
-        let told = view.0.stdout.take().expect("the output was asked for above");
-        BufReader::new(told).read_line(&mut address).context("--dashboard: the live view says nothing")?;
+        let output = view.0.stdout.take().expect("the output was asked for above");
+        BufReader::new(output).read_line(&mut address).context("--dashboard: the live view says nothing")?;
         ensure!(!address.is_empty(), "--dashboard: the live view has ended at once");
         note(format_args!("watch it at {}", address.trim_end()));
         Ok(view)

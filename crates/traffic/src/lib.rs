@@ -51,8 +51,8 @@ use anyhow::{Context, bail, ensure};
 
 use crate::config::{ScenarioConfig, TrafficConfig};
 use agents::plan::{AgentPlan, Border, JointPlan};
+use controllers::HandCoded;
 use controllers::timing_file::TimingFile;
-use controllers::{HandCoded, Trials};
 use dials_core::base::{AgentId, RandomPurpose, Rows, Seed};
 use dials_core::domain::road_trace::RoadMap;
 use dials_core::domain::{
@@ -246,16 +246,6 @@ impl Traffic {
         };
         let recorder = self.tape.as_ref().map(record).transpose()?;
         Ok(LocalTraffic::new(self.plan.clone(), demand, forest, recorder))
-    }
-}
-
-impl Trials for Traffic {
-    fn load_gs(&self, by: HandCoded) -> Result<Box<dyn GlobalSimulator>> {
-        Ok(Box::new(self.global(self.everywhere(by))?))
-    }
-
-    fn horizon(&self) -> usize {
-        self.network.horizon
     }
 }
 

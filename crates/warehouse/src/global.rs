@@ -1,4 +1,4 @@
-//! The global simulator (GS): the whole warehouse.
+//! The GS: the whole warehouse.
 
 use super::hand_coded::{self, Rule};
 use super::items::{self, Appearances};
@@ -26,7 +26,8 @@ pub struct GlobalWarehouse {
     moves: Vec<Action>,
     /// Cell of each robot within its region.
     cells: Vec<u8>,
-    memories: Vec<hand_coded::ItemMemory>,
+    /// Shelf that each robot without a policy goes to.
+    targets: Vec<Option<usize>>,
     dice: Vec<Dice>,
     /// Age of the item on each shelf.
     ages: Vec<Age>,
@@ -56,7 +57,7 @@ impl GlobalWarehouse {
             advised: false,
             moves: vec![0; layout.learners().len()],
             cells: vec![CENTRE; robots],
-            memories: vec![hand_coded::ItemMemory::default(); robots],
+            targets: vec![None; robots],
             dice: vec![Seed::new(0).dice(); robots],
             ages: vec![NO_ITEM; layout.shelves().len()],
             appearances: vec![Appearances::default(); layout.shelves().len()],
@@ -73,15 +74,10 @@ impl GlobalWarehouse {
         self.layout.region(robot).map(|shelf| self.ages[shelf])
     }
 
-    fn shelf_under(&self, robot: usize) -> Option<usize> {
-        region::shelf_at(self.cells[robot]).map(|shelf| self.layout.region(robot)[shelf])
-    }
-
     /// Returns what a robot that follows a rule does now.
     fn ask(&mut self, rule: Rule, robot: usize) -> Action {
         let ages = self.ages_around(robot);
-        let (memory, dice) = (&mut self.memories[robot], &mut self.dice[robot]);
-        hand_coded::decide(rule, memory, self.cells[robot], &ages, dice)
+        hand_coded::decide(rule, &mut self.targets[robot], self.cells[robot], &ages, &mut self.dice[robot])
     }
 
     /// Moves all robots at once. Those without a policy decide by what they see before the move.
@@ -138,7 +134,7 @@ impl GlobalSimulator for GlobalWarehouse {
         self.appearances = shelves.map(|&(row, col)| Appearances::of_shelf(stream, row, col)).collect();
         let robots = AgentId::all(self.layout.robots()).into_iter();
         self.dice = robots.map(|robot| episode.fork(RandomPurpose::Robots).for_agent(robot).dice()).collect();
-        self.memories.fill(hand_coded::ItemMemory::default());
+        self.targets.fill(None);
         self.cells.fill(CENTRE);
         self.advised = false;
         self.ages.fill(NO_ITEM);
@@ -154,11 +150,15 @@ impl GlobalSimulator for GlobalWarehouse {
         self.move_robots(actions);
         self.note_sources_and_rewards();
         for robot in 0..self.layout.robots() {
-            if let Some(shelf) = self.shelf_under(robot) {
-                self.ages[shelf] = NO_ITEM;
+            if let Some(shelf) = region::shelf_at(self.cells[robot]) {
+                self.ages[self.layout.region(robot)[shelf]] = NO_ITEM;
             }
         }
-        self.tally.step(&self.ages);
+        self.tally.steps += 1;
+        for &age in self.ages.iter().filter(|&&age| age >= 0) {
+            self.tally.waiting += 1;
+            self.tally.age += age as u64;
+        }
         items::appear(&mut self.ages, &mut self.appearances);
         self.observe();
         Ok(&self.last)
@@ -195,15 +195,5 @@ impl GlobalSimulator for GlobalWarehouse {
 
     fn scene(&self) -> Option<Scene> {
         Some(scene::draw(&self.layout, &self.ages, &self.cells))
-    }
-}
-
-impl Collected {
-    fn step(&mut self, ages: &[Age]) {
-        self.steps += 1;
-        for &age in ages.iter().filter(|&&age| age >= 0) {
-            self.waiting += 1;
-            self.age += age as u64;
-        }
     }
 }

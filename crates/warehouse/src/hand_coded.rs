@@ -32,28 +32,24 @@ impl Rule {
     }
 }
 
-/// The memory of a robot that follows a rule.
-#[derive(Clone, Copy, Debug, Default)]
-pub(crate) struct ItemMemory {
-    target: Option<usize>,
-}
-
 /// The shelves in row-major order of their cells.
 const ROW_MAJOR: [usize; SHELVES] = [0, 1, 2, 6, 7, 8, 9, 10, 11, 3, 4, 5];
 
 /// Returns the next move of a robot on `cell` that sees items of these ages. A robot with nothing to do moves at
-/// random.
-pub(crate) fn decide(rule: Rule, memory: &mut ItemMemory, cell: u8, ages: &[Age; SHELVES], dice: &mut Dice) -> Action {
-    let target = match rule {
+/// random. `target`: the shelf that it goes to, which it remembers from step to step.
+pub(crate) fn decide(
+    rule: Rule,
+    target: &mut Option<usize>,
+    cell: u8,
+    ages: &[Age; SHELVES],
+    dice: &mut Dice,
+) -> Action {
+    *target = match rule {
         Rule::Random => None,
-        Rule::ClosestItem => closest(memory.target, cell, ages),
+        Rule::ClosestItem => closest(*target, cell, ages),
         Rule::OldestItem => oldest(ages).filter(|&shelf| shelf_at(cell) != Some(shelf)),
     };
-    memory.target = target;
-    match target {
-        Some(shelf) => towards(cell, shelf),
-        None => dice.random_range(0..MOVES) as Action,
-    }
+    target.map_or_else(|| dice.random_range(0..MOVES) as Action, |shelf| towards(cell, shelf))
 }
 
 fn closest(kept: Option<usize>, cell: u8, ages: &[Age; SHELVES]) -> Option<usize> {
@@ -110,71 +106,48 @@ mod tests {
     use crate::region::{CELLS, CENTRE, NO_ITEM, after_move};
     use dials_core::base::Seed;
 
-    fn cell(row: u8, col: u8) -> u8 {
-        5 * row + col
-    }
-
     fn items(ages: &[(usize, Age)]) -> [Age; SHELVES] {
         let mut all = [NO_ITEM; SHELVES];
         ages.iter().for_each(|&(shelf, age)| all[shelf] = age);
         all
     }
 
-    /// Walks to the shelf and returns the number of moves.
-    fn walk(mut cell: u8, shelf: usize) -> usize {
-        (0..20)
-            .find(|_| {
-                let there = shelf_at(cell) == Some(shelf);
-                if !there {
-                    cell = after_move(cell, towards(cell, shelf));
-                }
-                there
-            })
-            .expect("the way ends")
-    }
-
     #[test]
     fn every_way_is_as_long_as_its_distance() {
-        let reachable = (0..CELLS as u8)
-            .filter(|&cell| shelf_at(cell).is_some() || (1..4).contains(&(cell / 5)) && (1..4).contains(&(cell % 5)));
-        for from in reachable {
+        let is_inside = |cell: u8| (1..4).contains(&(cell / 5)) && (1..4).contains(&(cell % 5));
+        for from in (0..CELLS as u8).filter(|&cell| shelf_at(cell).is_some() || is_inside(cell)) {
             for shelf in (0..SHELVES).filter(|&shelf| shelf_at(from) != Some(shelf)) {
-                assert_eq!(walk(from, shelf), distance(from, shelf), "from {from} to shelf {shelf}");
+                let mut way = std::iter::successors(Some(from), |&cell| Some(after_move(cell, towards(cell, shelf))));
+                let moves = way.position(|cell| shelf_at(cell) == Some(shelf)).expect("the way ends");
+                assert_eq!(moves, distance(from, shelf), "from {from} to shelf {shelf}");
             }
         }
-        assert_eq!(distance(cell(0, 1), 2), 4, "two more on the same side");
+        assert_eq!(distance(1, 2), 4, "two more on the same side");
     }
 
     #[test]
-    fn the_closest_item_is_kept_as_a_target_while_it_is_there() {
+    fn a_target_is_kept_while_an_item_is_there_and_ties_go_to_the_first_in_row_major_order() {
         let mut dice = Seed::new(0).dice();
-        let mut memory = ItemMemory::default();
-        let far = items(&[(3, 5)]);
-        decide(Rule::ClosestItem, &mut memory, CENTRE, &far, &mut dice);
-        assert_eq!(memory.target, Some(3));
-        let nearer_too = items(&[(3, 0), (1, 9)]);
-        decide(Rule::ClosestItem, &mut memory, CENTRE, &nearer_too, &mut dice);
-        assert_eq!(memory.target, Some(3), "also if the item is a new one");
-        decide(Rule::ClosestItem, &mut memory, CENTRE, &items(&[(1, 9)]), &mut dice);
-        assert_eq!(memory.target, Some(1));
-    }
-
-    #[test]
-    fn ties_go_to_the_first_in_row_major_order() {
-        let mut dice = Seed::new(0).dice();
-        for rule in [Rule::ClosestItem, Rule::OldestItem] {
-            let mut memory = ItemMemory::default();
+        for (rule, kept, ages, expected, why) in [
+            (Rule::ClosestItem, None, &[(3, 5)][..], 3, "the only item"),
+            (
+                Rule::ClosestItem,
+                Some(3),
+                &[(3, 0), (1, 9)],
+                3,
+                "kept although another one is nearer and this one is new",
+            ),
+            (Rule::ClosestItem, Some(3), &[(1, 9)], 1, "its item is gone"),
+            (Rule::OldestItem, Some(1), &[(1, 3), (4, 8)], 4, "the oldest"),
             // Left (2, 0) and bottom (4, 2) are both two moves away.
-            decide(rule, &mut memory, CENTRE, &items(&[(4, 7), (8, 7)]), &mut dice);
-            assert_eq!(memory.target, Some(8));
+            (Rule::ClosestItem, None, &[(4, 7), (8, 7)], 8, "a tie"),
+            (Rule::OldestItem, None, &[(4, 7), (8, 7)], 8, "a tie"),
+        ] {
+            let mut target = kept;
+            let action = decide(rule, &mut target, CENTRE, &items(ages), &mut dice);
+            assert_eq!((target, action), (Some(expected), towards(CENTRE, expected)), "{rule:?}: {why}");
         }
-    }
-
-    #[test]
-    fn the_oldest_item_is_chosen_by_age() {
-        let mut memory = ItemMemory::default();
-        let action = decide(Rule::OldestItem, &mut memory, CENTRE, &items(&[(1, 3), (4, 8)]), &mut Seed::new(0).dice());
-        assert_eq!((memory.target, action), (Some(4), DOWN));
+        assert_eq!(towards(CENTRE, 4), DOWN);
     }
 
     #[test]
@@ -184,7 +157,7 @@ mod tests {
         for rule in [Rule::Random, Rule::ClosestItem, Rule::OldestItem] {
             let mut seen = [false; MOVES];
             for _ in 0..100 {
-                let action = decide(rule, &mut ItemMemory::default(), SHELF_CELLS[0], &on_its_only_item, &mut dice);
+                let action = decide(rule, &mut None, SHELF_CELLS[0], &on_its_only_item, &mut dice);
                 seen[usize::from(action)] = true;
             }
             assert_eq!(seen, [true; MOVES], "{rule:?}");

@@ -1,5 +1,4 @@
-//! The local simulators (LS): the regions of many robots in lockstep. The AIPs (approximate influence predictors) say
-//! where the neighbours are.
+//! The LS: the regions of many robots in lockstep. The AIPs say where the neighbours are.
 
 use std::iter::repeat_n;
 

@@ -44,8 +44,7 @@ const AFTER_MOVE: [[u8; MOVES]; CELLS] = moves();
 pub(crate) fn spec(horizon: usize) -> RegionSpec {
     RegionSpec {
         obs_dim: CELLS + SHELVES,
-        // The d-set (the variables that the AIP predicts from) is the observation: items that vanish show what
-        // neighbours did.
+        // The d-set is the observation: items that vanish show what neighbours did.
         d_set_dim: CELLS + SHELVES,
         n_actions: MOVES,
         masks: false,
@@ -123,42 +122,29 @@ const fn shelves_by_cell() -> [u8; CELLS] {
     shelves
 }
 
+/// A robot moves where it comes from the floor or goes onto it. So nobody goes along the rim or out of the region.
 const fn moves() -> [[u8; MOVES]; CELLS] {
+    // The order of `UP`, `DOWN`, `LEFT` and `RIGHT`.
+    const BY: [isize; MOVES] = [-(SIDE as isize), SIDE as isize, -1, 1];
     let mut table = [[0; MOVES]; CELLS];
     let mut cell = 0;
     while cell < CELLS {
-        let (row, col) = (cell / SIDE, cell % SIDE);
         let mut action = 0;
         while action < MOVES {
-            table[cell][action] = cell as u8;
-            let vertical = action < 2;
-            let on_side_column = col == 0 || col == SIDE - 1;
-            let on_end_row = row == 0 || row == SIDE - 1;
-            let held = if vertical { on_side_column } else { on_end_row };
-            let at_rim = match action {
-                0 => row == 0,
-                1 => row == SIDE - 1,
-                2 => col == 0,
-                _ => col == SIDE - 1,
-            };
-            if !held && !at_rim {
-                let next = match action {
-                    0 => cell - SIDE,
-                    1 => cell + SIDE,
-                    2 => cell - 1,
-                    _ => cell + 1,
-                };
-                let corner =
-                    (next / SIDE == 0 || next / SIDE == SIDE - 1) && (next % SIDE == 0 || next % SIDE == SIDE - 1);
-                if !corner {
-                    table[cell][action] = next as u8;
-                }
-            }
+            let next = cell as isize + BY[action];
+            let moves = is_floor(cell as isize) || is_floor(next);
+            table[cell][action] = if moves { next as u8 } else { cell as u8 };
             action += 1;
         }
         cell += 1;
     }
     table
+}
+
+const fn is_floor(cell: isize) -> bool {
+    let side = SIDE as isize;
+    let (row, col) = (cell / side, cell % side);
+    row > 0 && row < side - 1 && col > 0 && col < side - 1
 }
 
 #[cfg(test)]
@@ -180,23 +166,18 @@ mod tests {
     }
 
     #[test]
-    fn on_the_floor_all_moves_work() {
-        let moved = [UP, DOWN, LEFT, RIGHT].map(|action| after_move(CENTRE, action));
-        assert_eq!(moved, [cell(1, 2), cell(3, 2), cell(2, 1), cell(2, 3)]);
-        assert_eq!(after_move(cell(1, 1), UP), cell(0, 1), "onto a shelf");
-    }
-
-    #[test]
-    fn on_a_shelf_only_the_move_back_inward_works() {
+    fn on_the_floor_all_moves_work_and_on_a_shelf_only_the_one_back_inward() {
+        let moved = |cell: u8| [UP, DOWN, LEFT, RIGHT].map(|action| after_move(cell, action));
+        assert_eq!(moved(CENTRE), [cell(1, 2), cell(3, 2), cell(2, 1), cell(2, 3)]);
+        assert_eq!(moved(cell(1, 1)), [cell(0, 1), cell(2, 1), cell(1, 0), cell(1, 2)]);
         for (shelf, inward, back) in [
             (cell(0, 1), DOWN, cell(1, 1)),
             (cell(4, 3), UP, cell(3, 3)),
             (cell(2, 0), RIGHT, cell(2, 1)),
             (cell(1, 4), LEFT, cell(1, 3)),
         ] {
-            for action in [UP, DOWN, LEFT, RIGHT] {
-                assert_eq!(after_move(shelf, action), if action == inward { back } else { shelf });
-            }
+            let expected = [UP, DOWN, LEFT, RIGHT].map(|action| if action == inward { back } else { shelf });
+            assert_eq!(moved(shelf), expected);
         }
     }
 

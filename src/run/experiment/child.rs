@@ -2,7 +2,7 @@
 
 use std::ffi::OsStr;
 use std::fs::File;
-use std::io::{BufRead, BufReader, Read, Write};
+use std::io::{BufRead, BufReader, Read, Seek, Write};
 use std::os::unix::process::CommandExt;
 use std::os::unix::process::ExitStatusExt;
 use std::path::Path;
@@ -14,7 +14,7 @@ use anyhow::{Context, Result};
 use rustix::process::{Pid, Signal, kill_process};
 
 use super::plan::PlannedWork;
-use dials_core::outside::{Directory, StagedDirectory};
+use dials_core::outside::Directory;
 use dials_session::config::{RunConfig, to_toml};
 use dials_session::experiment::LOGS;
 use dials_session::fleet::Log;
@@ -42,25 +42,20 @@ pub(super) struct RunProcess {
     result: Option<Output>,
 }
 
-/// Result file of a process, which appears once it is complete.
+/// What a process prints on standard output, and the file that gets it once it is complete.
 struct Output {
-    staged: StagedDirectory,
+    printed: File,
+    folder: Directory,
     name: String,
 }
 
 impl Output {
-    /// Makes the file that the process writes, for the folder `baselines` of an experiment.
-    fn begin(folder: &Directory, result: &Path) -> Result<(Output, File)> {
-        let (folder, name) = (folder.make_subdirectory(BASELINES)?, name_of(result)?.to_owned());
-        folder.check(&name)?;
-        let staged = StagedDirectory::make_in(folder.path())?;
-        let file = staged.directory().open_to_append(&name)?;
-        Ok((Output { staged, name }, file))
-    }
-
-    fn complete(&self) -> Result<()> {
-        let failed = || format!("{}: its measurement cannot be written", self.name);
-        self.staged.replace(&[&self.name]).with_context(failed)
+    fn complete(&mut self) -> Result<()> {
+        let Output { printed, folder, name } = self;
+        let mut text = Vec::new();
+        let read = printed.rewind().and_then(|()| printed.read_to_end(&mut text)).map_err(anyhow::Error::from);
+        read.and_then(|_| folder.write(name, &text))
+            .with_context(|| format!("{name}: its measurement cannot be written"))
     }
 }
 
@@ -75,7 +70,12 @@ impl RunProcess {
         }
         let file = log.file()?;
         let (result, stdout) = match &task.result {
-            Some(result) => Output::begin(folder, result).map(|(output, file)| (Some(output), file))?,
+            Some(result) => {
+                let printed =
+                    tempfile::tempfile().context("the result of a process has no place until it is complete")?;
+                let (stdout, name) = (printed.try_clone()?, name_of(result)?.to_owned());
+                (Some(Output { printed, folder: folder.make_subdirectory(BASELINES)?, name }), stdout)
+            }
             None => (None, log.file()?),
         };
         // Not the path of the program: another build may be there by now.
@@ -128,7 +128,7 @@ impl RunProcess {
         if !status.success() {
             return Ok(Some(Err(words.unwrap_or(status.to_string()))));
         }
-        self.result.as_ref().map_or(Ok(()), Output::complete)?;
+        self.result.as_mut().map_or(Ok(()), Output::complete)?;
         Ok(Some(Ok(())))
     }
 }
@@ -152,39 +152,27 @@ fn with_absolute_paths(config: &RunConfig) -> Result<RunConfig> {
     Ok(config)
 }
 
-/// Passes on and logs what a process prints. Returns its last words: why it ended.
+/// Passes on and logs what a process prints. Returns its last words: the last line that says why it ended, with the
+/// indented lines right after it, which are its causes and the way out.
 fn listen(stderr: impl Read, mut log: File, task: String, said: &Sender<Said>) -> Option<String> {
-    let mut last = LastWords::default();
+    let mut last_words: Option<String> = None;
+    // Whether an indented line still belongs to them.
+    let mut open = false;
     // Libraries of the process may print bytes that are no UTF-8.
     for line in BufReader::new(stderr).split(b'\n').map_while(|line| line.ok()) {
         let line = String::from_utf8_lossy(&line).trim_end_matches('\r').to_owned();
         // If the disk is full or the receiver has gone, the run continues.
         let _ = writeln!(log, "{line}");
-        last.hear(&line);
+        if line.starts_with("error: ") || line.starts_with("stopped") {
+            last_words = Some(line.clone());
+            open = true;
+        } else {
+            open &= line.starts_with("  ");
+            last_words.iter_mut().filter(|_| open).for_each(|words| words.extend(["\n", &line]));
+        }
         let _ = said.send(Said { task: task.clone(), line });
     }
-    last.words
-}
-
-/// The last line that says why a process ended, with the indented lines right after it: its causes and the way out.
-#[derive(Default)]
-struct LastWords {
-    words: Option<String>,
-    /// Whether an indented line would still belong to them.
-    open: bool,
-}
-
-impl LastWords {
-    fn hear(&mut self, line: &str) {
-        if line.starts_with("error: ") || line.starts_with("stopped") {
-            self.words = Some(line.to_owned());
-            self.open = true;
-        } else if let Some(words) = self.words.as_mut().filter(|_| self.open && line.starts_with("  ")) {
-            words.extend(["\n", line]);
-        } else {
-            self.open = false;
-        }
-    }
+    last_words
 }
 
 #[cfg(test)]
@@ -192,33 +180,25 @@ mod tests {
     use super::*;
     use std::sync::mpsc::channel;
 
-    /// Returns the last words of a process that prints this.
-    fn last_words(printed: &str) -> Option<String> {
-        let (said, heard) = channel();
-        let words = listen(printed.as_bytes(), tempfile::tempfile().unwrap(), "a".to_owned(), &said);
-        drop(said);
-        assert_eq!(heard.iter().map(|said| said.line + "\n").collect::<String>(), printed, "all lines are passed on");
-        words
-    }
-
     #[test]
-    fn bytes_that_are_no_text_do_not_end_the_listening() {
-        let (said, heard) = channel();
-        let printed = b"warning: edge \xff is odd\r\nerror: disk full\n  make room";
-        let words = listen(&printed[..], tempfile::tempfile().unwrap(), "a".to_owned(), &said);
-        drop(said);
-        assert_eq!(words.as_deref(), Some("error: disk full\n  make room"));
-        let lines: Vec<String> = heard.iter().map(|said| said.line).collect();
-        assert_eq!(lines, ["warning: edge \u{fffd} is odd", "error: disk full", "  make room"]);
-    }
-
-    #[test]
-    fn the_last_words_of_a_process_have_their_causes_and_the_way_out() {
+    fn the_last_words_of_a_process_have_their_causes_and_the_way_out_and_all_lines_are_passed_on() {
         let error = "error: run.json: cannot be written\n  caused by: disk full\n  way out: make room";
-        assert_eq!(last_words(&format!("step 1/2: slow\n  a note\n{error}\n")).as_deref(), Some(error));
         let earlier = format!("error: an earlier one\n  caused by: a\n{error}\ngoodbye\n  not of the error\n");
-        assert_eq!(last_words(&earlier).as_deref(), Some(error));
-        assert_eq!(last_words("stopped; kept up to step 5\n").as_deref(), Some("stopped; kept up to step 5"));
-        assert_eq!(last_words("step 1/2: slow\n  a note\n"), None);
+        for (printed, words) in [
+            (format!("step 1/2: slow\n  a note\n{error}\n").as_bytes(), Some(error)),
+            (earlier.as_bytes(), Some(error)),
+            (b"stopped; kept up to step 5\n", Some("stopped; kept up to step 5")),
+            (b"step 1/2: slow\n  a note\n", None),
+            // Bytes that are no text do not end the listening.
+            (b"edge \xff is odd\r\nerror: disk full\n  make room", Some("error: disk full\n  make room")),
+        ] {
+            let (said, heard) = channel();
+            let found = listen(printed, tempfile::tempfile().unwrap(), "a".to_owned(), &said);
+            drop(said);
+            assert_eq!(found.as_deref(), words);
+            let lines: Vec<String> = heard.iter().map(|said| said.line).collect();
+            let text = String::from_utf8_lossy(printed).replace('\r', "");
+            assert_eq!(lines, text.lines().collect::<Vec<_>>());
+        }
     }
 }

@@ -65,14 +65,16 @@ pub(super) fn experiment(args: &cli::ExperimentArgs) -> Result<()> {
         return answer(tasks.table()).map_err(Error::Run);
     }
     check_not_a_run("--out", &folder).map_err(Error::Usage)?;
-    let made = [folder.clone(), folder.join(LOGS), folder.join(BASELINES)];
-    let directory = made
-        .iter()
-        .try_for_each(|folder| {
-            fs::create_dir_all(folder).with_context(|| format!("{}: cannot be made", folder.display()))
+    for folder in [folder.clone(), folder.join(LOGS), folder.join(BASELINES)] {
+        let made = fs::create_dir_all(&folder).with_context(|| format!("{}: cannot be made", folder.display()));
+        made.map_err(Error::Usage)?;
+    }
+    let directory = Directory::lock(&folder).map_err(|error| {
+        Error::Usage(match error.is::<Busy>() {
+            true => error.context(format!("{}: another experiment is running here", folder.display())),
+            false => error,
         })
-        .and_then(|()| lock(&folder))
-        .map_err(Error::Usage)?;
+    })?;
     // Before anything is read: a run that is being written has files that do not belong together.
     check_nobody_trains(&experiment, &folder).map_err(Error::Usage)?;
     let tasks = Tasks::look(&experiment, &folder, cores, args.accept_other_build).map_err(Error::Usage)?;
@@ -105,14 +107,6 @@ fn write_plan(experiment: &Experiment, file: &Path, folder: &Directory) -> anyho
     let mut plans = FolderPlan::read(folder.path()).with_context(failed)?.unwrap_or_default();
     plans.put(&file.file_name().unwrap_or_default().to_string_lossy(), plan);
     folder.write(PLAN, &serde_json::to_vec_pretty(&plans).expect("names are JSON"))
-}
-
-/// Locks the folder of the runs.
-fn lock(folder: &Path) -> anyhow::Result<Directory> {
-    Directory::lock(folder).map_err(|error| match error.is::<Busy>() {
-        true => error.context(format!("{}: another experiment is running here", folder.display())),
-        false => error,
-    })
 }
 
 /// Checks that no other process trains a run of this experiment.
@@ -271,24 +265,23 @@ impl Batch {
 mod tests {
     use super::*;
 
-    fn message(tasks: usize, failed: &[&str], interrupted: bool) -> (u8, String) {
-        let failed = failed.iter().map(|&name| name.to_owned()).collect();
-        let error = Outcome { tasks, failed, interrupted }.judged(Path::new("logs"), "again").unwrap_err();
-        (error.exit_code(), error.to_string())
-    }
-
     #[test]
     fn an_interrupted_experiment_names_what_failed_and_does_not_call_the_rest_done() {
-        assert_eq!(message(3, &[], true), (130, "stopped; resume with: again".to_owned()));
-        let both = "stopped; 1 of 3 failed: a; their logs are in logs; resume with: again";
-        assert_eq!(message(3, &["a"], true), (130, both.to_owned()));
-    }
-
-    #[test]
-    fn the_others_are_done_if_there_are_any() {
-        let some = "error: 1 of 3 failed: a; their logs are in logs; the others are done; to try these again: again";
-        assert_eq!(message(3, &["a"], false), (1, some.to_owned()));
-        let all = "error: 2 of 2 failed: a, b; their logs are in logs; to try these again: again";
-        assert_eq!(message(2, &["a", "b"], false), (1, all.to_owned()));
+        for (tasks, failed, interrupted, code, message) in [
+            (3, &[][..], true, 130, "stopped; resume with: again"),
+            (3, &["a"], true, 130, "stopped; 1 of 3 failed: a; their logs are in logs; resume with: again"),
+            (
+                3,
+                &["a"],
+                false,
+                1,
+                "error: 1 of 3 failed: a; their logs are in logs; the others are done; to try these again: again",
+            ),
+            (2, &["a", "b"], false, 1, "error: 2 of 2 failed: a, b; their logs are in logs; to try these again: again"),
+        ] {
+            let failed = failed.iter().map(|&name| name.to_owned()).collect();
+            let error = Outcome { tasks, failed, interrupted }.judged(Path::new("logs"), "again").unwrap_err();
+            assert_eq!((error.exit_code(), error.to_string()), (code, message.to_owned()));
+        }
     }
 }

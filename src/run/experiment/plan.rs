@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 
 use anyhow::Result;
 
-use dials_core::base::{TERMINAL_COLUMNS, for_terminal};
+use dials_core::base::{TERMINAL_COLUMNS, counted, for_terminal};
 use dials_learn::config::Simulator;
 use dials_report::words::duration;
 use dials_session::config::RunConfig;
@@ -130,11 +130,8 @@ impl Tasks {
         cores: usize,
         accept_other_build: bool,
     ) -> Result<Tasks> {
-        let measured = if folder.is_dir() {
-            find(&[folder.to_owned()]).map_or(Vec::new(), |found| found.runs)
-        } else {
-            Vec::new()
-        };
+        // Without runs, estimates are only worse.
+        let measured = find(&[folder.to_owned()]).map_or(Vec::new(), |found| found.runs);
         let baselines = experiment.baselines.iter().map(|baseline| PlannedWork::of_baseline(baseline, folder));
         let mut tasks = baselines.collect::<Result<Vec<PlannedWork>>>()?;
         for run in &experiment.runs {
@@ -162,18 +159,15 @@ impl Tasks {
         let Total { seconds, memory_mb } = total(&jobs, self.cores);
         let mut lines = rows(&self.tasks);
         lines.push(String::new());
+        let (to_begin, finished, time) = (to_do.len(), self.finished(), duration(seconds));
+        let cores = counted(self.cores, "core");
         lines.push(for_terminal(&format!(
-            "{} to do, {} finished; about {} on {} {}, up to {memory_mb:.0} MiB at a time",
-            to_do.len(),
-            self.finished(),
-            duration(seconds),
-            self.cores,
-            if self.cores == 1 { "core" } else { "cores" }
+            "{to_begin} to do, {finished} finished; about {time} on {cores}, up to {memory_mb:.0} MiB at a time"
         )));
         let guessed = to_do.iter().filter(|task| task.steps > 0 && task.estimate.measured_runs == 0).count();
         if guessed > 0 {
-            lines
-                .push(format!("{guessed} of the estimates are from another machine; they improve with the first runs"));
+            let estimates = "of the estimates are from another machine; they improve with the first runs";
+            lines.push(format!("{guessed} {estimates}"));
         }
         let with_obstacles = self.tasks.iter().filter_map(|task| Some((task, task.obstacle()?)));
         lines.extend(with_obstacles.map(|(task, why)| format!("{}: {why}", task.name)));
@@ -191,11 +185,10 @@ fn rows(tasks: &[PlannedWork]) -> Vec<String> {
     let gaps = 2 * (widths.len() - 1);
     let name = widest.min(TERMINAL_COLUMNS.saturating_sub(widths[1..].iter().sum::<usize>() + gaps));
     let row = |[run, of_stage, of_agents, of_cores, left, needed]: &[String; 6]| {
-        let [own_line, begins] = match run.chars().count() <= name {
-            true => ["", run],
-            false => [run, ""],
+        let (own_line, begins) = match run.chars().count() <= name {
+            true => (String::new(), run.as_str()),
+            false => (format!("{run}\n"), ""),
         };
-        let own_line = if own_line.is_empty() { String::new() } else { format!("{own_line}\n") };
         format!(
             "{own_line}{begins:<name$}  {of_stage:<stage$}  {of_agents:>agents$}  {of_cores:>cores$}  {left:>time$}  \
              {needed:>memory$}"

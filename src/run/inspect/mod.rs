@@ -1,21 +1,19 @@
 //! `nets inspect`: what becomes of the lights of a network, before anything is simulated.
-//!
-//! - `overview`, `text`: for people, a line for each light or lights in full; `json`: for programs; `map`: the picture of
-//!   `--plot`.
 
-mod json;
-mod map;
-mod overview;
 mod text;
 
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result, anyhow, ensure};
+use serde_json::{Value, json};
 
 use crate::cli::InspectArgs;
 use dials_core::base::for_terminal;
+use dials_core::domain::road_trace::Line;
 use dials_core::outside::{did_you_mean, excerpt, read_text};
+use dials_report::drawing::Svg;
+use dials_report::plot::{MapRegion, RegionsMap, regions_map};
 use dials_session::error::{Error, Result as CommandResult};
 use dials_session::outputs;
 use dials_session::places::{self, Existing};
@@ -23,12 +21,14 @@ use dials_session::terminal::{self, answer, note, program};
 use dials_traffic::agents::derive::border::Seconds;
 use dials_traffic::agents::derive::overrides::Overrides;
 use dials_traffic::agents::derive::padding::{InfluencePadding, Padding};
-use dials_traffic::agents::derive::{Derived, Rules, derive};
+use dials_traffic::agents::derive::{Agent, Derived, Rules, derive};
+use dials_traffic::agents::phase_plan::{Interval, PhasePlan};
 use dials_traffic::agents::plan::Border;
 use dials_traffic::agents::region::spec;
+use dials_traffic::agents::region_plan::RegionPlan;
 use dials_traffic::config::{ScenarioConfig, TrafficConfig};
 use dials_traffic::network::files::NetworkFiles;
-use dials_traffic::network::roads::{EdgeNo, Roads};
+use dials_traffic::network::roads::{LaneNo, Roads};
 use dials_traffic::paper_grid::recognise::recognise_grid;
 use dials_traffic::scenario::SumoScenario;
 
@@ -54,7 +54,7 @@ struct Inspected {
 pub(super) fn inspect(args: &InspectArgs) -> CommandResult<()> {
     let existing = Existing::of_named(args.force);
     let inspected = Inspected::of(args, existing).map_err(Error::Usage)?;
-    let told = inspected.told(args).map_err(Error::Usage)?;
+    let text = inspected.text(args).map_err(Error::Usage)?;
     if let Some(columns) = inspected.columns_of_grid {
         note(for_terminal(&format!(
             "note: this is one of the paper's grids, here described as a scenario of your own; a config of the grid \
@@ -63,7 +63,7 @@ pub(super) fn inspect(args: &InspectArgs) -> CommandResult<()> {
         )));
     }
     let plot = args.plot.as_deref();
-    answer(told).and_then(|()| plot.map_or(Ok(()), |dir| draw(&inspected, dir, existing))).map_err(Error::Run)
+    answer(text).and_then(|()| plot.map_or(Ok(()), |dir| draw(&inspected, dir, existing))).map_err(Error::Run)
 }
 
 impl Inspected {
@@ -75,11 +75,18 @@ impl Inspected {
             "{}: is a config of this program; inspect the .sumocfg or the net that it names",
             path.display()
         );
-        let Subject { net, roads, departs_on, seconds, left_out } =
-            match path.extension().is_some_and(|extension| extension == "sumocfg") {
-                true => of_scenario(path)?,
-                false => of_net(path)?,
-            };
+        let is_scenario = path.extension().is_some_and(|extension| extension == "sumocfg");
+        let (net, roads, departs_on, seconds, left_out) = if is_scenario {
+            let config = ScenarioConfig::of_file(path)?;
+            let scenario = SumoScenario::read(&config)?;
+            let roads = scenario.roads()?;
+            let departs_on = scenario.departs_on(&roads);
+            (scenario.net_path().to_owned(), roads, departs_on, Seconds::of(&config), scenario.left_out().to_vec())
+        } else {
+            // Nobody departs on a net alone, and an episode would be an hour of decisions of the usual length.
+            let decision = ScenarioConfig::new(path).decision_s as usize;
+            (path.clone(), Roads::of_file(path)?, BTreeSet::new(), Seconds { decision, episode: 3600 }, Vec::new())
+        };
         let overrides = args.agents.as_deref().map_or(Ok(Overrides::default()), read_overrides)?;
         let rules = Rules::default();
         let derived = derive(&roads, &rules, &overrides).map_err(|error| anyhow!("{}: {error:#}", net.display()));
@@ -95,17 +102,16 @@ impl Inspected {
     }
 
     /// Returns what was asked for, as text.
-    fn told(&self, args: &InspectArgs) -> Result<String> {
+    fn text(&self, args: &InspectArgs) -> Result<String> {
         if args.json {
-            let text = serde_json::to_string_pretty(&json::described(self)).expect("JSON has any text");
+            let text = serde_json::to_string_pretty(&as_json(self)).expect("JSON has any text");
             return Ok(terminal::json(text));
         }
-        let text = match &args.light {
-            Some(light) => text::one(self, light).with_context(|| no_light(self, light))?,
-            None if args.all => text::all(self),
-            None => overview::described(self),
-        };
-        Ok(text.trim_end().to_owned())
+        match &args.light {
+            Some(light) => text::one(self, light).with_context(|| no_light(self, light)),
+            None if args.all => Ok(text::all(self)),
+            None => Ok(text::overview(self)),
+        }
     }
 }
 
@@ -127,42 +133,6 @@ fn columns_of_grid(net: &Path) -> Option<usize> {
     Some(spec(&TrafficConfig::new("", "")).obs_dim)
 }
 
-/// What is inspected.
-struct Subject {
-    net: PathBuf,
-    roads: Roads,
-    /// Roads on which cars depart.
-    departs_on: BTreeSet<EdgeNo>,
-    seconds: Seconds,
-    left_out: Vec<String>,
-}
-
-/// Reads a scenario whole.
-fn of_scenario(path: &Path) -> Result<Subject> {
-    let config = ScenarioConfig::of_file(path)?;
-    let scenario = SumoScenario::read(&config)?;
-    let roads = scenario.roads()?;
-    Ok(Subject {
-        net: scenario.net_path().to_owned(),
-        departs_on: scenario.departs_on(&roads),
-        roads,
-        seconds: Seconds::of(&config),
-        left_out: scenario.left_out().to_vec(),
-    })
-}
-
-/// Reads a net alone. Nobody departs there, and an episode would be an hour of decisions of the usual length.
-fn of_net(path: &Path) -> Result<Subject> {
-    let decision = ScenarioConfig::new(path).decision_s as usize;
-    Ok(Subject {
-        net: path.to_owned(),
-        roads: Roads::of_file(path)?,
-        departs_on: BTreeSet::new(),
-        seconds: Seconds { decision, episode: 3600 },
-        left_out: Vec::new(),
-    })
-}
-
 fn read_overrides(path: &Path) -> Result<Overrides> {
     let text = read_text(path, MOST_OVERRIDES).with_context(|| format!("{}: could not be read", path.display()))?;
     Overrides::parse(&text).map_err(|error| anyhow!("{}: {error:#}", path.display()))
@@ -170,8 +140,103 @@ fn read_overrides(path: &Path) -> Result<Overrides> {
 
 fn draw(inspected: &Inspected, dir: &Path, existing: Existing) -> Result<()> {
     const NAME: &str = "regions.svg";
-    let svg = map::drawn(inspected)?;
+    let svg = map(inspected)?;
     places::make(dir, existing, |staged| staged.put(NAME, svg.file().as_bytes()))?;
     note(format_args!("drew {NAME} into {}", dir.display()));
     Ok(())
+}
+
+/// Returns the map of a network with the regions of its agents.
+fn map(inspected: &Inspected) -> Result<Svg> {
+    let Inspected { net, roads, derived, .. } = inspected;
+    let line = |lane: LaneNo| -> Line { roads.lane(lane).shape.clone() };
+    let regions = derived.agents.iter().map(|agent| {
+        let edges = agent.region.edges(roads);
+        let within = |lane: &LaneNo| edges.contains(&roads.lane(*lane).edge);
+        MapRegion {
+            name: agent.plan.light.clone(),
+            place_m: agent.plan.place_m,
+            approaches: agent.region.ahead_m.keys().map(|&lane| line(lane)).collect(),
+            lanes: roads.lanes_of_cars().filter(within).map(line).collect(),
+        }
+    });
+    let keeping = derived.keeping.iter().flat_map(|kept| roads.junctions_of(&kept.light));
+    regions_map(&RegionsMap {
+        subject: net.file_name().unwrap_or(net.as_os_str()).to_string_lossy().into_owned(),
+        junctions: roads.junctions.iter().map(|junction| junction.shape.clone()).collect(),
+        lanes: roads.lanes_of_cars().map(line).collect(),
+        regions: regions.collect(),
+        keeping: keeping.map(|junction| roads.junction(junction).place_m).collect(),
+    })
+}
+
+/// Returns the whole object. Indices (`links` of an approach, `from`, `to`) count the other lists of the same light.
+fn as_json(inspected: &Inspected) -> Value {
+    let Inspected { net, derived, padding, rules, left_out, .. } = inspected;
+    let agents = derived.agents.iter().zip(&inspected.borders).map(|(agent, border)| light(inspected, agent, border));
+    let keeping = derived
+        .keeping
+        .iter()
+        .map(|kept| json!({ "light": kept.light, "why": kept.why.to_string(), "way_out": kept.why.way_out() }));
+    json!({
+        "net": net.display().to_string(),
+        "approach_m": rules.approach_m,
+        "yellow_s": rules.yellow,
+        "min_green_s": rules.min_green_s,
+        "kind": { "columns": padding.columns, "actions": padding.actions, "padded_share": padding.padded },
+        "influence": { "d_set_columns": inspected.influence.columns, "sources": inspected.influence.sources },
+        "left_out": left_out,
+        "learning": agents.collect::<Vec<_>>(),
+        "keeping": keeping.collect::<Vec<_>>(),
+    })
+}
+
+fn light(inspected: &Inspected, Agent { plan, region, .. }: &Agent, border: &Border) -> Value {
+    let roads = &inspected.roads;
+    let ids = |junctions: &mut dyn Iterator<Item = _>| -> Vec<&str> {
+        junctions.map(|&junction| roads.junction(junction).id.as_str()).collect()
+    };
+    let RegionPlan { approaches, exits, links } = &plan.region;
+    json!({
+        "light": plan.light,
+        "place_m": plan.place_m,
+        "junctions": ids(&mut region.own.iter()),
+        "uncontrolled_junctions": ids(&mut region.passed.iter()),
+        "greens": plan.phases.greens().iter().map(|green| green.as_str()).collect::<Vec<_>>(),
+        "changes": changes(&plan.phases),
+        "approaches": approaches.iter().map(|approach| json!({
+            "lane": approach.lane,
+            "length_m": approach.length_m,
+            "ahead_m": approach.ahead_m,
+            "speed_limit_mps": approach.speed_limit_mps,
+            "links": approach.links,
+        })).collect::<Vec<_>>(),
+        "exits": exits.iter().map(|exit| json!({
+            "lane": exit.lane,
+            "length_m": exit.length_m,
+            "leaves_the_net": exit.leaves_the_net,
+        })).collect::<Vec<_>>(),
+        "links": links.iter().map(|link| json!({
+            "letter": link.letter,
+            "from": link.from,
+            "to": link.to,
+        })).collect::<Vec<_>>(),
+        "columns": plan.sensor.columns(&plan.region),
+        "sources": border.plan.source_names(),
+        "d_set_columns": border.d_set.columns(&border.plan),
+    })
+}
+
+/// Returns what is shown between every two greens.
+fn changes(phases: &PhasePlan) -> Vec<Value> {
+    let greens = 0..phases.greens().len();
+    let pairs = greens.clone().flat_map(|from| greens.clone().map(move |to| (from, to)));
+    let pairs = pairs.filter(|(from, to)| from != to);
+    let shown = |interval: &Interval| json!({ "state": interval.state.as_str(), "seconds": interval.steps });
+    pairs
+        .map(|(from, to)| {
+            let states: Vec<Value> = phases.clearing(from, to).iter().map(shown).collect();
+            json!({ "from": from, "to": to, "states": states })
+        })
+        .collect()
 }

@@ -1,108 +1,131 @@
-//! A network as text for people: its lights in full.
+//! A network as text for people.
 
 use super::Inspected;
-use crate::run::listing::{aligned, line, list_columns, paragraph};
+use crate::run::listing::Listing;
 use dials_core::base::counted;
-use dials_traffic::agents::derive::keeping::Keeping;
+use dials_traffic::agents::derive::keeping::{Keeping, sentences};
 use dials_traffic::agents::derive::safety;
 use dials_traffic::agents::derive::{Agent, Derived};
 use dials_traffic::agents::phase_plan::{Interval, PhasePlan};
 use dials_traffic::agents::plan::{AgentPlan, Border};
 
+/// Returns a line for each light, and what is said of the whole.
+pub(super) fn overview(inspected: &Inspected) -> String {
+    let mut text = Listing::default();
+    lights(&mut text, inspected);
+    text.line("");
+    summary(&mut text, inspected);
+    for (sentence, why) in sentences(&inspected.derived.keeping) {
+        text.paragraph(format_args!("{sentence}; way out: {}", why.way_out()));
+    }
+    text.line("one light in full: --light ID; all of them: --all");
+    text.finish()
+}
+
+fn lights(text: &mut Listing, Inspected { roads, derived, .. }: &Inspected) {
+    let head = ["light", "program", "greens", "columns", "approaches", "in a run"].map(str::to_owned);
+    let learning = derived.agents.iter().map(|Agent { plan, program, .. }| {
+        let [greens, columns, approaches] =
+            [plan.phases.greens().len(), plan.sensor.width(), plan.region.approaches.len()]
+                .map(|count| count.to_string());
+        [plan.light.clone(), program.kind.clone(), greens, columns, approaches, "learns".to_owned()]
+    });
+    let keeping = derived.keeping.iter().map(|Keeping { light, why }| {
+        let kind = roads.programs.iter().rfind(|program| program.light == *light).map(|program| program.kind.clone());
+        let none = || "-".to_owned();
+        let keeps = format!("keeps its program: {}", why.short());
+        [light.clone(), kind.unwrap_or_else(none), none(), none(), none(), keeps]
+    });
+    text.table([head].into_iter().chain(learning).chain(keeping).collect());
+}
+
 /// Returns what is said of the whole, and all lights.
 pub(super) fn all(inspected: &Inspected) -> String {
-    let mut text = String::new();
+    let mut text = Listing::default();
     summary(&mut text, inspected);
     for (number, agent) in inspected.derived.agents.iter().enumerate() {
-        text.push('\n');
+        text.line("");
         describe(&mut text, inspected, number, agent);
     }
     for kept in &inspected.derived.keeping {
-        text.push('\n');
+        text.line("");
         describe_keeping(&mut text, kept);
     }
-    text
+    text.finish()
 }
 
 /// Returns what is said of one light. `None`: there is no such light.
 pub(super) fn one(inspected: &Inspected, light: &str) -> Option<String> {
     let Derived { agents, keeping } = &inspected.derived;
-    let mut text = String::new();
+    let mut text = Listing::default();
     if let Some(number) = agents.iter().position(|agent| agent.plan.light == light) {
         describe(&mut text, inspected, number, &agents[number]);
     } else {
         describe_keeping(&mut text, keeping.iter().find(|kept| kept.light == light)?);
     }
-    Some(text)
+    Some(text.finish())
 }
 
 /// Writes what is said of the whole.
-pub(super) fn summary(text: &mut String, inspected: &Inspected) {
+fn summary(text: &mut Listing, inspected: &Inspected) {
     let Inspected { net, derived, padding, influence, rules, left_out, .. } = inspected;
     let (learning, keeping) = (derived.agents.len(), derived.keeping.len());
     let lights = counted(learning + keeping, "light");
-    line(text, format_args!("{}: {lights}; {learning} learn, {keeping} keep their program", net.display()));
-    line(
-        text,
-        format_args!(
-            "an agent sees {} m before its stop lines\nyellow: {}; green: {} s at least",
-            rules.approach_m, rules.yellow, rules.min_green_s
-        ),
-    );
-    line(
-        text,
-        format_args!(
-            "all agents are of one kind: {} columns ({:.0} % of them padding), {} actions",
-            padding.columns,
-            100.0 * padding.padded,
-            padding.actions
-        ),
-    );
-    line(
-        text,
-        format_args!(
-            "an influence predictor sees {} columns (the d-set) and predicts {} sources",
-            influence.columns, influence.sources
-        ),
-    );
+    text.line(format_args!("{}: {lights}; {learning} learn, {keeping} keep their program", net.display()));
+    text.line(format_args!(
+        "an agent sees {} m before its stop lines\nyellow: {}; green: {} s at least",
+        rules.approach_m, rules.yellow, rules.min_green_s
+    ));
+    text.line(format_args!(
+        "all agents are of one kind: {} columns ({:.0} % of them padding), {} actions",
+        padding.columns,
+        100.0 * padding.padded,
+        padding.actions
+    ));
+    text.line(format_args!(
+        "an influence predictor sees {} columns (the d-set) and predicts {} sources",
+        influence.columns, influence.sources
+    ));
     let states: usize = derived.agents.iter().map(|agent| safety::states(&agent.plan.phases).count()).sum();
-    paragraph(
-        text,
-        format_args!(
-            "{states} states checked: where links cross, at most one has G, but for those to which the light's own program gives \
-             it together"
-        ),
-    );
-    left_out.iter().for_each(|what| paragraph(text, format_args!("not simulated: {what}")));
+    text.paragraph(format_args!(
+        "{states} states checked: where links cross, at most one has G, but for those to which the light's own program \
+         gives it together"
+    ));
+    left_out.iter().for_each(|what| text.paragraph(format_args!("not simulated: {what}")));
 }
 
-fn describe_keeping(text: &mut String, Keeping { light, why }: &Keeping) {
-    line(text, format_args!("light {light}: keeps its program\n  why: {why}\n  way out: {}", why.way_out()));
+fn describe_keeping(text: &mut Listing, Keeping { light, why }: &Keeping) {
+    text.line(format_args!("light {light}: keeps its program\n  why: {why}\n  way out: {}", why.way_out()));
 }
 
-fn describe(text: &mut String, inspected: &Inspected, number: usize, agent: &Agent) {
+fn describe(text: &mut Listing, inspected: &Inspected, number: usize, agent: &Agent) {
     let Agent { plan, region, .. } = agent;
     let [x, y] = plan.place_m;
-    line(text, format_args!("light {}: learns, agent {number}", plan.light));
-    line(text, format_args!("  place: {x:.1}, {y:.1}"));
+    text.line(format_args!("light {}: learns, agent {number}", plan.light));
+    text.line(format_args!("  place: {x:.1}, {y:.1}"));
     let ids = |junctions: &mut dyn Iterator<Item = _>| {
         let ids: Vec<&str> = junctions.map(|&junction| inspected.roads.junction(junction).id.as_str()).collect();
         if ids.is_empty() { "none".to_owned() } else { ids.join(", ") }
     };
-    line(text, format_args!("  junctions under the light: {}", ids(&mut region.own.iter())));
-    line(text, format_args!("  uncontrolled junctions on the way to it: {}", ids(&mut region.passed.iter())));
+    text.line(format_args!("  junctions under the light: {}", ids(&mut region.own.iter())));
+    text.line(format_args!("  uncontrolled junctions on the way to it: {}", ids(&mut region.passed.iter())));
     describe_phases(text, &plan.phases);
     describe_lanes(text, plan);
-    describe_columns(text, "observation column", &plan.sensor.columns(&plan.region));
     let Border { plan: border, d_set } = &inspected.borders[number];
-    describe_columns(text, "influence source", &border.source_names());
-    describe_columns(text, "d-set column", &d_set.columns(border));
+    for (what, names) in [
+        ("observation column", plan.sensor.columns(&plan.region)),
+        ("influence source", border.source_names()),
+        ("d-set column", d_set.columns(border)),
+    ] {
+        text.line(format_args!("  {}:", counted(names.len(), what)));
+        text.columns(&names);
+    }
 }
 
-fn describe_phases(text: &mut String, phases: &PhasePlan) {
-    line(text, format_args!("  {}, and what is shown before another one:", counted(phases.greens().len(), "green")));
+fn describe_phases(text: &mut Listing, phases: &PhasePlan) {
+    text.line(format_args!("  {}, and what is shown before another one:", counted(phases.greens().len(), "green")));
     for (from, green) in phases.greens().iter().enumerate() {
-        line(text, format_args!("    {from}  {green}"));
+        text.line(format_args!("    {from}  {green}"));
         // Often the way to several greens is the same.
         let mut ways: Vec<(&[Interval], Vec<String>)> = Vec::new();
         for to in (0..phases.greens().len()).filter(|&to| to != from) {
@@ -116,21 +139,18 @@ fn describe_phases(text: &mut String, phases: &PhasePlan) {
             let states: Vec<String> =
                 clearing.iter().map(|Interval { state, steps }| format!("{state} {steps} s")).collect();
             let states = if states.is_empty() { "nothing to clear".to_owned() } else { states.join(", ") };
-            line(text, format_args!("       {states}  before {}", targets.join(", ")));
+            text.line(format_args!("       {states}  before {}", targets.join(", ")));
         }
     }
 }
 
-fn describe_lanes(text: &mut String, plan: &AgentPlan) {
+fn describe_lanes(text: &mut Listing, plan: &AgentPlan) {
     let region = &plan.region;
     let at_stop_line = region.approaches.iter().filter(|approach| approach.ahead_m == 0.0).count();
-    line(
-        text,
-        format_args!(
-            "  {}, {at_stop_line} of them at the stop line:",
-            counted(region.approaches.len(), "approach lane")
-        ),
-    );
+    text.line(format_args!(
+        "  {}, {at_stop_line} of them at the stop line:",
+        counted(region.approaches.len(), "approach lane")
+    ));
     let head = ["lane", "length m", "to the stop line m", "limit m/s", "letters"].map(str::to_owned);
     let rows = region.approaches.iter().map(|approach| {
         let mut letters: Vec<usize> = approach.links.iter().map(|&link| region.links[link].letter).collect();
@@ -145,23 +165,18 @@ fn describe_lanes(text: &mut String, plan: &AgentPlan) {
             letters.join(" "),
         ]
     });
-    aligned(text, [head].into_iter().chain(rows).collect());
-    line(text, format_args!("  {}:", counted(region.links.len(), "link")));
+    text.table([head].into_iter().chain(rows).collect());
+    text.line(format_args!("  {}:", counted(region.links.len(), "link")));
     let head = ["letter", "from", "to"].map(str::to_owned);
     let rows = region.links.iter().map(|link| {
         let [from, to] = [&region.approaches[link.from].lane, &region.exits[link.to].lane];
         [link.letter.to_string(), from.clone(), to.clone()]
     });
-    aligned(text, [head].into_iter().chain(rows).collect());
-    line(text, format_args!("  {}:", counted(region.exits.len(), "exit lane")));
+    text.table([head].into_iter().chain(rows).collect());
+    text.line(format_args!("  {}:", counted(region.exits.len(), "exit lane")));
     let rows = region.exits.iter().map(|exit| {
         let leads = if exit.leaves_the_net { "leaves the net" } else { "leads to another light" };
         [exit.lane.clone(), format!("{:.1} m", exit.length_m), leads.to_owned()]
     });
-    aligned(text, rows.collect());
-}
-
-fn describe_columns(text: &mut String, what: &str, names: &[String]) {
-    line(text, format_args!("  {}:", counted(names.len(), what)));
-    list_columns(text, names);
+    text.table(rows.collect());
 }

@@ -1,10 +1,8 @@
-//! Hand-coded control of lights: the trait of controllers, and what they can measure.
-
-use anyhow::Result;
+//! Hand-coded control of lights: the trait of controllers.
 
 use super::intersections::{Intersection, Intersections};
 use dials_core::base::Seed;
-use dials_core::domain::{Action, GlobalSimulator};
+use dials_core::domain::Action;
 
 /// Decides for the lights of all intersections.
 pub trait LightController {
@@ -52,13 +50,4 @@ impl HandCoded {
     pub fn rule(controller: impl LightController + 'static) -> HandCoded {
         HandCoded::Rule(Box::new(controller))
     }
-}
-
-/// Trial runs, for a controller that must measure something before it begins.
-pub trait Trials {
-    /// Loads the GS (global simulator) with all lights under this control.
-    fn load_gs(&self, by: HandCoded) -> Result<Box<dyn GlobalSimulator>>;
-
-    /// Returns the number of steps in an episode.
-    fn horizon(&self) -> usize;
 }

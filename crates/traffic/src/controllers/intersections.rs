@@ -157,27 +157,10 @@ mod tests {
     use crate::controllers::examples::{At, crossing};
 
     #[test]
-    fn a_queue_is_made_of_cars_that_stand() {
-        let plan = crossing();
-        let at = At::new(&plan, Shown::Green(0)).cars(0, &[(0.0, 0.0), (7.5, 0.0), (20.0, 6.0)]).build();
-        assert_eq!((at.queue(0), at.queue(1), at.cars(0).len()), (2, 0, 3));
-    }
-
-    #[test]
     fn distances_to_the_stop_line_include_what_lies_ahead_of_a_lane() {
         let plan = crossing();
         // Lane 4 ends 10 m before the stop line.
         let at = At::new(&plan, Shown::Green(0)).cars(4, &[(20.0, 5.0)]).build();
         assert!(!at.has_car_within(4, 30.0) && at.has_car_within(4, 30.1));
-    }
-
-    #[test]
-    fn a_car_that_stands_on_a_lane_with_half_a_green_does_not_use_it_but_wants_the_other_half() {
-        let plan = crossing();
-        let standing = At::new(&plan, Shown::Green(2)).cars(2, &[(0.0, 0.0)]).build();
-        assert!(!standing.uses(2, 30.0) && standing.wants(3, 2, 30.0));
-        assert!(!standing.wants(2, 2, 30.0) && !standing.wants(1, 2, 30.0));
-        assert!(At::new(&plan, Shown::Green(2)).cars(2, &[(5.0, 8.0)]).build().uses(2, 30.0));
-        assert!(At::new(&plan, Shown::Green(0)).cars(0, &[(0.0, 0.0)]).build().uses(0, 30.0), "a queue that starts");
     }
 }

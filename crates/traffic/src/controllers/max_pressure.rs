@@ -13,8 +13,8 @@
 use std::slice::from_ref;
 
 use super::are_of_a_grid;
-use super::green_limits::GreenLimits;
 use super::intersections::Intersection;
+use super::responsive::GreenLimits;
 use crate::agents::plan::AgentPlan;
 
 /// Distance before the stop line within which cars count. A lane of the paper's grids has 100 m and counts whole.
@@ -24,16 +24,7 @@ const YIELDING: f64 = 0.5;
 
 /// Goes to another green if that has the greater pressure, or some pressure when the longest green is over.
 pub(super) fn decide(at: &Intersection<'_>, limits: GreenLimits) -> usize {
-    let Some(green) = limits.may_leave(at) else { return at.target() };
-    let least = if limits.must_leave(at) { 0.0 } else { pressure(at, green) };
-    let (mut best, mut most) = (green, least);
-    for other in at.others(green) {
-        let pressure = pressure(at, other);
-        if pressure > most {
-            (best, most) = (other, pressure);
-        }
-    }
-    best
+    limits.greatest(at, 0.0, |green| pressure(at, green), |green| pressure(at, green))
 }
 
 /// Returns the pressure of a green, in cars. All approaches of the region count, also those behind other junctions.
@@ -126,25 +117,6 @@ mod tests {
             decide(&At::new(&plan, Shown::Green(0)).cars(0, &coming).queue(1, 1).build(), GreenLimits::default())
         };
         assert_eq!([decided(0.0), decided(3.0)], [1, 0]);
-    }
-
-    #[test]
-    fn nobody_switches_before_the_minimum_green() {
-        let plan = middle();
-        let limits = GreenLimits { least: 8, most: None };
-        let decided = |steps| decide(&At::new(&plan, Shown::Green(0)).since(steps).queue(0, 5).build(), limits);
-        assert_eq!([7, 8].map(decided), [0, 1]);
-    }
-
-    #[test]
-    fn the_longest_green_ends_if_somebody_waits_for_another_one() {
-        let plan = crossing();
-        let limits = GreenLimits { least: 8, most: Some(50) };
-        let decided = |steps, waiting| {
-            let at = At::new(&plan, Shown::Green(0)).since(steps).leaving(0, 9).queue(1, waiting);
-            decide(&at.build(), limits)
-        };
-        assert_eq!([decided(49, 1), decided(50, 1), decided(50, 0)], [0, 1, 0]);
     }
 
     #[test]

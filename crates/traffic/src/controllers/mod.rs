@@ -1,6 +1,6 @@
 //! Hand-coded controllers of traffic lights: baselines for policies, and control of the lights around the agents.
 //!
-//! All but SUMO's own programs are [`LightController`]s. They live in the GS (global simulator) and see its
+//! All but SUMO's own programs are [`LightController`]s. They live in the GS and see its
 //! [`Intersections`], which is more than a policy observes. They say which green each light should show. Their lights
 //! obey the same rules as those of policies, so yellow comes before it.
 //!
@@ -9,36 +9,22 @@
 //! [`crate::Traffic::global`].
 //!
 //! - `control`: the trait of controllers; [`intersections`]: what a controller sees.
-//! - `simple`, `gap_out`, `longest_queue`, `max_pressure`, `fixed_time`, `coordinated`, `webster`: the controllers;
-//!   [`actuated`]: the programs of SUMO's actuated lights.
-//! - `green_limits`: the shortest and the longest green of those that look at the traffic.
-//! - `flows`, `flow_ratios`: what Webster's formula needs to know.
-//! - `timing`: what lights that go by the clock follow; [`timing_file`], `fitted`: its files; [`search`]: the search for
-//!   the best one; `split`, `neighbours`: green time divided, and every other light found.
-//! - `arguments`: the text that names a controller; `clock_text`: its part about the clock.
-//! - `examples`: lights made by hand, for tests.
+//! - `simple`: lights that do not look at the traffic. `responsive`, `max_pressure`: lights that do.
+//! - `clock`, `webster`: lights that go by the clock; [`actuated`]: the programs of SUMO's actuated lights.
+//! - [`timing_file`]: files of the tuner; [`search`]: its search for the best timings.
+//! - `arguments`: the text that names a controller. `examples`: lights made by hand, for tests.
 
 pub(crate) mod actuated;
 mod arguments;
-mod clock_text;
+mod clock;
 mod control;
-mod coordinated;
 #[cfg(test)]
 pub(crate) mod examples;
-mod fitted;
-mod fixed_time;
-mod flow_ratios;
-mod flows;
-mod gap_out;
-mod green_limits;
 pub(crate) mod intersections;
-mod longest_queue;
 mod max_pressure;
-mod neighbours;
+mod responsive;
 pub(crate) mod search;
 mod simple;
-mod split;
-mod timing;
 pub mod timing_file;
 mod webster;
 
@@ -46,20 +32,19 @@ use std::path::Path;
 
 use anyhow::{Result, bail};
 
+use crate::Traffic;
 use crate::agents::phase_plan::Choice;
 use crate::agents::plan::AgentPlan;
 use arguments::Arguments;
 use dials_core::base::Seed;
-use green_limits::GreenLimits;
+use responsive::GreenLimits;
+use simple::{Random, SwitchEvery};
 
+pub(crate) use clock::{ClockLights, ClockPlan, Leeway};
+pub(crate) use control::ask;
 pub use control::{Each, HandCoded, LightController};
-pub(crate) use control::{Trials, ask};
-pub(crate) use coordinated::Coordinated;
-pub(crate) use fixed_time::FixedTime;
 pub use intersections::{Intersection, Intersections};
-pub(crate) use simple::{Constant, Random, SwitchEvery};
-pub(crate) use timing::{ClockPlan, Leeway};
-pub(crate) use webster::TimingPlan;
+pub(crate) use webster::Webster;
 
 /// Names that [`recipe`] takes; K is a number of steps.
 pub const NAMES: &[&str] = &[
@@ -88,8 +73,8 @@ const SWITCH_EVERY: &str = "switch-every-";
 /// Parameter that names a file of the tuner.
 const FILE: &str = "file";
 
-/// A function that makes a controller. It first measures what the controller needs to know.
-pub(crate) type Recipe = Box<dyn Fn(&dyn Trials) -> Result<HandCoded>>;
+/// A function that makes a controller. It first measures what the controller needs to know, on simulators of its own.
+pub type Recipe = Box<dyn Fn(&Traffic) -> Result<HandCoded>>;
 
 /// Returns the controller of these lights that a text names, with parameters: `max-pressure:min-green=5`. Errors: an
 /// unknown name (the error lists the known ones) and an unknown parameter (it lists those of the controller).
@@ -97,33 +82,21 @@ pub fn recipe(text: &str, plans: &[AgentPlan]) -> Result<Recipe> {
     let mut arguments = Arguments::of(text);
     let recipe: Recipe = match arguments.name() {
         "random" => Box::new(|_| Ok(HandCoded::rule(Random::new(Seed::new(0))))),
-        "never" => Box::new(|_| Ok(HandCoded::rule(Constant::Never))),
-        "always" => Box::new(|_| Ok(HandCoded::rule(Constant::Always))),
+        "never" => Box::new(|_| Ok(HandCoded::rule(Each(|at: &Intersection<'_>| at.target())))),
+        "always" => Box::new(|_| Ok(HandCoded::rule(SwitchEvery::new(1)))),
         PROGRAM => Box::new(|_| Ok(HandCoded::OwnProgram)),
         "actuated" => Box::new(|_| Ok(HandCoded::Actuated)),
-        "gap-out" => {
-            let limits = GreenLimits::longest(&mut arguments, plans)?;
-            Box::new(move |_| Ok(HandCoded::rule(Each(move |at: &Intersection<'_>| gap_out::decide(at, limits)))))
-        }
-        FIXED_TIME => {
-            let ClockPlan { timings, .. } = clock_text::fixed_time(&mut arguments, plans)?;
-            Box::new(move |_| Ok(HandCoded::rule(FixedTime::new(timings.clone()))))
-        }
-        COORDINATED => {
-            let plan = clock_text::coordinated(&mut arguments, plans)?;
-            Box::new(move |_| Ok(HandCoded::rule(Coordinated::new(plan.clone()))))
-        }
+        "gap-out" => each(responsive::gap_out, GreenLimits::longest(&mut arguments, plans)?),
+        "max-pressure" => each(max_pressure::decide, GreenLimits::of(&mut arguments, plans)?),
+        "longest-queue" => each(responsive::longest_queue, GreenLimits::of(&mut arguments, plans)?),
+        FIXED_TIME => by_the_clock(arguments::fixed_time(&mut arguments, plans)?),
+        COORDINATED => by_the_clock(arguments::coordinated(&mut arguments, plans)?),
         "webster" => {
-            let (plan, plans) = (TimingPlan::of(&mut arguments)?, plans.to_vec());
-            Box::new(move |trials| Ok(HandCoded::rule(FixedTime::new(plan.timings(&plans, trials)?))))
-        }
-        "max-pressure" => {
-            let limits = GreenLimits::of(&mut arguments, plans)?;
-            Box::new(move |_| Ok(HandCoded::rule(Each(move |at: &Intersection<'_>| max_pressure::decide(at, limits)))))
-        }
-        "longest-queue" => {
-            let limits = GreenLimits::of(&mut arguments, plans)?;
-            Box::new(move |_| Ok(HandCoded::rule(Each(move |at: &Intersection<'_>| longest_queue::decide(at, limits)))))
+            let webster = Webster::of(&mut arguments)?;
+            Box::new(move |traffic| {
+                let timings = webster.timings(traffic)?;
+                Ok(HandCoded::rule(ClockLights::new(ClockPlan::fixed(timings))))
+            })
         }
         name => match name.strip_prefix(SWITCH_EVERY).map(str::parse::<usize>) {
             Some(Ok(steps)) if steps >= 1 => Box::new(move |_| Ok(HandCoded::rule(SwitchEvery::new(steps)))),
@@ -133,6 +106,14 @@ pub fn recipe(text: &str, plans: &[AgentPlan]) -> Result<Recipe> {
     };
     arguments.all_taken()?;
     Ok(recipe)
+}
+
+fn each(decide: fn(&Intersection<'_>, GreenLimits) -> usize, limits: GreenLimits) -> Recipe {
+    Box::new(move |_| Ok(HandCoded::rule(Each(move |at: &Intersection<'_>| decide(at, limits)))))
+}
+
+fn by_the_clock(plan: ClockPlan) -> Recipe {
+    Box::new(move |_| Ok(HandCoded::rule(ClockLights::new(plan.clone()))))
 }
 
 /// Returns the file that a controller reads, by the text that names the controller. If it reads none: `None`.
@@ -176,20 +157,16 @@ mod tests {
 
     #[test]
     fn parameters_that_a_controller_does_not_have_get_the_list_too() {
-        let told = "controller `max-pressure:green=5`: has no parameter `green`; it takes min-green, max-green";
-        assert_eq!(error("max-pressure:green=5"), told);
-        assert_eq!(
-            error("gap-out:green=5"),
-            "controller `gap-out:green=5`: has no parameter `green`; it takes max-green"
-        );
-        let told = "controller `longest-queue:min-green=0`: min-green = 0: must be a whole number from 1 to 3600";
-        assert_eq!(error("longest-queue:min-green=0"), told);
-        let told = "controller `fixed-time:green`: `green` is not a parameter; write key=value";
-        assert_eq!(error("fixed-time:green"), told);
-        let told = "controller `max-pressure:min-green=20,max-green=10`: min-green = 20: must be at most max-green, 10";
-        assert_eq!(error("max-pressure:min-green=20,max-green=10"), told);
-        let told = "controller `max-pressure:min-green=5,min-green=6`: min-green is given twice";
-        assert_eq!(error("max-pressure:min-green=5,min-green=6"), told);
+        for (text, why) in [
+            ("max-pressure:green=5", "has no parameter `green`; it takes min-green, max-green"),
+            ("gap-out:green=5", "has no parameter `green`; it takes max-green"),
+            ("longest-queue:min-green=0", "min-green = 0: must be a whole number from 1 to 3600"),
+            ("fixed-time:green", "`green` is not a parameter; write key=value"),
+            ("max-pressure:min-green=20,max-green=10", "min-green = 20: must be at most max-green, 10"),
+            ("max-pressure:min-green=5,min-green=6", "min-green is given twice"),
+        ] {
+            assert_eq!(error(text), format!("controller `{text}`: {why}"));
+        }
     }
 
     #[test]

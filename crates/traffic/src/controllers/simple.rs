@@ -1,4 +1,4 @@
-//! Controllers that do not look at the traffic: random, never, always, every K steps.
+//! Controllers that do not look at the traffic: random, and every K steps.
 
 use rand::Rng;
 
@@ -34,23 +34,6 @@ impl LightController for Random {
     }
 }
 
-/// Does the same at every step.
-pub(crate) enum Constant {
-    /// Keeps all lights as they are.
-    Never,
-    /// Sends all lights to their next green.
-    Always,
-}
-
-impl LightController for Constant {
-    fn act(&mut self, intersections: &Intersections<'_>, targets: &mut [usize]) {
-        match self {
-            Constant::Never => (),
-            Constant::Always => to_next(intersections, targets),
-        }
-    }
-}
-
 /// Sends all lights to their next green at every K-th step: some steps of yellow, the rest of green (at least one).
 pub(crate) struct SwitchEvery {
     steps: usize,
@@ -71,11 +54,7 @@ impl LightController for SwitchEvery {
     fn act(&mut self, intersections: &Intersections<'_>, targets: &mut [usize]) {
         self.step += 1;
         if self.step.is_multiple_of(self.steps) {
-            to_next(intersections, targets);
+            targets.iter_mut().zip(intersections.plans).for_each(|(target, plan)| *target = plan.phases.next(*target));
         }
     }
-}
-
-fn to_next(intersections: &Intersections<'_>, targets: &mut [usize]) {
-    targets.iter_mut().zip(intersections.plans).for_each(|(target, plan)| *target = plan.phases.next(*target));
 }

@@ -4,17 +4,17 @@ use std::collections::BTreeSet;
 use std::fmt;
 use std::path::Path;
 
-use anyhow::{Context, Result, anyhow, ensure};
+use anyhow::{Context, Result, anyhow, bail, ensure};
 use serde::{Deserialize, Serialize};
 
 use super::are_of_a_grid;
 use super::arguments::GREENS;
-use super::timing::{ClockPlan, Leeway, Timing};
+use super::clock::{ClockPlan, Leeway, Timing};
 use crate::agents::plan::AgentPlan;
 use dials_core::outside::{Printable, read_bytes, read_text};
 
 /// Advice if a file does not help.
-pub(super) const WAY_OUT: &str = "`dials-traffic baseline CONFIG --controller NAME --tune` makes one that fits";
+const WAY_OUT: &str = "`dials-traffic baseline CONFIG --controller NAME --tune` makes one that fits";
 
 /// Largest file. Offsets of 10 000 intersections have 50 kB.
 const MOST_BYTES: u64 = 1 << 20;
@@ -139,6 +139,47 @@ impl TimingFile {
         Ok(file)
     }
 
+    /// Reads what a controller follows at these lights from a file that was tuned for it.
+    pub fn plan(path: &Path, controller: &str, plans: &[AgentPlan]) -> Result<ClockPlan> {
+        let file = TimingFile::read(path)?;
+        let timings =
+            file.timings(controller, plans).map_err(|error| anyhow!("{}: {error}; {WAY_OUT}", path.display()))?;
+        Ok(ClockPlan { timings, leeway: Leeway { early: file.early, late: file.late } })
+    }
+
+    fn timings(&self, controller: &str, plans: &[AgentPlan]) -> Result<Vec<Timing>> {
+        let TimingFile { vertical, horizontal, offsets, lights, tuned_on, .. } = self;
+        ensure!(
+            tuned_on.controller == controller,
+            "has timings of {}, not of {controller}",
+            Printable(&tuned_on.controller)
+        );
+        let network = Printable(&tuned_on.network);
+        if let (Some(vertical), Some(horizontal)) = (*vertical, *horizontal) {
+            ensure!(are_of_a_grid(plans), "timings for the grid {network} do not fit a net that is none");
+            ensure!(
+                offsets.len() == plans.len(),
+                "timings for the {} intersections of {network} do not fit the {} intersections of this grid",
+                offsets.len(),
+                plans.len()
+            );
+            let [own_rows, own_columns] = shape(plans);
+            if let Some([rows, columns]) = self.shape.filter(|tuned| *tuned != [own_rows, own_columns]) {
+                bail!("timings for the {rows}x{columns} grid {network} do not fit this {own_rows}x{own_columns} grid");
+            }
+            let timing =
+                |(plan, &offset): (&AgentPlan, &u32)| Timing::new(&plan.phases, &[vertical, horizontal], offset);
+            return Ok(plans.iter().zip(offsets).map(timing).collect());
+        }
+        ensure!(
+            lights.len() == plans.len(),
+            "timings for the {} lights of {network} do not fit the {} lights of this net",
+            lights.len(),
+            plans.len()
+        );
+        plans.iter().zip(lights).map(|(plan, light)| of_light(plan, light)).collect()
+    }
+
     /// Returns the CRC-32 of a file.
     pub(crate) fn checksum(path: &Path) -> Result<u32> {
         let bytes =
@@ -190,6 +231,18 @@ impl TimingFile {
     }
 }
 
+fn of_light(plan: &AgentPlan, LightTiming { name, greens, offset }: &LightTiming) -> Result<Timing> {
+    let wanted = Printable(&plan.light);
+    ensure!(*name == plan.light, "has light {} in the place of light {wanted}", Printable(name));
+    ensure!(
+        greens.len() == plan.greens(),
+        "has {} greens for light {wanted}, which has {}",
+        greens.len(),
+        plan.greens()
+    );
+    Ok(Timing::new(&plan.phases, greens, *offset))
+}
+
 /// Returns where and why a text is not TOML, without the line itself, which may be endless.
 fn reason(error: &toml::de::Error, text: &str) -> String {
     const MOST: usize = 300;
@@ -200,18 +253,20 @@ fn reason(error: &toml::de::Error, text: &str) -> String {
 }
 
 /// Returns the number of rows and of columns of a grid.
-pub(super) fn shape(plans: &[AgentPlan]) -> [usize; 2] {
+fn shape(plans: &[AgentPlan]) -> [usize; 2] {
     let places = |axis: usize| plans.iter().map(|plan| plan.place_m[axis].to_bits()).collect::<BTreeSet<_>>().len();
     [places(1), places(0)]
 }
 
 #[cfg(test)]
-pub(crate) mod tests {
+mod tests {
     use super::*;
-    use crate::controllers::examples::{crossing, middle};
-    use crate::controllers::timing::Timing;
+    use crate::config::TrafficConfig;
+    use crate::controllers::examples::crossing;
+    use crate::paper_grid::grid::Grid;
+    use crate::paper_grid::plans::plans;
 
-    pub(crate) fn tuned_on(controller: &str) -> TunedOn {
+    fn tuned_on(controller: &str) -> TunedOn {
         TunedOn {
             controller: controller.into(),
             network: "grid_2x2".into(),
@@ -224,70 +279,89 @@ pub(crate) mod tests {
         }
     }
 
-    /// Writes a file and reads it again.
-    fn read_again(file: &TimingFile) -> TimingFile {
+    fn grid(rows: usize, cols: usize) -> Vec<AgentPlan> {
+        plans(Grid::new(rows, cols).unwrap(), &TrafficConfig::new("", ""))
+    }
+
+    /// Writes a file and reads it again, and the plan in it.
+    fn read_again(file: &TimingFile, plans: &[AgentPlan]) -> (TimingFile, ClockPlan) {
         let dir = tempfile::tempdir().unwrap();
         let path = dir.path().join("a.toml");
         std::fs::write(&path, file.to_toml().unwrap()).unwrap();
-        TimingFile::read(&path).unwrap()
+        let plan = TimingFile::plan(&path, &file.tuned_on.controller, plans).unwrap();
+        (TimingFile::read(&path).unwrap(), plan)
+    }
+
+    fn error(file: &TimingFile, controller: &str, plans: &[AgentPlan]) -> String {
+        file.timings(controller, plans).unwrap_err().to_string()
     }
 
     #[test]
-    fn timings_come_back_from_their_file() {
-        let plans = [middle(), middle()];
-        let timings = [0, 13].map(|offset| Timing::new(&plans[0].phases, &[9, 11], offset)).to_vec();
+    fn timings_of_a_grid_come_back_and_fit_a_grid_of_this_shape_only() {
+        let lights = grid(2, 2);
+        let timings = [0, 13, 13, 0].map(|offset| Timing::new(&lights[0].phases, &[9, 11], offset)).to_vec();
         let found = ClockPlan { timings, leeway: Leeway { early: 3, late: 1 } };
-        let of_grid = TimingFile::new(&plans, &found, Score::Return(205.25), tuned_on("coordinated"));
-        assert_eq!((of_grid.vertical, of_grid.horizontal, &of_grid.offsets[..]), (Some(9), Some(11), &[0, 13][..]));
-        assert_eq!(read_again(&of_grid), of_grid);
-
-        let plan = crossing();
-        let found = ClockPlan { timings: vec![Timing::new(&plan.phases, &[9, 0, 7, 5], 3)], leeway: Leeway::NONE };
-        let file = TimingFile::new(&[plan], &found, Score::DelaySeconds(31.5), tuned_on("fixed-time"));
-        assert_eq!(
-            (file.vertical, file.lights[0].name.as_str(), &file.lights[0].greens[..]),
-            (None, "crossing", &[9, 0, 7, 5][..])
-        );
-        assert_eq!((read_again(&file).score(), file.score().to_string()), (file.score(), "delay 31.5 s".to_owned()));
-        assert_eq!(read_again(&file), file);
+        let file = TimingFile::new(&lights, &found, Score::Return(205.25), tuned_on("coordinated"));
+        assert_eq!((file.vertical, file.horizontal, &file.offsets[..]), (Some(9), Some(11), &[0, 13, 13, 0][..]));
+        assert_eq!(read_again(&file, &lights), (file.clone(), found));
+        assert_eq!(error(&file, "fixed-time", &lights), "has timings of coordinated, not of fixed-time");
+        let fits = |plans: &[AgentPlan]| error(&file, "coordinated", plans);
+        let more = "timings for the 4 intersections of grid_2x2 do not fit the 6 intersections of this grid";
+        assert_eq!(fits(&grid(2, 3)), more);
+        assert_eq!(fits(&grid(1, 4)), "timings for the 2x2 grid grid_2x2 do not fit this 1x4 grid");
+        assert_eq!(fits(&[crossing()]), "timings for the grid grid_2x2 do not fit a net that is none");
     }
 
     #[test]
-    fn what_is_wrong_with_a_file_is_told_with_its_path_and_the_way_out() {
+    fn timings_of_a_net_come_back_and_fit_lights_with_their_names_and_greens() {
+        let lights = [crossing()];
+        let timings = vec![Timing::new(&lights[0].phases, &[9, 0, 7, 5], 3)];
+        let found = ClockPlan { timings, leeway: Leeway::NONE };
+        let file = TimingFile::new(&lights, &found, Score::DelaySeconds(31.5), tuned_on("fixed-time"));
+        assert_eq!((file.vertical, file.score().to_string()), (None, "delay 31.5 s".to_owned()));
+        assert_eq!(read_again(&file, &lights), (file.clone(), found));
+        let more = "timings for the 1 lights of grid_2x2 do not fit the 2 lights of this net";
+        assert_eq!(error(&file, "fixed-time", &grid(1, 2)), more);
+        let renamed = [AgentPlan { light: "other".to_owned(), ..crossing() }];
+        assert_eq!(error(&file, "fixed-time", &renamed), "has light crossing in the place of light other");
+        let mut short = file.clone();
+        short.lights[0].greens.pop();
+        assert_eq!(error(&short, "fixed-time", &lights), "has 3 greens for light crossing, which has 4");
+    }
+
+    #[test]
+    fn an_error_has_the_path_the_fault_and_the_way_out() {
         let dir = tempfile::tempdir().unwrap();
         let path = dir.path().join("a.toml");
-        let error = |text: &str| {
-            std::fs::write(&path, text).unwrap();
-            let error = TimingFile::read(&path).unwrap_err().to_string();
-            let told = error.strip_prefix(&format!("{}: ", path.display())).unwrap_or_else(|| panic!("{error}"));
-            told.strip_suffix(&format!("; {WAY_OUT}")).unwrap_or_else(|| panic!("{error}")).to_owned()
-        };
-        let timings = |vertical: u32| {
-            format!(
-                "vertical = {vertical}\nhorizontal = 1\noffsets = [0, 0, 0, 0]\nmean_return = 1.0\n[tuned_on]\n{}",
-                toml::to_string(&tuned_on("fixed-time")).unwrap()
-            )
-        };
-        assert_eq!(error(&timings(9).replace("horizon = 300", "")), "is not a file of tuned timings of this version");
-        // With 1 and the yellows of 6, the cycle would be 2^32, which is 0.
-        assert_eq!(error(&timings(u32::MAX - 6)), "vertical = 4294967289: must be from 1 to 3600 steps");
-        assert_eq!(error(&timings(0)), "vertical = 0: must be from 1 to 3600 steps");
-        for (bad, word) in [("nan", "NaN"), ("-inf", "-inf")] {
-            let told = error(&timings(9).replace("1.0\n[", &format!("{bad}\n[")));
-            assert_eq!(told, format!("mean_return = {word}: must be a finite number"));
-        }
-        let either = "must have either vertical, horizontal and offsets, or a [[light]] per light";
-        assert_eq!(error(&timings(9).replace("horizontal = 1\n", "")), either);
+        let about = toml::to_string(&tuned_on("fixed-time")).unwrap();
+        let good =
+            format!("vertical = 9\nhorizontal = 1\noffsets = [0, 0, 0, 0]\nmean_return = 1.0\n[tuned_on]\n{about}");
         let light = |greens: &str| format!("[[light]]\nname = 'a'\ngreens = {greens}\noffset = 0\n");
-        assert_eq!(error(&[timings(9), light("[1]")].concat()), either);
-        let of_net = |greens| {
-            let text = timings(9).replace("vertical = 9\nhorizontal = 1\noffsets = [0, 0, 0, 0]\n", "");
-            [text, light(greens)].concat()
+        let of_net = |greens: &str| {
+            let text = good.replace("vertical = 9\nhorizontal = 1\noffsets = [0, 0, 0, 0]\n", "");
+            text + &light(greens)
         };
-        let told = "light a: greens must be from 0 to 3600 steps, and not all 0";
-        assert_eq!(["[0, 0]", "[3601]", "[]"].map(|greens| error(&of_net(greens))), [told; 3]);
-        let told = "must have one of mean_return and mean_delay_s";
-        assert_eq!(error(&of_net("[5]").replace("mean_return = 1.0\n", "")), told);
-        assert_eq!(error(&timings(9).replace("mean_return", "mean_delay_s = 1.0\nmean_return")), told);
+        let either = "must have either vertical, horizontal and offsets, or a [[light]] per light";
+        let greens = "light a: greens must be from 0 to 3600 steps, and not all 0";
+        let one_mean = "must have one of mean_return and mean_delay_s";
+        for (text, fault) in [
+            (good.replace("horizon = 300", ""), "is not a file of tuned timings of this version"),
+            // With 1 and the yellows of 6, the cycle would be 2^32, which is 0.
+            (good.replace("= 9", "= 4294967289"), "vertical = 4294967289: must be from 1 to 3600 steps"),
+            (good.replace("= 9", "= 0"), "vertical = 0: must be from 1 to 3600 steps"),
+            (good.replace("1.0", "nan"), "mean_return = NaN: must be a finite number"),
+            (good.replace("1.0", "-inf"), "mean_return = -inf: must be a finite number"),
+            (good.replace("horizontal = 1\n", ""), either),
+            (good.clone() + &light("[1]"), either),
+            (of_net("[0, 0]"), greens),
+            (of_net("[3601]"), greens),
+            (of_net("[]"), greens),
+            (of_net("[5]").replace("mean_return = 1.0\n", ""), one_mean),
+            (good.replace("mean_return", "mean_delay_s = 1.0\nmean_return"), one_mean),
+        ] {
+            std::fs::write(&path, &text).unwrap();
+            let error = TimingFile::read(&path).unwrap_err().to_string();
+            assert_eq!(error, format!("{}: {fault}; {WAY_OUT}", path.display()), "{text}");
+        }
     }
 }

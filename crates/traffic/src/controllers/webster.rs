@@ -4,21 +4,30 @@
 //! the flow of its busiest approach over the saturation flow. `Y` is the sum of the flow ratios, and `L` the lost time
 //! of a cycle, in which no green is shown. The delay is least near the cycle `C = (1.5 L + 5) / (1 - Y)`. Of it, each
 //! green gets `(C - L) y / Y`.
+//!
+//! Greens overlap: a lane may have green in several. So some greens can be left out, and a lane shares its flow among
+//! those that serve it.
+
+use std::cell::RefCell;
+use std::collections::HashMap;
+use std::rc::Rc;
 
 use anyhow::Result;
 
 use super::are_of_a_grid;
-use super::arguments::Arguments;
-use super::clock_text;
-use super::control::{Each, Trials};
-use super::fixed_time::FixedTime;
-use super::flow_ratios::{FlowRatios, LONGEST_CYCLE_S, flow_ratios};
-use super::flows::{self, Flows};
-use super::green_limits::GreenLimits;
+use super::arguments::{self, Arguments};
+use super::clock::{ClockLights, ClockPlan, Timing};
+use super::control::{Each, HandCoded, LightController};
+use super::intersections::{Intersection, Intersections};
 use super::max_pressure;
-use super::timing::Timing;
+use super::responsive::GreenLimits;
+use crate::Traffic;
+use crate::agents::derive::greens::goes;
 use crate::agents::plan::AgentPlan;
-use crate::controllers::intersections::Intersection;
+use crate::agents::region_plan::Approach;
+use dials_core::base::{AgentId, Ragged, RandomPurpose, Seed};
+use dials_core::domain::GlobalSimulator;
+use libsumo::CarId;
 
 /// Cars per hour that pass the stop line from a standing queue of the vehicle type of the paper's grids: one in 2.28 s.
 const SATURATION_PER_H: f64 = 1580.0;
@@ -26,44 +35,41 @@ const SATURATION_PER_H: f64 = 1580.0;
 const EPISODES: u32 = 5;
 
 /// The measurement that the timings are computed from.
-pub(crate) struct TimingPlan {
+pub(crate) struct Webster {
     episodes: u32,
     saturation_per_h: f64,
 }
 
-impl Default for TimingPlan {
+impl Default for Webster {
     fn default() -> Self {
-        TimingPlan { episodes: EPISODES, saturation_per_h: SATURATION_PER_H }
+        Webster { episodes: EPISODES, saturation_per_h: SATURATION_PER_H }
     }
 }
 
-impl TimingPlan {
-    pub(crate) fn of(arguments: &mut Arguments<'_>) -> Result<TimingPlan> {
+impl Webster {
+    pub(super) fn of(arguments: &mut Arguments<'_>) -> Result<Webster> {
         let what = "a number of cars per hour, above 0";
         let saturation = arguments.number("saturation", what, |&flow: &f64| flow > 0.0 && flow.is_finite())?;
         let episodes = arguments.number("episodes", "a whole number, at least 1", |&episodes: &u32| episodes >= 1)?;
-        let usual = TimingPlan::default();
-        Ok(TimingPlan {
-            episodes: episodes.unwrap_or(usual.episodes),
-            saturation_per_h: saturation.unwrap_or(usual.saturation_per_h),
-        })
+        Ok(Webster { episodes: episodes.unwrap_or(EPISODES), saturation_per_h: saturation.unwrap_or(SATURATION_PER_H) })
     }
 
-    /// Measures the flows on the GS (global simulator), on separate episodes, and computes the timings.
-    pub(crate) fn timings(&self, plans: &[AgentPlan], trials: &dyn Trials) -> Result<Vec<Timing>> {
-        let ratios = self.ratios(plans, trials)?;
-        Ok(plans.iter().zip(&ratios).map(|(plan, ratios)| timing(plan, ratios)).collect())
+    /// Measures the flows on the GS, on separate episodes, and computes the timings.
+    pub(super) fn timings(&self, traffic: &Traffic) -> Result<Vec<Timing>> {
+        let ratios = self.ratios(traffic)?;
+        Ok(traffic.plans().iter().zip(&ratios).map(|(plan, ratios)| timing(plan, ratios)).collect())
     }
 
     /// Measures the flows and returns the flow ratios of the greens of each light.
-    pub(crate) fn ratios(&self, plans: &[AgentPlan], trials: &dyn Trials) -> Result<Vec<FlowRatios>> {
+    pub(crate) fn ratios(&self, traffic: &Traffic) -> Result<Vec<FlowRatios>> {
+        let plans = traffic.plans();
         let Flows { cars, seconds } = if are_of_a_grid(plans) {
-            flows::measure(plans, trials, self.episodes, FixedTime::new(clock_text::usual(plans)))?
+            let timings = arguments::usual(plans);
+            measure(traffic, self.episodes, ClockLights::new(ClockPlan::fixed(timings)))?
         } else {
             // Lights that jam would hide what wants to pass.
             let limits = GreenLimits::usual(plans);
-            let rule = Each(move |at: &Intersection<'_>| max_pressure::decide(at, limits));
-            flows::measure(plans, trials, self.episodes, rule)?
+            measure(traffic, self.episodes, Each(move |at: &Intersection<'_>| max_pressure::decide(at, limits)))?
         };
         let saturation = self.saturation_per_h / 3600.0 * f64::from(seconds);
         let of_light = |(plan, cars): (&AgentPlan, &[u32])| {
@@ -93,8 +99,183 @@ pub(super) fn timing(plan: &AgentPlan, ratios: &FlowRatios) -> Timing {
     Timing::new(&plan.phases, &greens, 0)
 }
 
+/// Longest cycle. Near saturation, Webster's formula goes to infinity.
+const LONGEST_CYCLE_S: f64 = 120.0;
+/// Number of greens up to which all choices of greens are compared.
+const FEW_GREENS: usize = 12;
+
+/// Flow over saturation flow of the greens that a light should show.
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) struct FlowRatios {
+    /// Greens in their order, each with the ratio that it has to carry.
+    pub(crate) greens: Vec<(usize, f64)>,
+    /// Seconds of a cycle in which no green is shown.
+    pub(crate) lost_s: f64,
+}
+
+impl FlowRatios {
+    pub(crate) fn sum(&self) -> f64 {
+        self.greens.iter().map(|(_, ratio)| ratio).sum()
+    }
+
+    /// Returns the share of the longest cycle that flows and lost time need.
+    fn needed(&self) -> f64 {
+        self.sum() + self.lost_s / LONGEST_CYCLE_S
+    }
+}
+
+/// Returns the greens that need the least time, with their flow ratios. Each link keeps a green that serves it best.
+/// `ratios`: flow over saturation flow of each approach.
+fn flow_ratios(plan: &AgentPlan, ratios: &[f64]) -> FlowRatios {
+    let all = plan.greens();
+    let every_green: Vec<usize> = (0..all).collect();
+    if all > FEW_GREENS {
+        return of_choice(plan, ratios, &every_green);
+    }
+    let choices = (1..1_usize << all).rev().map(|bits| (0..all).filter(|green| bits >> green & 1 == 1).collect());
+    let mut best = of_choice(plan, ratios, &every_green);
+    for choice in choices.filter(|choice: &Vec<usize>| is_enough(plan, choice)) {
+        let found = of_choice(plan, ratios, &choice);
+        if found.needed() < best.needed() {
+            best = found;
+        }
+    }
+    best
+}
+
+/// Returns whether each link that has green somewhere has it in these greens, and as well as anywhere. Letters of
+/// vehicles that no agent sees, such as bicycles, have green in them, too.
+fn is_enough(plan: &AgentPlan, greens: &[usize]) -> bool {
+    let served = |link: usize, greens: &[usize]| greens.iter().any(|&green| plan.serves_best(green, link));
+    let all: Vec<usize> = (0..plan.greens()).collect();
+    let state = |green: usize| plan.phases.greens()[green].as_str().as_bytes();
+    let opened = |letter: usize, greens: &[usize]| greens.iter().any(|&green| goes(state(green)[letter].into()));
+    (0..plan.region.links.len()).all(|link| served(link, greens) || !served(link, &all))
+        && plan.phases.cars().iter().all(|&letter| opened(letter, greens) || !opened(letter, &all))
+}
+
+fn of_choice(plan: &AgentPlan, ratios: &[f64], greens: &[usize]) -> FlowRatios {
+    let next = |place: usize| greens[(place + 1) % greens.len()];
+    let lost: u32 =
+        greens.iter().enumerate().map(|(place, &green)| plan.phases.clearing_steps(green, next(place))).sum();
+    // Lanes that few greens serve come first, and of them the busiest.
+    let mut lanes: Vec<(Vec<usize>, f64)> =
+        ratios.iter().enumerate().map(|(approach, &ratio)| (carriers(plan, greens, approach), ratio)).collect();
+    lanes.sort_by(|(places, ratio), (others, other)| places.len().cmp(&others.len()).then(other.total_cmp(ratio)));
+    let mut carried = vec![0.0; greens.len()];
+    for (places, ratio) in lanes {
+        let lack = ratio - places.iter().map(|&place| carried[place]).sum::<f64>();
+        // What is missing goes to the green that is longest already.
+        let longest =
+            places.into_iter().max_by(|&one, &other| carried[one].total_cmp(&carried[other]).then(other.cmp(&one)));
+        if let Some(place) = longest.filter(|_| lack > 0.0) {
+            carried[place] += lack;
+        }
+    }
+    FlowRatios { greens: greens.iter().copied().zip(carried).collect(), lost_s: f64::from(lost) }
+}
+
+/// Returns the places of the greens in which the flow of an approach passes: those that serve all its links best. A lane
+/// at the stop line that none of them serves whole passes in those that serve a part; one upstream does not count then.
+fn carriers(plan: &AgentPlan, greens: &[usize], approach: usize) -> Vec<usize> {
+    let lane = &plan.region.approaches[approach];
+    let served = |place: usize, link: &usize| plan.serves_best(greens[place], *link);
+    let whole = |&place: &usize| !lane.links.is_empty() && lane.links.iter().all(|link| served(place, link));
+    let part = |&place: &usize| lane.ahead_m == 0.0 && lane.links.iter().any(|link| served(place, link));
+    let places: Vec<usize> = (0..greens.len()).filter(whole).collect();
+    if places.is_empty() { (0..greens.len()).filter(part).collect() } else { places }
+}
+
+/// Cars that were counted.
+struct Flows {
+    /// Number of cars that came to each approach, one row per light. A car that changes lanes counts on the lane of the
+    /// road on which it was last.
+    cars: Ragged<u32>,
+    seconds: u32,
+}
+
+/// Counts cars on the GS on separate episodes, with the lights under this rule.
+fn measure(traffic: &Traffic, episodes: u32, by: impl LightController + 'static) -> Result<Flows> {
+    let plans = traffic.plans();
+    let approaches: Vec<usize> = plans.iter().map(|plan| plan.region.approaches.len()).collect();
+    let flows = Rc::new(RefCell::new(Flows { cars: Ragged::new(approaches), seconds: 0 }));
+    let counter = Counter {
+        by: Box::new(by),
+        flows: flows.clone(),
+        roads: plans.iter().map(|plan| roads(&plan.region.approaches)).collect(),
+        last: HashMap::new(),
+        is_first: true,
+    };
+    let mut gs = traffic.global(traffic.everywhere(HandCoded::rule(counter)))?;
+    let mut actions = vec![0; plans.len()];
+    for episode in 0..episodes {
+        gs.reset(Seed::new(0).fork(RandomPurpose::Webster).for_episode(episode as usize))?;
+        for _ in 0..traffic.network.horizon {
+            gs.step(&actions)?;
+        }
+        // The rule sees the cars before each step. Asked once more, it sees those after the last one.
+        gs.advise(&mut actions);
+    }
+    drop(gs);
+    Ok(Rc::into_inner(flows).expect("the simulator that held the other one is gone").into_inner())
+}
+
+/// Returns the road of each approach: the index of the first approach on the same road.
+fn roads(approaches: &[Approach]) -> Vec<usize> {
+    let road = |approach: &Approach| approach.lane.rsplit_once('_').map(|(road, _)| road.to_owned());
+    approaches
+        .iter()
+        .map(|approach| approaches.iter().position(|other| road(other) == road(approach)).expect("it is one of them"))
+        .collect()
+}
+
+/// A car on a road of a light.
+type CarOnRoad = (AgentId, usize, CarId);
+
+/// Counts a car on an approach, and no longer on the one of the same road where it was before.
+fn count(counts: &mut [u32], last: &mut HashMap<CarOnRoad, usize>, car: CarOnRoad, approach: usize) {
+    if let Some(before) = last.insert(car, approach) {
+        counts[before] -= 1;
+    }
+    counts[approach] += 1;
+}
+
+/// A rule that counts cars and lets another rule decide.
+struct Counter {
+    by: Box<dyn LightController>,
+    flows: Rc<RefCell<Flows>>,
+    /// The road of each approach, for each light.
+    roads: Vec<Vec<usize>>,
+    /// The approach on which a car of this episode was last.
+    last: HashMap<CarOnRoad, usize>,
+    /// Whether it has not been asked in this episode.
+    is_first: bool,
+}
+
+impl LightController for Counter {
+    fn begin(&mut self, episode: Seed) {
+        self.last.clear();
+        self.is_first = true;
+        self.by.begin(episode);
+    }
+
+    fn act(&mut self, intersections: &Intersections<'_>, targets: &mut [usize]) {
+        let mut flows = self.flows.borrow_mut();
+        flows.seconds += u32::from(!std::mem::take(&mut self.is_first));
+        for at in intersections.iter() {
+            let counts = flows.cars.row_mut(at.agent.0);
+            for (approach, (lane, &road)) in at.approaches.iter().zip(&self.roads[at.agent.0]).enumerate() {
+                lane.ids.iter().for_each(|&car| count(counts, &mut self.last, (at.agent, road, car), approach));
+            }
+        }
+        self.by.act(intersections, targets);
+    }
+}
+
 #[cfg(test)]
 mod tests {
+    use std::sync::Arc;
+
     use super::*;
     use crate::controllers::examples::{crossing, middle};
 
@@ -128,5 +309,59 @@ mod tests {
         // C = 29 / 0.98 = 29.6, of which 13.6 are green. No green is shorter than the light's least of 5 steps.
         let ratios = FlowRatios { greens: vec![(0, 0.02), (1, 0.0), (2, 0.0), (3, 0.0)], lost_s: 16.0 };
         assert_eq!(timing(&plan, &ratios).greens(), [14, 5, 5, 5]);
+    }
+
+    #[test]
+    fn the_busiest_approach_of_a_green_counts() {
+        let found = flow_ratios(&middle(), &[0.2, 0.3, 0.1, 0.0]);
+        assert_eq!(found, FlowRatios { greens: vec![(0, 0.3), (1, 0.2)], lost_s: 6.0 });
+        // The lane upstream of the short one counts, too. A lane that greens 2 and 3 share counts once.
+        let found = flow_ratios(&crossing(), &[0.1, 0.05, 0.15, 0.2, 0.25]);
+        assert_eq!(found, FlowRatios { greens: vec![(0, 0.25), (1, 0.05), (2, 0.15), (3, 0.0)], lost_s: 16.0 });
+    }
+
+    #[test]
+    fn a_green_is_left_out_if_others_serve_its_links_as_well() {
+        let mut plan = crossing();
+        assert!(is_enough(&plan, &[0, 1, 2, 3]));
+        // Green 3 serves the left turn from the west with `g` only, so green 1 stays.
+        assert!(!is_enough(&plan, &[0, 2, 3]));
+        // Without the link from the south to the north, only vehicles that the agent does not see need green 2.
+        plan.region.links[2].letter = 3;
+        assert!(!is_enough(&plan, &[0, 1, 3]));
+        // Nobody does if its letter is for people on foot.
+        plan.phases = Arc::new((*plan.phases).clone().for_cars([0, 1, 3, 4].into()));
+        assert!(is_enough(&plan, &[0, 1, 3]));
+        let found = flow_ratios(&plan, &[0.1, 0.05, 0.15, 0.2, 0.25]);
+        assert_eq!(found, FlowRatios { greens: vec![(0, 0.25), (1, 0.05), (3, 0.15)], lost_s: 12.0 });
+    }
+
+    #[test]
+    fn a_lane_that_one_green_serves_whole_does_not_pass_in_a_part_of_another() {
+        let mut plan = crossing();
+        // The lane from the south now has green whole in green 0, and half of it in green 3. Another lane fills green 3.
+        (plan.region.links[2].letter, plan.region.links[3].letter, plan.region.links[1].letter) = (0, 4, 3);
+        let found = of_choice(&plan, &[0.0, 0.5, 0.4, 0.0, 0.0], &[0, 2, 3]);
+        assert_eq!(found.greens, [(0, 0.4), (2, 0.0), (3, 0.5)]);
+    }
+
+    #[test]
+    fn lanes_side_by_side_are_one_road() {
+        assert_eq!(roads(&crossing().region.approaches), [0, 0, 2, 3, 4]);
+        assert_eq!(roads(&middle().region.approaches), [0, 1, 2, 3]);
+    }
+
+    #[test]
+    fn a_car_that_changes_lanes_counts_on_the_last_one() {
+        let (mut counts, mut last) = ([0; 3], HashMap::new());
+        let mut seen = |car, road, approach| {
+            count(&mut counts, &mut last, (AgentId(0), road, CarId(car)), approach);
+            counts
+        };
+        assert_eq!(seen(5, 0, 0), [1, 0, 0]);
+        assert_eq!(seen(5, 0, 0), [1, 0, 0]);
+        assert_eq!(seen(6, 0, 0), [2, 0, 0]);
+        assert_eq!(seen(5, 0, 1), [1, 1, 0]);
+        assert_eq!(seen(5, 2, 2), [1, 1, 1], "on another road it counts again");
     }
 }

@@ -6,29 +6,30 @@
 //! training: by the entry rule, at the true second and on the true lane. Where the two simulators have cars is compared,
 //! second by second, in cells of 10 m of the approaches.
 //!
-//! - [`truth`]: the episode on the GS. `on_scenario`, `on_grid`: the LS plays it again.
-//! - [`seen`]: what is compared of a light. [`agreement`]: how far two of them agree.
-//! - `causes`: what spoils an LS. [`doubts`]: whether it can be trusted, and the limits.
+//! - [`truth`]: the episode on the GS. `on_scenario`: the LS of a scenario's light plays it again.
+//! - [`agreement`]: what is compared of a light, and how far two simulators agree.
+//! - [`doubts`]: whether an LS can be trusted, the limits, and what spoils it.
 
 pub mod agreement;
-mod causes;
 pub mod doubts;
-mod on_grid;
 mod on_scenario;
-pub(crate) mod seen;
 pub mod truth;
 
 use std::ops::Range;
+use std::sync::Arc;
 
 use super::Traffic;
 use super::road_network::Files;
-use agreement::Comparison;
-pub use causes::Causes;
-use dials_core::base::{AgentId, Seed};
-use dials_core::domain::Result;
-use on_grid::OnGrid;
-use on_scenario::OnScenario;
-use seen::Seen;
+use crate::agents::region::EDGES;
+use crate::inflow::has_arrival;
+use crate::sim::local::Placement;
+use crate::sim::local_forest::LocalParts;
+use crate::sim::visit_tables::VisitTables;
+use agreement::{Comparison, Seen};
+use dials_core::base::{AgentId, Rows};
+use dials_core::domain::{Beginning, LocalSimulator, Result};
+pub use doubts::Causes;
+use libsumo::{CarTable, DepartSpeed};
 use truth::Truth;
 
 /// What was measured of one light.
@@ -55,33 +56,24 @@ enum Entering {
     ByRule,
 }
 
-/// An LS that plays the recorded episode again.
-trait Again {
-    /// Plays the whole recording at a light. `seed`: of SUMO's random numbers.
-    fn play(&self, agent: AgentId, entering: Entering, seed: Seed, window: &Range<usize>) -> Result<Seen>;
-}
-
 /// Measures lights one after the other.
 pub struct Fidelity<'a> {
     traffic: &'a Traffic,
     truth: &'a Truth,
     window: Range<usize>,
-    again: Box<dyn Again + 'a>,
-    /// Whether the types of the cars leave something to chance.
-    is_random: bool,
+    /// What the LSs of a scenario are made of, and the recorded visits.
+    scenario: Option<(Arc<LocalParts>, VisitTables)>,
 }
 
 impl<'a> Fidelity<'a> {
     /// Prepares to compare the seconds `window` of a recorded episode. Nothing of it is simulated yet.
     pub fn new(traffic: &'a Traffic, truth: &'a Truth, window: Range<usize>) -> Result<Fidelity<'a>> {
-        let again: Box<dyn Again> = match &traffic.network.files {
-            Files::Scenario(files) => {
-                let parts = files.local_parts()?;
-                Box::new(OnScenario { traffic, truth, parts, tables: truth.tables(traffic) })
-            }
-            Files::Grid(_) => Box::new(OnGrid { traffic, truth }),
+        let visits = || VisitTables::new(truth.visits.clone().unwrap_or_default(), &traffic.plan.borders);
+        let scenario = match &traffic.network.files {
+            Files::Scenario(files) => Some((files.local_parts()?, visits())),
+            Files::Grid(_) => None,
         };
-        Ok(Fidelity { traffic, truth, window, again, is_random: traffic.network.is_random })
+        Ok(Fidelity { traffic, truth, window, scenario })
     }
 
     /// Measures a light. SUMO must not be loaded elsewhere in this process.
@@ -89,10 +81,13 @@ impl<'a> Fidelity<'a> {
         let plan = &self.traffic.plan.agents[agent.0];
         let of_gs = self.truth.seen(plan, &self.window)?;
         let seed = self.truth.seed.for_agent(agent);
-        let play = |entering, copy| self.again.play(agent, entering, seed.for_copy(copy), &self.window);
+        let play = |entering, copy| match &self.scenario {
+            Some((parts, tables)) => self.play_on_scenario((parts, tables), agent, entering, seed.for_copy(copy)),
+            None => self.play_on_grid(agent, entering),
+        };
         let true_entries = play(Entering::Truly, 0)?;
         let sampled_entries = play(Entering::ByRule, 0)?;
-        let other_seed = match self.is_random {
+        let other_seed = match self.traffic.network.is_random {
             true => Some(Comparison::of(&true_entries, &play(Entering::Truly, 1)?)),
             false => None,
         };
@@ -105,4 +100,35 @@ impl<'a> Fidelity<'a> {
             other_seed,
         })
     }
+
+    /// Plays the whole recording at a light of a grid. Nothing in it is random.
+    fn play_on_grid(&self, agent: AgentId, entering: Entering) -> Result<Seen> {
+        let plan = &self.traffic.plan.agents[agent.0];
+        let mut ls = self.traffic.local(1)?;
+        ls.reset(&Beginning::first([0]))?;
+        let mut seen = Seen::new(plan, self.window.clone());
+        let mut before = CarTable::of(vec![Vec::new(); EDGES]);
+        let recorded = self.truth.actions.iter().zip(&self.truth.sources).zip(self.truth.on_approaches(plan)?);
+        for ((actions, sources), now) in recorded {
+            let actions = &actions[agent.0..=agent.0];
+            match entering {
+                Entering::ByRule => ls.step(actions, &Rows::from_vec(sources.row(agent.0).to_vec(), EDGES))?,
+                Entering::Truly => ls.step_with(actions, &[placements(&now, &before)])?,
+            };
+            seen.note(plan, ls.cars_on(0), &[], 0); // Trips end behind the intersection.
+            before = now;
+        }
+        let counted = ls.counters();
+        [seen.sums.came, seen.sums.dropped] = [counted[0].1, counted[1].1];
+        Ok(seen)
+    }
+}
+
+/// Returns where and how fast a car came to each edge between two reads.
+fn placements(now: &CarTable, before: &CarTable) -> [Option<Placement>; EDGES] {
+    std::array::from_fn(|edge| {
+        let [now, before] = [now, before].map(|cars| cars.lane(edge));
+        let car = now.iter().next().filter(|_| has_arrival(now, before));
+        car.map(|car| Placement { position_m: car.position_m, speed: DepartSpeed::Fixed(car.speed_mps) })
+    })
 }

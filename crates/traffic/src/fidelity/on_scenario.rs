@@ -1,12 +1,7 @@
-//! The local simulator (LS) of a scenario's light plays the recorded episode again.
+//! The LS of a scenario's light plays the recorded episode again.
 
-use std::ops::Range;
-use std::sync::Arc;
-
-use super::seen::Seen;
-use super::truth::Truth;
-use super::{Again, Entering};
-use crate::Traffic;
+use super::agreement::Seen;
+use super::{Entering, Fidelity};
 use crate::sim::arriving::ArrivingCar;
 use crate::sim::entries::Entries;
 use crate::sim::local_forest::{LocalForest, LocalParts, rows_of};
@@ -16,25 +11,24 @@ use dials_core::base::{AgentId, RandomPurpose, Rows, Seed};
 use dials_core::domain::Result;
 use libsumo::{DepartSpeed, Entering as EnteringCar, Error, Insertion, Placing};
 
-/// A recorded episode of a scenario.
-pub(crate) struct OnScenario<'a> {
-    pub(crate) traffic: &'a Traffic,
-    pub(crate) truth: &'a Truth,
-    pub(crate) parts: Arc<LocalParts>,
-    pub(crate) tables: Arc<VisitTables>,
-}
-
-impl Again for OnScenario<'_> {
-    fn play(&self, agent: AgentId, entering: Entering, seed: Seed, window: &Range<usize>) -> Result<Seen> {
+impl Fidelity<'_> {
+    /// Plays the whole recording at a light. `seed`: of SUMO's random numbers.
+    pub(super) fn play_on_scenario(
+        &self,
+        (parts, tables): (&LocalParts, &VisitTables),
+        agent: AgentId,
+        entering: Entering,
+        seed: Seed,
+    ) -> Result<Seen> {
         let (joint, plan) = (&self.traffic.plan, &self.traffic.plan.agents[agent.0]);
         let border = &joint.borders[agent.0].plan;
-        let mut forest = LocalForest::of_scenario(&self.parts, joint, &self.tables, &rows_of(&[agent], 1, seed))?;
+        let mut forest = LocalForest::of_scenario(parts, joint, tables, &rows_of(&[agent], 1, seed))?;
         let seeds = forest.draw_seeds(0, &mut seed.fork(RandomPurpose::Lanes).dice());
         forest.seed_lanes(0, &seeds)?;
         forest.lights.reset(&mut forest.simulation, &[0])?;
         let mut entries = Entries::new(joint.clone(), &forest);
-        let mut seen = Seen::new(plan, window.clone());
-        let recorded = self.tables.visits();
+        let mut seen = Seen::new(plan, self.window.clone());
+        let recorded = tables.visits();
         let mut visits = recorded.of_agents[agent.0].iter().peekable();
         let mut lost = 0;
         for (decision, (actions, sources)) in self.truth.actions.iter().zip(&self.truth.sources).enumerate() {

@@ -1,18 +1,16 @@
-//! The episode on the global simulator (GS) that local ones play again.
+//! The episode on the GS that local simulators play again.
 
 use std::ops::Range;
-use std::sync::Arc;
 
 use anyhow::{Context, ensure};
 use rand::seq::IndexedRandom;
 
-use super::seen::Seen;
+use super::agreement::Seen;
 use crate::Traffic;
 use crate::agents::plan::AgentPlan;
 use crate::cars_at::CarsAt;
 use crate::sim::control::SignalControl;
 use crate::sim::recording::{Recording, Tape};
-use crate::sim::visit_tables::VisitTables;
 use crate::sim::visits::Visits;
 use dials_core::base::{Ragged, RandomPurpose, Seed};
 use dials_core::domain::{Action, GlobalSimulator, Result};
@@ -58,11 +56,6 @@ impl Truth {
         let visits = gs.visits().cloned();
         let recording = tape.take().context("an episode was recorded")?;
         Ok(Truth { seed, actions: joint_actions, sources, recording, visits })
-    }
-
-    /// Returns the recorded visits as tables.
-    pub(super) fn tables(&self, traffic: &Traffic) -> Arc<VisitTables> {
-        Arc::new(VisitTables::new(self.visits.clone().unwrap_or_default(), &traffic.plan.borders))
     }
 
     /// Returns the cars on some lanes after each second, as tables of these lanes.

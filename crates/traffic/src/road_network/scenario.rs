@@ -1,24 +1,22 @@
 //! A scenario of the user, with an agent for each light that can learn.
 
-use std::collections::{BTreeSet, HashSet};
+use std::collections::HashSet;
 use std::sync::{Arc, OnceLock};
 
 use anyhow::{Context, anyhow};
 
 use super::{Files, RoadNetwork};
 use crate::agents::derive::border::Seconds;
-use crate::agents::derive::greens::Greens;
 use crate::agents::derive::keeping::sentences;
 use crate::agents::derive::overrides::Overrides;
 use crate::agents::derive::padding::{InfluencePadding, Padding};
 use crate::agents::derive::{Agent, Derived, Rules, derive};
 use crate::agents::plan::{AgentPlan, Border, JointPlan};
 use crate::config::{Reward, ScenarioConfig};
-use crate::controllers::actuated::{self, Light, ProgramPhase};
+use crate::controllers::actuated;
 use crate::cut::names::free_name;
 use crate::cut::of_scenario::{cut_all, types_of};
 use crate::network::loadable::Loadable;
-use crate::network::roads::program::Program;
 use crate::scenario::SumoScenario;
 use crate::sim::local_forest::{LocalParts, driving_options};
 use dials_core::domain::{DomainTable, Kinds, RegionSpec, Result, RoughCosts, SourceSpec};
@@ -124,27 +122,6 @@ fn rules(config: &ScenarioConfig) -> Rules {
     Rules { approach_m, yellow: yellow_s, min_green_s, cars: observation }
 }
 
-/// Returns the program of a light, for the actuated one that is made of it. `cars`: letters that cars obey.
-fn actuated_light<'a>(program: &'a Program, cars: &BTreeSet<usize>) -> Light<'a> {
-    let greens = Greens::of(program, cars);
-    let made = program.phases.iter().enumerate().map(|(number, phase)| ProgramPhase {
-        state: phase.state.as_str(),
-        is_green: greens.is_green(number),
-        duration_s: phase.duration_s,
-        least_s: phase.limits_s[0],
-        most_s: phase.limits_s[1],
-        next: &phase.next,
-    });
-    let phases = made.collect();
-    let is_actuated = program.kind == "actuated";
-    Light {
-        id: &program.light,
-        offset_s: if is_actuated { program.offset_s } else { 0.0 },
-        parameters: if is_actuated { &program.parameters } else { &[] },
-        phases,
-    }
-}
-
 impl ScenarioFiles {
     /// Returns the name of the scenario, as its user knows it.
     pub(super) fn name(&self) -> &str {
@@ -154,7 +131,7 @@ impl ScenarioFiles {
     /// Puts everything that the GS loads into memory.
     pub(super) fn source(&self) -> Result<Loadable> {
         let agents = self.derived.agents.iter();
-        let lights = agents.map(|Agent { plan, program, .. }| actuated_light(program, plan.phases.cars()));
+        let lights = agents.map(|Agent { plan, program, .. }| (program, plan.phases.cars()));
         let roots = [self.files.net()].into_iter().chain(self.files.additional());
         let taken: HashSet<&str> =
             roots.flat_map(|root| root.all("tlLogic")).filter_map(|light| light.attribute("programID")).collect();
@@ -174,49 +151,5 @@ impl ScenarioFiles {
             name: self.files.path().display().to_string(),
         });
         Ok(self.local.get_or_init(|| parts).clone())
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use crate::network::roads::example::roads;
-
-    #[test]
-    fn all_red_with_a_link_that_is_always_green_keeps_its_time_in_the_actuated_program() {
-        let roads = roads(&[
-            ("state=\"yyrr\"", "state=\"Gyrr\""),
-            ("state=\"rrrr\"", "state=\"Grrr\""),
-            ("state=\"rrGG\"", "state=\"GrGg\""),
-            ("state=\"rryy\"", "state=\"Gryy\""),
-        ]);
-        let made = actuated_light(&roads.programs[0], &roads.letters_of_vehicles("J")).phases;
-        let found: Vec<(&str, bool)> = made.iter().map(|phase| (phase.state, phase.is_green)).collect();
-        let expected = [("GGrr", true), ("Gyrr", false), ("Grrr", false), ("GrGg", true), ("Gryy", false)];
-        assert_eq!(found, expected);
-    }
-
-    #[test]
-    fn only_a_program_that_is_actuated_keeps_its_parameters_and_its_offset() {
-        let made = |kind: &str| {
-            let head = format!("type=\"{kind}\" programID=\"0\" offset=\"7\"><param key=\"max-gap\" value=\"0.5\"/>");
-            let roads = roads(&[("type=\"static\" programID=\"0\" offset=\"0\">", &head)]);
-            let light = actuated_light(&roads.programs[0], &BTreeSet::from([0, 1, 2, 3]));
-            (light.offset_s, light.parameters.to_vec())
-        };
-        assert_eq!(made("static"), (0.0, Vec::new()));
-        assert_eq!(made("actuated"), (7.0, vec![("max-gap".to_owned(), "0.5".to_owned())]));
-    }
-
-    #[test]
-    fn greens_keep_the_limits_that_their_program_gives_whether_one_or_two() {
-        let limits = |given: &str| {
-            let roads = roads(&[("state=\"rrGG\"", &format!("state=\"rrGG\" {given}"))]);
-            let made = actuated_light(&roads.programs[0], &roads.letters_of_vehicles("J")).phases;
-            made.iter().find(|phase| phase.state == "rrGG").map(|phase| [phase.least_s, phase.most_s]).unwrap()
-        };
-        assert_eq!(limits(""), [None, None]);
-        assert_eq!(limits("minDur=\"8\""), [Some(8.0), None]);
-        assert_eq!(limits("minDur=\"0:00:08\" maxDur=\"8\""), [Some(8.0), Some(8.0)]);
     }
 }

@@ -11,9 +11,9 @@ use std::ops::Range;
 
 use anyhow::Result;
 
-use super::{Judge, Ranked};
+use super::Judge;
 use crate::agents::phase_plan::PhasePlan;
-use crate::controllers::timing::{ClockPlan, Leeway, Timing};
+use crate::controllers::clock::{ClockPlan, Leeway, Timing};
 use dials_core::base::statistics::mean;
 
 /// Version of the search. Bump when the space of the search or the choice of the best changes; timings of another
@@ -68,13 +68,10 @@ impl Candidate {
     }
 
     fn plan(&self, grid: Shape<'_>) -> ClockPlan {
-        ClockPlan { timings: self.timings(grid), leeway: self.leeway.unwrap_or(Leeway::NONE) }
-    }
-
-    fn timings(&self, grid: Shape<'_>) -> Vec<Timing> {
         let offset = |row: u32, col: u32| (row + col) % self.cycle(grid);
         let offsets = self.rows.iter().flat_map(|&row| self.cols.iter().map(move |&col| offset(row, col)));
-        offsets.map(|offset| Timing::new(grid.phases, &[self.vertical, self.horizontal], offset)).collect()
+        let timing = |offset| Timing::new(grid.phases, &[self.vertical, self.horizontal], offset);
+        ClockPlan { timings: offsets.map(timing).collect(), leeway: self.leeway.unwrap_or(Leeway::NONE) }
     }
 
     /// Returns the candidates that one change makes of this one. When the cycle changes, offsets keep their share of
@@ -124,132 +121,87 @@ fn quarters(count: usize) -> Range<usize> {
     if count > 1 { 0..4 } else { 0..1 }
 }
 
-/// A search on a grid.
-pub(crate) struct Search<'a> {
-    pub(crate) grid: Shape<'a>,
-    /// Leeway to begin with; `None`: the lights have none.
-    pub(crate) leeway: Option<Leeway>,
-    pub(crate) judge: Judge<'a>,
+/// Returns the best plan found and its mean over the episodes. `leeway`: to begin with; `None`: the lights have none.
+pub(crate) fn search(grid: Shape<'_>, leeway: Option<Leeway>, mut judge: Judge<'_>) -> Result<(ClockPlan, f64)> {
+    let waves = waves(grid, leeway);
+    let (all, some) = (judge.episodes, judge.some());
+    let walk_at_most = ROUNDS * waves[0].neighbours(grid).len() * all;
+    judge.at_most = waves.len() * some + FINALISTS * (all - some) + walk_at_most;
+    let ranked = judge.rank(waves, |candidate| candidate.plan(grid), FINALISTS)?;
+    let (mut best, mut earned) = judge.champion(ranked);
+    for _ in 0..ROUNDS {
+        let before = best.clone();
+        // Changes are counted by number, so that each is tried on top of those that were kept.
+        for number in 0..best.neighbours(grid).len() {
+            let Some(challenger) = best.neighbours(grid).into_iter().nth(number) else { break };
+            if let Some(better) = judge.challenge(&challenger.plan(grid), &earned)? {
+                (best, earned) = (challenger, better);
+            }
+        }
+        if best == before {
+            break;
+        }
+    }
+    Ok((best.plan(grid), mean(&earned)))
 }
 
-impl Search<'_> {
-    /// Returns the best plan found and its mean over the episodes.
-    pub(crate) fn run(mut self) -> Result<(ClockPlan, f64)> {
-        let grid = self.grid;
-        let waves = self.waves();
-        let (all, some) = (self.judge.episodes, self.judge.some());
-        let walk_at_most = ROUNDS * waves[0].neighbours(grid).len() * all;
-        let at_most = waves.len() * some + FINALISTS * (all - some) + walk_at_most;
-        let mut standing = Ranked { played: 0, at_most, best: f64::NEG_INFINITY };
-
-        let mut ranked = self.judge.rank(waves, |candidate| candidate.plan(grid), FINALISTS, &mut standing)?;
-        let (mut best, mut earned) = ranked.swap_remove(0);
-        standing.best = mean(&earned);
-
-        for _ in 0..ROUNDS {
-            let before = best.clone();
-            let count = best.neighbours(grid).len();
-            // Changes are counted by number, so that each is tried on top of those that were kept.
-            for number in 0..count {
-                let Some(challenger) = best.neighbours(grid).into_iter().nth(number) else { break };
-                if let Some(better) = self.judge.challenge(&challenger.plan(grid), &earned, &mut standing)? {
-                    (best, earned) = (challenger, better);
-                    standing.best = mean(&earned);
-                }
-            }
-            if best == before {
-                break;
+fn waves(grid: Shape<'_>, leeway: Option<Leeway>) -> Vec<Candidate> {
+    let mut waves = Vec::new();
+    for green in GREENS {
+        for by_row in quarters(grid.rows) {
+            for by_col in quarters(grid.cols) {
+                waves.push(Candidate::wave(grid, green, by_row, by_col, leeway));
             }
         }
-        Ok((best.plan(grid), mean(&earned)))
     }
-
-    fn waves(&self) -> Vec<Candidate> {
-        let mut waves = Vec::new();
-        for green in GREENS {
-            for by_row in quarters(self.grid.rows) {
-                for by_col in quarters(self.grid.cols) {
-                    waves.push(Candidate::wave(self.grid, green, by_row, by_col, self.leeway));
-                }
-            }
-        }
-        waves
-    }
+    waves
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
     use crate::controllers::examples::middle;
+    use crate::controllers::search::find;
 
     fn timing(vertical: u32, horizontal: u32, offset: u32) -> Timing {
         Timing::new(&middle().phases, &[vertical, horizontal], offset)
     }
 
-    /// Searches for timings that are hidden in the score.
-    fn find(rows: usize, cols: usize, wanted: &[Timing]) -> Vec<Timing> {
-        let wanted = ClockPlan { timings: wanted.to_vec(), leeway: Leeway::NONE };
-        let found = find_plan(rows, cols, None, &wanted);
-        assert_eq!(found.leeway, Leeway::NONE);
-        found.timings
-    }
-
-    /// Searches for a plan that is hidden in the score.
-    fn find_plan(rows: usize, cols: usize, leeway: Option<Leeway>, wanted: &ClockPlan) -> ClockPlan {
+    #[test]
+    fn a_plan_that_is_hidden_in_the_score_is_found() {
         let distance = |one: u32, other: u32, cycle: u32| {
             let ahead = (one + cycle - other % cycle) % cycle;
             f64::from(ahead.min(cycle - ahead))
         };
-        let mut standings = Vec::new();
-        let mut score = |plan: &ClockPlan, episode: usize| {
-            let leeway =
-                plan.leeway.early.abs_diff(wanted.leeway.early) + plan.leeway.late.abs_diff(wanted.leeway.late);
-            let error = plan.timings.iter().zip(&wanted.timings).map(|(timing, wanted)| {
-                f64::from(timing.greens()[0].abs_diff(wanted.greens()[0]))
-                    + f64::from(timing.greens()[1].abs_diff(wanted.greens()[1]))
-                    + 0.1 * distance(timing.offset(), wanted.offset(), timing.cycle())
-            });
-            // Episodes differ by far more than timings do.
-            Ok(1000.0 * (episode as f64).sin() - error.sum::<f64>() - f64::from(leeway))
-        };
         let plan = middle();
-        let grid = Shape { rows, cols, phases: &plan.phases };
-        let report = &mut |standing| standings.push(standing);
-        let search = Search { grid, leeway, judge: Judge { episodes: 7, score: &mut score, report } };
-        let (found, _) = search.run().unwrap();
-        assert!(standings.windows(2).all(|pair| pair[1].played == pair[0].played + 1));
-        assert!(standings.iter().all(|standing| standing.played <= standing.at_most));
-        found
-    }
-
-    #[test]
-    fn a_checkerboard_of_unequal_greens_is_found() {
-        let timing = |offset| timing(11, 9, offset);
-        let wanted = [timing(0), timing(13), timing(13), timing(0)];
-        let found = find(2, 2, &wanted);
-        assert_eq!(found, wanted);
-    }
-
-    #[test]
-    fn a_wave_along_a_single_row_is_found() {
-        // A quarter of the cycle of 22 (5, after rounding down) is nearest to 7 steps; the walk does the rest.
-        let wanted = [0, 7, 14].map(|offset| timing(8, 8, offset));
-        let found = find(1, 3, &wanted);
-        assert_eq!(found, wanted);
-    }
-
-    #[test]
-    fn the_leeway_is_searched_for_if_there_is_one() {
-        let timing = |offset| timing(10, 10, offset);
-        let wanted = ClockPlan { timings: vec![timing(0), timing(13)], leeway: Leeway { early: 1, late: 3 } };
-        assert_eq!(find_plan(1, 2, Some(Leeway::default()), &wanted), wanted);
+        let leeway = |early, late| Leeway { early, late };
+        for (what, [rows, cols], wanted, begins, ends) in [
+            ("a checkerboard", [2, 2], [0, 13, 13, 0].map(|by| timing(11, 9, by)).to_vec(), None, Leeway::NONE),
+            // A quarter of the cycle of 22 (5, after rounding down) is nearest to 7 steps; the walk does the rest.
+            ("a wave", [1, 3], [0, 7, 14].map(|by| timing(8, 8, by)).to_vec(), None, Leeway::NONE),
+            ("leeway", [1, 2], [0, 13].map(|by| timing(10, 10, by)).to_vec(), Some(leeway(3, 2)), leeway(1, 3)),
+        ] {
+            let mut score = |plan: &ClockPlan| {
+                let leeway = plan.leeway.early.abs_diff(ends.early) + plan.leeway.late.abs_diff(ends.late);
+                let error = plan.timings.iter().zip(&wanted).map(|(timing, wanted)| {
+                    let greens = timing.greens().iter().zip(wanted.greens());
+                    greens.map(|(one, other)| f64::from(one.abs_diff(*other))).sum::<f64>()
+                        + 0.1 * distance(timing.offset(), wanted.offset(), timing.cycle())
+                });
+                -error.sum::<f64>() - f64::from(leeway)
+            };
+            let grid = Shape { rows, cols, phases: &plan.phases };
+            let (found, _) = find(7, &mut score, |judge| search(grid, begins, judge));
+            assert_eq!(found, ClockPlan { timings: wanted, leeway: ends }, "{what}");
+        }
     }
 
     #[test]
     fn offsets_are_sums_of_one_per_row_and_one_per_column() {
         let plan = middle();
         let grid = Shape { rows: 2, cols: 3, phases: &plan.phases };
-        let offsets = |candidate: &Candidate| candidate.timings(grid).iter().map(Timing::offset).collect::<Vec<_>>();
+        let offsets =
+            |candidate: &Candidate| -> Vec<u32> { candidate.plan(grid).timings.iter().map(Timing::offset).collect() };
         // A cycle of 26: half of it is 13.
         assert_eq!(offsets(&Candidate::wave(grid, 10, 2, 2, None)), [0, 13, 0, 13, 0, 13]);
         let candidate =

@@ -1,0 +1,238 @@
+//! `describe`: what a config is about, before anything is simulated.
+
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+use serde_json::{Value, json};
+
+use super::train::{cores, settings_with};
+use crate::cli;
+use crate::program::command_for_feature;
+use crate::run::listing::Listing;
+use dials_core::base::{AgentId, counted};
+use dials_core::domain::{Domain, RegionSpec, Task};
+use dials_core::outside::{FileName, path_as_text, quoted};
+use dials_learn::algorithms;
+use dials_learn::config::Simulator;
+use dials_report::words::duration;
+use dials_session::config::{RunConfig, load};
+use dials_session::cost::Workload;
+use dials_session::error::{Error, Result};
+use dials_session::experiment::estimate::{Estimate, estimate};
+use dials_session::experiment::file::PlannedRun;
+use dials_session::records::find::find;
+use dials_session::records::run_record::RunRecord;
+use dials_session::terminal::{answer, json as in_json, program};
+use dials_session::{build, domains};
+
+/// Folder whose runs show how long a run takes here: where `train` writes.
+const RUNS: &str = "runs";
+
+/// Everything that is shown of a config.
+struct Described {
+    path: PathBuf,
+    config: RunConfig,
+    domain: Arc<dyn Domain>,
+    tasks: Vec<AgentTask>,
+    work: Workload,
+    workers: usize,
+    estimate: Estimate,
+}
+
+/// An agent with its name and its task.
+struct AgentTask {
+    agent: AgentId,
+    name: String,
+    task: Task,
+}
+
+pub(super) fn describe(args: &cli::DescribeArgs) -> Result<()> {
+    let described = Described::of(args).map_err(Error::Usage)?;
+    let found = match args.json {
+        true => in_json(as_json(&described)),
+        false => as_text(&described),
+    };
+    answer(found).map_err(Error::Run)
+}
+
+impl Described {
+    fn of(args: &cli::DescribeArgs) -> anyhow::Result<Described> {
+        let config = load(&args.config, &settings_with(&args.settings, args.simulator.as_deref()))?;
+        let domain = domains::find(&config)?;
+        let tasks = AgentId::all(domain.agents()).into_iter().map(|agent| AgentTask {
+            agent,
+            name: domain.agent_name(agent),
+            task: domain.task(agent),
+        });
+        let tasks = tasks.collect();
+        let run = PlannedRun {
+            name: FileName::new("run")?,
+            config_path: args.config.clone(),
+            settings: Vec::new(),
+            config: config.clone(),
+            scenario: domain.scenario()?,
+            rough_costs: domain.rough_costs(),
+        };
+        let workers = args.workers.unwrap_or_else(cores);
+        let estimate = estimate(&run, workers, &runs_of_this_cpu(Path::new(RUNS)));
+        let work = Workload::of(&config, domain.agents(), config.learning.last_step());
+        Ok(Described { path: args.config.clone(), config, domain, tasks, work, workers, estimate })
+    }
+}
+
+/// Returns the runs in a folder that a CPU of this name has computed.
+fn runs_of_this_cpu(folder: &Path) -> Vec<RunRecord> {
+    // A folder without runs is no reason to fail: they only make the estimate better.
+    let Ok(found) = find(&[folder.to_owned()]) else { return Vec::new() };
+    let here = build::cpu();
+    found.runs.into_iter().filter(|run| run.about.versions.cpu == here).collect()
+}
+
+/// Returns the whole object.
+fn as_json(described: &Described) -> Value {
+    let Described { path, config, domain, tasks, work, workers, estimate } = described;
+    let agents = tasks.iter().map(|agent| json!({ "agent": agent.agent.0, "name": agent.name, "task": agent.task }));
+    let kinds = domain.kinds().specs().map(|spec| {
+        json!({
+            "observation_columns": spec.obs_dim,
+            "actions": spec.n_actions,
+            "sources": spec.sources.count(),
+            "d_set_columns": spec.d_set_dim,
+        })
+    });
+    json!({
+        "config": path_as_text(path),
+        "simulator": config.learning.short_form().name,
+        "episode_steps": domain.kinds().horizon(),
+        "not_simulated": domain.left_out(),
+        "kinds": kinds.collect::<Vec<_>>(),
+        "agents": agents.collect::<Vec<_>>(),
+        "run": {
+            "steps_per_agent": work.steps,
+            "evaluations": work.evaluations + 1,
+            "evaluation_episodes": work.evaluation_episodes,
+            "final_episodes": work.final_episodes,
+            "aip_trainings": work.retrainings,
+            "dataset_episodes": work.dataset_episodes,
+            "aip_epochs": work.epochs,
+        },
+        "cost": {
+            "workers": workers,
+            "seconds": estimate.seconds,
+            "memory_mib": estimate.memory_mb,
+            "measured_runs": estimate.measured_runs,
+        },
+    })
+}
+
+/// Largest number of agents whose names are listed.
+const MOST_NAMES: usize = 12;
+
+/// Returns the whole text.
+fn as_text(described: &Described) -> String {
+    let mut text = Listing::default();
+    agents(&mut text, described);
+    task(&mut text, described);
+    run(&mut text, described);
+    cost(&mut text, described);
+    text.finish()
+}
+
+fn agents(text: &mut Listing, Described { path, config, domain, tasks, .. }: &Described) {
+    let horizon = domain.kinds().horizon();
+    let count = counted(tasks.len(), "agent");
+    text.paragraph(format_args!("{}: {count}, episodes of {horizon} steps", path.display()));
+    let form = config.learning.short_form();
+    text.paragraph(format_args!("simulator: {}: policies train on {}", form.name, form.help));
+    let mut names: Vec<String> = tasks.iter().map(|agent| agent.name.clone()).take(MOST_NAMES).collect();
+    if tasks.len() > MOST_NAMES {
+        names.push(format!("and {} more", tasks.len() - MOST_NAMES));
+    }
+    text.paragraph(format_args!("agents: {}", names.join(", ")));
+    for what in domain.left_out() {
+        text.paragraph(format_args!("note: {what}"));
+    }
+}
+
+/// Writes what agents see, do and are paid for. If they differ, the first one stands for all.
+fn task(text: &mut Listing, Described { domain, tasks, config, .. }: &Described) {
+    let [AgentTask { agent, name, task }, others @ ..] = &tasks[..] else { return };
+    let differing = others.iter().filter(|other| shape(other) != shape(&tasks[0])).count();
+    let RegionSpec { obs_dim, n_actions, d_set_dim, sources, .. } = &domain.kinds().of(*agent).spec;
+    text.line("");
+    text.paragraph(format_args!("reward of a step: {}", task.reward));
+    if differing > 0 {
+        let sources = sources.count();
+        text.paragraph(format_args!(
+            "agents differ in what they see and do: below is {name}; --json has all. Their networks are of one kind, as \
+             wide as the widest needs: {obs_dim} columns, {n_actions} actions, {sources} sources, {d_set_dim} columns of \
+             the d-set"
+        ));
+    }
+    let mut list = |what: &str, names: &[String]| {
+        text.line(format_args!("{}:", counted(names.len(), what)));
+        text.columns(names);
+    };
+    list("observation column", &task.observation);
+    list("action", &task.actions);
+    if config.learning.simulator != Simulator::Global {
+        list("influence source", &task.sources);
+        list("d-set column", &task.d_set);
+    }
+}
+
+/// Returns the widths of an agent's task.
+fn shape(AgentTask { task, .. }: &AgentTask) -> [usize; 4] {
+    [task.observation.len(), task.actions.len(), task.sources.len(), task.d_set.len()]
+}
+
+fn run(text: &mut Listing, Described { config, work, .. }: &Described) {
+    let steps = work.steps;
+    let updates = steps.div_ceil(algorithms::of(&config.learning).steps_per_update() as u64);
+    text.line("\na run of `train`:");
+    text.line(format_args!("  {steps} steps per agent, {updates} updates of the policies"));
+    if let Some(controller) = &config.learning.policy.imitate {
+        let imitation = &config.learning.imitation;
+        let played = counted(imitation.episodes(work.horizon), "episode");
+        let (epochs, until) = (counted(imitation.epochs, "epoch"), imitation.critic_steps);
+        text.paragraph(format_args!(
+            "  first the policies imitate `{controller}` on {played} of the global simulator, {epochs}; until step {until} \
+             only the critic learns"
+        ));
+    }
+    if config.learning.shares_policies() {
+        text.line("  all agents of a kind have one policy");
+    }
+    if let Some(every) = config.learning.policy.average_every_steps {
+        text.line(format_args!("  all agents of a kind get the mean of their policies every {every} steps"));
+    }
+    let evaluations = counted(work.evaluations, "evaluation");
+    let [each, last] = [work.evaluation_episodes, work.final_episodes].map(|episodes| counted(episodes, "episode"));
+    text.line(format_args!("  {evaluations} of {each} on the way, one of {last} at the end"));
+    if work.retrainings > 0 {
+        let (trainings, epochs) = (counted(work.retrainings, "training"), counted(work.epochs, "epoch"));
+        let episodes = counted(work.dataset_episodes, "episode");
+        text.paragraph(format_args!(
+            "  {trainings} of the predictors, each on {episodes} of the global simulator, {epochs}"
+        ));
+    }
+    text.line("  the policies are left in policies.safetensors");
+    match cfg!(feature = "torch") {
+        true => text.line("  `export` makes a TorchScript module of it"),
+        false => {
+            let build = command_for_feature("torch");
+            text.line(format_args!("  a TorchScript module of it needs a build with libtorch:\n    {build}"));
+        }
+    }
+}
+
+fn cost(text: &mut Listing, Described { path, workers, estimate, .. }: &Described) {
+    let (time, workers) = (duration(estimate.seconds), counted(*workers, "worker"));
+    text.line(format_args!("\nabout {time} and {:.0} MiB with {workers}", estimate.memory_mb));
+    let source = match estimate.measured_runs {
+        0 => "rough: from runs on two cores of another machine".to_owned(),
+        runs => format!("from {} of this machine in runs/", counted(runs, "run")),
+    };
+    text.paragraph(format_args!("{source}; to measure it here:"));
+    text.line(format_args!("  {} bench {}", program(), quoted(path)));
+}

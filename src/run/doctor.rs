@@ -1,0 +1,245 @@
+//! `doctor`: what is installed here, what is missing, and the command that cures it.
+
+use std::fmt;
+use std::fs;
+use std::path::Path;
+use std::process::Command;
+use std::time::Duration;
+
+use anyhow::{Context, anyhow, ensure};
+
+use super::info::{loaded_library, place};
+use super::train::cores;
+use crate::program::{PROGRAM, command_for_feature};
+use dials_core::base::counted;
+use dials_core::outside::temporary_dir;
+use dials_session::build;
+use dials_session::error::{Error, Result};
+use dials_session::fleet::children::FILES_PER_WORKER;
+use dials_session::machine::{allow_open_files, free_disk_mib, free_memory_mib};
+use dials_session::parent::END_WITH;
+use dials_session::terminal::{answer, on_the_path};
+use dials_session::trial::{End, watch};
+use dials_traffic::paper_grid::grid::Grid;
+use dials_traffic::paper_grid::make::{write_grid, write_local};
+use stacknets::VectorWidth;
+
+/// Version of SUMO that was tried.
+const TRIED_SUMO: &str = "SUMO 1.15.";
+/// Memory that a worker and this program need at least, in MiB.
+const MEMORY_MIB: u64 = 300;
+/// Room on a disk below which even a short run may not fit, in MiB.
+const DISK_MIB: u64 = 50;
+/// Room on a disk below which long runs may not fit, in MiB.
+const ROOMY_DISK_MIB: u64 = 1024;
+
+/// Programs that some commands start: name, Debian's package, and what needs it.
+const PROGRAMS: [(&str, &str, &str); 7] = [
+    ("netconvert", "sumo", "`nets grid` and the test of training on SUMO below"),
+    ("sumo", "sumo", "playing the folders of `replay`"),
+    ("sumo-gui", "sumo", "`replay --gui` and films"),
+    ("Xvfb", "xvfb", "films"),
+    ("setpriv", "util-linux", "films"),
+    ("ffmpeg", "ffmpeg", "films as .mp4"),
+    ("mpirun", "openmpi-bin", "training over several machines"),
+];
+
+/// Longest time of a short training. It takes about a second.
+const PATIENCE: Duration = Duration::from_secs(120);
+
+/// Settings that make a training short, besides the table of its domain.
+const SHORT: &str = "\
+total_steps = 128
+
+[local_simulators]
+copies = 8
+
+[policy]
+hidden = [8]
+
+[aip]
+hidden = [8]
+dataset_steps = 80
+held_out = 0.5
+batch = 1
+epochs = 1
+
+[evaluation]
+episodes = 1
+final_episodes = 1
+";
+
+pub(super) fn doctor() -> Result<()> {
+    let mut findings = parts();
+    findings.extend(trials());
+    let lines: Vec<String> = findings.iter().map(Finding::to_string).collect();
+    answer(lines.join("\n")).map_err(Error::Run)?;
+    let count = |is: fn(&Finding) -> bool| findings.iter().filter(|finding| is(finding)).count();
+    let errors = count(|finding| matches!(finding, Finding::Error(..)));
+    if errors > 0 {
+        return Err(Error::Run(anyhow!("training cannot work here: {}; see `cure:` above", counted(errors, "error"))));
+    }
+    let missing = match count(|finding| matches!(finding, Finding::Missing(..))) {
+        0 => String::new(),
+        1 => "; one part is missing, which some commands need".to_owned(),
+        missing => format!("; {missing} parts are missing, which some commands need"),
+    };
+    answer(format_args!("\ntraining works here{missing}")).map_err(Error::Run)
+}
+
+/// What was found, and what to do about it: a command if there is one.
+enum Finding {
+    Good(String),
+    /// Some commands do not work, but training does.
+    Missing(String, String),
+    /// Training cannot work.
+    Error(String, String),
+}
+
+/// A line, and one below it with the cure.
+impl fmt::Display for Finding {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let (state, what, cure) = match self {
+            Finding::Good(what) => return write!(f, "{:9}{what}", "ok"),
+            Finding::Missing(what, cure) => ("missing", what, cure),
+            Finding::Error(what, cure) => ("error", what, cure),
+        };
+        write!(f, "{state:9}{what}\n{:9}cure: {cure}", "")
+    }
+}
+
+/// Looks at libraries, programs and limits.
+fn parts() -> Vec<Finding> {
+    let mut findings = vec![build_here(), sumo(), libtorch(), mpi()];
+    findings.extend(PROGRAMS.map(program));
+    findings.push(Finding::Good(counted(cores(), "core")));
+    findings.push(memory());
+    findings.push(disk("for runs", Path::new(".")));
+    findings.push(disk("for temporary files", &std::env::temp_dir()));
+    findings.push(open_files());
+    findings
+}
+
+fn build_here() -> Finding {
+    match build::here(PROGRAM, VectorWidth::Widest) {
+        Ok(here) => Finding::Good(format!(
+            "dials-traffic {} (commit {}), {} with {}",
+            here.dials_traffic, here.git_commit, here.cpu, here.vector_instructions
+        )),
+        Err(error) => Finding::Error(
+            format!("{error:#}"),
+            "run ./setup.sh, and build again with: cargo install --path .".to_owned(),
+        ),
+    }
+}
+
+fn sumo() -> Finding {
+    let version = dials_traffic::sumo_version();
+    // The library is there since the line above.
+    let at = place(loaded_library("libsumocpp.so"));
+    match version {
+        Ok(version) if version.starts_with(TRIED_SUMO) => Finding::Good(format!("{version} as a library, at {at}")),
+        Ok(version) => Finding::Missing(
+            format!("{version} as a library, at {at}: only {TRIED_SUMO}0 was tried, and others may give other numbers"),
+            "install SUMO 1.15 (Debian 12 has it), and build again".to_owned(),
+        ),
+        Err(error) => Finding::Error(format!("{error:#}"), "run ./setup.sh, and build again".to_owned()),
+    }
+}
+
+fn libtorch() -> Finding {
+    match cfg!(feature = "torch") {
+        true => Finding::Good(format!("libtorch {} for `export`", env!("DIALS_LIBTORCH_VERSION"))),
+        false => Finding::Missing("libtorch: needed for `export`".to_owned(), command_for_feature("torch")),
+    }
+}
+
+fn mpi() -> Finding {
+    match cfg!(feature = "mpi") {
+        true => Finding::Good("MPI is built in".to_owned()),
+        false => {
+            Finding::Missing("MPI: needed for training over several machines".to_owned(), command_for_feature("mpi"))
+        }
+    }
+}
+
+fn program((name, package, needed): (&str, &str, &str)) -> Finding {
+    match on_the_path(name) {
+        Some(path) => Finding::Good(format!("{name} at {}", path.display())),
+        None => Finding::Missing(
+            format!("{name} is not on the PATH: needed for {needed}"),
+            format!("apt-get install {package}"),
+        ),
+    }
+}
+
+fn memory() -> Finding {
+    match free_memory_mib() {
+        None => Finding::Missing("free memory: the system does not say".to_owned(), "mount /proc".to_owned()),
+        Some(free) if free < MEMORY_MIB => Finding::Error(
+            format!("{free} MiB of memory are free: a run needs {MEMORY_MIB}"),
+            "end other programs".to_owned(),
+        ),
+        Some(free) => Finding::Good(format!("{free} MiB of memory are free")),
+    }
+}
+
+fn disk(what: &str, dir: &Path) -> Finding {
+    let place = dir.display();
+    match free_disk_mib(dir) {
+        Err(error) => {
+            Finding::Error(format!("disk {what}: {error:#}"), "name another place with --out or TMPDIR".to_owned())
+        }
+        Ok(free) if free < DISK_MIB => Finding::Error(
+            format!("{free} MiB are free {what} in {place}"),
+            "free space, or go to another folder".to_owned(),
+        ),
+        Ok(free) if free < ROOMY_DISK_MIB => Finding::Missing(
+            format!("{free} MiB are free {what} in {place}: long runs may need more"),
+            "free space".to_owned(),
+        ),
+        Ok(free) => Finding::Good(format!("{free} MiB are free {what} in {place}")),
+    }
+}
+
+fn open_files() -> Finding {
+    match allow_open_files(cores(), FILES_PER_WORKER, "--workers") {
+        Ok(()) => Finding::Good("enough open files for a worker per core".to_owned()),
+        Err(error) => Finding::Error(format!("{error:#}"), "raise the limit, or train with fewer --workers".to_owned()),
+    }
+}
+
+/// Trains shortly on each domain, in a process of its own as a user would start it.
+fn trials() -> Vec<Finding> {
+    let warehouse = "[warehouse]\nagents_per_side = 2\nhorizon = 40\n";
+    let traffic = "[traffic]\nnetwork = 'grid_2x2'\nlocal_network = 'local'\nhorizon = 40\n";
+    vec![
+        judged("without SUMO", train(warehouse, |_| Ok(()))),
+        judged("on SUMO", train(traffic, |dir| write_local(dir).and(write_grid(Grid::new(2, 2)?, 0.1, dir)).map(drop))),
+    ]
+}
+
+fn judged(how: &str, trained: anyhow::Result<()>) -> Finding {
+    match trained {
+        Ok(()) => Finding::Good(format!("a short training {how}")),
+        Err(error) => Finding::Error(
+            format!("a short training {how}: {error:#}"),
+            "mend what is missing above; else run ./setup.sh, and build again with: cargo install --path .".to_owned(),
+        ),
+    }
+}
+
+/// Trains on a domain, with one worker. `prepare` writes the files that its table names into the directory.
+fn train(domain: &str, prepare: impl Fn(&Path) -> anyhow::Result<()>) -> anyhow::Result<()> {
+    let dir = temporary_dir()?;
+    prepare(dir.path())?;
+    let config = dir.path().join("config.toml");
+    fs::write(&config, format!("{SHORT}\n{domain}")).with_context(|| config.display().to_string())?;
+    let mut command = Command::new("/proc/self/exe");
+    command.args([END_WITH, &std::process::id().to_string(), "train"]).arg(&config);
+    command.args(["--workers", "1", "--out"]).arg(dir.path().join("run"));
+    let End { status, said } = watch(command, String::new(), PATIENCE)?;
+    let status = status.with_context(|| format!("did not end within {} s", PATIENCE.as_secs()))?;
+    ensure!(status.success(), "{status}: {}", said.trim());
+    Ok(())
+}
