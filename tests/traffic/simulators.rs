@@ -12,7 +12,7 @@ use dials_learn::observer::Silent;
 use dials_learn::policy::Demonstrations;
 use dials_learn::predictors::{AipStack, Dataset, InfluencePredictor, train};
 use dials_learn::steps::collect::collect_episode;
-use dials_learn::steps::demonstrate::collect_demonstrations;
+use dials_learn::steps::imitate::collect_demonstrations;
 use dials_learn::steps::imitate::imitate;
 use dials_learn::worker::block::initial_policies;
 use dials_session::config::RunConfig;

@@ -138,8 +138,9 @@ impl PolicyStack {
 
     /// Returns the policies as a TorchScript module: the bytes of a file.
     ///
-    /// `forward(obs)`, or `forward(obs, states)` for policies with a GRU, returns one table `[agents, batch, ..]` of the logits, the value and, with a GRU, the next state. `obs`:
-    /// `[agents, batch, obs_dim]`, for any batch. `name`: that of the archive in the file.
+    /// `forward(obs)`, or `forward(obs, states)` for policies with a GRU, returns one table `[agents, batch, ..]` of the
+    /// logits, the value and, with a GRU, the next state. `obs`: `[agents, batch, obs_dim]`, for any batch. `name`: that
+    /// of the archive in the file.
     pub fn script(&self, name: &str) -> Result<Vec<u8>> {
         script(&self.net, name)
     }
