@@ -16,7 +16,7 @@ pub struct AipConfig {
     #[serde(skip_serializing_if = "Option::is_none")]
     #[schemars(extend("source" = "P"))]
     pub recurrent: Option<usize>,
-    /// Widths of the hidden layers, with ReLU; `[]` for none. Warehouse: [64].
+    /// Widths of the hidden layers, with ReLU; `[]` for none. Warehouse: `[64]`.
     #[schemars(extend("source" = "P"))]
     pub hidden: Vec<usize>,
     /// When the AIPs are trained again after their first training, which is at step 0: all of them or none.

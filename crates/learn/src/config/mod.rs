@@ -100,7 +100,7 @@ pub struct PolicyConfig {
     #[serde(skip_serializing_if = "Option::is_none")]
     #[schemars(extend("source" = "P"))]
     pub recurrent: Option<usize>,
-    /// Widths of the hidden layers, with ReLU. Warehouse: [128].
+    /// Widths of the hidden layers, with ReLU. Warehouse: `[128]`.
     #[schemars(extend("source" = "P"))]
     pub hidden: Vec<usize>,
     /// Number of steps over which the gradient flows back through a GRU; must divide `ppo.rollout_steps` and

@@ -9,8 +9,8 @@ use crate::state::stream::AgentStream;
 use dials_core::base::{Phase, Rows, Stopwatch};
 use dials_core::domain::{Action, Percept, RegionSpec, Result};
 
-/// A simulator without end that policies act in: the GS or the influence-augmented local simulators
-/// (IALS). When an episode ends, the next one begins.
+/// A simulator without end that policies act in: the GS or the influence-augmented local simulators (IALS). When an
+/// episode ends, the next one begins.
 ///
 /// Rows are ordered by agent, then by copy, in one table per kind of agents. An IALS has one kind, the GS all kinds of
 /// the domain.

@@ -1,7 +1,7 @@
 //! Constant predictors: how often each influence source took each value on the GS, whatever the d-set shows.
 //!
-//! They are the predictors of marginal-DIALS. It shows what an AIP adds to knowing
-//! how busy the neighbours are. They are also the yardstick for the loss of the AIPs.
+//! They are the predictors of marginal-DIALS. It shows what an AIP adds to knowing how busy the neighbours are. They
+//! are also the yardstick for the loss of the AIPs.
 //!
 //! In a domain whose episodes have parts, they are constant within each part.
 
@@ -136,8 +136,8 @@ impl PredictorKind for Constants {
         Box::new(Marginals::new(agents.len(), spec))
     }
 
-    /// The probabilities are a table `[sources, classes]` if all sources have the same number of classes, else one source
-    /// after another. With parts there is one of these for each part.
+    /// The probabilities are a table `[sources, classes]` if all sources have the same number of classes, else one
+    /// source after another. With parts there is one of these for each part.
     fn layout(&self, spec: &RegionSpec, _config: &AipConfig) -> Layout {
         let SourceSpec { classes, parts } = &spec.sources;
         let of_part = match classes[..] {

@@ -129,7 +129,7 @@ pub struct Lesson<'a> {
 pub trait TrainablePredictor: InfluencePredictor {
     fn sources(&self) -> &SourceSpec;
 
-    /// Returns what it has learnt, one row per agent, as [`layout`] describes it.
+    /// Returns what it has learnt, one row per agent, as [`PredictorKind::layout`] describes it.
     fn values(&self) -> Rows<f32>;
 
     /// Copies what another one has learnt.

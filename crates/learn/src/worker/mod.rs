@@ -1,8 +1,8 @@
 //! A worker: a share of the agents for the whole run, with all that belongs to them.
 //!
-//! Its [`AgentBlock`]s hold policies, AIPs and optimisers. Local simulators exist
-//! only during a period, because libsumo holds one simulation per process, and between periods the worker runs the
-//! GS. A period begins where [`AgentsState`] left the one before it, down to the cars on the road.
+//! Its [`AgentBlock`]s hold policies, AIPs and optimisers. Local simulators exist only during a period, because libsumo
+//! holds one simulation per process, and between periods the worker runs the GS. A period begins where [`AgentsState`]
+//! left the one before it, down to the cars on the road.
 
 pub mod block;
 pub(crate) mod watched;

@@ -12,7 +12,7 @@ const HALF: f64 = 0.5;
 
 /// Makes an agent's AIP predict the frequencies in its dataset for any input. The weights of the last layer become
 /// zero, and its biases the logits of the frequencies. An AIP that corrects constants corrects them by nothing, and these
-/// are the logits. `aip`: what it has learnt, as [`dials_learn::predictors::layout`] describes it.
+/// are the logits. `aip`: what it has learnt, as [`dials_learn::predictors::PredictorKind::layout`] describes it.
 pub(super) fn predict_marginals(aip: &mut [f32], spec: &RegionSpec, config: &AipConfig, dataset: &Dataset) {
     let network = AipStack::shape(spec, config).layout();
     let blocks: Vec<_> = network.blocks(1).map(|(_, _, place)| place).collect();
