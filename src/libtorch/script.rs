@@ -55,10 +55,10 @@ fn in_memory(name: &str, bytes: usize, save: impl FnOnce(&Path) -> Result<(), tc
         "it may have {most} bytes, and files may have {allowed} here; raise the limit (ulimit -f)"
     );
     let mut memory = File::from(memfd_create("script", MemfdFlags::CLOEXEC).context("no memory for the module")?);
-    let room = tempfile::tempdir().context("the folder for temporary files (TMPDIR) cannot be written to")?;
-    symlink(format!("/proc/self/fd/{}", memory.as_raw_fd()), room.path().join(name))?;
+    let folder = tempfile::tempdir().context("the folder for temporary files (TMPDIR) cannot be written to")?;
+    symlink(format!("/proc/self/fd/{}", memory.as_raw_fd()), folder.path().join(name))?;
     // By its open directory: libtorch takes only paths of UTF-8.
-    let opened = File::open(room.path())?;
+    let opened = File::open(folder.path())?;
     let path = format!("/proc/self/fd/{}/{name}", opened.as_raw_fd());
     // The lines after the first one say where in C++ the error comes from.
     let first_line =

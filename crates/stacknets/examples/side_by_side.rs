@@ -15,7 +15,7 @@ const GRADIENT_STEPS: u32 = 300;
 
 /// Working memory, one per thread.
 #[derive(Default)]
-struct Room {
+struct Scratch {
     trace: Trace,
     errors: Vec<f32>,
 }
@@ -47,12 +47,12 @@ fn train(seeds: &[u64], threads: Threads) -> (Stack, Vec<f32>) {
     let mut stack = Stack::new(shape, seeds.iter().map(dice));
     let mut adam = Adam::new(stack.parameters());
     let trainers = adam.trainers(&mut stack, GRADIENT_STEPS).into_iter().zip(seeds).collect();
-    let losses = threads.map(trainers, 2, |room, (trainer, &seed)| learn(trainer, seed, room));
+    let losses = threads.map(trainers, 2, |scratch, (trainer, &seed)| learn(trainer, seed, scratch));
     (stack, losses)
 }
 
 /// Makes all gradient steps of one network. Returns the last loss.
-fn learn(mut trainer: Trainer<'_>, seed: u64, Room { trace, errors }: &mut Room) -> f32 {
+fn learn(mut trainer: Trainer<'_>, seed: u64, Scratch { trace, errors }: &mut Scratch) -> f32 {
     let mut dice = Xoshiro256PlusPlus::seed_from_u64(seed + NETWORKS);
     let (states, starts) = (vec![0.0; BATCH * trainer.network().state_width()], [false; STEPS * BATCH]);
     for _ in 0..GRADIENT_STEPS {

@@ -31,21 +31,21 @@ impl Threads {
 
     /// Does `work` for every item and returns the results in the order of the items.
     ///
-    /// Each thread keeps one `Room`, working memory for all of its items. Fewer than `worth` items stay in this thread,
+    /// Each thread keeps one `Scratch`, working memory for all of its items. Fewer than `worth` items stay in this thread,
     /// because waking another one takes time, too.
-    pub fn map<I: Send, Room: Default + Send, T: Send>(
+    pub fn map<I: Send, Scratch: Default + Send, T: Send>(
         &self,
         items: Vec<I>,
         worth: usize,
-        work: impl Fn(&mut Room, I) -> T + Sync + Send,
+        work: impl Fn(&mut Scratch, I) -> T + Sync + Send,
     ) -> Vec<T> {
         match &self.pool {
             Some(pool) if items.len() >= worth => {
-                pool.install(|| items.into_par_iter().map_init(Room::default, work).collect())
+                pool.install(|| items.into_par_iter().map_init(Scratch::default, work).collect())
             }
             _ => {
-                let mut room = Room::default();
-                items.into_iter().map(|item| work(&mut room, item)).collect()
+                let mut scratch = Scratch::default();
+                items.into_iter().map(|item| work(&mut scratch, item)).collect()
             }
         }
     }

@@ -61,7 +61,7 @@ impl Seed {
         Dice::seed_from_u64(self.0)
     }
 
-    /// Returns the seed for a generator that a room has of its own.
+    /// Returns the seed for a generator of another crate.
     pub fn bits(self) -> u64 {
         self.0
     }

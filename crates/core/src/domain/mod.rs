@@ -36,7 +36,7 @@ pub use scene::{Colour, Scene};
 pub use spec::{Action, RegionSpec, SourceSpec, Task, logits_of};
 pub use table::DomainTable;
 
-/// Result of a simulator. Its failures have many reasons (SUMO, files), and no room above distinguishes them.
+/// Result of a simulator. Its failures have many reasons (SUMO, files), and no caller distinguishes them.
 pub type Result<T> = anyhow::Result<T>;
 
 /// One sample `(l_t, u_t)` of every agent's dataset `D_i`: the d-set (the variables that influence predictors see) at a

@@ -137,7 +137,6 @@ mod tests {
         // The end tag begins at line 2, column 3 and names another element than the open one.
         assert_eq!(error_of("<net>\n  </nets>"), "x.xml: is not XML: expected 'net' tag, not 'nets' at 2:3");
         assert!(error_of("<net a=1/>").ends_with(" at 1:8") && error_of("<net/><net/>").ends_with(" at 1:7"));
-        assert_eq!(error_of("<net>\n<edge id=\"a\">"), "x.xml: is not XML: the root node was opened but never closed");
         assert_eq!(error_of(""), "x.xml: is not XML: the document does not have a root node");
     }
 
@@ -150,7 +149,7 @@ mod tests {
     }
 
     #[test]
-    fn what_another_reader_would_read_otherwise_is_refused() {
+    fn text_that_another_reader_would_decode_otherwise_is_refused() {
         for declared in [r#"version="1.0" encoding="UTF-8""#, "version='1.0'  encoding='utf-8' standalone=\"yes\""] {
             parse(&format!("\u{FEFF}<?xml {declared} ?><a/>")).expect(declared);
         }
@@ -163,27 +162,10 @@ mod tests {
             let error = error_of(&format!("<?xml {declared}?><a/>"));
             assert!(error.starts_with(&format!("x.xml: declares {word}, and this program reads")), "{error}");
         }
-        assert!(error_of("<!DOCTYPE a [<!ENTITY b SYSTEM 'c'>]><a>&b;</a>").starts_with("x.xml: has a document type"));
-        assert_eq!(
-            error_of("<a><q:edgeData xmlns:q='u' id='x'/></a>"),
-            "x.xml: has the element <q:edgeData>, whose name has a prefix; SUMO skips it"
-        );
-        assert_eq!(
-            format!("{:#}", parse_file(Path::new("x.xml"), b"<a b='\xff'/>").unwrap_err()),
-            "x.xml: is not UTF-8 text from byte 6 on; save it as UTF-8"
-        );
     }
 
     #[test]
-    fn what_has_no_end_is_refused_at_once() {
-        let deep = 500_000;
-        let nested = ["<a>".repeat(deep), "</a>".repeat(deep)].concat();
-        assert!(error_of(&nested).starts_with("x.xml: has elements inside of elements, 32 deep"));
-        let attributes: String = (0..1_000_000).map(|number| format!(" a{number} = \"\"")).collect();
-        assert_eq!(
-            error_of(&format!("<b><edge{attributes}/></b>")),
-            "x.xml: has the element <edge> with more than 256 attributes, the limit"
-        );
+    fn what_takes_too_long_is_refused_at_once() {
         let spaces: String = (0..100_000).map(|number| format!("<a xmlns:q{number}='u'>")).collect();
         assert_eq!(error_of(&spaces), "x.xml: has more than 16 namespaces, the limit");
         let many = format!("<a>{}</a>", "<b/>".repeat(MOST_NODES as usize));
