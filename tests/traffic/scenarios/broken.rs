@@ -10,108 +10,88 @@ use super::room::{BUSES, CARS, MORE, NET, Room, SUMOCFG, names, table};
 /// A file, a text in it, what takes its place, and the error.
 type Break = (&'static str, &'static str, &'static str, &'static str);
 
-/// Ways to break the .sumocfg.
-const BROKEN_CONFIGURATIONS: &[Break] = &[
-    (
-        SUMOCFG,
+/// Ways to break the .sumocfg: a text in it, what takes its place, and the error.
+const BROKEN_CONFIGURATIONS: &[[&str; 3]] = &[
+    [
         "net.net.xml",
         "no.net.xml",
         "DIR/x.sumocfg: <net-file> names DIR/no.net.xml, and there is no such file; correct the path",
-    ),
-    (
-        SUMOCFG,
+    ],
+    [
         "cars.rou.xml",
         "../no.xml",
         "DIR/x.sumocfg: <route-files> names DIR/../no.xml, and there is no such file; correct the path",
-    ),
-    (
-        SUMOCFG,
+    ],
+    [
         "more.add.xml",
         "/no/such.add.xml",
         "DIR/x.sumocfg: <additional-files> names /no/such.add.xml, and there is no such file; correct the path",
-    ),
-    (SUMOCFG, "cars.rou.xml", "/dev/zero", "/dev/zero: could not be read: it is not a regular file"),
-    (SUMOCFG, "<net-file value=\"net.net.xml\"/>", "", "DIR/x.sumocfg: names no net; add <net-file value=\"...\"/>"),
-    (
-        SUMOCFG,
-        "net.net.xml",
-        "more.add.xml",
-        "DIR/more.add.xml: is no net of SUMO: its root is <additional>, not <net>",
-    ),
-    (
-        SUMOCFG,
+    ],
+    ["cars.rou.xml", "/dev/zero", "/dev/zero: could not be read: it is not a regular file"],
+    ["<net-file value=\"net.net.xml\"/>", "", "DIR/x.sumocfg: names no net; add <net-file value=\"...\"/>"],
+    ["net.net.xml", "more.add.xml", "DIR/more.add.xml: is no net of SUMO: its root is <additional>, not <net>"],
+    [
         "cars.rou.xml",
         "net.net.xml",
         "DIR/net.net.xml: is a net, and <route-files> of DIR/x.sumocfg names it; correct the path",
-    ),
-    (
-        SUMOCFG,
+    ],
+    [
         "<begin value=\"100\"/>",
         "<begin value=\"400\"/>",
         "DIR/x.sumocfg: <begin value=\"400\">: must be before <end value=\"400\">, so nothing would be simulated",
-    ),
-    (
-        SUMOCFG,
+    ],
+    [
         "<end value=\"400\"/>",
         "<end value=\"noon\"/>",
         "DIR/x.sumocfg: <end>: `noon` is no time: it must be seconds, such as 3600, or 01:00:00",
-    ),
-    (
-        SUMOCFG,
+    ],
+    [
         "<end value=\"400\"/>",
         "",
         "DIR/x.sumocfg: traffic.end_s: is missing here and in the .sumocfg; set it to a second",
-    ),
-    (
-        SUMOCFG,
+    ],
+    [
         "<end value=\"400\"/>",
         "<end value=\"9000000000\"/>",
         "DIR/x.sumocfg: traffic.decision_s = 5: from 100 to 9000000000 s there are 1799999980 decisions, but there must be from 1 to 1000000",
-    ),
-    (
-        SUMOCFG,
+    ],
+    [
         "<time>",
         "<time><step-length value=\"0.5\"/>",
         "DIR/x.sumocfg: <step-length>: is 0.5, and this program simulates steps of 1 s; remove it or set it to 1",
-    ),
-    (
-        SUMOCFG,
+    ],
+    [
         "<processing>",
         "<processing><lateral-resolution value=\"0.8\"/>",
         "DIR/x.sumocfg: <lateral-resolution>: is 0.8, and this program does not know the sublane model, in which cars share a lane; remove it",
-    ),
-    (
-        SUMOCFG,
+    ],
+    [
         "<processing>",
         "<processing><mesosim value=\"true\"/>",
         "DIR/x.sumocfg: <mesosim>: is true, and this program simulates single cars and lanes; remove it",
-    ),
-    (
-        SUMOCFG,
+    ],
+    [
         "<input>",
         "<input><load-state value=\"s.xml\"/>",
         "DIR/x.sumocfg: <load-state>: is s.xml, and it reads a file that this program does not copy into a run directory; remove it",
-    ),
-    (
-        SUMOCFG,
+    ],
+    [
         "<processing>",
         "<processing><frobnicate value=\"1\"/>",
         "DIR/x.sumocfg: <frobnicate>: is no option of SUMO that this program knows; remove it",
-    ),
-    (
-        SUMOCFG,
+    ],
+    [
         "<processing>",
         "<processing><eager-insert value=\"--tripinfo-output=VICTIM\"/>",
         "DIR/x.sumocfg: <eager-insert>: is `--tripinfo-output=VICTIM`, which is no value of it; remove it",
-    ),
-    (SUMOCFG, "<time>", "<time><begin value=\"7\"/>", "DIR/x.sumocfg: <begin>: is given twice; remove one of them"),
-    (SUMOCFG, "</configuration>", "", "DIR/x.sumocfg: is not XML: the root node was opened but never closed"),
-    (
-        SUMOCFG,
+    ],
+    ["<time>", "<time><begin value=\"7\"/>", "DIR/x.sumocfg: <begin>: is given twice; remove one of them"],
+    ["</configuration>", "", "DIR/x.sumocfg: is not XML: the root node was opened but never closed"],
+    [
         "<configuration>",
         "<!DOCTYPE x [<!ENTITY y SYSTEM '/etc/passwd'>]><configuration>",
         "DIR/x.sumocfg: has a document type (<!DOCTYPE ...>), which SUMO's files do not need",
-    ),
+    ],
 ];
 
 /// Ways to break the net and the demand that SUMO takes in silence, or that this program does not simulate.
@@ -268,14 +248,15 @@ const JUDGED_BY_SUMO: [(&str, &[[&str; 3]]); 3] = [
 
 #[test]
 fn every_broken_scenario_gets_one_clear_error() {
-    for (file, from, to, told) in [BROKEN_CONFIGURATIONS, REFUSED].concat() {
+    let configurations = BROKEN_CONFIGURATIONS.iter().map(|&[from, to, message]| (SUMOCFG, from, to, message));
+    for (file, from, to, message) in configurations.chain(REFUSED.iter().copied()) {
         let room = Room::new();
         let victim = room.victim().display().to_string();
         room.change(file, from, &to.replace("VICTIM", &victim));
         let before = names(room.dir.path());
         assert_eq!(
             room.error(),
-            told.replace("VICTIM", &victim).replace(&format!("{}/", room.dir.path().display()), "DIR/")
+            message.replace("VICTIM", &victim).replace(&format!("{}/", room.dir.path().display()), "DIR/")
         );
         assert_eq!(
             (names(room.dir.path()), fs::read_to_string(room.victim()).unwrap()),

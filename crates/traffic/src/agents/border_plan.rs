@@ -1,5 +1,4 @@
-//! The border of a local region of a scenario: where cars come in and go out, and what its AIP (approximate influence
-//! predictor) predicts of it.
+//! The border of a local region of a scenario: where cars come in and go out, and what its AIP predicts of it.
 //!
 //! A region has *entries* and *exits*. An entry is a lane that begins at the border, or a road in the region on which
 //! cars depart. A car *arrives* in a second if it is on the region after it and was not before it, or if it came to a
@@ -23,7 +22,6 @@ pub const BLOCK_M: f64 = 20.0;
 /// Speed below which a car is slow, in metres per second. Before a full road cars crawl rather than stand.
 pub const BLOCK_MPS: f64 = 2.0;
 
-/// The border of one region.
 #[derive(Clone, Debug, PartialEq)]
 pub struct BorderPlan {
     /// Roads of the region, in the order of the file.
@@ -35,14 +33,11 @@ pub struct BorderPlan {
     pub entries: Vec<Entry>,
     /// Lanes that end at the border and lead on, as indices into [`BorderPlan::lanes`].
     pub exits: Vec<usize>,
-    /// Number of seconds of a decision.
     pub decision_s: usize,
 }
 
-/// A road of the region.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct BorderRoad {
-    /// SUMO's name of the road.
     pub road: String,
     /// Whether it begins at the border, so that cars come to it from outside only.
     pub begins_outside: bool,
@@ -50,15 +45,12 @@ pub struct BorderRoad {
     pub(crate) ends_outside: bool,
 }
 
-/// A lane of the region.
 #[derive(Clone, Debug, PartialEq)]
 pub struct BorderLane {
-    /// SUMO's name of the lane.
     pub lane: String,
     /// Its road, an index into [`BorderPlan::roads`]. `None`: it is within a junction.
     pub(crate) road: Option<usize>,
     pub length_m: f64,
-    /// Vehicle classes that may drive here.
     pub(crate) classes: Classes,
     /// Entry that a car has passed which is first seen here. `None`: no entry is near enough.
     pub entry: Option<usize>,
@@ -75,7 +67,6 @@ pub struct Entry {
     pub(crate) default_way: Vec<String>,
 }
 
-/// Where cars come in.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(crate) enum EntryPlace {
     /// At the beginning of this lane, an index into [`BorderPlan::lanes`].
@@ -91,7 +82,6 @@ impl BorderPlan {
         road != self.lanes[from].road && road.is_some_and(|road| self.roads[road].begins_outside)
     }
 
-    /// Returns the number of influence sources.
     pub fn sources(&self) -> usize {
         self.entries.len() * self.decision_s + self.exits.len()
     }
@@ -101,12 +91,10 @@ impl BorderPlan {
         entry * self.decision_s + second
     }
 
-    /// Returns the influence source of an exit.
     pub fn blocked(&self, exit: usize) -> usize {
         self.entries.len() * self.decision_s + exit
     }
 
-    /// Returns the influence sources of all exits.
     pub fn all_blocked(&self) -> Range<usize> {
         self.blocked(0)..self.blocked(self.exits.len())
     }
@@ -131,7 +119,6 @@ impl BorderPlan {
         }
     }
 
-    /// Returns the name of an entry.
     pub fn entry_name(&self, entry: usize) -> String {
         match &self.entries[entry].place {
             EntryPlace::Lane(lane) => self.lanes[*lane].lane.clone(),
@@ -139,7 +126,6 @@ impl BorderPlan {
         }
     }
 
-    /// Returns the name of every influence source.
     pub fn source_names(&self) -> Vec<String> {
         let arrivals = (0..self.entries.len()).flat_map(|entry| {
             let name = self.entry_name(entry);

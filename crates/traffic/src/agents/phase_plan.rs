@@ -15,7 +15,6 @@ pub struct PhasePlan {
     clearings: Vec<Vec<Vec<Interval>>>,
     /// Ways of its program from green to green.
     program: Vec<ProgramChange>,
-    /// Least number of steps of a green.
     min_green_steps: u32,
     /// Number of steps after which the light leaves a green by itself, until it is switched in an episode.
     own_green_steps: Option<u32>,
@@ -38,7 +37,6 @@ pub(crate) struct ProgramChange {
     pub(crate) between: Vec<SignalState>,
 }
 
-/// What a light shows.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Shown {
     /// The green of this index.
@@ -69,7 +67,6 @@ impl Shown {
     }
 }
 
-/// The meaning of an action.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Choice {
     /// 0 keeps the green, 1 goes to the next one. The paper's actions.
@@ -119,7 +116,6 @@ impl PhasePlan {
         &self.greens
     }
 
-    /// Returns what is shown between two greens.
     pub fn clearing(&self, from: usize, to: usize) -> &[Interval] {
         &self.clearings[from][to]
     }
@@ -137,7 +133,6 @@ impl PhasePlan {
         self.choice
     }
 
-    /// Returns the number of actions.
     pub fn actions(&self) -> usize {
         match self.choice {
             Choice::KeepOrSwitch => 2,
@@ -150,7 +145,6 @@ impl PhasePlan {
         (green + 1) % self.greens.len()
     }
 
-    /// Returns the number of steps between two greens.
     pub(crate) fn clearing_steps(&self, from: usize, to: usize) -> u32 {
         self.clearings[from][to].iter().map(|interval| interval.steps).sum()
     }

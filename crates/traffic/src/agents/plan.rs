@@ -16,8 +16,8 @@ use dials_core::domain::Kinds;
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct JointPlan {
     pub(crate) agents: Vec<AgentPlan>,
-    /// Borders of the regions and the d-sets of the AIPs (approximate influence predictors). Empty on the paper's grids:
-    /// there the approaches are the influence sources, and the observations hold the d-sets.
+    /// Borders of the regions and the d-sets of the AIPs. Empty on the paper's grids: there the approaches are the
+    /// influence sources, and the observations hold the d-sets.
     pub(crate) borders: Vec<Border>,
     pub(crate) kinds: Kinds,
     /// Number of steps of SUMO, seconds, from one decision of the agents to the next.
@@ -38,7 +38,6 @@ pub struct Border {
 /// Everything that simulators need to know of one agent.
 #[derive(Clone, Debug, PartialEq)]
 pub struct AgentPlan {
-    /// SUMO's name of the light.
     pub light: String,
     /// Place of the intersection in the net's coordinates, in metres.
     pub place_m: [f64; 2],
@@ -67,7 +66,6 @@ impl AgentPlan {
         (0..self.region.approaches.len()).filter(move |&approach| self.serves(green, approach))
     }
 
-    /// Returns whether a link has green.
     pub(crate) fn opens(&self, green: usize, link: usize) -> bool {
         self.letter(green, link).eq_ignore_ascii_case(&b'g')
     }
@@ -78,12 +76,10 @@ impl AgentPlan {
         has_priority(green) || self.letter(green, link) == b'g' && !(0..self.greens()).any(has_priority)
     }
 
-    /// Returns the number of greens.
     pub(crate) fn greens(&self) -> usize {
         self.phases.greens().len()
     }
 
-    /// Returns the letter of a link in a green.
     fn letter(&self, green: usize, link: usize) -> u8 {
         self.phases.greens()[green].as_str().as_bytes()[self.region.links[link].letter]
     }

@@ -16,10 +16,9 @@ pub const CELLS: usize = 9;
 pub(crate) const CELL_M: f64 = 10.0;
 pub(crate) const EDGE_M: f64 = 100.0;
 pub(crate) const SPEED_LIMIT_MPS: f64 = 10.0;
-/// Number of cells that an agent or its AIP (approximate influence predictor) sees.
+/// Number of cells that an agent or its AIP sees.
 pub const OCCUPANCY: usize = EDGES * CELLS;
 
-/// Returns the shape of a traffic region.
 pub fn spec(config: &TrafficConfig) -> RegionSpec {
     let &TrafficConfig { horizon, observation, d_set, clock, .. } = config;
     let clock = clock.unwrap_or(0);

@@ -14,7 +14,6 @@ pub struct RegionPlan {
 /// A lane on which cars come to the light.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Approach {
-    /// SUMO's name of the lane.
     pub lane: String,
     pub length_m: f64,
     pub speed_limit_mps: f64,
@@ -28,7 +27,6 @@ pub struct Approach {
 /// A lane on which cars leave the intersection.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Exit {
-    /// SUMO's name of the lane.
     pub lane: String,
     pub length_m: f64,
     pub(crate) speed_limit_mps: f64,
@@ -43,6 +41,5 @@ pub struct Link {
     pub letter: usize,
     /// Index into [`RegionPlan::approaches`] of the lane that ends at the stop line.
     pub from: usize,
-    /// Index into [`RegionPlan::exits`].
     pub to: usize,
 }

@@ -14,11 +14,10 @@ pub struct Sensor {
     pub(crate) clock: usize,
     /// Number of steps by which the clock is ahead of the episode.
     pub(crate) clock_ahead: usize,
-    /// What the AIP (approximate influence predictor) of a grid sees. That of a scenario sees its borders.
+    /// What the AIP of a grid sees. That of a scenario sees its borders.
     pub(crate) d_set: DSet,
 }
 
-/// How an observation shows the cars on the approaches.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(crate) enum CarColumns {
     /// A bit for each cell of 10 m, from the lane's end on. One entry per approach: its number of visible cells.
@@ -27,7 +26,6 @@ pub(crate) enum CarColumns {
     QueueAndDensity(usize),
 }
 
-/// How an observation shows the light.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum LightColumns {
     /// One-hot state of the paper's light with two greens: horizontal green, horizontal yellow, vertical yellow, vertical
@@ -56,7 +54,6 @@ impl Sensor {
         names
     }
 
-    /// Returns the number of columns.
     pub fn width(&self) -> usize {
         self.clock_columns().end
     }
@@ -69,7 +66,6 @@ impl Sensor {
         }
     }
 
-    /// Returns the columns of the light.
     pub(crate) fn light_columns(&self) -> Range<usize> {
         let first = self.car_columns();
         first..first + self.light.columns()
@@ -83,7 +79,6 @@ impl Sensor {
 }
 
 impl LightColumns {
-    /// Returns the name of every column.
     pub(crate) fn names(self) -> Vec<String> {
         match self {
             LightColumns::FourStates => {
@@ -96,7 +91,6 @@ impl LightColumns {
         }
     }
 
-    /// Returns the number of columns.
     pub(crate) fn columns(self) -> usize {
         match self {
             LightColumns::FourStates => 4,

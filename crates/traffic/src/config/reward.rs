@@ -9,7 +9,7 @@ use schemars::{JsonSchema, Schema, SchemaGenerator, json_schema};
 use serde::de::{Deserializer, Error, MapAccess, Visitor, value::StrDeserializer};
 use serde::{Deserialize, Serialize, Serializer};
 
-/// What a light can be paid for. All of it is measured on its own approaches and exits.
+/// What a light can be rewarded for. All of it is measured on its own approaches and exits.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
 pub enum RewardTerm {

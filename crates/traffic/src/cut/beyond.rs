@@ -27,11 +27,9 @@ impl Default for Reach {
     }
 }
 
-/// Everything behind the exits of a region.
 pub(super) struct Beyond<'a> {
     source: &'a Source<'a>,
     reach: Reach,
-    /// Names that are taken already.
     taken: HashSet<String>,
     gate: Gate,
     pub(super) exits: Vec<Exit>,
@@ -54,7 +52,6 @@ impl<'a> Beyond<'a> {
         beyond
     }
 
-    /// Adds what lies behind an exit.
     pub(super) fn add(&mut self, exit: EdgeNo) {
         let edge = self.source.roads.edge(exit);
         let way = Way { edges: Vec::new(), copies: Vec::new(), end_m: self.length_m(exit) };
@@ -124,7 +121,6 @@ impl<'a> Beyond<'a> {
         }
     }
 
-    /// Returns the letter of the gate for an exit lane.
     fn letter(&mut self, lane: LaneNo) -> usize {
         let id = &self.source.roads.lane(lane).id;
         let lanes = &mut self.gate.lanes;

@@ -17,7 +17,6 @@ use dials_core::outside::excerpt;
 /// A whole net, as text and as roads.
 pub(crate) struct Source<'a> {
     pub(crate) net: &'a Element,
-    /// Roads of this net.
     pub(crate) roads: &'a Roads,
     /// Programs of lights in other files, which SUMO loads after the net.
     pub(crate) programs: Vec<&'a Element>,
@@ -37,7 +36,6 @@ impl<'a> Source<'a> {
         Source { net, roads, programs, junctions, edges, connections }
     }
 
-    /// Returns the junction at which a road ends.
     pub(super) fn end(&self, road: EdgeNo) -> &'a Element {
         let [_, end] = self.roads.edge(road).ends.expect("a road has two ends");
         self.junctions[end.0]
@@ -146,7 +144,6 @@ impl<'a> Cut<'a> {
         self.source.roads.edge(road).ends.is_some_and(|[begin, _]| self.within.contains(&begin))
     }
 
-    /// Returns the roads that end at the border.
     fn exits(&self) -> impl Iterator<Item = EdgeNo> {
         let ends_within = |road| self.source.roads.edge(road).ends.is_some_and(|[_, end]| self.within.contains(&end));
         self.edges.iter().copied().filter(move |&road| !ends_within(road))

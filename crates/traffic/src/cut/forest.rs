@@ -62,7 +62,6 @@ impl Region {
         routes.try_into().expect("a single intersection has four routes")
     }
 
-    /// Returns the name in this region of something in the local net.
     fn rename(self, id: &str) -> String {
         prefixed(&self.prefix(), id)
     }

@@ -9,7 +9,6 @@ use crate::network::xml::{Xml, document_with};
 /// The net of one light. It keeps the names, shapes, rights of way and programs of the net that it was cut out of.
 #[derive(Clone, Debug)]
 pub struct LocalNet {
-    /// Light that it was cut out for.
     pub(crate) light: String,
     /// Lanes for cars on the edges that begin at the border.
     pub(crate) entry_lanes: Vec<String>,
@@ -24,7 +23,6 @@ pub struct LocalNet {
 #[derive(Clone, Debug, PartialEq)]
 pub struct Exit {
     pub(crate) edge: String,
-    /// Lanes for cars.
     pub lanes: Vec<String>,
     /// Ways behind it, at least one. A route goes over one of them to its end, or ends earlier.
     pub ways: Vec<Way>,
@@ -67,7 +65,6 @@ impl LocalNet {
         self.root.all("connection").any(is_it)
     }
 
-    /// Returns the root element of the net.
     pub(crate) fn root(&self) -> &Element {
         &self.root
     }

@@ -26,7 +26,6 @@ pub(crate) const APART: &str = "apart";
 /// A forest as SUMO loads it. Its rows are numbered from 0.
 #[derive(Clone, Debug)]
 pub struct MixedForest {
-    /// Text of the net.
     pub net: String,
     /// Number of the first lane of each row, and the number of all lanes of rows.
     pub first_lane: Vec<u32>,
@@ -56,11 +55,9 @@ impl MixedForest {
 /// One local net under its own names, with the road apart. Its lanes have the same numbers as those of a first row.
 #[derive(Clone, Debug)]
 pub(crate) struct Alone {
-    /// Text of the net.
     pub(crate) net: String,
     /// Name of the road apart, which no other road has.
     pub(crate) apart: String,
-    /// Number of all lanes.
     pub(crate) lanes: usize,
 }
 

@@ -7,7 +7,6 @@ use std::io;
 use crate::network::tree::Element;
 use crate::network::xml::{Xml, leaf, nest};
 
-/// Returns a name with a prefix.
 pub(crate) fn prefixed(prefix: &str, id: &str) -> String {
     match id.strip_prefix(':') {
         // SUMO knows internal edges and lanes by the colon, and finds their junction by the name after it.

@@ -18,9 +18,7 @@ use crate::network::xml::{document, section, text};
 use crate::scenario::SumoScenario;
 use dials_core::outside::{did_you_mean, excerpt, quoted, write_together};
 
-/// Name of the files.
 const NAME: &str = "cut";
-/// File of the vehicle types.
 const TYPES: &str = "cut.types.add.xml";
 
 /// Cuts out the region of a light. `approach_m`: how far before its stop lines the region reaches.

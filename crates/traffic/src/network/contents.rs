@@ -18,7 +18,6 @@ use crate::controllers::actuated;
 use crate::sim::options;
 use dials_core::outside::write_together;
 
-/// The content of one file.
 #[derive(Debug)]
 pub(crate) struct Content {
     bytes: Vec<u8>,
@@ -55,7 +54,6 @@ impl Content {
         &self.bytes
     }
 
-    /// Reads the roads of a network.
     pub(crate) fn read_net(net: &Path) -> Result<Content> {
         ensure!(net.exists(), no_such_network(net));
         let content = Content::read(net)?;
@@ -93,7 +91,6 @@ impl Network {
         })
     }
 
-    /// Reads the roads.
     pub(crate) fn roads(&self) -> Result<Roads> {
         Roads::read(&self.net.root).with_context(|| self.files.net.display().to_string())
     }

@@ -56,7 +56,6 @@ impl Loadable {
         })
     }
 
-    /// Adds options, without `--`.
     pub(crate) fn with(
         mut self,
         options: impl IntoIterator<Item = (impl Into<String>, impl Into<String>)>,
@@ -76,7 +75,6 @@ impl Loadable {
         options.into_iter().flat_map(|(name, value)| [format!("--{name}"), value]).collect()
     }
 
-    /// Returns the common name of the actuated programs.
     pub(crate) fn actuated_program(&self) -> &str {
         &self.program
     }

@@ -24,7 +24,6 @@ impl MemoryFile {
         Ok(MemoryFile(file))
     }
 
-    /// Returns its path within this process.
     pub(crate) fn path(&self) -> String {
         format!("/proc/self/fd/{}", self.0.as_raw_fd())
     }

@@ -21,7 +21,6 @@ pub(crate) fn cannot_be_simulated(net: &Path, role: Role) -> String {
     format!("{}: this network cannot be simulated; {way_out}", net.display())
 }
 
-/// Returns the advice if a local net is needed.
 pub(crate) fn make_local() -> String {
     "make one with: dials-traffic nets local --out DIR".to_owned()
 }
@@ -91,7 +90,7 @@ mod tests {
     }
 
     #[test]
-    fn a_file_in_the_place_of_a_name_is_told_from_a_missing_network() {
+    fn a_file_in_the_place_of_a_name_is_no_missing_network() {
         let nets = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../sumo_nets");
         let message = |file: &str| no_such_network(&nets.join(format!("{file}.net.xml")));
         let grid = nets.join("grid_2x2").display().to_string();

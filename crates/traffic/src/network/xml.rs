@@ -7,10 +7,8 @@ use quick_xml::writer::{ElementWriter, Writer};
 
 use super::tree::Element;
 
-/// A file that is being written.
 pub(crate) type Xml = Writer<Vec<u8>>;
 
-/// Returns a whole file with this root element.
 pub(crate) fn document(root: &str, fill: impl FnOnce(&mut Xml) -> io::Result<()>) -> String {
     const BARE: [(&str, &str); 0] = [];
     document_with(root, BARE, fill)
@@ -29,7 +27,6 @@ pub(crate) fn document_with<K: AsRef<str>, V: AsRef<str>>(
     String::from_utf8(xml.into_inner()).expect("only strings were written")
 }
 
-/// Returns a whole file with these elements.
 pub(crate) fn text(root: &Element) -> String {
     document_with(&root.name, pairs(root), |xml| root.children.iter().try_for_each(|child| element(xml, child)))
 }
@@ -46,7 +43,6 @@ fn pairs(element: &Element) -> impl Iterator<Item = (&String, &String)> {
     element.attributes.iter().map(|(key, value)| (key, value))
 }
 
-/// Writes an element with others inside.
 pub(crate) fn nest<K: AsRef<str>, V: AsRef<str>>(
     xml: &mut Xml,
     name: &str,
@@ -56,7 +52,6 @@ pub(crate) fn nest<K: AsRef<str>, V: AsRef<str>>(
     begun(xml, name, attributes).write_inner_content(fill).map(drop)
 }
 
-/// Writes an element with attributes only.
 pub(crate) fn leaf<K: AsRef<str>, V: AsRef<str>>(
     xml: &mut Xml,
     name: &str,

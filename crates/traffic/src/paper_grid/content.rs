@@ -81,7 +81,6 @@ pub(super) fn lights(grid: Grid) -> String {
     format!("<tlLogics>{programs}{letters}</tlLogics>")
 }
 
-/// Returns the fixed-time program of a light.
 pub(super) fn fixed_time(light: &str) -> String {
     let phase = |(state, s): (Light, &str)| format!(r#"<phase duration="{s}" state="{}"/>"#, state.letters());
     let phases: String = Light::CYCLE.into_iter().zip(STATIC_S).map(phase).collect();

@@ -35,7 +35,6 @@ pub(super) fn routes(grid: Grid, inflow: Option<f64>) -> Element {
     read(&content::routes(grid, inflow.as_ref()))
 }
 
-/// Returns the actuated lights.
 pub(super) fn actuated(grid: Grid) -> Element {
     read(&content::actuated(grid))
 }
@@ -74,7 +73,6 @@ fn intersection(grid: Grid, agent: AgentId) -> String {
     edges + &fixed_time(&grid.light(agent)) + &junction + &connections
 }
 
-/// Returns the only lane of an edge.
 fn lane(edge: &str, length_m: f64, [(x0, y0), (x1, y1)]: [(f64, f64); 2]) -> String {
     let limits = format!(r#"speed="{SPEED_LIMIT_MPS:.2}" length="{length_m:.2}""#);
     format!(r#"<lane id="{edge}_0" index="0" {limits} shape="{x0:.2},{y0:.2} {x1:.2},{y1:.2}"/>"#)
@@ -90,7 +88,6 @@ fn ends(grid: Grid, from: Node, to: Node) -> [(f64, f64); 2] {
         .map(|(x, y, on)| (x + on * dx + LANE_WIDTH_M / 2.0 * dy, y + on * dy - LANE_WIDTH_M / 2.0 * dx))
 }
 
-/// Returns the metres from the centre of a node to its stop lines.
 fn inside(node: Node) -> f64 {
     if matches!(node, Node::Intersection { .. }) { HALF_INTERSECTION_M } else { 0.0 }
 }

@@ -37,12 +37,10 @@ impl fmt::Display for Node {
     }
 }
 
-/// Returns the name of the edge from one node to its neighbour.
 pub(crate) fn edge(from: Node, to: Node) -> String {
     format!("{from}_{to}")
 }
 
-/// Returns the name of an edge's only lane.
 pub fn lane(edge: &str) -> String {
     format!("{edge}_0")
 }
@@ -52,7 +50,6 @@ pub fn lane(edge: &str) -> String {
 pub struct Route {
     /// Name, such as `w0_to_e0`.
     pub id: String,
-    /// Dead end where the route begins.
     pub from: Node,
     pub(crate) edges: Vec<String>,
 }
@@ -94,7 +91,6 @@ impl Grid {
         AgentId::all(self.rows * self.cols)
     }
 
-    /// Returns the intersection of an agent.
     pub(crate) fn intersection(self, agent: AgentId) -> Node {
         let (row, col) = self.place(agent);
         Node::Intersection { row, col }

@@ -35,7 +35,6 @@ pub(crate) fn joint_plan(grid: Grid, config: &TrafficConfig) -> JointPlan {
     }
 }
 
-/// Returns the plans of all agents of a grid, in their order.
 pub fn plans(grid: Grid, config: &TrafficConfig) -> Vec<AgentPlan> {
     let phases = Arc::new(phases(config.until_first_switch));
     let plan = |agent| {
@@ -51,7 +50,6 @@ pub fn plans(grid: Grid, config: &TrafficConfig) -> Vec<AgentPlan> {
     grid.agents().into_iter().map(plan).collect()
 }
 
-/// Returns what a light of a grid can show.
 fn phases(until_first_switch: UntilFirstSwitch) -> PhasePlan {
     let greens = GREENS.map(Light::state).to_vec();
     let yellow = |from: usize, _| vec![Interval { state: GREENS[from].next().state(), steps: YELLOW_STEPS.into() }];

@@ -16,7 +16,6 @@ use dials_core::outside::beginning;
 /// Number of characters of a difference that an error shows.
 const MOST_LETTERS: usize = 600;
 
-/// A network that was recognised.
 pub struct Recognised {
     pub grid: Grid,
     pub(crate) network: Network,

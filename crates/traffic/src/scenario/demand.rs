@@ -41,10 +41,8 @@ pub(super) enum Order {
     Sorted,
 }
 
-/// Where the vehicles of an episode may depart.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub(super) struct Departures {
-    /// Ids of edges.
     pub(crate) edges: BTreeSet<String>,
     /// Ids of junctions: on any edge that begins there.
     pub(crate) junctions: BTreeSet<String>,
@@ -83,7 +81,6 @@ impl<'a> Demand<'a> {
         }
     }
 
-    /// Reads a file.
     pub(super) fn read(&mut self, file: &'a Path, root: &'a Element, order: Order) -> Result<()> {
         let mut last_s = f64::NEG_INFINITY;
         let mut read = |element| self.read_element(file, element, order, &mut last_s);
@@ -354,21 +351,19 @@ mod tests {
 
     #[test]
     fn an_absurd_number_of_cars_is_refused() {
+        let flows = |count: usize, how: &str| -> String {
+            (0..count).map(|id| format!("<flow id='{id}' {how} from='a' to='b'/>")).collect()
+        };
         // 1 000 000 per hour on 400 flows in 100 s: 11 million.
-        let flow = |id: usize| format!("<flow id='{id}' vehsPerHour='1000000' from='a' to='b'/>");
-        let flows: String = (0..400).map(flow).collect();
         assert_eq!(
-            read(&flows).unwrap_err(),
+            read(&flows(400, "vehsPerHour='1000000'")).unwrap_err(),
             "cfg: 11111111 vehicles depart from 100 to 200 s, and at most 10000000 are allowed; correct the flows"
         );
         // The number of a random period is the rate, in vehicles per second.
-        let random = |flows: usize, rate: f64| -> String {
-            (0..flows).map(|id| format!("<flow id='{id}' period='exp({rate})' from='a' to='b'/>")).collect()
-        };
-        assert_eq!(read(&random(900, 100.0)), Ok(vec![]));
-        assert!(read(&random(1_200, 100.0)).unwrap_err().starts_with("cfg: 12000000 vehicles depart"));
+        assert_eq!(read(&flows(900, "period='exp(100)'")), Ok(vec![]));
+        assert!(read(&flows(1_200, "period='exp(100)'")).unwrap_err().starts_with("cfg: 12000000 vehicles depart"));
         // SUMO would never come to the end of a step.
-        assert!(read(&random(1, f64::NAN)).is_err() && read(&random(1, f64::INFINITY)).is_err());
+        assert!(["NaN", "inf"].iter().all(|rate| read(&flows(1, &format!("period='exp({rate})'"))).is_err()));
         let nobody = read("<flow id='f' begin='0' end='100' number='200' from='a' to='b'/>").unwrap_err();
         assert_eq!(nobody, "cfg: no vehicle departs from 100 to 200 s; add a route file, or correct begin and end");
     }

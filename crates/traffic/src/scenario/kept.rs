@@ -17,9 +17,7 @@ const AGENTS: &str = "agents.toml";
 
 /// An episode that plain SUMO plays in a copy.
 pub(crate) struct Episode<'a> {
-    /// Seed that SUMO gets.
     pub(crate) seed: u32,
-    /// Second at which it ends.
     pub(crate) end_s: u64,
     /// Name of the file with further programs of the lights, in the same folder.
     pub(crate) signals: &'a str,

@@ -29,11 +29,8 @@ use demand::{Demand, Departures, Order};
 use dials_core::outside::{excerpt, read_text};
 use elements::Left;
 
-/// Option of a .sumocfg that names the net.
 const NET_FILE: &str = "net-file";
-/// Option of a .sumocfg that names its demand.
 const ROUTE_FILES: &str = "route-files";
-/// Largest file of overrides.
 const MOST_OVERRIDES: u64 = 1 << 20;
 
 /// A scenario whose files were read. Clones share them.
@@ -46,18 +43,14 @@ pub struct SumoScenario {
     routes: Vec<File>,
     /// Text of the file of overrides and its path, if the config names one.
     agents: Option<(PathBuf, Arc<str>)>,
-    /// Seconds at which an episode begins and ends.
     window_s: (u64, u64),
-    /// Options of SUMO, without `--`.
     options: Vec<(String, String)>,
     left_out: Vec<String>,
-    /// Where vehicles may depart.
     departures: Departures,
     /// Values of the config that decide what returns mean.
     rules: String,
 }
 
-/// A file of the scenario.
 #[derive(Clone, Debug)]
 struct File {
     path: PathBuf,
@@ -152,7 +145,6 @@ impl SumoScenario {
         &self.path
     }
 
-    /// Returns the root element of the net.
     pub(crate) fn net(&self) -> &Element {
         &self.net.content.root
     }
@@ -178,7 +170,6 @@ impl SumoScenario {
         self.additional.iter().map(|file| &file.content.root)
     }
 
-    /// Returns the root elements of the route files, in SUMO's order.
     pub fn routes(&self) -> impl Iterator<Item = &Element> {
         self.routes.iter().map(|file| &file.content.root)
     }
@@ -249,7 +240,6 @@ impl SumoScenario {
     }
 }
 
-/// Returns whether a value of SUMO switches an option on.
 fn is_on(value: &str) -> bool {
     ["true", "1", "yes", "on", "t", "x"].contains(&value)
 }
@@ -261,7 +251,7 @@ fn overrides(path: &Path) -> Result<(PathBuf, Arc<str>)> {
     Ok((path.to_owned(), text.into()))
 }
 
-/// Returns the keys of the config that change what an agent may do or is paid for, as text.
+/// Returns the keys of the config that change what an agent may do or is rewarded for, as text.
 fn rules(config: &ScenarioConfig) -> Result<String> {
     let ScenarioConfig { decision_s, min_green_s, yellow_s, approach_m, reward, .. } = config;
     Ok(serde_json::to_string(&(decision_s, min_green_s, yellow_s, approach_m, reward))?)

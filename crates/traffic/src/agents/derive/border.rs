@@ -16,7 +16,6 @@ pub struct Seconds {
 }
 
 impl Seconds {
-    /// Returns those of a scenario.
     pub fn of(config: &ScenarioConfig) -> Seconds {
         let decision = config.decision_s as usize;
         Seconds { decision, episode: config.horizon() * decision }

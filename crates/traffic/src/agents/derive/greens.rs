@@ -19,7 +19,6 @@ pub struct Change<'a> {
     pub between: Vec<&'a Phase>,
 }
 
-/// Returns whether a letter lets cars go.
 pub(crate) fn goes(letter: char) -> bool {
     matches!(letter, 'G' | 'g')
 }
@@ -34,11 +33,9 @@ fn shows_green(state: &SignalState, cars: &BTreeSet<usize>) -> bool {
     !is_yellow(state) && cars.iter().any(|&letter| goes(state.as_str().as_bytes()[letter].into()))
 }
 
-/// The greens of a program.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Greens<'a> {
     program: &'a Program,
-    /// Letters that cars obey.
     cars: &'a BTreeSet<usize>,
     states: Vec<SignalState>,
     /// Green of each phase, as an index into `states`; `None`: the phase is a part of a change.

@@ -11,7 +11,6 @@ const MOST_NAMES: usize = 5;
 /// A light that does not learn. It shows its own program.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Keeping {
-    /// SUMO's name of the light.
     pub light: String,
     pub why: Why,
 }

@@ -50,7 +50,6 @@ pub(crate) fn region_plan(roads: &Roads, light: &str, region: &Region) -> Region
     RegionPlan { approaches: approaches.collect(), exits: exits.collect(), links }
 }
 
-/// Returns the lanes of the approaches in their order.
 fn lanes_in_order(roads: &Roads, region: &Region, ways: &[(usize, &Connection)]) -> Vec<LaneNo> {
     let mut found: BTreeMap<EdgeNo, (usize, f64)> = BTreeMap::new();
     for (&lane, &ahead_m) in &region.ahead_m {

@@ -67,7 +67,6 @@ pub struct Derived {
     pub keeping: Vec<Keeping>,
 }
 
-/// A light that learns.
 #[derive(Clone, Debug)]
 pub struct Agent {
     pub plan: AgentPlan,
@@ -77,12 +76,11 @@ pub struct Agent {
 }
 
 impl Derived {
-    /// Returns the plans of the agents, in their order.
     pub(crate) fn plans(&self) -> Vec<AgentPlan> {
         self.agents.iter().map(|agent| agent.plan.clone()).collect()
     }
 
-    /// Makes the borders of the agents' regions, with what their AIPs (approximate influence predictors) see.
+    /// Makes the borders of the agents' regions, with what their AIPs see.
     ///
     /// `departs_on`: roads on which cars depart. `approach_m`: how far before the stop lines cars are seen.
     pub fn borders(

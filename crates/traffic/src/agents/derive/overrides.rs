@@ -13,7 +13,6 @@ use libsumo::SignalState;
 /// Longest yellow and all red that are accepted, in seconds.
 const LONGEST_S: u32 = 60;
 
-/// What the file says.
 #[derive(Clone, Debug, Default, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Overrides {
@@ -25,14 +24,12 @@ pub struct Overrides {
     lights: BTreeMap<String, LightOverride>,
 }
 
-/// What the file says of one light.
 #[derive(Clone, Debug, Default, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(crate) struct LightOverride {
     greens: Option<Vec<String>>,
     /// Edges on which its agent sees cars, instead of those that the derivation finds.
     pub(crate) approaches: Option<Vec<String>>,
-    /// Seconds of yellow.
     pub(crate) yellow_s: Option<u32>,
     /// Seconds in which links that lose green show red after yellow.
     pub(crate) all_red_s: Option<u32>,
@@ -59,7 +56,6 @@ impl Overrides {
         self.lights.get(light).unwrap_or(NOTHING)
     }
 
-    /// Returns whether the file lets a light learn.
     pub(crate) fn learns(&self, light: &str) -> bool {
         let names = |list: &Option<Vec<String>>| list.as_ref().map(|names| names.iter().any(|name| name == light));
         names(&self.learn).unwrap_or(true) && !names(&self.keep).unwrap_or(false)

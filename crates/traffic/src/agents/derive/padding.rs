@@ -6,9 +6,7 @@ use crate::agents::plan::{AgentPlan, Border};
 /// end that they must not take.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Padding {
-    /// Number of columns of every observation.
     pub columns: usize,
-    /// Number of actions of every agent.
     pub actions: usize,
     /// Share of the columns of all agents that are padding, from 0 to 1.
     pub padded: f64,
@@ -29,7 +27,6 @@ impl Padding {
 /// The common shape of what influences their regions from outside.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct InfluencePadding {
-    /// Number of columns of every d-set.
     pub columns: usize,
     /// Number of influence sources of every agent. Those that an agent does not have never happen.
     pub sources: usize,

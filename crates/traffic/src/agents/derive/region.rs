@@ -9,7 +9,6 @@ use crate::network::roads::{EdgeNo, JunctionNo, LaneNo, Place, Roads};
 /// Largest number of junctions of a region, unless the light itself has more.
 const MOST_JUNCTIONS: usize = 8;
 
-/// The region of a light.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Region {
     /// Junctions of the light itself.
@@ -111,7 +110,6 @@ impl Region {
     }
 }
 
-/// Returns the edges of these names.
 fn edges(roads: &Roads, light: &str, names: &[String]) -> Result<BTreeSet<EdgeNo>> {
     let edge = |name: &String| {
         let road = roads.edge_named(name).filter(|&edge| roads.edge(edge).ends.is_some());

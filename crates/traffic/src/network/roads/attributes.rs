@@ -28,7 +28,6 @@ pub(crate) fn wrong(element: &Element, name: &str, why: &str) -> Error {
     }
 }
 
-/// Returns an attribute that must be there.
 pub(crate) fn text<'a>(element: &'a Element, name: &str) -> Result<&'a str> {
     element.attribute(name).ok_or_else(|| wrong(element, name, "every net of netconvert has it"))
 }
@@ -50,12 +49,10 @@ pub(crate) fn time(element: &Element, name: &str, least: f64) -> Result<f64> {
     time.ok_or_else(|| wrong(element, name, "must be a time such as 30 or 00:00:30"))
 }
 
-/// Returns a time that may be left out.
 pub(crate) fn time_if_there(element: &Element, name: &str, least: f64) -> Result<Option<f64>> {
     element.attribute(name).map(|_| time(element, name, least)).transpose()
 }
 
-/// Returns a whole number that must be there.
 pub(crate) fn count(element: &Element, name: &str) -> Result<usize> {
     text(element, name)?.parse().map_err(|_| wrong(element, name, "must be a whole number of at least 0"))
 }

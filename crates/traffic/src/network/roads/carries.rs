@@ -36,13 +36,11 @@ impl Classes {
         }
     }
 
-    /// Returns whether a class is among them.
     pub(crate) fn has(&self, class: &str) -> bool {
         let is_listed = self.listed.iter().any(|other| other == class || other == "all");
         class == EVERYWHERE || is_listed == self.listed_may
     }
 
-    /// Returns whether passenger cars or buses are among them.
     pub(crate) fn has_cars(&self) -> bool {
         CARS.iter().any(|class| self.has(class))
     }

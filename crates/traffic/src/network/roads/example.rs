@@ -73,7 +73,6 @@ pub(crate) fn changed(changes: &[(&str, &str)]) -> String {
     })
 }
 
-/// Returns the roads of the net with some texts replaced.
 pub(crate) fn roads(changes: &[(&str, &str)]) -> Roads {
     Roads::read(&parse(&changed(changes)).expect("XML of the test")).expect("a net of the test")
 }

@@ -126,7 +126,6 @@ pub struct Connection {
     pub(crate) to: LaneNo,
     /// First lane within the junction.
     pub(crate) via: Option<LaneNo>,
-    /// Light that controls it.
     pub signal: Option<Signal>,
     /// Whether it turns back into the opposite direction.
     pub(crate) turns_around: bool,
@@ -182,12 +181,10 @@ impl Roads {
         &self.lanes[lane.0]
     }
 
-    /// Finds an edge by SUMO's name.
     pub(crate) fn edge_named(&self, id: &str) -> Option<EdgeNo> {
         self.edge_numbers.get(id).copied()
     }
 
-    /// Finds a lane by SUMO's name.
     pub fn lane_named(&self, id: &str) -> Option<LaneNo> {
         self.lane_numbers.get(id).copied()
     }
@@ -213,17 +210,14 @@ impl Roads {
         self.edge(self.lane(lane).edge).function == Function::Road
     }
 
-    /// Returns the junction where a lane of a road begins.
     pub(crate) fn begin_of(&self, lane: LaneNo) -> Option<JunctionNo> {
         self.edge(self.lane(lane).edge).ends.map(|[begin, _]| begin)
     }
 
-    /// Returns the junction where a lane of a road ends.
     pub fn end_of(&self, lane: LaneNo) -> Option<JunctionNo> {
         self.edge(self.lane(lane).edge).ends.map(|[_, end]| end)
     }
 
-    /// Returns whether cars can use a connection.
     pub(crate) fn carries_cars(&self, connection: &Connection) -> bool {
         self.lane(connection.from).carries_cars && self.lane(connection.to).carries_cars
     }
@@ -245,7 +239,6 @@ impl Roads {
         links.filter_map(|link| Some(link.signal.as_ref()?.letter)).collect()
     }
 
-    /// Returns the lanes of roads on which cars drive.
     pub fn lanes_of_cars(&self) -> impl Iterator<Item = LaneNo> {
         self.roads().flat_map(|(_, edge)| &edge.lanes).copied().filter(|&lane| self.lane(lane).carries_cars)
     }
@@ -257,7 +250,6 @@ impl Roads {
         std::iter::successors(connection.via, next).take(8)
     }
 
-    /// Returns the length of a connection within its junction, in metres.
     pub(crate) fn length_within_junction(&self, connection: &Connection) -> f64 {
         self.lanes_within_junction(connection).map(|lane| self.lane(lane).length_m).sum()
     }

@@ -10,10 +10,8 @@ use libsumo::SignalState;
 const MOST_PHASES: usize = 500;
 const MOST_LETTERS: usize = 1000;
 
-/// A program of a light.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Program {
-    /// SUMO's name of the light.
     pub light: String,
     /// Name of the program among those of its light: SUMO's `programID`.
     pub(crate) id: String,
@@ -27,7 +25,6 @@ pub struct Program {
     pub phases: Vec<Phase>,
 }
 
-/// A phase of a program.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Phase {
     pub(crate) duration_s: f64,
@@ -39,7 +36,6 @@ pub struct Phase {
 }
 
 impl Program {
-    /// Reads a `<tlLogic>`.
     pub(crate) fn read(element: &Element) -> Result<Program> {
         let light = text(element, "id")?.to_owned();
         let phases = element.all("phase").map(|phase| read_phase(phase).with_context(|| tag(element)));
@@ -64,12 +60,10 @@ impl Program {
         Ok(Program { light, id: name(element).to_owned(), kind, offset_s, parameters, phases })
     }
 
-    /// Returns the number of letters of its states.
     pub fn letters(&self) -> usize {
         self.phases[0].state.links()
     }
 
-    /// Returns the phases that may follow a phase.
     pub(crate) fn after(&self, phase: usize) -> Vec<usize> {
         match &self.phases[phase].next[..] {
             [] => vec![(phase + 1) % self.phases.len()],

@@ -143,7 +143,6 @@ impl Roads {
     }
 }
 
-/// Returns what an attribute names, or an error.
 fn known<T>(element: &Element, name: &str, found: Option<T>) -> Result<T> {
     found.ok_or_else(|| wrong(element, name, UNKNOWN))
 }
