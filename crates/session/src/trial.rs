@@ -3,6 +3,19 @@
 //! SUMO aborts, hangs or reads foreign memory on some networks, and a process that does so cannot say why. So a child of
 //! this program loads the files and plays a step, with limits on time and memory. What SUMO says there, or how the child
 //! dies, is an error like any other. It costs a tenth of a second, and more for large networks.
+//!
+//! # Why not otherwise
+//!
+//! **Why not check the files here, and spare SUMO the bad ones?** Because the checks would be a second SUMO, and would
+//! disagree with the first. What they missed would still end the process. What they refused by mistake would lock out
+//! networks that SUMO plays well. So this program checks what it reads itself, and SUMO judges the rest.
+//!
+//! **Why not catch the crash?** Debian's SUMO has its `assert`s on, and they abort. A handler of that signal runs on a
+//! stack with locks held and objects half made, where nothing may be allocated, or even printed. A process that only
+//! waits for another one has none of these problems.
+//!
+//! **Why not load every network in a child, always?** It is so, once per config and command. The workers then load what
+//! was tried.
 
 use std::collections::BTreeSet;
 use std::io::{Read, Write};

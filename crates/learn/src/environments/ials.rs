@@ -85,6 +85,22 @@ pub(crate) fn head_start(copy: usize, copies: usize, horizon: usize) -> usize {
 ///
 /// All trails end together. A row whose episode is younger than the oldest one waits, and is reset when its episode
 /// begins.
+///
+/// # Why not otherwise
+///
+/// **Why not save the state of the simulator?** SUMO can write its state and read it again. But the state that is read
+/// is not the state that was written: lights begin anew, and in the middle of an episode cars drive on with other bits.
+/// A run that was resumed would then differ from one that was not.
+///
+/// **Why not keep the simulators from period to period?** One process could. But a worker that died has none, and a run
+/// that is resumed with more workers gives the agents to others. Then results would depend on who was killed, and when.
+/// So every period begins in the same way, also where nothing happened.
+///
+/// **Why not end all episodes with the period?** That is simple. But a period need not be a multiple of the horizon,
+/// and staggered copies never end together. No episode would be longer than a period, and its end would mean nothing.
+///
+/// A trail is small: an action and some bits per step. Playing it costs simulation but no learning, half an episode per
+/// copy on average.
 fn retrace(
     simulator: &mut dyn LocalSimulator,
     predictor: &mut dyn InfluencePredictor,

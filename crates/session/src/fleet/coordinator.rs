@@ -1,4 +1,19 @@
 //! The coordinator of workers that share the agents: which worker owns which agents, orders, deaths and patience.
+//!
+//! # Why not otherwise
+//!
+//! **Why does each worker own a block of agents, and not take the next free one from a queue?** A queue keeps all
+//! workers busy. But the local simulators of a worker are one SUMO net, made for its agents, and loading another one
+//! costs more than an idle core saves. All agents cost about the same, so blocks of equal length end at about the same
+//! time.
+//!
+//! **Why does a result not depend on the number of workers?** Every agent has random streams of its own, which come and
+//! go with its state. Sums are taken agent by agent, and replies are put together in the order of the agents, whoever
+//! comes first. So a worker is a place, and never a part of the computation.
+//!
+//! **Why is the state of all agents kept here?** A worker that dies takes its memory along. The state of the last
+//! exchange is enough to give its order to another process, which computes the same bits. A worker that wrote its own
+//! checkpoints would save this memory. But then a resumed run would have to put together files of different times.
 
 use std::collections::BTreeMap;
 use std::ops::Range;

@@ -4,6 +4,18 @@
 //! A letter is short. A frame, which may be long, can come with it. MPI has no way to wait for a letter without using a
 //! whole core. So the thread looks for letters every millisecond while nothing happens, and all the time while something
 //! is on its way.
+//!
+//! # Why not otherwise
+//!
+//! **Why one thread for all calls, and not each thread for itself?** MPI allows that only with `MPI_THREAD_MULTIPLE`.
+//! Not every installation has it. With one thread, `MPI_THREAD_FUNNELED` is enough.
+//!
+//! **Why not collective calls (`MPI_Gather`) for the replies?** All ranks must take part. If one is lost, the others
+//! wait for ever, and nobody can say for whom. With letters, rank 0 sees who is silent, and may end the job with a
+//! reason.
+//!
+//! **Why not wait within MPI?** `MPI_Wait` turns in a loop on a core of its own, at the expense of the worker that is
+//! to answer.
 
 use std::collections::BTreeMap;
 use std::sync::Arc;

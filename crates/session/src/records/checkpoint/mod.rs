@@ -10,6 +10,20 @@
 //! - [`content`]: the bytes of the file, under one digest.
 //! - [`owner`]: the run that it belongs to: what of the config and of the scenario may have changed since.
 //! - [`fits`](dials_learn::state::fits): sizes, actions, trails and counts, each of which follows from the config.
+//!
+//! # Why not otherwise
+//!
+//! **Why safetensors, and not one serialised struct?** A struct is shorter to write. But every field that is added
+//! makes the old files unreadable, and no other program can open them. The tables of a checkpoint open in Python,
+//! without this program.
+//!
+//! **Why is a file that parses not believed?** It can be whole and of another run, of another config, or cut off and
+//! filled with zeros by a power loss. Each of these trains on without an error, and gives wrong numbers hours later. So
+//! the digest says that the bytes are those that were written, the owner says whose they are, and all sizes and counts
+//! are compared with what the config gives.
+//!
+//! **Why several, and not the last one?** The growing files of a run, such as `returns.csv`, may have lost bytes that
+//! the newest checkpoint counts on. Then an earlier one still fits.
 
 pub mod content;
 pub mod owner;
