@@ -15,8 +15,8 @@ use dials_core::outside::quoted_word;
 
 /// Rules by which figures and tables are made, for the reader of a report.
 const RULES: [&str; 11] = [
-    "Runs with the same settings form a group. Only their seeds differ, and perhaps the step at which they were told to \
-     stop. A label names the config keys whose values in this group are not the usual ones. Usual is the value of more \
+    "Runs with the same settings form a group. Only their seeds differ, and perhaps the step at which they stopped. A \
+     label names the config keys whose values in this group are not the usual ones. Usual is the value of more \
      than half of the groups of the scenario. A few keys, such as `policy.imitate`, make another method: a label names \
      them whenever they are on. If more than eight keys were to be named, the label is the directory of a run. In an \
      ablation, the group with the usual values is the reference. Pictures show every other group against it, named by \

@@ -347,7 +347,7 @@ mod tests {
         let (_, loss) = learnt();
         // H(0.9) = 0.3251 and H(0.2) = 0.5004, each half of the time: 0.4127. Marginals: H(0.55) = 0.6881.
         assert!((loss.held_out[1][0] - 0.4127).abs() < 0.04 && (loss.marginals[0] - 0.6881).abs() < 0.01, "{loss:?}");
-        // H(0.1) = 0.3251 and H(0.6) = 0.6730: 0.4991. The parts tell all there is to know.
+        // H(0.1) = 0.3251 and H(0.6) = 0.6730: 0.4991. The parts say all there is to know.
         // 2000 samples: standard error 0.013.
         assert!((loss.held_out[1][1] - 0.4991).abs() < 0.05 && (loss.marginals[1] - 0.4991).abs() < 0.05, "{loss:?}");
         for source in 0..3 {
