@@ -32,16 +32,16 @@ const UNSEEN: Duration = Duration::from_millis(500);
 /// Width and height of sumo-gui's window minus those of the roads, in pixels (measured with SUMO 1.15).
 const FRAME: (usize, usize) = (10, 215);
 
-/// Takes the pictures of a replay in the empty directory `room`, one per step, and adds their captions. Ends with an error
+/// Takes the pictures of a replay in the empty directory `folder`, one per step, and adds their captions. Ends with an error
 /// soon after `stop` is set.
-pub(crate) fn take(replay: &Replay, room: &Path, stop: &AtomicBool) -> Result<Vec<PathBuf>> {
-    let frames: Vec<PathBuf> = (0..replay.steps.len()).map(|number| room.join(format!("{number:06}.png"))).collect();
-    let settings = room.join("view.xml");
+pub(crate) fn take(replay: &Replay, folder: &Path, stop: &AtomicBool) -> Result<Vec<PathBuf>> {
+    let frames: Vec<PathBuf> = (0..replay.steps.len()).map(|number| folder.join(format!("{number:06}.png"))).collect();
+    let settings = folder.join("view.xml");
     fs::write(&settings, (replay.settings)(&frames)).context("the temporary directory cannot be written to")?;
     let (width, height) = canvas(replay.shape);
     let (width, height) = (width + FRAME.0, height + FRAME.1);
-    let screen = Screen::open(width, height, room)?;
-    let log = room.join("sumo-gui.txt");
+    let screen = Screen::open(width, height, folder)?;
+    let log = folder.join("sumo-gui.txt");
     let mut gui = tied(SUMO_GUI);
     gui.arg("-c").arg(replay.config).arg("--gui-settings-file").arg(&settings);
     let end_s = replay.begin_s + (replay.steps.end + REST_STEPS) as u64;
@@ -141,14 +141,14 @@ fn join_gif(pictures: &[PathBuf], film: &Path, stop: &AtomicBool) -> Result<()> 
 
 /// Joins the pictures in the folder of the first one, with ffmpeg.
 fn join_mp4(pictures: &[PathBuf], film: &Path, stop: &AtomicBool) -> Result<()> {
-    let room = pictures[0].parent().expect("pictures are in a folder");
+    let folder = pictures[0].parent().expect("pictures are in a folder");
     let [red, green, blue] = PAPER;
     // Every player can show an even width and height with this pixel format.
     let even = format!("pad=ceil(iw/2)*2:ceil(ih/2)*2:color=0x{red:02x}{green:02x}{blue:02x}");
-    let log = room.join("ffmpeg.txt");
+    let log = folder.join("ffmpeg.txt");
     let mut ffmpeg = tied("ffmpeg");
     ffmpeg.args(["-loglevel", "error", "-framerate", &STEPS_PER_SECOND.to_string(), "-i"]);
-    ffmpeg.arg(room.join("%06d.png")).args(["-vf", &even, "-pix_fmt", "yuv420p", "-movflags", "+faststart"]);
+    ffmpeg.arg(folder.join("%06d.png")).args(["-vf", &even, "-pix_fmt", "yuv420p", "-movflags", "+faststart"]);
     ffmpeg.arg(film).stdout(Stdio::null()).stderr(log_file(&log)?);
     let mut ffmpeg = Program::start(ffmpeg)?;
     let status = loop {
@@ -168,8 +168,8 @@ mod tests {
 
     #[test]
     fn a_picture_that_was_taken_too_early_becomes_as_large_as_the_others() {
-        let room = tempfile::tempdir().unwrap();
-        let files = ["a.png", "b.png"].map(|name| room.path().join(name));
+        let folder = tempfile::tempdir().unwrap();
+        let files = ["a.png", "b.png"].map(|name| folder.path().join(name));
         Picture::plain([10, 10], [1, 2, 3]).write(&files[0]).unwrap();
         Picture::plain([400, 300], [1, 2, 3]).write(&files[1]).unwrap();
         let replay = Replay {

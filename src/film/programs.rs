@@ -67,8 +67,8 @@ pub(super) struct Screen {
 }
 
 impl Screen {
-    pub(super) fn open(width: usize, height: usize, room: &Path) -> Result<Screen> {
-        let log = room.join("screen.txt");
+    pub(super) fn open(width: usize, height: usize, folder: &Path) -> Result<Screen> {
+        let log = folder.join("screen.txt");
         let mut server = tied(XVFB);
         // Xvfb picks a free screen number and writes it to its standard output when it is ready.
         server.args(["-displayfd", "1", "-nolisten", "tcp", "-screen", "0", &format!("{width}x{height}x24")]);
