@@ -140,7 +140,7 @@ mod tests {
             let run = run(&format!("simulator = 'gs'\n{keys}"), workers);
             let method = Method::of(&run.config, run.scenario());
             let model = ByCores::of(&Group { method, overrides: Vec::new(), runs: vec![run] }, 4).unwrap();
-            (model.alone_s, model.shared_s, model.cpu.most)
+            (model.cpu.alone_s, model.cpu.shared_s, model.cpu.most)
         };
         assert_eq!(of("", 1), (70.0, 20.0, 4));
         assert_eq!(of("", 2), (50.0, 40.0, 4), "two threads for 20 s");
