@@ -380,9 +380,9 @@ mod tests {
             };
             let (passes, values) = run(&[0, 1, 2], Threads::one());
             assert_eq!(run(&[0, 1, 2], Threads::new(2).unwrap()), (passes.clone(), values.clone()));
-            for place in 0..3 {
+            for (place, pass) in passes.iter().enumerate() {
                 let single = run(&[place], Threads::one());
-                assert_eq!(single.0[0], passes[place], "outputs and gradients, {steps} x {batch}");
+                assert_eq!(&single.0[0], pass, "outputs and gradients, {steps} x {batch}");
                 assert_eq!(single.1.row(0), values.row(place), "values, {steps} x {batch}");
             }
         }
