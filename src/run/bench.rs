@@ -63,7 +63,7 @@ pub(super) fn bench(args: &cli::BenchArgs) -> Result<()> {
         "measuring {} for about {} s each; the whole takes about {:.0} s",
         counted(doubling(most).len(), "fleet"),
         args.seconds,
-        (PEAK_TIME + whole).as_secs_f64().ceil()
+        (2 * PEAK_TIME + whole).as_secs_f64().ceil()
     ));
     let peak = Peak { ours: peak(PEAK_TIME), libtorch: libtorch::peak(PEAK_TIME).map_err(Error::Run)? };
     let mut costs = Vec::new();
