@@ -62,6 +62,7 @@ const NOT_TYPED: &[(&str, &str)] = &[
     ("mpirun -n 3 --oversubscribe", "tests/training/mpi.rs trains over ranks"),
     ("#!/bin/bash", "a script for Slurm"),
     ("#SBATCH", "a script for Slurm"),
+    ("export OMP_NUM_THREADS", "a script for Slurm"),
     ("if [ -d runs/cluster ]", "a script for Slurm"),
     ("srun ", "a script for Slurm"),
     ("dials-traffic watch runs", "serves until Ctrl-C; tests/cli/live.rs watches a run"),

@@ -240,7 +240,8 @@ fn not_tested(what: &str, why: &str) {
 /// that.
 fn with_processes(most: u32, args: &[OsString]) -> Command {
     let mut command = limited(&format!("--nproc={most}"), args);
-    command.uid(NOBODY);
+    // OpenBLAS, where SUMO's libraries use it, would start a thread per core and interrupt the process if it cannot.
+    command.uid(NOBODY).env("OPENBLAS_NUM_THREADS", "1");
     command
 }
 
@@ -295,7 +296,7 @@ fn memory_that_is_refused_is_one_error_and_no_abort() {
         let out = dir.path().join(format!("run{megabytes}"));
         // Four agents with 4 million parameters each, and three copies of them for the optimiser.
         let args = train(&config, &out, &["--workers", "1", "--set", "policy.hidden=[2048, 2048]"]);
-        let ended = run(&mut limited(&format!("--as={}", megabytes * 1_000_000), &args));
+        let ended = run(limited(&format!("--as={}", megabytes * 1_000_000), &args).env("OPENBLAS_NUM_THREADS", "1"));
         ended.assert_orderly();
         if ended.stderr.contains("out of memory") {
             told += 1;

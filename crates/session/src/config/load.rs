@@ -89,10 +89,11 @@ fn table_in(path: &Path) -> Result<Table> {
             form.keys().trim().replace('\n', " and ")
         );
     }
+    let in_file = |error: toml::de::Error| anyhow!("{shown}: {}", in_plain_words(&error.to_string()));
     // Read without the settings, because only these errors contain the line number.
-    let _: RunConfig =
-        toml::from_str(&text).map_err(|error| anyhow!("{shown}: {}", in_plain_words(&error.to_string())))?;
-    Ok(parsed.expect("what is read as a config is TOML"))
+    let _: RunConfig = toml::from_str(&text).map_err(in_file)?;
+    // A config may hold numbers that a table cannot: those beyond 63 bits.
+    toml::from_str(&text).map_err(in_file)
 }
 
 /// Returns a config that names nothing but a .sumocfg.

@@ -105,6 +105,8 @@ impl<T: Send + 'static> ChildProcess<T> {
         }
         let process = command
             .arg(WORKER)
+            // Otherwise BLAS, which SUMO's libraries bring along, would keep a thread per core in every worker for nothing.
+            .env("OPENBLAS_NUM_THREADS", "1")
             .stdin(Stdio::from(OwnedFd::from(theirs)))
             .stdout(log.file()?)
             .stderr(log.file()?)
