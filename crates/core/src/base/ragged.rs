@@ -208,10 +208,4 @@ mod tests {
             assert!(read(ends).unwrap_err().to_string().contains("do not fit its 3 values"), "{ends}");
         }
     }
-
-    #[test]
-    #[should_panic(expected = "row 1 has a different width")]
-    fn a_row_is_not_replaced_by_a_wider_one() {
-        table().replace(0, &table().pick([0, 3]));
-    }
 }

@@ -88,15 +88,3 @@ impl Task {
         }
     }
 }
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn a_bit_takes_one_logit_and_a_choice_of_more_one_per_class() {
-        let sources = SourceSpec { classes: vec![2, 3, 2, 5], parts: 0 };
-        assert_eq!((sources.count(), sources.logits(), sources.values()), (4, 1 + 3 + 1 + 5, 12));
-        assert_eq!(SourceSpec::bits(3).logits(), 3);
-    }
-}

@@ -225,34 +225,4 @@ mod tests {
             assert!(schedule(&config).iter().all(|p| p.train_aips == AipTraining::No));
         }
     }
-
-    #[test]
-    fn the_last_period_trains_so_that_every_step_has_one_evaluation() {
-        for (total, expected) in [
-            // At step 200 training is at 256, the second update of 128 steps. Nothing of 200 to 256 is left to train.
-            (250, vec![(0, 100, true, true), (100, 200, false, true)]),
-            (256, vec![(0, 100, true, true), (100, 200, false, true)]),
-            (257, vec![(0, 100, true, true), (100, 200, false, true), (200, 257, false, true)]),
-            (1, vec![(0, 1, true, true)]),
-        ] {
-            let mut config = config("dials", total, 1000, 100);
-            config.ppo.memory = 128;
-            assert_eq!(bounds(&config), expected, "{total} steps");
-        }
-        let mut config = config("dials", 100_001, 100_000, 100_000);
-        config.ppo.memory = 128;
-        // 782 updates are 100 096 steps.
-        assert_eq!(bounds(&config), [(0, 100_000, true, true)]);
-    }
-
-    #[test]
-    fn a_run_that_goes_on_does_not_begin_with_a_period_that_trains_nothing() {
-        let mut config = config("dials", 300, 1000, 200);
-        config.ppo.memory = 128;
-        let last = Period { start: 200, end: 300, evaluate: true, train_aips: AipTraining::No, average: false };
-        // It stopped at step 150, where training is at 256: after the end of this period.
-        assert_eq!(rest_of_schedule(&config, 150), [last]);
-        config.stop_at_steps = Some(200);
-        assert_eq!(rest_of_schedule(&config, 150), []);
-    }
 }

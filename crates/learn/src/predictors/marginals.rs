@@ -119,17 +119,7 @@ impl PredictorKind for Constants {
     }
 
     fn reads(&self, key: &str) -> bool {
-        let of_networks = [
-            "hidden",
-            "recurrent",
-            "learning_rate",
-            "batch",
-            "epochs",
-            "patience",
-            "weight_decay",
-            "correct_marginals",
-        ];
-        !of_networks.contains(&key)
+        ["dataset_steps", "held_out", "retrain", "retrain_every_steps", "drift_threshold"].contains(&key)
     }
 
     fn make(&self, agents: &[AgentId], spec: &RegionSpec, _: &AipConfig, _: Seed) -> Box<dyn TrainablePredictor> {

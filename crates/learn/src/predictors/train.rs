@@ -158,19 +158,6 @@ mod tests {
     }
 
     #[test]
-    fn losses_on_fresh_episodes_are_worked_out_by_hand() {
-        let spec = region(1, 1, SourceSpec::bits(2), 4);
-        let mut dataset = Dataset::new(&spec);
-        (0..8).for_each(|t| dataset.push(&[0.0], &[u8::from(t % 4 == 0), 1]));
-        // Constants of 1/2 lose ln 2 on everything; the best ones lose H(1/4) = 0.562335, and nothing on a sure source.
-        let loss = measure(&Marginals::new(1, &spec), &[dataset], &mut Stopwatch::default()).remove(0);
-        assert!(loss.predictor.iter().all(|loss| (loss - 2_f64.ln()).abs() < 1e-7));
-        assert!((loss.marginals[0] - 0.562_335).abs() < 1e-6 && loss.marginals[1] == 0.0, "{loss:?}");
-        let means = loss.means();
-        assert!((means[0] - 2_f64.ln()).abs() < 1e-7 && (means[1] - 0.281_168).abs() < 1e-6);
-    }
-
-    #[test]
     fn sources_that_an_agent_does_not_have_do_not_count() {
         let spec = region(1, 1, SourceSpec::bits(3), 4);
         let kinds = Kinds::one(3, spec.clone()).with_sources(vec![3, 1, 0]);

@@ -198,16 +198,6 @@ mod tests {
     use dials_core::base::{AgentId, Seed};
     use dials_core::domain::SourceSpec;
 
-    #[test]
-    fn learning_rate_and_clip_decay_over_the_total_steps() {
-        let config = PpoConfig::default();
-        assert_eq!(Decayed::at(&config, 0.0), Decayed { learning_rate: 2.5e-4, clip: 0.1 });
-        let half = Decayed::at(&config, 0.5);
-        assert!((half.learning_rate - 1.250_000_5e-4).abs() < 1e-12 && (half.clip - 0.050_005).abs() < 1e-12);
-        let end = Decayed::at(&config, 1.0);
-        assert!((end.learning_rate - 1e-10).abs() < 1e-18 && (end.clip - 1e-5).abs() < 1e-12);
-    }
-
     /// Returns a stack of three agents and a memory of 16 random samples for each.
     fn material(recurrent: Option<usize>, separate_critic: bool) -> (PolicyStack, Memory) {
         let spec = region(4, 1, SourceSpec::bits(1), 8);
