@@ -118,26 +118,6 @@ impl Drift {
 mod tests {
     use super::*;
 
-    #[test]
-    fn drifted_aips_are_trained_again_where_the_schedule_leaves_it_to_the_drift() {
-        let mut config = Config::default();
-        config.aip.drift_threshold = 5.0;
-        let trains = |progress: &TrainingProgress| {
-            [AipTraining::No, AipTraining::IfDrifted, AipTraining::Yes].map(|train_aips| {
-                progress.trains_aips(&Period { start: 0, end: 1, train_aips, evaluate: false, average: false }, &config)
-            })
-        };
-        let mut progress = TrainingProgress::default();
-        assert_eq!(trains(&progress), [false, false, true], "before the first training nothing can have drifted");
-        let losses = |loss| [FreshLoss { predictor: vec![loss], marginals: vec![0.5] }];
-        progress.drift.note(Moment::Training, &losses(0.2));
-        // 0.208 / 0.2 is 4 % more, 0.212 / 0.2 is 6 %.
-        progress.drift.note(Moment::Evaluation, &losses(0.208));
-        assert_eq!(trains(&progress), [false, false, true]);
-        progress.drift.note(Moment::Evaluation, &losses(0.212));
-        assert_eq!(trains(&progress), [false, true, true]);
-    }
-
     fn losses(of_agents: [f64; 2], constants: f64) -> Vec<FreshLoss> {
         let of_agent = |loss| FreshLoss { predictor: vec![loss, loss], marginals: vec![constants, constants] };
         of_agents.map(of_agent).to_vec()

@@ -135,15 +135,6 @@ impl Index<usize> for Kinds {
     }
 }
 
-impl<'a> IntoIterator for &'a Kinds {
-    type Item = &'a Kind;
-    type IntoIter = std::slice::Iter<'a, Kind>;
-
-    fn into_iter(self) -> Self::IntoIter {
-        self.iter()
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;

@@ -259,18 +259,14 @@ mod tests {
     use dials_core::domain::{Baseline, Domain, SourceSpec};
     use dials_testkit::toy::{Coins, CoinsAndDice};
 
-    fn config() -> ImitationConfig {
-        ImitationConfig { dataset_steps: 2000, epochs: 5, minibatch: 32, learning_rate: 1e-2, ..Default::default() }
-    }
-
-    /// Lets a controller play and one kind of agents imitate it. Returns their policies and how well they do.
+    /// Lets a controller play and one kind of agents imitate it.
     fn imitated(
         domain: &dyn Domain,
         controller: &str,
         kind: usize,
         policy: &PolicyConfig,
         config: &ImitationConfig,
-    ) -> (PolicyStack, Vec<ImitationLoss>) {
+    ) -> Vec<ImitationLoss> {
         let Baseline { mut simulator, mut controller } = domain.baseline(controller).unwrap();
         let mut all = Demonstrations::of_all(domain.kinds());
         for episode in 0..config.episodes(domain.kinds().horizon()) {
@@ -282,8 +278,7 @@ mod tests {
         let bias = vec![0.0; kind.spec.n_actions];
         let mut policies = PolicyStack::new(&kind.agents, &kind.spec, policy, &bias, Seed::new(3));
         let work = Work { watch: &mut Stopwatch::default(), progress: &mut |_| () };
-        let losses = imitate(&mut policies, &kind.agents, &theirs, config, Seed::new(4), work);
-        (policies, losses)
+        imitate(&mut policies, &kind.agents, &theirs, config, Seed::new(4), work)
     }
 
     /// The controller of this domain decides outside of the simulator, which cannot be asked.
@@ -298,10 +293,6 @@ mod tests {
         assert!(with(0.0) == with(0.0) && with(0.0) != with(0.5));
     }
 
-    fn small(recurrent: Option<usize>, separate_critic: bool) -> PolicyConfig {
-        PolicyConfig { recurrent, hidden: vec![16], separate_critic, ..PolicyConfig::default() }
-    }
-
     #[test]
     fn coins_learn_to_copy_and_dice_the_best_of_their_allowed_moves_with_and_without_a_memory() {
         let (coins, dice) = (Coins::new(50), CoinsAndDice::new(50));
@@ -313,31 +304,21 @@ mod tests {
             (&dice, "best", 1, None, false),
         ] {
             let minibatch = if recurrent.is_some() { 4 } else { 32 };
-            let config = ImitationConfig { minibatch, epochs: 8, ..config() };
-            let (_, losses) = imitated(domain, controller, kind, &small(recurrent, separate_critic), &config);
-            for loss in losses {
+            let config = ImitationConfig {
+                dataset_steps: 2000,
+                epochs: 8,
+                minibatch,
+                learning_rate: 1e-2,
+                ..Default::default()
+            };
+            let policy = PolicyConfig { recurrent, hidden: vec![16], separate_critic, ..PolicyConfig::default() };
+            for loss in imitated(domain, controller, kind, &policy, &config) {
                 // A random network says the right one of two with about 1/2: ln 2 = 0.69. A die's third face is masked.
                 assert!((loss.cross_entropy[0] - 0.69).abs() < 0.2, "{controller}: {loss:?}");
                 assert!(
                     loss.accuracy[1] > 0.99 && loss.cross_entropy[1] < 0.05,
                     "{controller} {recurrent:?}: {loss:?}"
                 );
-            }
-        }
-    }
-
-    #[test]
-    fn the_value_is_left_alone() {
-        for policy in [small(None, false), small(Some(8), true)] {
-            let config = ImitationConfig { minibatch: 4, epochs: 1, ..config() };
-            let (policies, _) = imitated(&Coins::new(50), "copy", 0, &policy, &config);
-            let kind = &Coins::new(50).kinds()[0].clone();
-            let before = PolicyStack::new(&kind.agents, &kind.spec, &policy, &[0.0; 2], Seed::new(3));
-            for (before, after) in before.parameters().values().iter().zip(policies.parameters().values().iter()) {
-                let changed: Vec<bool> = before.iter().zip(after).map(|(before, after)| before != after).collect();
-                let critic = policies.only_critic();
-                assert!(changed.iter().zip(&critic).all(|(&changed, &critic)| !(changed && critic)));
-                assert!(changed.contains(&true));
             }
         }
     }

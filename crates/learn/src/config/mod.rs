@@ -57,11 +57,11 @@ pub struct Config {
     pub policy: PolicyConfig,
     pub imitation: ImitationConfig,
     /// Algorithm that trains the policies.
-    #[serde(skip_serializing_if = "AlgorithmName::is_default")]
+    #[serde(skip_serializing_if = "is_default")]
     #[schemars(extend("default" = AlgorithmName::default()))]
     pub algorithm: AlgorithmName,
     pub ppo: PpoConfig,
-    #[serde(skip_serializing_if = "DqnConfig::is_default")]
+    #[serde(skip_serializing_if = "is_default")]
     pub dqn: DqnConfig,
     pub aip: AipConfig,
     pub evaluation: EvaluationConfig,
@@ -210,6 +210,10 @@ impl Default for Config {
             checkpoints: CheckpointsConfig::default(),
         }
     }
+}
+
+fn is_default<T: Default + PartialEq>(value: &T) -> bool {
+    *value == T::default()
 }
 
 impl Default for LocalSimulatorsConfig {

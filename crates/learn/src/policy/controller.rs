@@ -77,7 +77,7 @@ impl JointPolicyController {
 
 impl Controller for JointPolicyController {
     fn begin(&mut self, episode: Seed) {
-        let stacks = self.stacks.iter_mut().zip(&self.kinds);
+        let stacks = self.stacks.iter_mut().zip(self.kinds.iter());
         stacks.for_each(|((stack, _), kind)| stack.begin(episode, &kind.agents));
     }
 

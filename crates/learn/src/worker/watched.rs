@@ -21,7 +21,6 @@ pub(crate) struct Watched<'a> {
     all: usize,
     last_call: Instant,
     is_reset: bool,
-    resets: Duration,
     steps: Duration,
     watch: Stopwatch,
 }
@@ -42,7 +41,6 @@ impl<'a> Watched<'a> {
             all: decisions,
             last_call: Instant::now(),
             is_reset: true,
-            resets: Duration::ZERO,
             steps: Duration::ZERO,
             watch: Stopwatch::default(),
         }
@@ -50,15 +48,14 @@ impl<'a> Watched<'a> {
 
     /// Notes what the simulator did since the last call.
     fn note_simulator(&mut self) {
-        let spent = if self.is_reset { &mut self.resets } else { &mut self.steps };
-        *spent += self.last_call.elapsed();
+        let spent = self.last_call.elapsed();
+        if self.is_reset { self.watch.note(Phase::Reset, spent) } else { self.steps += spent }
     }
 
     /// Adds the times of all episodes.
     pub(crate) fn add_to(mut self, watch: &mut Stopwatch, simulator: &mut dyn GlobalSimulator) {
         self.note_simulator();
         watch.add(&self.watch);
-        watch.note(Phase::Reset, self.resets);
         add_steps(watch, &simulator.take_watch(), self.steps);
     }
 }
