@@ -152,24 +152,4 @@ mod tests {
         std::fs::write(path, &bytes[..bytes.len() / 2]).unwrap();
         assert!(error(path, "a.", first.layout(), 2).contains("cut short"));
     }
-
-    #[test]
-    fn a_parameter_that_is_no_finite_number_is_refused_with_its_tensor_and_its_network() {
-        // Three inputs and four outputs without hidden layers: 12 weights, then 4 biases.
-        let shape = Shape { inputs: 3, recurrent: None, hidden: Vec::new(), outputs: 4, apart: 0 };
-        let stack = stack(shape, &[0, 1, 2]);
-        let layout = stack.parameters().layout();
-        let file = tempfile::NamedTempFile::new().unwrap();
-        for (column, name, bad, word) in
-            [(11, "layers.0.weight", f32::NAN, "NaN"), (12, "layers.0.bias", f32::NEG_INFINITY, "-inf")]
-        {
-            let mut values = stack.parameters().values().clone();
-            values.row_mut(2)[column] = bad;
-            let stack = StackToWrite { prefix: "", layout, rows: values.iter().collect() };
-            write_stacks(&[stack], &HashMap::new(), file.path()).unwrap();
-            let error = error(file.path(), "", layout, 3);
-            let expected = format!("`{name}` of network 2 holds {word}, which is not a finite number");
-            assert!(error.contains(&expected) && error.ends_with("or train again"), "{error}");
-        }
-    }
 }

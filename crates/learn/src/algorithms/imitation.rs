@@ -215,9 +215,7 @@ impl Buffers {
         for (row, ((output, gradient), action)) in rows.zip(&self.actions).enumerate() {
             let Some(action) = action.map(usize::from) else { continue };
             logits.copy_from_slice(&output[..n_actions]);
-            if !self.masks.is_empty() {
-                sampling::forbid(&mut logits, &self.masks[row * n_actions..][..n_actions]);
-            }
+            sampling::forbid(&mut logits, self.masks.chunks_exact(n_actions).nth(row).unwrap_or(&[]));
             sampling::log_softmax(&logits, &mut log_probs);
             found.cross_entropy -= f64::from(log_probs[action]);
             found.hits += usize::from(usize::from(sampling::most_probable(&log_probs)) == action);

@@ -265,11 +265,6 @@ impl Config {
         self.gs.shared_policy && self.simulator == Simulator::Global
     }
 
-    /// Returns whether the policies of a kind begin as one: the mean of random ones that differ would be worse than each.
-    pub(crate) fn begins_with_one_policy(&self) -> bool {
-        self.shares_policies() || self.policy.average_every_steps.is_some()
-    }
-
     /// Returns the timesteps per agent at the beginning of training in which only the critic learns.
     pub fn critic_steps(&self) -> u64 {
         if self.policy.imitate.is_some() { self.imitation.critic_steps } else { 0 }

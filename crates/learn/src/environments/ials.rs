@@ -7,7 +7,7 @@ use anyhow::ensure;
 
 use super::{Environment, Experience, add_steps};
 use crate::predictors::InfluencePredictor;
-use crate::state::stream::{AgentStream, Trail, fingerprint, longest, rows_of, rows_of_mut};
+use crate::state::stream::{AgentStream, Trail, fingerprint, rows_of, rows_of_mut};
 use dials_core::base::{Dice, Phase, Rows, Stopwatch};
 use dials_core::domain::{Action, Beginning, LocalSimulator, Percept, Result};
 
@@ -105,18 +105,18 @@ fn retrace(
     trails: &[Trail],
     alive: &mut dyn FnMut(),
 ) -> Result<Percept> {
-    let sources = simulator.spec().sources.clone();
-    let steps = longest(trails);
+    let count = simulator.spec().sources.count();
+    let steps = trails.iter().map(Trail::steps).max().unwrap_or(0);
     let beginning = |row: usize| Beginning { row, episode: trails[row].episode };
     let mut percept = simulator.reset(&(0..trails.len()).map(beginning).collect::<Vec<_>>())?.clone();
     let mut actions = vec![0; trails.len()];
-    let mut influences = Rows::new(trails.len(), sources.count());
+    let mut influences = Rows::new(trails.len(), count);
     for step in 0..steps {
         alive();
         for (row, trail) in trails.iter().enumerate() {
             if let Some(step) = (step + trail.steps()).checked_sub(steps) {
                 actions[row] = trail.actions[step];
-                influences.row_mut(row).copy_from_slice(trail.sources_at(step, sources.count()));
+                influences.row_mut(row).copy_from_slice(&trail.sources[step * count..][..count]);
             }
         }
         predictor.watch(&percept.d_set);

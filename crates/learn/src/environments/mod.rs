@@ -59,8 +59,4 @@ impl Experience {
             last_masks: spec.masks.then(|| Rows::new(rows, spec.n_actions)),
         }
     }
-
-    pub fn any_end(&self) -> bool {
-        self.ends.contains(&true)
-    }
 }

@@ -49,7 +49,9 @@ struct KindLearner {
 pub fn initial_policies(domain: &dyn Domain, config: &Config, agents: &[AgentId]) -> PolicyStack {
     let seed = Seed::new(config.seed).fork(RandomPurpose::Policy);
     let kind = domain.kinds().of(agents[0]);
-    let alike = config.begins_with_one_policy().then(|| vec![kind.agents[0]; agents.len()]);
+    // The mean of random policies that differ would be worse than each.
+    let begins_as_one = config.shares_policies() || config.policy.average_every_steps.is_some();
+    let alike = begins_as_one.then(|| vec![kind.agents[0]; agents.len()]);
     let agents = alike.as_deref().unwrap_or(agents);
     let policies = PolicyStack::new(agents, &kind.spec, &config.policy, &domain.initial_action_bias(kind), seed);
     policies.read_as(algorithms::of(config).reading())

@@ -61,14 +61,9 @@ pub(super) fn loss_and_gradient(
     let advantages = normalised(samples);
     let rows = outputs.chunks_exact(width).zip(gradient.chunks_exact_mut(width));
     for (((output, gradient), sample), advantage) in rows.zip(samples).zip(advantages) {
-        match masks.next() {
-            Some(mask) => {
-                logits.copy_from_slice(&output[..n_actions]);
-                sampling::forbid(&mut logits, mask);
-                sampling::log_softmax(&logits, &mut log_probs);
-            }
-            None => sampling::log_softmax(&output[..n_actions], &mut log_probs),
-        }
+        logits.copy_from_slice(&output[..n_actions]);
+        sampling::forbid(&mut logits, masks.next().unwrap_or(&[]));
+        sampling::log_softmax(&logits, &mut log_probs);
         let action = usize::from(sample.action);
         let entropy = sampling::entropy(&log_probs);
 

@@ -84,7 +84,7 @@ impl Rollout {
         let now = self.rewards.len();
         self.rewards.extend_from_slice(&experience.rewards);
         self.ends.extend_from_slice(&experience.ends);
-        if self.config.time_limit == TimeLimit::Bootstrap && experience.any_end() {
+        if self.config.time_limit == TimeLimit::Bootstrap && experience.ends.contains(&true) {
             watch.time(Phase::Acting, || self.credit_what_would_come(policies, experience, now));
         }
         self.starts.copy_from_slice(&experience.ends);
