@@ -1,6 +1,7 @@
 //! The state of a traffic light.
 
 use std::fmt;
+use std::str::FromStr;
 
 use super::error::{Error, Result};
 
@@ -50,6 +51,14 @@ fn check(letters: &str) -> Result<()> {
         None => return Ok(()),
     };
     Err(Error::State { state: letters.into(), reason, alphabet: ALPHABET })
+}
+
+impl FromStr for SignalState {
+    type Err = Error;
+
+    fn from_str(letters: &str) -> Result<Self> {
+        SignalState::new(letters)
+    }
 }
 
 impl fmt::Display for SignalState {

@@ -96,7 +96,6 @@ impl<T: Copy + Default> Ragged<T> {
         self.ends.push(self.data.len());
     }
 
-    /// Appends all rows of `other`.
     pub fn extend(&mut self, other: &Ragged<T>) {
         let begin = self.data.len();
         self.data.extend_from_slice(&other.data);

@@ -41,7 +41,6 @@ impl SourceSpec {
         SourceSpec { classes: vec![2; sources], parts: 0 }
     }
 
-    /// Returns the number of influence sources: the width of a row of sources.
     pub fn count(&self) -> usize {
         self.classes.len()
     }

@@ -1,12 +1,17 @@
-//! Files that others may have written, read whole: plain ones, and those that gzip packed.
+//! Files that others may have written, read whole: plain ones, and those that gzip packed. And temporary files, with an
+//! error that names the place and the way out.
 
-use std::fs::OpenOptions;
+use std::env;
+use std::fs::{File, OpenOptions};
 use std::io::{Error, ErrorKind, Read, Result};
 use std::os::unix::fs::OpenOptionsExt;
 use std::path::Path;
 
 use flate2::read::MultiGzDecoder;
 use rustix::fs::OFlags;
+use tempfile::TempDir;
+
+use super::Printable;
 
 /// Largest file of a network in bytes. That of a grid of 10 000 intersections has 55 MB.
 pub const LARGEST_NETWORK: u64 = 256 << 20;
@@ -62,6 +67,26 @@ pub(super) fn unpacked(bytes: Vec<u8>, at_most: u64) -> Result<Vec<u8>> {
         return Err(Error::new(ErrorKind::FileTooLarge, message));
     }
     Ok(content)
+}
+
+/// Makes a temporary directory that is removed when it is dropped.
+pub fn temporary_dir() -> Result<TempDir> {
+    tempfile::tempdir().map_err(|error| cannot_write_temporary(&error))
+}
+
+/// Makes a temporary file without a name, so a killed process leaves none behind.
+pub fn temporary_file() -> Result<File> {
+    tempfile::tempfile().map_err(|error| cannot_write_temporary(&error))
+}
+
+/// Returns the error about a temporary file that could not be written, such as one on a full disk.
+pub fn cannot_write_temporary(error: &Error) -> Error {
+    let message = format!(
+        "{}: temporary files cannot be written there ({}); set TMPDIR to a directory that can be written to",
+        Printable(env::temp_dir().display()),
+        error.kind()
+    );
+    Error::new(error.kind(), message)
 }
 
 #[cfg(test)]

@@ -32,12 +32,8 @@ impl Demonstrations {
         kinds.specs().map(Demonstrations::new).collect()
     }
 
-    pub fn len(&self) -> usize {
+    pub(crate) fn len(&self) -> usize {
         self.actions.len()
-    }
-
-    pub fn is_empty(&self) -> bool {
-        self.actions.is_empty()
     }
 
     pub fn episodes(&self) -> usize {

@@ -140,17 +140,14 @@ impl Replay {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::fixtures::region;
     use dials_core::base::Seed;
     use dials_core::domain::SourceSpec;
 
-    fn spec(masks: bool) -> RegionSpec {
-        let sources = SourceSpec::bits(1);
-        RegionSpec { obs_dim: 2, d_set_dim: 1, n_actions: 3, masks, sources, horizon: 8, local_horizon: 8 }
-    }
-
     /// Remembers the decisions 0, 1, 2, ... of two agents.
     fn filled(count: u8, capacity: usize) -> Replay {
-        let mut replay = Replay::new(2, capacity, &spec(true));
+        let spec = RegionSpec { n_actions: 3, masks: true, ..region(2, 1, SourceSpec::bits(1), 8) };
+        let mut replay = Replay::new(2, capacity, &spec);
         for step in 0..count {
             let values = [0, 100].map(|agent| [f32::from(agent + step), 0.5]);
             let decisions = values.iter().map(|values| Decision {
