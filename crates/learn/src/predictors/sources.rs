@@ -128,15 +128,7 @@ mod tests {
             };
             let mut gradient = vec![0.0; logits.len()];
             write_gradient(spec, &logits, observed, 0.25, &mut gradient);
-            for i in 0..logits.len() {
-                let shifted = |by: f32| {
-                    let mut logits = logits.clone();
-                    logits[i] += by;
-                    loss(&logits)
-                };
-                let slope = (shifted(1e-2) - shifted(-1e-2)) / 2e-2;
-                assert!((slope - f64::from(gradient[i])).abs() < 1e-4, "{spec:?} {i}");
-            }
+            crate::fixtures::assert_gradient(loss, &logits, &gradient, 1e-2);
         }
     }
 

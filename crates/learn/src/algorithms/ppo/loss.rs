@@ -190,15 +190,7 @@ mod tests {
         };
         let mut gradient = [0.0; 16];
         loss_and_gradient(&outputs, &[], &samples, weights, &mut gradient);
-        for i in 0..16 {
-            let shifted = |by: f32| {
-                let mut outputs = outputs.clone();
-                outputs[i] += by;
-                loss(&outputs)
-            };
-            let slope = (shifted(1e-3) - shifted(-1e-3)) / 2e-3;
-            assert!((slope - f64::from(gradient[i])).abs() < 1e-3, "output {i}: {slope} {}", gradient[i]);
-        }
+        crate::fixtures::assert_gradient(loss, &outputs, &gradient, 1e-3);
     }
 
     #[test]
