@@ -81,10 +81,9 @@ impl Moment {
 }
 
 /// How much AIPs that were trained on earlier policies have become outdated: their loss on new episodes of the GS under
-/// the current joint policy, divided by the loss of the best constants on the same episodes. The loss alone would not
-/// show it. As policies learn, arrivals also become easier or harder to predict, whatever the AIPs know: in our
-/// ablation of the warehouse, the loss of AIPs that were trained once falls from 0.50 to 0.39 nats while they become
-/// worse than constants. What counts is the growth of the share since the last training.
+/// the current joint policy, divided by the loss of the best constants on the same episodes. What counts is the growth
+/// of this share since the last training. The loss alone would not show it: in our ablation of the warehouse, that of
+/// AIPs that were trained once falls from 0.50 to 0.39 nats while they become worse than constants.
 ///
 /// Both losses are means over all agents and sources. Where no source varies, constants have no loss and the share is 1.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]

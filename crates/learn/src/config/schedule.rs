@@ -148,17 +148,6 @@ mod tests {
         assert!(first.iter().all(|work| work.1 == "evaluates"), "{due:?}");
     }
 
-    #[test]
-    fn checkpoints_of_their_own_begin_periods_without_evaluation_or_training() {
-        let mut config = config("dials", 100, 100, 50);
-        config.checkpoints.every_steps = Some(40);
-        config.aip.retrain = Retrain::Drift;
-        let periods = schedule(&config);
-        let (yes, no) = (AipTraining::IfDrifted, AipTraining::No);
-        let begin: Vec<_> = periods.iter().map(|period| (period.start, period.evaluate, period.train_aips)).collect();
-        assert_eq!(begin, [(0, true, AipTraining::Yes), (40, false, no), (50, true, yes), (80, false, no)]);
-    }
-
     /// Returns the updates, in timesteps, after which policies are averaged.
     fn averages(config: &Config) -> Vec<u64> {
         let averaging = schedule(config).into_iter().filter(|period| period.average);
@@ -213,16 +202,15 @@ mod tests {
     }
 
     #[test]
-    fn aips_that_are_trained_once_or_on_drift_are_trained_at_the_first_step() {
-        for (retrain, later) in [(Retrain::Once, AipTraining::No), (Retrain::Drift, AipTraining::IfDrifted)] {
-            let mut config = config("dials", 150, 60, 50);
-            config.aip.retrain = retrain;
-            let periods = schedule(&config);
-            assert_eq!(periods.iter().map(|p| p.start).collect::<Vec<_>>(), [0, 50, 100], "F is not used");
-            assert!(periods.iter().all(|p| p.evaluate));
-            assert_eq!(periods.iter().map(|p| p.train_aips).collect::<Vec<_>>(), [AipTraining::Yes, later, later]);
+    fn aips_of_one_training_or_on_drift_are_trained_first_and_checkpoints_begin_periods_without_any() {
+        let no = AipTraining::No;
+        for (retrain, later) in [(Retrain::Once, no), (Retrain::Drift, AipTraining::IfDrifted)] {
+            let mut config = config("dials", 100, 60, 50);
+            (config.aip.retrain, config.checkpoints.every_steps) = (retrain, Some(40));
+            let begin: Vec<_> = schedule(&config).iter().map(|p| (p.start, p.evaluate, p.train_aips)).collect();
+            assert_eq!(begin, [(0, true, AipTraining::Yes), (40, false, no), (50, true, later), (80, false, no)]);
             config.predictor = Predictor::Untrained;
-            assert!(schedule(&config).iter().all(|p| p.train_aips == AipTraining::No));
+            assert!(schedule(&config).iter().all(|p| p.train_aips == no));
         }
     }
 }

@@ -180,7 +180,7 @@ impl Environment for Ials<'_> {
             watch.note(Phase::Reset, begun.elapsed());
             percept
         };
-        self.percept.copy_from(percept);
+        self.percept.clone_from(percept);
         add_steps(watch, &self.simulator.take_watch(), steps);
         Ok(())
     }

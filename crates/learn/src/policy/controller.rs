@@ -37,8 +37,7 @@ impl StackController {
     /// Begins an episode. `agents`: the agents whose dice the rows use.
     pub fn begin(&mut self, episode: Seed, agents: &[AgentId]) {
         self.states = self.stack.states(self.stack.agents());
-        let acting = episode.fork(RandomPurpose::Acting);
-        self.dice = agents.iter().map(|&agent| acting.for_agent(agent).dice()).collect();
+        self.dice = episode.fork(RandomPurpose::Acting).for_agents(agents).collect();
     }
 
     /// Chooses one action per row of the percept.

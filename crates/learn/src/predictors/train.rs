@@ -43,7 +43,7 @@ pub fn train(
         [0..first, first..last].map(|samples| predictor.losses(datasets, samples, watch))
     };
     let before = both(predictor, watch);
-    let mut dice: Vec<Dice> = agents.iter().map(|&agent| seed.for_agent(agent).dice()).collect();
+    let mut dice: Vec<Dice> = seed.for_agents(agents).collect();
     predictor.learn(Lesson { datasets, samples: first, config }, &mut dice, Work { watch, progress });
     let after = both(predictor, watch);
     let per_agent = datasets.iter().enumerate().map(|(agent, dataset)| {

@@ -1,8 +1,7 @@
 //! A block: agents of one kind that are trained together, on one stack of networks and one forest of local simulators.
 //!
-//! A worker trains its blocks one after the other, each for the whole period. Between two exchanges agents know nothing
-//! of each other, so the order changes no number. The networks and cars of a few agents stay in the cache; those of a
-//! hundred do not. On the GS all blocks act in one simulation, one block per kind.
+//! A worker trains its blocks one after the other, each for the whole period, which changes no number. The networks and
+//! cars of a few agents stay in the cache. On the GS all blocks act in one simulation, one block per kind.
 
 use std::sync::Arc;
 

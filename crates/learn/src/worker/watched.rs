@@ -1,8 +1,5 @@
-//! A controller in episodes on the GS that a worker plays: it reports how many of them are played, and measures what
-//! they cost.
-//!
-//! Some episodes take longer than the coordinator waits for a word of its workers: a whole day of a large map. A worker
-//! that spoke only between episodes would look as if it hung.
+//! A controller in episodes on the GS that a worker plays: it measures what they cost, and reports at every decision. A
+//! whole day of a large map takes longer than the coordinator waits for a word of its workers.
 
 use std::time::{Duration, Instant};
 

@@ -7,9 +7,8 @@ use dials_core::domain::{Action, RegionSpec};
 
 /// The decisions of some agents, each in a ring of its own. All rings are equally full.
 ///
-/// A decision is a row of numbers: observation, next observation, action, reward, discount of what follows (0 if
-/// nothing does), priority, and which actions are allowed next, if the kind has masks. So the rings are one table,
-/// which checkpoints hold as it is.
+/// A decision is a row of numbers, as checkpoints hold it: observation, next observation, action, reward, discount of
+/// what follows (0 if nothing does), priority, and which actions are allowed next, if the kind has masks.
 pub(super) struct Replay {
     agents: usize,
     capacity: usize,

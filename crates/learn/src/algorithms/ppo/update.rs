@@ -1,9 +1,7 @@
 //! The update of all agents' policies from a memory, by the loss of [`super::loss`].
 //!
 //! Source: Schulman et al. 2017; constants: DIALS paper, appendix "Hyperparameters". As in the authors' code, learning
-//! rate and clip decay linearly, to 1e-10 and 1e-5, over the total steps.
-//!
-//! Losses are means within an agent and sums over agents, so every agent learns as if alone.
+//! rate and clip decay linearly, to 1e-10 and 1e-5, over the total steps. Every agent learns as if alone.
 
 use std::ops::Range;
 use std::time::Instant;
