@@ -117,13 +117,11 @@ impl Drift {
 mod tests {
     use super::*;
 
-    fn losses(of_agents: [f64; 2], constants: f64) -> Vec<FreshLoss> {
-        let of_agent = |loss| FreshLoss { predictor: vec![loss, loss], marginals: vec![constants, constants] };
-        of_agents.map(of_agent).to_vec()
-    }
-
     #[test]
     fn it_is_the_growth_of_the_mean_loss_beside_that_of_constants_since_the_last_training() {
+        let losses = |of_agents: [f64; 2], constants| {
+            of_agents.map(|loss| FreshLoss { predictor: vec![loss; 2], marginals: vec![constants; 2] })
+        };
         let mut drift = Drift::default();
         drift.note(Moment::Evaluation, &losses([0.7, 0.7], 0.5));
         assert!(drift.percent().is_nan(), "before the first training nothing can have drifted");

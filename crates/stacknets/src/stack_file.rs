@@ -122,15 +122,6 @@ mod tests {
     use crate::testing::stack;
     use crate::{Shape, Stack};
 
-    fn read_file(path: &Path, prefix: &str, layout: &Layout, networks: usize) -> Result<Rows<f32>> {
-        let names: Vec<String> = (0..networks).map(|number| format!("network {number}")).collect();
-        read_stack(&std::fs::read(path).unwrap(), path, prefix, layout, &names)
-    }
-
-    fn error(path: &Path, prefix: &str, layout: &Layout, networks: usize) -> String {
-        read_file(path, prefix, layout, networks).unwrap_err().to_string()
-    }
-
     #[test]
     fn stacks_of_one_file_come_back_by_their_prefixes_and_other_shapes_are_errors() {
         let shape = |inputs| Shape { inputs, recurrent: None, hidden: vec![5], outputs: 2, apart: 0 };
@@ -144,12 +135,17 @@ mod tests {
         let file = tempfile::NamedTempFile::new().unwrap();
         let path = file.path();
         write_stacks(&stacks, &HashMap::new(), path).unwrap();
-        assert_eq!(read_file(path, "a.", first.layout(), 2).unwrap(), *first.values());
-        assert_eq!(read_file(path, "b.", second.layout(), 1).unwrap(), *second.values());
-        assert!(error(path, "", first.layout(), 2).contains("no tensor `layers.0.weight`"));
-        assert!(error(path, "a.", first.layout(), 3).contains("must be F32 [3, 4, 5]"));
+        let read = |prefix: &str, layout: &Layout, networks: usize| {
+            let names: Vec<usize> = (0..networks).collect();
+            read_stack(&std::fs::read(path).unwrap(), path, prefix, layout, &names)
+        };
+        let error = |prefix: &str, networks| read(prefix, first.layout(), networks).unwrap_err().to_string();
+        assert_eq!(read("a.", first.layout(), 2).unwrap(), *first.values());
+        assert_eq!(read("b.", second.layout(), 1).unwrap(), *second.values());
+        assert!(error("", 2).contains("no tensor `layers.0.weight`"));
+        assert!(error("a.", 3).contains("must be F32 [3, 4, 5]"));
         let bytes = std::fs::read(path).unwrap();
         std::fs::write(path, &bytes[..bytes.len() / 2]).unwrap();
-        assert!(error(path, "a.", first.layout(), 2).contains("cut short"));
+        assert!(error("a.", 2).contains("cut short"));
     }
 }

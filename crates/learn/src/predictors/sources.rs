@@ -82,10 +82,6 @@ mod tests {
     use super::*;
     use dials_core::base::Seed;
 
-    fn bits() -> SourceSpec {
-        SourceSpec::bits(2)
-    }
-
     fn classes() -> SourceSpec {
         SourceSpec { classes: vec![3; 2], parts: 0 }
     }
@@ -118,7 +114,7 @@ mod tests {
 
     #[test]
     fn gradients_agree_with_finite_differences() {
-        let cases = [(bits(), vec![1, 0]), (classes(), vec![2, 0]), (mixed(), vec![1, 1, 3])];
+        let cases = [(SourceSpec::bits(2), vec![1, 0]), (classes(), vec![2, 0]), (mixed(), vec![1, 1, 3])];
         for (spec, observed) in &cases {
             let logits: Vec<f32> = (0..spec.logits()).map(|i| (i as f32 * 0.7).sin()).collect();
             let loss = |logits: &[f32]| {
@@ -149,7 +145,7 @@ mod tests {
         let mut ones = 0;
         for _ in 0..80_000 {
             let mut drawn = [9; 2];
-            sample(&bits(), &[-(4_f32.ln()), 100.0], &mut dice, &mut drawn);
+            sample(&SourceSpec::bits(2), &[-(4_f32.ln()), 100.0], &mut dice, &mut drawn);
             assert_eq!(drawn[1], 1);
             ones += u32::from(drawn[0]);
         }
