@@ -336,7 +336,7 @@ mod tests {
     }
 
     #[test]
-    fn it_learns_what_the_d_set_tells_and_is_never_worse_than_marginals_on_held_out_episodes() {
+    fn it_learns_what_the_d_set_shows_and_is_never_worse_than_marginals_on_held_out_episodes() {
         let mut aips = AipStack::new(&[AgentId(0)], &spec(2, 3), &config(), Seed::new(1));
         let loss = trained(&mut aips, &[dataset()], &config()).remove(0);
         // H(0.9) = 0.3251 and H(0.2) = 0.5004, each half of the time: 0.4127. Marginals: H(0.55) = 0.6881.

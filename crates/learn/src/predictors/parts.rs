@@ -1,6 +1,6 @@
 //! How often influence sources took their values, part by part of the episode: the constants that AIPs are compared with.
 //!
-//! Domains whose traffic changes within an episode have parts, which the first columns of their d-sets tell. Without
+//! Domains whose traffic changes within an episode have parts, which the first columns of their d-sets show. Without
 //! parts there is one constant per source.
 
 use std::ops::Range;
@@ -22,7 +22,7 @@ pub(super) struct PartFrequencies {
     shares: Vec<Vec<Vec<f64>>>,
 }
 
-/// Returns the part of the episode that a d-set tells; 0 without parts.
+/// Returns the part of the episode that a d-set shows; 0 without parts.
 pub(super) fn part_of(sources: &SourceSpec, d_set: &[f32]) -> usize {
     d_set[..sources.parts].iter().position(|&bit| bit == 1.0).unwrap_or(0)
 }
