@@ -165,7 +165,7 @@ impl View {
     fn put_experience(&mut self, experience: &Experience) {
         self.memory.put(&self.rewards, &experience.rewards);
         self.memory.put(&self.ends, &experience.ends);
-        if experience.any_end() {
+        if experience.ends.contains(&true) {
             self.memory.put(&self.last_obs, experience.last_obs.as_slice());
             if let Some(masks) = &experience.last_masks {
                 self.memory.put(&self.last_masks, masks.as_slice());

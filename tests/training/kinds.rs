@@ -146,7 +146,7 @@ fn the_aips_of_both_kinds_learn_the_closed_form_influence() {
     let (domain, config) = (domain(), config("dials"));
     let saved = dir.path().join(files::POLICIES);
     let policies = JointLayout::of_policies(domain.kinds(), &config.policy).read(&saved).unwrap();
-    for kind in domain.kinds() {
+    for kind in domain.kinds().iter() {
         let layout = PolicyStack::shape(&kind.spec, &config.policy).layout();
         let rows =
             read_stack(&fs::read(&saved).unwrap(), &saved, &format!("{}.", kind.name), &layout, &kind.agents).unwrap();

@@ -222,7 +222,7 @@ fn advice_that_is_followed_plays_the_episode_of_the_rule_and_slips_leave_it() {
     let mut first = vec![0.0; alone.len()];
     without[0].obs.read(0, &mut first);
     assert_eq!(first, alone);
-    assert!(without[0].len() == 100 && without != seen(0.1));
+    assert!(without[0].actions.len() == 100 && without != seen(0.1));
     // Whatever the slips: what is learnt is the rule's own next move, which is the same at the beginning.
     assert_eq!(without[0].actions[0], seen(1.0)[0].actions[0]);
 }

@@ -179,16 +179,16 @@ pub(crate) fn figures(episodes: &[EpisodeReport]) -> Vec<(String, Vec<f64>)> {
 
 fn mean_measures(episodes: &[EpisodeReport]) -> Measures {
     let mut means = episodes[0].measures.clone();
+    let over_episodes = |value: &dyn Fn(&Measures) -> f64| {
+        mean(&episodes.iter().map(|episode| value(&episode.measures)).collect::<Vec<_>>())
+    };
     for (index, (_, values)) in means.per_agent.iter_mut().enumerate() {
         for (agent, value) in values.iter_mut().enumerate() {
-            let of_episodes: Vec<f64> =
-                episodes.iter().map(|episode| episode.measures.per_agent[index].1[agent]).collect();
-            *value = mean(&of_episodes);
+            *value = over_episodes(&|measures| measures.per_agent[index].1[agent]);
         }
     }
     for (index, (_, value)) in means.system.iter_mut().enumerate() {
-        let of_episodes: Vec<f64> = episodes.iter().map(|episode| episode.measures.system[index].1).collect();
-        *value = mean(&of_episodes);
+        *value = over_episodes(&|measures| measures.system[index].1);
     }
     means
 }

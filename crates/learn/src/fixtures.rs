@@ -20,3 +20,16 @@ pub(crate) fn trained(aips: &mut dyn TrainablePredictor, datasets: &[Dataset], c
     let work = Work { watch: &mut Stopwatch::default(), progress: &mut |_| () };
     train(aips, &AgentId::all(datasets.len()), datasets, config, Seed::new(2), work)
 }
+
+/// Asserts that a gradient agrees with finite differences of a function, up to an error of 1e-3.
+pub(crate) fn assert_gradient(of: impl Fn(&[f32]) -> f64, at: &[f32], gradient: &[f32], step: f32) {
+    for (i, &slope) in gradient.iter().enumerate() {
+        let shifted = |by: f32| {
+            let mut at = at.to_vec();
+            at[i] += by;
+            of(&at)
+        };
+        let measured = (shifted(step) - shifted(-step)) / f64::from(2.0 * step);
+        assert!((measured - f64::from(slope)).abs() < 1e-3, "number {i}: {measured} {slope}");
+    }
+}

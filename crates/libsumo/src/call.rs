@@ -418,13 +418,7 @@ fn terminated(text: &str) -> Result<CString> {
 
 #[cfg(test)]
 mod tests {
-    use super::{tidy, with_silence};
-
-    #[test]
-    fn the_reason_is_what_remains_of_sumos_words() {
-        assert_eq!(tidy("Process Error\nError: File 'x' is not accessible.\n"), "File 'x' is not accessible.");
-        assert_eq!(tidy("Process Error\n"), "it gave no reason");
-    }
+    use super::with_silence;
 
     #[test]
     fn an_option_of_the_callers_is_not_set_a_second_time() {

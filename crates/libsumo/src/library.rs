@@ -60,14 +60,3 @@ fn way_out(text: &str) -> &'static str {
         false => "install SUMO 1.15 (on Debian 12: apt install sumo), and build this program again if it moved",
     }
 }
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn the_way_out_of_too_little_memory_is_not_to_install() {
-        assert!(way_out("libgdal.so.32: failed to map segment from shared object").contains("ulimit"));
-        assert!(way_out("libsumocpp.so: cannot open shared object file: No such file").contains("apt install sumo"));
-    }
-}

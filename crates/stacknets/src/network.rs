@@ -247,17 +247,3 @@ impl Tower<'_> {
         }
     }
 }
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn only_a_gradient_that_is_too_long_is_shortened() {
-        let mut trace = Trace { gradient: vec![3.0, 0.0, -4.0], ..Trace::default() };
-        trace.shorten_gradient(5.0);
-        assert_eq!(trace.gradient(), [3.0, 0.0, -4.0]);
-        trace.shorten_gradient(0.5);
-        assert!(trace.gradient().iter().zip([0.3, 0.0, -0.4]).all(|(slope, right)| (slope - right).abs() < 1e-7));
-    }
-}

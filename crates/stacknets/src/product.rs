@@ -247,11 +247,4 @@ mod tests {
     fn shapes_that_do_not_fit_are_refused() {
         multiply(Matrix::new(&[0.0; 6], 3), Matrix::new(&[0.0; 6], 3), &mut [0.0; 6], Before::Overwrite);
     }
-
-    #[test]
-    fn rows_add_up_column_by_column() {
-        let mut sums = [9.0; 2];
-        sum_rows(&[1.0, 2.0, 3.0, 4.0, 5.0, 6.0], &mut sums);
-        assert_eq!(sums, [9.0, 12.0]);
-    }
 }

@@ -50,23 +50,3 @@ impl Threads {
         }
     }
 }
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn results_come_in_the_order_of_the_items_whoever_does_the_work() {
-        let squares: Vec<usize> = (0..100).map(|i| i * i).collect();
-        for threads in [Threads::one(), Threads::new(1).unwrap(), Threads::new(3).unwrap()] {
-            let mut out = vec![0; 100];
-            let items: Vec<(usize, &mut usize)> = out.iter_mut().enumerate().collect();
-            let returned = threads.map(items, 2, |(): &mut (), (i, out)| {
-                *out = i * i;
-                i * i
-            });
-            assert_eq!(returned, squares);
-            assert_eq!(out, squares);
-        }
-    }
-}

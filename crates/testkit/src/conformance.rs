@@ -30,7 +30,7 @@ pub fn check(domain: &dyn Domain, seed: Seed) -> Result<Conformance> {
     ensure!(record(domain, seed)? == recording, "the GS does not repeat an episode from its seed");
     check_shapes(domain, &recording)?;
     let mut likeness = Likeness::default();
-    for kind in domain.kinds() {
+    for kind in domain.kinds().iter() {
         let of_kind = recording.of_kind(kind);
         check_rows(domain, kind, &of_kind, seed)?;
         replay_locally(domain, kind, &of_kind, seed, &mut likeness)?;

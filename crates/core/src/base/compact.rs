@@ -88,7 +88,6 @@ impl CompactRows {
         }
     }
 
-    /// Appends all rows of `other`.
     pub fn extend(&mut self, other: &CompactRows) {
         assert_eq!(other.width, self.width, "rows of a different width");
         match (&mut self.entries, &other.entries) {

@@ -96,7 +96,6 @@ impl<T: Copy + Default> Ragged<T> {
         self.ends.push(self.data.len());
     }
 
-    /// Appends all rows of `other`.
     pub fn extend(&mut self, other: &Ragged<T>) {
         let begin = self.data.len();
         self.data.extend_from_slice(&other.data);
@@ -207,11 +206,5 @@ mod tests {
         for ends in ["[1, 4]", "[3, 1]", "[2]", "[]", "[18446744073709551615]"] {
             assert!(read(ends).unwrap_err().to_string().contains("do not fit its 3 values"), "{ends}");
         }
-    }
-
-    #[test]
-    #[should_panic(expected = "row 1 has a different width")]
-    fn a_row_is_not_replaced_by_a_wider_one() {
-        table().replace(0, &table().pick([0, 3]));
     }
 }

@@ -65,17 +65,6 @@ mod tests {
     use super::*;
 
     #[test]
-    fn only_one_is_singular() {
-        assert_eq!([0, 1, 2].map(|number| counted(number, "run")), ["0 runs", "1 run", "2 runs"]);
-    }
-
-    #[test]
-    fn the_first_one_that_came_before_is_found() {
-        assert_eq!(repeated(&[1, 2, 3, 2, 1]), Some(&2));
-        assert_eq!(repeated(&[1, 2, 3]), None);
-    }
-
-    #[test]
     fn small_figures_have_more_digits_and_those_near_200_have_one() {
         assert_eq!([217.44, -60.0, 13.09, -1.04, 0.0].map(|figure| decimals(figure, None)), [1, 1, 2, 3, 2]);
         assert_eq!(decimals(217.44, Some(0.01)), 1);
@@ -83,15 +72,6 @@ mod tests {
         let widths = [2.3, 0.11, 0.012, 0.0012, 0.00012];
         assert_eq!(widths.map(|width| decimals(-1.04, Some(width))), [2, 2, 3, 4, 4]);
         assert_eq!([0.0, f64::NAN, f64::INFINITY].map(|width| decimals(-1.04, Some(width))), [2, 3, 2]);
-    }
-
-    #[test]
-    fn long_labels_are_broken_at_blanks() {
-        assert_eq!(wrapped("DIALS F=1M", 29), ["DIALS F=1M"]);
-        assert_eq!(
-            wrapped("DIALS F=1M, local_simulators.copies=1, ppo.clip=0.2", 29),
-            ["DIALS F=1M,", "local_simulators.copies=1,", "ppo.clip=0.2"]
-        );
     }
 
     #[test]

@@ -62,19 +62,15 @@ impl Kinds {
             }
         }
         let places = places.into_iter().map(|place| place.expect("n agents in n places, no two in one"));
-        Ok(Kinds::of_places(kinds, places.collect()))
+        let places: Vec<Place> = places.collect();
+        let sources = places.iter().map(|place| kinds[place.kind].spec.sources.count()).collect();
+        Ok(Kinds { kinds, places, sources })
     }
 
     /// Makes a single kind of `agents` agents.
     pub fn one(agents: usize, spec: RegionSpec) -> Kinds {
-        assert!(agents > 0, "a domain has at least one agent");
-        let places = (0..agents).map(|row| Place { kind: 0, row }).collect();
-        Kinds::of_places(vec![Kind { name: "agent".to_owned(), spec, agents: AgentId::all(agents) }], places)
-    }
-
-    fn of_places(kinds: Vec<Kind>, places: Vec<Place>) -> Kinds {
-        let sources = places.iter().map(|place| kinds[place.kind].spec.sources.count()).collect();
-        Kinds { kinds, places, sources }
+        let kind = Kind { name: "agent".to_owned(), spec, agents: AgentId::all(agents) };
+        Kinds::new(vec![kind]).expect("a domain has at least one agent, and sources of two classes or more")
     }
 
     /// Sets how many influence sources each agent has itself. Its kind may have more: the last ones then never happen to
@@ -132,15 +128,6 @@ impl Index<usize> for Kinds {
 
     fn index(&self, kind: usize) -> &Kind {
         &self.kinds[kind]
-    }
-}
-
-impl<'a> IntoIterator for &'a Kinds {
-    type Item = &'a Kind;
-    type IntoIter = std::slice::Iter<'a, Kind>;
-
-    fn into_iter(self) -> Self::IntoIter {
-        self.iter()
     }
 }
 

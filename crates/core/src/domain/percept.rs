@@ -18,23 +18,10 @@ pub struct Percept {
 impl Percept {
     /// Makes a percept of zeros in which every action is allowed.
     pub fn new(rows: usize, spec: &RegionSpec) -> Self {
-        let all_allowed = || {
-            let mut masks = Rows::new(rows, spec.n_actions);
-            masks.fill(true);
-            masks
-        };
         Percept {
             obs: Rows::new(rows, spec.obs_dim),
             d_set: Rows::new(rows, spec.d_set_dim),
-            masks: spec.masks.then(all_allowed),
-        }
-    }
-
-    pub fn copy_from(&mut self, other: &Percept) {
-        self.obs.copy_from(&other.obs);
-        self.d_set.copy_from(&other.d_set);
-        if let Some((mine, theirs)) = self.masks.as_mut().zip(other.masks.as_ref()) {
-            mine.copy_from(theirs);
+            masks: spec.masks.then(|| Rows::from_vec(vec![true; rows * spec.n_actions], spec.n_actions)),
         }
     }
 }

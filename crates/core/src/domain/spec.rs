@@ -41,7 +41,6 @@ impl SourceSpec {
         SourceSpec { classes: vec![2; sources], parts: 0 }
     }
 
-    /// Returns the number of influence sources: the width of a row of sources.
     pub fn count(&self) -> usize {
         self.classes.len()
     }
@@ -86,17 +85,5 @@ impl Task {
             sources: numbered("source", spec.sources.count()),
             d_set: numbered("d-set", spec.d_set_dim),
         }
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn a_bit_takes_one_logit_and_a_choice_of_more_one_per_class() {
-        let sources = SourceSpec { classes: vec![2, 3, 2, 5], parts: 0 };
-        assert_eq!((sources.count(), sources.logits(), sources.values()), (4, 1 + 3 + 1 + 5, 12));
-        assert_eq!(SourceSpec::bits(3).logits(), 3);
     }
 }

@@ -1,9 +1,9 @@
 //! What comes from outside this program: files that others may have written, and names that others chose.
 //!
 //! - `file`: reads regular files only, up to a size. A pipe, a device or a file without end is an error, not a hang.
+//!   Temporary files, with an error that names the place.
 //! - `directory`: a directory that this program writes, its lock and its files.
 //! - `staged`: files and directories that appear whole or not at all, and the sweeping of what kills left behind.
-//! - `temporary`: temporary files, with an error that names the place.
 //! - [`tree`]: XML read into a tree, with limits.
 //! - `printable`: names as they may reach a terminal, a picture, a report or a CSV file.
 //! - `quoted`: words of a command to copy. They come back from a shell as they were.
@@ -18,15 +18,13 @@ mod plain_words;
 mod printable;
 mod quoted;
 mod staged;
-mod temporary;
 pub mod tree;
 
 pub use alike::did_you_mean;
 pub use directory::{Busy, Directory, Whereabouts};
-pub use file::{LARGEST_NETWORK, read_bytes, read_text};
+pub use file::{LARGEST_NETWORK, cannot_write_temporary, read_bytes, read_text, temporary_dir, temporary_file};
 pub use name::FileName;
 pub use plain_words::in_plain_words;
 pub use printable::{Printable, beginning, csv_name, excerpt, is_printable};
 pub use quoted::{path_as_text, quoted, quoted_word};
 pub use staged::{StagedDirectory, folder_of, rename_to_free, sweep, write_together};
-pub use temporary::{cannot_write_temporary, temporary_dir, temporary_file};

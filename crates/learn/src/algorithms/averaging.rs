@@ -1,6 +1,5 @@
 //! The mean of policies: agents of a kind learn apart for a while, and then go on from the mean of what they have learnt.
-//!
-//! So each of them also learns from the samples of the others. Between two means they still train in parallel.
+//! So each also learns from the samples of the others, and they still train in parallel.
 //!
 //! Source: McMahan et al. 2017, algorithm 1 (FederatedAveraging), with all agents each time and equal weights. Here the
 //! moments of the optimisers are averaged, too.

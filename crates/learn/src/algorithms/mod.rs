@@ -97,12 +97,6 @@ algorithms! {
     Dqn = dqn,
 }
 
-impl AlgorithmName {
-    pub(crate) fn is_default(&self) -> bool {
-        *self == AlgorithmName::default()
-    }
-}
-
 /// Trains the policies of some agents of one kind. Agents never learn from each other's experience unless the config
 /// says so, and every draw comes from dice of its agent: how agents are grouped changes no number.
 ///

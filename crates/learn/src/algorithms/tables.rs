@@ -245,14 +245,10 @@ mod tests {
     }
 
     #[test]
-    fn means_are_over_updates_and_the_settings_are_those_of_the_last_one() {
+    fn means_are_over_updates_with_the_last_settings_and_the_agents_of_several_learners_are_joined() {
         let mean = Metrics::mean(&[losses(&[1.0, 4.0], 0.2), losses(&[3.0, 0.0], 0.1)], losses(&[0.0; 2], 0.0));
         assert_eq!(mean, losses(&[2.0, 2.0], 0.1));
         assert_eq!(Metrics::mean(&[], losses(&[0.0; 2], 0.3)), losses(&[0.0; 2], 0.3));
-    }
-
-    #[test]
-    fn the_agents_of_several_learners_are_joined() {
         let mut both = losses(&[1.0, 3.0], 0.1);
         both.extend(losses(&[2.0], 0.1));
         assert_eq!(both, losses(&[1.0, 3.0, 2.0], 0.1));

@@ -151,12 +151,4 @@ mod tests {
         assert_eq!(error("policy.imitate = 'random'\ngs.shared_policy = true"), "", "local simulators do not read it");
         assert!(error("policy.imitate = 'fixed-time:file=plan.toml'").contains("a run does not keep this file"));
     }
-
-    #[test]
-    fn the_critic_learns_alone_only_after_an_imitation() {
-        let mut config = Config::default();
-        assert_eq!(config.critic_steps(), 0);
-        config.policy.imitate = Some("random".to_owned());
-        assert_eq!(config.critic_steps(), 20_000);
-    }
 }

@@ -57,11 +57,11 @@ pub struct Config {
     pub policy: PolicyConfig,
     pub imitation: ImitationConfig,
     /// Algorithm that trains the policies.
-    #[serde(skip_serializing_if = "AlgorithmName::is_default")]
+    #[serde(skip_serializing_if = "is_default")]
     #[schemars(extend("default" = AlgorithmName::default()))]
     pub algorithm: AlgorithmName,
     pub ppo: PpoConfig,
-    #[serde(skip_serializing_if = "DqnConfig::is_default")]
+    #[serde(skip_serializing_if = "is_default")]
     pub dqn: DqnConfig,
     pub aip: AipConfig,
     pub evaluation: EvaluationConfig,
@@ -212,6 +212,10 @@ impl Default for Config {
     }
 }
 
+fn is_default<T: Default + PartialEq>(value: &T) -> bool {
+    *value == T::default()
+}
+
 impl Default for LocalSimulatorsConfig {
     fn default() -> Self {
         LocalSimulatorsConfig { copies: 1, stagger: false }
@@ -259,11 +263,6 @@ impl Config {
     /// Returns whether the agents of a kind share one policy.
     pub fn shares_policies(&self) -> bool {
         self.gs.shared_policy && self.simulator == Simulator::Global
-    }
-
-    /// Returns whether the policies of a kind begin as one: the mean of random ones that differ would be worse than each.
-    pub(crate) fn begins_with_one_policy(&self) -> bool {
-        self.shares_policies() || self.policy.average_every_steps.is_some()
     }
 
     /// Returns the timesteps per agent at the beginning of training in which only the critic learns.

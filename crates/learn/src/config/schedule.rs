@@ -148,17 +148,6 @@ mod tests {
         assert!(first.iter().all(|work| work.1 == "evaluates"), "{due:?}");
     }
 
-    #[test]
-    fn checkpoints_of_their_own_begin_periods_without_evaluation_or_training() {
-        let mut config = config("dials", 100, 100, 50);
-        config.checkpoints.every_steps = Some(40);
-        config.aip.retrain = Retrain::Drift;
-        let periods = schedule(&config);
-        let (yes, no) = (AipTraining::IfDrifted, AipTraining::No);
-        let begin: Vec<_> = periods.iter().map(|period| (period.start, period.evaluate, period.train_aips)).collect();
-        assert_eq!(begin, [(0, true, AipTraining::Yes), (40, false, no), (50, true, yes), (80, false, no)]);
-    }
-
     /// Returns the updates, in timesteps, after which policies are averaged.
     fn averages(config: &Config) -> Vec<u64> {
         let averaging = schedule(config).into_iter().filter(|period| period.average);
@@ -213,46 +202,15 @@ mod tests {
     }
 
     #[test]
-    fn aips_that_are_trained_once_or_on_drift_are_trained_at_the_first_step() {
-        for (retrain, later) in [(Retrain::Once, AipTraining::No), (Retrain::Drift, AipTraining::IfDrifted)] {
-            let mut config = config("dials", 150, 60, 50);
-            config.aip.retrain = retrain;
-            let periods = schedule(&config);
-            assert_eq!(periods.iter().map(|p| p.start).collect::<Vec<_>>(), [0, 50, 100], "F is not used");
-            assert!(periods.iter().all(|p| p.evaluate));
-            assert_eq!(periods.iter().map(|p| p.train_aips).collect::<Vec<_>>(), [AipTraining::Yes, later, later]);
+    fn aips_of_one_training_or_on_drift_are_trained_first_and_checkpoints_begin_periods_without_any() {
+        let no = AipTraining::No;
+        for (retrain, later) in [(Retrain::Once, no), (Retrain::Drift, AipTraining::IfDrifted)] {
+            let mut config = config("dials", 100, 60, 50);
+            (config.aip.retrain, config.checkpoints.every_steps) = (retrain, Some(40));
+            let begin: Vec<_> = schedule(&config).iter().map(|p| (p.start, p.evaluate, p.train_aips)).collect();
+            assert_eq!(begin, [(0, true, AipTraining::Yes), (40, false, no), (50, true, later), (80, false, no)]);
             config.predictor = Predictor::Untrained;
-            assert!(schedule(&config).iter().all(|p| p.train_aips == AipTraining::No));
+            assert!(schedule(&config).iter().all(|p| p.train_aips == no));
         }
-    }
-
-    #[test]
-    fn the_last_period_trains_so_that_every_step_has_one_evaluation() {
-        for (total, expected) in [
-            // At step 200 training is at 256, the second update of 128 steps. Nothing of 200 to 256 is left to train.
-            (250, vec![(0, 100, true, true), (100, 200, false, true)]),
-            (256, vec![(0, 100, true, true), (100, 200, false, true)]),
-            (257, vec![(0, 100, true, true), (100, 200, false, true), (200, 257, false, true)]),
-            (1, vec![(0, 1, true, true)]),
-        ] {
-            let mut config = config("dials", total, 1000, 100);
-            config.ppo.memory = 128;
-            assert_eq!(bounds(&config), expected, "{total} steps");
-        }
-        let mut config = config("dials", 100_001, 100_000, 100_000);
-        config.ppo.memory = 128;
-        // 782 updates are 100 096 steps.
-        assert_eq!(bounds(&config), [(0, 100_000, true, true)]);
-    }
-
-    #[test]
-    fn a_run_that_goes_on_does_not_begin_with_a_period_that_trains_nothing() {
-        let mut config = config("dials", 300, 1000, 200);
-        config.ppo.memory = 128;
-        let last = Period { start: 200, end: 300, evaluate: true, train_aips: AipTraining::No, average: false };
-        // It stopped at step 150, where training is at 256: after the end of this period.
-        assert_eq!(rest_of_schedule(&config, 150), [last]);
-        config.stop_at_steps = Some(200);
-        assert_eq!(rest_of_schedule(&config, 150), []);
     }
 }

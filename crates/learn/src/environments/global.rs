@@ -59,7 +59,7 @@ fn retrace(
     alive: &mut dyn FnMut(),
 ) -> Result<()> {
     let Trail { episode, .. } = trails[0][0];
-    show(simulator.reset(episode_seed(episodes, episode))?, kinds, percepts);
+    show(simulator.reset(episodes.for_episode(episode as usize))?, kinds, percepts);
     let mut actions: Vec<Action> = vec![0; kinds.agents()];
     for step in 0..trails[0][0].steps() {
         alive();
@@ -85,10 +85,6 @@ fn retrace(
 /// Copies to every kind what its agents see.
 fn show(percept: &JointPercept, kinds: &Kinds, percepts: &mut [Percept]) {
     percepts.iter_mut().enumerate().for_each(|(kind, of_kind)| percept.of_kind(kinds, kind, of_kind));
-}
-
-fn episode_seed(episodes: Seed, episode: u64) -> Seed {
-    episodes.for_episode(episode as usize)
 }
 
 impl Environment for GlobalEnvironment {
@@ -120,7 +116,7 @@ impl Environment for GlobalEnvironment {
         }
         let percept = if end {
             self.trails.iter_mut().flatten().for_each(Trail::end_episode);
-            let episode = episode_seed(self.episodes, self.trails[0][0].episode);
+            let episode = self.episodes.for_episode(self.trails[0][0].episode as usize);
             let begun = Instant::now();
             let percept = self.simulator.reset(episode)?;
             watch.note(Phase::Reset, begun.elapsed());

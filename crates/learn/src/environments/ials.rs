@@ -7,7 +7,7 @@ use anyhow::ensure;
 
 use super::{Environment, Experience, add_steps};
 use crate::predictors::InfluencePredictor;
-use crate::state::stream::{AgentStream, Trail, fingerprint, longest, rows_of, rows_of_mut};
+use crate::state::stream::{AgentStream, Trail, fingerprint, rows_of, rows_of_mut};
 use dials_core::base::{Dice, Phase, Rows, Stopwatch};
 use dials_core::domain::{Action, Beginning, LocalSimulator, Percept, Result};
 
@@ -49,12 +49,10 @@ impl<'a> Ials<'a> {
         // The caller has timed this; it is not part of the steps to come.
         simulator.take_watch();
         let spec = simulator.spec();
-        let head_start =
-            |copy: usize, copies: usize| if stagger { head_start(copy, copies, spec.local_horizon) } else { 0 };
-        let copies = |stream: &AgentStream| stream.rows.len();
+        let horizon = if stagger { spec.local_horizon } else { 0 };
         let head_starts = streams.iter().flat_map(|stream| {
-            let copies = copies(stream);
-            (0..copies).map(move |copy| head_start(copy, copies))
+            let copies = stream.rows.len();
+            (0..copies).map(move |copy| head_start(copy, copies, horizon))
         });
         Ok(Ials {
             predictor,
@@ -107,18 +105,18 @@ fn retrace(
     trails: &[Trail],
     alive: &mut dyn FnMut(),
 ) -> Result<Percept> {
-    let sources = simulator.spec().sources.clone();
-    let steps = longest(trails);
+    let count = simulator.spec().sources.count();
+    let steps = trails.iter().map(Trail::steps).max().unwrap_or(0);
     let beginning = |row: usize| Beginning { row, episode: trails[row].episode };
     let mut percept = simulator.reset(&(0..trails.len()).map(beginning).collect::<Vec<_>>())?.clone();
     let mut actions = vec![0; trails.len()];
-    let mut influences = Rows::new(trails.len(), sources.count());
+    let mut influences = Rows::new(trails.len(), count);
     for step in 0..steps {
         alive();
         for (row, trail) in trails.iter().enumerate() {
             if let Some(step) = (step + trail.steps()).checked_sub(steps) {
                 actions[row] = trail.actions[step];
-                influences.row_mut(row).copy_from_slice(trail.sources_at(step, sources.count()));
+                influences.row_mut(row).copy_from_slice(&trail.sources[step * count..][..count]);
             }
         }
         predictor.watch(&percept.d_set);
@@ -182,7 +180,7 @@ impl Environment for Ials<'_> {
             watch.note(Phase::Reset, begun.elapsed());
             percept
         };
-        self.percept.copy_from(percept);
+        self.percept.clone_from(percept);
         add_steps(watch, &self.simulator.take_watch(), steps);
         Ok(())
     }
@@ -210,6 +208,7 @@ mod tests {
     use dials_testkit::toy::Coins;
 
     /// A predictor that predicts a constant and records what it was shown.
+    #[derive(Default)]
     struct Spy {
         seen: Vec<Rows<f32>>,
         forgotten: Vec<Vec<usize>>,
@@ -229,50 +228,47 @@ mod tests {
         }
 
         fn sample(&mut self, d_set: &Rows<f32>, _dice: &mut [Dice], sources: &mut Rows<u8>) {
-            self.seen.push(d_set.clone());
+            self.watch(d_set);
             sources.fill(1);
         }
     }
 
     /// Returns the stream of an agent with two copies at the beginning of its training.
-    fn fresh() -> AgentStream {
-        let dice = Seed::new(0).dice();
-        AgentStream { rows: vec![RowStream::begin(dice); 2] }
+    fn fresh() -> [AgentStream; 1] {
+        [AgentStream { rows: vec![RowStream::begin(Seed::new(0).dice()); 2] }]
     }
 
-    fn run(stagger: bool, steps: usize) -> (Spy, Vec<Vec<bool>>, Vec<Rows<f32>>) {
-        let mut spy = Spy { seen: vec![], forgotten: vec![] };
-        let simulator = Coins::new(4).local_simulator(&[AgentId(0)], 2, Seed::new(0)).unwrap();
-        let mut ials = Ials::resume(simulator, &mut spy, &[fresh()], stagger, &mut || ()).unwrap();
-        let (mut ends, mut shown) = (Vec::new(), Vec::new());
-        for _ in 0..steps {
-            ials.step(&[vec![1, 1]], &mut Stopwatch::default()).unwrap();
-            ends.push(ials.experiences()[0].ends.clone());
-            shown.push(ials.percepts()[0].obs.clone());
-        }
-        (spy, ends, shown)
+    fn resumed<'a>(spy: &'a mut Spy, stream: &[AgentStream], stagger: bool) -> Result<Ials<'a>> {
+        let coins = Coins::new(4).local_simulator(&[AgentId(0)], 2, Seed::new(0))?;
+        Ials::resume(coins, spy, stream, stagger, &mut || ())
+    }
+
+    /// What rows went through: ends of episodes, and observations.
+    type Seen = Vec<(Vec<bool>, Rows<f32>)>;
+
+    fn step(ials: &mut Ials<'_>, actions: Vec<Action>, seen: &mut Seen) {
+        ials.step(&[actions], &mut Stopwatch::default()).unwrap();
+        seen.push((ials.experiences()[0].ends.clone(), ials.percepts()[0].obs.clone()));
+    }
+
+    fn run(stagger: bool, steps: usize) -> (Spy, Seen) {
+        let (mut spy, mut seen) = (Spy::default(), Seen::new());
+        let mut ials = resumed(&mut spy, &fresh(), stagger).unwrap();
+        (0..steps).for_each(|_| step(&mut ials, vec![1, 1], &mut seen));
+        (spy, seen)
     }
 
     #[test]
     fn a_stream_goes_on_in_new_simulators_as_if_in_the_old_ones() {
-        let actions = |step: usize| [vec![(step / 2 % 2) as Action, (step / 3 % 2) as Action]];
-        let watch = &mut Stopwatch::default();
-        let coins = || Coins::new(4).local_simulator(&[AgentId(0)], 2, Seed::new(0)).unwrap();
-        let (mut whole, mut parts) = ((Vec::new(), Vec::new()), (Vec::new(), Vec::new()));
-        let mut spy = Spy { seen: vec![], forgotten: vec![] };
-        let mut ials = Ials::resume(coins(), &mut spy, &[fresh()], true, &mut || ()).unwrap();
-        for step in 0..12 {
-            ials.step(&actions(step), watch).unwrap();
-            whole.0.push(ials.experiences()[0].ends.clone());
-            whole.1.push(ials.percepts()[0].clone());
-        }
-        let mut stream = [fresh()];
-        for step in 0..12 {
-            let mut spy = Spy { seen: vec![], forgotten: vec![] };
-            let mut ials = Ials::resume(coins(), &mut spy, &stream, true, &mut || ()).unwrap();
-            ials.step(&actions(step), watch).unwrap();
-            parts.0.push(ials.experiences()[0].ends.clone());
-            parts.1.push(ials.percepts()[0].clone());
+        let actions = |step: usize| vec![(step / 2 % 2) as Action, (step / 3 % 2) as Action];
+        let (mut whole, mut parts) = (Seen::new(), Seen::new());
+        let (mut spy, mut stream) = (Spy::default(), fresh());
+        let mut undisturbed = resumed(&mut spy, &stream, true).unwrap();
+        for number in 0..12 {
+            step(&mut undisturbed, actions(number), &mut whole);
+            let mut spy = Spy::default();
+            let mut ials = resumed(&mut spy, &stream, true).unwrap();
+            step(&mut ials, actions(number), &mut parts);
             ials.leave(&mut [&mut stream]);
         }
         assert_eq!(whole, parts);
@@ -280,14 +276,14 @@ mod tests {
         assert_eq!(trails, [(3, 0), (3, 2)], "twelve steps are three episodes of four, and a shorter one before two");
 
         stream[0].rows[1].trail.shown ^= 1;
-        let mut spy = Spy { seen: vec![], forgotten: vec![] };
-        let error = Ials::resume(coins(), &mut spy, &stream, true, &mut || ()).err().unwrap().to_string();
+        let error = resumed(&mut Spy::default(), &stream, true).err().unwrap().to_string();
         assert!(error.contains("local simulator 1 did not come back"), "{error}");
     }
 
     #[test]
     fn the_predictor_sees_the_d_set_from_before_the_step_it_drives() {
-        let (spy, ends, shown) = run(false, 5);
+        let (spy, seen) = run(false, 5);
+        let (ends, shown): (Vec<_>, Vec<_>) = seen.into_iter().unzip();
         assert_eq!(spy.seen[0].as_slice(), [0.0; 4], "an episode begins with both coins at 0");
         assert_eq!(spy.seen[1], shown[0]);
         assert_eq!(shown[0].as_slice(), [1.0; 4], "action 1 and source 1 turn both coins to 1");
@@ -298,8 +294,8 @@ mod tests {
 
     #[test]
     fn staggered_copies_end_at_different_times() {
-        let (spy, ends, _) = run(true, 6);
-        let copy = |copy: usize| ends.iter().map(|ends| ends[copy]).collect::<Vec<_>>();
+        let (spy, seen) = run(true, 6);
+        let copy = |copy: usize| seen.iter().map(|(ends, _)| ends[copy]).collect::<Vec<_>>();
         assert_eq!(copy(0), [false, false, false, true, false, false]);
         assert_eq!(copy(1), [false, true, false, false, false, true]);
         assert_eq!(spy.forgotten, [vec![0, 1], vec![1], vec![0], vec![1]]);

@@ -59,21 +59,4 @@ impl Experience {
             last_masks: spec.masks.then(|| Rows::new(rows, spec.n_actions)),
         }
     }
-
-    pub fn any_end(&self) -> bool {
-        self.ends.contains(&true)
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn what_a_simulator_does_not_report_of_its_steps_is_its_own_step() {
-        let (mut watch, mut own) = (Stopwatch::default(), Stopwatch::default());
-        own.note(Phase::Reading, Duration::from_secs(2));
-        add_steps(&mut watch, &own, Duration::from_secs(7));
-        assert_eq!([Phase::Reading, Phase::SimulatorStep].map(|phase| watch.spent(phase).as_secs()), [2, 5]);
-    }
 }

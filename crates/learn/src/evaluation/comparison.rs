@@ -33,7 +33,8 @@ pub fn comparison(findings: &[Finding]) -> String {
         let columns: Vec<usize> = (0..names.len()).filter(differs).collect();
         let names: Vec<&str> = columns.iter().map(|&column| names[column]).collect();
         let difference = |figures: &Figures, column: usize| {
-            signed_cell(Interval::of_differences(&figures[column].1, &reference[column].1))
+            let cell = cell(Interval::of_differences(&figures[column].1, &reference[column].1));
+            if cell.starts_with('-') { cell } else { format!("+{cell}") }
         };
         let differences: Vec<Vec<String>> =
             others.iter().map(|figures| columns.iter().map(|&column| difference(figures, column)).collect()).collect();
@@ -54,12 +55,6 @@ fn cell(Interval { mean, half_width }: Interval) -> String {
         None | Some(0.0) => format!("{mean:.digits$}"),
         Some(half_width) => format!("{mean:.digits$} +- {half_width:.digits$}"),
     }
-}
-
-/// Returns a difference with its sign, such as `+3.41 +- 1.20`.
-fn signed_cell(interval: Interval) -> String {
-    let cell = cell(interval);
-    if cell.starts_with('-') { cell } else { format!("+{cell}") }
 }
 
 /// Letters of a label that stands in the line of its cells. A longer one, such as the name of a light of a real map,

@@ -37,8 +37,7 @@ impl StackController {
     /// Begins an episode. `agents`: the agents whose dice the rows use.
     pub fn begin(&mut self, episode: Seed, agents: &[AgentId]) {
         self.states = self.stack.states(self.stack.agents());
-        let acting = episode.fork(RandomPurpose::Acting);
-        self.dice = agents.iter().map(|&agent| acting.for_agent(agent).dice()).collect();
+        self.dice = episode.fork(RandomPurpose::Acting).for_agents(agents).collect();
     }
 
     /// Chooses one action per row of the percept.
@@ -77,7 +76,7 @@ impl JointPolicyController {
 
 impl Controller for JointPolicyController {
     fn begin(&mut self, episode: Seed) {
-        let stacks = self.stacks.iter_mut().zip(&self.kinds);
+        let stacks = self.stacks.iter_mut().zip(self.kinds.iter());
         stacks.for_each(|((stack, _), kind)| stack.begin(episode, &kind.agents));
     }
 

@@ -32,16 +32,8 @@ impl Demonstrations {
         kinds.specs().map(Demonstrations::new).collect()
     }
 
-    pub fn len(&self) -> usize {
-        self.actions.len()
-    }
-
-    pub fn is_empty(&self) -> bool {
-        self.actions.is_empty()
-    }
-
     pub fn episodes(&self) -> usize {
-        self.len() / self.horizon
+        self.actions.len() / self.horizon
     }
 
     /// Returns whether these are `samples` samples of a region, with actions that it has.

@@ -115,15 +115,12 @@ impl PolicyStack {
     /// Runs one decision on what a percept shows. Only the actions that it allows count.
     pub(crate) fn decide(&self, percept: &Percept, states: &mut States) -> Judgement {
         let mut judgement = self.judge(&percept.obs, states);
-        if let Some(masks) = &percept.masks {
-            let width = judgement.outputs.width();
-            let rows = judgement.outputs.as_mut_slice().chunks_exact_mut(width).zip(masks.iter());
-            rows.for_each(|(outputs, mask)| sampling::forbid(outputs, mask));
-        }
-        if self.reading == Reading::Greedy {
-            let width = judgement.outputs.width();
-            let rows = judgement.outputs.as_mut_slice().chunks_exact_mut(width);
-            rows.for_each(|row| sampling::make_certain(&mut row[..width - 1]));
+        for (row, outputs) in judgement.outputs.as_mut_slice().chunks_exact_mut(self.n_actions + 1).enumerate() {
+            let logits = &mut outputs[..self.n_actions];
+            sampling::forbid(logits, percept.masks.as_ref().map_or(&[], |masks| masks.row(row)));
+            if self.reading == Reading::Greedy {
+                sampling::make_certain(logits);
+            }
         }
         judgement
     }

@@ -302,7 +302,6 @@ impl PredictorKind for Aips {
 mod tests {
     use super::*;
     use crate::fixtures::{dice, region, trained};
-    use crate::predictors::AipLoss;
     use rand::Rng;
 
     fn spec(parts: usize, sources: usize) -> RegionSpec {
@@ -336,15 +335,10 @@ mod tests {
         }
     }
 
-    fn learnt() -> (AipStack, AipLoss) {
+    #[test]
+    fn it_learns_what_the_d_set_shows_and_is_never_worse_than_marginals_on_held_out_episodes() {
         let mut aips = AipStack::new(&[AgentId(0)], &spec(2, 3), &config(), Seed::new(1));
         let loss = trained(&mut aips, &[dataset()], &config()).remove(0);
-        (aips, loss)
-    }
-
-    #[test]
-    fn it_learns_what_the_d_set_tells_and_is_never_worse_than_marginals_on_held_out_episodes() {
-        let (_, loss) = learnt();
         // H(0.9) = 0.3251 and H(0.2) = 0.5004, each half of the time: 0.4127. Marginals: H(0.55) = 0.6881.
         assert!((loss.held_out[1][0] - 0.4127).abs() < 0.04 && (loss.marginals[0] - 0.6881).abs() < 0.01, "{loss:?}");
         // H(0.1) = 0.3251 and H(0.6) = 0.6730: 0.4991. The parts say all there is to know.
@@ -354,11 +348,8 @@ mod tests {
             assert!(loss.held_out[1][source] <= loss.marginals[source] + 1e-6, "{loss:?}");
         }
         assert_eq!([loss.on_marginals[0], loss.on_marginals[2]], [false, true], "the third one never happened");
-    }
 
-    #[test]
-    fn what_it_learnt_is_kept_as_values() {
-        let (aips, _) = learnt();
+        // What it learnt is kept as values.
         let values = aips.values();
         assert_eq!(values.width(), AipStack::layout(&spec(2, 3), &config()).width());
         Aips::Trained.check_values(&spec(2, 3), &config(), values.row(0)).unwrap();

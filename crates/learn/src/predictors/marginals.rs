@@ -1,9 +1,7 @@
 //! Constant predictors: how often each influence source took each value on the GS, whatever the d-set shows.
 //!
-//! They are the predictors of marginal-DIALS. It shows what an AIP adds to knowing how busy the neighbours are. They
-//! are also the yardstick for the loss of the AIPs.
-//!
-//! In a domain whose episodes have parts, they are constant within each part.
+//! They are the predictors of marginal-DIALS, and the yardstick for the loss of the AIPs. In a domain whose episodes have
+//! parts, they are constant within each part.
 
 use std::ops::Range;
 
@@ -119,17 +117,7 @@ impl PredictorKind for Constants {
     }
 
     fn reads(&self, key: &str) -> bool {
-        let of_networks = [
-            "hidden",
-            "recurrent",
-            "learning_rate",
-            "batch",
-            "epochs",
-            "patience",
-            "weight_decay",
-            "correct_marginals",
-        ];
-        !of_networks.contains(&key)
+        ["dataset_steps", "held_out", "retrain", "retrain_every_steps", "drift_threshold"].contains(&key)
     }
 
     fn make(&self, agents: &[AgentId], spec: &RegionSpec, _: &AipConfig, _: Seed) -> Box<dyn TrainablePredictor> {

@@ -1,6 +1,6 @@
 //! How often influence sources took their values, part by part of the episode: the constants that AIPs are compared with.
 //!
-//! Domains whose traffic changes within an episode have parts, which the first columns of their d-sets tell. Without
+//! Domains whose traffic changes within an episode have parts, which the first columns of their d-sets show. Without
 //! parts there is one constant per source.
 
 use std::ops::Range;
@@ -22,7 +22,7 @@ pub(super) struct PartFrequencies {
     shares: Vec<Vec<Vec<f64>>>,
 }
 
-/// Returns the part of the episode that a d-set tells; 0 without parts.
+/// Returns the part of the episode that a d-set shows; 0 without parts.
 pub(super) fn part_of(sources: &SourceSpec, d_set: &[f32]) -> usize {
     d_set[..sources.parts].iter().position(|&bit| bit == 1.0).unwrap_or(0)
 }
@@ -109,8 +109,9 @@ mod tests {
     use super::*;
     use crate::fixtures::region;
 
-    /// Makes a source that is 1 in every second sample of part 0 and in every tenth of part 1, twenty samples each.
-    fn dataset() -> (SourceSpec, Dataset) {
+    #[test]
+    fn constants_of_two_parts_are_worked_out_by_hand() {
+        // A source that is 1 in every second sample of part 0 and in every tenth of part 1, twenty samples each.
         let sources = SourceSpec { parts: 2, ..SourceSpec::bits(1) };
         let spec = region(1, 3, sources.clone(), 40);
         let mut dataset = Dataset::new(&spec);
@@ -119,12 +120,6 @@ mod tests {
             let d_set = [f32::from(part == 0), f32::from(part == 1), 0.5];
             dataset.push(&d_set, &[u8::from(sample % if part == 0 { 2 } else { 10 } == 0)]);
         }
-        (sources, dataset)
-    }
-
-    #[test]
-    fn constants_of_two_parts_are_worked_out_by_hand() {
-        let (sources, dataset) = dataset();
         let found = PartFrequencies::of(&sources, &dataset, 0..40);
         assert_eq!(found.shares, [[[0.5, 0.5]], [[0.9, 0.1]]]);
         // (10 + 2) / 40
@@ -137,13 +132,5 @@ mod tests {
         // Only the second part: -(0.9 ln 0.8 + 0.1 ln 0.2) = 0.361773.
         let second = PartFrequencies::of(&sources, &dataset, 20..40);
         assert!((second.cross_entropies(&drawn)[0] - 0.361_773).abs() < 1e-6);
-    }
-
-    #[test]
-    fn without_parts_there_is_one_constant() {
-        let (_, dataset) = dataset();
-        let found = PartFrequencies::of(&SourceSpec::bits(1), &dataset, 0..40);
-        assert_eq!(found.probabilities(), [[[0.7, 0.3]]]);
-        assert_eq!(found.whole(), found.shares[0]);
     }
 }

@@ -82,10 +82,6 @@ mod tests {
     use super::*;
     use dials_core::base::Seed;
 
-    fn bits() -> SourceSpec {
-        SourceSpec::bits(2)
-    }
-
     fn classes() -> SourceSpec {
         SourceSpec { classes: vec![3; 2], parts: 0 }
     }
@@ -118,7 +114,7 @@ mod tests {
 
     #[test]
     fn gradients_agree_with_finite_differences() {
-        let cases = [(bits(), vec![1, 0]), (classes(), vec![2, 0]), (mixed(), vec![1, 1, 3])];
+        let cases = [(SourceSpec::bits(2), vec![1, 0]), (classes(), vec![2, 0]), (mixed(), vec![1, 1, 3])];
         for (spec, observed) in &cases {
             let logits: Vec<f32> = (0..spec.logits()).map(|i| (i as f32 * 0.7).sin()).collect();
             let loss = |logits: &[f32]| {
@@ -128,15 +124,7 @@ mod tests {
             };
             let mut gradient = vec![0.0; logits.len()];
             write_gradient(spec, &logits, observed, 0.25, &mut gradient);
-            for i in 0..logits.len() {
-                let shifted = |by: f32| {
-                    let mut logits = logits.clone();
-                    logits[i] += by;
-                    loss(&logits)
-                };
-                let slope = (shifted(1e-2) - shifted(-1e-2)) / 2e-2;
-                assert!((slope - f64::from(gradient[i])).abs() < 1e-4, "{spec:?} {i}");
-            }
+            crate::fixtures::assert_gradient(loss, &logits, &gradient, 1e-2);
         }
     }
 
@@ -157,7 +145,7 @@ mod tests {
         let mut ones = 0;
         for _ in 0..80_000 {
             let mut drawn = [9; 2];
-            sample(&bits(), &[-(4_f32.ln()), 100.0], &mut dice, &mut drawn);
+            sample(&SourceSpec::bits(2), &[-(4_f32.ln()), 100.0], &mut dice, &mut drawn);
             assert_eq!(drawn[1], 1);
             ones += u32::from(drawn[0]);
         }

@@ -43,7 +43,7 @@ pub fn train(
         [0..first, first..last].map(|samples| predictor.losses(datasets, samples, watch))
     };
     let before = both(predictor, watch);
-    let mut dice: Vec<Dice> = agents.iter().map(|&agent| seed.for_agent(agent).dice()).collect();
+    let mut dice: Vec<Dice> = seed.for_agents(agents).collect();
     predictor.learn(Lesson { datasets, samples: first, config }, &mut dice, Work { watch, progress });
     let after = both(predictor, watch);
     let per_agent = datasets.iter().enumerate().map(|(agent, dataset)| {
@@ -155,19 +155,6 @@ mod tests {
         // Without memory: the two first steps are sure (0), the others a die of three, 18 / 20 * ln 3 = 0.989 at least.
         let (with, without) = (loss(Some(16), 20), loss(None, 128));
         assert!(with < 0.2 && without > 0.95, "{with} {without}");
-    }
-
-    #[test]
-    fn losses_on_fresh_episodes_are_worked_out_by_hand() {
-        let spec = region(1, 1, SourceSpec::bits(2), 4);
-        let mut dataset = Dataset::new(&spec);
-        (0..8).for_each(|t| dataset.push(&[0.0], &[u8::from(t % 4 == 0), 1]));
-        // Constants of 1/2 lose ln 2 on everything; the best ones lose H(1/4) = 0.562335, and nothing on a sure source.
-        let loss = measure(&Marginals::new(1, &spec), &[dataset], &mut Stopwatch::default()).remove(0);
-        assert!(loss.predictor.iter().all(|loss| (loss - 2_f64.ln()).abs() < 1e-7));
-        assert!((loss.marginals[0] - 0.562_335).abs() < 1e-6 && loss.marginals[1] == 0.0, "{loss:?}");
-        let means = loss.means();
-        assert!((means[0] - 2_f64.ln()).abs() < 1e-7 && (means[1] - 0.281_168).abs() < 1e-6);
     }
 
     #[test]

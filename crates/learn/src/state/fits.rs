@@ -1,8 +1,5 @@
-//! Whether the state of agents is one that training under a config leads to. Checked in what a file or a worker says,
-//! because training relies on it: it indexes by these actions, and replays these trails.
-//!
-//! Almost everything about a state follows from the number of timesteps: where every episode stands, and how many
-//! gradient steps there were. So all sizes are those that the config gives.
+//! Whether the state of agents, from a file or a worker, is one that training under a config leads to: training indexes
+//! by its actions, and replays its trails. Almost everything about it follows from the number of timesteps.
 
 use std::ops::Range;
 

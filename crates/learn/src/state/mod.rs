@@ -11,7 +11,7 @@ use crate::state::stream::AgentStream;
 use dials_core::base::Ragged;
 
 /// State of some agents after a period. Each table has one row per agent, as wide as its kind has it.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct AgentsState {
     pub steps: u64,
     pub policies: JointPolicy,
@@ -24,13 +24,7 @@ pub struct AgentsState {
 
 impl AgentsState {
     pub fn nobody() -> AgentsState {
-        AgentsState {
-            steps: 0,
-            policies: Ragged::default(),
-            learners: Tables::default(),
-            aips: Ragged::default(),
-            streams: Vec::new(),
-        }
+        AgentsState::default()
     }
 
     pub fn agents(&self) -> usize {
@@ -65,6 +59,6 @@ impl AgentsState {
             whole.streams.extend(next.streams);
             whole
         };
-        parts.into_iter().reduce(join).unwrap_or_else(AgentsState::nobody)
+        parts.into_iter().reduce(join).unwrap_or_default()
     }
 }

@@ -70,11 +70,6 @@ impl Trail {
         self.actions.len()
     }
 
-    /// Returns the sources of a step; `width`: number of sources.
-    pub(crate) fn sources_at(&self, step: usize, width: usize) -> &[u8] {
-        &self.sources[step * width..][..width]
-    }
-
     pub(crate) fn push(&mut self, action: Action, sources: &[u8]) {
         self.actions.push(action);
         self.sources.extend_from_slice(sources);
@@ -85,10 +80,6 @@ impl Trail {
         self.actions.clear();
         self.sources.clear();
     }
-}
-
-pub(crate) fn longest(trails: &[Trail]) -> usize {
-    trails.iter().map(Trail::steps).max().unwrap_or(0)
 }
 
 /// Returns a number that hardly any two percepts of a row share. It is stable across builds, because checkpoints hold

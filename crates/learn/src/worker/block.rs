@@ -1,8 +1,7 @@
 //! A block: agents of one kind that are trained together, on one stack of networks and one forest of local simulators.
 //!
-//! A worker trains its blocks one after the other, each for the whole period. Between two exchanges agents know nothing
-//! of each other, so the order changes no number. The networks and cars of a few agents stay in the cache; those of a
-//! hundred do not. On the GS all blocks act in one simulation, one block per kind.
+//! A worker trains its blocks one after the other, each for the whole period, which changes no number. The networks and
+//! cars of a few agents stay in the cache. On the GS all blocks act in one simulation, one block per kind.
 
 use std::sync::Arc;
 
@@ -49,7 +48,9 @@ struct KindLearner {
 pub fn initial_policies(domain: &dyn Domain, config: &Config, agents: &[AgentId]) -> PolicyStack {
     let seed = Seed::new(config.seed).fork(RandomPurpose::Policy);
     let kind = domain.kinds().of(agents[0]);
-    let alike = config.begins_with_one_policy().then(|| vec![kind.agents[0]; agents.len()]);
+    // The mean of random policies that differ would be worse than each.
+    let begins_as_one = config.shares_policies() || config.policy.average_every_steps.is_some();
+    let alike = begins_as_one.then(|| vec![kind.agents[0]; agents.len()]);
     let agents = alike.as_deref().unwrap_or(agents);
     let policies = PolicyStack::new(agents, &kind.spec, &config.policy, &domain.initial_action_bias(kind), seed);
     policies.read_as(algorithms::of(config).reading())

@@ -1,8 +1,5 @@
-//! A controller in episodes on the GS that a worker plays: it reports how many of them are played, and measures what
-//! they cost.
-//!
-//! Some episodes take longer than the coordinator waits for a word of its workers: a whole day of a large map. A worker
-//! that spoke only between episodes would look as if it hung.
+//! A controller in episodes on the GS that a worker plays: it measures what they cost, and reports at every decision. A
+//! whole day of a large map takes longer than the coordinator waits for a word of its workers.
 
 use std::time::{Duration, Instant};
 
@@ -21,7 +18,6 @@ pub(crate) struct Watched<'a> {
     all: usize,
     last_call: Instant,
     is_reset: bool,
-    resets: Duration,
     steps: Duration,
     watch: Stopwatch,
 }
@@ -42,7 +38,6 @@ impl<'a> Watched<'a> {
             all: decisions,
             last_call: Instant::now(),
             is_reset: true,
-            resets: Duration::ZERO,
             steps: Duration::ZERO,
             watch: Stopwatch::default(),
         }
@@ -50,15 +45,14 @@ impl<'a> Watched<'a> {
 
     /// Notes what the simulator did since the last call.
     fn note_simulator(&mut self) {
-        let spent = if self.is_reset { &mut self.resets } else { &mut self.steps };
-        *spent += self.last_call.elapsed();
+        let spent = self.last_call.elapsed();
+        if self.is_reset { self.watch.note(Phase::Reset, spent) } else { self.steps += spent }
     }
 
     /// Adds the times of all episodes.
     pub(crate) fn add_to(mut self, watch: &mut Stopwatch, simulator: &mut dyn GlobalSimulator) {
         self.note_simulator();
         watch.add(&self.watch);
-        watch.note(Phase::Reset, self.resets);
         add_steps(watch, &simulator.take_watch(), self.steps);
     }
 }

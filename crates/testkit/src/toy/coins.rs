@@ -10,14 +10,12 @@
 //! - If the neighbour copies what it sees, `P(u_i = x_i) = (1 - e)^2 + e^2 = 0.68` for `e = 0.2`. My coin passes first
 //!   the neighbour's eyes and then mine. Cross-entropy: `H(0.32) = 0.6269`.
 
-use anyhow::bail;
 use rand::Rng;
 
-use super::game::{AtRandom, Best, Game, Region, Seats};
+use super::game::{self, Game, Region, Seats};
 use dials_core::base::{AgentId, Dice, Ragged, Seed};
 use dials_core::domain::{
-    Action, Baseline, Controller, Domain, GlobalSimulator, Kinds, LocalSimulator, RegionSpec, Result, Scenario,
-    SourceSpec,
+    Action, Baseline, Domain, GlobalSimulator, Kinds, LocalSimulator, RegionSpec, Result, Scenario, SourceSpec,
 };
 
 /// Probability that a coin is seen wrongly.
@@ -66,12 +64,7 @@ impl Domain for Coins {
     }
 
     fn baseline(&self, name: &str) -> Result<Baseline> {
-        let controller: Box<dyn Controller> = match name {
-            "random" => Box::new(AtRandom { dice: Seed::new(0).dice() }),
-            "copy" => Box::new(Best),
-            _ => bail!("controller `{name}`: unknown; one of {}", self.baselines().join(", ")),
-        };
-        Ok(Baseline { simulator: self.global_simulator()?, controller })
+        game::baseline(self, name)
     }
 }
 
@@ -79,30 +72,5 @@ impl Domain for Coins {
 fn see(actions: &[Action], noise: &mut Dice, sources: &mut Ragged<u8>) {
     for agent in 0..AGENTS {
         sources.row_mut(agent)[0] = actions[1 - agent] ^ u8::from(noise.random_bool(NOISE));
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use crate::conformance;
-    use dials_learn::evaluation::play;
-
-    #[test]
-    fn the_coins_conform() {
-        let measured = conformance::check(&Coins::new(20), Seed::new(1)).unwrap();
-        assert_eq!((measured.recall, measured.precision, measured.reward_error), (1.0, 1.0, 0.0), "they are exact");
-    }
-
-    #[test]
-    fn copying_earns_everything_and_random_coins_half() {
-        let total = |name: &str| {
-            let mut baseline = Coins::new(1000).baseline(name).unwrap();
-            let report = play(&mut *baseline.simulator, &mut *baseline.controller, Seed::new(3)).unwrap();
-            report.returns.iter().sum::<f64>() / 2.0
-        };
-        assert_eq!(total("copy"), 1000.0);
-        // 2000 fair coins: standard deviation of the mean total 500 is 1000 * 0.5 / sqrt(2000) = 11.
-        assert!((total("random") - 500.0).abs() < 45.0);
     }
 }

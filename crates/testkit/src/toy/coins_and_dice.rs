@@ -17,15 +17,14 @@
 //! - The best die turns by what it saw of the coin. Cross-entropy: `H(0.2) = 0.5004` if coin and die are known.
 //! - The best coin shows what its die showed. Cross-entropy: `H(0.2)` for the die, which knows its own face.
 
-use anyhow::bail;
 use rand::Rng;
 
 use super::NOISE;
-use super::game::{AtRandom, Best, FACES, Game, Region, Seats};
+use super::game::{self, FACES, Game, Region, Seats};
 use dials_core::base::{AgentId, Dice, Ragged, Seed};
 use dials_core::domain::{
-    Action, Baseline, Controller, Domain, GlobalSimulator, Kind, Kinds, LocalSimulator, Measures, RegionSpec, Result,
-    Scenario, SourceSpec,
+    Action, Baseline, Domain, GlobalSimulator, Kind, Kinds, LocalSimulator, Measures, RegionSpec, Result, Scenario,
+    SourceSpec,
 };
 
 const COINS: [usize; 2] = [0, 2];
@@ -91,12 +90,7 @@ impl Domain for CoinsAndDice {
     }
 
     fn baseline(&self, name: &str) -> Result<Baseline> {
-        let controller: Box<dyn Controller> = match name {
-            "random" => Box::new(AtRandom { dice: Seed::new(0).dice() }),
-            "best" => Box::new(Best),
-            _ => bail!("controller `{name}`: unknown; one of {}", self.baselines().join(", ")),
-        };
-        Ok(Baseline { simulator: self.global_simulator()?, controller })
+        game::baseline(self, name)
     }
 }
 
@@ -107,29 +101,5 @@ fn see(actions: &[Action], noise: &mut Dice, sources: &mut Ragged<u8>) {
         let seen = actions[coin] ^ u8::from(noise.random_bool(NOISE));
         sources.row_mut(coin)[0] = actions[die];
         sources.row_mut(die).copy_from_slice(&[seen, actions[DICE[1 - pair]]]);
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use crate::conformance;
-    use dials_learn::evaluation::play;
-
-    #[test]
-    fn coins_and_dice_conform() {
-        let measured = conformance::check(&CoinsAndDice::new(20), Seed::new(1)).unwrap();
-        assert_eq!((measured.recall, measured.precision, measured.reward_error), (1.0, 1.0, 0.0), "they are exact");
-    }
-
-    #[test]
-    fn the_best_earn_everything_and_random_ones_half() {
-        let returns = |name: &str| {
-            let mut baseline = CoinsAndDice::new(1000).baseline(name).unwrap();
-            play(&mut *baseline.simulator, &mut *baseline.controller, Seed::new(3)).unwrap().returns
-        };
-        assert_eq!(returns("best"), [1000.0; 4]);
-        // 1000 fair coins: standard deviation sqrt(250) = 16.
-        assert!(returns("random").iter().all(|total| (total - 500.0).abs() < 64.0), "{:?}", returns("random"));
     }
 }

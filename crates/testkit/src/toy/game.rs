@@ -1,11 +1,12 @@
 //! What the toys have in common: regions whose state is what an agent laid and what it saw, and their simulators.
 
+use anyhow::bail;
 use rand::Rng;
 
 use dials_core::base::{Dice, Ragged, RandomPurpose, Rows, Seed};
 use dials_core::domain::{
-    Action, Beginning, Controller, GlobalSimulator, InfluenceSample, JointPercept, JointTransition, Kinds,
-    LocalSimulator, Measures, Percept, RegionSpec, Result, Transition,
+    Action, Baseline, Beginning, Controller, Domain, GlobalSimulator, InfluenceSample, JointPercept, JointTransition,
+    Kinds, LocalSimulator, Measures, Percept, RegionSpec, Result, Transition,
 };
 
 /// Number of faces of a die.
@@ -199,9 +200,19 @@ impl LocalSimulator for Seats {
     }
 }
 
+/// Makes a controller of a toy: of its baselines, the first one acts at random, and the second one is the best.
+pub(super) fn baseline(toy: &dyn Domain, name: &str) -> Result<Baseline> {
+    let controller: Box<dyn Controller> = match toy.baselines().iter().position(|&known| known == name) {
+        Some(0) => Box::new(AtRandom { dice: Seed::new(0).dice() }),
+        Some(_) => Box::new(Best),
+        None => bail!("controller `{name}`: unknown; one of {}", toy.baselines().join(", ")),
+    };
+    Ok(Baseline { simulator: toy.global_simulator()?, controller })
+}
+
 /// Takes one of the first two actions that are allowed.
-pub(super) struct AtRandom {
-    pub(super) dice: Dice,
+struct AtRandom {
+    dice: Dice,
 }
 
 impl Controller for AtRandom {
@@ -222,7 +233,7 @@ impl Controller for AtRandom {
 }
 
 /// Takes the best actions.
-pub(super) struct Best;
+struct Best;
 
 impl Controller for Best {
     fn begin(&mut self, _episode: Seed) {}

@@ -110,7 +110,6 @@ impl Spread {
         })
     }
 
-    /// Returns the number of seeds.
     pub fn runs(&self) -> usize {
         self.values.len()
     }

@@ -84,11 +84,6 @@ impl Default for DqnConfig {
 }
 
 impl DqnConfig {
-    /// Returns whether every setting is the default.
-    pub(crate) fn is_default(&self) -> bool {
-        *self == DqnConfig::default()
-    }
-
     pub(super) fn check(&self, config: &Config) -> Result<()> {
         ensure!(
             self.update_every_steps.is_multiple_of(config.copies()),

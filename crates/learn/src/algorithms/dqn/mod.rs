@@ -221,7 +221,6 @@ struct Minibatch {
     next_masks: Vec<f32>,
     /// Weights that correct for drawing by priority.
     weights: Vec<f32>,
-    starts: Vec<bool>,
     trace: Trace,
     /// Actions that the network would choose next; empty if the target network chooses.
     chosen: Vec<usize>,
@@ -259,26 +258,23 @@ impl Minibatch {
             self.discounts.push(decision.discount);
             self.next_masks.extend_from_slice(decision.next_mask);
         }
-        self.starts.resize(self.slots.len(), false);
     }
 
     /// Computes `r + gamma Q_target(s', a')`, where `a'` is the best next action by the network (double) or by the
     /// target network itself.
     fn find_targets(&mut self, config: &DqnConfig, network: Network<'_>, target: Network<'_>) {
         let batch = self.slots.len();
-        let sequences = Sequences { steps: 1, states: &[], starts: &self.starts };
         let mask_width = self.next_masks.len() / batch;
         let mask = |sample: usize| &self.next_masks[sample * mask_width..][..mask_width];
         self.chosen.clear();
         if config.double {
-            network.forward(&self.next_obs, sequences, &mut self.trace);
+            network.forward(&self.next_obs, Sequences::NONE, &mut self.trace);
             let width = self.trace.output().len() / batch;
             let outputs = self.trace.output().chunks_exact(width);
             // The best action is the one with the best advantage.
             self.chosen.extend(outputs.enumerate().map(|(sample, row)| best_action(&row[..width - 1], mask(sample))));
         }
-        let sequences = Sequences { steps: 1, states: &[], starts: &self.starts };
-        target.forward(&self.next_obs, sequences, &mut self.trace);
+        target.forward(&self.next_obs, Sequences::NONE, &mut self.trace);
         let width = self.trace.output().len() / batch;
         let mut values = vec![0.0; width - 1];
         self.targets.clear();
@@ -293,8 +289,7 @@ impl Minibatch {
     /// means of the losses and of the values.
     fn compare(&mut self, config: &DqnConfig, network: Network<'_>) -> (f32, f32) {
         let batch = self.slots.len();
-        let sequences = Sequences { steps: 1, states: &[], starts: &self.starts };
-        network.forward(&self.obs, sequences, &mut self.trace);
+        network.forward(&self.obs, Sequences::NONE, &mut self.trace);
         let width = self.trace.output().len() / batch;
         let mut values = vec![0.0; width - 1];
         self.gradient.clear();

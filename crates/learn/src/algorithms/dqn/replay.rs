@@ -7,14 +7,14 @@ use dials_core::domain::{Action, RegionSpec};
 
 /// The decisions of some agents, each in a ring of its own. All rings are equally full.
 ///
-/// A decision is a row of numbers: observation, next observation, action, reward, discount of what follows (0 if
-/// nothing does), priority, and which actions are allowed next, if the kind has masks. So the rings are one table,
-/// which checkpoints hold as it is.
+/// A decision is a row of numbers, as checkpoints hold it: observation, next observation, action, reward, discount of
+/// what follows (0 if nothing does), priority, and which actions are allowed next, if the kind has masks.
 pub(super) struct Replay {
     agents: usize,
     capacity: usize,
     obs: usize,
-    masks: usize,
+    /// Number of values of a decision.
+    width: usize,
     /// `[agents, capacity, width]`
     values: Vec<f32>,
     /// Number of decisions so far.
@@ -39,13 +39,8 @@ pub(super) fn width(spec: &RegionSpec) -> usize {
 
 impl Replay {
     pub(super) fn new(agents: usize, capacity: usize, spec: &RegionSpec) -> Replay {
-        let masks = if spec.masks { spec.n_actions } else { 0 };
-        let values = vec![0.0; agents * capacity * width(spec)];
-        Replay { agents, capacity, obs: spec.obs_dim, masks, values, written: 0 }
-    }
-
-    fn width(&self) -> usize {
-        2 * self.obs + 4 + self.masks
+        let width = width(spec);
+        Replay { agents, capacity, obs: spec.obs_dim, width, values: vec![0.0; agents * capacity * width], written: 0 }
     }
 
     /// Returns the number of decisions of an agent that it holds.
@@ -54,13 +49,13 @@ impl Replay {
     }
 
     fn row(&self, agent: usize, slot: usize) -> &[f32] {
-        let at = (agent * self.capacity + slot) * self.width();
-        &self.values[at..][..self.width()]
+        let at = (agent * self.capacity + slot) * self.width;
+        &self.values[at..][..self.width]
     }
 
     fn row_mut(&mut self, agent: usize, slot: usize) -> &mut [f32] {
-        let (width, at) = (self.width(), (agent * self.capacity + slot) * self.width());
-        &mut self.values[at..][..width]
+        let at = (agent * self.capacity + slot) * self.width;
+        &mut self.values[at..][..self.width]
     }
 
     /// Remembers one decision of every agent, in place of the oldest one. `priority`: that of a new decision.
@@ -124,8 +119,8 @@ impl Replay {
     }
 
     pub(super) fn table(&self) -> Ragged<f32> {
-        let width = self.len() * self.width();
-        let ring = self.capacity * self.width();
+        let width = self.len() * self.width;
+        let ring = self.capacity * self.width;
         let mut table = Ragged::default();
         (0..self.agents).for_each(|agent| table.push(&self.values[agent * ring..][..width]));
         table
@@ -133,7 +128,7 @@ impl Replay {
 
     /// Continues with what such a table holds. `written`: number of decisions so far.
     pub(super) fn load(&mut self, table: &Ragged<f32>, written: u64) {
-        let ring = self.capacity * self.width();
+        let ring = self.capacity * self.width;
         for (agent, row) in table.iter().enumerate() {
             self.values[agent * ring..][..row.len()].copy_from_slice(row);
         }
@@ -144,17 +139,14 @@ impl Replay {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::fixtures::region;
     use dials_core::base::Seed;
     use dials_core::domain::SourceSpec;
 
-    fn spec(masks: bool) -> RegionSpec {
-        let sources = SourceSpec::bits(1);
-        RegionSpec { obs_dim: 2, d_set_dim: 1, n_actions: 3, masks, sources, horizon: 8, local_horizon: 8 }
-    }
-
     /// Remembers the decisions 0, 1, 2, ... of two agents.
     fn filled(count: u8, capacity: usize) -> Replay {
-        let mut replay = Replay::new(2, capacity, &spec(true));
+        let spec = RegionSpec { n_actions: 3, masks: true, ..region(2, 1, SourceSpec::bits(1), 8) };
+        let mut replay = Replay::new(2, capacity, &spec);
         for step in 0..count {
             let values = [0, 100].map(|agent| [f32::from(agent + step), 0.5]);
             let decisions = values.iter().map(|values| Decision {

@@ -53,24 +53,15 @@ mod tests {
 
     #[test]
     fn the_gradient_agrees_with_finite_differences() {
-        let outputs = [0.3_f32, -0.2, 0.7, 0.1];
         for dueling in [false, true] {
             let value = |outputs: &[f32]| {
                 let mut values = [0.0; 3];
                 action_values(outputs, dueling, &mut values);
-                values[1]
+                f64::from(2.0 * values[1])
             };
             let mut gradient = [0.0; 4];
             add_gradient(2.0, 1, dueling, &mut gradient);
-            for i in 0..4 {
-                let shifted = |by: f32| {
-                    let mut outputs = outputs;
-                    outputs[i] += by;
-                    2.0 * value(&outputs)
-                };
-                let slope = (shifted(1e-2) - shifted(-1e-2)) / 2e-2;
-                assert!((slope - gradient[i]).abs() < 1e-3, "{dueling}, output {i}: {slope} {}", gradient[i]);
-            }
+            crate::fixtures::assert_gradient(value, &[0.3, -0.2, 0.7, 0.1], &gradient, 1e-2);
         }
     }
 

@@ -61,14 +61,9 @@ pub(super) fn loss_and_gradient(
     let advantages = normalised(samples);
     let rows = outputs.chunks_exact(width).zip(gradient.chunks_exact_mut(width));
     for (((output, gradient), sample), advantage) in rows.zip(samples).zip(advantages) {
-        match masks.next() {
-            Some(mask) => {
-                logits.copy_from_slice(&output[..n_actions]);
-                sampling::forbid(&mut logits, mask);
-                sampling::log_softmax(&logits, &mut log_probs);
-            }
-            None => sampling::log_softmax(&output[..n_actions], &mut log_probs),
-        }
+        logits.copy_from_slice(&output[..n_actions]);
+        sampling::forbid(&mut logits, masks.next().unwrap_or(&[]));
+        sampling::log_softmax(&logits, &mut log_probs);
         let action = usize::from(sample.action);
         let entropy = sampling::entropy(&log_probs);
 
@@ -195,15 +190,7 @@ mod tests {
         };
         let mut gradient = [0.0; 16];
         loss_and_gradient(&outputs, &[], &samples, weights, &mut gradient);
-        for i in 0..16 {
-            let shifted = |by: f32| {
-                let mut outputs = outputs.clone();
-                outputs[i] += by;
-                loss(&outputs)
-            };
-            let slope = (shifted(1e-3) - shifted(-1e-3)) / 2e-3;
-            assert!((slope - f64::from(gradient[i])).abs() < 1e-3, "output {i}: {slope} {}", gradient[i]);
-        }
+        crate::fixtures::assert_gradient(loss, &outputs, &gradient, 1e-3);
     }
 
     #[test]

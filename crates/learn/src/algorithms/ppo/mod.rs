@@ -52,13 +52,8 @@ impl Algorithm for PpoConfig {
     fn layout(&self, config: &Config, kind: &Kind, steps: u64) -> Layout {
         let shape = PolicyStack::shape(&kind.spec, &config.policy);
         let mut layout = Base::layout(config, shape.layout().width(), gradient_steps(steps, config, kind));
-        layout.numbers.push(NumberTable {
-            name: STATES,
-            width: config.copies() * shape.state_width(),
-            averaged: false,
-            squares: false,
-            learnt: false,
-        });
+        let width = config.copies() * shape.state_width();
+        layout.numbers.push(NumberTable { name: STATES, width, averaged: false, squares: false, learnt: false });
         layout
     }
 

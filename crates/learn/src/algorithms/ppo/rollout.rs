@@ -84,7 +84,7 @@ impl Rollout {
         let now = self.rewards.len();
         self.rewards.extend_from_slice(&experience.rewards);
         self.ends.extend_from_slice(&experience.ends);
-        if self.config.time_limit == TimeLimit::Bootstrap && experience.any_end() {
+        if self.config.time_limit == TimeLimit::Bootstrap && experience.ends.contains(&true) {
             watch.time(Phase::Acting, || self.credit_what_would_come(policies, experience, now));
         }
         self.starts.copy_from_slice(&experience.ends);
@@ -157,82 +157,63 @@ mod tests {
     use dials_core::base::{AgentId, Seed};
     use dials_core::domain::{RegionSpec, SourceSpec};
 
-    /// Two agents with two copies each. Row r shows the number 10 r + t at step t of its episode, and its reward is r +
-    /// t / 10. The episodes of row 1 end after every third step, the others never.
-    struct Scripted {
-        spec: RegionSpec,
-        ages: [usize; 4],
-        percept: Percept,
-        experience: Experience,
+    const T: usize = 4;
+
+    /// Returns the step of its episode at which a row is at a step of training. There are two agents with two copies each.
+    /// The episodes of row 1 end after every third step, the others never.
+    fn age(row: usize, step: usize) -> usize {
+        if row == 1 { step % 3 } else { step }
     }
 
-    impl Scripted {
-        fn new() -> Self {
-            let spec = region(1, 1, SourceSpec::bits(1), 3);
-            let mut scripted =
-                Scripted { ages: [0; 4], percept: Percept::new(4, &spec), experience: Experience::new(4, &spec), spec };
-            scripted.show();
-            scripted
-        }
-
-        fn show(&mut self) {
-            for (row, age) in self.ages.into_iter().enumerate() {
-                self.percept.obs.row_mut(row)[0] = shown(row, age);
-            }
-        }
-
-        fn step(&mut self) {
-            for row in 0..4 {
-                self.experience.rewards[row] = reward(row, self.ages[row]);
-                self.ages[row] += 1;
-                self.experience.ends[row] = row == 1 && self.ages[row] == 3;
-                if self.experience.ends[row] {
-                    self.experience.last_obs.row_mut(row)[0] = shown(row, self.ages[row]);
-                    self.ages[row] = 0;
-                }
-            }
-            self.show();
-        }
+    fn ends(row: usize, step: usize) -> bool {
+        row == 1 && step % 3 == 2
     }
 
     fn shown(row: usize, age: usize) -> f32 {
         (10 * row + age) as f32
     }
 
-    fn reward(row: usize, age: usize) -> f32 {
-        row as f32 + age as f32 / 10.0
+    fn reward(row: usize, step: usize) -> f32 {
+        row as f32 + age(row, step) as f32 / 10.0
+    }
+
+    fn spec() -> RegionSpec {
+        region(1, 1, SourceSpec::bits(1), 3)
+    }
+
+    /// Returns what all rows show at a step.
+    fn percept(step: usize) -> Percept {
+        let obs = (0..4).map(|row| shown(row, age(row, step))).collect();
+        Percept { obs: Rows::from_vec(obs, 1), ..Percept::new(4, &spec()) }
     }
 
     /// Makes networks whose value is the observation plus, with memory, a part of the state.
-    fn policies(recurrent: Option<usize>, spec: &RegionSpec) -> PolicyStack {
+    fn policies(recurrent: Option<usize>) -> PolicyStack {
         let config = PolicyConfig { recurrent, hidden: vec![4], ..PolicyConfig::default() };
-        PolicyStack::new(&AgentId::all(2), spec, &config, &[0.0; 2], Seed::new(6))
-    }
-
-    const T: usize = 4;
-
-    /// Begins the rollouts of two agents with two copies each.
-    fn begun(policies: &PolicyStack, config: &PpoConfig, shared_bootstrap: bool) -> Rollout {
-        Rollout::new(config, shared_bootstrap, policies.states(4))
+        PolicyStack::new(&AgentId::all(2), &spec(), &config, &[0.0; 2], Seed::new(6))
     }
 
     /// Records two rollouts of four steps in a memory of 16 per agent.
     fn recorded(recurrent: Option<usize>, time_limit: TimeLimit) -> (Memory, PolicyStack) {
-        let mut scripted = Scripted::new();
-        let policies = policies(recurrent, &scripted.spec);
+        let policies = policies(recurrent);
         let length = if recurrent.is_some() { 2 } else { 1 };
-        let mut memory = Memory::new(2, 16, length, &scripted.spec, recurrent.unwrap_or(0));
+        let mut memory = Memory::new(2, 16, length, &spec(), recurrent.unwrap_or(0));
         let config = PpoConfig { rollout_steps: T, time_limit, ..PpoConfig::default() };
-        let mut rollout = begun(&policies, &config, false);
+        let mut rollout = Rollout::new(&config, false, policies.states(4));
         let mut dice = dice(4);
         let watch = &mut Stopwatch::default();
-        for is_last in [false, true] {
-            for t in 1..=T {
-                rollout.act(&policies, &mut dice, &mut memory, &scripted.percept);
-                scripted.step();
-                assert_eq!(rollout.take_in(&policies, &scripted.experience, watch), t == T);
-            }
-            assert_eq!(rollout.finish(&policies, &mut memory, &scripted.percept, watch), is_last);
+        for step in 0..2 * T {
+            rollout.act(&policies, &mut dice, &mut memory, &percept(step));
+            let experience = Experience {
+                rewards: (0..4).map(|row| reward(row, step)).collect(),
+                ends: (0..4).map(|row| ends(row, step)).collect(),
+                last_obs: Rows::from_vec((0..4).map(|row| shown(row, age(row, step) + 1)).collect(), 1),
+                last_masks: None,
+            };
+            let is_over = rollout.take_in(&policies, &experience, watch);
+            assert_eq!(is_over, step % T == T - 1);
+            let is_full = is_over && rollout.finish(&policies, &mut memory, &percept(step + 1), watch);
+            assert_eq!(is_full, step == 2 * T - 1);
         }
         (memory, policies)
     }
@@ -240,7 +221,6 @@ mod tests {
     /// What a row goes through in both rollouts and the step after, step by step.
     #[derive(Default)]
     struct Lived {
-        ages: Vec<usize>,
         values: Vec<f32>,
         /// Value of what the step shows before the next episode begins.
         last_values: Vec<f32>,
@@ -249,20 +229,18 @@ mod tests {
     }
 
     fn lived(policies: &PolicyStack, row: usize) -> Lived {
-        let (agent, mut age, mut states) = (row / 2, 0, policies.states(2));
+        let (agent, mut states) = (row / 2, policies.states(2));
         let mut lived = Lived::default();
-        for _ in 0..=2 * T {
+        for step in 0..=2 * T {
             let value_of = |age: usize, states: &mut States| {
                 let obs = Rows::from_vec(vec![shown(row, age); 2], 1);
                 policies.judge(&obs, states).rows().nth(agent).unwrap().1
             };
-            lived.ages.push(age);
             lived.states.push(states.row(agent).to_vec());
-            lived.values.push(value_of(age, &mut states));
-            lived.last_values.push(value_of(age + 1, &mut states.clone()));
-            age += 1;
-            if row == 1 && age == 3 {
-                (age, states) = (0, policies.states(2));
+            lived.values.push(value_of(age(row, step), &mut states));
+            lived.last_values.push(value_of(age(row, step) + 1, &mut states.clone()));
+            if ends(row, step) {
+                states = policies.states(2);
             }
         }
         lived
@@ -275,23 +253,22 @@ mod tests {
         {
             let (memory, policies) = recorded(recurrent, time_limit);
             for row in 0..4 {
-                let Lived { ages, values, last_values, states } = lived(&policies, row);
+                let Lived { values, last_values, states } = lived(&policies, row);
                 for rollout in 0..2 {
                     let steps = rollout * T..(rollout + 1) * T;
-                    let ends: Vec<bool> = steps.clone().map(|t| row == 1 && ages[t] == 2).collect();
-                    let rewards = steps.clone().zip(&ends).map(|(t, &end)| {
-                        let credit =
-                            if end && time_limit == TimeLimit::Bootstrap { 0.99 * last_values[t] } else { 0.0 };
-                        reward(row, ages[t]) + credit
-                    });
-                    let rewards: Vec<f32> = rewards.collect();
+                    let over: Vec<bool> = steps.clone().map(|step| ends(row, step)).collect();
+                    let credited = |step: usize| match ends(row, step) && time_limit == TimeLimit::Bootstrap {
+                        true => reward(row, step) + 0.99 * last_values[step],
+                        false => reward(row, step),
+                    };
+                    let rewards: Vec<f32> = steps.clone().map(credited).collect();
                     let expected =
-                        advantages(&rewards, &values[steps.clone()], &ends, &[values[steps.end]], 0.99, 0.95);
+                        advantages(&rewards, &values[steps.clone()], &over, &[values[steps.end]], 0.99, 0.95);
                     for (t, step) in steps.enumerate() {
                         let (agent, slot) = (row / 2, rollout * 8 + row % 2 * T + t);
                         let sample = memory.sample(agent, slot);
-                        assert_eq!(memory.obs(agent, slot), [shown(row, ages[step])], "row {row}, step {step}");
-                        assert_eq!(sample.start, ages[step] == 0);
+                        assert_eq!(memory.obs(agent, slot), [shown(row, age(row, step))], "row {row}, step {step}");
+                        assert_eq!(sample.start, age(row, step) == 0);
                         assert!((sample.value - values[step]).abs() < 1e-5);
                         assert!((sample.advantage - expected[t]).abs() < 1e-4, "{sample:?} {}", expected[t]);
                         assert!((sample.ret - sample.advantage - sample.value).abs() < 1e-5);
@@ -307,10 +284,11 @@ mod tests {
 
     #[test]
     fn with_a_shared_bootstrap_the_value_of_the_last_row_stands_for_all() {
-        let spec = Scripted::new().spec;
-        let policies = policies(None, &spec);
-        let obs = Rows::from_vec(vec![0.1, 0.2, 0.3, 0.4], 1);
-        let values = |shared| begun(&policies, &PpoConfig::default(), shared).bootstrap(&policies, &obs);
+        let policies = policies(None);
+        let values = |shared| {
+            let rollout = Rollout::new(&PpoConfig::default(), shared, policies.states(4));
+            rollout.bootstrap(&policies, &Rows::from_vec(vec![0.1, 0.2, 0.3, 0.4], 1))
+        };
         let own = values(false);
         assert!(own[0] != own[3]);
         assert_eq!(values(true), [own[3]; 4]);

@@ -1,9 +1,7 @@
 //! The update of all agents' policies from a memory, by the loss of [`super::loss`].
 //!
 //! Source: Schulman et al. 2017; constants: DIALS paper, appendix "Hyperparameters". As in the authors' code, learning
-//! rate and clip decay linearly, to 1e-10 and 1e-5, over the total steps.
-//!
-//! Losses are means within an agent and sums over agents, so every agent learns as if alone.
+//! rate and clip decay linearly, to 1e-10 and 1e-5, over the total steps. Every agent learns as if alone.
 
 use std::ops::Range;
 use std::time::Instant;
@@ -197,16 +195,6 @@ mod tests {
     use crate::fixtures::region;
     use dials_core::base::{AgentId, Seed};
     use dials_core::domain::SourceSpec;
-
-    #[test]
-    fn learning_rate_and_clip_decay_over_the_total_steps() {
-        let config = PpoConfig::default();
-        assert_eq!(Decayed::at(&config, 0.0), Decayed { learning_rate: 2.5e-4, clip: 0.1 });
-        let half = Decayed::at(&config, 0.5);
-        assert!((half.learning_rate - 1.250_000_5e-4).abs() < 1e-12 && (half.clip - 0.050_005).abs() < 1e-12);
-        let end = Decayed::at(&config, 1.0);
-        assert!((end.learning_rate - 1e-10).abs() < 1e-18 && (end.clip - 1e-5).abs() < 1e-12);
-    }
 
     /// Returns a stack of three agents and a memory of 16 random samples for each.
     fn material(recurrent: Option<usize>, separate_critic: bool) -> (PolicyStack, Memory) {
