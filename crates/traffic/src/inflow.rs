@@ -139,32 +139,6 @@ mod tests {
     }
 
     #[test]
-    fn an_exit_is_blocked_in_a_decision_if_it_is_in_more_than_half_of_its_seconds() {
-        let plan = plan(0, 2);
-        let mut counter = SourceCounter::new(&plan);
-        let mut sources = [0; 2];
-        for (second, exits) in [&[0, 1][..], &[1], &[]].into_iter().enumerate() {
-            exits.iter().for_each(|&exit| counter.blocked_s[exit] += 1);
-            counter.end_second(&plan, second, &mut sources);
-        }
-        assert_eq!(sources, [0, 1], "one of three seconds, and two of three");
-        let mut next = [0; 2];
-        (0..3).for_each(|second| counter.end_second(&plan, second, &mut next));
-        assert_eq!(next, [0, 0], "every decision counts for itself");
-    }
-
-    #[test]
-    fn a_lane_is_blocked_by_a_first_car_that_crawls_near_its_end() {
-        let blocked = |cars: &[(f64, f64)]| {
-            let cars = cars.iter().map(|&(position, speed)| (CarId(0), position, speed)).collect();
-            is_blocked(CarTable::of([cars]).lane(0), 100.0)
-        };
-        assert!(blocked(&[(50.0, 9.0), (80.0, 0.0)]) && blocked(&[(90.0, 1.9)]));
-        assert!(!blocked(&[]) && !blocked(&[(79.9, 0.0)]), "20 m before the end at most");
-        assert!(!blocked(&[(90.0, 0.0), (98.0, 2.0)]), "the first car drives");
-    }
-
-    #[test]
     fn the_history_counts_seconds_back_from_now() {
         let plan = plan(1, 1);
         let mut history = History::new(&plan);

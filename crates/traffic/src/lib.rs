@@ -70,7 +70,7 @@ use sim::local::{DROPPED, Demand, LocalTraffic};
 use sim::local_forest::{LocalForest, rows_of};
 use sim::recording::{Recorder, Tape};
 use sim::tally::P_SWITCH;
-use sim::trace::road_map;
+use sim::trace::map;
 use sim::trace::route::Route;
 use sim::visit_tables::VisitTables;
 use sim::visits::Visits;
@@ -213,7 +213,8 @@ impl Traffic {
 
     /// Returns the map of a scenario. `None`: a grid, which needs none. No simulator is loaded.
     pub fn road_map(&self) -> Result<Option<RoadMap>> {
-        Ok(road_map(&self.network.recorded(&self.plan)?))
+        let roads = self.network.recorded(&self.plan)?;
+        Ok(roads.grid().is_none().then(|| map(&roads)))
     }
 
     pub fn everywhere(&self, by: HandCoded) -> SignalControl {

@@ -120,21 +120,6 @@ mod tests {
     }
 
     #[test]
-    fn a_light_goes_to_its_next_green_by_itself_until_it_is_switched() {
-        let plan = paper().by_itself_until_switched(5);
-        let by_itself =
-            ["Gr", "Gr", "Gr", "Gr", "yr", "yr", "yr", "rG", "rG", "rG", "rG", "rG", "ry", "ry", "ry", "Gr"];
-        assert_eq!(shown(&plan, &[KEEP; 16]), by_itself, "the beginning counts as the first step");
-        // A switch during its own yellow is none. After a true one a green lasts.
-        let mut actions = vec![KEEP; 30];
-        (actions[4], actions[9]) = (SWITCH, SWITCH);
-        let shown = shown(&plan, &actions);
-        assert_eq!(shown[..9], by_itself[..9]);
-        assert_eq!(shown[9..12], ["ry"; 3]);
-        assert_eq!(shown[12..], ["Gr"; 18]);
-    }
-
-    #[test]
     fn a_target_is_reached_through_its_own_yellow_and_all_red() {
         // From 0 to 1 two steps of yellow and one of all red; from 1 to 2 nothing has to be cleared.
         let clearing = |from, to| match (from, to) {

@@ -14,13 +14,11 @@ use std::rc::Rc;
 
 use anyhow::Result;
 
-use super::are_of_a_grid;
 use super::arguments::{self, Arguments};
 use super::clock::{ClockLights, ClockPlan, Timing};
-use super::control::{Each, HandCoded, LightController};
-use super::intersections::{Intersection, Intersections};
 use super::max_pressure;
 use super::responsive::GreenLimits;
+use super::{Each, HandCoded, Intersection, Intersections, LightController, are_of_a_grid};
 use crate::Traffic;
 use crate::agents::derive::greens::goes;
 use crate::agents::plan::AgentPlan;

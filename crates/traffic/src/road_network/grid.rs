@@ -1,9 +1,5 @@
 //! A grid of the paper: our own networks, compared with what this program writes.
 
-use std::path::{Path, PathBuf};
-
-use anyhow::Context;
-
 use super::{Files, RoadNetwork};
 use crate::agents::plan::JointPlan;
 use crate::config::{Reward, RewardTerm, TrafficConfig};
@@ -41,16 +37,6 @@ pub(crate) struct GridFiles {
     pub(crate) network: Network,
     pub(crate) local_network: Network,
     pub(crate) config: TrafficConfig,
-}
-
-impl GridFiles {
-    pub(super) fn keep_in(&self, folder: &Path) -> Result<Vec<PathBuf>> {
-        std::fs::create_dir(folder).with_context(|| format!("{}: cannot be made", folder.display()))?;
-        for (network, name) in [&self.network, &self.local_network].into_iter().zip(KEPT_AS) {
-            network.copy_to(folder, name)?;
-        }
-        Ok(KEPT_AS.map(PathBuf::from).to_vec())
-    }
 }
 
 /// Finds the networks and compares them with what this program makes. An error says which file is missing or wrong and

@@ -5,6 +5,8 @@ pub(crate) mod scenario;
 
 use std::path::{Path, PathBuf};
 
+use anyhow::Context;
+
 use crate::agents::plan::JointPlan;
 use crate::cut::forest::Region;
 use crate::cut::mixed::prefix;
@@ -131,7 +133,12 @@ impl RoadNetwork {
 
     pub(crate) fn keep_files(&self, folder: &Path) -> Result<Vec<PathBuf>> {
         match &self.files {
-            Files::Grid(files) => files.keep_in(folder),
+            Files::Grid(files) => {
+                std::fs::create_dir(folder).with_context(|| format!("{}: cannot be made", folder.display()))?;
+                files.network.copy_to(folder, KEPT_AS[0])?;
+                files.local_network.copy_to(folder, KEPT_AS[1])?;
+                Ok(KEPT_AS.map(PathBuf::from).to_vec())
+            }
             Files::Scenario(files) => files.files.keep_in(folder),
         }
     }

@@ -70,7 +70,9 @@ impl ArrivingCar {
         let (lane, position_m, speed) = match &plan.entries[entry].place {
             EntryPlace::Lane(_) => (lane, visit.speed_mps / 2.0, DepartSpeed::Max),
             EntryPlace::Road(road) if plan.is_on_road(visit.lane, road) => {
-                (visit.lane, visit.position_m, speed_at_departure(visit))
+                // Most files of routes ask for no speed, or for the largest that is safe.
+                let speed = if visit.speed_mps == 0.0 { DepartSpeed::Fixed(0.0) } else { DepartSpeed::Max };
+                (visit.lane, visit.position_m, speed)
             }
             // It was first seen behind this road.
             EntryPlace::Road(_) => (lane, SOMEWHERE_M, DepartSpeed::Max),
@@ -112,11 +114,6 @@ pub(super) fn by_rule(rule: EntryRule, cars: usize) -> Placement {
 
 fn on_lane(plan: &BorderPlan, lane: usize, position_m: f64) -> f64 {
     position_m.clamp(0.0, (plan.lanes[lane].length_m - BEFORE_END_M).max(0.0))
-}
-
-/// Returns the speed of a departure: none, or the largest that is safe. Most files of routes say one of the two.
-fn speed_at_departure(visit: &Visit) -> DepartSpeed {
-    if visit.speed_mps == 0.0 { DepartSpeed::Fixed(0.0) } else { DepartSpeed::Max }
 }
 
 #[cfg(test)]

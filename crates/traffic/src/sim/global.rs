@@ -149,8 +149,8 @@ impl GlobalTraffic {
             plans: &self.plan.agents,
             shown: &self.shown.now,
             shown_steps: &self.shown.steps,
-            approaches: &self.approaches.cars,
-            exits: &self.exits.cars,
+            approaches: &self.approaches,
+            exits: &self.exits,
         };
         (intersections, &mut self.decisions)
     }

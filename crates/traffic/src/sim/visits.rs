@@ -184,25 +184,27 @@ mod tests {
 
     #[test]
     fn the_way_of_a_visit_is_the_one_that_the_car_means_to_go_when_it_comes() {
-        // It departed for `out`, and goes another way since.
-        let seen = visits(&["far", "near", "out"], &[("near_1", &["far", "near", "back", "west"], 1)]);
-        assert_eq!(seen, [(Some(1), "near back".to_owned(), Some("west".to_owned()))]);
-        // The road of its entry was not on its first route at all.
-        let seen = visits(&["side", "west"], &[("near_0", &["side", "near", "out"], 1)]);
-        assert_eq!(seen, [(Some(0), "near out".to_owned(), None)]);
-    }
-
-    #[test]
-    fn a_car_that_crossed_the_road_of_its_entry_within_a_second_has_it_on_its_way() {
-        let seen = visits(&["far", "near", "out"], &[("out_0", &["far", "near", "out"], 2)]);
-        assert_eq!(seen, [(Some(0), "near out".to_owned(), None)]);
-    }
-
-    #[test]
-    fn a_car_whose_way_begins_on_another_road_than_its_entry_has_no_entry() {
-        // The nearest entry to `out` is on `near`.
-        let seen = visits(&["north", "out"], &[("out_0", &["north", "out"], 1)]);
-        assert_eq!(seen, [(None, "north out".to_owned(), None)]);
+        for (departed_with, lane, route, at, entry, way, next_road) in [
+            // It departed for `out`, and goes another way since.
+            (
+                &["far", "near", "out"][..],
+                "near_1",
+                &["far", "near", "back", "west"][..],
+                1,
+                Some(1),
+                "near back",
+                Some("west"),
+            ),
+            // The road of its entry was not on its first route at all.
+            (&["side", "west"], "near_0", &["side", "near", "out"], 1, Some(0), "near out", None),
+            // It crossed the road of its entry within a second.
+            (&["far", "near", "out"], "out_0", &["far", "near", "out"], 2, Some(0), "near out", None),
+            // The nearest entry to `out` is on `near`, but its way begins on another road.
+            (&["north", "out"], "out_0", &["north", "out"], 1, None, "north out", None),
+        ] {
+            let seen = visits(departed_with, &[(lane, route, at)]);
+            assert_eq!(seen, [(entry, way.to_owned(), next_road.map(str::to_owned))]);
+        }
     }
 
     #[test]

@@ -195,17 +195,4 @@ mod tests {
             assert_eq!(found, ClockPlan { timings: wanted, leeway: ends }, "{what}");
         }
     }
-
-    #[test]
-    fn offsets_are_sums_of_one_per_row_and_one_per_column() {
-        let plan = middle();
-        let grid = Shape { rows: 2, cols: 3, phases: &plan.phases };
-        let offsets =
-            |candidate: &Candidate| -> Vec<u32> { candidate.plan(grid).timings.iter().map(Timing::offset).collect() };
-        // A cycle of 26: half of it is 13.
-        assert_eq!(offsets(&Candidate::wave(grid, 10, 2, 2, None)), [0, 13, 0, 13, 0, 13]);
-        let candidate =
-            Candidate { vertical: 10, horizontal: 10, rows: vec![0, 5], cols: vec![1, 2, 25], leeway: None };
-        assert_eq!(offsets(&candidate), [1, 2, 25, 6, 7, 4]);
-    }
 }

@@ -25,43 +25,29 @@ const CAR_M: f64 = 5.0;
 /// How much larger than they are cars are drawn at least.
 const LARGER: f64 = 1.4;
 
-/// How cars and roads are drawn, so that a whole network can be watched.
-struct Look {
-    /// How much larger than they are cars and roads are drawn.
-    cars: String,
-    edges: String,
-    /// SUMO's names of the sorts of roads that are drawn in grey.
-    sorts: &'static [&'static str],
-}
-
-/// Sorts of roads on which cars drive. Without a colour of ours, rails in a road are purple.
+/// SUMO's names of the sorts of roads on which cars drive. Without a colour of ours, rails in a road are purple.
 const SORTS: [&str; 3] = ["road", "no passenger", "rails on road"];
-
-impl Look {
-    fn of(roads: &RecordedRoads) -> Look {
-        let (cars, edges, sorts) = if roads.grid().is_some() {
-            (LARGER, 1.5, &SORTS[..1])
-        } else {
-            // Lanes side by side must not cover each other.
-            let [wide, tall] = roads.extent_m();
-            let car_px = CAR_M * FILM_PX / wide.max(tall);
-            ((LEAST_CAR_PX / car_px).max(LARGER), 1.0, &SORTS[..])
-        };
-        Look { cars: cars.to_string(), edges: edges.to_string(), sorts }
-    }
-}
 
 /// Returns the settings of sumo-gui.
 pub fn view(roads: &RecordedRoads, delay_ms: u32, snapshots: &[Snapshot]) -> String {
     const BOXES: &str = "1";
     const BY_SPEED: &str = "8";
-    let Look { cars, edges, sorts } = Look::of(roads);
+    // How much larger than they are cars and roads are drawn, so that a whole network can be watched.
+    let (cars, edges, sorts) = if roads.grid().is_some() {
+        (LARGER, "1.5", &SORTS[..1])
+    } else {
+        let [wide, tall] = roads.extent_m();
+        let car_px = CAR_M * FILM_PX / wide.max(tall);
+        // Lanes side by side must not cover each other.
+        ((LEAST_CAR_PX / car_px).max(LARGER), "1", &SORTS[..])
+    };
     document("viewsettings", |xml| {
         nest(xml, "scheme", [("name", "standard")], |xml| {
             leaf(xml, "background", [("backgroundColor", "245,245,245"), ("showGrid", "0")])?;
-            nest(xml, "edges", [("laneEdgeMode", "0"), ("widthExaggeration", &*edges)], |xml| all_grey(xml, sorts))?;
+            nest(xml, "edges", [("laneEdgeMode", "0"), ("widthExaggeration", edges)], |xml| all_grey(xml, sorts))?;
             nest(xml, "junctions", [("junctionMode", "0")], |xml| all_grey(xml, &[""]))?;
-            let cars = [("vehicleMode", BY_SPEED), ("vehicleQuality", BOXES), ("vehicle_exaggeration", &*cars)];
+            let cars =
+                [("vehicleMode", BY_SPEED), ("vehicleQuality", BOXES), ("vehicle_exaggeration", &*cars.to_string())];
             nest(xml, "vehicles", cars.into_iter().chain([("showBlinker", "0")]), |xml| {
                 nest(xml, "colorScheme", [("name", "by speed"), ("interpolated", "1")], |xml| {
                     SPEED_COLOURS.iter().try_for_each(|([red, green, blue], speed_mps)| {

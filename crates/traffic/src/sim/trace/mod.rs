@@ -56,12 +56,7 @@ pub fn trace(recording: &Recording, route: Option<&Route>) -> Result<RoadTrace> 
     })
 }
 
-/// Returns the map of a scenario. `None`: a grid, which needs none.
-pub(crate) fn road_map(roads: &RecordedRoads) -> Option<RoadMap> {
-    roads.grid().is_none().then(|| map(roads))
-}
-
-fn map(recorded: &RecordedRoads) -> RoadMap {
+pub(crate) fn map(recorded: &RecordedRoads) -> RoadMap {
     let RecordedRoads { agents, roads, files, .. } = recorded;
     RoadMap {
         place: place_of(files),
@@ -80,14 +75,6 @@ fn place_of(files: &RecordedFiles) -> String {
             KEPT => "a scenario".to_owned(),
             name => format!("scenario {name}"),
         },
-    }
-}
-
-fn aspect(letter: u8) -> Aspect {
-    match letter {
-        b'G' | b'g' | b'O' => Aspect::Green,
-        b'y' | b'Y' | b'o' => Aspect::Yellow,
-        _ => Aspect::Red,
     }
 }
 
@@ -181,8 +168,7 @@ fn corridor(recording: &Recording, roads: &Roads, route: &Route) -> Result<Corri
         }
         begin_m += within_m;
     }
-    let ends = [edges[0], edges[edges.len() - 1]].map(|edge| roads.edge(edge).id.clone());
-    let [from, to] = ends;
+    let [from, to] = [edges[0], edges[edges.len() - 1]].map(|edge| roads.edge(edge).id.clone());
     let name = if edges.len() == 1 { "one edge".to_owned() } else { format!("a route of {} edges", edges.len()) };
     let cars = trajectories(recording, &stretches)?;
     Ok(Corridor { name, from, to, length_m: begin_m, crossings, cars })
@@ -228,9 +214,14 @@ fn aspects(recording: &Recording, light: &str, letters: &[usize]) -> Vec<Aspect>
     let number = number.expect("all lights that control a way are recorded");
     let shown = recording.steps.iter().map(|step| {
         let state = step.signals[number].as_str().as_bytes();
-        let aspects = || letters.iter().map(|&letter| aspect(state[letter]));
-        let first = |wanted: Aspect| aspects().find(|&aspect| aspect == wanted);
-        first(Aspect::Green).or(first(Aspect::Yellow)).unwrap_or(Aspect::Red)
+        let shows = |wanted: &[u8]| letters.iter().any(|&letter| wanted.contains(&state[letter]));
+        if shows(b"GgO") {
+            Aspect::Green
+        } else if shows(b"yYo") {
+            Aspect::Yellow
+        } else {
+            Aspect::Red
+        }
     });
     shown.collect()
 }
