@@ -2,23 +2,14 @@
 //! scenario, remembered for the d-set on either simulator.
 
 use super::agents::border_plan::{BLOCK_M, BLOCK_MPS, BorderPlan};
-use super::cars_at::CarsAt;
 use libsumo::LaneCars;
 
-/// Number of seconds that [`History`] remembers.
 pub(crate) const REMEMBERED_S: usize = 60;
 
 /// Returns whether a car entered a lane of a grid between two reads. A car that has just entered is the rearmost on its
 /// lane: cars leave in the order in which they came, and a second one does not fit in behind it within a second.
 pub(crate) fn has_arrival(now: LaneCars<'_>, before: LaneCars<'_>) -> bool {
     now.ids.first().is_some_and(|car| before.ids.first() != Some(car))
-}
-
-/// Writes 1 for every lane that a car entered between two reads of one light's lanes, and leaves the others.
-pub(crate) fn note_arrivals(arrivals: &mut [u8], now: CarsAt<'_>, before: CarsAt<'_>) {
-    for (arrived, (now, before)) in arrivals.iter_mut().zip(now.iter().zip(before.iter())) {
-        *arrived |= u8::from(has_arrival(now, before));
-    }
 }
 
 /// Counts the influence sources of a decision on a scenario, second by second.
@@ -109,7 +100,6 @@ mod tests {
         }
     }
 
-    /// Makes a border of these numbers of entries and exits, with decisions of three seconds.
     fn plan(entries: usize, exits: usize) -> BorderPlan {
         let entry = |lane| Entry { place: EntryPlace::Lane(lane), default_way: Vec::new() };
         BorderPlan {

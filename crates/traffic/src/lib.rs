@@ -88,7 +88,6 @@ pub fn libm() -> Result<String> {
     Ok(Simulation::libm()?)
 }
 
-/// Traffic lights on a road network.
 #[derive(Clone)]
 pub struct Traffic {
     plan: Arc<JointPlan>,
@@ -185,7 +184,6 @@ impl Traffic {
         Ok(())
     }
 
-    /// Loads the GS with its own type, for what the trait does not offer.
     pub fn global(&self, control: SignalControl) -> Result<GlobalTraffic> {
         if let Some(why) = self.network.refuses_actuated.as_ref().filter(|_| control.is_actuated()) {
             bail!("{why}");

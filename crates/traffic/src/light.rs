@@ -9,7 +9,6 @@ pub const KEEP: Action = 0;
 /// Give the other direction green, after yellow. An action of the paper's grids.
 pub const SWITCH: Action = 1;
 
-/// Number of steps of yellow in the paper's grids.
 pub(crate) const YELLOW_STEPS: u8 = 3;
 
 /// A light and how long it has shown what it shows. A step is a second.
@@ -18,7 +17,6 @@ pub(crate) struct Signal {
     shown: Shown,
     /// Number of steps since this green began or the last one ended.
     steps: u32,
-    /// Whether it was switched in this episode.
     switched: bool,
 }
 
@@ -47,7 +45,6 @@ impl Signal {
         unreachable!("a light is between greens for as long as its intervals last")
     }
 
-    /// Returns whether the light would leave its green if it were asked to.
     pub(crate) fn may_leave(self, plan: &PhasePlan) -> bool {
         self.shown.is_green() && self.steps >= plan.min_green_steps()
     }
@@ -96,7 +93,6 @@ mod tests {
         Interval { state: state(letters), steps }
     }
 
-    /// Returns the states of a light during these actions.
     fn shown(plan: &PhasePlan, actions: &[Action]) -> Vec<String> {
         let mut signal = Signal::at_the_beginning(plan);
         let act = |&action: &Action| {

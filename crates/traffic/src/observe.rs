@@ -70,7 +70,6 @@ fn occupy_all(plan: &AgentPlan, cars: CarsAt<'_>, cells: &[usize], bits: &mut [f
     }
 }
 
-/// Marks the cells in which cars are, counted from the end of the lane.
 pub(super) fn occupy(approach: &Approach, lane: LaneCars<'_>, cells: &mut [f32]) {
     for &position in lane.positions_m {
         let cell = ((approach.length_m - position) / CELL_M) as usize;

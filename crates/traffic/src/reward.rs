@@ -38,7 +38,6 @@ impl Waiting {
         self.seconds = seconds;
     }
 
-    /// Returns for how many seconds a car on the approaches has stood there.
     pub(crate) fn of(&self, car: CarId) -> u32 {
         self.seconds.get(&car).copied().unwrap_or(0)
     }
@@ -84,27 +83,22 @@ mod tests {
     use crate::paper_grid::plans::plans;
     use libsumo::CarTable;
 
-    /// Returns a read of four lanes; the first one holds these cars, as (number, speed).
     fn west(cars: &[(u64, f64)]) -> CarTable {
         let cars = cars.iter().map(|&(id, speed)| (CarId(id), 50.0, speed)).collect();
         CarTable::of([cars, Vec::new(), Vec::new(), Vec::new()])
     }
 
-    fn at(cars: &CarTable) -> CarsAt<'_> {
-        CarsAt::new(cars, 0, 4)
-    }
-
     #[test]
     fn a_car_that_left_no_longer_waits_and_a_jam_has_a_bound() {
         let mut waiting = Waiting::default();
-        (0..50).for_each(|_| waiting.note(at(&west(&[(1, 0.0), (2, 0.0)]))));
+        (0..50).for_each(|_| waiting.note(CarsAt::all(&west(&[(1, 0.0), (2, 0.0)]))));
         waiting.decide();
-        waiting.note(at(&west(&[(2, 3.0)])));
+        waiting.note(CarsAt::all(&west(&[(2, 3.0)])));
         assert_eq!((waiting.sum_before, waiting.sum), (100, 50));
-        (0..5000).for_each(|_| waiting.note(at(&west(&[(2, 0.0)]))));
+        (0..5000).for_each(|_| waiting.note(CarsAt::all(&west(&[(2, 0.0)]))));
         let region = plans(Grid::SINGLE, &TrafficConfig::new("", "")).remove(0).region;
         let cars = west(&[(2, 0.0)]);
-        let wait = reward(&Reward::from(RewardTerm::Wait), &region, at(&cars), at(&cars), &waiting);
+        let wait = reward(&Reward::from(RewardTerm::Wait), &region, CarsAt::all(&cars), CarsAt::all(&cars), &waiting);
         assert_eq!(f64::from(wait), -MOST_WAIT);
     }
 }

@@ -44,7 +44,6 @@ impl Timing {
         Timing { greens: greens.to_vec(), offset, ends, cycle }
     }
 
-    /// Returns the length of each green, 0 for a green that is left out.
     pub(crate) fn greens(&self) -> &[u32] {
         &self.greens
     }
@@ -57,7 +56,6 @@ impl Timing {
         self.cycle
     }
 
-    /// Returns the same timing with another offset.
     pub(crate) fn shifted(&self, offset: u32) -> Timing {
         Timing { offset, ..self.clone() }
     }
@@ -69,7 +67,6 @@ impl Timing {
         asked_for.0
     }
 
-    /// Returns the green that the clock asks for after this one.
     pub(crate) fn after(&self, green: usize) -> usize {
         let next = self.ends.iter().find(|&&(shown, _)| shown > green).unwrap_or(&self.ends[0]);
         next.0
@@ -89,7 +86,6 @@ impl Timing {
         self.ends.iter().map(since).min().expect("a light shows some green")
     }
 
-    /// Returns the number of steps since the last beginning of a cycle.
     fn place(&self, step: u32) -> u32 {
         (step % self.cycle + self.cycle - self.offset % self.cycle) % self.cycle
     }
@@ -105,9 +101,7 @@ pub(crate) struct Leeway {
 }
 
 impl Leeway {
-    /// No leeway, as fixed-time lights have.
     pub(crate) const NONE: Leeway = Leeway { early: 0, late: 0 };
-    /// The most steps of either kind.
     pub(crate) const MOST: u32 = 60;
 }
 
@@ -126,7 +120,6 @@ pub struct ClockPlan {
 }
 
 impl ClockPlan {
-    /// Returns the plan of fixed-time lights.
     pub(super) fn fixed(timings: Vec<Timing>) -> ClockPlan {
         ClockPlan { timings, leeway: Leeway::NONE }
     }
@@ -159,7 +152,6 @@ impl LightController for ClockLights {
     }
 }
 
-/// Decides for one light at a step of the clock.
 fn decide(at: &Intersection<'_>, timing: &Timing, leeway: Leeway, step: u32) -> usize {
     let Some(green) = at.green() else { return at.target() };
     let wanted = timing.target(step);

@@ -80,7 +80,6 @@ pub(crate) fn middle() -> AgentPlan {
     plans(Grid::new(1, 3).expect("a grid"), &TrafficConfig::new("", "")).swap_remove(1)
 }
 
-/// An intersection to be filled with cars.
 pub(crate) struct At<'a>(Intersection<'a>);
 
 impl<'a> At<'a> {
@@ -111,7 +110,6 @@ impl<'a> At<'a> {
         self
     }
 
-    /// Puts cars that stand in a queue on an approach.
     pub(crate) fn queue(self, approach: usize, count: usize) -> At<'a> {
         let placed: Vec<(f64, f64)> = (0..count).map(|car| (7.5 * car as f64, 0.0)).collect();
         self.cars(approach, &placed)
@@ -129,7 +127,6 @@ impl<'a> At<'a> {
         self
     }
 
-    /// Puts cars that stand on an exit.
     pub(crate) fn jammed(mut self, exit: usize, count: usize) -> At<'a> {
         self.0.exits[exit] = cars(&vec![(5.0, 0.0); count]);
         self

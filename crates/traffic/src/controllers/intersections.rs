@@ -34,6 +34,7 @@ impl<'a> Intersections<'a> {
 pub struct Intersection<'a> {
     pub(super) plan: &'a AgentPlan,
     pub(super) agent: AgentId,
+    /// What the light showed in the last step; at the beginning of an episode, what it will show.
     pub(super) shown: Shown,
     pub(super) shown_steps: u32,
     /// Cars on each approach and on each exit, in the order of the plan.
@@ -46,14 +47,8 @@ impl<'a> Intersection<'a> {
         self.agent
     }
 
-    /// Returns the lanes, the links and the greens.
     pub fn plan(&self) -> &'a AgentPlan {
         self.plan
-    }
-
-    /// Returns what the light showed in the last step; at the beginning of an episode, what it will show.
-    pub(crate) fn shown(&self) -> Shown {
-        self.shown
     }
 
     pub fn shown_steps(&self) -> u32 {
@@ -83,10 +78,6 @@ impl<'a> Intersection<'a> {
 
     pub fn cars(&self, approach: usize) -> LaneCars<'a> {
         self.approaches[approach]
-    }
-
-    pub(crate) fn exit_cars(&self, exit: usize) -> LaneCars<'a> {
-        self.exits[exit]
     }
 
     /// Returns the number of standing cars on an approach.
@@ -122,7 +113,6 @@ impl<'a> Intersection<'a> {
     }
 }
 
-/// Speed from which a car moves.
 const MOVING_MPS: f64 = 1.0;
 
 #[cfg(test)]

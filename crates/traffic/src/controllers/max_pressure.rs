@@ -61,7 +61,7 @@ fn is_held_up(at: &Intersection<'_>, green: usize, approach: usize) -> bool {
 /// Returns the number of cars that hold others back on an exit: those that stand. Cars that drive on a long exit leave
 /// room. On the short exits of the paper's grids all cars count.
 fn ahead(at: &Intersection<'_>, exit: usize) -> usize {
-    let cars = at.exit_cars(exit);
+    let cars = at.exits[exit];
     if are_of_a_grid(from_ref(at.plan())) { cars.len() } else { cars.halting() }
 }
 

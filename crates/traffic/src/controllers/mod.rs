@@ -42,7 +42,6 @@ pub(crate) use clock::{ClockLights, ClockPlan, Leeway};
 pub use intersections::{Intersection, Intersections};
 pub(crate) use webster::Webster;
 
-/// Decides for the lights of all intersections.
 pub trait LightController {
     /// Begins an episode. Everything random in the decisions follows from `episode`.
     fn begin(&mut self, _episode: Seed) {}
@@ -68,11 +67,10 @@ pub(crate) fn ask(controller: &mut dyn LightController, intersections: &Intersec
     for ((action, target), at) in actions.iter_mut().zip(targets).zip(intersections.iter()) {
         let greens = at.plan().greens();
         assert!(target < greens, "a controller wants green {target} of light {}, which has {greens}", at.plan().light);
-        *action = at.plan().phases.towards(at.shown(), target);
+        *action = at.plan().phases.towards(at.shown, target);
     }
 }
 
-/// Hand-coded control of lights.
 pub enum HandCoded {
     /// The program of each light in its net.
     OwnProgram,
@@ -103,7 +101,6 @@ pub const NAMES: &[&str] = &[
     "longest-queue",
 ];
 
-/// Name of the lights that follow their own programs.
 pub(crate) const PROGRAM: &str = "program";
 /// Name of the lights that follow a clock whatever the traffic.
 pub const FIXED_TIME: &str = "fixed-time";
@@ -121,7 +118,7 @@ pub type Recipe = Box<dyn Fn(&Traffic) -> Result<HandCoded>>;
 /// unknown name (the error lists the known ones) and an unknown parameter (it lists those of the controller).
 pub fn recipe(text: &str, plans: &[AgentPlan]) -> Result<Recipe> {
     let mut arguments = Arguments::of(text);
-    let recipe: Recipe = match arguments.name() {
+    let recipe: Recipe = match arguments.name {
         "random" => Box::new(|_| Ok(HandCoded::rule(Random::new(Seed::new(0))))),
         "never" => Box::new(|_| Ok(HandCoded::rule(Each(|at: &Intersection<'_>| at.target())))),
         "always" => Box::new(|_| Ok(HandCoded::rule(SwitchEvery { steps: 1, step: 0 }))),
@@ -160,7 +157,7 @@ fn by_the_clock(plan: ClockPlan) -> Recipe {
 /// Returns the file that a controller reads, by the text that names the controller. If it reads none: `None`.
 pub(crate) fn file_of(text: &str) -> Result<Option<&Path>> {
     let mut arguments = Arguments::of(text);
-    let reads_one = [FIXED_TIME, COORDINATED].contains(&arguments.name());
+    let reads_one = [FIXED_TIME, COORDINATED].contains(&arguments.name);
     if reads_one { Ok(arguments.take(FILE)?.map(Path::new)) } else { Ok(None) }
 }
 

@@ -31,7 +31,6 @@ impl Default for GreenLimits {
 }
 
 impl GreenLimits {
-    /// Returns the limits for the parameters `min-green` and `max-green`.
     pub(super) fn of(arguments: &mut Arguments<'_>, plans: &[AgentPlan]) -> Result<GreenLimits> {
         let least = arguments.steps("min-green")?.unwrap_or(GreenLimits::default().least);
         let limits = GreenLimits { least, ..GreenLimits::longest(arguments, plans)? };
@@ -59,7 +58,6 @@ impl GreenLimits {
         at.green().filter(|_| at.shown_steps() >= self.least)
     }
 
-    /// Returns whether the longest green is over.
     fn must_leave(self, at: &Intersection<'_>) -> bool {
         self.most.is_some_and(|most| at.shown_steps() >= most)
     }

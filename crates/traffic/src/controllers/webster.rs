@@ -29,10 +29,8 @@ use libsumo::CarId;
 
 /// Cars per hour that pass the stop line from a standing queue of the vehicle type of the paper's grids: one in 2.28 s.
 const SATURATION_PER_H: f64 = 1580.0;
-/// Number of episodes that measure the flows.
 const EPISODES: u32 = 5;
 
-/// The measurement that the timings are computed from.
 pub(crate) struct Webster {
     episodes: u32,
     saturation_per_h: f64,
@@ -78,7 +76,6 @@ impl Webster {
     }
 }
 
-/// Returns the timing of one light.
 pub(super) fn timing(plan: &AgentPlan, ratios: &FlowRatios) -> Timing {
     let (sum, lost_s) = (ratios.sum(), ratios.lost_s);
     let cycle_s = if sum < 1.0 { ((1.5 * lost_s + 5.0) / (1.0 - sum)).min(LONGEST_CYCLE_S) } else { LONGEST_CYCLE_S };
@@ -99,7 +96,6 @@ pub(super) fn timing(plan: &AgentPlan, ratios: &FlowRatios) -> Timing {
 
 /// Longest cycle. Near saturation, Webster's formula goes to infinity.
 const LONGEST_CYCLE_S: f64 = 120.0;
-/// Number of greens up to which all choices of greens are compared.
 const FEW_GREENS: usize = 12;
 
 /// Flow over saturation flow of the greens that a light should show.
@@ -184,7 +180,6 @@ fn carriers(plan: &AgentPlan, greens: &[usize], approach: usize) -> Vec<usize> {
     if places.is_empty() { (0..greens.len()).filter(part).collect() } else { places }
 }
 
-/// Cars that were counted.
 struct Flows {
     /// Number of cars that came to each approach, one row per light. A car that changes lanes counts on the lane of the
     /// road on which it was last.
@@ -227,7 +222,6 @@ fn roads(approaches: &[Approach]) -> Vec<usize> {
         .collect()
 }
 
-/// A car on a road of a light.
 type CarOnRoad = (AgentId, usize, CarId);
 
 /// Counts a car on an approach, and no longer on the one of the same road where it was before.

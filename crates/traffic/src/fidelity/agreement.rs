@@ -47,7 +47,6 @@ fn share(part: u64, whole: u64) -> f64 {
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Comparison {
     pub cells: Agreement,
-    /// Sums of each of the two simulators.
     pub sums: [Sums; 2],
 }
 
@@ -59,7 +58,6 @@ pub struct Sums {
     pub car_seconds: u64,
     /// Speeds of these cars in these seconds, added up.
     pub speed_sum_mps: f64,
-    /// Cars that crossed a stop line.
     pub passed: u64,
     /// Cars that came to the region from outside or departed on it, in all seconds of the episode; counted in an LS only.
     pub came: u64,
@@ -79,22 +77,18 @@ impl Sums {
         self.speed_sum_mps / self.car_seconds.max(1) as f64
     }
 
-    /// Returns the number of cars that cross the stop lines in an hour.
     pub fn passed_per_h(self) -> f64 {
         3600.0 * self.passed as f64 / self.seconds.max(1) as f64
     }
 
-    /// Returns the mean number of cars that wait at the border.
     pub fn backlog(self) -> f64 {
         self.waiting as f64 / self.seconds.max(1) as f64
     }
 
-    /// Returns the share of the cars that found no room at first.
     pub fn waited_share(self) -> f64 {
         self.waited as f64 / self.came.max(1) as f64
     }
 
-    /// Returns the share of the cars that were left out, because there was no room.
     pub fn dropped_share(self) -> f64 {
         self.dropped as f64 / self.came.max(1) as f64
     }
@@ -117,7 +111,6 @@ impl Comparison {
 }
 
 impl AddAssign for Comparison {
-    /// Adds another light.
     fn add_assign(&mut self, other: Comparison) {
         self.cells.first += other.cells.first;
         self.cells.second += other.cells.second;
@@ -143,7 +136,6 @@ pub(crate) struct Seen {
     pub(crate) cells: Vec<Vec<bool>>,
     pub(crate) sums: Sums,
     window: Range<usize>,
-    /// Number of cells of each approach.
     of_approach: Vec<usize>,
     at_stop_line: Vec<bool>,
     second: usize,
@@ -180,7 +172,7 @@ impl Seen {
             sums.seconds += 1;
             sums.car_seconds += now.cars() as u64;
             sums.speed_sum_mps += now.iter().flat_map(|lane| lane.speeds_mps).sum::<f64>();
-            sums.passed += passed(now, CarsAt::new(&self.before, 0, now.lanes()), gone, &self.at_stop_line);
+            sums.passed += passed(now, CarsAt::all(&self.before), gone, &self.at_stop_line);
             sums.waiting += waiting as u64;
         }
         let cars = now.iter().map(|lane| lane.iter().map(|car| (car.id, car.position_m, car.speed_mps)).collect());
@@ -233,7 +225,7 @@ mod tests {
             let mut lanes = vec![Vec::new(); plan.region.approaches.len()];
             lanes[0] = cars.iter().map(|&(car, position_m, speed_mps)| (CarId(car), position_m, speed_mps)).collect();
             let table = CarTable::of(lanes);
-            seen.note(plan, CarsAt::new(&table, 0, table.lanes()), &[], 2);
+            seen.note(plan, CarsAt::all(&table), &[], 2);
         }
         seen
     }

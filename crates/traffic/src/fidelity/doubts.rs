@@ -15,7 +15,6 @@ use dials_core::domain::Result;
 const SHORT_M: f64 = 30.0;
 /// How far behind its beginning the last car of a full exit stands at most, in metres: another one does not fit in.
 const FULL_M: f64 = 15.0;
-/// Speed below which a car on an exit is in a jam, in metres per second.
 const JAMMED_MPS: f64 = 1.0;
 
 /// Least precision and recall with true entries. If cars dawdle: as a share of what two LSs with other random numbers
@@ -63,7 +62,6 @@ pub fn doubt(found: &LightFidelity) -> Option<String> {
     Some(format!("{}. Why: {}", symptoms.join("; "), causes(found)))
 }
 
-/// Returns how it differs from the GS.
 fn symptoms(found: &LightFidelity) -> Vec<String> {
     let mut symptoms = Vec::new();
     for (entries, cells, least) in [
@@ -86,7 +84,6 @@ fn symptoms(found: &LightFidelity) -> Vec<String> {
     symptoms
 }
 
-/// Returns what may have caused it.
 fn causes(found: &LightFidelity) -> String {
     let ls = found.sampled_entries.sums[1];
     let [spillback, short_entries, waited, dropped] =
@@ -136,7 +133,6 @@ fn both(cells: Agreement) -> [f64; 2] {
     [cells.precision(), cells.recall()]
 }
 
-/// What spoils an LS.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Causes {
     /// Share of the seconds in which cars stand at green because their exit is full.
@@ -146,7 +142,6 @@ pub struct Causes {
 }
 
 impl Causes {
-    /// Finds them for a light in a window of the recorded episode.
     pub(crate) fn of(truth: &Truth, traffic: &Traffic, agent: AgentId, window: &Range<usize>) -> Result<Causes> {
         let border = traffic.plan.borders.get(agent.0).map(|border| &border.plan);
         Ok(Causes {

@@ -5,10 +5,6 @@
 //! every car begins exactly where and as fast as it was seen first. With *sampled entries* it comes as cars come in
 //! training: by the entry rule, at the true second and on the true lane. Where the two simulators have cars is compared,
 //! second by second, in cells of 10 m of the approaches.
-//!
-//! - [`truth`]: the episode on the GS. `on_scenario`: the LS of a scenario's light plays it again.
-//! - [`agreement`]: what is compared of a light, and how far two simulators agree.
-//! - [`doubts`]: whether an LS can be trusted, the limits, and what spoils it.
 
 pub mod agreement;
 pub mod doubts;
@@ -32,11 +28,9 @@ pub use doubts::Causes;
 use libsumo::{CarTable, DepartSpeed};
 use truth::Truth;
 
-/// What was measured of one light.
 #[derive(Clone, Debug, PartialEq)]
 pub struct LightFidelity {
     pub agent: AgentId,
-    /// SUMO's name of the light.
     pub light: String,
     /// GS and LS if cars begin exactly as they were seen first.
     pub true_entries: Comparison,
@@ -47,16 +41,12 @@ pub struct LightFidelity {
     pub causes: Causes,
 }
 
-/// How cars come into an LS.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Entering {
-    /// Each exactly where and as fast as it was seen first.
     Truly,
-    /// By the rule of the training.
     ByRule,
 }
 
-/// Measures lights one after the other.
 pub struct Fidelity<'a> {
     traffic: &'a Traffic,
     truth: &'a Truth,

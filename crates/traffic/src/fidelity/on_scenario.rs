@@ -85,7 +85,7 @@ fn put(forest: &mut LocalForest, entries: &mut Entries, visit: &Visit, driver: &
         vehicle_type: forest.type_named(Some(&driver.vehicle_type)),
         lane: None,
         speed_factor: driver.speed_factor,
-        end_m: place.local_routes.all()[route].end_m,
+        end_m: place.local_routes.routes[route].end_m,
     };
     let placing =
         Placing { car, lane: place.border[visit.lane], position_m: visit.position_m, speed_mps: visit.speed_mps };

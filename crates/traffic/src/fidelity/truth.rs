@@ -19,13 +19,10 @@ use libsumo::{CarTable, LaneCars};
 /// An episode under random greens.
 pub struct Truth {
     pub(crate) seed: Seed,
-    /// Actions of all agents, by decision.
     pub(crate) actions: Vec<Vec<Action>>,
     /// Influence sources of all regions, by decision.
     pub(crate) sources: Vec<Ragged<u8>>,
-    /// All cars in every second.
     pub(crate) recording: Recording,
-    /// Visits to the regions of a scenario. A grid of the paper has none.
     pub(crate) visits: Option<Visits>,
 }
 
@@ -72,16 +69,14 @@ impl Truth {
             .map(move |step| CarTable::of(numbers.iter().map(|&number| cars(step.cars.lane(number))))))
     }
 
-    /// Returns the cars on the approaches of a light after each second.
     pub(super) fn on_approaches<'a>(&'a self, plan: &'a AgentPlan) -> Result<impl Iterator<Item = CarTable> + 'a> {
         self.on_lanes(plan.region.approaches.iter().map(|approach| approach.lane.as_str()))
     }
 
-    /// Returns what the GS showed of a light in these seconds.
     pub(super) fn seen(&self, plan: &AgentPlan, window: &Range<usize>) -> Result<Seen> {
         let mut seen = Seen::new(plan, window.clone());
         for (cars, step) in self.on_approaches(plan)?.zip(&self.recording.steps) {
-            seen.note(plan, CarsAt::new(&cars, 0, cars.lanes()), &step.gone, 0);
+            seen.note(plan, CarsAt::all(&cars), &step.gone, 0);
         }
         Ok(seen)
     }

@@ -31,7 +31,6 @@ pub(super) const KEPT_AS: [&str; 2] = ["global", "local"];
 /// Key of the network of the LS. Another network there is another way to train, not another scenario.
 pub(super) const LOCAL_NETWORK: &str = "traffic.local_network";
 
-/// A grid with its files.
 pub(crate) struct GridFiles {
     pub(crate) grid: Grid,
     pub(crate) network: Network,

@@ -24,7 +24,6 @@ use scenario::ScenarioFiles;
 /// A road network with its cars. What it says of itself is known as soon as it was read.
 pub(crate) struct RoadNetwork {
     pub(crate) files: Files,
-    /// Number of decisions in an episode.
     pub(crate) horizon: usize,
     /// Why SUMO cannot load the actuated programs of the lights, if it cannot. SUMO's own error would come after it has
     /// taken all memory.
@@ -42,11 +41,9 @@ pub(crate) struct RoadNetwork {
     pub(crate) is_random: bool,
     /// Returns whether an agent is stuck that ends this share of its green steps.
     pub(crate) is_stuck: fn(f64) -> bool,
-    /// Controller to compare a run with.
     pub(crate) rival: &'static str,
 }
 
-/// What it was read from.
 pub(crate) enum Files {
     Grid(Box<GridFiles>),
     Scenario(Box<ScenarioFiles>),
@@ -68,7 +65,6 @@ impl RoadNetwork {
         }
     }
 
-    /// Returns the roads as recordings of the GS keep them.
     pub(crate) fn recorded(&self, plan: &JointPlan) -> Result<RecordedRoads> {
         match &self.files {
             Files::Grid(files) => RecordedRoads::of_grid(files.grid, &files.network, plan.agents.clone()),

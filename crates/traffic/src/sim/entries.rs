@@ -24,7 +24,6 @@ use dials_core::base::Rows;
 use dials_core::domain::Result;
 use libsumo::{CarId, Entering, Insertion, LightId, SignalState};
 
-/// Entries and exits of a forest.
 pub(crate) struct Entries {
     plan: Arc<JointPlan>,
     rows: Vec<RowEntries>,
@@ -32,7 +31,6 @@ pub(crate) struct Entries {
     pub(crate) counts: EntryCounts,
 }
 
-/// What happened at the entries in all episodes.
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct EntryCounts {
     pub(crate) came: u64,
@@ -57,7 +55,6 @@ struct WaitingCar {
 /// Cars that try to enter in a step, in the order of their numbers.
 pub(crate) struct Tried {
     places: Vec<(usize, usize)>,
-    /// What SUMO got of each.
     pub(crate) insertions: Vec<Insertion>,
 }
 
@@ -148,7 +145,6 @@ impl Entries {
         Ok(forest.simulation.set_lights(&lights, &states)?)
     }
 
-    /// Lets cars try to enter in the next step.
     pub(crate) fn let_in(&mut self, forest: &mut LocalForest) -> Result<Tried> {
         let mut tried = Tried { places: Vec::new(), insertions: Vec::new() };
         let mut entering = Vec::new();
@@ -169,7 +165,7 @@ impl Entries {
                         vehicle_type: forest.type_named(car.vehicle_type.as_deref()),
                         lane: Some(index_of(&border.plan.lanes[car.lane].lane)),
                         speed_factor: car.speed_factor,
-                        end_m: place.local_routes.all()[car.route].end_m,
+                        end_m: place.local_routes.routes[car.route].end_m,
                     });
                 }
             }

@@ -16,7 +16,7 @@ use super::visits::Visits;
 use crate::agents::plan::JointPlan;
 use crate::cars_at::{CarsAt, RowLanes};
 use crate::controllers::intersections::Intersections;
-use crate::inflow;
+use crate::inflow::has_arrival;
 use crate::network::loadable::Loadable;
 use crate::observe::{self, LightView};
 use crate::reward::{self, Waiting};
@@ -38,7 +38,6 @@ pub struct GlobalTraffic {
     simulation: Simulation,
     lights: Lights,
     shown: ShownLights,
-    /// Number of seconds since the episode began.
     age: usize,
     /// Approaches with the cars now, and the cars a second ago.
     approaches: RowLanes,
@@ -57,7 +56,6 @@ pub struct GlobalTraffic {
     tally: Tally,
     watch: Stopwatch,
     recorder: Option<Recorder>,
-    /// Pictures and metrics, if they are wanted.
     camera: Option<Camera>,
     metrics: Option<TrafficMetrics>,
 }
@@ -133,7 +131,6 @@ impl GlobalTraffic {
         Ok(())
     }
 
-    /// Returns the visits since the last reset, if they are recorded.
     pub(crate) fn visits(&self) -> Option<&Visits> {
         self.borders.as_ref().and_then(Borders::visits)
     }
@@ -187,7 +184,6 @@ impl GlobalTraffic {
         Ok(())
     }
 
-    /// Adds what happened in a second of the decision to the influence sources.
     fn note_sources(&mut self, second: usize) -> Result<()> {
         if let Some(borders) = &mut self.borders {
             return borders.second(&mut self.simulation, second, &mut self.sources);
@@ -199,7 +195,9 @@ impl GlobalTraffic {
         // it is the occupancy of the entry cell.
         for row in 0..self.plan.agents.len() {
             let (now, before) = (self.approaches.at(row), self.approaches.of(&self.cars_before, row));
-            inflow::note_arrivals(self.sources.row_mut(row), now, before);
+            for (source, (now, before)) in self.sources.row_mut(row).iter_mut().zip(now.iter().zip(before.iter())) {
+                *source |= u8::from(has_arrival(now, before));
+            }
         }
         Ok(())
     }
@@ -286,7 +284,7 @@ impl GlobalSimulator for GlobalTraffic {
         for number in 0..self.plan.decision_steps {
             self.second(number, actions)?;
         }
-        self.decisions.end_step();
+        self.decisions.advised = false;
         let begun = Instant::now();
         self.take_picture()?;
         self.perceive();

@@ -35,7 +35,6 @@ impl Lights {
         self.signals[row]
     }
 
-    /// Sets the lights of these rows to the beginning of an episode.
     pub(crate) fn reset(&mut self, simulation: &mut Simulation, rows: &[usize]) -> Result<()> {
         for &row in rows {
             self.signals[row] = Signal::at_the_beginning(&self.plans[row]);
@@ -105,7 +104,6 @@ pub(super) struct ShownLights {
     pub(super) now: Vec<Shown>,
     pub(super) before: Vec<Shown>,
     pub(super) at_decision: Vec<Shown>,
-    /// Number of seconds for which every light has shown what it shows.
     pub(super) steps: Vec<u32>,
 }
 

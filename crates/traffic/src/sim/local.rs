@@ -38,11 +38,9 @@ pub(crate) const DROPPED: &str = "dropped_arrivals";
 /// to be compared.
 const SETTLED_S: usize = 120;
 
-/// Where the cars of arrivals come from.
 pub(crate) enum Demand {
     /// On a grid: all alike, placed by a rule.
     Rule(EntryRule),
-    /// On a scenario.
     Visits(Arc<VisitTables>),
 }
 
@@ -77,13 +75,11 @@ struct Counts {
     speed_mmps: u64,
 }
 
-/// The episode of a row.
 struct RowNow {
     dice: Dice,
     /// Second of the demand, and the one at which the episode began.
     second: usize,
     begun: usize,
-    /// Number of seconds for which the light has shown what it shows.
     shown_steps: u32,
     history: History,
     waiting: Waiting,
@@ -189,7 +185,6 @@ impl LocalTraffic {
         self.came_true.fill(0);
     }
 
-    /// Lets cars come for the arrivals of a second of the decision.
     fn arrive(&mut self, second: usize, sources: &Rows<u8>) {
         for (row, now) in self.rows.iter_mut().enumerate() {
             let (place, sources) = (&self.forest.rows[row], sources.row(row));
@@ -215,7 +210,6 @@ impl LocalTraffic {
         }
     }
 
-    /// Moves all rows on by a second of the decision.
     fn second(&mut self, second: usize, actions: &[Action]) -> Result<()> {
         let begun = Instant::now();
         let before: Vec<Shown> = (0..self.rows.len()).map(|row| self.forest.lights.signal(row).shown()).collect();

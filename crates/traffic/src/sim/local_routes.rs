@@ -9,14 +9,13 @@ use crate::cut::local_net::LocalNet;
 
 #[derive(Clone, Debug, Default)]
 pub(crate) struct LocalRoutes {
-    routes: Vec<LocalRoute>,
+    pub(crate) routes: Vec<LocalRoute>,
     /// Number of each route, by its roads in the region and the road behind it.
     numbers: HashMap<(Vec<String>, Option<String>), usize>,
     /// Number of the route of a car of which nothing is known, by entry.
-    defaults: Vec<usize>,
+    pub(super) defaults: Vec<usize>,
 }
 
-/// A route in a local net.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct LocalRoute {
     pub(crate) edges: Vec<String>,
@@ -44,17 +43,8 @@ impl LocalRoutes {
         routes
     }
 
-    pub(crate) fn all(&self) -> &[LocalRoute] {
-        &self.routes
-    }
-
-    /// Returns the number of the route of a way that was recorded.
     pub(crate) fn number(&self, way: &[String], next_road: Option<&String>) -> usize {
         self.numbers[&(way.to_vec(), next_road.cloned())]
-    }
-
-    pub(super) fn default_of(&self, entry: usize) -> usize {
-        self.defaults[entry]
     }
 
     fn add(&mut self, net: &LocalNet, way: &[String], next_road: Option<&String>) -> usize {

@@ -16,7 +16,6 @@ use libsumo::{CarId, CarTable};
 pub(crate) struct TrafficMetrics {
     /// The file to which SUMO writes the trips. It has no name, so a killed process leaves none behind.
     trip_file: File,
-    /// Means of the trips, known when the episode is over.
     trips: Option<Trips>,
     steps: u64,
     intersections: Vec<Sums>,
@@ -96,7 +95,6 @@ impl TrafficMetrics {
         }
     }
 
-    /// Returns whether [`TrafficMetrics::finish`] was called since the beginning.
     pub(super) fn finished(&self) -> bool {
         self.trips.is_some()
     }

@@ -13,7 +13,6 @@ pub(crate) const TIME: [(&str, &str); 2] = [("step-length", STEP_LENGTH_S), ("ti
 /// SUMO's seed in an LS. It changes nothing: on a grid nothing is random, and on a scenario each lane has its own seed.
 pub(crate) const LOCAL_SEED: u32 = 0;
 
-/// Returns the options that all LSs have in common.
 pub(crate) fn common(net: &MemoryFile, routes: &MemoryFile) -> Vec<String> {
     let files = [("net-file", net.path()), ("route-files", routes.path()), ("seed", LOCAL_SEED.to_string())];
     let all = files.into_iter().chain(TIME.map(|(name, value)| (name, value.to_owned())));

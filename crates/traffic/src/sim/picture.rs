@@ -77,7 +77,6 @@ impl Camera {
         Ok(simulation.read_lanes(&self.lanes, &mut self.cars)?)
     }
 
-    /// Draws lanes, lights and cars; `agents` and `shown`: the agents and what their lights show.
     pub(super) fn draw(&self, agents: &[AgentPlan], shown: &[Shown]) -> Scene {
         let mut scene = Scene::new(self.frame.width as f32, self.frame.height as f32, GROUND);
         let mut line = |from: Place, to: Place, width: f64, colour: Colour| {

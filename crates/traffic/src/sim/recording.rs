@@ -22,18 +22,12 @@ impl Tape {
         self.with(Option::take)
     }
 
-    /// Puts a recording back on the tape from which it was taken.
-    pub fn put_back(&self, recording: Recording) {
-        self.with(|tape| *tape = Some(recording));
-    }
-
     fn with<T>(&self, work: impl FnOnce(&mut Option<Recording>) -> T) -> T {
         // After a panic elsewhere, the recording is complete up to its last step.
         work(&mut self.0.lock().unwrap_or_else(PoisonError::into_inner))
     }
 }
 
-/// The recording of one episode.
 #[derive(Clone, Debug)]
 pub struct Recording {
     pub roads: Arc<RecordedRoads>,
@@ -65,7 +59,6 @@ pub struct Step {
 }
 
 impl Recording {
-    /// Returns the cars on a lane after each step.
     pub(crate) fn on_lane<'a>(&'a self, name: &str) -> Result<impl Iterator<Item = LaneCars<'a>> + use<'a>> {
         let lane = self.roads.number(name)?;
         Ok(self.steps.iter().map(move |step| step.cars.lane(lane)))

@@ -67,7 +67,6 @@ impl Tally {
         Ok(())
     }
 
-    /// Returns whether cars of several types may drive: not on the paper's grids.
     fn is_scenario(&self) -> bool {
         self.emergency_decel_mps2.is_none()
     }

@@ -24,7 +24,6 @@ pub struct VisitTables {
     usual: (String, String),
 }
 
-/// SUMO's own type of cars, and its class.
 const OWN: (&str, &str) = ("DEFAULT_VEHTYPE", "passenger");
 
 impl VisitTables {

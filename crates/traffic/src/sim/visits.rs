@@ -8,14 +8,12 @@ use serde::{Deserialize, Serialize};
 use crate::agents::border_plan::BorderPlan;
 use libsumo::{Car, CarId, Departure, RouteNow};
 
-/// The visits of one episode.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Visits {
     /// Visits to the region of each agent, in the order of arrival.
     pub of_agents: Vec<Vec<Visit>>,
     /// Cars that departed. Most visit several regions.
     pub drivers: Vec<Driver>,
-    /// Number of seconds that were observed.
     pub seconds: usize,
 }
 
@@ -42,7 +40,6 @@ pub struct Visit {
 }
 
 impl Visits {
-    /// Returns the visits to all regions.
     pub(crate) fn all(&self) -> impl Iterator<Item = &Visit> {
         self.of_agents.iter().flatten()
     }
@@ -55,7 +52,6 @@ impl Visits {
 /// What is known of a car since it departed.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Driver {
-    /// SUMO's name.
     pub name: String,
     pub(crate) vehicle_type: String,
     /// SUMO's class of this type.
@@ -64,7 +60,6 @@ pub struct Driver {
     pub(crate) speed_factor: f64,
 }
 
-/// A car that came on a region.
 pub(crate) struct Arrival {
     pub(crate) car: Car,
     /// Index into [`BorderPlan::lanes`].
@@ -75,7 +70,6 @@ pub(crate) struct Arrival {
     pub(crate) route: RouteNow,
 }
 
-/// Writes the visits down, second by second.
 pub(crate) struct VisitRecorder {
     pub(super) visits: Visits,
     /// Indices into [`Visits::drivers`].
@@ -113,7 +107,6 @@ impl VisitRecorder {
         self.drivers.get(&car).map(|&driver| &*self.visits.drivers[driver].name)
     }
 
-    /// Notes a car with a name that came on a region in this second.
     pub(crate) fn arrived(&mut self, agent: usize, plan: &BorderPlan, arrival: Arrival) {
         let Arrival { car, lane, entry, departed, route: RouteNow { edges, at } } = arrival;
         let Some(&driver) = self.drivers.get(&car.id) else { return };

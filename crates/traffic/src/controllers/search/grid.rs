@@ -24,14 +24,12 @@ pub(crate) const VERSION: u32 = 1;
 const GREENS: [u32; 8] = [4, 6, 8, 10, 12, 15, 19, 24];
 /// Number of candidates of the first grid that play all episodes.
 const FINALISTS: usize = 6;
-/// Number of times that the walk tries every change.
 const ROUNDS: usize = 3;
 /// Steps by which the walk changes a green or an offset.
 const GREEN_CHANGES: [i64; 4] = [1, -1, 2, -2];
 const OFFSET_CHANGES: [i64; 6] = [1, -1, 2, -2, 4, -4];
 const LEEWAY_CHANGES: [(i64, i64); 4] = [(1, 0), (-1, 0), (0, 1), (0, -1)];
 
-/// The shape of a grid.
 #[derive(Clone, Copy)]
 pub(crate) struct Shape<'a> {
     pub(crate) rows: usize,

@@ -2,8 +2,6 @@
 //!
 //! Pure: the caller says what a candidate earns in an episode. A candidate is judged against another one on common
 //! random numbers, so small gains show.
-//!
-//! - [`grid`]: the paper's grids. [`net`]: other nets.
 
 pub(crate) mod grid;
 pub(crate) mod net;
@@ -13,7 +11,6 @@ use anyhow::Result;
 use super::clock::ClockPlan;
 use dials_core::base::statistics::mean;
 
-/// Plays candidates.
 pub(crate) struct Judge<'a> {
     episodes: usize,
     /// Returns what a plan earns in an episode.

@@ -21,9 +21,7 @@ use dials_core::base::statistics::mean;
 /// Version of the search, as that of [`super::grid`].
 pub(crate) const VERSION: u32 = 1;
 
-/// Cycles of the first part, in steps.
 const CYCLES: [u32; 7] = [40, 50, 60, 75, 90, 110, 130];
-/// Number of directions of the waves.
 const DIRECTIONS: usize = 8;
 /// Number of candidates of the first and of the second part that play all episodes.
 const FINALISTS: [usize; 2] = [2, 3];
@@ -46,7 +44,10 @@ pub(crate) fn search(
     leeway: Option<Leeway>,
     mut judge: Judge<'_>,
 ) -> Result<(ClockPlan, f64)> {
-    let cycles = cycles(plans, ratios, leeway);
+    // Each light with the cycle that Webster's formula gives it, and all with the same cycle.
+    let timings = plans.iter().zip(ratios).map(|(plan, ratios)| webster::timing(plan, ratios)).collect();
+    let mut cycles = vec![Candidate { timings, leeway }];
+    cycles.extend(CYCLES.map(|cycle| Candidate::of_cycle(plans, ratios, cycle, leeway)));
     let (all, some) = (judge.episodes, judge.some());
     let of_waves = FINALISTS[0] * waves(plans, &cycles[0]).len();
     judge.at_most = (cycles.len() + of_waves) * some + FINALISTS.iter().sum::<usize>() * (all - some) + WALK * all;
@@ -82,14 +83,6 @@ fn walk(
     Ok((best.plan(), mean(&earned)))
 }
 
-/// Returns the candidates of the first part: each light with the cycle that Webster's formula gives it, and all with the
-/// same cycle.
-fn cycles(plans: &[AgentPlan], ratios: &[FlowRatios], leeway: Option<Leeway>) -> Vec<Candidate> {
-    let timings = plans.iter().zip(ratios).map(|(plan, ratios)| webster::timing(plan, ratios)).collect();
-    let same = CYCLES.into_iter().map(|cycle| Candidate::of_cycle(plans, ratios, cycle, leeway));
-    [Candidate { timings, leeway }].into_iter().chain(same).collect()
-}
-
 /// Returns a candidate with the offsets of the waves and of the checkerboard; none for a light alone.
 fn waves(plans: &[AgentPlan], candidate: &Candidate) -> Vec<Candidate> {
     if plans.len() == 1 {
@@ -108,7 +101,6 @@ fn waves(plans: &[AgentPlan], candidate: &Candidate) -> Vec<Candidate> {
     [candidate.with_offsets(half)].into_iter().chain((0..DIRECTIONS).map(wave)).collect()
 }
 
-/// Timings of all lights.
 #[derive(Clone, Debug, PartialEq, Eq)]
 struct Candidate {
     timings: Vec<Timing>,
@@ -116,15 +108,20 @@ struct Candidate {
     leeway: Option<Leeway>,
 }
 
-/// A change of a candidate.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Change {
     /// Makes the cycle of all lights longer by some steps. Greens and offsets keep their shares.
     Cycle(i64),
-    /// Moves steps of one green of a light to another one.
-    Move { light: usize, from: usize, to: usize, steps: u32 },
-    /// Shifts the clock of a light.
-    Offset { light: usize, by: i64 },
+    Move {
+        light: usize,
+        from: usize,
+        to: usize,
+        steps: u32,
+    },
+    Offset {
+        light: usize,
+        by: i64,
+    },
     /// Changes the steps of leeway, early and late.
     Leeway(i64, i64),
 }

@@ -16,12 +16,10 @@ use crate::sim::recorded_roads::{GridFiles, LocalFiles};
 use crate::sim::recording::{Entry, Recording};
 use libsumo::DepartSpeed;
 
-/// File of the vehicle types of a scenario.
 const TYPES: &str = "replay.types.add.xml";
 /// Places on the road apart for the first cars, one after the other, in metres: number and distance.
 const PLACES: (usize, usize) = (30, 30);
 
-/// Names and contents of files.
 type Contents = Vec<(String, Vec<u8>)>;
 
 /// Returns the files of a grid's replay, without signals and view.

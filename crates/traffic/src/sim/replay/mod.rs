@@ -6,7 +6,6 @@
 //! - On a grid and of a local simulator, each car that entered is `listed`.
 //! - On a scenario, its own files play with the seed of the episode. So SUMO draws the same numbers, and cars of all types
 //!   choose the same routes, lanes and speeds.
-//! - `view`: how sumo-gui shows the roads.
 
 mod listed;
 mod view;
@@ -28,12 +27,10 @@ use libsumo::{CarTable, SignalState, Simulation};
 
 pub use view::{SPEED_COLOURS, Snapshot, view};
 
-/// Name of all files of a replay.
 const NAME: &str = "replay";
 const SIGNALS: &str = "replay.signals.add.xml";
 const VIEW: &str = "view.xml";
 
-/// Time for which sumo-gui shows a step.
 const WATCHING_DELAY_MS: u32 = 100;
 
 /// Returns the configuration for `sumo -c` and `sumo-gui -c` in the folder of a replay.
@@ -46,7 +43,6 @@ pub fn check_place(dir: &Path) -> Result<()> {
     NetworkFiles::of(&dir.join(NAME)).check_config_path()
 }
 
-/// Writes the episode into `dir`.
 pub fn write(recording: &Recording, dir: &Path) -> Result<()> {
     let RecordedRoads { files, agents, lights, .. } = &*recording.roads;
     let (mut files, signals) = match files {

@@ -6,11 +6,9 @@ use std::path::PathBuf;
 use crate::network::xml::{Xml, document, leaf, nest};
 use crate::sim::recorded_roads::RecordedRoads;
 
-/// A picture for sumo-gui to take.
 pub struct Snapshot {
     /// Path of the picture; its ending gives the format.
     pub file: PathBuf,
-    /// Step before which it is taken.
     pub step: usize,
 }
 
@@ -22,13 +20,11 @@ pub const SPEED_COLOURS: [([u8; 3], u32); 3] = [([213, 94, 0], 0), ([240, 228, 6
 const FILM_PX: f64 = 1200.0;
 const LEAST_CAR_PX: f64 = 10.0;
 const CAR_M: f64 = 5.0;
-/// How much larger than they are cars are drawn at least.
 const LARGER: f64 = 1.4;
 
 /// SUMO's names of the sorts of roads on which cars drive. Without a colour of ours, rails in a road are purple.
 const SORTS: [&str; 3] = ["road", "no passenger", "rails on road"];
 
-/// Returns the settings of sumo-gui.
 pub fn view(roads: &RecordedRoads, delay_ms: u32, snapshots: &[Snapshot]) -> String {
     const BOXES: &str = "1";
     const BY_SPEED: &str = "8";

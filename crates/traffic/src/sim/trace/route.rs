@@ -11,7 +11,7 @@ use dials_core::outside::excerpt;
 
 /// Edges that follow each other, each of them once; at least one.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Route(Vec<EdgeNo>);
+pub struct Route(pub(super) Vec<EdgeNo>);
 
 impl Route {
     /// Reads the names of edges, separated by commas or blanks. An error says which edge is wrong.
@@ -54,10 +54,6 @@ impl Route {
         let routes: BTreeSet<&Vec<EdgeNo>> = driven.iter().filter(differ).collect();
         let best = routes.into_iter().rev().max_by_key(|edges| met(edges));
         best.cloned().map(Route)
-    }
-
-    pub(crate) fn edges(&self) -> &[EdgeNo] {
-        &self.0
     }
 }
 
