@@ -102,19 +102,6 @@ mod tests {
         actions.iter().map(act).collect()
     }
 
-    fn paper() -> PhasePlan {
-        let yellow = |from, _| vec![interval(["yr", "ry"][from], YELLOW_STEPS.into())];
-        PhasePlan::new(vec![state("Gr"), state("rG")], Choice::KeepOrSwitch, 1, yellow)
-    }
-
-    #[test]
-    fn a_switch_shows_yellow_for_three_steps_which_ignore_actions_and_green_lasts_at_least_one() {
-        let once = shown(&paper(), &[KEEP, SWITCH, KEEP, KEEP, KEEP, KEEP]);
-        assert_eq!(once, ["Gr", "yr", "yr", "yr", "rG", "rG"]);
-        let cycle = ["yr", "yr", "yr", "rG", "ry", "ry", "ry", "Gr"];
-        assert_eq!(shown(&paper(), &[SWITCH; 16]), [cycle, cycle].concat(), "switching always has a period of 8 steps");
-    }
-
     #[test]
     fn a_target_is_reached_through_its_own_yellow_and_all_red() {
         // From 0 to 1 two steps of yellow and one of all red; from 1 to 2 nothing has to be cleared.

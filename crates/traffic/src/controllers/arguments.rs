@@ -256,18 +256,6 @@ mod tests {
     }
 
     #[test]
-    fn greens_and_offsets_are_those_asked_for() {
-        let phases = &grid(2, 2)[0].phases;
-        let timing = |vertical, horizontal, offset| Timing::new(phases, &[vertical, horizontal], offset);
-        assert_eq!(on_a_grid("fixed-time").unwrap(), vec![timing(10, 10, 0); 4]);
-        // A cycle of 12 + 8 + 6 = 26.
-        let found = on_a_grid("fixed-time:vertical=12,horizontal=8,offsets=checkerboard").unwrap();
-        assert_eq!(found, [0, 13, 13, 0].map(|offset| timing(12, 8, offset)));
-        let found = on_a_grid("fixed-time:green=7,offsets=0-1-2-3").unwrap();
-        assert_eq!(found, [0, 1, 2, 3].map(|offset| timing(7, 7, offset)));
-    }
-
-    #[test]
     fn bad_timings_are_refused() {
         let error = |text: &str| on_a_grid(text).unwrap_err().to_string();
         assert!(error("fixed-time:green=0").ends_with("green = 0: must be a whole number from 1 to 3600"));

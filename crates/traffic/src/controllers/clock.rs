@@ -14,23 +14,20 @@ const USED_M: f64 = 40.0;
 const WANTED_M: f64 = 50.0;
 const HELD_M: f64 = 30.0;
 
-/// The timing of one light, in steps. It repeats: each green in the order of the light's program, and what is shown
-/// between two greens.
+/// The timing of one light, in steps. It repeats.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Timing {
     /// Length of each green; 0 for a green that is left out.
     greens: Vec<u32>,
     /// Number of steps from the beginning of the episode to the beginning of the first green.
     offset: u32,
-    /// Greens that are shown, in their order, with the places in the cycle at which they end. The clock then asks for
-    /// the next one.
+    /// Greens that are shown, in their order, with the places in the cycle at which they end.
     ends: Vec<(usize, u32)>,
     cycle: u32,
 }
 
 impl Timing {
-    /// Makes a timing of a light with these phases. `greens`: the length of each green, 0 to leave it out; one of them
-    /// at least is above 0.
+    /// `greens`: the length of each green, 0 to leave it out; one of them at least is above 0.
     pub(crate) fn new(phases: &PhasePlan, greens: &[u32], offset: u32) -> Timing {
         assert_eq!(greens.len(), phases.greens().len(), "a length for each green");
         let shown: Vec<usize> = (0..greens.len()).filter(|&green| greens[green] > 0).collect();

@@ -167,8 +167,7 @@ pub(crate) fn are_of_a_grid(plans: &[AgentPlan]) -> bool {
     plans.iter().all(|plan| plan.phases.choice() == Choice::KeepOrSwitch)
 }
 
-/// Leaves its green with probability one half, independently for each light and step. All other greens are equally
-/// likely.
+/// Leaves its green with probability one half, for each light and step. All other greens are equally likely.
 struct Random {
     dice: Dice,
 }

@@ -158,8 +158,7 @@ impl Seen {
         }
     }
 
-    /// Notes the cars on the approaches after the next second, those that left the road in it, and the number of those
-    /// that wait at the border.
+    /// Notes the next second: cars on the approaches, those that left the road, and how many wait at the border.
     pub(crate) fn note(&mut self, plan: &AgentPlan, now: CarsAt<'_>, gone: &[CarId], waiting: usize) {
         if self.window.contains(&self.second) {
             let mut cells = vec![0.0; self.of_approach.iter().sum()];

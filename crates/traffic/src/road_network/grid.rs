@@ -38,8 +38,7 @@ pub(crate) struct GridFiles {
     pub(crate) config: TrafficConfig,
 }
 
-/// Finds the networks and compares them with what this program makes. An error says which file is missing or wrong and
-/// how to make it.
+/// Finds the networks, as [`crate::Traffic::open`] says.
 pub(crate) fn open(config: &TrafficConfig) -> Result<(RoadNetwork, JointPlan)> {
     let [global, local] = [&config.network, &config.local_network].map(|prefix| NetworkFiles::of(prefix));
     global.check()?;

@@ -70,8 +70,7 @@ impl Borders {
         Ok(())
     }
 
-    /// Observes a second. `second`: its number within the decision; `sources`: those of the decision, one row per
-    /// region, zeros in the first second.
+    /// Observes a second. `second`: its number in the decision; `sources`: one row per region, zeros at first.
     pub(super) fn second(
         &mut self,
         simulation: &mut Simulation,

@@ -75,8 +75,7 @@ impl Decisions {
         }
     }
 
-    /// Returns what the rule would do now at all lights, and lets the actions of this step decide; `None` if there is no
-    /// rule.
+    /// Returns what the rule, if there is one, would do now, and lets the actions of this step decide.
     pub(super) fn advise(&mut self, intersections: &Intersections<'_>) -> Option<&[Action]> {
         self.advised = self.ask(intersections);
         self.heard = self.advised;

@@ -43,8 +43,7 @@ impl Lights {
         self.show(simulation, rows)
     }
 
-    /// Lets every agent act on its light, unless one of SUMO's programs runs it. Only lights that change are sent to
-    /// SUMO.
+    /// Lets every agent act on its light, unless one of SUMO's programs runs it.
     pub(crate) fn act(&mut self, simulation: &mut Simulation, actions: &[Action]) -> Result<()> {
         assert_eq!(actions.len(), self.lights.len(), "one action per intersection");
         let mut changed = Vec::new();

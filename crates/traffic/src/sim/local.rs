@@ -34,8 +34,7 @@ use libsumo::LaneId;
 /// Name of the counter of sampled arrivals that found no room, or on a scenario no car that may use their entry.
 pub(crate) const DROPPED: &str = "dropped_arrivals";
 
-/// Seconds of an episode after which the roads of a row are as full as those of the GS. Only then its cars are counted,
-/// to be compared.
+/// Seconds of an episode after which a row is as full as the GS. Only then its cars are counted, to be compared.
 const SETTLED_S: usize = 120;
 
 pub(crate) enum Demand {
@@ -57,8 +56,7 @@ pub struct LocalTraffic {
     border_lanes: RowLanes,
     /// Lanes on which cars leave the lights; read only for a reward that needs them.
     exits: RowLanes,
-    /// Influence sources of this decision as they came true, `[rows, sources]`: a car for which there is no room arrives
-    /// when it gets in, as on the GS.
+    /// Influence sources of this decision as they came true, `[rows, sources]`: a car arrives when it gets in.
     came_true: Rows<u8>,
     last: Transition,
     counts: Counts,

@@ -35,8 +35,7 @@ struct Sums {
 /// Means over the trips of an episode, in seconds.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 struct Trips {
-    /// Travel time from entering the net to leaving it or to the end of the episode. The mean is over all cars that
-    /// entered.
+    /// From entering the net to leaving it or to the end of the episode, over all cars that entered.
     travel_time_s: f64,
     /// Time lost by driving slower than allowed and by waiting at the boundary before entering. The mean is over all
     /// cars, including those that never entered. Source: Ault and Sharon, "Reinforcement Learning Benchmarks for
@@ -47,7 +46,6 @@ struct Trips {
 }
 
 impl TrafficMetrics {
-    /// Makes the metrics of intersections. `at_stop_line`: for each of them, whether each approach ends at its stop line.
     pub(super) fn new(at_stop_line: Vec<Vec<bool>>) -> Result<Self> {
         Ok(TrafficMetrics {
             trip_file: temporary_file().context("SUMO's trips have no place")?,
@@ -58,8 +56,7 @@ impl TrafficMetrics {
         })
     }
 
-    /// Returns the options that make SUMO write the trips, from the beginning of the file, with the digits of a
-    /// millisecond.
+    /// Returns the options that make SUMO write the trips, with the digits of a millisecond.
     pub(super) fn options(&self) -> [String; 8] {
         let place = format!("/proc/self/fd/{}", self.trip_file.as_raw_fd());
         [
@@ -99,8 +96,7 @@ impl TrafficMetrics {
         self.trips.is_some()
     }
 
-    /// Reads the trips. Call it when SUMO has closed the simulation of the episode: only then SUMO writes those of the cars
-    /// on the road.
+    /// Reads the trips. SUMO writes those of cars on the road when it closes the simulation, so call it after that.
     pub(super) fn finish(&mut self) -> Result<()> {
         self.trips = Some(means(&self.trips_as_text()?)?);
         Ok(())

@@ -133,6 +133,9 @@ mod tests {
         assert_eq!(drawn(1, 500), set(&["car", "bus", "truck"]), "nobody was seen on the other lane of the road");
         assert!(drawn(2, 500).is_empty(), "nobody departed on `north`");
         assert_eq!(tables.usual(), ("car", "passenger"));
+        let early = tables_of(&[], &[(10, Some(1), "bus")]);
+        let drawn = early.draw(0, 1, 1700, &mut dice).map(|visit| visit.second);
+        assert_eq!(drawn, Some(10), "in a quarter without cars those of the others come");
     }
 
     #[test]
@@ -145,13 +148,5 @@ mod tests {
         assert!(tables.draw(0, 1, 500, &mut dice).is_none());
         let tables = tables_of(&bus_lane, &[(10, Some(1), "car"), (20, Some(0), "car"), (30, Some(0), "bus")]);
         (0..20).for_each(|_| assert_eq!(tables.draw(0, 1, 500, &mut dice).unwrap().second, 30));
-    }
-
-    #[test]
-    fn in_a_quarter_without_cars_those_of_the_others_come() {
-        let tables = tables_of(&[], &[(10, Some(1), "bus")]);
-        let mut dice = Seed::new(1).dice();
-        assert_eq!(tables.draw(0, 1, 1700, &mut dice).unwrap().second, 10);
-        assert_eq!(tables.usual(), ("bus", "bus"));
     }
 }

@@ -11,7 +11,7 @@ use std::f64::consts::TAU;
 
 use anyhow::Result;
 
-use super::Judge;
+use super::{Judge, LEEWAY_CHANGES};
 use crate::agents::plan::AgentPlan;
 use crate::controllers::arguments::{every_other, split};
 use crate::controllers::clock::{ClockPlan, Leeway, Timing};
@@ -34,10 +34,8 @@ const LEAST_RATIO: f64 = 0.02;
 const CYCLE_CHANGES: [i64; 4] = [5, -5, 10, -10];
 const MOVES: [u32; 2] = [2, 5];
 const OFFSET_CHANGES: [i64; 6] = [3, -3, 8, -8, 15, -15];
-const LEEWAY_CHANGES: [(i64, i64); 4] = [(1, 0), (-1, 0), (0, 1), (0, -1)];
 
-/// Returns the best plan found and its mean over the episodes. `ratios`: of the lights' greens. `leeway`: to begin with;
-/// `None`: the lights have none.
+/// Returns the best plan found and its mean over the episodes. `leeway`: to begin with; `None`: the lights have none.
 pub(crate) fn search(
     plans: &[AgentPlan],
     ratios: &[FlowRatios],
@@ -123,7 +121,7 @@ enum Change {
         by: i64,
     },
     /// Changes the steps of leeway, early and late.
-    Leeway(i64, i64),
+    Leeway(i32, i32),
 }
 
 impl Candidate {
@@ -210,8 +208,8 @@ impl Candidate {
             Change::Leeway(early, late) => {
                 let Leeway { early: e, late: l } = self.leeway?;
                 let most = |steps: &u32| *steps <= Leeway::MOST;
-                let early = e.checked_add_signed(early as i32).filter(most)?;
-                changed.leeway = Some(Leeway { early, late: l.checked_add_signed(late as i32).filter(most)? });
+                let early = e.checked_add_signed(early).filter(most)?;
+                changed.leeway = Some(Leeway { early, late: l.checked_add_signed(late).filter(most)? });
             }
         }
         Some(changed)

@@ -174,8 +174,7 @@ fn corridor(recording: &Recording, roads: &Roads, route: &Route) -> Result<Corri
 /// lane, because lanes side by side may differ in length.
 type Stretch = (LaneNo, f64, f64);
 
-/// Returns the trajectories of the cars on these lanes: seconds, and metres from the beginning of the way. A car that
-/// leaves the way and comes back has two.
+/// Returns the trajectories: seconds and metres on the way. A car that leaves the way and comes back has two.
 fn trajectories(recording: &Recording, stretches: &[Stretch]) -> Result<Vec<Vec<(f64, f64)>>> {
     let mut cars: BTreeMap<CarId, Vec<(usize, f64)>> = BTreeMap::new();
     for &(lane, begin_m, scale) in stretches {
