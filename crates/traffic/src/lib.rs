@@ -62,7 +62,7 @@ use dials_core::domain::{
 use libsumo::Simulation;
 use network::way_out::{Role, cannot_be_simulated};
 use paper_grid::grid::Grid;
-use road_network::{Files, RoadNetwork, grid, scenario as of_scenario};
+use road_network::{Files, RoadNetwork, open_grid, scenario as of_scenario};
 use scenario::SumoScenario;
 use sim::control::SignalControl;
 use sim::global::GlobalTraffic;
@@ -101,7 +101,7 @@ impl Traffic {
     /// Finds the networks of a grid and compares them with what this program makes. An error says which file is missing
     /// or wrong and how to make it. Cheap: [`Domain::try_out`] checks what only SUMO can say.
     pub fn open(config: &TrafficConfig) -> Result<Traffic> {
-        grid::open(config).map(Traffic::new)
+        open_grid(config).map(Traffic::new)
     }
 
     /// Reads a scenario of the user. An error says which file is missing or wrong, and what to do. Cheap, like

@@ -3,13 +3,13 @@
 use super::agents::phase_plan::Shown;
 use super::agents::plan::AgentPlan;
 use super::agents::region::{self, CELL_M};
-use super::agents::region_plan::{Approach, RegionPlan};
+use super::agents::region_plan::RegionPlan;
 use super::agents::sensor::{CarColumns, LightColumns};
 use super::cars_at::CarsAt;
 use super::reward::Waiting;
 use crate::config::DSet;
 use dials_core::domain::{ApproachView, CarView, RoadView};
-use libsumo::{Car, LaneCars};
+use libsumo::Car;
 
 /// Seconds after which an observation no longer shows that time goes on.
 const LONGEST_AGE_S: f32 = 60.0;
@@ -42,7 +42,7 @@ pub(crate) fn observe(plan: &AgentPlan, cars: CarsAt<'_>, light: LightView, obs:
     obs.fill(0.0);
     let (bits, others) = obs.split_at_mut(plan.sensor.car_columns());
     match &plan.sensor.cars {
-        CarColumns::Cells(cells) => occupy_all(plan, cars, cells, bits),
+        CarColumns::Cells(cells) => occupy(plan, cars, cells, bits),
         CarColumns::QueueAndDensity(_) => {
             for ((approach, lane), pair) in plan.region.approaches.iter().zip(cars.iter()).zip(bits.chunks_exact_mut(2))
             {
@@ -62,19 +62,16 @@ pub(crate) fn observe(plan: &AgentPlan, cars: CarsAt<'_>, light: LightView, obs:
 /// Length of road that a standing car of a usual type fills, in metres.
 pub(super) const JAM_M: f64 = 7.5;
 
-/// Marks the cells of all approaches in which cars are. `cells`: how many each approach has.
-fn occupy_all(plan: &AgentPlan, cars: CarsAt<'_>, cells: &[usize], bits: &mut [f32]) {
+/// Marks the cells in which cars are, from the end of each lane on. `cells`: how many each approach has.
+pub(super) fn occupy(plan: &AgentPlan, cars: CarsAt<'_>, cells: &[usize], bits: &mut [f32]) {
     let mut rest = bits;
     for ((approach, lane), &cells) in plan.region.approaches.iter().zip(cars.iter()).zip(cells) {
-        occupy(approach, lane, rest.split_off_mut(..cells).expect("as many bits as all approaches have cells"));
-    }
-}
-
-pub(super) fn occupy(approach: &Approach, lane: LaneCars<'_>, cells: &mut [f32]) {
-    for &position in lane.positions_m {
-        let cell = ((approach.length_m - position) / CELL_M) as usize;
-        if let Some(bit) = cells.get_mut(cell) {
-            *bit = 1.0;
+        let bits = rest.split_off_mut(..cells).expect("as many bits as all approaches have cells");
+        for &position in lane.positions_m {
+            let cell = ((approach.length_m - position) / CELL_M) as usize;
+            if let Some(bit) = bits.get_mut(cell) {
+                *bit = 1.0;
+            }
         }
     }
 }
@@ -116,7 +113,7 @@ pub(crate) fn d_separate(plan: &AgentPlan, cars: CarsAt<'_>, obs: &[f32], arriva
     let (cells, others) = d_set.split_at_mut(region::OCCUPANCY);
     match &plan.sensor.cars {
         CarColumns::Cells(_) => cells.copy_from_slice(&obs[..cells.len()]),
-        CarColumns::QueueAndDensity(_) => occupy_all(plan, cars, &[region::CELLS; region::EDGES], cells),
+        CarColumns::QueueAndDensity(_) => occupy(plan, cars, &[region::CELLS; region::EDGES], cells),
     }
     let clock = match plan.sensor.d_set {
         DSet::Cells => others,

@@ -78,9 +78,7 @@ pub(crate) fn reward(
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::config::TrafficConfig;
-    use crate::paper_grid::grid::Grid;
-    use crate::paper_grid::plans::plans;
+    use crate::controllers::examples::middle;
     use libsumo::CarTable;
 
     fn west(cars: &[(u64, f64)]) -> CarTable {
@@ -96,9 +94,9 @@ mod tests {
         waiting.note(CarsAt::all(&west(&[(2, 3.0)])));
         assert_eq!((waiting.sum_before, waiting.sum), (100, 50));
         (0..5000).for_each(|_| waiting.note(CarsAt::all(&west(&[(2, 0.0)]))));
-        let region = plans(Grid::SINGLE, &TrafficConfig::new("", "")).remove(0).region;
         let cars = west(&[(2, 0.0)]);
-        let wait = reward(&Reward::from(RewardTerm::Wait), &region, CarsAt::all(&cars), CarsAt::all(&cars), &waiting);
+        let wait =
+            reward(&Reward::from(RewardTerm::Wait), &middle().region, CarsAt::all(&cars), CarsAt::all(&cars), &waiting);
         assert_eq!(f64::from(wait), -MOST_WAIT);
     }
 }

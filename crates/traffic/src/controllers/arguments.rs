@@ -242,14 +242,7 @@ fn joined(plans: &[AgentPlan]) -> Vec<Vec<usize>> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::config::TrafficConfig;
-    use crate::controllers::examples::crossing;
-    use crate::paper_grid::grid::Grid;
-    use crate::paper_grid::plans::plans;
-
-    fn grid(rows: usize, cols: usize) -> Vec<AgentPlan> {
-        plans(Grid::new(rows, cols).unwrap(), &TrafficConfig::new("", ""))
-    }
+    use crate::controllers::examples::{crossing, grid};
 
     fn on_a_grid(text: &str) -> Result<Vec<Timing>> {
         Ok(fixed_time(&mut Arguments::of(text), &grid(2, 2))?.timings)

@@ -77,7 +77,12 @@ fn phases(greens: &[&str]) -> PhasePlan {
 /// Returns the plan of the middle of three intersections in a row of the paper's grid. Green 0 is for the cars from
 /// south and north.
 pub(crate) fn middle() -> AgentPlan {
-    plans(Grid::new(1, 3).expect("a grid"), &TrafficConfig::new("", "")).swap_remove(1)
+    grid(1, 3).swap_remove(1)
+}
+
+/// Returns the plans of the paper's grid of this shape.
+pub(crate) fn grid(rows: usize, cols: usize) -> Vec<AgentPlan> {
+    plans(Grid::new(rows, cols).expect("a grid"), &TrafficConfig::new("", ""))
 }
 
 pub(crate) struct At<'a>(Intersection<'a>);

@@ -108,7 +108,6 @@ pub const FIXED_TIME: &str = "fixed-time";
 pub const COORDINATED: &str = "coordinated";
 
 const SWITCH_EVERY: &str = "switch-every-";
-/// Parameter that names a file of the tuner.
 const FILE: &str = "file";
 
 /// A function that makes a controller. It first measures what the controller needs to know, on simulators of its own.

@@ -252,10 +252,7 @@ fn shape(plans: &[AgentPlan]) -> [usize; 2] {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::config::TrafficConfig;
-    use crate::controllers::examples::crossing;
-    use crate::paper_grid::grid::Grid;
-    use crate::paper_grid::plans::plans;
+    use crate::controllers::examples::{crossing, grid};
 
     fn tuned_on(controller: &str) -> TunedOn {
         TunedOn {
@@ -268,10 +265,6 @@ mod tests {
             search_version: 1,
             sumo_version: "1.15.0".into(),
         }
-    }
-
-    fn grid(rows: usize, cols: usize) -> Vec<AgentPlan> {
-        plans(Grid::new(rows, cols).unwrap(), &TrafficConfig::new("", ""))
     }
 
     fn read_again(file: &TimingFile, plans: &[AgentPlan]) -> (TimingFile, ClockPlan) {

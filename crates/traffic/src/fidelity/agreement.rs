@@ -162,10 +162,7 @@ impl Seen {
     pub(crate) fn note(&mut self, plan: &AgentPlan, now: CarsAt<'_>, gone: &[CarId], waiting: usize) {
         if self.window.contains(&self.second) {
             let mut cells = vec![0.0; self.of_approach.iter().sum()];
-            let mut rest = &mut cells[..];
-            for ((approach, lane), &count) in plan.region.approaches.iter().zip(now.iter()).zip(&self.of_approach) {
-                occupy(approach, lane, rest.split_off_mut(..count).expect("as many cells as all approaches have"));
-            }
+            occupy(plan, now, &self.of_approach, &mut cells);
             self.cells.push(cells.into_iter().map(|bit| bit == 1.0).collect());
             let sums = &mut self.sums;
             sums.seconds += 1;
@@ -183,9 +180,7 @@ impl Seen {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::agents::derive::overrides::Overrides;
-    use crate::agents::derive::{Rules, derive};
-    use crate::network::roads::example::{LIGHT_AT_U, roads};
+    use crate::controllers::examples::crossing;
 
     #[test]
     fn precision_is_of_the_second_simulator_and_recall_of_the_first() {
@@ -210,13 +205,6 @@ mod tests {
         assert_eq!([gs.mean_speed_mps(), gs.passed_per_h(), ls.backlog(), ls.waited_share()], [5.0, 360.0, 0.2, 0.1]);
     }
 
-    /// Returns the plan of the light J. Its first approach is 95 m long and ends at the stop line.
-    fn plan() -> AgentPlan {
-        let derived = derive(&roads(&LIGHT_AT_U), &Rules::default(), &Overrides::default()).unwrap();
-        let mut agents = derived.agents.into_iter().map(|agent| agent.plan);
-        agents.find(|plan| plan.light == "J").unwrap()
-    }
-
     /// Notes one second after the other, with cars on the first approach as (number, position, speed).
     fn seen(plan: &AgentPlan, window: Range<usize>, seconds: &[&[(u64, f64, f64)]]) -> Seen {
         let mut seen = Seen::new(plan, window);
@@ -231,10 +219,9 @@ mod tests {
 
     #[test]
     fn only_the_window_counts_and_a_car_that_leaves_at_its_beginning_has_passed() {
-        let plan = plan();
-        assert_eq!((plan.region.approaches[0].length_m, plan.region.approaches[0].ahead_m), (95.0, 0.0));
+        let plan = crossing();
         let seconds: [&[(u64, f64, f64)]; 4] =
-            [&[(1, 93.0, 9.0)], &[(2, 57.0, 4.0), (3, 89.0, 6.0)], &[(2, 61.0, 4.0)], &[]];
+            [&[(1, 98.0, 9.0)], &[(2, 62.0, 4.0), (3, 94.0, 6.0)], &[(2, 66.0, 4.0)], &[]];
         let found = seen(&plan, 1..3, &seconds);
         // Counted from the stop line: 38 m and 6 m, then 34 m.
         let cells = |second: usize| -> Vec<usize> {
@@ -248,7 +235,7 @@ mod tests {
 
     #[test]
     fn cells_are_compared_second_by_second() {
-        let plan = plan();
+        let plan = crossing();
         let one = seen(&plan, 0..2, &[&[(1, 45.0, 0.0)], &[(1, 35.0, 0.0)]]);
         let other = seen(&plan, 0..2, &[&[(7, 41.0, 0.0), (8, 45.0, 0.0)], &[(7, 41.0, 0.0)]]);
         let cells = Comparison::of(&one, &other).cells;

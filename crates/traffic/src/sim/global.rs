@@ -114,7 +114,6 @@ impl GlobalTraffic {
         arrived.then(|| self.cars_on(agent).lane(edge).iter().next().expect("an arrival is a car on the edge"))
     }
 
-    /// Returns the cars on the approaches of an intersection after the last step.
     pub fn cars_on(&self, agent: usize) -> CarsAt<'_> {
         self.approaches.at(agent)
     }
@@ -362,18 +361,14 @@ impl GlobalSimulator for GlobalTraffic {
             metrics.finish()?;
         }
         let mut measures = self.tally.measures();
-        measures.system.splice(1..1, metrics.of_net(self.tally.arrived).into_iter().map(with_owned_name));
-        measures.per_agent.extend(metrics.of_agents().into_iter().map(with_owned_name));
+        measures.system.splice(1..1, metrics.of_net(self.tally.arrived));
+        measures.per_agent.extend(metrics.of_agents());
         Ok(measures)
     }
 
     fn take_watch(&mut self) -> Stopwatch {
         self.watch.take()
     }
-}
-
-fn with_owned_name<T>((name, value): (&str, T)) -> (String, T) {
-    (name.to_owned(), value)
 }
 
 #[cfg(test)]

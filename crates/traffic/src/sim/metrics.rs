@@ -57,19 +57,11 @@ impl TrafficMetrics {
     }
 
     /// Returns the options that make SUMO write the trips, with the digits of a millisecond.
-    pub(super) fn options(&self) -> [String; 8] {
+    pub(super) fn options(&self) -> Vec<String> {
         let place = format!("/proc/self/fd/{}", self.trip_file.as_raw_fd());
-        [
-            "--tripinfo-output",
-            &place,
-            "--tripinfo-output.write-unfinished",
-            "true",
-            "--tripinfo-output.write-undeparted",
-            "true",
-            "--precision",
-            "6",
-        ]
-        .map(str::to_owned)
+        let trips = ["--tripinfo-output", &place, "--precision", "6"];
+        let of_all = ["--tripinfo-output.write-unfinished", "true", "--tripinfo-output.write-undeparted", "true"];
+        trips.into_iter().chain(of_all).map(str::to_owned).collect()
     }
 
     pub(super) fn begin(&mut self) {
@@ -110,28 +102,30 @@ impl TrafficMetrics {
     }
 
     /// Returns the metrics of the whole net; `arrived` cars left it.
-    pub(super) fn of_net(&self, arrived: u64) -> Vec<(&'static str, f64)> {
+    pub(super) fn of_net(&self, arrived: u64) -> [(String, f64); 5] {
         let Trips { travel_time_s, delay_s, waiting_time_s } = self.trips.expect("the episode is over");
         let halting = self.intersections.iter().map(|sums| sums.halting_car_steps).sum();
         let approaches = self.at_stop_line.iter().map(Vec::len).sum();
-        vec![
+        [
             ("travel_time_s", travel_time_s),
             ("delay_s", delay_s),
             ("waiting_time_s", waiting_time_s),
             ("queue_length", self.per_approach_step(halting, approaches)),
             ("throughput_per_h", 3600.0 * arrived as f64 / self.steps.max(1) as f64),
         ]
+        .map(|(name, value)| (name.to_owned(), value))
     }
 
-    pub(super) fn of_agents(&self) -> Vec<(&'static str, Vec<f64>)> {
+    pub(super) fn of_agents(&self) -> [(String, Vec<f64>); 3] {
         let each = |figure: &dyn Fn(&Sums) -> f64| self.intersections.iter().map(figure).collect();
         let queues = self.intersections.iter().zip(&self.at_stop_line);
         let queues = queues.map(|(at, lanes)| self.per_approach_step(at.halting_car_steps, lanes.len())).collect();
-        vec![
+        [
             ("mean_speed_mps", each(&|at| at.speed_sum_mps / at.car_steps.max(1) as f64)),
             ("queue_length", queues),
             ("passed", each(&|at| at.passed as f64)),
         ]
+        .map(|(name, values)| (name.to_owned(), values))
     }
 
     fn per_approach_step(&self, sum: u64, approaches: usize) -> f64 {

@@ -49,7 +49,6 @@ struct Frame {
 }
 
 impl Camera {
-    /// Makes a camera of the lanes for cars. `agents`: those whose lights are drawn.
     pub(super) fn new(roads: &Roads, agents: &[AgentPlan], simulation: &mut Simulation) -> Result<Camera> {
         let drawn: Vec<_> = roads.lanes.iter().filter(|lane| lane.carries_cars && lane.shape.len() > 1).collect();
         let names: Vec<String> = drawn.iter().map(|lane| lane.id.clone()).collect();

@@ -55,7 +55,6 @@ pub struct LocalFiles {
 }
 
 impl LocalFiles {
-    /// Returns the second at which the episode begins.
     pub fn begin_s(&self) -> u64 {
         self.first.len() as u64
     }

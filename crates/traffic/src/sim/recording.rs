@@ -31,7 +31,6 @@ impl Tape {
 #[derive(Clone, Debug)]
 pub struct Recording {
     pub roads: Arc<RecordedRoads>,
-    /// Seed that SUMO got.
     pub seed: u32,
     /// Cars that entered, in the order in which they entered.
     pub entries: Vec<Entry>,
