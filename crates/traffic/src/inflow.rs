@@ -26,8 +26,7 @@ impl SourceCounter {
         SourceCounter { arrived: vec![0; plan.entries.len()], blocked_s: vec![0; plan.exits.len()] }
     }
 
-    /// Writes what counts in this second of the decision into its `sources`, which begin with zeros. The last second
-    /// ends the decision.
+    /// Writes what counts in this second into the `sources` of its decision, which begin with zeros.
     pub(crate) fn end_second(&mut self, plan: &BorderPlan, second: usize, sources: &mut [u8]) {
         for (entry, arrived) in self.arrived.iter_mut().enumerate().filter(|(_, arrived)| **arrived > 0) {
             *arrived -= 1;
@@ -138,10 +137,7 @@ mod tests {
         assert_eq!(counts, [0, 1, 1, 2, 3, 3, 3]);
         assert!(!history.blocked[0]);
         (0..19).for_each(|_| history.note(&plan, &[0, 0, 0, 1]));
-        assert_eq!(
-            (history.arrivals(0, 60), history.blocked[0]),
-            (1, true),
-            "57 s later only the fifth second is left"
-        );
+        let now = (history.arrivals(0, 60), history.blocked[0]);
+        assert_eq!(now, (1, true), "57 s later only the fifth second is left");
     }
 }

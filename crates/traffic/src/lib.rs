@@ -104,8 +104,7 @@ impl Traffic {
         open_grid(config).map(Traffic::new)
     }
 
-    /// Reads a scenario of the user. An error says which file is missing or wrong, and what to do. Cheap, like
-    /// [`Traffic::open`].
+    /// Reads a scenario of the user. An error says what is wrong and what to do. Cheap, like [`Traffic::open`].
     pub fn open_scenario(config: &ScenarioConfig) -> Result<Traffic> {
         of_scenario::open(SumoScenario::read(config)?, config).map(Traffic::new)
     }

@@ -122,8 +122,7 @@ impl ClockPlan {
     }
 }
 
-/// Lights that follow a clock, each with the same leeway. Every episode begins with the first green; if the clock says
-/// otherwise, the light changes at once.
+/// Every episode begins with the first green; if the clock says otherwise, the light changes at once.
 pub(crate) struct ClockLights {
     plan: ClockPlan,
     step: u32,

@@ -74,8 +74,7 @@ fn phases(greens: &[&str]) -> PhasePlan {
     PhasePlan::new(greens.iter().map(|letters| state(letters)).collect(), Choice::Target, 5, clearing)
 }
 
-/// Returns the plan of the middle of three intersections in a row of the paper's grid. Green 0 is for the cars from
-/// south and north.
+/// Returns the middle light of three in a row of the paper's grid. Green 0 is for the cars from south and north.
 pub(crate) fn middle() -> AgentPlan {
     grid(1, 3).swap_remove(1)
 }

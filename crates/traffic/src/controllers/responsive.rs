@@ -34,12 +34,10 @@ impl GreenLimits {
     pub(super) fn of(arguments: &mut Arguments<'_>, plans: &[AgentPlan]) -> Result<GreenLimits> {
         let least = arguments.steps("min-green")?.unwrap_or(GreenLimits::default().least);
         let limits = GreenLimits { least, ..GreenLimits::longest(arguments, plans)? };
-        match limits.most {
-            Some(most) if most < least => {
-                Err(arguments.refuse(format!("min-green = {least}: must be at most max-green, {most}")))
-            }
-            _ => Ok(limits),
+        if let Some(most) = limits.most.filter(|&most| most < least) {
+            return Err(arguments.refuse(format!("min-green = {least}: must be at most max-green, {most}")));
         }
+        Ok(limits)
     }
 
     /// Returns the limits for the parameter `max-green`, with no shortest green.

@@ -216,10 +216,8 @@ fn measure(traffic: &Traffic, episodes: u32, by: impl LightController + 'static)
 /// Returns the road of each approach: the index of the first approach on the same road.
 fn roads(approaches: &[Approach]) -> Vec<usize> {
     let road = |approach: &Approach| approach.lane.rsplit_once('_').map(|(road, _)| road.to_owned());
-    approaches
-        .iter()
-        .map(|approach| approaches.iter().position(|other| road(other) == road(approach)).expect("it is one of them"))
-        .collect()
+    let first = |approach| approaches.iter().position(|other| road(other) == road(approach));
+    approaches.iter().map(|approach| first(approach).expect("it is one of them")).collect()
 }
 
 type CarOnRoad = (AgentId, usize, CarId);

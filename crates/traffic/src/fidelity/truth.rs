@@ -10,7 +10,7 @@ use crate::Traffic;
 use crate::agents::plan::AgentPlan;
 use crate::cars_at::CarsAt;
 use crate::sim::control::SignalControl;
-use crate::sim::recording::{Recording, Tape};
+use crate::sim::recording::{Recording, Step, Tape};
 use crate::sim::visits::Visits;
 use dials_core::base::{Ragged, RandomPurpose, Seed};
 use dials_core::domain::{Action, GlobalSimulator, Result};
@@ -62,11 +62,8 @@ impl Truth {
     ) -> Result<impl Iterator<Item = CarTable> + 'a> {
         let numbers = lanes.map(|lane| self.recording.roads.number(lane)).collect::<Result<Vec<usize>>>()?;
         let cars = |lane: LaneCars<'_>| lane.iter().map(|car| (car.id, car.position_m, car.speed_mps)).collect();
-        Ok(self
-            .recording
-            .steps
-            .iter()
-            .map(move |step| CarTable::of(numbers.iter().map(|&number| cars(step.cars.lane(number))))))
+        let table = move |step: &'a Step| CarTable::of(numbers.iter().map(|&number| cars(step.cars.lane(number))));
+        Ok(self.recording.steps.iter().map(table))
     }
 
     pub(super) fn on_approaches<'a>(&'a self, plan: &'a AgentPlan) -> Result<impl Iterator<Item = CarTable> + 'a> {

@@ -38,6 +38,7 @@ pub struct GlobalTraffic {
     simulation: Simulation,
     lights: Lights,
     shown: ShownLights,
+    /// Number of seconds since the episode began.
     age: usize,
     /// Approaches with the cars now, and the cars a second ago.
     approaches: RowLanes,

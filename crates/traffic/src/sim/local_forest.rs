@@ -14,7 +14,7 @@ use super::visit_tables::VisitTables;
 use crate::agents::plan::JointPlan;
 use crate::cars_at::RowLanes;
 use crate::cut::forest::{Forest, Region};
-use crate::cut::local_net::LocalNet;
+use crate::cut::local_net::{Gate, LocalNet};
 use crate::cut::mixed::{APART, MixedForest, prefix};
 use crate::cut::names::prefixed;
 use crate::network::contents::Network;
@@ -162,15 +162,12 @@ impl LocalForest {
             let all = lanes(&mut net.lanes())?;
             let of_border = lanes(&mut border.lanes.iter().map(|lane| &*lane.lane))?;
             let exits = lanes(&mut region.exits.iter().map(|exit| &*exit.lane))?;
-            let gate = match &net.gate {
-                None => None,
-                Some(gate) => {
-                    let light = simulation.register_lights(&[prefixed(&prefix, &gate.light)])?[0];
-                    let letter = |&lane: &usize| gate.lanes.iter().position(|other| *other == border.lanes[lane].lane);
-                    let of_exit = border.exits.iter().map(letter).collect();
-                    Some(RowGate { light, letters: gate.lanes.len(), of_exit })
-                }
+            let register = |gate: &Gate| -> Result<RowGate> {
+                let light = simulation.register_lights(&[prefixed(&prefix, &gate.light)])?[0];
+                let letter = |&lane: &usize| gate.lanes.iter().position(|other| *other == border.lanes[lane].lane);
+                Ok(RowGate { light, letters: gate.lanes.len(), of_exit: border.exits.iter().map(letter).collect() })
             };
+            let gate = net.gate.as_ref().map(register).transpose()?;
             let routes: Vec<String> = (0..local_routes.routes.len()).map(|route| route_name(row, route)).collect();
             places.push(RowPlace {
                 agent,

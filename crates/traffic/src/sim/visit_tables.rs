@@ -10,8 +10,7 @@ use crate::agents::plan::Border;
 use crate::d_set::Parts;
 use dials_core::base::Dice;
 
-/// Recorded visits by agent, entry and part of the episode. A draw is a recorded visit: so type and way go together as
-/// they were seen.
+/// Recorded visits by agent, entry and part of the episode. A draw is one of them: type and way go together.
 #[derive(Clone, Debug)]
 pub struct VisitTables {
     visits: Visits,

@@ -144,8 +144,7 @@ mod tests {
     use super::*;
     use crate::d_set::tests::border_of;
 
-    /// Notes a car each second, which departed with this route: on a lane, with another route of which it has passed some
-    /// roads. Returns entry, way and next road of each visit.
+    /// Returns entry, way and next road of each visit. `seen`: a lane in each second, the route, and how far on it.
     fn visits(departed_with: &[&str], seen: &[(&str, &[&str], usize)]) -> Vec<(Option<usize>, String, Option<String>)> {
         let plan = border_of(&[]).plan;
         let names = |names: &[&str]| names.iter().map(|&name| name.to_owned()).collect::<Vec<_>>();

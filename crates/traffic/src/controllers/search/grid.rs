@@ -77,11 +77,9 @@ impl Candidate {
                 changed.vertical = self.vertical.saturating_add_signed(vertical);
                 changed.horizontal = self.horizontal.saturating_add_signed(horizontal);
                 let (before, now) = (self.cycle(grid), changed.cycle(grid));
-                changed
-                    .rows
-                    .iter_mut()
-                    .chain(&mut changed.cols)
-                    .for_each(|offset| *offset = (*offset * now + before / 2) / before);
+                for offset in changed.rows.iter_mut().chain(&mut changed.cols) {
+                    *offset = (*offset * now + before / 2) / before;
+                }
                 found.push(changed);
             }
         }

@@ -11,7 +11,7 @@ use super::{NAME, SIGNALS, VIEW};
 use crate::cut::mixed::Alone;
 use crate::network::files::NetworkFiles;
 use crate::network::xml::{Xml, document, element, leaf, section};
-use crate::sim::options::{STEP_LENGTH_S, TIME_TO_TELEPORT_S};
+use crate::sim::options::TIME;
 use crate::sim::recorded_roads::{GridFiles, LocalFiles};
 use crate::sim::recording::{Entry, Recording};
 use libsumo::DepartSpeed;
@@ -73,10 +73,11 @@ fn files(recording: &Recording, net: String, cars: String, additional: &[&str], 
     let end = (recording.roads.begin_s() + recording.steps.len() as u64).to_string();
     let additional = additional.join(",");
     let input = [("net-file", &*net_file), ("route-files", &routes_file), ("additional-files", &additional)];
-    let options = [&[("time-to-teleport", TIME_TO_TELEPORT_S)], options].concat();
+    let [step_length, time_to_teleport] = TIME;
+    let options = [&[time_to_teleport], options].concat();
     let config = document("configuration", |xml| {
         section(xml, "input", &input)?;
-        section(xml, "time", &[("begin", "0"), ("end", &end), ("step-length", STEP_LENGTH_S)])?;
+        section(xml, "time", &[("begin", "0"), ("end", &end), step_length])?;
         section(xml, "processing", &options)?;
         section(xml, "random_number", &[("seed", &recording.seed.to_string())])?;
         section(xml, "report", &[("no-warnings", "true"), ("xml-validation", "never")])?;
