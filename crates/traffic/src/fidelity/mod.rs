@@ -186,8 +186,7 @@ fn placements(now: &CarTable, before: &CarTable) -> [Option<Placement>; EDGES] {
     })
 }
 
-/// Puts a car into the only row of a forest, exactly as it was seen first. Returns whether SUMO can: a car that was moved
-/// past a jam may stand beside its way.
+/// Puts a car exactly where it was seen first. Returns whether SUMO can: one that SUMO moved may stand beside its way.
 fn put(forest: &mut LocalForest, entries: &mut Entries, visit: &Visit, driver: &Driver) -> Result<bool> {
     let car = entries.next_car();
     let place = &forest.rows[0];

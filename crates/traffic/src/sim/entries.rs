@@ -213,7 +213,6 @@ impl Entries {
     }
 }
 
-/// Returns the index of a lane on its road: SUMO's names end with it.
 fn index_of(lane: &str) -> u32 {
     lane.rsplit_once('_').and_then(|(_, index)| index.parse().ok()).expect("SUMO's name of a lane ends with its index")
 }

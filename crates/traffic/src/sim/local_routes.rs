@@ -50,26 +50,23 @@ impl LocalRoutes {
     fn add(&mut self, net: &LocalNet, way: &[String], next_road: Option<&String>) -> usize {
         let number = self.routes.len();
         let known = *self.numbers.entry((way.to_vec(), next_road.cloned())).or_insert(number);
-        if known == number {
-            self.routes.push(local_route(net, way, next_road));
+        if known < number {
+            return known;
         }
-        known
+        let exit = net.exits.iter().find(|exit| Some(&exit.edge) == way.last());
+        let behind =
+            exit.zip(next_road).and_then(|(exit, next)| exit.ways.iter().find(|way| way.edges.first() == Some(next)));
+        let copies = behind.map_or(&[][..], |way| &way.copies);
+        let mut edges = [way, copies].concat();
+        if let [from, to] = &edges[..]
+            && !net.leads(from, to)
+        {
+            // A car on this way never gets to its last road. SUMO takes a route of just two unconnected roads for a trip,
+            // and looks for a way (1.15: `libsumo::Vehicle::add`). From then on it also looks at the room on the whole
+            // lane before any car enters, in all rows. So the company of such a row would change the others.
+            edges.push(to.clone());
+        }
+        self.routes.push(LocalRoute { edges, end_m: behind.map(|way| way.end_m) });
+        number
     }
-}
-
-fn local_route(net: &LocalNet, way: &[String], next_road: Option<&String>) -> LocalRoute {
-    let exit = net.exits.iter().find(|exit| Some(&exit.edge) == way.last());
-    let behind =
-        exit.zip(next_road).and_then(|(exit, next)| exit.ways.iter().find(|way| way.edges.first() == Some(next)));
-    let copies = behind.map_or(&[][..], |way| &way.copies);
-    let mut edges = [way, copies].concat();
-    if let [from, to] = &edges[..]
-        && !net.leads(from, to)
-    {
-        // A car on this way never gets to its last road. SUMO takes a route of just two roads that are not connected for a
-        // trip, and looks for a way (1.15: `libsumo::Vehicle::add`). From then on it also looks at the room on the whole
-        // lane before any car enters, in all rows. So the company of such a row would change the others.
-        edges.push(to.clone());
-    }
-    LocalRoute { edges, end_m: behind.map(|way| way.end_m) }
 }

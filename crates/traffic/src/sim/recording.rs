@@ -22,6 +22,11 @@ impl Tape {
         self.with(Option::take)
     }
 
+    /// Puts a recording back on the tape from which it was taken.
+    pub fn put_back(&self, recording: Recording) {
+        self.with(|tape| *tape = Some(recording));
+    }
+
     fn with<T>(&self, work: impl FnOnce(&mut Option<Recording>) -> T) -> T {
         // After a panic elsewhere, the recording is complete up to its last step.
         work(&mut self.0.lock().unwrap_or_else(PoisonError::into_inner))

@@ -67,8 +67,7 @@ impl VisitTables {
     }
 }
 
-/// Returns for each entry without visits those by other entries on its road. `places`: the visits of each entry;
-/// `may_enter`: whether the vehicle of a visit may begin at an entry.
+/// Returns for each entry without visits those by other entries on its road whose vehicles `may_enter` there.
 fn beside(plan: &BorderPlan, places: &[Vec<Vec<usize>>], may_enter: impl Fn(usize, usize) -> bool) -> Vec<Vec<usize>> {
     let others = |entry: usize| -> Vec<usize> {
         let is_near = |other: &usize| plan.road_of_entry(*other) == plan.road_of_entry(entry);

@@ -125,8 +125,7 @@ enum Change {
 }
 
 impl Candidate {
-    /// Returns lights that share a cycle, with Webster's greens as far as the light's least green allows. A light whose
-    /// greens do not fit into the cycle has a longer one.
+    /// Returns lights that share a cycle, with Webster's greens. A light whose least greens do not fit has a longer one.
     fn of_cycle(plans: &[AgentPlan], ratios: &[FlowRatios], cycle: u32, leeway: Option<Leeway>) -> Candidate {
         let timing = |(plan, ratios): (&AgentPlan, &FlowRatios)| {
             let mut weights = vec![0.0; plan.greens()];
@@ -241,7 +240,6 @@ mod tests {
         FlowRatios { greens: vec![(0, 0.3), (1, 0.1), (3, 0.1)], lost_s: 12.0 }
     }
 
-    /// Searches with a score; returns the best plan and the number of episodes.
     fn find(plans: &[AgentPlan], score: &mut dyn FnMut(&ClockPlan) -> f64) -> (ClockPlan, usize) {
         find_with(4, score, |judge| search(plans, &vec![ratios(); plans.len()], None, judge))
     }

@@ -150,7 +150,7 @@ pub struct Snapshot {
 /// red, a car at a city's limit blue. People with any kind of colour vision can distinguish these.
 pub const SPEED_COLOURS: [([u8; 3], u32); 3] = [([213, 94, 0], 0), ([240, 228, 66], 5), ([86, 180, 233], 10)];
 
-/// Longer side of a film in pixels, and least length of a car in it.
+/// Longer side of a film, and least length of a car in it.
 const FILM_PX: f64 = 1200.0;
 const LEAST_CAR_PX: f64 = 10.0;
 const CAR_M: f64 = 5.0;

@@ -63,7 +63,6 @@ pub(crate) fn ways(roads: &Roads, from: EdgeNo, to: EdgeNo) -> impl Iterator<Ite
     lanes.flat_map(|&lane| roads.from_lane(lane)).filter(move |way| roads.lane(way.to).edge == to)
 }
 
-/// Returns the light between an edge and the next one.
 pub(crate) fn light_between(roads: &Roads, from: EdgeNo, to: EdgeNo) -> Option<&str> {
     ways(roads, from, to).find_map(|way| way.signal.as_ref()).map(|signal| signal.light.as_str())
 }
