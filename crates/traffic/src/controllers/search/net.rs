@@ -125,7 +125,7 @@ enum Change {
 }
 
 impl Candidate {
-    /// Returns lights that share a cycle, with Webster's greens. A light whose least greens do not fit has a longer one.
+    /// Returns lights that share a cycle, with Webster's greens. One whose least greens do not fit has a longer one.
     fn of_cycle(plans: &[AgentPlan], ratios: &[FlowRatios], cycle: u32, leeway: Option<Leeway>) -> Candidate {
         let timing = |(plan, ratios): (&AgentPlan, &FlowRatios)| {
             let mut weights = vec![0.0; plan.greens()];
