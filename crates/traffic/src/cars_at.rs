@@ -12,7 +12,6 @@ pub struct CarsAt<'a> {
 }
 
 impl<'a> CarsAt<'a> {
-    /// Takes the lanes `first..first + lanes` of a read.
     pub(crate) fn new(table: &'a CarTable, first: usize, lanes: usize) -> CarsAt<'a> {
         assert!(first + lanes <= table.lanes(), "lanes that were read");
         CarsAt { table, first, lanes }
@@ -22,11 +21,6 @@ impl<'a> CarsAt<'a> {
         CarsAt::new(table, 0, table.lanes())
     }
 
-    pub(crate) fn lanes(&self) -> usize {
-        self.lanes
-    }
-
-    /// Returns the cars on an approach.
     pub fn lane(&self, approach: usize) -> LaneCars<'a> {
         assert!(approach < self.lanes, "an approach of this light");
         self.table.lane(self.first + approach)
@@ -37,7 +31,6 @@ impl<'a> CarsAt<'a> {
         (first..first + lanes).map(move |lane| table.lane(lane))
     }
 
-    /// Returns the number of cars on all of its lanes.
     pub fn cars(&self) -> usize {
         self.iter().map(|lane| lane.len()).sum()
     }

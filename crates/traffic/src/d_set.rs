@@ -18,7 +18,6 @@ use super::inflow::{History, REMEMBERED_S};
 use super::observe::{self, JAM_M, LightView};
 
 const STRETCH_M: f64 = 10.0;
-/// How far from their ends exits are seen, in metres.
 const EXIT_SEEN_M: f64 = 60.0;
 /// Room beyond which it does not matter, in metres.
 const MOST_ROOM_M: f64 = 50.0;
@@ -59,7 +58,6 @@ pub struct DSetPlan {
 
 #[derive(Clone, Debug, PartialEq)]
 struct SeenLane {
-    /// Index into [`BorderPlan::lanes`].
     lane: usize,
     stretches: usize,
 }
@@ -198,7 +196,7 @@ pub(crate) mod tests {
         let table = CarTable::of(cars);
         let light = LightView { shown: Shown::Between { from: 0, to: 1 }, shown_steps: 3, age: 900, clock: 900 };
         let mut row = vec![9.0; 50];
-        d_set.write(&plan, CarsAt::new(&table, 0, plan.lanes.len()), light, &history, &mut row);
+        d_set.write(&plan, CarsAt::all(&table), light, &history, &mut row);
         let found: Vec<(&str, f32)> = names
             .iter()
             .zip(&row)

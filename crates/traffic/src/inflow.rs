@@ -2,23 +2,14 @@
 //! scenario, remembered for the d-set on either simulator.
 
 use super::agents::border_plan::{BLOCK_M, BLOCK_MPS, BorderPlan};
-use super::cars_at::CarsAt;
 use libsumo::LaneCars;
 
-/// Number of seconds that [`History`] remembers.
 pub(crate) const REMEMBERED_S: usize = 60;
 
 /// Returns whether a car entered a lane of a grid between two reads. A car that has just entered is the rearmost on its
 /// lane: cars leave in the order in which they came, and a second one does not fit in behind it within a second.
 pub(crate) fn has_arrival(now: LaneCars<'_>, before: LaneCars<'_>) -> bool {
     now.ids.first().is_some_and(|car| before.ids.first() != Some(car))
-}
-
-/// Writes 1 for every lane that a car entered between two reads of one light's lanes, and leaves the others.
-pub(crate) fn note_arrivals(arrivals: &mut [u8], now: CarsAt<'_>, before: CarsAt<'_>) {
-    for (arrived, (now, before)) in arrivals.iter_mut().zip(now.iter().zip(before.iter())) {
-        *arrived |= u8::from(has_arrival(now, before));
-    }
 }
 
 /// Counts the influence sources of a decision on a scenario, second by second.
@@ -35,8 +26,7 @@ impl SourceCounter {
         SourceCounter { arrived: vec![0; plan.entries.len()], blocked_s: vec![0; plan.exits.len()] }
     }
 
-    /// Writes what counts in this second of the decision into its `sources`, which begin with zeros. The last second
-    /// ends the decision.
+    /// Writes what counts in this second into the `sources` of its decision, which begin with zeros.
     pub(crate) fn end_second(&mut self, plan: &BorderPlan, second: usize, sources: &mut [u8]) {
         for (entry, arrived) in self.arrived.iter_mut().enumerate().filter(|(_, arrived)| **arrived > 0) {
             *arrived -= 1;
@@ -109,7 +99,6 @@ mod tests {
         }
     }
 
-    /// Makes a border of these numbers of entries and exits, with decisions of three seconds.
     fn plan(entries: usize, exits: usize) -> BorderPlan {
         let entry = |lane| Entry { place: EntryPlace::Lane(lane), default_way: Vec::new() };
         BorderPlan {
@@ -139,32 +128,6 @@ mod tests {
     }
 
     #[test]
-    fn an_exit_is_blocked_in_a_decision_if_it_is_in_more_than_half_of_its_seconds() {
-        let plan = plan(0, 2);
-        let mut counter = SourceCounter::new(&plan);
-        let mut sources = [0; 2];
-        for (second, exits) in [&[0, 1][..], &[1], &[]].into_iter().enumerate() {
-            exits.iter().for_each(|&exit| counter.blocked_s[exit] += 1);
-            counter.end_second(&plan, second, &mut sources);
-        }
-        assert_eq!(sources, [0, 1], "one of three seconds, and two of three");
-        let mut next = [0; 2];
-        (0..3).for_each(|second| counter.end_second(&plan, second, &mut next));
-        assert_eq!(next, [0, 0], "every decision counts for itself");
-    }
-
-    #[test]
-    fn a_lane_is_blocked_by_a_first_car_that_crawls_near_its_end() {
-        let blocked = |cars: &[(f64, f64)]| {
-            let cars = cars.iter().map(|&(position, speed)| (CarId(0), position, speed)).collect();
-            is_blocked(CarTable::of([cars]).lane(0), 100.0)
-        };
-        assert!(blocked(&[(50.0, 9.0), (80.0, 0.0)]) && blocked(&[(90.0, 1.9)]));
-        assert!(!blocked(&[]) && !blocked(&[(79.9, 0.0)]), "20 m before the end at most");
-        assert!(!blocked(&[(90.0, 0.0), (98.0, 2.0)]), "the first car drives");
-    }
-
-    #[test]
     fn the_history_counts_seconds_back_from_now() {
         let plan = plan(1, 1);
         let mut history = History::new(&plan);
@@ -174,10 +137,7 @@ mod tests {
         assert_eq!(counts, [0, 1, 1, 2, 3, 3, 3]);
         assert!(!history.blocked[0]);
         (0..19).for_each(|_| history.note(&plan, &[0, 0, 0, 1]));
-        assert_eq!(
-            (history.arrivals(0, 60), history.blocked[0]),
-            (1, true),
-            "57 s later only the fifth second is left"
-        );
+        let now = (history.arrivals(0, 60), history.blocked[0]);
+        assert_eq!(now, (1, true), "57 s later only the fifth second is left");
     }
 }

@@ -62,7 +62,7 @@ use dials_core::domain::{
 use libsumo::Simulation;
 use network::way_out::{Role, cannot_be_simulated};
 use paper_grid::grid::Grid;
-use road_network::{Files, RoadNetwork, grid, scenario as of_scenario};
+use road_network::{Files, RoadNetwork, open_grid, scenario as of_scenario};
 use scenario::SumoScenario;
 use sim::control::SignalControl;
 use sim::global::GlobalTraffic;
@@ -70,7 +70,7 @@ use sim::local::{DROPPED, Demand, LocalTraffic};
 use sim::local_forest::{LocalForest, rows_of};
 use sim::recording::{Recorder, Tape};
 use sim::tally::P_SWITCH;
-use sim::trace::road_map;
+use sim::trace::map;
 use sim::trace::route::Route;
 use sim::visit_tables::VisitTables;
 use sim::visits::Visits;
@@ -88,7 +88,6 @@ pub fn libm() -> Result<String> {
     Ok(Simulation::libm()?)
 }
 
-/// Traffic lights on a road network.
 #[derive(Clone)]
 pub struct Traffic {
     plan: Arc<JointPlan>,
@@ -102,11 +101,10 @@ impl Traffic {
     /// Finds the networks of a grid and compares them with what this program makes. An error says which file is missing
     /// or wrong and how to make it. Cheap: [`Domain::try_out`] checks what only SUMO can say.
     pub fn open(config: &TrafficConfig) -> Result<Traffic> {
-        grid::open(config).map(Traffic::new)
+        open_grid(config).map(Traffic::new)
     }
 
-    /// Reads a scenario of the user. An error says which file is missing or wrong, and what to do. Cheap, like
-    /// [`Traffic::open`].
+    /// Reads a scenario of the user. An error says what is wrong and what to do. Cheap, like [`Traffic::open`].
     pub fn open_scenario(config: &ScenarioConfig) -> Result<Traffic> {
         of_scenario::open(SumoScenario::read(config)?, config).map(Traffic::new)
     }
@@ -185,7 +183,6 @@ impl Traffic {
         Ok(())
     }
 
-    /// Loads the GS with its own type, for what the trait does not offer.
     pub fn global(&self, control: SignalControl) -> Result<GlobalTraffic> {
         if let Some(why) = self.network.refuses_actuated.as_ref().filter(|_| control.is_actuated()) {
             bail!("{why}");
@@ -213,7 +210,8 @@ impl Traffic {
 
     /// Returns the map of a scenario. `None`: a grid, which needs none. No simulator is loaded.
     pub fn road_map(&self) -> Result<Option<RoadMap>> {
-        Ok(road_map(&self.network.recorded(&self.plan)?))
+        let roads = self.network.recorded(&self.plan)?;
+        Ok(roads.grid().is_none().then(|| map(&roads)))
     }
 
     pub fn everywhere(&self, by: HandCoded) -> SignalControl {

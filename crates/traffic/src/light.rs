@@ -9,7 +9,6 @@ pub const KEEP: Action = 0;
 /// Give the other direction green, after yellow. An action of the paper's grids.
 pub const SWITCH: Action = 1;
 
-/// Number of steps of yellow in the paper's grids.
 pub(crate) const YELLOW_STEPS: u8 = 3;
 
 /// A light and how long it has shown what it shows. A step is a second.
@@ -18,7 +17,6 @@ pub(crate) struct Signal {
     shown: Shown,
     /// Number of steps since this green began or the last one ended.
     steps: u32,
-    /// Whether it was switched in this episode.
     switched: bool,
 }
 
@@ -47,7 +45,6 @@ impl Signal {
         unreachable!("a light is between greens for as long as its intervals last")
     }
 
-    /// Returns whether the light would leave its green if it were asked to.
     pub(crate) fn may_leave(self, plan: &PhasePlan) -> bool {
         self.shown.is_green() && self.steps >= plan.min_green_steps()
     }
@@ -96,7 +93,6 @@ mod tests {
         Interval { state: state(letters), steps }
     }
 
-    /// Returns the states of a light during these actions.
     fn shown(plan: &PhasePlan, actions: &[Action]) -> Vec<String> {
         let mut signal = Signal::at_the_beginning(plan);
         let act = |&action: &Action| {
@@ -104,34 +100,6 @@ mod tests {
             signal.state(plan).to_string()
         };
         actions.iter().map(act).collect()
-    }
-
-    fn paper() -> PhasePlan {
-        let yellow = |from, _| vec![interval(["yr", "ry"][from], YELLOW_STEPS.into())];
-        PhasePlan::new(vec![state("Gr"), state("rG")], Choice::KeepOrSwitch, 1, yellow)
-    }
-
-    #[test]
-    fn a_switch_shows_yellow_for_three_steps_which_ignore_actions_and_green_lasts_at_least_one() {
-        let once = shown(&paper(), &[KEEP, SWITCH, KEEP, KEEP, KEEP, KEEP]);
-        assert_eq!(once, ["Gr", "yr", "yr", "yr", "rG", "rG"]);
-        let cycle = ["yr", "yr", "yr", "rG", "ry", "ry", "ry", "Gr"];
-        assert_eq!(shown(&paper(), &[SWITCH; 16]), [cycle, cycle].concat(), "switching always has a period of 8 steps");
-    }
-
-    #[test]
-    fn a_light_goes_to_its_next_green_by_itself_until_it_is_switched() {
-        let plan = paper().by_itself_until_switched(5);
-        let by_itself =
-            ["Gr", "Gr", "Gr", "Gr", "yr", "yr", "yr", "rG", "rG", "rG", "rG", "rG", "ry", "ry", "ry", "Gr"];
-        assert_eq!(shown(&plan, &[KEEP; 16]), by_itself, "the beginning counts as the first step");
-        // A switch during its own yellow is none. After a true one a green lasts.
-        let mut actions = vec![KEEP; 30];
-        (actions[4], actions[9]) = (SWITCH, SWITCH);
-        let shown = shown(&plan, &actions);
-        assert_eq!(shown[..9], by_itself[..9]);
-        assert_eq!(shown[9..12], ["ry"; 3]);
-        assert_eq!(shown[12..], ["Gr"; 18]);
     }
 
     #[test]

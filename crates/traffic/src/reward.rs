@@ -38,7 +38,6 @@ impl Waiting {
         self.seconds = seconds;
     }
 
-    /// Returns for how many seconds a car on the approaches has stood there.
     pub(crate) fn of(&self, car: CarId) -> u32 {
         self.seconds.get(&car).copied().unwrap_or(0)
     }
@@ -79,56 +78,25 @@ pub(crate) fn reward(
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::config::TrafficConfig;
-    use crate::paper_grid::grid::Grid;
-    use crate::paper_grid::plans::plans;
+    use crate::controllers::examples::middle;
     use libsumo::CarTable;
 
-    /// Returns a read of four lanes; the first one holds these cars, as (number, speed).
     fn west(cars: &[(u64, f64)]) -> CarTable {
         let cars = cars.iter().map(|&(id, speed)| (CarId(id), 50.0, speed)).collect();
         CarTable::of([cars, Vec::new(), Vec::new(), Vec::new()])
     }
 
-    fn at(cars: &CarTable) -> CarsAt<'_> {
-        CarsAt::new(cars, 0, 4)
-    }
-
-    #[test]
-    fn terms_have_the_units_of_the_docs() {
-        let region = plans(Grid::SINGLE, &TrafficConfig::new("", "")).remove(0).region;
-        let (cars, exits) = (west(&[(1, 0.0), (2, 0.0), (3, 5.0)]), west(&[(9, 5.0)]));
-        let mut waiting = Waiting::default();
-        (0..30).for_each(|_| waiting.note(at(&cars)));
-        let paid = |json: &str| {
-            let terms: Reward = serde_json::from_str(json).unwrap();
-            f64::from(reward(&terms, &region, at(&cars), at(&exits), &waiting))
-        };
-        let near = |found: f64, expected: f64| assert!((found - expected).abs() < 1e-6, "{found} for {expected}");
-        // 5 / 3 m/s of 10, two of three stand, 3 come and 1 leaves, two waited for 30 s.
-        near(paid("\"mean-speed\""), 1.0 / 6.0);
-        // One car at half the limit leaves.
-        near(paid("\"exit-speed\""), 0.5);
-        near(paid("\"queue\""), -0.2);
-        // Two cars lose all of a second, and the third one half of it.
-        near(paid("\"lost-time\""), -0.25);
-        near(paid("\"pressure\""), -0.2);
-        near(paid("\"wait\""), -0.6);
-        near(paid("\"diff-waiting-time\""), -0.6);
-        near(paid("{\"queue\":2.0,\"pressure\":-1.0}"), -0.2);
-    }
-
     #[test]
     fn a_car_that_left_no_longer_waits_and_a_jam_has_a_bound() {
         let mut waiting = Waiting::default();
-        (0..50).for_each(|_| waiting.note(at(&west(&[(1, 0.0), (2, 0.0)]))));
+        (0..50).for_each(|_| waiting.note(CarsAt::all(&west(&[(1, 0.0), (2, 0.0)]))));
         waiting.decide();
-        waiting.note(at(&west(&[(2, 3.0)])));
+        waiting.note(CarsAt::all(&west(&[(2, 3.0)])));
         assert_eq!((waiting.sum_before, waiting.sum), (100, 50));
-        (0..5000).for_each(|_| waiting.note(at(&west(&[(2, 0.0)]))));
-        let region = plans(Grid::SINGLE, &TrafficConfig::new("", "")).remove(0).region;
+        (0..5000).for_each(|_| waiting.note(CarsAt::all(&west(&[(2, 0.0)]))));
         let cars = west(&[(2, 0.0)]);
-        let wait = reward(&Reward::from(RewardTerm::Wait), &region, at(&cars), at(&cars), &waiting);
+        let wait =
+            reward(&Reward::from(RewardTerm::Wait), &middle().region, CarsAt::all(&cars), CarsAt::all(&cars), &waiting);
         assert_eq!(f64::from(wait), -MOST_WAIT);
     }
 }

@@ -1,6 +1,5 @@
 //! The four sides of an intersection. Their order is defined here and nowhere else.
 
-/// A side of an intersection, seen from its middle.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum Side {
     West,
@@ -21,9 +20,7 @@ impl Side {
         [fourth, third, second, first]
     };
 
-    /// Ends of the road from west to east.
     pub(crate) const HORIZONTAL: [Side; 2] = [Side::West, Side::East];
-    /// Ends of the road from south to north.
     pub(crate) const VERTICAL: [Side; 2] = [Side::South, Side::North];
 
     pub fn index(self) -> usize {

@@ -36,11 +36,8 @@ pub(crate) fn rules(plan: &JointPlan) -> Rules {
         LightColumns::FourStates => "light of two directions",
         LightColumns::TargetAndAge(_) => "green and its age",
     };
-    let apart = if plan.agents.iter().any(|agent| agent.sensor.clock_ahead > 0) {
-        ", neighbours half a cycle apart"
-    } else {
-        ""
-    };
+    let are_apart = plan.agents.iter().any(|agent| agent.sensor.clock_ahead > 0);
+    let apart = if are_apart { ", neighbours half a cycle apart" } else { "" };
     let clock = if sensor.clock > 0 { format!(", clock of {} steps{apart}", sensor.clock) } else { String::new() };
     Rules { environment: ENVIRONMENT, reward: reward(&plan.reward), observation: format!("{cars}, {light}{clock}") }
 }

@@ -30,7 +30,6 @@ impl TunedOn {
     }
 }
 
-/// Progress of a tuning.
 pub struct TuningProgress {
     /// Number of episodes played, and the most that there can be.
     pub played: usize,

@@ -97,14 +97,4 @@ mod tests {
             <phase duration="9" state="rrGG"/><param key="max-gap" value="0.5"/></tlLogic>"#;
         assert!(made(own).contains(r#"offset="0""#) && !made(own).contains("param"), "{}", made(own));
     }
-
-    #[test]
-    fn all_red_with_a_link_that_is_always_green_keeps_its_time() {
-        let phases = [("20", "GGrr"), ("3", "Gyrr"), ("2", "Grrr"), ("20", "GrGg"), ("3", "Gryy")];
-        let phases = phases.map(|(time, state)| format!(r#"<phase duration="{time}" state="{state}"/>"#)).concat();
-        let made = made(&format!(r#"<tlLogic id="J">{phases}</tlLogic>"#));
-        let lasts: Vec<bool> =
-            made.lines().filter(|line| line.contains("<phase")).map(|line| line.contains(r#"maxDur="50""#)).collect();
-        assert_eq!(lasts, [true, false, false, true, false], "{made}");
-    }
 }

@@ -20,7 +20,7 @@ pub(super) const GREENS: RangeInclusive<u32> = 1..=3600;
 /// A controller's name with its parameters. The controller takes the parameters one by one.
 pub(crate) struct Arguments<'a> {
     text: &'a str,
-    name: &'a str,
+    pub(super) name: &'a str,
     /// Parameters that are not taken yet, as they were written.
     left: Vec<&'a str>,
     known: Vec<&'static str>,
@@ -31,10 +31,6 @@ impl<'a> Arguments<'a> {
         let (name, parameters) = text.split_once(':').unwrap_or((text, ""));
         let left = parameters.split(',').filter(|parameter| !parameter.is_empty()).collect();
         Arguments { text, name, left, known: Vec::new() }
-    }
-
-    pub(crate) fn name(&self) -> &'a str {
-        self.name
     }
 
     /// Returns the value of a parameter; `None` if it was not given.
@@ -69,12 +65,10 @@ impl<'a> Arguments<'a> {
         number.map(Some).with_context(|| format!("controller `{}`: {key} = {text}: must be {what}", self.text))
     }
 
-    /// Returns an error about one of the parameters.
     pub(crate) fn refuse(&self, why: impl std::fmt::Display) -> anyhow::Error {
         anyhow::anyhow!("controller `{}`: {why}", self.text)
     }
 
-    /// Returns an error if some parameter was not taken.
     pub(crate) fn all_taken(&self) -> Result<()> {
         let Some(parameter) = self.left.first() else { return Ok(()) };
         let known = if self.known.is_empty() { "none".to_owned() } else { self.known.join(", ") };
@@ -142,7 +136,6 @@ fn clock(arguments: &mut Arguments<'_>, plans: &[AgentPlan], usual: &'static str
     Ok(timings.iter().zip(offsets).map(|(timing, offset)| timing.shifted(offset)).collect())
 }
 
-/// Reads a list of greens that suits all lights.
 fn greens(arguments: &Arguments<'_>, plans: &[AgentPlan], text: &str) -> Result<Vec<u32>> {
     let good = |greens: &Vec<u32>| {
         let fits = |&steps: &u32| steps == 0 || GREENS.contains(&steps);
@@ -165,7 +158,6 @@ fn steps(text: &str) -> Option<Vec<u32>> {
     text.split('-').map(|steps| steps.parse().ok()).collect()
 }
 
-/// Returns a timing with the same shares and another cycle.
 fn of_cycle(arguments: &Arguments<'_>, plan: &AgentPlan, timing: &Timing, cycle: u32) -> Result<Timing> {
     let lost = timing.cycle() - timing.greens().iter().sum::<u32>();
     let shares: Vec<f64> = timing.greens().iter().map(|&steps| f64::from(steps)).collect();
@@ -231,7 +223,6 @@ pub(super) fn every_other(plans: &[AgentPlan]) -> Vec<bool> {
     odd.into_iter().map(|odd| odd.expect("every light was reached")).collect()
 }
 
-/// Returns the lights that each light is joined to.
 fn joined(plans: &[AgentPlan]) -> Vec<Vec<usize>> {
     let mut behind: HashMap<&str, Vec<usize>> = HashMap::new();
     for (light, plan) in plans.iter().enumerate() {
@@ -251,29 +242,10 @@ fn joined(plans: &[AgentPlan]) -> Vec<Vec<usize>> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::config::TrafficConfig;
-    use crate::controllers::examples::crossing;
-    use crate::paper_grid::grid::Grid;
-    use crate::paper_grid::plans::plans;
-
-    fn grid(rows: usize, cols: usize) -> Vec<AgentPlan> {
-        plans(Grid::new(rows, cols).unwrap(), &TrafficConfig::new("", ""))
-    }
+    use crate::controllers::examples::{crossing, grid};
 
     fn on_a_grid(text: &str) -> Result<Vec<Timing>> {
         Ok(fixed_time(&mut Arguments::of(text), &grid(2, 2))?.timings)
-    }
-
-    #[test]
-    fn greens_and_offsets_are_those_asked_for() {
-        let phases = &grid(2, 2)[0].phases;
-        let timing = |vertical, horizontal, offset| Timing::new(phases, &[vertical, horizontal], offset);
-        assert_eq!(on_a_grid("fixed-time").unwrap(), vec![timing(10, 10, 0); 4]);
-        // A cycle of 12 + 8 + 6 = 26.
-        let found = on_a_grid("fixed-time:vertical=12,horizontal=8,offsets=checkerboard").unwrap();
-        assert_eq!(found, [0, 13, 13, 0].map(|offset| timing(12, 8, offset)));
-        let found = on_a_grid("fixed-time:green=7,offsets=0-1-2-3").unwrap();
-        assert_eq!(found, [0, 1, 2, 3].map(|offset| timing(7, 7, offset)));
     }
 
     #[test]

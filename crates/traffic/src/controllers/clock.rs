@@ -5,8 +5,7 @@
 //! green some steps for a car that is almost there. On the paper's grids they need no more than an observation and the
 //! time. Fixed-time lights have no leeway.
 
-use super::control::LightController;
-use super::intersections::{Intersection, Intersections};
+use super::{Intersection, Intersections, LightController};
 use crate::agents::phase_plan::PhasePlan;
 use dials_core::base::Seed;
 
@@ -15,23 +14,20 @@ const USED_M: f64 = 40.0;
 const WANTED_M: f64 = 50.0;
 const HELD_M: f64 = 30.0;
 
-/// The timing of one light, in steps. It repeats: each green in the order of the light's program, and what is shown
-/// between two greens.
+/// The timing of one light, in steps. It repeats.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Timing {
     /// Length of each green; 0 for a green that is left out.
     greens: Vec<u32>,
     /// Number of steps from the beginning of the episode to the beginning of the first green.
     offset: u32,
-    /// Greens that are shown, in their order, with the places in the cycle at which they end. The clock then asks for
-    /// the next one.
+    /// Greens that are shown, in their order, with the places in the cycle at which they end.
     ends: Vec<(usize, u32)>,
     cycle: u32,
 }
 
 impl Timing {
-    /// Makes a timing of a light with these phases. `greens`: the length of each green, 0 to leave it out; one of them
-    /// at least is above 0.
+    /// `greens`: the length of each green, 0 to leave it out; one of them at least is above 0.
     pub(crate) fn new(phases: &PhasePlan, greens: &[u32], offset: u32) -> Timing {
         assert_eq!(greens.len(), phases.greens().len(), "a length for each green");
         let shown: Vec<usize> = (0..greens.len()).filter(|&green| greens[green] > 0).collect();
@@ -45,7 +41,6 @@ impl Timing {
         Timing { greens: greens.to_vec(), offset, ends, cycle }
     }
 
-    /// Returns the length of each green, 0 for a green that is left out.
     pub(crate) fn greens(&self) -> &[u32] {
         &self.greens
     }
@@ -58,7 +53,6 @@ impl Timing {
         self.cycle
     }
 
-    /// Returns the same timing with another offset.
     pub(crate) fn shifted(&self, offset: u32) -> Timing {
         Timing { offset, ..self.clone() }
     }
@@ -70,7 +64,6 @@ impl Timing {
         asked_for.0
     }
 
-    /// Returns the green that the clock asks for after this one.
     pub(crate) fn after(&self, green: usize) -> usize {
         let next = self.ends.iter().find(|&&(shown, _)| shown > green).unwrap_or(&self.ends[0]);
         next.0
@@ -90,7 +83,6 @@ impl Timing {
         self.ends.iter().map(since).min().expect("a light shows some green")
     }
 
-    /// Returns the number of steps since the last beginning of a cycle.
     fn place(&self, step: u32) -> u32 {
         (step % self.cycle + self.cycle - self.offset % self.cycle) % self.cycle
     }
@@ -106,9 +98,7 @@ pub(crate) struct Leeway {
 }
 
 impl Leeway {
-    /// No leeway, as fixed-time lights have.
     pub(crate) const NONE: Leeway = Leeway { early: 0, late: 0 };
-    /// The most steps of either kind.
     pub(crate) const MOST: u32 = 60;
 }
 
@@ -127,14 +117,12 @@ pub struct ClockPlan {
 }
 
 impl ClockPlan {
-    /// Returns the plan of fixed-time lights.
     pub(super) fn fixed(timings: Vec<Timing>) -> ClockPlan {
         ClockPlan { timings, leeway: Leeway::NONE }
     }
 }
 
-/// Lights that follow a clock, each with the same leeway. Every episode begins with the first green; if the clock says
-/// otherwise, the light changes at once.
+/// Every episode begins with the first green; if the clock says otherwise, the light changes at once.
 pub(crate) struct ClockLights {
     plan: ClockPlan,
     step: u32,
@@ -160,7 +148,6 @@ impl LightController for ClockLights {
     }
 }
 
-/// Decides for one light at a step of the clock.
 fn decide(at: &Intersection<'_>, timing: &Timing, leeway: Leeway, step: u32) -> usize {
     let Some(green) = at.green() else { return at.target() };
     let wanted = timing.target(step);
@@ -200,23 +187,13 @@ mod tests {
     }
 
     #[test]
-    fn the_clock_goes_round_and_an_offset_shifts_it() {
-        let timing = Timing::new(&middle().phases, &[4, 2], 0);
-        // Green 0 at 0..4, yellow 4..7, green 1 at 7..9, yellow 9..12, and again.
-        let targets = |timing: &Timing| (0..24).map(|step| timing.target(step)).collect::<Vec<_>>();
-        let once = [[0; 4].as_slice(), &[1; 5], &[0; 3]].concat();
-        assert_eq!(targets(&timing), [once.clone(), once].concat());
-        let shifted = targets(&timing.shifted(5));
-        assert_eq!(shifted[5..], targets(&timing)[..19]);
-        assert_eq!(shifted, targets(&timing.shifted(17)), "whole cycles change nothing");
-    }
-
-    #[test]
     fn a_green_of_no_length_is_left_out() {
         // Four steps between two greens: green 0 at 0..5, green 2 at 9..16, green 3 at 20..23, and 0 again at 27.
         let timing = Timing::new(&crossing().phases, &[5, 0, 7, 3], 0);
         assert_eq!(timing.cycle(), 27);
-        assert_eq!([4, 5, 15, 16, 22, 23, 26].map(|step| timing.target(step)), [0, 2, 2, 3, 3, 0, 0]);
+        let steps = [4, 5, 15, 16, 22, 23, 26];
+        assert_eq!(steps.map(|step| timing.target(step)), [0, 2, 2, 3, 3, 0, 0]);
+        assert_eq!(steps.map(|step| timing.shifted(29).target(step + 2)), [0, 2, 2, 3, 3, 0, 0], "an offset of 2");
         assert_eq!([0, 1, 2, 3].map(|green| timing.after(green)), [2, 2, 3, 0]);
     }
 
@@ -231,16 +208,6 @@ mod tests {
                 assert_eq!((timing.until_change(step), timing.since_change(step)), (until, since), "step {step}");
             }
         }
-    }
-
-    #[test]
-    fn without_cars_the_clock_alone_decides() {
-        let [vertical, horizontal] = [VERTICAL, HORIZONTAL].map(Shown::Green);
-        let decisions = [7, 9, 10, 12].map(|step| decided(vertical, step, &[]));
-        assert_eq!(decisions, [VERTICAL, VERTICAL, HORIZONTAL, HORIZONTAL]);
-        let decisions = [20, 22, 23, 25].map(|step| decided(horizontal, step, &[]));
-        assert_eq!(decisions, [HORIZONTAL, HORIZONTAL, VERTICAL, VERTICAL]);
-        assert_eq!(decided(Shown::Between { from: VERTICAL, to: HORIZONTAL }, 23, &[]), HORIZONTAL);
     }
 
     #[test]

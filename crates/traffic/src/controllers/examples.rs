@@ -74,13 +74,16 @@ fn phases(greens: &[&str]) -> PhasePlan {
     PhasePlan::new(greens.iter().map(|letters| state(letters)).collect(), Choice::Target, 5, clearing)
 }
 
-/// Returns the plan of the middle of three intersections in a row of the paper's grid. Green 0 is for the cars from
-/// south and north.
+/// Returns the middle light of three in a row of the paper's grid. Green 0 is for the cars from south and north.
 pub(crate) fn middle() -> AgentPlan {
-    plans(Grid::new(1, 3).expect("a grid"), &TrafficConfig::new("", "")).swap_remove(1)
+    grid(1, 3).swap_remove(1)
 }
 
-/// An intersection to be filled with cars.
+/// Returns the plans of the paper's grid of this shape.
+pub(crate) fn grid(rows: usize, cols: usize) -> Vec<AgentPlan> {
+    plans(Grid::new(rows, cols).expect("a grid"), &TrafficConfig::new("", ""))
+}
+
 pub(crate) struct At<'a>(Intersection<'a>);
 
 impl<'a> At<'a> {
@@ -111,7 +114,6 @@ impl<'a> At<'a> {
         self
     }
 
-    /// Puts cars that stand in a queue on an approach.
     pub(crate) fn queue(self, approach: usize, count: usize) -> At<'a> {
         let placed: Vec<(f64, f64)> = (0..count).map(|car| (7.5 * car as f64, 0.0)).collect();
         self.cars(approach, &placed)
@@ -129,7 +131,6 @@ impl<'a> At<'a> {
         self
     }
 
-    /// Puts cars that stand on an exit.
     pub(crate) fn jammed(mut self, exit: usize, count: usize) -> At<'a> {
         self.0.exits[exit] = cars(&vec![(5.0, 0.0); count]);
         self

@@ -36,7 +36,10 @@ fn pressure(at: &Intersection<'_>, green: usize) -> f64 {
     let leads_to =
         |exit: usize| plan.region.links.iter().enumerate().any(|(link, way)| way.to == exit && plan.opens(green, link));
     let exits = plan.region.exits.iter().enumerate().filter(|&(exit, lane)| !lane.leaves_the_net && leads_to(exit));
-    let ahead: usize = exits.map(|(exit, _)| ahead(at, exit)).sum();
+    // Cars that drive on a long exit leave room. On the short exits of the paper's grids all cars count.
+    let is_grid = are_of_a_grid(from_ref(plan));
+    let held = |exit: usize| if is_grid { at.exits[exit].len() } else { at.exits[exit].halting() };
+    let ahead: usize = exits.map(|(exit, _)| held(exit)).sum();
     coming.sum::<f64>() - ahead as f64
 }
 
@@ -56,13 +59,6 @@ fn flow(plan: &AgentPlan, green: usize, approach: usize) -> f64 {
 fn is_held_up(at: &Intersection<'_>, green: usize, approach: usize) -> bool {
     let is_shown = at.green() == Some(green) && !are_of_a_grid(from_ref(at.plan()));
     is_shown && at.cars(approach).standing().last().is_some_and(|(_, stands)| stands)
-}
-
-/// Returns the number of cars that hold others back on an exit: those that stand. Cars that drive on a long exit leave
-/// room. On the short exits of the paper's grids all cars count.
-fn ahead(at: &Intersection<'_>, exit: usize) -> usize {
-    let cars = at.exit_cars(exit);
-    if are_of_a_grid(from_ref(at.plan())) { cars.len() } else { cars.halting() }
 }
 
 #[cfg(test)]

@@ -8,8 +8,7 @@
 //! name in [`recipe`] and [`NAMES`]. A program of its own needs no name: it passes its controller to
 //! [`crate::Traffic::global`].
 //!
-//! - `control`: the trait of controllers; [`intersections`]: what a controller sees.
-//! - `simple`: lights that do not look at the traffic. `responsive`, `max_pressure`: lights that do.
+//! - [`intersections`]: what a controller sees. `responsive`, `max_pressure`: lights that look at the traffic.
 //! - `clock`, `webster`: lights that go by the clock; [`actuated`]: the programs of SUMO's actuated lights.
 //! - [`timing_file`]: files of the tuner; [`search`]: its search for the best timings.
 //! - `arguments`: the text that names a controller. `examples`: lights made by hand, for tests.
@@ -17,34 +16,74 @@
 pub(crate) mod actuated;
 mod arguments;
 mod clock;
-mod control;
 #[cfg(test)]
 pub(crate) mod examples;
 pub(crate) mod intersections;
 mod max_pressure;
 mod responsive;
 pub(crate) mod search;
-mod simple;
 pub mod timing_file;
 mod webster;
 
 use std::path::Path;
 
 use anyhow::{Result, bail};
+use rand::Rng;
 
 use crate::Traffic;
 use crate::agents::phase_plan::Choice;
 use crate::agents::plan::AgentPlan;
 use arguments::Arguments;
-use dials_core::base::Seed;
+use dials_core::base::{Dice, RandomPurpose, Seed};
+use dials_core::domain::Action;
 use responsive::GreenLimits;
-use simple::{Random, SwitchEvery};
 
 pub(crate) use clock::{ClockLights, ClockPlan, Leeway};
-pub(crate) use control::ask;
-pub use control::{Each, HandCoded, LightController};
 pub use intersections::{Intersection, Intersections};
 pub(crate) use webster::Webster;
+
+pub trait LightController {
+    /// Begins an episode. Everything random in the decisions follows from `episode`.
+    fn begin(&mut self, _episode: Seed) {}
+
+    /// Sets the green that each light should show: one index per intersection. Each target comes as the green that is
+    /// shown or comes next, so a target that is left alone keeps the light. Targets between greens have no effect.
+    fn act(&mut self, intersections: &Intersections<'_>, targets: &mut [usize]);
+}
+
+/// A rule that every intersection follows on its own. It returns the green that the light should show.
+pub struct Each<F: FnMut(&Intersection<'_>) -> usize>(pub F);
+
+impl<F: FnMut(&Intersection<'_>) -> usize> LightController for Each<F> {
+    fn act(&mut self, intersections: &Intersections<'_>, targets: &mut [usize]) {
+        targets.iter_mut().zip(intersections.iter()).for_each(|(target, at)| *target = (self.0)(&at));
+    }
+}
+
+/// Writes the action for each light by which it goes where the controller wants it.
+pub(crate) fn ask(controller: &mut dyn LightController, intersections: &Intersections<'_>, actions: &mut [Action]) {
+    let mut targets: Vec<usize> = intersections.shown.iter().map(|shown| shown.target()).collect();
+    controller.act(intersections, &mut targets);
+    for ((action, target), at) in actions.iter_mut().zip(targets).zip(intersections.iter()) {
+        let greens = at.plan().greens();
+        assert!(target < greens, "a controller wants green {target} of light {}, which has {greens}", at.plan().light);
+        *action = at.plan().phases.towards(at.shown, target);
+    }
+}
+
+pub enum HandCoded {
+    /// The program of each light in its net.
+    OwnProgram,
+    /// SUMO's own actuated program.
+    Actuated,
+    Rule(Box<dyn LightController>),
+}
+
+impl HandCoded {
+    pub fn rule(controller: impl LightController + 'static) -> HandCoded {
+        HandCoded::Rule(Box::new(controller))
+    }
+}
 
 /// Names that [`recipe`] takes; K is a number of steps.
 pub const NAMES: &[&str] = &[
@@ -62,7 +101,6 @@ pub const NAMES: &[&str] = &[
     "longest-queue",
 ];
 
-/// Name of the lights that follow their own programs.
 pub(crate) const PROGRAM: &str = "program";
 /// Name of the lights that follow a clock whatever the traffic.
 pub const FIXED_TIME: &str = "fixed-time";
@@ -70,7 +108,6 @@ pub const FIXED_TIME: &str = "fixed-time";
 pub const COORDINATED: &str = "coordinated";
 
 const SWITCH_EVERY: &str = "switch-every-";
-/// Parameter that names a file of the tuner.
 const FILE: &str = "file";
 
 /// A function that makes a controller. It first measures what the controller needs to know, on simulators of its own.
@@ -80,10 +117,10 @@ pub type Recipe = Box<dyn Fn(&Traffic) -> Result<HandCoded>>;
 /// unknown name (the error lists the known ones) and an unknown parameter (it lists those of the controller).
 pub fn recipe(text: &str, plans: &[AgentPlan]) -> Result<Recipe> {
     let mut arguments = Arguments::of(text);
-    let recipe: Recipe = match arguments.name() {
+    let recipe: Recipe = match arguments.name {
         "random" => Box::new(|_| Ok(HandCoded::rule(Random::new(Seed::new(0))))),
         "never" => Box::new(|_| Ok(HandCoded::rule(Each(|at: &Intersection<'_>| at.target())))),
-        "always" => Box::new(|_| Ok(HandCoded::rule(SwitchEvery::new(1)))),
+        "always" => Box::new(|_| Ok(HandCoded::rule(SwitchEvery { steps: 1, step: 0 }))),
         PROGRAM => Box::new(|_| Ok(HandCoded::OwnProgram)),
         "actuated" => Box::new(|_| Ok(HandCoded::Actuated)),
         "gap-out" => each(responsive::gap_out, GreenLimits::longest(&mut arguments, plans)?),
@@ -99,7 +136,7 @@ pub fn recipe(text: &str, plans: &[AgentPlan]) -> Result<Recipe> {
             })
         }
         name => match name.strip_prefix(SWITCH_EVERY).map(str::parse::<usize>) {
-            Some(Ok(steps)) if steps >= 1 => Box::new(move |_| Ok(HandCoded::rule(SwitchEvery::new(steps)))),
+            Some(Ok(steps)) if steps >= 1 => Box::new(move |_| Ok(HandCoded::rule(SwitchEvery { steps, step: 0 }))),
             Some(_) => bail!("controller `{text}`: K must be a number of steps, at least 1, as in {SWITCH_EVERY}10"),
             None => bail!("controller `{text}`: unknown; one of {}", NAMES.join(", ")),
         },
@@ -119,7 +156,7 @@ fn by_the_clock(plan: ClockPlan) -> Recipe {
 /// Returns the file that a controller reads, by the text that names the controller. If it reads none: `None`.
 pub(crate) fn file_of(text: &str) -> Result<Option<&Path>> {
     let mut arguments = Arguments::of(text);
-    let reads_one = [FIXED_TIME, COORDINATED].contains(&arguments.name());
+    let reads_one = [FIXED_TIME, COORDINATED].contains(&arguments.name);
     if reads_one { Ok(arguments.take(FILE)?.map(Path::new)) } else { Ok(None) }
 }
 
@@ -127,6 +164,52 @@ pub(crate) fn file_of(text: &str) -> Result<Option<&Path>> {
 /// others. Lights of other nets choose their green.
 pub(crate) fn are_of_a_grid(plans: &[AgentPlan]) -> bool {
     plans.iter().all(|plan| plan.phases.choice() == Choice::KeepOrSwitch)
+}
+
+/// Leaves its green with probability one half, for each light and step. All other greens are equally likely.
+struct Random {
+    dice: Dice,
+}
+
+impl Random {
+    fn new(episode: Seed) -> Random {
+        Random { dice: episode.fork(RandomPurpose::Acting).dice() }
+    }
+}
+
+impl LightController for Random {
+    fn begin(&mut self, episode: Seed) {
+        *self = Random::new(episode);
+    }
+
+    fn act(&mut self, intersections: &Intersections<'_>, targets: &mut [usize]) {
+        for (target, at) in targets.iter_mut().zip(intersections.iter()) {
+            if self.dice.random::<bool>() {
+                let others = at.plan().greens() - 1;
+                let steps = if others == 1 { 1 } else { self.dice.random_range(1..=others) };
+                *target = (*target + steps) % (others + 1);
+            }
+        }
+    }
+}
+
+/// Sends all lights to their next green at every K-th step: some steps of yellow, the rest of green (at least one).
+struct SwitchEvery {
+    steps: usize,
+    step: usize,
+}
+
+impl LightController for SwitchEvery {
+    fn begin(&mut self, _episode: Seed) {
+        self.step = 0;
+    }
+
+    fn act(&mut self, intersections: &Intersections<'_>, targets: &mut [usize]) {
+        self.step += 1;
+        if self.step.is_multiple_of(self.steps) {
+            targets.iter_mut().zip(intersections.plans).for_each(|(target, plan)| *target = plan.phases.next(*target));
+        }
+    }
 }
 
 #[cfg(test)]

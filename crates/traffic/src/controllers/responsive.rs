@@ -31,16 +31,13 @@ impl Default for GreenLimits {
 }
 
 impl GreenLimits {
-    /// Returns the limits for the parameters `min-green` and `max-green`.
     pub(super) fn of(arguments: &mut Arguments<'_>, plans: &[AgentPlan]) -> Result<GreenLimits> {
         let least = arguments.steps("min-green")?.unwrap_or(GreenLimits::default().least);
         let limits = GreenLimits { least, ..GreenLimits::longest(arguments, plans)? };
-        match limits.most {
-            Some(most) if most < least => {
-                Err(arguments.refuse(format!("min-green = {least}: must be at most max-green, {most}")))
-            }
-            _ => Ok(limits),
+        if let Some(most) = limits.most.filter(|&most| most < least) {
+            return Err(arguments.refuse(format!("min-green = {least}: must be at most max-green, {most}")));
         }
+        Ok(limits)
     }
 
     /// Returns the limits for the parameter `max-green`, with no shortest green.
@@ -59,7 +56,6 @@ impl GreenLimits {
         at.green().filter(|_| at.shown_steps() >= self.least)
     }
 
-    /// Returns whether the longest green is over.
     fn must_leave(self, at: &Intersection<'_>) -> bool {
         self.most.is_some_and(|most| at.shown_steps() >= most)
     }

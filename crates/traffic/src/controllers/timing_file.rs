@@ -13,7 +13,6 @@ use super::clock::{ClockPlan, Leeway, Timing};
 use crate::agents::plan::AgentPlan;
 use dials_core::outside::{Printable, read_bytes, read_text};
 
-/// Advice if a file does not help.
 const WAY_OUT: &str = "`dials-traffic baseline CONFIG --controller NAME --tune` makes one that fits";
 
 /// Largest file. Offsets of 10 000 intersections have 50 kB.
@@ -51,11 +50,9 @@ pub struct TimingFile {
     pub(crate) lights: Vec<LightTiming>,
 }
 
-/// Timing of one light.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(crate) struct LightTiming {
-    /// SUMO's name of the light.
     pub(crate) name: String,
     /// Length of each green, 0 for a green that is left out.
     pub(crate) greens: Vec<u32>,
@@ -77,12 +74,10 @@ pub struct TunedOn {
     pub(crate) episodes: usize,
     /// Seed as text, because TOML's numbers end at 2^63.
     pub(crate) seed: String,
-    /// Version of the search.
     pub(crate) search_version: u32,
     pub(crate) sumo_version: String,
 }
 
-/// What the tuner looks at.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Score {
     /// Mean return of an agent.
@@ -101,7 +96,6 @@ impl fmt::Display for Score {
 }
 
 impl TimingFile {
-    /// Makes a file of what was found for these lights.
     pub(crate) fn new(plans: &[AgentPlan], found: &ClockPlan, score: Score, tuned_on: TunedOn) -> TimingFile {
         let ClockPlan { timings, leeway } = found;
         let is_grid = are_of_a_grid(plans);
@@ -180,7 +174,6 @@ impl TimingFile {
         plans.iter().zip(lights).map(|(plan, light)| of_light(plan, light)).collect()
     }
 
-    /// Returns the CRC-32 of a file.
     pub(crate) fn checksum(path: &Path) -> Result<u32> {
         let bytes =
             read_bytes(path, MOST_BYTES).with_context(|| format!("{}: cannot be read; {WAY_OUT}", path.display()))?;
@@ -216,7 +209,6 @@ impl TimingFile {
         Ok(())
     }
 
-    /// Returns what the timings earned when they were tuned.
     pub fn score(&self) -> Score {
         let of_return = self.mean_return.map(Score::Return);
         of_return.or(self.mean_delay_s.map(Score::DelaySeconds)).expect("one of the two is there")
@@ -252,7 +244,6 @@ fn reason(error: &toml::de::Error, text: &str) -> String {
     format!("{line}{}", Printable(message))
 }
 
-/// Returns the number of rows and of columns of a grid.
 fn shape(plans: &[AgentPlan]) -> [usize; 2] {
     let places = |axis: usize| plans.iter().map(|plan| plan.place_m[axis].to_bits()).collect::<BTreeSet<_>>().len();
     [places(1), places(0)]
@@ -261,10 +252,7 @@ fn shape(plans: &[AgentPlan]) -> [usize; 2] {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::config::TrafficConfig;
-    use crate::controllers::examples::crossing;
-    use crate::paper_grid::grid::Grid;
-    use crate::paper_grid::plans::plans;
+    use crate::controllers::examples::{crossing, grid};
 
     fn tuned_on(controller: &str) -> TunedOn {
         TunedOn {
@@ -279,11 +267,6 @@ mod tests {
         }
     }
 
-    fn grid(rows: usize, cols: usize) -> Vec<AgentPlan> {
-        plans(Grid::new(rows, cols).unwrap(), &TrafficConfig::new("", ""))
-    }
-
-    /// Writes a file and reads it again, and the plan in it.
     fn read_again(file: &TimingFile, plans: &[AgentPlan]) -> (TimingFile, ClockPlan) {
         let dir = tempfile::tempdir().unwrap();
         let path = dir.path().join("a.toml");

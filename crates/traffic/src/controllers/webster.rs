@@ -14,13 +14,11 @@ use std::rc::Rc;
 
 use anyhow::Result;
 
-use super::are_of_a_grid;
 use super::arguments::{self, Arguments};
 use super::clock::{ClockLights, ClockPlan, Timing};
-use super::control::{Each, HandCoded, LightController};
-use super::intersections::{Intersection, Intersections};
 use super::max_pressure;
 use super::responsive::GreenLimits;
+use super::{Each, HandCoded, Intersection, Intersections, LightController, are_of_a_grid};
 use crate::Traffic;
 use crate::agents::derive::greens::goes;
 use crate::agents::plan::AgentPlan;
@@ -31,10 +29,8 @@ use libsumo::CarId;
 
 /// Cars per hour that pass the stop line from a standing queue of the vehicle type of the paper's grids: one in 2.28 s.
 const SATURATION_PER_H: f64 = 1580.0;
-/// Number of episodes that measure the flows.
 const EPISODES: u32 = 5;
 
-/// The measurement that the timings are computed from.
 pub(crate) struct Webster {
     episodes: u32,
     saturation_per_h: f64,
@@ -80,7 +76,6 @@ impl Webster {
     }
 }
 
-/// Returns the timing of one light.
 pub(super) fn timing(plan: &AgentPlan, ratios: &FlowRatios) -> Timing {
     let (sum, lost_s) = (ratios.sum(), ratios.lost_s);
     let cycle_s = if sum < 1.0 { ((1.5 * lost_s + 5.0) / (1.0 - sum)).min(LONGEST_CYCLE_S) } else { LONGEST_CYCLE_S };
@@ -101,7 +96,6 @@ pub(super) fn timing(plan: &AgentPlan, ratios: &FlowRatios) -> Timing {
 
 /// Longest cycle. Near saturation, Webster's formula goes to infinity.
 const LONGEST_CYCLE_S: f64 = 120.0;
-/// Number of greens up to which all choices of greens are compared.
 const FEW_GREENS: usize = 12;
 
 /// Flow over saturation flow of the greens that a light should show.
@@ -186,7 +180,6 @@ fn carriers(plan: &AgentPlan, greens: &[usize], approach: usize) -> Vec<usize> {
     if places.is_empty() { (0..greens.len()).filter(part).collect() } else { places }
 }
 
-/// Cars that were counted.
 struct Flows {
     /// Number of cars that came to each approach, one row per light. A car that changes lanes counts on the lane of the
     /// road on which it was last.
@@ -223,13 +216,10 @@ fn measure(traffic: &Traffic, episodes: u32, by: impl LightController + 'static)
 /// Returns the road of each approach: the index of the first approach on the same road.
 fn roads(approaches: &[Approach]) -> Vec<usize> {
     let road = |approach: &Approach| approach.lane.rsplit_once('_').map(|(road, _)| road.to_owned());
-    approaches
-        .iter()
-        .map(|approach| approaches.iter().position(|other| road(other) == road(approach)).expect("it is one of them"))
-        .collect()
+    let first = |approach| approaches.iter().position(|other| road(other) == road(approach));
+    approaches.iter().map(|approach| first(approach).expect("it is one of them")).collect()
 }
 
-/// A car on a road of a light.
 type CarOnRoad = (AgentId, usize, CarId);
 
 /// Counts a car on an approach, and no longer on the one of the same road where it was before.

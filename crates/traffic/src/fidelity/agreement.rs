@@ -47,7 +47,6 @@ fn share(part: u64, whole: u64) -> f64 {
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Comparison {
     pub cells: Agreement,
-    /// Sums of each of the two simulators.
     pub sums: [Sums; 2],
 }
 
@@ -59,7 +58,6 @@ pub struct Sums {
     pub car_seconds: u64,
     /// Speeds of these cars in these seconds, added up.
     pub speed_sum_mps: f64,
-    /// Cars that crossed a stop line.
     pub passed: u64,
     /// Cars that came to the region from outside or departed on it, in all seconds of the episode; counted in an LS only.
     pub came: u64,
@@ -79,22 +77,18 @@ impl Sums {
         self.speed_sum_mps / self.car_seconds.max(1) as f64
     }
 
-    /// Returns the number of cars that cross the stop lines in an hour.
     pub fn passed_per_h(self) -> f64 {
         3600.0 * self.passed as f64 / self.seconds.max(1) as f64
     }
 
-    /// Returns the mean number of cars that wait at the border.
     pub fn backlog(self) -> f64 {
         self.waiting as f64 / self.seconds.max(1) as f64
     }
 
-    /// Returns the share of the cars that found no room at first.
     pub fn waited_share(self) -> f64 {
         self.waited as f64 / self.came.max(1) as f64
     }
 
-    /// Returns the share of the cars that were left out, because there was no room.
     pub fn dropped_share(self) -> f64 {
         self.dropped as f64 / self.came.max(1) as f64
     }
@@ -117,7 +111,6 @@ impl Comparison {
 }
 
 impl AddAssign for Comparison {
-    /// Adds another light.
     fn add_assign(&mut self, other: Comparison) {
         self.cells.first += other.cells.first;
         self.cells.second += other.cells.second;
@@ -143,7 +136,6 @@ pub(crate) struct Seen {
     pub(crate) cells: Vec<Vec<bool>>,
     pub(crate) sums: Sums,
     window: Range<usize>,
-    /// Number of cells of each approach.
     of_approach: Vec<usize>,
     at_stop_line: Vec<bool>,
     second: usize,
@@ -166,21 +158,17 @@ impl Seen {
         }
     }
 
-    /// Notes the cars on the approaches after the next second, those that left the road in it, and the number of those
-    /// that wait at the border.
+    /// Notes the next second: cars on the approaches, those that left the road, and how many wait at the border.
     pub(crate) fn note(&mut self, plan: &AgentPlan, now: CarsAt<'_>, gone: &[CarId], waiting: usize) {
         if self.window.contains(&self.second) {
             let mut cells = vec![0.0; self.of_approach.iter().sum()];
-            let mut rest = &mut cells[..];
-            for ((approach, lane), &count) in plan.region.approaches.iter().zip(now.iter()).zip(&self.of_approach) {
-                occupy(approach, lane, rest.split_off_mut(..count).expect("as many cells as all approaches have"));
-            }
+            occupy(plan, now, &self.of_approach, &mut cells);
             self.cells.push(cells.into_iter().map(|bit| bit == 1.0).collect());
             let sums = &mut self.sums;
             sums.seconds += 1;
             sums.car_seconds += now.cars() as u64;
             sums.speed_sum_mps += now.iter().flat_map(|lane| lane.speeds_mps).sum::<f64>();
-            sums.passed += passed(now, CarsAt::new(&self.before, 0, now.lanes()), gone, &self.at_stop_line);
+            sums.passed += passed(now, CarsAt::all(&self.before), gone, &self.at_stop_line);
             sums.waiting += waiting as u64;
         }
         let cars = now.iter().map(|lane| lane.iter().map(|car| (car.id, car.position_m, car.speed_mps)).collect());
@@ -192,9 +180,7 @@ impl Seen {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::agents::derive::overrides::Overrides;
-    use crate::agents::derive::{Rules, derive};
-    use crate::network::roads::example::{LIGHT_AT_U, roads};
+    use crate::controllers::examples::crossing;
 
     #[test]
     fn precision_is_of_the_second_simulator_and_recall_of_the_first() {
@@ -219,13 +205,6 @@ mod tests {
         assert_eq!([gs.mean_speed_mps(), gs.passed_per_h(), ls.backlog(), ls.waited_share()], [5.0, 360.0, 0.2, 0.1]);
     }
 
-    /// Returns the plan of the light J. Its first approach is 95 m long and ends at the stop line.
-    fn plan() -> AgentPlan {
-        let derived = derive(&roads(&LIGHT_AT_U), &Rules::default(), &Overrides::default()).unwrap();
-        let mut agents = derived.agents.into_iter().map(|agent| agent.plan);
-        agents.find(|plan| plan.light == "J").unwrap()
-    }
-
     /// Notes one second after the other, with cars on the first approach as (number, position, speed).
     fn seen(plan: &AgentPlan, window: Range<usize>, seconds: &[&[(u64, f64, f64)]]) -> Seen {
         let mut seen = Seen::new(plan, window);
@@ -233,17 +212,16 @@ mod tests {
             let mut lanes = vec![Vec::new(); plan.region.approaches.len()];
             lanes[0] = cars.iter().map(|&(car, position_m, speed_mps)| (CarId(car), position_m, speed_mps)).collect();
             let table = CarTable::of(lanes);
-            seen.note(plan, CarsAt::new(&table, 0, table.lanes()), &[], 2);
+            seen.note(plan, CarsAt::all(&table), &[], 2);
         }
         seen
     }
 
     #[test]
     fn only_the_window_counts_and_a_car_that_leaves_at_its_beginning_has_passed() {
-        let plan = plan();
-        assert_eq!((plan.region.approaches[0].length_m, plan.region.approaches[0].ahead_m), (95.0, 0.0));
+        let plan = crossing();
         let seconds: [&[(u64, f64, f64)]; 4] =
-            [&[(1, 93.0, 9.0)], &[(2, 57.0, 4.0), (3, 89.0, 6.0)], &[(2, 61.0, 4.0)], &[]];
+            [&[(1, 98.0, 9.0)], &[(2, 62.0, 4.0), (3, 94.0, 6.0)], &[(2, 66.0, 4.0)], &[]];
         let found = seen(&plan, 1..3, &seconds);
         // Counted from the stop line: 38 m and 6 m, then 34 m.
         let cells = |second: usize| -> Vec<usize> {
@@ -257,7 +235,7 @@ mod tests {
 
     #[test]
     fn cells_are_compared_second_by_second() {
-        let plan = plan();
+        let plan = crossing();
         let one = seen(&plan, 0..2, &[&[(1, 45.0, 0.0)], &[(1, 35.0, 0.0)]]);
         let other = seen(&plan, 0..2, &[&[(7, 41.0, 0.0), (8, 45.0, 0.0)], &[(7, 41.0, 0.0)]]);
         let cells = Comparison::of(&one, &other).cells;

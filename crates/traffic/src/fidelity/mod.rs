@@ -5,14 +5,9 @@
 //! every car begins exactly where and as fast as it was seen first. With *sampled entries* it comes as cars come in
 //! training: by the entry rule, at the true second and on the true lane. Where the two simulators have cars is compared,
 //! second by second, in cells of 10 m of the approaches.
-//!
-//! - [`truth`]: the episode on the GS. `on_scenario`: the LS of a scenario's light plays it again.
-//! - [`agreement`]: what is compared of a light, and how far two simulators agree.
-//! - [`doubts`]: whether an LS can be trusted, the limits, and what spoils it.
 
 pub mod agreement;
 pub mod doubts;
-mod on_scenario;
 pub mod truth;
 
 use std::ops::Range;
@@ -22,21 +17,22 @@ use super::Traffic;
 use super::road_network::Files;
 use crate::agents::region::EDGES;
 use crate::inflow::has_arrival;
+use crate::sim::arriving::ArrivingCar;
+use crate::sim::entries::Entries;
 use crate::sim::local::Placement;
-use crate::sim::local_forest::LocalParts;
+use crate::sim::local_forest::{LocalForest, LocalParts, rows_of};
 use crate::sim::visit_tables::VisitTables;
+use crate::sim::visits::{Driver, Visit};
 use agreement::{Comparison, Seen};
-use dials_core::base::{AgentId, Rows};
+use dials_core::base::{AgentId, RandomPurpose, Rows, Seed};
 use dials_core::domain::{Beginning, LocalSimulator, Result};
 pub use doubts::Causes;
-use libsumo::{CarTable, DepartSpeed};
+use libsumo::{CarTable, DepartSpeed, Entering as EnteringCar, Error, Insertion, Placing};
 use truth::Truth;
 
-/// What was measured of one light.
 #[derive(Clone, Debug, PartialEq)]
 pub struct LightFidelity {
     pub agent: AgentId,
-    /// SUMO's name of the light.
     pub light: String,
     /// GS and LS if cars begin exactly as they were seen first.
     pub true_entries: Comparison,
@@ -47,16 +43,12 @@ pub struct LightFidelity {
     pub causes: Causes,
 }
 
-/// How cars come into an LS.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Entering {
-    /// Each exactly where and as fast as it was seen first.
     Truly,
-    /// By the rule of the training.
     ByRule,
 }
 
-/// Measures lights one after the other.
 pub struct Fidelity<'a> {
     traffic: &'a Traffic,
     truth: &'a Truth,
@@ -122,6 +114,67 @@ impl<'a> Fidelity<'a> {
         [seen.sums.came, seen.sums.dropped] = [counted[0].1, counted[1].1];
         Ok(seen)
     }
+
+    /// Plays the whole recording at a light. `seed`: of SUMO's random numbers.
+    fn play_on_scenario(
+        &self,
+        (parts, tables): (&LocalParts, &VisitTables),
+        agent: AgentId,
+        entering: Entering,
+        seed: Seed,
+    ) -> Result<Seen> {
+        let (joint, plan) = (&self.traffic.plan, &self.traffic.plan.agents[agent.0]);
+        let border = &joint.borders[agent.0].plan;
+        let mut forest = LocalForest::of_scenario(parts, joint, tables, &rows_of(&[agent], 1, seed))?;
+        let seeds = forest.draw_seeds(0, &mut seed.fork(RandomPurpose::Lanes).dice());
+        forest.seed_lanes(0, &seeds)?;
+        forest.lights.reset(&mut forest.simulation, &[0])?;
+        let mut entries = Entries::new(joint.clone(), &forest);
+        let mut seen = Seen::new(plan, self.window.clone());
+        let recorded = tables.visits();
+        let mut visits = recorded.of_agents[agent.0].iter().peekable();
+        let mut lost = 0;
+        for (decision, (actions, sources)) in self.truth.actions.iter().zip(&self.truth.sources).enumerate() {
+            let sources = sources.row(agent.0);
+            entries.set_gates(&mut forest, 0..1, Some(&Rows::from_vec(sources.to_vec(), sources.len())))?;
+            for second in 0..joint.decision_steps {
+                let second = decision * joint.decision_steps + second;
+                forest.lights.act(&mut forest.simulation, &actions[agent.0..=agent.0])?;
+                let mut come: Vec<&Visit> = Vec::new();
+                while let Some(visit) = visits.next_if(|visit| visit.second <= second) {
+                    come.extend((!visit.way.is_empty()).then_some(visit));
+                }
+                match entering {
+                    Entering::ByRule => {
+                        for visit in come {
+                            let Some(entry) = visit.entry else { continue };
+                            let routes = &forest.rows[0].local_routes;
+                            match ArrivingCar::of(border, routes, entry, visit, recorded.driver(visit)) {
+                                None => lost += 1,
+                                car => entries.come(0, entry, car),
+                            }
+                        }
+                        let tried = entries.let_in(&mut forest)?;
+                        forest.simulation.step()?;
+                        entries.note_entered(&mut forest, &tried)?;
+                    }
+                    Entering::Truly => {
+                        forest.simulation.step()?;
+                        for visit in come {
+                            let driver = recorded.driver(visit);
+                            lost += u64::from(!put(&mut forest, &mut entries, visit, driver)?);
+                        }
+                    }
+                }
+                forest.approaches.read(&mut forest.simulation)?;
+                let gone = forest.simulation.gone()?;
+                seen.note(plan, forest.approaches.at(0), &gone, entries.waiting(0));
+            }
+        }
+        [seen.sums.came, seen.sums.waited] = [entries.counts.came, entries.counts.waited];
+        seen.sums.lost = lost;
+        Ok(seen)
+    }
 }
 
 /// Returns where and how fast a car came to each edge between two reads.
@@ -131,4 +184,29 @@ fn placements(now: &CarTable, before: &CarTable) -> [Option<Placement>; EDGES] {
         let car = now.iter().next().filter(|_| has_arrival(now, before));
         car.map(|car| Placement { position_m: car.position_m, speed: DepartSpeed::Fixed(car.speed_mps) })
     })
+}
+
+/// Puts a car exactly where it was seen first. Returns whether SUMO can: one that SUMO moved may stand beside its way.
+fn put(forest: &mut LocalForest, entries: &mut Entries, visit: &Visit, driver: &Driver) -> Result<bool> {
+    let car = entries.next_car();
+    let place = &forest.rows[0];
+    let route = place.local_routes.number(&visit.way, visit.next_road.as_ref());
+    let entering = EnteringCar {
+        insertion: Insertion { car, route: place.routes[route], position_m: 0.0, speed: DepartSpeed::Max },
+        vehicle_type: forest.type_named(Some(&driver.vehicle_type)),
+        lane: None,
+        speed_factor: driver.speed_factor,
+        end_m: place.local_routes.routes[route].end_m,
+    };
+    let placing =
+        Placing { car, lane: place.border[visit.lane], position_m: visit.position_m, speed_mps: visit.speed_mps };
+    forest.simulation.enter(&[entering])?;
+    match forest.simulation.place(&[placing]) {
+        Ok(()) => Ok(true),
+        Err(Error::Refused { .. }) => {
+            forest.simulation.clear_pending()?;
+            Ok(false)
+        }
+        Err(error) => Err(error.into()),
+    }
 }

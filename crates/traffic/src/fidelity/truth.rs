@@ -10,7 +10,7 @@ use crate::Traffic;
 use crate::agents::plan::AgentPlan;
 use crate::cars_at::CarsAt;
 use crate::sim::control::SignalControl;
-use crate::sim::recording::{Recording, Tape};
+use crate::sim::recording::{Recording, Step, Tape};
 use crate::sim::visits::Visits;
 use dials_core::base::{Ragged, RandomPurpose, Seed};
 use dials_core::domain::{Action, GlobalSimulator, Result};
@@ -19,13 +19,10 @@ use libsumo::{CarTable, LaneCars};
 /// An episode under random greens.
 pub struct Truth {
     pub(crate) seed: Seed,
-    /// Actions of all agents, by decision.
     pub(crate) actions: Vec<Vec<Action>>,
     /// Influence sources of all regions, by decision.
     pub(crate) sources: Vec<Ragged<u8>>,
-    /// All cars in every second.
     pub(crate) recording: Recording,
-    /// Visits to the regions of a scenario. A grid of the paper has none.
     pub(crate) visits: Option<Visits>,
 }
 
@@ -65,23 +62,18 @@ impl Truth {
     ) -> Result<impl Iterator<Item = CarTable> + 'a> {
         let numbers = lanes.map(|lane| self.recording.roads.number(lane)).collect::<Result<Vec<usize>>>()?;
         let cars = |lane: LaneCars<'_>| lane.iter().map(|car| (car.id, car.position_m, car.speed_mps)).collect();
-        Ok(self
-            .recording
-            .steps
-            .iter()
-            .map(move |step| CarTable::of(numbers.iter().map(|&number| cars(step.cars.lane(number))))))
+        let table = move |step: &'a Step| CarTable::of(numbers.iter().map(|&number| cars(step.cars.lane(number))));
+        Ok(self.recording.steps.iter().map(table))
     }
 
-    /// Returns the cars on the approaches of a light after each second.
     pub(super) fn on_approaches<'a>(&'a self, plan: &'a AgentPlan) -> Result<impl Iterator<Item = CarTable> + 'a> {
         self.on_lanes(plan.region.approaches.iter().map(|approach| approach.lane.as_str()))
     }
 
-    /// Returns what the GS showed of a light in these seconds.
     pub(super) fn seen(&self, plan: &AgentPlan, window: &Range<usize>) -> Result<Seen> {
         let mut seen = Seen::new(plan, window.clone());
         for (cars, step) in self.on_approaches(plan)?.zip(&self.recording.steps) {
-            seen.note(plan, CarsAt::new(&cars, 0, cars.lanes()), &step.gone, 0);
+            seen.note(plan, CarsAt::all(&cars), &step.gone, 0);
         }
         Ok(seen)
     }

@@ -1,23 +1,54 @@
 //! A road network with its cars, and everything in which a grid of the paper differs from a scenario of the user.
 
-pub(crate) mod grid;
 pub(crate) mod scenario;
 
 use std::path::{Path, PathBuf};
 
+use anyhow::Context;
+
 use crate::agents::plan::JointPlan;
+use crate::config::{Reward, RewardTerm, TrafficConfig};
 use crate::cut::forest::Region;
 use crate::cut::mixed::prefix;
+use crate::network::contents::Network;
 use crate::network::files::{NetworkFiles, for_sumo};
 use crate::network::loadable::Loadable;
+use crate::network::way_out::{Role, cannot_be_simulated};
 use crate::paper_grid::grid::Grid;
-use crate::paper_grid::plans::plans;
+use crate::paper_grid::plans::{joint_plan, plans};
+use crate::paper_grid::recognise::{recognise_grid, recognise_local};
 use crate::scenario::kept::KEPT;
 use crate::sim::local_forest::LocalForest;
 use crate::sim::recorded_roads::RecordedRoads;
 use dials_core::domain::{FirstRow, Map, Result, RoughCosts, Scenario};
-use grid::{GridFiles, KEPT_AS, LOCAL_NETWORK};
 use scenario::ScenarioFiles;
+
+/// Share of switches above which an agent is stuck: its lights are yellow most of the time. Agents that learn are near
+/// 0.1 to 0.3. The local optimum of switching almost always is near 1, and random weights are near 0.5.
+const STUCK_ABOVE: f64 = 0.75;
+
+/// Measured with traffic_4.toml and traffic_100.toml.
+const ROUGH_COSTS_OF_A_GRID: RoughCosts = RoughCosts {
+    training_s: 37e-6,
+    training_on_gs_s: 40e-6,
+    influence_s: 1.6e-6,
+    evaluation_s: 25e-6,
+    process_mb: 120.0,
+    agent_mb: 4.0,
+};
+
+/// Names of the two networks in a run directory, the same in every run directory.
+const KEPT_AS: [&str; 2] = ["global", "local"];
+
+/// Key of the network of the LS. Another network there is another way to train, not another scenario.
+const LOCAL_NETWORK: &str = "traffic.local_network";
+
+pub(crate) struct GridFiles {
+    pub(crate) grid: Grid,
+    pub(crate) network: Network,
+    pub(crate) local_network: Network,
+    pub(crate) config: TrafficConfig,
+}
 
 /// A road network with its cars. What it says of itself is known as soon as it was read.
 pub(crate) struct RoadNetwork {
@@ -40,11 +71,9 @@ pub(crate) struct RoadNetwork {
     pub(crate) is_random: bool,
     /// Returns whether an agent is stuck that ends this share of its green steps.
     pub(crate) is_stuck: fn(f64) -> bool,
-    /// Controller to compare a run with.
     pub(crate) rival: &'static str,
 }
 
-/// What it was read from.
 pub(crate) enum Files {
     Grid(Box<GridFiles>),
     Scenario(Box<ScenarioFiles>),
@@ -66,7 +95,6 @@ impl RoadNetwork {
         }
     }
 
-    /// Returns the roads as recordings of the GS keep them.
     pub(crate) fn recorded(&self, plan: &JointPlan) -> Result<RecordedRoads> {
         match &self.files {
             Files::Grid(files) => RecordedRoads::of_grid(files.grid, &files.network, plan.agents.clone()),
@@ -131,8 +159,41 @@ impl RoadNetwork {
 
     pub(crate) fn keep_files(&self, folder: &Path) -> Result<Vec<PathBuf>> {
         match &self.files {
-            Files::Grid(files) => files.keep_in(folder),
+            Files::Grid(files) => {
+                std::fs::create_dir(folder).with_context(|| format!("{}: cannot be made", folder.display()))?;
+                files.network.copy_to(folder, KEPT_AS[0])?;
+                files.local_network.copy_to(folder, KEPT_AS[1])?;
+                Ok(KEPT_AS.map(PathBuf::from).to_vec())
+            }
             Files::Scenario(files) => files.files.keep_in(folder),
         }
     }
+}
+
+/// Finds the networks, as [`crate::Traffic::open`] says.
+pub(crate) fn open_grid(config: &TrafficConfig) -> Result<(RoadNetwork, JointPlan)> {
+    let [global, local] = [&config.network, &config.local_network].map(|prefix| NetworkFiles::of(prefix));
+    global.check()?;
+    local.check()?;
+    let local_network = recognise_local(&local)?.network;
+    let global = recognise_grid(&global)?;
+    let (grid, network) = (global.grid, global.network);
+    let reward = &config.reward;
+    let network = RoadNetwork {
+        horizon: config.horizon,
+        refuses_actuated: None,
+        cannot_be_simulated: cannot_be_simulated(&network.files.net, Role::Global),
+        rough_costs: ROUGH_COSTS_OF_A_GRID,
+        unusual_reward: (*reward != Reward::from(RewardTerm::MeanSpeed)).then(|| reward.name()),
+        strange_files: [&network, &local_network].map(|network| network.files.net.clone()).to_vec(),
+        left_out: Vec::new(),
+        // DEVIATION 11: our configs begin with a bias against switching, so that fewer agents get stuck in switching
+        // always.
+        switch_bias: config.initial_switch_bias,
+        is_random: false,
+        is_stuck: |p_switch| p_switch > STUCK_ABOVE,
+        rival: "actuated",
+        files: Files::Grid(Box::new(GridFiles { grid, network, local_network, config: config.clone() })),
+    };
+    Ok((network, joint_plan(grid, config)))
 }

@@ -27,7 +27,6 @@ use dials_core::outside::quoted;
 /// A light that changes as often as it may is at 0.14, which may be right where few cars come.
 const STUCK_BELOW: f64 = 1.0 / 300.0;
 
-/// A scenario with the agents that were derived from it.
 pub(crate) struct ScenarioFiles {
     pub(crate) files: SumoScenario,
     derived: Derived,
@@ -44,8 +43,10 @@ pub(crate) fn open(files: SumoScenario, config: &ScenarioConfig) -> Result<(Road
         None => Overrides::default(),
         Some((path, text)) => Overrides::parse(text).map_err(|error| anyhow!("{}: {error:#}", path.display()))?,
     };
-    let derived = derive(&roads, &rules(config), &overrides).with_context(place)?;
-    let borders = derived.borders(&roads, &files.departs_on(&roads), config.approach_m, Seconds::of(config));
+    let &ScenarioConfig { approach_m, yellow_s, min_green_s, observation, .. } = config;
+    let rules = Rules { approach_m, yellow: yellow_s, min_green_s, cars: observation };
+    let derived = derive(&roads, &rules, &overrides).with_context(place)?;
+    let borders = derived.borders(&roads, &files.departs_on(&roads), approach_m, Seconds::of(config));
     let refuses_actuated = derived.agents.iter().find_map(|Agent { program, .. }| {
         let states: Vec<_> = program.phases.iter().map(|phase| &phase.state).collect();
         let [one, other] = roads.waiting_for_each_other(&program.light, &states)?;
@@ -116,19 +117,11 @@ fn rough_costs(decision_s: f64) -> RoughCosts {
     }
 }
 
-/// Returns what the config says of all lights.
-fn rules(config: &ScenarioConfig) -> Rules {
-    let &ScenarioConfig { approach_m, yellow_s, min_green_s, observation, .. } = config;
-    Rules { approach_m, yellow: yellow_s, min_green_s, cars: observation }
-}
-
 impl ScenarioFiles {
-    /// Returns the name of the scenario, as its user knows it.
     pub(super) fn name(&self) -> &str {
         self.files.path().file_stem().and_then(|name| name.to_str()).unwrap_or_default()
     }
 
-    /// Puts everything that the GS loads into memory.
     pub(super) fn source(&self) -> Result<Loadable> {
         let agents = self.derived.agents.iter();
         let lights = agents.map(|Agent { plan, program, .. }| (program, plan.phases.cars()));

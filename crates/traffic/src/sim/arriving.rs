@@ -15,20 +15,17 @@ const SOMEWHERE_M: f64 = 5.0;
 /// cars in although others stand there (seen on lanes of 1.8 m).
 const BEFORE_END_M: f64 = 0.01;
 
-/// The position and speed with which an arriving car is put on its lane.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Placement {
     pub position_m: f64,
     pub speed: DepartSpeed,
 }
 
-/// A car that comes into a region.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct ArrivingCar {
     /// Lane on which it begins: an index into [`BorderPlan::lanes`], or the number of an edge of a grid.
     pub(crate) lane: usize,
     pub(crate) placement: Placement,
-    /// Number of its route in its row.
     pub(crate) route: usize,
     /// Its vehicle type. `None`: the usual one.
     pub(crate) vehicle_type: Option<String>,
@@ -70,7 +67,9 @@ impl ArrivingCar {
         let (lane, position_m, speed) = match &plan.entries[entry].place {
             EntryPlace::Lane(_) => (lane, visit.speed_mps / 2.0, DepartSpeed::Max),
             EntryPlace::Road(road) if plan.is_on_road(visit.lane, road) => {
-                (visit.lane, visit.position_m, speed_at_departure(visit))
+                // Most files of routes ask for no speed, or for the largest that is safe.
+                let speed = if visit.speed_mps == 0.0 { DepartSpeed::Fixed(0.0) } else { DepartSpeed::Max };
+                (visit.lane, visit.position_m, speed)
             }
             // It was first seen behind this road.
             EntryPlace::Road(_) => (lane, SOMEWHERE_M, DepartSpeed::Max),
@@ -92,7 +91,7 @@ impl ArrivingCar {
             EntryPlace::Road(_) => on_lane(plan, lane, SOMEWHERE_M),
         };
         let placement = Placement { position_m, speed: DepartSpeed::Max };
-        Some(ArrivingCar { lane, placement, route: routes.default_of(entry), vehicle_type: None, speed_factor: 1.0 })
+        Some(ArrivingCar { lane, placement, route: routes.defaults[entry], vehicle_type: None, speed_factor: 1.0 })
     }
 }
 
@@ -114,27 +113,10 @@ fn on_lane(plan: &BorderPlan, lane: usize, position_m: f64) -> f64 {
     position_m.clamp(0.0, (plan.lanes[lane].length_m - BEFORE_END_M).max(0.0))
 }
 
-/// Returns the speed of a departure: none, or the largest that is safe. Most files of routes say one of the two.
-fn speed_at_departure(visit: &Visit) -> DepartSpeed {
-    if visit.speed_mps == 0.0 { DepartSpeed::Fixed(0.0) } else { DepartSpeed::Max }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
     use crate::d_set::tests::border_of;
-
-    #[test]
-    fn a_bicycle_that_came_by_a_track_beside_the_lane_of_its_entry_does_not_come_on_that_lane() {
-        const LANE: &str = r#"<lane id="near_1" index="1""#;
-        let plan = border_of(&[(LANE, &*format!("{LANE} disallow=\"bicycle\""))]).plan;
-        let driver = Driver { vehicle_class: "bicycle".to_owned(), ..Driver::default() };
-        let visit =
-            Visit { entry: Some(1), lane: 1, way: vec!["near".to_owned(), "out".to_owned()], ..Visit::default() };
-        assert_eq!(plan.entry_name(1), "near_1");
-        assert_eq!(ArrivingCar::of(&plan, &LocalRoutes::default(), 1, &visit, &driver), None);
-        assert_eq!(ArrivingCar::unknown(&plan, &LocalRoutes::default(), 1, "bicycle"), None);
-    }
 
     #[test]
     fn no_car_enters_at_the_very_end_of_a_lane() {

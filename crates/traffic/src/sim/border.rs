@@ -13,7 +13,6 @@ use dials_core::base::Ragged;
 use dials_core::domain::Result;
 use libsumo::{CarId, Simulation};
 
-/// The borders of all regions in a loaded net.
 pub(crate) struct Borders {
     plan: Arc<JointPlan>,
     lanes: RowLanes,
@@ -21,7 +20,6 @@ pub(crate) struct Borders {
     visits: Option<VisitRecorder>,
 }
 
-/// The border of one region in this second.
 struct BorderNow {
     /// Cars that were on the region a second ago, with their lanes as indices into the plan.
     present: HashMap<CarId, usize>,
@@ -72,8 +70,7 @@ impl Borders {
         Ok(())
     }
 
-    /// Observes a second. `second`: its number within the decision; `sources`: those of the decision, one row per
-    /// region, zeros in the first second.
+    /// Observes a second. `second`: its number in the decision; `sources`: one row per region, zeros at first.
     pub(super) fn second(
         &mut self,
         simulation: &mut Simulation,

@@ -6,7 +6,6 @@ use crate::light::KEEP;
 use dials_core::base::{AgentId, Seed};
 use dials_core::domain::Action;
 
-/// The control that runs the lights.
 pub enum SignalControl {
     /// The actions of each step run the lights.
     Agents,
@@ -15,7 +14,6 @@ pub enum SignalControl {
 }
 
 impl SignalControl {
-    /// Returns whether SUMO's actuated programs run lights.
     pub(crate) fn is_actuated(&self) -> bool {
         matches!(self, SignalControl::HandCoded { by: HandCoded::Actuated, .. })
     }
@@ -44,7 +42,7 @@ pub(super) struct Decisions {
     /// Whether the rule has already decided for the next second.
     heard: bool,
     /// Whether the actions of this step decide, because the rule was asked for its advice.
-    advised: bool,
+    pub(super) advised: bool,
 }
 
 impl Decisions {
@@ -52,7 +50,6 @@ impl Decisions {
         Decisions { control, obeyed: vec![KEEP; agents], by_rule: vec![KEEP; agents], heard: false, advised: false }
     }
 
-    /// Returns whether a rule runs lights, which sees the intersections.
     pub(super) fn has_rule(&self) -> bool {
         matches!(self.control, SignalControl::HandCoded { by: HandCoded::Rule(_), .. })
     }
@@ -78,16 +75,11 @@ impl Decisions {
         }
     }
 
-    /// Returns what the rule would do now at all lights, and lets the actions of this step decide; `None` if there is no
-    /// rule.
+    /// Returns what the rule, if there is one, would do now, and lets the actions of this step decide.
     pub(super) fn advise(&mut self, intersections: &Intersections<'_>) -> Option<&[Action]> {
         self.advised = self.ask(intersections);
         self.heard = self.advised;
         self.advised.then_some(&*self.by_rule)
-    }
-
-    pub(super) fn end_step(&mut self) {
-        self.advised = false;
     }
 
     /// Lets the rule decide about all lights. Returns whether there is a rule.

@@ -24,7 +24,6 @@ use dials_core::base::Rows;
 use dials_core::domain::Result;
 use libsumo::{CarId, Entering, Insertion, LightId, SignalState};
 
-/// Entries and exits of a forest.
 pub(crate) struct Entries {
     plan: Arc<JointPlan>,
     rows: Vec<RowEntries>,
@@ -32,7 +31,6 @@ pub(crate) struct Entries {
     pub(crate) counts: EntryCounts,
 }
 
-/// What happened at the entries in all episodes.
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct EntryCounts {
     pub(crate) came: u64,
@@ -57,7 +55,6 @@ struct WaitingCar {
 /// Cars that try to enter in a step, in the order of their numbers.
 pub(crate) struct Tried {
     places: Vec<(usize, usize)>,
-    /// What SUMO got of each.
     pub(crate) insertions: Vec<Insertion>,
 }
 
@@ -148,7 +145,6 @@ impl Entries {
         Ok(forest.simulation.set_lights(&lights, &states)?)
     }
 
-    /// Lets cars try to enter in the next step.
     pub(crate) fn let_in(&mut self, forest: &mut LocalForest) -> Result<Tried> {
         let mut tried = Tried { places: Vec::new(), insertions: Vec::new() };
         let mut entering = Vec::new();
@@ -169,7 +165,7 @@ impl Entries {
                         vehicle_type: forest.type_named(car.vehicle_type.as_deref()),
                         lane: Some(index_of(&border.plan.lanes[car.lane].lane)),
                         speed_factor: car.speed_factor,
-                        end_m: place.local_routes.all()[car.route].end_m,
+                        end_m: place.local_routes.routes[car.route].end_m,
                     });
                 }
             }
@@ -217,57 +213,6 @@ impl Entries {
     }
 }
 
-/// Returns the index of a lane on its road: SUMO's names end with it.
 fn index_of(lane: &str) -> u32 {
     lane.rsplit_once('_').and_then(|(_, index)| index.parse().ok()).expect("SUMO's name of a lane ends with its index")
-}
-
-#[cfg(test)]
-mod tests {
-    use std::path::Path;
-
-    use super::*;
-    use crate::Traffic;
-    use crate::agents::border_plan::EntryPlace;
-    use crate::config::ScenarioConfig;
-    use crate::road_network::Files;
-    use crate::sim::local_forest::rows_of;
-    use dials_core::base::{AgentId, Seed};
-
-    #[test]
-    fn a_car_that_enters_on_another_road_than_expected_enters_once() {
-        let scenario = "../../sumo_nets/grid_4x4_turns/grid_4x4_turns.sumocfg";
-        let scenario = Path::new(env!("CARGO_MANIFEST_DIR")).join(scenario);
-        let minutes = ScenarioConfig { begin_s: Some(0), end_s: Some(120), ..ScenarioConfig::new(scenario) };
-        let traffic = Traffic::open_scenario(&minutes).unwrap();
-        let (agent, tables) = (AgentId(5), traffic.visits().unwrap());
-        let Files::Scenario(files) = &traffic.network.files else { panic!("a scenario") };
-        let parts = files.local_parts().unwrap();
-        let rows = rows_of(&[agent], 1, Seed::new(0));
-        let mut forest = LocalForest::of_scenario(&parts, &traffic.plan, &tables, &rows).unwrap();
-        let border = &traffic.plan.borders[agent.0].plan;
-        let mut visits = tables.visits().of_agents[agent.0].iter();
-        let found = visits.find_map(|visit| Some((visit.entry.filter(|_| !visit.way.is_empty())?, visit)));
-        let (entry, visit) = found.expect("cars come to the region");
-        let (routes, driver) = (&forest.rows[0].local_routes, tables.visits().driver(visit));
-        let mut car = ArrivingCar::of(border, routes, entry, visit, driver).unwrap();
-        // SUMO gets the index of the lane and the way. So the car begins on the first road of its way.
-        let index = index_of(&border.lanes[car.lane].lane);
-        let elsewhere = border.entries.iter().find_map(|other| match other.place {
-            EntryPlace::Lane(lane) => {
-                (index_of(&border.lanes[lane].lane) == index && !border.is_on_road(lane, &visit.way[0])).then_some(lane)
-            }
-            EntryPlace::Road(_) => None,
-        });
-        car.lane = elsewhere.expect("another road has a lane of this index");
-        let mut entries = Entries::new(traffic.plan.clone(), &forest);
-        entries.come(0, entry, Some(car));
-        let tried = [(); 3].map(|()| {
-            let tried = entries.let_in(&mut forest).unwrap();
-            forest.simulation.step().unwrap();
-            let entered = entries.note_entered(&mut forest, &tried).unwrap();
-            (tried.insertions.len(), entered)
-        });
-        assert_eq!((tried, entries.waiting(0)), ([(1, vec![(0, entry)]), (0, vec![]), (0, vec![])], 0));
-    }
 }

@@ -16,7 +16,7 @@ use super::visits::Visits;
 use crate::agents::plan::JointPlan;
 use crate::cars_at::{CarsAt, RowLanes};
 use crate::controllers::intersections::Intersections;
-use crate::inflow;
+use crate::inflow::has_arrival;
 use crate::network::loadable::Loadable;
 use crate::observe::{self, LightView};
 use crate::reward::{self, Waiting};
@@ -57,7 +57,6 @@ pub struct GlobalTraffic {
     tally: Tally,
     watch: Stopwatch,
     recorder: Option<Recorder>,
-    /// Pictures and metrics, if they are wanted.
     camera: Option<Camera>,
     metrics: Option<TrafficMetrics>,
 }
@@ -116,7 +115,6 @@ impl GlobalTraffic {
         arrived.then(|| self.cars_on(agent).lane(edge).iter().next().expect("an arrival is a car on the edge"))
     }
 
-    /// Returns the cars on the approaches of an intersection after the last step.
     pub fn cars_on(&self, agent: usize) -> CarsAt<'_> {
         self.approaches.at(agent)
     }
@@ -133,7 +131,6 @@ impl GlobalTraffic {
         Ok(())
     }
 
-    /// Returns the visits since the last reset, if they are recorded.
     pub(crate) fn visits(&self) -> Option<&Visits> {
         self.borders.as_ref().and_then(Borders::visits)
     }
@@ -149,8 +146,8 @@ impl GlobalTraffic {
             plans: &self.plan.agents,
             shown: &self.shown.now,
             shown_steps: &self.shown.steps,
-            approaches: &self.approaches.cars,
-            exits: &self.exits.cars,
+            approaches: &self.approaches,
+            exits: &self.exits,
         };
         (intersections, &mut self.decisions)
     }
@@ -187,7 +184,6 @@ impl GlobalTraffic {
         Ok(())
     }
 
-    /// Adds what happened in a second of the decision to the influence sources.
     fn note_sources(&mut self, second: usize) -> Result<()> {
         if let Some(borders) = &mut self.borders {
             return borders.second(&mut self.simulation, second, &mut self.sources);
@@ -199,7 +195,9 @@ impl GlobalTraffic {
         // it is the occupancy of the entry cell.
         for row in 0..self.plan.agents.len() {
             let (now, before) = (self.approaches.at(row), self.approaches.of(&self.cars_before, row));
-            inflow::note_arrivals(self.sources.row_mut(row), now, before);
+            for (source, (now, before)) in self.sources.row_mut(row).iter_mut().zip(now.iter().zip(before.iter())) {
+                *source |= u8::from(has_arrival(now, before));
+            }
         }
         Ok(())
     }
@@ -286,7 +284,7 @@ impl GlobalSimulator for GlobalTraffic {
         for number in 0..self.plan.decision_steps {
             self.second(number, actions)?;
         }
-        self.decisions.end_step();
+        self.decisions.advised = false;
         let begun = Instant::now();
         self.take_picture()?;
         self.perceive();
@@ -364,18 +362,14 @@ impl GlobalSimulator for GlobalTraffic {
             metrics.finish()?;
         }
         let mut measures = self.tally.measures();
-        measures.system.splice(1..1, metrics.of_net(self.tally.arrived).into_iter().map(with_owned_name));
-        measures.per_agent.extend(metrics.of_agents().into_iter().map(with_owned_name));
+        measures.system.splice(1..1, metrics.of_net(self.tally.arrived));
+        measures.per_agent.extend(metrics.of_agents());
         Ok(measures)
     }
 
     fn take_watch(&mut self) -> Stopwatch {
         self.watch.take()
     }
-}
-
-fn with_owned_name<T>((name, value): (&str, T)) -> (String, T) {
-    (name.to_owned(), value)
 }
 
 #[cfg(test)]

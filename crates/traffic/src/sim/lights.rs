@@ -35,7 +35,6 @@ impl Lights {
         self.signals[row]
     }
 
-    /// Sets the lights of these rows to the beginning of an episode.
     pub(crate) fn reset(&mut self, simulation: &mut Simulation, rows: &[usize]) -> Result<()> {
         for &row in rows {
             self.signals[row] = Signal::at_the_beginning(&self.plans[row]);
@@ -44,8 +43,7 @@ impl Lights {
         self.show(simulation, rows)
     }
 
-    /// Lets every agent act on its light, unless one of SUMO's programs runs it. Only lights that change are sent to
-    /// SUMO.
+    /// Lets every agent act on its light, unless one of SUMO's programs runs it.
     pub(crate) fn act(&mut self, simulation: &mut Simulation, actions: &[Action]) -> Result<()> {
         assert_eq!(actions.len(), self.lights.len(), "one action per intersection");
         let mut changed = Vec::new();
@@ -62,15 +60,16 @@ impl Lights {
         self.show(simulation, &changed)
     }
 
-    /// Writes what all lights show into `shown`, one per row. `states` is memory for reuse.
-    fn read(&mut self, simulation: &mut Simulation, states: &mut Vec<SignalState>, shown: &mut [Shown]) -> Result<()> {
+    /// Writes what all lights show into `shown`, one per row.
+    fn read(&mut self, simulation: &mut Simulation, shown: &mut [Shown]) -> Result<()> {
         shown.iter_mut().zip(&self.signals).for_each(|(shown, signal)| *shown = signal.shown());
         let rows: Vec<usize> = (0..shown.len()).filter(|&row| self.by_program[row].is_some()).collect();
         if rows.is_empty() {
             return Ok(());
         }
-        simulation.read_lights(&self.ids(&rows), states)?;
-        for (row, state) in rows.into_iter().zip(states) {
+        let mut states = Vec::new();
+        simulation.read_lights(&self.ids(&rows), &mut states)?;
+        for (row, state) in rows.into_iter().zip(&states) {
             let last = self.by_program[row].as_mut().expect("a light that a program runs");
             shown[row] = self.plans[row].recognise(state, *last);
             *last = shown[row].green().unwrap_or(*last);
@@ -104,21 +103,18 @@ pub(super) struct ShownLights {
     pub(super) now: Vec<Shown>,
     pub(super) before: Vec<Shown>,
     pub(super) at_decision: Vec<Shown>,
-    /// Number of seconds for which every light has shown what it shows.
     pub(super) steps: Vec<u32>,
-    /// States that SUMO last gave, if it runs the lights.
-    states: Vec<SignalState>,
 }
 
 impl ShownLights {
     pub(super) fn new(agents: usize) -> ShownLights {
         let [now, before, at_decision] = [(); 3].map(|()| vec![Shown::Green(0); agents]);
-        ShownLights { now, before, at_decision, steps: vec![0; agents], states: Vec::new() }
+        ShownLights { now, before, at_decision, steps: vec![0; agents] }
     }
 
     pub(super) fn begin(&mut self, lights: &mut Lights, simulation: &mut Simulation) -> Result<()> {
         self.steps.fill(0);
-        lights.read(simulation, &mut self.states, &mut self.now)
+        lights.read(simulation, &mut self.now)
     }
 
     pub(super) fn decide(&mut self) {
@@ -127,7 +123,7 @@ impl ShownLights {
 
     pub(super) fn second(&mut self, lights: &mut Lights, simulation: &mut Simulation) -> Result<()> {
         self.before.copy_from_slice(&self.now);
-        lights.read(simulation, &mut self.states, &mut self.now)?;
+        lights.read(simulation, &mut self.now)?;
         for (steps, (before, now)) in self.steps.iter_mut().zip(self.before.iter().zip(&self.now)) {
             *steps = if before == now { *steps + 1 } else { 1 };
         }

@@ -34,15 +34,12 @@ use libsumo::LaneId;
 /// Name of the counter of sampled arrivals that found no room, or on a scenario no car that may use their entry.
 pub(crate) const DROPPED: &str = "dropped_arrivals";
 
-/// Seconds of an episode after which the roads of a row are as full as those of the GS. Only then its cars are counted,
-/// to be compared.
+/// Seconds of an episode after which a row is as full as the GS. Only then its cars are counted, to be compared.
 const SETTLED_S: usize = 120;
 
-/// Where the cars of arrivals come from.
 pub(crate) enum Demand {
     /// On a grid: all alike, placed by a rule.
     Rule(EntryRule),
-    /// On a scenario.
     Visits(Arc<VisitTables>),
 }
 
@@ -59,8 +56,7 @@ pub struct LocalTraffic {
     border_lanes: RowLanes,
     /// Lanes on which cars leave the lights; read only for a reward that needs them.
     exits: RowLanes,
-    /// Influence sources of this decision as they came true, `[rows, sources]`: a car for which there is no room arrives
-    /// when it gets in, as on the GS.
+    /// Influence sources of this decision as they came true, `[rows, sources]`: a car arrives when it gets in.
     came_true: Rows<u8>,
     last: Transition,
     counts: Counts,
@@ -77,13 +73,11 @@ struct Counts {
     speed_mmps: u64,
 }
 
-/// The episode of a row.
 struct RowNow {
     dice: Dice,
     /// Second of the demand, and the one at which the episode began.
     second: usize,
     begun: usize,
-    /// Number of seconds for which the light has shown what it shows.
     shown_steps: u32,
     history: History,
     waiting: Waiting,
@@ -189,7 +183,6 @@ impl LocalTraffic {
         self.came_true.fill(0);
     }
 
-    /// Lets cars come for the arrivals of a second of the decision.
     fn arrive(&mut self, second: usize, sources: &Rows<u8>) {
         for (row, now) in self.rows.iter_mut().enumerate() {
             let (place, sources) = (&self.forest.rows[row], sources.row(row));
@@ -215,7 +208,6 @@ impl LocalTraffic {
         }
     }
 
-    /// Moves all rows on by a second of the decision.
     fn second(&mut self, second: usize, actions: &[Action]) -> Result<()> {
         let begun = Instant::now();
         let before: Vec<Shown> = (0..self.rows.len()).map(|row| self.forest.lights.signal(row).shown()).collect();

@@ -14,7 +14,7 @@ use super::visit_tables::VisitTables;
 use crate::agents::plan::JointPlan;
 use crate::cars_at::RowLanes;
 use crate::cut::forest::{Forest, Region};
-use crate::cut::local_net::LocalNet;
+use crate::cut::local_net::{Gate, LocalNet};
 use crate::cut::mixed::{APART, MixedForest, prefix};
 use crate::cut::names::prefixed;
 use crate::network::contents::Network;
@@ -25,7 +25,6 @@ use dials_core::base::{AgentId, Dice, Seed};
 use dials_core::domain::Result;
 use libsumo::{DepartSpeed, Entering, Insertion, LaneId, LightId, RouteId, Simulation, TypeId};
 
-/// What local simulators of a scenario are made of.
 pub(crate) struct LocalParts {
     pub(crate) nets: Vec<LocalNet>,
     pub(crate) types: String,
@@ -50,7 +49,6 @@ pub(crate) struct LocalForest {
 /// The region of a row, and the root of the row's random streams.
 pub(crate) type Row = (AgentId, Seed);
 
-/// What SUMO has of a row.
 pub(crate) struct RowPlace {
     pub(crate) agent: AgentId,
     pub(crate) seed: Seed,
@@ -62,13 +60,11 @@ pub(crate) struct RowPlace {
     /// Lanes on which cars leave the light, in the order of the region plan.
     pub(crate) exits: Vec<LaneId>,
     pub(crate) gate: Option<RowGate>,
-    /// What is known of the routes of a scenario.
     pub(crate) local_routes: Arc<LocalRoutes>,
     /// Routes by their numbers: those of `local_routes`, or one for each edge of a grid.
     pub(crate) routes: Vec<RouteId>,
 }
 
-/// The light at the exits of a row.
 pub(crate) struct RowGate {
     pub(crate) light: LightId,
     pub(crate) letters: usize,
@@ -83,7 +79,6 @@ pub(crate) fn rows_of(regions: &[AgentId], copies: usize, seed: Seed) -> Vec<Row
 }
 
 impl LocalForest {
-    /// Loads copies of the local net of a grid.
     pub(crate) fn of_grid(local: &Network, plan: &JointPlan, rows: &[Row]) -> Result<LocalForest> {
         let forest = Forest::of(local, rows.len());
         let (net, routes) = (MemoryFile::new(&forest.net)?, MemoryFile::new(&forest.routes)?);
@@ -124,7 +119,6 @@ impl LocalForest {
         Ok(LocalForest { simulation, rows: places, lights, approaches, types: Vec::new(), first: Vec::new() })
     }
 
-    /// Loads the local nets of lights of a scenario.
     pub(crate) fn of_scenario(
         parts: &LocalParts,
         plan: &JointPlan,
@@ -168,16 +162,13 @@ impl LocalForest {
             let all = lanes(&mut net.lanes())?;
             let of_border = lanes(&mut border.lanes.iter().map(|lane| &*lane.lane))?;
             let exits = lanes(&mut region.exits.iter().map(|exit| &*exit.lane))?;
-            let gate = match &net.gate {
-                None => None,
-                Some(gate) => {
-                    let light = simulation.register_lights(&[prefixed(&prefix, &gate.light)])?[0];
-                    let letter = |&lane: &usize| gate.lanes.iter().position(|other| *other == border.lanes[lane].lane);
-                    let of_exit = border.exits.iter().map(letter).collect();
-                    Some(RowGate { light, letters: gate.lanes.len(), of_exit })
-                }
+            let register = |gate: &Gate| -> Result<RowGate> {
+                let light = simulation.register_lights(&[prefixed(&prefix, &gate.light)])?[0];
+                let letter = |&lane: &usize| gate.lanes.iter().position(|other| *other == border.lanes[lane].lane);
+                Ok(RowGate { light, letters: gate.lanes.len(), of_exit: border.exits.iter().map(letter).collect() })
             };
-            let routes: Vec<String> = (0..local_routes.all().len()).map(|route| route_name(row, route)).collect();
+            let gate = net.gate.as_ref().map(register).transpose()?;
+            let routes: Vec<String> = (0..local_routes.routes.len()).map(|route| route_name(row, route)).collect();
             places.push(RowPlace {
                 agent,
                 seed,
@@ -270,7 +261,7 @@ fn routes(of_rows: &[Arc<LocalRoutes>]) -> String {
         leaf(xml, "route", [("id", APART), ("edges", APART)])?;
         of_rows.iter().enumerate().try_for_each(|(row, routes)| {
             let prefix = prefix(row);
-            routes.all().iter().enumerate().try_for_each(|(number, route)| {
+            routes.routes.iter().enumerate().try_for_each(|(number, route)| {
                 let edges: Vec<String> = route.edges.iter().map(|edge| prefixed(&prefix, edge)).collect();
                 leaf(xml, "route", [("id", &*route_name(row, number)), ("edges", &edges.join(" "))])
             })

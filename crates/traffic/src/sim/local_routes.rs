@@ -9,14 +9,13 @@ use crate::cut::local_net::LocalNet;
 
 #[derive(Clone, Debug, Default)]
 pub(crate) struct LocalRoutes {
-    routes: Vec<LocalRoute>,
+    pub(crate) routes: Vec<LocalRoute>,
     /// Number of each route, by its roads in the region and the road behind it.
     numbers: HashMap<(Vec<String>, Option<String>), usize>,
     /// Number of the route of a car of which nothing is known, by entry.
-    defaults: Vec<usize>,
+    pub(super) defaults: Vec<usize>,
 }
 
-/// A route in a local net.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct LocalRoute {
     pub(crate) edges: Vec<String>,
@@ -44,42 +43,30 @@ impl LocalRoutes {
         routes
     }
 
-    pub(crate) fn all(&self) -> &[LocalRoute] {
-        &self.routes
-    }
-
-    /// Returns the number of the route of a way that was recorded.
     pub(crate) fn number(&self, way: &[String], next_road: Option<&String>) -> usize {
         self.numbers[&(way.to_vec(), next_road.cloned())]
-    }
-
-    pub(super) fn default_of(&self, entry: usize) -> usize {
-        self.defaults[entry]
     }
 
     fn add(&mut self, net: &LocalNet, way: &[String], next_road: Option<&String>) -> usize {
         let number = self.routes.len();
         let known = *self.numbers.entry((way.to_vec(), next_road.cloned())).or_insert(number);
-        if known == number {
-            self.routes.push(local_route(net, way, next_road));
+        if known < number {
+            return known;
         }
-        known
+        let exit = net.exits.iter().find(|exit| Some(&exit.edge) == way.last());
+        let behind =
+            exit.zip(next_road).and_then(|(exit, next)| exit.ways.iter().find(|way| way.edges.first() == Some(next)));
+        let copies = behind.map_or(&[][..], |way| &way.copies);
+        let mut edges = [way, copies].concat();
+        if let [from, to] = &edges[..]
+            && !net.leads(from, to)
+        {
+            // A car on this way never gets to its last road. SUMO takes a route of just two unconnected roads for a trip,
+            // and looks for a way (1.15: `libsumo::Vehicle::add`). From then on it also looks at the room on the whole
+            // lane before any car enters, in all rows. So the company of such a row would change the others.
+            edges.push(to.clone());
+        }
+        self.routes.push(LocalRoute { edges, end_m: behind.map(|way| way.end_m) });
+        number
     }
-}
-
-fn local_route(net: &LocalNet, way: &[String], next_road: Option<&String>) -> LocalRoute {
-    let exit = net.exits.iter().find(|exit| Some(&exit.edge) == way.last());
-    let behind =
-        exit.zip(next_road).and_then(|(exit, next)| exit.ways.iter().find(|way| way.edges.first() == Some(next)));
-    let copies = behind.map_or(&[][..], |way| &way.copies);
-    let mut edges = [way, copies].concat();
-    if let [from, to] = &edges[..]
-        && !net.leads(from, to)
-    {
-        // A car on this way never gets to its last road. SUMO takes a route of just two roads that are not connected for a
-        // trip, and looks for a way (1.15: `libsumo::Vehicle::add`). From then on it also looks at the room on the whole
-        // lane before any car enters, in all rows. So the company of such a row would change the others.
-        edges.push(to.clone());
-    }
-    LocalRoute { edges, end_m: behind.map(|way| way.end_m) }
 }

@@ -2,18 +2,12 @@
 
 use crate::network::memory_file::MemoryFile;
 
-/// A step is a second.
-pub(crate) const STEP_LENGTH_S: &str = "1";
-/// Time after which a waiting car teleports: never.
-pub(crate) const TIME_TO_TELEPORT_S: &str = "-1";
-
-/// Options of time that GS and LS of a grid have, without `--`.
-pub(crate) const TIME: [(&str, &str); 2] = [("step-length", STEP_LENGTH_S), ("time-to-teleport", TIME_TO_TELEPORT_S)];
+/// Options of time that GS and LS of a grid have, without `--`: a step is a second, and no car that waits teleports.
+pub(crate) const TIME: [(&str, &str); 2] = [("step-length", "1"), ("time-to-teleport", "-1")];
 
 /// SUMO's seed in an LS. It changes nothing: on a grid nothing is random, and on a scenario each lane has its own seed.
 pub(crate) const LOCAL_SEED: u32 = 0;
 
-/// Returns the options that all LSs have in common.
 pub(crate) fn common(net: &MemoryFile, routes: &MemoryFile) -> Vec<String> {
     let files = [("net-file", net.path()), ("route-files", routes.path()), ("seed", LOCAL_SEED.to_string())];
     let all = files.into_iter().chain(TIME.map(|(name, value)| (name, value.to_owned())));

@@ -49,7 +49,6 @@ struct Frame {
 }
 
 impl Camera {
-    /// Makes a camera of the lanes for cars. `agents`: those whose lights are drawn.
     pub(super) fn new(roads: &Roads, agents: &[AgentPlan], simulation: &mut Simulation) -> Result<Camera> {
         let drawn: Vec<_> = roads.lanes.iter().filter(|lane| lane.carries_cars && lane.shape.len() > 1).collect();
         let names: Vec<String> = drawn.iter().map(|lane| lane.id.clone()).collect();
@@ -77,7 +76,6 @@ impl Camera {
         Ok(simulation.read_lanes(&self.lanes, &mut self.cars)?)
     }
 
-    /// Draws lanes, lights and cars; `agents` and `shown`: the agents and what their lights show.
     pub(super) fn draw(&self, agents: &[AgentPlan], shown: &[Shown]) -> Scene {
         let mut scene = Scene::new(self.frame.width as f32, self.frame.height as f32, GROUND);
         let mut line = |from: Place, to: Place, width: f64, colour: Colour| {
@@ -135,10 +133,8 @@ fn along(shape: &[Place], length_m: f64, position_m: f64) -> Place {
 impl Frame {
     fn around(shapes: &[(Vec<Place>, f64)]) -> Frame {
         let points = || shapes.iter().flat_map(|(shape, _)| shape);
-        let bounds = |i: usize| {
-            points()
-                .fold([f64::INFINITY, f64::NEG_INFINITY], |[low, high], place| [low.min(place[i]), high.max(place[i])])
-        };
+        let widen = |[low, high]: [f64; 2], at: f64| [low.min(at), high.max(at)];
+        let bounds = |i: usize| points().map(|place| place[i]).fold([f64::INFINITY, f64::NEG_INFINITY], widen);
         let [[left_m, right_m], [bottom_m, top_m]] = [bounds(0), bounds(1)];
         let per_m = (LONGER - 2.0 * MARGIN) / (right_m - left_m).max(top_m - bottom_m).max(1.0);
         let side = |length_m: f64| length_m.max(0.0) * per_m + 2.0 * MARGIN;

@@ -18,7 +18,6 @@ use crate::scenario::SumoScenario;
 pub struct RecordedRoads {
     pub files: RecordedFiles,
     pub(crate) roads: Roads,
-    /// Plans of the agents, in their order.
     pub(crate) agents: Vec<AgentPlan>,
     /// Names of all lanes on which cars can be, with those inside of intersections, in the order of the net.
     pub lanes: Vec<String>,
@@ -56,14 +55,12 @@ pub struct LocalFiles {
 }
 
 impl LocalFiles {
-    /// Returns the second at which the episode begins.
     pub fn begin_s(&self) -> u64 {
         self.first.len() as u64
     }
 }
 
 impl RecordedRoads {
-    /// Returns the roads of a grid with its network and agents.
     pub(crate) fn of_grid(grid: Grid, network: &Network, agents: Vec<AgentPlan>) -> Result<RecordedRoads> {
         let children = network.routes.root.children.iter();
         let vehicle_types = children.filter(|child| child.name.starts_with("vType")).cloned().collect();
@@ -71,7 +68,6 @@ impl RecordedRoads {
         Ok(RecordedRoads::new(files, network.roads()?, agents, &[]))
     }
 
-    /// Returns the roads of a scenario with these agents.
     pub(crate) fn of_scenario(files: &SumoScenario, agents: Vec<AgentPlan>) -> Result<RecordedRoads> {
         let roads = files.roads()?;
         // SUMO has no light that controls nothing.
@@ -85,7 +81,7 @@ impl RecordedRoads {
         let row = &forest.rows[0];
         let (agent, net) = (&plan.agents[row.agent.0], &parts.nets[row.agent.0]);
         let name = |route: usize| route_name(0, route).strip_prefix(&prefix(0)).expect("its name begins so").to_owned();
-        let routes = row.local_routes.all().iter().enumerate();
+        let routes = row.local_routes.routes.iter().enumerate();
         let files = LocalFiles {
             net: net.clone(),
             types: parts.types.clone(),

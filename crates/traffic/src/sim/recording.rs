@@ -33,11 +33,9 @@ impl Tape {
     }
 }
 
-/// The recording of one episode.
 #[derive(Clone, Debug)]
 pub struct Recording {
     pub roads: Arc<RecordedRoads>,
-    /// Seed that SUMO got.
     pub seed: u32,
     /// Cars that entered, in the order in which they entered.
     pub entries: Vec<Entry>,
@@ -65,7 +63,6 @@ pub struct Step {
 }
 
 impl Recording {
-    /// Returns the cars on a lane after each step.
     pub(crate) fn on_lane<'a>(&'a self, name: &str) -> Result<impl Iterator<Item = LaneCars<'a>> + use<'a>> {
         let lane = self.roads.number(name)?;
         Ok(self.steps.iter().map(move |step| step.cars.lane(lane)))

@@ -48,11 +48,8 @@ impl Tally {
             let Some(decel) = self.emergency_decel_mps2 else { continue };
             // Cars neither overtake nor teleport. After the new one, if there is one, they stay in the same order.
             let new = usize::from(has_arrival(now, before));
-            let braked = now.speeds_mps[new..]
-                .iter()
-                .zip(before.speeds_mps)
-                .filter(|(now, before)| *before - *now > decel + 1e-9);
-            self.emergencies += braked.count() as u64;
+            let speeds = now.speeds_mps[new..].iter().zip(before.speeds_mps);
+            self.emergencies += speeds.filter(|(now, before)| *before - *now > decel + 1e-9).count() as u64;
         }
     }
 
@@ -70,7 +67,6 @@ impl Tally {
         Ok(())
     }
 
-    /// Returns whether cars of several types may drive: not on the paper's grids.
     fn is_scenario(&self) -> bool {
         self.emergency_decel_mps2.is_none()
     }
@@ -90,13 +86,10 @@ impl Tally {
             let light_steps = self.greens.len() as u64 * self.steps;
             system.push((CARS_PER_LIGHT, self.car_steps as f64 / light_steps.max(1) as f64));
         }
+        let shares = self.greens.iter().map(|&(greens, switches)| switches as f64 / greens.max(1) as f64);
         Measures {
-            per_agent: vec![(P_SWITCH.to_owned(), self.greens.iter().map(share_switched).collect())],
+            per_agent: vec![(P_SWITCH.to_owned(), shares.collect())],
             system: system.into_iter().map(|(name, value)| (name.to_owned(), value)).collect(),
         }
     }
-}
-
-fn share_switched(&(greens, switches): &(u64, u64)) -> f64 {
-    switches as f64 / greens.max(1) as f64
 }

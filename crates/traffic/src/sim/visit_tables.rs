@@ -10,8 +10,7 @@ use crate::agents::plan::Border;
 use crate::d_set::Parts;
 use dials_core::base::Dice;
 
-/// Recorded visits by agent, entry and part of the episode. A draw is a recorded visit: so type and way go together as
-/// they were seen.
+/// Recorded visits by agent, entry and part of the episode. A draw is one of them: type and way go together.
 #[derive(Clone, Debug)]
 pub struct VisitTables {
     visits: Visits,
@@ -24,7 +23,6 @@ pub struct VisitTables {
     usual: (String, String),
 }
 
-/// SUMO's own type of cars, and its class.
 const OWN: (&str, &str) = ("DEFAULT_VEHTYPE", "passenger");
 
 impl VisitTables {
@@ -69,8 +67,7 @@ impl VisitTables {
     }
 }
 
-/// Returns for each entry without visits those by other entries on its road. `places`: the visits of each entry;
-/// `may_enter`: whether the vehicle of a visit may begin at an entry.
+/// Returns for each entry without visits those by other entries on its road whose vehicles `may_enter` there.
 fn beside(plan: &BorderPlan, places: &[Vec<Vec<usize>>], may_enter: impl Fn(usize, usize) -> bool) -> Vec<Vec<usize>> {
     let others = |entry: usize| -> Vec<usize> {
         let is_near = |other: &usize| plan.road_of_entry(*other) == plan.road_of_entry(entry);
@@ -134,6 +131,9 @@ mod tests {
         assert_eq!(drawn(1, 500), set(&["car", "bus", "truck"]), "nobody was seen on the other lane of the road");
         assert!(drawn(2, 500).is_empty(), "nobody departed on `north`");
         assert_eq!(tables.usual(), ("car", "passenger"));
+        let early = tables_of(&[], &[(10, Some(1), "bus")]);
+        let drawn = early.draw(0, 1, 1700, &mut dice).map(|visit| visit.second);
+        assert_eq!(drawn, Some(10), "in a quarter without cars those of the others come");
     }
 
     #[test]
@@ -146,13 +146,5 @@ mod tests {
         assert!(tables.draw(0, 1, 500, &mut dice).is_none());
         let tables = tables_of(&bus_lane, &[(10, Some(1), "car"), (20, Some(0), "car"), (30, Some(0), "bus")]);
         (0..20).for_each(|_| assert_eq!(tables.draw(0, 1, 500, &mut dice).unwrap().second, 30));
-    }
-
-    #[test]
-    fn in_a_quarter_without_cars_those_of_the_others_come() {
-        let tables = tables_of(&[], &[(10, Some(1), "bus")]);
-        let mut dice = Seed::new(1).dice();
-        assert_eq!(tables.draw(0, 1, 1700, &mut dice).unwrap().second, 10);
-        assert_eq!(tables.usual(), ("bus", "bus"));
     }
 }

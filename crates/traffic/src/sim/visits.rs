@@ -8,14 +8,12 @@ use serde::{Deserialize, Serialize};
 use crate::agents::border_plan::BorderPlan;
 use libsumo::{Car, CarId, Departure, RouteNow};
 
-/// The visits of one episode.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Visits {
     /// Visits to the region of each agent, in the order of arrival.
     pub of_agents: Vec<Vec<Visit>>,
     /// Cars that departed. Most visit several regions.
     pub drivers: Vec<Driver>,
-    /// Number of seconds that were observed.
     pub seconds: usize,
 }
 
@@ -42,7 +40,6 @@ pub struct Visit {
 }
 
 impl Visits {
-    /// Returns the visits to all regions.
     pub(crate) fn all(&self) -> impl Iterator<Item = &Visit> {
         self.of_agents.iter().flatten()
     }
@@ -55,7 +52,6 @@ impl Visits {
 /// What is known of a car since it departed.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Driver {
-    /// SUMO's name.
     pub name: String,
     pub(crate) vehicle_type: String,
     /// SUMO's class of this type.
@@ -64,7 +60,6 @@ pub struct Driver {
     pub(crate) speed_factor: f64,
 }
 
-/// A car that came on a region.
 pub(crate) struct Arrival {
     pub(crate) car: Car,
     /// Index into [`BorderPlan::lanes`].
@@ -75,7 +70,6 @@ pub(crate) struct Arrival {
     pub(crate) route: RouteNow,
 }
 
-/// Writes the visits down, second by second.
 pub(crate) struct VisitRecorder {
     pub(super) visits: Visits,
     /// Indices into [`Visits::drivers`].
@@ -113,7 +107,6 @@ impl VisitRecorder {
         self.drivers.get(&car).map(|&driver| &*self.visits.drivers[driver].name)
     }
 
-    /// Notes a car with a name that came on a region in this second.
     pub(crate) fn arrived(&mut self, agent: usize, plan: &BorderPlan, arrival: Arrival) {
         let Arrival { car, lane, entry, departed, route: RouteNow { edges, at } } = arrival;
         let Some(&driver) = self.drivers.get(&car.id) else { return };
@@ -151,8 +144,7 @@ mod tests {
     use super::*;
     use crate::d_set::tests::border_of;
 
-    /// Notes a car each second, which departed with this route: on a lane, with another route of which it has passed some
-    /// roads. Returns entry, way and next road of each visit.
+    /// Returns entry, way and next road of each visit. `seen`: a lane in each second, the route, and how far on it.
     fn visits(departed_with: &[&str], seen: &[(&str, &[&str], usize)]) -> Vec<(Option<usize>, String, Option<String>)> {
         let plan = border_of(&[]).plan;
         let names = |names: &[&str]| names.iter().map(|&name| name.to_owned()).collect::<Vec<_>>();
@@ -184,25 +176,27 @@ mod tests {
 
     #[test]
     fn the_way_of_a_visit_is_the_one_that_the_car_means_to_go_when_it_comes() {
-        // It departed for `out`, and goes another way since.
-        let seen = visits(&["far", "near", "out"], &[("near_1", &["far", "near", "back", "west"], 1)]);
-        assert_eq!(seen, [(Some(1), "near back".to_owned(), Some("west".to_owned()))]);
-        // The road of its entry was not on its first route at all.
-        let seen = visits(&["side", "west"], &[("near_0", &["side", "near", "out"], 1)]);
-        assert_eq!(seen, [(Some(0), "near out".to_owned(), None)]);
-    }
-
-    #[test]
-    fn a_car_that_crossed_the_road_of_its_entry_within_a_second_has_it_on_its_way() {
-        let seen = visits(&["far", "near", "out"], &[("out_0", &["far", "near", "out"], 2)]);
-        assert_eq!(seen, [(Some(0), "near out".to_owned(), None)]);
-    }
-
-    #[test]
-    fn a_car_whose_way_begins_on_another_road_than_its_entry_has_no_entry() {
-        // The nearest entry to `out` is on `near`.
-        let seen = visits(&["north", "out"], &[("out_0", &["north", "out"], 1)]);
-        assert_eq!(seen, [(None, "north out".to_owned(), None)]);
+        for (departed_with, lane, route, at, entry, way, next_road) in [
+            // It departed for `out`, and goes another way since.
+            (
+                &["far", "near", "out"][..],
+                "near_1",
+                &["far", "near", "back", "west"][..],
+                1,
+                Some(1),
+                "near back",
+                Some("west"),
+            ),
+            // The road of its entry was not on its first route at all.
+            (&["side", "west"], "near_0", &["side", "near", "out"], 1, Some(0), "near out", None),
+            // It crossed the road of its entry within a second.
+            (&["far", "near", "out"], "out_0", &["far", "near", "out"], 2, Some(0), "near out", None),
+            // The nearest entry to `out` is on `near`, but its way begins on another road.
+            (&["north", "out"], "out_0", &["north", "out"], 1, None, "north out", None),
+        ] {
+            let seen = visits(departed_with, &[(lane, route, at)]);
+            assert_eq!(seen, [(entry, way.to_owned(), next_road.map(str::to_owned))]);
+        }
     }
 
     #[test]

@@ -7,31 +7,25 @@
 //! - From the winner it walks: it changes each green, row and column and the leeway a little, and keeps changes that
 //!   earn more.
 
-use std::ops::Range;
-
 use anyhow::Result;
 
-use super::Judge;
+use super::{Judge, LEEWAY_CHANGES};
 use crate::agents::phase_plan::PhasePlan;
 use crate::controllers::clock::{ClockPlan, Leeway, Timing};
 use dials_core::base::statistics::mean;
 
-/// Version of the search. Bump when the space of the search or the choice of the best changes; timings of another
-/// version are searched again.
+/// Bump when the space of the search or the choice of the best changes: then timings are searched again.
 pub(crate) const VERSION: u32 = 1;
 
 /// Greens of the first grid, in steps.
 const GREENS: [u32; 8] = [4, 6, 8, 10, 12, 15, 19, 24];
 /// Number of candidates of the first grid that play all episodes.
 const FINALISTS: usize = 6;
-/// Number of times that the walk tries every change.
 const ROUNDS: usize = 3;
 /// Steps by which the walk changes a green or an offset.
-const GREEN_CHANGES: [i64; 4] = [1, -1, 2, -2];
+const GREEN_CHANGES: [i32; 4] = [1, -1, 2, -2];
 const OFFSET_CHANGES: [i64; 6] = [1, -1, 2, -2, 4, -4];
-const LEEWAY_CHANGES: [(i64, i64); 4] = [(1, 0), (-1, 0), (0, 1), (0, -1)];
 
-/// The shape of a grid.
 #[derive(Clone, Copy)]
 pub(crate) struct Shape<'a> {
     pub(crate) rows: usize,
@@ -74,21 +68,18 @@ impl Candidate {
         ClockPlan { timings: offsets.map(timing).collect(), leeway: self.leeway.unwrap_or(Leeway::NONE) }
     }
 
-    /// Returns the candidates that one change makes of this one. When the cycle changes, offsets keep their share of
-    /// it.
+    /// Returns the candidates after one change. When the cycle changes, offsets keep their share of it.
     fn neighbours(&self, grid: Shape<'_>) -> Vec<Candidate> {
         let mut found = Vec::new();
         for by in GREEN_CHANGES {
             for (vertical, horizontal) in [(by, by), (by, 0), (0, by), (by, -by)] {
                 let mut changed = self.clone();
-                changed.vertical = lengthened(self.vertical, vertical);
-                changed.horizontal = lengthened(self.horizontal, horizontal);
+                changed.vertical = self.vertical.saturating_add_signed(vertical);
+                changed.horizontal = self.horizontal.saturating_add_signed(horizontal);
                 let (before, now) = (self.cycle(grid), changed.cycle(grid));
-                changed
-                    .rows
-                    .iter_mut()
-                    .chain(&mut changed.cols)
-                    .for_each(|offset| *offset = (*offset * now + before / 2) / before);
+                for offset in changed.rows.iter_mut().chain(&mut changed.cols) {
+                    *offset = (*offset * now + before / 2) / before;
+                }
                 found.push(changed);
             }
         }
@@ -102,23 +93,14 @@ impl Candidate {
         }
         found.retain(|candidate| candidate.vertical >= 1 && candidate.horizontal >= 1);
         for (early, late) in self.leeway.iter().flat_map(|_| LEEWAY_CHANGES) {
-            let change =
-                |Leeway { early: e, late: l }| Leeway { early: lengthened(e, early), late: lengthened(l, late) };
+            let change = |leeway: Leeway| Leeway {
+                early: leeway.early.saturating_add_signed(early),
+                late: leeway.late.saturating_add_signed(late),
+            };
             found.push(Candidate { leeway: self.leeway.map(change), ..self.clone() });
         }
         found
     }
-}
-
-/// Returns a green that is longer by some steps; 0 if it would be negative.
-fn lengthened(green: u32, by: i64) -> u32 {
-    u32::try_from(i64::from(green) + by).unwrap_or(0)
-}
-
-/// Returns the numbers of quarters of the cycle by which offsets can grow. Along a single row or column there is only
-/// 0.
-fn quarters(count: usize) -> Range<usize> {
-    if count > 1 { 0..4 } else { 0..1 }
 }
 
 /// Returns the best plan found and its mean over the episodes. `leeway`: to begin with; `None`: the lights have none.
@@ -146,6 +128,8 @@ pub(crate) fn search(grid: Shape<'_>, leeway: Option<Leeway>, mut judge: Judge<'
 }
 
 fn waves(grid: Shape<'_>, leeway: Option<Leeway>) -> Vec<Candidate> {
+    // Along a single row or column offsets cannot grow.
+    let quarters = |count: usize| if count > 1 { 0..4 } else { 0..1 };
     let mut waves = Vec::new();
     for green in GREENS {
         for by_row in quarters(grid.rows) {
@@ -194,18 +178,5 @@ mod tests {
             let (found, _) = find(7, &mut score, |judge| search(grid, begins, judge));
             assert_eq!(found, ClockPlan { timings: wanted, leeway: ends }, "{what}");
         }
-    }
-
-    #[test]
-    fn offsets_are_sums_of_one_per_row_and_one_per_column() {
-        let plan = middle();
-        let grid = Shape { rows: 2, cols: 3, phases: &plan.phases };
-        let offsets =
-            |candidate: &Candidate| -> Vec<u32> { candidate.plan(grid).timings.iter().map(Timing::offset).collect() };
-        // A cycle of 26: half of it is 13.
-        assert_eq!(offsets(&Candidate::wave(grid, 10, 2, 2, None)), [0, 13, 0, 13, 0, 13]);
-        let candidate =
-            Candidate { vertical: 10, horizontal: 10, rows: vec![0, 5], cols: vec![1, 2, 25], leeway: None };
-        assert_eq!(offsets(&candidate), [1, 2, 25, 6, 7, 4]);
     }
 }

@@ -2,8 +2,6 @@
 //!
 //! Pure: the caller says what a candidate earns in an episode. A candidate is judged against another one on common
 //! random numbers, so small gains show.
-//!
-//! - [`grid`]: the paper's grids. [`net`]: other nets.
 
 pub(crate) mod grid;
 pub(crate) mod net;
@@ -13,7 +11,9 @@ use anyhow::Result;
 use super::clock::ClockPlan;
 use dials_core::base::statistics::mean;
 
-/// Plays candidates.
+/// Changes of the leeway that a walk tries: steps early and late.
+const LEEWAY_CHANGES: [(i32, i32); 4] = [(1, 0), (-1, 0), (0, 1), (0, -1)];
+
 pub(crate) struct Judge<'a> {
     episodes: usize,
     /// Returns what a plan earns in an episode.
@@ -83,8 +83,7 @@ impl<'a> Judge<'a> {
         champion
     }
 
-    /// Returns what the challenger earned, if it earns more. It loses early if it does not earn more in the first few
-    /// episodes.
+    /// Returns what the challenger earned, if it earns more, also in the first few episodes.
     fn challenge(&mut self, challenger: &ClockPlan, champion: &[f64]) -> Result<Option<Vec<f64>>> {
         let mut earned = Vec::new();
         for episodes in [self.some(), self.episodes] {

@@ -11,7 +11,7 @@ use std::f64::consts::TAU;
 
 use anyhow::Result;
 
-use super::Judge;
+use super::{Judge, LEEWAY_CHANGES};
 use crate::agents::plan::AgentPlan;
 use crate::controllers::arguments::{every_other, split};
 use crate::controllers::clock::{ClockPlan, Leeway, Timing};
@@ -21,9 +21,7 @@ use dials_core::base::statistics::mean;
 /// Version of the search, as that of [`super::grid`].
 pub(crate) const VERSION: u32 = 1;
 
-/// Cycles of the first part, in steps.
 const CYCLES: [u32; 7] = [40, 50, 60, 75, 90, 110, 130];
-/// Number of directions of the waves.
 const DIRECTIONS: usize = 8;
 /// Number of candidates of the first and of the second part that play all episodes.
 const FINALISTS: [usize; 2] = [2, 3];
@@ -36,17 +34,18 @@ const LEAST_RATIO: f64 = 0.02;
 const CYCLE_CHANGES: [i64; 4] = [5, -5, 10, -10];
 const MOVES: [u32; 2] = [2, 5];
 const OFFSET_CHANGES: [i64; 6] = [3, -3, 8, -8, 15, -15];
-const LEEWAY_CHANGES: [(i64, i64); 4] = [(1, 0), (-1, 0), (0, 1), (0, -1)];
 
-/// Returns the best plan found and its mean over the episodes. `ratios`: of the lights' greens. `leeway`: to begin with;
-/// `None`: the lights have none.
+/// Returns the best plan found and its mean over the episodes. `leeway`: to begin with; `None`: the lights have none.
 pub(crate) fn search(
     plans: &[AgentPlan],
     ratios: &[FlowRatios],
     leeway: Option<Leeway>,
     mut judge: Judge<'_>,
 ) -> Result<(ClockPlan, f64)> {
-    let cycles = cycles(plans, ratios, leeway);
+    // Each light with the cycle that Webster's formula gives it, and all with the same cycle.
+    let timings = plans.iter().zip(ratios).map(|(plan, ratios)| webster::timing(plan, ratios)).collect();
+    let mut cycles = vec![Candidate { timings, leeway }];
+    cycles.extend(CYCLES.map(|cycle| Candidate::of_cycle(plans, ratios, cycle, leeway)));
     let (all, some) = (judge.episodes, judge.some());
     let of_waves = FINALISTS[0] * waves(plans, &cycles[0]).len();
     judge.at_most = (cycles.len() + of_waves) * some + FINALISTS.iter().sum::<usize>() * (all - some) + WALK * all;
@@ -82,14 +81,6 @@ fn walk(
     Ok((best.plan(), mean(&earned)))
 }
 
-/// Returns the candidates of the first part: each light with the cycle that Webster's formula gives it, and all with the
-/// same cycle.
-fn cycles(plans: &[AgentPlan], ratios: &[FlowRatios], leeway: Option<Leeway>) -> Vec<Candidate> {
-    let timings = plans.iter().zip(ratios).map(|(plan, ratios)| webster::timing(plan, ratios)).collect();
-    let same = CYCLES.into_iter().map(|cycle| Candidate::of_cycle(plans, ratios, cycle, leeway));
-    [Candidate { timings, leeway }].into_iter().chain(same).collect()
-}
-
 /// Returns a candidate with the offsets of the waves and of the checkerboard; none for a light alone.
 fn waves(plans: &[AgentPlan], candidate: &Candidate) -> Vec<Candidate> {
     if plans.len() == 1 {
@@ -108,7 +99,6 @@ fn waves(plans: &[AgentPlan], candidate: &Candidate) -> Vec<Candidate> {
     [candidate.with_offsets(half)].into_iter().chain((0..DIRECTIONS).map(wave)).collect()
 }
 
-/// Timings of all lights.
 #[derive(Clone, Debug, PartialEq, Eq)]
 struct Candidate {
     timings: Vec<Timing>,
@@ -116,22 +106,26 @@ struct Candidate {
     leeway: Option<Leeway>,
 }
 
-/// A change of a candidate.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Change {
     /// Makes the cycle of all lights longer by some steps. Greens and offsets keep their shares.
     Cycle(i64),
-    /// Moves steps of one green of a light to another one.
-    Move { light: usize, from: usize, to: usize, steps: u32 },
-    /// Shifts the clock of a light.
-    Offset { light: usize, by: i64 },
+    Move {
+        light: usize,
+        from: usize,
+        to: usize,
+        steps: u32,
+    },
+    Offset {
+        light: usize,
+        by: i64,
+    },
     /// Changes the steps of leeway, early and late.
-    Leeway(i64, i64),
+    Leeway(i32, i32),
 }
 
 impl Candidate {
-    /// Returns lights that share a cycle, with Webster's greens as far as the light's least green allows. A light whose
-    /// greens do not fit into the cycle has a longer one.
+    /// Returns lights that share a cycle, with Webster's greens. One whose least greens do not fit has a longer one.
     fn of_cycle(plans: &[AgentPlan], ratios: &[FlowRatios], cycle: u32, leeway: Option<Leeway>) -> Candidate {
         let timing = |(plan, ratios): (&AgentPlan, &FlowRatios)| {
             let mut weights = vec![0.0; plan.greens()];
@@ -213,8 +207,8 @@ impl Candidate {
             Change::Leeway(early, late) => {
                 let Leeway { early: e, late: l } = self.leeway?;
                 let most = |steps: &u32| *steps <= Leeway::MOST;
-                let early = e.checked_add_signed(early as i32).filter(most)?;
-                changed.leeway = Some(Leeway { early, late: l.checked_add_signed(late as i32).filter(most)? });
+                let early = e.checked_add_signed(early).filter(most)?;
+                changed.leeway = Some(Leeway { early, late: l.checked_add_signed(late).filter(most)? });
             }
         }
         Some(changed)
@@ -246,7 +240,6 @@ mod tests {
         FlowRatios { greens: vec![(0, 0.3), (1, 0.1), (3, 0.1)], lost_s: 12.0 }
     }
 
-    /// Searches with a score; returns the best plan and the number of episodes.
     fn find(plans: &[AgentPlan], score: &mut dyn FnMut(&ClockPlan) -> f64) -> (ClockPlan, usize) {
         find_with(4, score, |judge| search(plans, &vec![ratios(); plans.len()], None, judge))
     }

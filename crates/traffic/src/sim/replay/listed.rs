@@ -11,17 +11,15 @@ use super::{NAME, SIGNALS, VIEW};
 use crate::cut::mixed::Alone;
 use crate::network::files::NetworkFiles;
 use crate::network::xml::{Xml, document, element, leaf, section};
-use crate::sim::options::{STEP_LENGTH_S, TIME_TO_TELEPORT_S};
+use crate::sim::options::TIME;
 use crate::sim::recorded_roads::{GridFiles, LocalFiles};
 use crate::sim::recording::{Entry, Recording};
 use libsumo::DepartSpeed;
 
-/// File of the vehicle types of a scenario.
 const TYPES: &str = "replay.types.add.xml";
 /// Places on the road apart for the first cars, one after the other, in metres: number and distance.
 const PLACES: (usize, usize) = (30, 30);
 
-/// Names and contents of files.
 type Contents = Vec<(String, Vec<u8>)>;
 
 /// Returns the files of a grid's replay, without signals and view.
@@ -75,10 +73,11 @@ fn files(recording: &Recording, net: String, cars: String, additional: &[&str], 
     let end = (recording.roads.begin_s() + recording.steps.len() as u64).to_string();
     let additional = additional.join(",");
     let input = [("net-file", &*net_file), ("route-files", &routes_file), ("additional-files", &additional)];
-    let options = [&[("time-to-teleport", TIME_TO_TELEPORT_S)], options].concat();
+    let [step_length, time_to_teleport] = TIME;
+    let options = [&[time_to_teleport], options].concat();
     let config = document("configuration", |xml| {
         section(xml, "input", &input)?;
-        section(xml, "time", &[("begin", "0"), ("end", &end), ("step-length", STEP_LENGTH_S)])?;
+        section(xml, "time", &[("begin", "0"), ("end", &end), step_length])?;
         section(xml, "processing", &options)?;
         section(xml, "random_number", &[("seed", &recording.seed.to_string())])?;
         section(xml, "report", &[("no-warnings", "true"), ("xml-validation", "never")])?;

@@ -6,12 +6,11 @@
 //! - On a grid and of a local simulator, each car that entered is `listed`.
 //! - On a scenario, its own files play with the seed of the episode. So SUMO draws the same numbers, and cars of all types
 //!   choose the same routes, lanes and speeds.
-//! - `view`: how sumo-gui shows the roads.
 
 mod listed;
-mod view;
 
 use std::collections::HashSet;
+use std::io;
 use std::path::{Path, PathBuf};
 
 use anyhow::{Result, bail};
@@ -21,19 +20,15 @@ use super::recording::Recording;
 use crate::cut::names::free_name;
 use crate::network::files::{NetworkFiles, for_sumo};
 use crate::network::tree::Element;
-use crate::network::xml::{document, leaf, nest};
+use crate::network::xml::{Xml, document, leaf, nest};
 use crate::scenario::kept::Episode;
 use dials_core::outside::{quoted, write_together};
 use libsumo::{CarTable, SignalState, Simulation};
 
-pub use view::{SPEED_COLOURS, Snapshot, view};
-
-/// Name of all files of a replay.
 const NAME: &str = "replay";
 const SIGNALS: &str = "replay.signals.add.xml";
 const VIEW: &str = "view.xml";
 
-/// Time for which sumo-gui shows a step.
 const WATCHING_DELAY_MS: u32 = 100;
 
 /// Returns the configuration for `sumo -c` and `sumo-gui -c` in the folder of a replay.
@@ -46,7 +41,6 @@ pub fn check_place(dir: &Path) -> Result<()> {
     NetworkFiles::of(&dir.join(NAME)).check_config_path()
 }
 
-/// Writes the episode into `dir`.
 pub fn write(recording: &Recording, dir: &Path) -> Result<()> {
     let RecordedRoads { files, agents, lights, .. } = &*recording.roads;
     let (mut files, signals) = match files {
@@ -144,4 +138,65 @@ fn signals<'a>(recording: &Recording, lights: usize, roots: impl IntoIterator<It
 
 fn shown(recording: &Recording, light: usize) -> Vec<&SignalState> {
     recording.steps.iter().map(|step| &step.signals[light]).collect()
+}
+
+pub struct Snapshot {
+    /// Path of the picture; its ending gives the format.
+    pub file: PathBuf,
+    pub step: usize,
+}
+
+/// Colours of cars at these speeds, in metres per second; between them the colours flow into each other. A standing car is
+/// red, a car at a city's limit blue. People with any kind of colour vision can distinguish these.
+pub const SPEED_COLOURS: [([u8; 3], u32); 3] = [([213, 94, 0], 0), ([240, 228, 66], 5), ([86, 180, 233], 10)];
+
+/// Longer side of a film, and least length of a car in it.
+const FILM_PX: f64 = 1200.0;
+const LEAST_CAR_PX: f64 = 10.0;
+const CAR_M: f64 = 5.0;
+const LARGER: f64 = 1.4;
+
+/// SUMO's names of the sorts of roads on which cars drive. Without a colour of ours, rails in a road are purple.
+const SORTS: [&str; 3] = ["road", "no passenger", "rails on road"];
+
+pub fn view(roads: &RecordedRoads, delay_ms: u32, snapshots: &[Snapshot]) -> String {
+    const BOXES: &str = "1";
+    const BY_SPEED: &str = "8";
+    // How much larger than they are cars and roads are drawn, so that a whole network can be watched.
+    let (cars, edges, sorts) = if roads.grid().is_some() {
+        (LARGER, "1.5", &SORTS[..1])
+    } else {
+        let [wide, tall] = roads.extent_m();
+        let car_px = CAR_M * FILM_PX / wide.max(tall);
+        // Lanes side by side must not cover each other.
+        ((LEAST_CAR_PX / car_px).max(LARGER), "1", &SORTS[..])
+    };
+    document("viewsettings", |xml| {
+        nest(xml, "scheme", [("name", "standard")], |xml| {
+            leaf(xml, "background", [("backgroundColor", "245,245,245"), ("showGrid", "0")])?;
+            nest(xml, "edges", [("laneEdgeMode", "0"), ("widthExaggeration", edges)], |xml| all_grey(xml, sorts))?;
+            nest(xml, "junctions", [("junctionMode", "0")], |xml| all_grey(xml, &[""]))?;
+            let cars =
+                [("vehicleMode", BY_SPEED), ("vehicleQuality", BOXES), ("vehicle_exaggeration", &*cars.to_string())];
+            nest(xml, "vehicles", cars.into_iter().chain([("showBlinker", "0")]), |xml| {
+                nest(xml, "colorScheme", [("name", "by speed"), ("interpolated", "1")], |xml| {
+                    SPEED_COLOURS.iter().try_for_each(|([red, green, blue], speed_mps)| {
+                        let colour = format!("{red},{green},{blue}");
+                        leaf(xml, "entry", [("color", &*colour), ("threshold", &speed_mps.to_string())])
+                    })
+                })
+            })?;
+            leaf(xml, "legend", [("showSizeLegend", "0")])
+        })?;
+        leaf(xml, "delay", [("value", delay_ms.to_string())])?;
+        snapshots.iter().try_for_each(|snapshot| {
+            let time = (roads.begin_s() + snapshot.step as u64).to_string();
+            leaf(xml, "snapshot", [("file", &*snapshot.file.to_string_lossy()), ("time", &time)])
+        })
+    })
+}
+
+fn all_grey(xml: &mut Xml, sorts: &[&str]) -> io::Result<()> {
+    let entry = |xml: &mut Xml, sort: &&str| leaf(xml, "entry", [("name", *sort), ("color", "90,90,90")]);
+    nest(xml, "colorScheme", [("name", "uniform")], |xml| sorts.iter().try_for_each(|sort| entry(xml, sort)))
 }

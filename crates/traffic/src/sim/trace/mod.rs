@@ -1,6 +1,4 @@
 //! Recordings as traces: the data for pictures of an episode.
-//!
-//! [`route`]: the way along which a scenario is drawn.
 
 pub mod route;
 
@@ -56,12 +54,7 @@ pub fn trace(recording: &Recording, route: Option<&Route>) -> Result<RoadTrace> 
     })
 }
 
-/// Returns the map of a scenario. `None`: a grid, which needs none.
-pub(crate) fn road_map(roads: &RecordedRoads) -> Option<RoadMap> {
-    roads.grid().is_none().then(|| map(roads))
-}
-
-fn map(recorded: &RecordedRoads) -> RoadMap {
+pub(crate) fn map(recorded: &RecordedRoads) -> RoadMap {
     let RecordedRoads { agents, roads, files, .. } = recorded;
     RoadMap {
         place: place_of(files),
@@ -80,14 +73,6 @@ fn place_of(files: &RecordedFiles) -> String {
             KEPT => "a scenario".to_owned(),
             name => format!("scenario {name}"),
         },
-    }
-}
-
-fn aspect(letter: u8) -> Aspect {
-    match letter {
-        b'G' | b'g' | b'O' => Aspect::Green,
-        b'y' | b'Y' | b'o' => Aspect::Yellow,
-        _ => Aspect::Red,
     }
 }
 
@@ -137,7 +122,6 @@ fn comes_from(roads: &Roads, lane: &str) -> Side {
     }
 }
 
-/// Returns the way through a row of a grid from west to east.
 fn of_row(recording: &Recording, grid: Grid, row: usize) -> Result<Corridor> {
     let mut agents = (0..grid.cols()).map(|col| AgentId(row * grid.cols() + col));
     let mut edges: Vec<String> =
@@ -149,9 +133,8 @@ fn of_row(recording: &Recording, grid: Grid, row: usize) -> Result<Corridor> {
     Ok(Corridor { name, from, to, ..corridor(recording, roads, &Route::read(&edges.join(","), roads)?)? })
 }
 
-/// Returns the way along a route.
 fn corridor(recording: &Recording, roads: &Roads, route: &Route) -> Result<Corridor> {
-    let edges = route.edges();
+    let edges = &route.0;
     let mut stretches = Vec::new();
     let mut crossings = Vec::new();
     let mut begin_m = 0.0;
@@ -159,7 +142,7 @@ fn corridor(recording: &Recording, roads: &Roads, route: &Route) -> Result<Corri
         let lanes = &roads.edge(edge).lanes;
         let length_m = lanes.iter().map(|&lane| roads.lane(lane).length_m).fold(0.0, f64::max);
         for &lane in lanes {
-            stretches.push(stretch(roads, lane, begin_m, length_m / roads.lane(lane).length_m));
+            stretches.push((lane, begin_m, length_m / roads.lane(lane).length_m));
         }
         begin_m += length_m;
         let Some(&next) = edges.get(number + 1) else { break };
@@ -169,7 +152,7 @@ fn corridor(recording: &Recording, roads: &Roads, route: &Route) -> Result<Corri
             let scale = within_m / roads.length_within_junction(way);
             let mut piece_m = begin_m;
             for lane in roads.lanes_within_junction(way) {
-                stretches.push(stretch(roads, lane, piece_m, scale));
+                stretches.push((lane, piece_m, scale));
                 piece_m += roads.lane(lane).length_m * scale;
             }
         }
@@ -181,32 +164,22 @@ fn corridor(recording: &Recording, roads: &Roads, route: &Route) -> Result<Corri
         }
         begin_m += within_m;
     }
-    let ends = [edges[0], edges[edges.len() - 1]].map(|edge| roads.edge(edge).id.clone());
-    let [from, to] = ends;
+    let [from, to] = [edges[0], edges[edges.len() - 1]].map(|edge| roads.edge(edge).id.clone());
     let name = if edges.len() == 1 { "one edge".to_owned() } else { format!("a route of {} edges", edges.len()) };
     let cars = trajectories(recording, &stretches)?;
     Ok(Corridor { name, from, to, length_m: begin_m, crossings, cars })
 }
 
-/// A lane on a way.
-struct Stretch {
-    lane: String,
-    /// Metres from the beginning of the way to that of the lane.
-    begin_m: f64,
-    /// Metres on the way for a metre on the lane. Lanes side by side may differ in length.
-    scale: f64,
-}
+/// A lane on a way: metres from the beginning of the way to that of the lane, and metres on the way for a metre on the
+/// lane, because lanes side by side may differ in length.
+type Stretch = (LaneNo, f64, f64);
 
-fn stretch(roads: &Roads, lane: LaneNo, begin_m: f64, scale: f64) -> Stretch {
-    Stretch { lane: roads.lane(lane).id.clone(), begin_m, scale }
-}
-
-/// Returns the trajectories of the cars on these lanes: seconds, and metres from the beginning of the way. A car that
-/// leaves the way and comes back has two.
+/// Returns the trajectories: seconds and metres on the way. A car that leaves the way and comes back has two.
 fn trajectories(recording: &Recording, stretches: &[Stretch]) -> Result<Vec<Vec<(f64, f64)>>> {
     let mut cars: BTreeMap<CarId, Vec<(usize, f64)>> = BTreeMap::new();
-    for Stretch { lane, begin_m, scale } in stretches {
-        for (step, on_lane) in recording.on_lane(lane)?.enumerate() {
+    for &(lane, begin_m, scale) in stretches {
+        let name = &recording.roads.roads.lane(lane).id;
+        for (step, on_lane) in recording.on_lane(name)?.enumerate() {
             for car in on_lane.iter() {
                 cars.entry(car.id).or_default().push((step + 1, begin_m + car.position_m * scale));
             }
@@ -228,9 +201,14 @@ fn aspects(recording: &Recording, light: &str, letters: &[usize]) -> Vec<Aspect>
     let number = number.expect("all lights that control a way are recorded");
     let shown = recording.steps.iter().map(|step| {
         let state = step.signals[number].as_str().as_bytes();
-        let aspects = || letters.iter().map(|&letter| aspect(state[letter]));
-        let first = |wanted: Aspect| aspects().find(|&aspect| aspect == wanted);
-        first(Aspect::Green).or(first(Aspect::Yellow)).unwrap_or(Aspect::Red)
+        let shows = |wanted: &[u8]| letters.iter().any(|&letter| wanted.contains(&state[letter]));
+        if shows(b"GgO") {
+            Aspect::Green
+        } else if shows(b"yYo") {
+            Aspect::Yellow
+        } else {
+            Aspect::Red
+        }
     });
     shown.collect()
 }

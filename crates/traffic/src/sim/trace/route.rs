@@ -11,7 +11,7 @@ use dials_core::outside::excerpt;
 
 /// Edges that follow each other, each of them once; at least one.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Route(Vec<EdgeNo>);
+pub struct Route(pub(super) Vec<EdgeNo>);
 
 impl Route {
     /// Reads the names of edges, separated by commas or blanks. An error says which edge is wrong.
@@ -55,10 +55,6 @@ impl Route {
         let best = routes.into_iter().rev().max_by_key(|edges| met(edges));
         best.cloned().map(Route)
     }
-
-    pub(crate) fn edges(&self) -> &[EdgeNo] {
-        &self.0
-    }
 }
 
 /// Returns the connections that lead from an edge to the next one.
@@ -67,7 +63,6 @@ pub(crate) fn ways(roads: &Roads, from: EdgeNo, to: EdgeNo) -> impl Iterator<Ite
     lanes.flat_map(|&lane| roads.from_lane(lane)).filter(move |way| roads.lane(way.to).edge == to)
 }
 
-/// Returns the light between an edge and the next one.
 pub(crate) fn light_between(roads: &Roads, from: EdgeNo, to: EdgeNo) -> Option<&str> {
     ways(roads, from, to).find_map(|way| way.signal.as_ref()).map(|signal| signal.light.as_str())
 }
