@@ -29,7 +29,6 @@ pub struct GlobalWarehouse {
     /// Shelf that each robot without a policy goes to.
     targets: Vec<Option<usize>>,
     dice: Vec<Dice>,
-    /// Age of the item on each shelf.
     ages: Vec<Age>,
     appearances: Vec<Appearances>,
     last: JointTransition,
@@ -41,7 +40,6 @@ pub struct GlobalWarehouse {
 #[derive(Clone, Debug, Default)]
 struct Collected {
     steps: u64,
-    /// Number of items collected, per agent.
     collected: Vec<u64>,
     /// Sums over steps of the number of waiting items, and of their ages.
     waiting: u64,

@@ -8,7 +8,6 @@ use super::region::{Age, DOWN, LEFT, MOVES, RIGHT, SHELF_CELLS, SHELVES, SIDE, U
 use dials_core::base::Dice;
 use dials_core::domain::Action;
 
-/// The rules that a robot can follow.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Rule {
     Random,

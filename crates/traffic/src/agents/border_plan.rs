@@ -39,9 +39,7 @@ pub struct BorderPlan {
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct BorderRoad {
     pub road: String,
-    /// Whether it begins at the border, so that cars come to it from outside only.
     pub begins_outside: bool,
-    /// Whether it ends at the border, so that cars leave the region there.
     pub(crate) ends_outside: bool,
 }
 
@@ -58,7 +56,6 @@ pub struct BorderLane {
     pub departures: Option<usize>,
 }
 
-/// A place where cars come in.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Entry {
     pub(crate) place: EntryPlace,
@@ -99,12 +96,10 @@ impl BorderPlan {
         self.blocked(0)..self.blocked(self.exits.len())
     }
 
-    /// Returns the road of an entry: SUMO's name.
     pub(crate) fn road_of_entry(&self, entry: usize) -> &str {
         &self.entries[entry].default_way[0]
     }
 
-    /// Returns whether a lane is one of a road, and not within a junction. `road`: SUMO's name.
     pub(crate) fn is_on_road(&self, lane: usize, road: &str) -> bool {
         self.lanes[lane].road.is_some_and(|number| self.roads[number].road == road)
     }

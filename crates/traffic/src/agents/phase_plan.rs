@@ -5,7 +5,6 @@ use std::collections::BTreeSet;
 use dials_core::domain::Action;
 use libsumo::SignalState;
 
-/// What a light can show, and what an action means to it.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct PhasePlan {
     greens: Vec<SignalState>,
@@ -21,7 +20,6 @@ pub struct PhasePlan {
     choice: Choice,
 }
 
-/// A state that is shown for some steps.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Interval {
     pub state: SignalState,
@@ -33,7 +31,6 @@ pub struct Interval {
 pub(crate) struct ProgramChange {
     pub(crate) from: usize,
     pub(crate) to: usize,
-    /// States that the program shows in between.
     pub(crate) between: Vec<SignalState>,
 }
 
@@ -106,7 +103,6 @@ impl PhasePlan {
         PhasePlan { own_green_steps: Some(green_steps), ..self }
     }
 
-    /// Returns the letters by which states of other programs are recognised, those that cars obey.
     pub(crate) fn cars(&self) -> &BTreeSet<usize> {
         &self.cars
     }
@@ -124,7 +120,6 @@ impl PhasePlan {
         self.min_green_steps
     }
 
-    /// Returns the number of steps of a green that the light leaves by itself, until it is switched in an episode.
     pub(crate) fn own_green_steps(&self) -> Option<u32> {
         self.own_green_steps
     }
@@ -140,7 +135,6 @@ impl PhasePlan {
         }
     }
 
-    /// Returns the green after this one, in the order of the program.
     pub(crate) fn next(&self, green: usize) -> usize {
         (green + 1) % self.greens.len()
     }

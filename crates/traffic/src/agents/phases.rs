@@ -25,7 +25,6 @@ impl Light {
         Side::LINK_ORDER.into_iter().map(|from| self.letter(from)).collect()
     }
 
-    /// Returns SUMO's letter for the cars that come from a side.
     fn letter(self, from: Side) -> char {
         match (self, from.is_vertical()) {
             (Light::VerticalGreen, true) | (Light::HorizontalGreen, false) => 'G',
@@ -51,7 +50,6 @@ impl Light {
         }
     }
 
-    /// Returns the light that follows this one in the cycle.
     pub fn next(self) -> Light {
         let place = Light::CYCLE.iter().position(|&light| light == self).expect("every light is in the cycle");
         Light::CYCLE[(place + 1) % Light::CYCLE.len()]

@@ -12,7 +12,6 @@ use crate::config::Reward;
 use crate::d_set::DSetPlan;
 use dials_core::domain::Kinds;
 
-/// The plans of all agents, and what they have in common.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct JointPlan {
     pub(crate) agents: Vec<AgentPlan>,
@@ -35,7 +34,6 @@ pub struct Border {
     pub d_set: DSetPlan,
 }
 
-/// Everything that simulators need to know of one agent.
 #[derive(Clone, Debug, PartialEq)]
 pub struct AgentPlan {
     pub light: String,
@@ -56,12 +54,10 @@ impl AgentPlan {
         served as f64 / links.len().max(1) as f64
     }
 
-    /// Returns whether some link of an approach has green.
     pub(crate) fn serves(&self, green: usize, approach: usize) -> bool {
         self.share(green, approach) > 0.0
     }
 
-    /// Returns the approaches with a link that has green, in their order.
     pub fn served(&self, green: usize) -> impl Iterator<Item = usize> + '_ {
         (0..self.region.approaches.len()).filter(move |&approach| self.serves(green, approach))
     }

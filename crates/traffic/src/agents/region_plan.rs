@@ -1,17 +1,14 @@
 //! A local region as lanes: the approaches that an agent sees, the exits behind its light, and the links between them.
 
-/// The lanes around one light.
 #[derive(Clone, Debug, PartialEq)]
 pub struct RegionPlan {
     /// Lanes towards the stop lines, in the order of observations and of every array with one entry per approach.
     pub approaches: Vec<Approach>,
-    /// Lanes that leave the intersection.
     pub exits: Vec<Exit>,
     /// Ways through the intersection under the light. Several may share a letter of the light's state.
     pub links: Vec<Link>,
 }
 
-/// A lane on which cars come to the light.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Approach {
     pub lane: String,
@@ -24,7 +21,6 @@ pub struct Approach {
     pub links: Vec<usize>,
 }
 
-/// A lane on which cars leave the intersection.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Exit {
     pub lane: String,
@@ -34,7 +30,6 @@ pub struct Exit {
     pub leaves_the_net: bool,
 }
 
-/// A way through the intersection under the light.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Link {
     /// Index of its letter in the light's state: SUMO's `linkIndex`.

@@ -77,7 +77,6 @@ pub enum Observation {
 
 /// Longest decision, green and yellow, in seconds.
 const LONGEST_S: u32 = 300;
-/// Limits of `approach_m`.
 const APPROACH_M: std::ops::RangeInclusive<f64> = 10.0..=1000.0;
 /// Largest number of decisions of an episode, as in the check of a horizon.
 const MOST_DECISIONS: u64 = 1_000_000;
@@ -89,7 +88,6 @@ impl Default for ScenarioConfig {
 }
 
 impl ScenarioConfig {
-    /// Returns the settings of a config that names nothing but its scenario.
     pub fn new(scenario: impl Into<PathBuf>) -> ScenarioConfig {
         ScenarioConfig {
             scenario: scenario.into(),
@@ -132,7 +130,6 @@ impl ScenarioConfig {
 }
 
 impl DomainTable for ScenarioConfig {
-    /// Returns the number of whole decisions from begin to end.
     fn horizon(&self) -> usize {
         let (begin, end) = self.window_s().expect("a checked config has both");
         ((end - begin) / u64::from(self.decision_s)) as usize

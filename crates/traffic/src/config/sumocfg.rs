@@ -11,7 +11,6 @@ use super::sumo_time::seconds;
 use dials_core::outside::excerpt;
 use dials_core::outside::tree::{Element, parse_file, read_whole};
 
-/// Largest number of files of one kind.
 const MOST_FILES: usize = 1000;
 /// Latest second: 10 billion, some 300 years.
 pub(crate) const MOST_SECONDS: u64 = 10_000_000_000;
@@ -106,7 +105,6 @@ impl Sumocfg {
     }
 }
 
-/// Collects the whole names and the values of all options in an element.
 fn collect<'a>(element: &'a Element, given: &mut Vec<(&'a str, &'a str)>) -> Result<()> {
     for child in &element.children {
         let name = whole_name(&child.name);
@@ -140,7 +138,6 @@ fn whole_second(value: &str) -> Result<Option<u64>> {
     Ok((time >= 0.0).then_some(time as u64))
 }
 
-/// Returns the paths of a list of files, separated by commas.
 fn files(value: &str, folder: &Path) -> Result<Vec<PathBuf>> {
     let paths = value.split(',').map(|name| file(name.trim())).collect::<Result<Vec<_>>>()?;
     ensure!(paths.len() <= MOST_FILES, "names {} files, and at most {MOST_FILES} are allowed", paths.len());

@@ -4,12 +4,11 @@ use std::borrow::Cow;
 use std::fmt::{self, Display, Formatter};
 
 use schemars::{JsonSchema, Schema, SchemaGenerator, json_schema};
-use serde::de::{Error, Unexpected, Visitor};
+use serde::de::{Error, Unexpected};
 use serde::{Deserialize, Deserializer, Serialize, Serializer};
 
 const PROGRAM: &str = "program";
 
-/// Length of the yellow between two greens.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Yellow {
     /// That of the light's own program, in whole seconds. So no controller gains time by a shorter one.
@@ -38,7 +37,18 @@ impl Serialize for Yellow {
 
 impl<'de> Deserialize<'de> for Yellow {
     fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Yellow, D::Error> {
-        deserializer.deserialize_any(SecondsOrProgram)
+        const WORDS: &str = "a whole number of seconds, or \"program\"";
+        #[derive(Deserialize)]
+        #[serde(untagged, expecting = "must be a whole number of seconds, or \"program\"")]
+        enum Given {
+            Seconds(u32),
+            Word(String),
+        }
+        match Given::deserialize(deserializer)? {
+            Given::Seconds(seconds) => Ok(Yellow::Seconds(seconds)),
+            Given::Word(word) if word == PROGRAM => Ok(Yellow::Program),
+            Given::Word(word) => Err(D::Error::invalid_value(Unexpected::Str(&word), &WORDS)),
+        }
     }
 }
 
@@ -49,30 +59,6 @@ impl JsonSchema for Yellow {
 
     fn json_schema(_: &mut SchemaGenerator) -> Schema {
         json_schema!({ "anyOf": [{ "enum": [PROGRAM] }, { "type": "integer", "minimum": 0 }] })
-    }
-}
-
-struct SecondsOrProgram;
-
-impl Visitor<'_> for SecondsOrProgram {
-    type Value = Yellow;
-
-    fn expecting(&self, f: &mut Formatter<'_>) -> fmt::Result {
-        write!(f, "a whole number of seconds, or \"{PROGRAM}\"")
-    }
-
-    fn visit_u64<E: Error>(self, seconds: u64) -> Result<Yellow, E> {
-        let seconds = u32::try_from(seconds).map_err(|_| E::invalid_value(Unexpected::Unsigned(seconds), &self))?;
-        Ok(Yellow::Seconds(seconds))
-    }
-
-    fn visit_i64<E: Error>(self, seconds: i64) -> Result<Yellow, E> {
-        let unsigned = u64::try_from(seconds).map_err(|_| E::invalid_value(Unexpected::Signed(seconds), &self))?;
-        self.visit_u64(unsigned)
-    }
-
-    fn visit_str<E: Error>(self, word: &str) -> Result<Yellow, E> {
-        if word == PROGRAM { Ok(Yellow::Program) } else { Err(E::invalid_value(Unexpected::Str(word), &self)) }
     }
 }
 

@@ -157,7 +157,6 @@ impl<'a> Beyond<'a> {
     }
 }
 
-/// Returns the name of the junction at which a copy ends.
 fn end_name(copy: &str) -> String {
     format!("{copy}+end")
 }

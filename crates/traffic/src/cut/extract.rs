@@ -66,7 +66,6 @@ impl LocalNet {
     }
 }
 
-/// What is within a region.
 struct Cut<'a> {
     source: &'a Source<'a>,
     light: &'a str,

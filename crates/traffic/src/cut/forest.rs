@@ -19,7 +19,6 @@ use crate::paper_grid::recognise::recognise_local;
 use dials_core::base::AgentId;
 use dials_core::outside::write_together;
 
-/// Paths of the files of a forest.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct ForestFiles {
     pub net: PathBuf,
@@ -66,7 +65,6 @@ impl Region {
         prefixed(&self.prefix(), id)
     }
 
-    /// Returns what stands before the names of this region.
     pub(crate) fn prefix(self) -> String {
         format!("f{}.", self.0)
     }

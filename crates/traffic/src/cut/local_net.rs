@@ -19,7 +19,6 @@ pub struct LocalNet {
     pub(super) root: Element,
 }
 
-/// An edge on which cars leave the region.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Exit {
     pub(crate) edge: String,
@@ -58,7 +57,6 @@ impl LocalNet {
         lanes.map(|lane| lane.attribute("id").expect("read as a lane before"))
     }
 
-    /// Returns whether a lane of `from` leads to `to`.
     pub(crate) fn leads(&self, from: &str, to: &str) -> bool {
         let is_it =
             |connection: &Element| connection.attribute("from") == Some(from) && connection.attribute("to") == Some(to);

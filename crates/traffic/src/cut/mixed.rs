@@ -106,7 +106,6 @@ fn write_apart(xml: &mut Xml, kind: &str, name: &str, ends_m: [[f64; 2]; 2]) -> 
     }
 }
 
-/// Returns the prefix of all names of a row.
 pub fn prefix(row: usize) -> String {
     format!("b{row}.")
 }

@@ -15,7 +15,6 @@ const CARS_PER_HOUR: f64 = 360.0;
 /// Second at which the last cars come.
 pub(crate) const END_S: &str = "3600";
 
-/// Returns the text of an additional file with these types.
 pub(super) fn types(types: &[&Element]) -> String {
     document("additional", |xml| types.iter().try_for_each(|kind| element(xml, kind)))
 }
@@ -61,7 +60,6 @@ fn drivers<'a>(types: &[&'a Element]) -> Vec<(Option<&'a str>, &'a str)> {
     drivers
 }
 
-/// Returns the edges with entry lanes, each once.
 fn entries(net: &LocalNet, roads: &Roads) -> Vec<EdgeNo> {
     let lanes = net.entry_lanes.iter().filter_map(|lane| roads.lane_named(lane));
     let mut edges: Vec<EdgeNo> = lanes.map(|lane| roads.lane(lane).edge).collect();
@@ -69,7 +67,6 @@ fn entries(net: &LocalNet, roads: &Roads) -> Vec<EdgeNo> {
     edges
 }
 
-/// Edges of a route, and where cars arrive on the last one.
 struct Route {
     edges: Vec<String>,
     end_m: f64,

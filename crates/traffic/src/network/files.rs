@@ -15,14 +15,12 @@ use super::way_out::no_such_network;
 use super::xml::{document, section};
 use dials_core::outside::Printable;
 
-/// Paths of the files of one network.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct NetworkFiles {
     /// File of the roads and of the lights with their static program.
     pub net: PathBuf,
     /// File of the vehicle type and the routes, and of the flows of a grid.
     pub routes: PathBuf,
-    /// File of the actuated program of every light.
     pub actuated: PathBuf,
     /// Configuration with net and routes, for `sumo -c` and `sumo-gui -c`.
     pub config: PathBuf,

@@ -102,7 +102,6 @@ impl Loadable {
         Ok(())
     }
 
-    /// Returns an error of SUMO with the paths that the user knows.
     pub fn explain(&self, error: &libsumo::Error) -> Error {
         explain(error, self.files.iter().map(|(file, path)| (file, &**path)))
     }

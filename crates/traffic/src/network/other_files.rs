@@ -62,7 +62,6 @@ fn found(element: &Element) -> Option<(String, &'static str)> {
     })
 }
 
-/// Returns the tag of an element, with its id, file and key.
 fn in_the_tag(element: &Element) -> String {
     let kinds = ["id", "file", "key"].map(|key| element.attribute(key).map(|value| (key, value)));
     let shown = kinds.into_iter().flatten().map(|(key, value)| format!(" {key}=\"{}\"", excerpt(value)));

@@ -129,17 +129,4 @@ mod tests {
         let bits = difference_of(r#"<x><request foes="101"/></x>"#, r#"<x><request foes="0101"/></x>"#);
         assert_eq!(bits.unwrap(), r#"request 1 of x: foes="101", and this program simulates foes="0101""#);
     }
-
-    #[test]
-    fn a_flow_has_any_probability_or_is_not_there() {
-        let expected = r#"<routes><flow id="w0" probability="0.1"/><flow id="e0" probability="0.1"/></routes>"#;
-        assert_eq!(difference_of(r#"<routes><flow id="e0" probability="1"/></routes>"#, expected), None);
-        for probability in ["0", "1.5", "nan", "-0.1", "often"] {
-            let found = format!(r#"<routes><flow id="e0" probability="{probability}"/></routes>"#);
-            let message = difference_of(&found, expected).unwrap();
-            assert!(message.contains(probability) && message.ends_with("above 0 and up to 1"), "{message}");
-        }
-        let hourly = difference_of(r#"<routes><flow id="e0" vehsPerHour="9"/></routes>"#, expected).unwrap();
-        assert!(hourly.starts_with(r#"flow "e0": has no probability"#), "{hourly}");
-    }
 }

@@ -160,12 +160,10 @@ impl Grid {
         edges
     }
 
-    /// Returns whether the road that leaves the agent's intersection on `side` leaves the grid.
     pub(crate) fn leaves(self, agent: AgentId, side: Side) -> bool {
         matches!(self.neighbour(agent, side), Node::Boundary { .. })
     }
 
-    /// Returns the row and the column of an agent.
     pub(crate) fn place(self, agent: AgentId) -> (usize, usize) {
         assert!(agent.0 < self.rows * self.cols, "agent {agent} lives outside a grid of {self}");
         (agent.0 / self.cols, agent.0 % self.cols)
@@ -175,7 +173,6 @@ impl Grid {
         Side::ALL.into_iter().flat_map(|side| (0..self.ends(side)).map(move |index| (side, index))).collect()
     }
 
-    /// Returns the number of roads that end on one side of the grid.
     fn ends(self, side: Side) -> usize {
         match side {
             Side::West | Side::East => self.rows,
@@ -205,20 +202,5 @@ impl Grid {
 impl fmt::Display for Grid {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         write!(f, "{}x{}", self.rows, self.cols)
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn a_grid_has_from_1_to_10_000_intersections() {
-        let error = |rows, cols| Grid::new(rows, cols).unwrap_err().to_string();
-        assert_eq!(error(0, 3), "a grid of 0x3: needs at least one row and one column");
-        for (rows, cols) in [(101, 100), (usize::MAX, 2)] {
-            assert_eq!(error(rows, cols), format!("a grid of {rows}x{cols}: must have at most 10000 intersections"));
-        }
-        assert_eq!(Grid::new(1, 10_000).unwrap().agents().len(), 10_000);
     }
 }

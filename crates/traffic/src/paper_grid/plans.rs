@@ -101,24 +101,3 @@ fn around(grid: Grid, agent: AgentId) -> RegionPlan {
         links: Side::ALL.iter().map(link).collect(),
     }
 }
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn plans_have_the_shape_and_the_letters_of_a_grid() {
-        let config = TrafficConfig { clock: Some(26), ..TrafficConfig::new("", "") };
-        let plans = plans(Grid::new(2, 2).unwrap(), &config);
-        assert_eq!(plans.len(), 4);
-        assert_eq!(plans[3].sensor.width(), region::spec(&config).obs_dim);
-        let AgentPlan { light, region, phases, .. } = &plans[3];
-        assert_eq!((light.as_str(), region.approaches[0].lane.as_str()), ("r1c1", "r1c0_r1c1_0"));
-        // From the west to the east edge, which leaves the net; the last letter is that of the west.
-        assert_eq!(region.links[0], Link { letter: 3, from: 0, to: 2 });
-        assert!(region.exits[2].leaves_the_net && !region.exits[0].leaves_the_net);
-        assert_eq!(phases.greens().iter().map(|state| state.as_str()).collect::<Vec<_>>(), ["GrGr", "rGrG"]);
-        assert_eq!((phases.clearing(0, 1)[0].state.as_str(), phases.clearing_steps(0, 1)), ("yryr", 3));
-        assert_eq!(phases.clearing(1, 0)[0].state.as_str(), "ryry");
-    }
-}

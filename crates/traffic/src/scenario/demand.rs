@@ -89,7 +89,6 @@ impl<'a> Demand<'a> {
             .try_for_each(|element| read(element).map_err(|error| anyhow!("{}: {error}", file.display())))
     }
 
-    /// Reads an element. `last_s`: the last departure before it in the file.
     fn read_element(&mut self, file: &'a Path, element: &'a Element, order: Order, last_s: &mut f64) -> Result<()> {
         match &*element.name {
             "vType" => self.add_type(element)?,

@@ -27,7 +27,6 @@ const IN_OTHERS: &str =
 /// Elements that SUMO reads in additional files, and skips in route files without a word.
 const SKIPPED_IN_ROUTES: &str = "taz tlLogic";
 
-/// Returns the elements that may stand in another one, which is not the root.
 fn known_in(element: &str) -> &'static str {
     match element {
         "vTypeDistribution" => "vType param",
@@ -52,7 +51,6 @@ pub(super) struct Left {
 }
 
 impl Left {
-    /// Returns a sentence for each file and kind.
     pub(super) fn sentences(&self) -> impl Iterator<Item = String> {
         self.counts.iter().map(|((file, kind), count)| {
             format!("{file}: {count} x <{kind}>: this program measures and writes by itself")

@@ -85,7 +85,6 @@ impl SumoScenario {
         xml::text(&root).into_bytes()
     }
 
-    /// Returns the .sumocfg of a copy with files of these names.
     fn sumocfg(&self, net: &str, routes: &[String], additional: &[String], episode: Option<&Episode<'_>>) -> String {
         let routes = routes.join(",");
         let signals = episode.map(|episode| episode.signals.to_owned());

@@ -3,10 +3,6 @@
 //!
 //! What was read is what SUMO loads and what a run directory keeps. Nothing of it writes a file: outputs and
 //! detectors are left out, and everything else by which SUMO would open another file is refused.
-//!
-//! - `elements`: which elements files may hold.
-//! - `demand`: where vehicles depart, and how many. [`dawdling`]: how much cars dawdle.
-//! - [`kept`]: copies for run directories and replays.
 
 pub(crate) mod dawdling;
 mod demand;
@@ -33,7 +29,6 @@ const NET_FILE: &str = "net-file";
 const ROUTE_FILES: &str = "route-files";
 const MOST_OVERRIDES: u64 = 1 << 20;
 
-/// A scenario whose files were read. Clones share them.
 #[derive(Clone, Debug)]
 pub struct SumoScenario {
     /// The .sumocfg, as the user knows it.
@@ -140,7 +135,6 @@ impl SumoScenario {
         Ok((departures, notes))
     }
 
-    /// Returns the path of the .sumocfg, as the user knows it.
     pub fn path(&self) -> &Path {
         &self.path
     }
@@ -149,7 +143,6 @@ impl SumoScenario {
         &self.net.content.root
     }
 
-    /// Returns the path of the net, as the user knows it.
     pub fn net_path(&self) -> &Path {
         &self.net.path
     }
@@ -179,7 +172,6 @@ impl SumoScenario {
         self.agents.as_ref().map(|(path, text)| (path.as_path(), &**text))
     }
 
-    /// Returns the seconds at which an episode begins and ends.
     pub fn window_s(&self) -> (u64, u64) {
         self.window_s
     }
@@ -201,7 +193,6 @@ impl SumoScenario {
         named.chain(from_junctions.map(|(number, _)| number)).collect()
     }
 
-    /// Lists what of the scenario will not be simulated, a sentence each.
     pub fn left_out(&self) -> &[String] {
         &self.left_out
     }

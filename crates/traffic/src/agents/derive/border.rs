@@ -8,7 +8,6 @@ use crate::config::ScenarioConfig;
 use crate::network::roads::{EdgeNo, JunctionNo, LaneNo, Roads};
 use dials_core::domain::DomainTable;
 
-/// How long decisions and episodes are.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Seconds {
     pub decision: usize,
@@ -84,7 +83,6 @@ pub(crate) fn border(roads: &Roads, region: &Region, departs_on: &BTreeSet<EdgeN
     }
 }
 
-/// Returns the lanes for cars of these roads, then those of the junctions of the region.
 fn lanes(roads: &Roads, edges: &BTreeSet<EdgeNo>, within: impl Fn(JunctionNo) -> bool) -> Vec<LaneNo> {
     let of_roads: BTreeSet<LaneNo> = edges
         .iter()

@@ -9,7 +9,6 @@ use crate::config::Yellow;
 use crate::network::roads::program::Phase;
 use libsumo::SignalState;
 
-/// Seconds of yellow of a light whose program shows none.
 const YELLOW_S: u32 = 3;
 
 /// Durations of the states between the greens of a light.
@@ -24,7 +23,6 @@ pub(crate) struct Times {
 struct Seconds {
     /// Those of the changes that the program has.
     own: HashMap<[SignalState; 2], u32>,
-    /// Those of all other changes.
     other: u32,
 }
 
@@ -98,7 +96,6 @@ pub(crate) fn between(from: &SignalState, to: &SignalState, times: &Times) -> Ve
     shown.into_iter().filter(|interval| interval.steps > 0).collect()
 }
 
-/// Returns whether a link loses its green.
 pub fn is_lost(old: char, new: char) -> bool {
     goes(old) && matches!(new, 'r' | 'R' | 's')
 }
@@ -131,7 +128,6 @@ mod tests {
         assert_eq!(shown("Gr", "GG", &times), "", "nobody loses green");
     }
 
-    /// Times of the light J of the example with some texts replaced.
     fn times(changes: &[(&str, &str)], yellow: Yellow, all_red_s: Option<u32>) -> Times {
         let roads = example::roads(changes);
         let cars = roads.letters_of_vehicles("J");

@@ -10,12 +10,10 @@ pub(crate) const MOST_GREENS: usize = 64;
 /// Longest phase without a green of its own that is a part of a change, in seconds.
 const LONGEST_CLEARING_S: f64 = 5.0;
 
-/// A way of a program from one green to the next.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Change<'a> {
     pub from: &'a SignalState,
     pub to: &'a SignalState,
-    /// Phases in between, such as yellow and all red.
     pub between: Vec<&'a Phase>,
 }
 
@@ -71,7 +69,6 @@ impl<'a> Greens<'a> {
         &self.states
     }
 
-    /// Returns whether a phase of the program shows one of the greens, and is no part of a change.
     pub(crate) fn is_green(&self, phase: usize) -> bool {
         self.of_phase[phase].is_some()
     }
@@ -135,7 +132,6 @@ fn is_clearing(program: &Program, phase: usize, cars: &BTreeSet<usize>) -> bool 
 mod tests {
     use super::*;
 
-    /// A program of phases, each a state and its seconds.
     fn program(phases: &[(&str, f64)]) -> Program {
         let phase = |&(letters, duration_s): &(&str, f64)| Phase {
             duration_s,
@@ -153,7 +149,6 @@ mod tests {
         }
     }
 
-    /// Returns greens and changes of a program whose first letters are for cars.
     fn read(program: &Program, cars: usize) -> (Vec<String>, Vec<String>) {
         let cars = (0..cars).collect();
         let greens = Greens::of(program, &cars);

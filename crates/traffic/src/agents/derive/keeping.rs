@@ -15,14 +15,11 @@ pub struct Keeping {
     pub why: Why,
 }
 
-/// Why a light keeps its program.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Why {
-    /// The overrides say so.
     Excluded,
     /// Its program is of this type.
     Kind(String),
-    /// It controls no connection.
     NoLink,
     /// Neither passenger cars nor buses can come to it.
     NoCars,
@@ -67,7 +64,6 @@ impl Why {
         }
     }
 
-    /// Returns what a person can do about it.
     pub fn way_out(&self) -> &'static str {
         match self {
             Why::Excluded => "let it learn in agents.toml",

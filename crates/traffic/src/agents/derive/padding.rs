@@ -35,7 +35,6 @@ pub struct InfluencePadding {
 }
 
 impl InfluencePadding {
-    /// Returns the shape of these agents; at least one.
     pub fn of<'a>(borders: impl Iterator<Item = &'a Border> + Clone) -> InfluencePadding {
         let largest = |of_border: fn(&Border) -> usize| borders.clone().map(of_border).max().expect("a net has agents");
         InfluencePadding {

@@ -102,7 +102,6 @@ impl Region {
         touching.map(|(number, _)| number).collect()
     }
 
-    /// Returns the middle of the light's junctions.
     pub(crate) fn place_m(&self, roads: &Roads) -> Place {
         let places = self.own.iter().map(|&junction| roads.junction(junction).place_m);
         let [x, y] = places.fold([0.0; 2], |sum, place| [sum[0] + place[0], sum[1] + place[1]]);
@@ -118,7 +117,6 @@ fn edges(roads: &Roads, light: &str, names: &[String]) -> Result<BTreeSet<EdgeNo
     names.iter().map(edge).collect()
 }
 
-/// Returns the junctions at which a light controls cars.
 pub(crate) fn lit_junctions(roads: &Roads) -> BTreeSet<JunctionNo> {
     let links = roads.connections.iter().filter(|link| link.signal.is_some() && roads.carries_cars(link));
     links.filter_map(|link| roads.end_of(link.from)).collect()

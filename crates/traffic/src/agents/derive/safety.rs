@@ -29,7 +29,6 @@ pub(crate) fn check(roads: &Roads, program: &Program, phases: &PhasePlan) -> Res
     Ok(())
 }
 
-/// Returns all states of a plan: greens and what is between them.
 pub fn states(phases: &PhasePlan) -> impl Iterator<Item = &SignalState> {
     let greens = 0..phases.greens().len();
     let pairs = greens.clone().flat_map(move |from| greens.clone().map(move |to| (from, to)));

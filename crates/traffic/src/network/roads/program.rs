@@ -77,7 +77,6 @@ pub(crate) fn name(element: &Element) -> &str {
     element.attribute("programID").unwrap_or("0")
 }
 
-/// Returns the time by which the program of a `<tlLogic>` runs late, in seconds.
 pub(crate) fn offset_s(element: &Element) -> Result<f64> {
     Ok(time_if_there(element, "offset", f64::NEG_INFINITY)?.unwrap_or(0.0))
 }
