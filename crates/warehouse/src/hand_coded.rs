@@ -102,7 +102,7 @@ fn towards(cell: u8, shelf: usize) -> Action {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::region::{CELLS, CENTRE, NO_ITEM, after_move};
+    use crate::region::{CELLS, CENTRE, NO_ITEM, after_move, is_floor};
     use dials_core::base::Seed;
 
     fn items(ages: &[(usize, Age)]) -> [Age; SHELVES] {
@@ -113,8 +113,7 @@ mod tests {
 
     #[test]
     fn every_way_is_as_long_as_its_distance() {
-        let is_inside = |cell: u8| (1..4).contains(&(cell / 5)) && (1..4).contains(&(cell % 5));
-        for from in (0..CELLS as u8).filter(|&cell| shelf_at(cell).is_some() || is_inside(cell)) {
+        for from in (0..CELLS as u8).filter(|&cell| shelf_at(cell).is_some() || is_floor(cell as i8)) {
             for shelf in (0..SHELVES).filter(|&shelf| shelf_at(from) != Some(shelf)) {
                 let mut way = std::iter::successors(Some(from), |&cell| Some(after_move(cell, towards(cell, shelf))));
                 let moves = way.position(|cell| shelf_at(cell) == Some(shelf)).expect("the way ends");
@@ -129,13 +128,7 @@ mod tests {
         let mut dice = Seed::new(0).dice();
         for (rule, kept, ages, expected, why) in [
             (Rule::ClosestItem, None, &[(3, 5)][..], 3, "the only item"),
-            (
-                Rule::ClosestItem,
-                Some(3),
-                &[(3, 0), (1, 9)],
-                3,
-                "kept although another one is nearer and this one is new",
-            ),
+            (Rule::ClosestItem, Some(3), &[(3, 0), (1, 9)], 3, "kept, although it is new and another one is nearer"),
             (Rule::ClosestItem, Some(3), &[(1, 9)], 1, "its item is gone"),
             (Rule::OldestItem, Some(1), &[(1, 3), (4, 8)], 4, "the oldest"),
             // Left (2, 0) and bottom (4, 2) are both two moves away.

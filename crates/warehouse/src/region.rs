@@ -108,7 +108,7 @@ pub(crate) fn reward(shelf: Option<usize>, ages: &[Age; SHELVES]) -> f32 {
     }
 }
 
-fn is_floor(cell: i8) -> bool {
+pub(crate) fn is_floor(cell: i8) -> bool {
     let side = SIDE as i8;
     [cell / side, cell % side].iter().all(|&place| place > 0 && place < side - 1)
 }

@@ -180,10 +180,9 @@ mod tests {
 
     #[test]
     fn what_is_no_reward_is_refused() {
-        let unknown = "unknown variant `speed`, expected one of `mean-speed`, `exit-speed`, `queue`, `lost-time`, `pressure`, \
-                       `wait`, `diff-waiting-time`";
-        assert!(read("\"speed\"").unwrap_err().starts_with(unknown));
-        assert!(read("{\"speed\":1}").unwrap_err().starts_with(unknown));
+        assert!(
+            read("{\"speed\":1}").unwrap_err().starts_with("unknown variant `speed`, expected one of `mean-speed`, ")
+        );
         assert!(read("3").unwrap_err().contains("expected the name of a reward, or a table of weights"));
         let refused = |json: &str| read(json).unwrap().check().unwrap_err().to_string();
         assert!(refused("{\"wait\":0}").contains("has no weight other than 0"));

@@ -211,14 +211,7 @@ mod tests {
             ("<begin value='-5'/>", "<begin>: must not be negative"),
             ("<end value='5.5'/>", "<end>: is 5.5, and this program simulates steps of 1 s; set it to a whole second"),
             ("<end value='1e11'/>", "<end>: is 100000000000: must be at most 10000000000"),
-            ("<begin>5</begin>", "<begin>: has no attribute `value`; write <begin value=\"...\"/>"),
             ("<scale>5</scale>", "<scale>: has no attribute `value`; write <scale value=\"...\"/>"),
-            (
-                "<max-depart-delay value='0'/>",
-                "<max-depart-delay>: is 0, and cars that SUMO no longer lets wait would be missing from all figures; \
-                 remove it",
-            ),
-            ("<net value='b'/>", "<net-file>: is given twice; remove one of them"),
             ("<r value='b,,c'/>", "<route-files>: names a file without a name; remove a comma"),
             (
                 "<r value='${HOME}/b'/>",

@@ -26,7 +26,12 @@ const TYPES: &str = "cut.types.add.xml";
 /// Errors: the net has no such light, or the light cannot be cut out.
 pub fn cut_light(scenario: &SumoScenario, light: &str, approach_m: f64, reach: Reach) -> Result<LocalNet> {
     let roads = scenario.roads()?;
-    check_known(scenario, &roads, light)?;
+    let known: BTreeSet<&str> = roads.programs.iter().map(|program| program.light.as_str()).collect();
+    if !known.contains(light) {
+        let near = did_you_mean(light, known);
+        let list = format!("dials-traffic nets inspect {}", quoted(scenario.path()));
+        bail!("{}: has no light `{}`{near}; list all with: {list}", scenario.net_path().display(), excerpt(light));
+    }
     let source = source(scenario, &roads);
     let region = Region::of(&roads, &lit_junctions(&roads), light, approach_m, None)?;
     LocalNet::cut(&source, light, &region, reach)
@@ -36,16 +41,6 @@ pub fn cut_light(scenario: &SumoScenario, light: &str, approach_m: f64, reach: R
 fn source<'a>(scenario: &'a SumoScenario, roads: &'a Roads) -> Source<'a> {
     let programs = scenario.additional().flat_map(|root| root.all("tlLogic")).collect();
     Source::new(scenario.net(), roads, programs)
-}
-
-fn check_known(scenario: &SumoScenario, roads: &Roads, light: &str) -> Result<()> {
-    let known: BTreeSet<&str> = roads.programs.iter().map(|program| program.light.as_str()).collect();
-    if known.contains(light) {
-        return Ok(());
-    }
-    let near = did_you_mean(light, known);
-    let list = format!("dials-traffic nets inspect {}", quoted(scenario.path()));
-    bail!("{}: has no light `{}`{near}; list all with: {list}", scenario.net_path().display(), excerpt(light))
 }
 
 /// Cuts out the regions of all agents of a scenario, in their order.

@@ -55,7 +55,18 @@ impl NetworkFiles {
     /// Returns an error if SUMO could not open the configuration, or would not find the files that it names.
     pub fn check_config_path(&self) -> Result<()> {
         self.check_paths()?;
-        check_beside_config(&for_sumo(&self.config)?)
+        let path = for_sumo(&self.config)?;
+        // SUMO decodes `%41` to `A` in a path that it puts together from that of a configuration.
+        let is_decoded = |(at, _)| {
+            let digits = path.as_bytes().get(at + 1..at + 3);
+            digits.is_some_and(|digits| digits.iter().all(u8::is_ascii_hexdigit))
+        };
+        ensure!(
+            !path.match_indices('%').any(is_decoded),
+            "{}: contains a % and two digits, which SUMO takes for one letter; rename it",
+            Printable(&path)
+        );
+        Ok(())
     }
 
     fn all(&self) -> [&Path; 4] {
@@ -78,20 +89,6 @@ pub(crate) fn for_sumo(path: &Path) -> Result<String> {
     ensure!(!text.contains(','), "{place}: contains a comma, at which SUMO would split it; rename it");
     ensure!(!text.contains("${"), "{place}: contains `${{`, which SUMO takes for a variable; rename it");
     Ok(text.to_owned())
-}
-
-/// Checks a path that SUMO puts together from that of a configuration: it decodes `%41` in it, to `A`.
-fn check_beside_config(path: &str) -> Result<()> {
-    let decoded = |(at, _): (usize, &str)| {
-        let digits = path.as_bytes().get(at + 1..at + 3);
-        digits.is_some_and(|digits| digits.iter().all(u8::is_ascii_hexdigit))
-    };
-    ensure!(
-        !path.match_indices('%').any(decoded),
-        "{}: contains a % and two digits, which SUMO takes for one letter; rename it",
-        Printable(path)
-    );
-    Ok(())
 }
 
 /// Returns the configuration for `sumo -c` and `sumo-gui -c` of a network of this name; the other files are in the same

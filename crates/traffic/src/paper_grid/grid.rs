@@ -170,14 +170,8 @@ impl Grid {
     }
 
     fn boundary(self) -> Vec<(Side, usize)> {
-        Side::ALL.into_iter().flat_map(|side| (0..self.ends(side)).map(move |index| (side, index))).collect()
-    }
-
-    fn ends(self, side: Side) -> usize {
-        match side {
-            Side::West | Side::East => self.rows,
-            Side::South | Side::North => self.cols,
-        }
+        let ends = |side: Side| if side.is_vertical() { self.cols } else { self.rows };
+        Side::ALL.into_iter().flat_map(|side| (0..ends(side)).map(move |index| (side, index))).collect()
     }
 
     fn route(self, side: Side, index: usize) -> Route {

@@ -125,6 +125,7 @@ impl SumoScenario {
             demand.read(&file.path, &file.content.root, Order::Sorted)?;
         }
         let (departures, mut notes) = demand.finish(&self.path)?;
+        let is_on = |value: &str| ["true", "1", "yes", "on", "t", "x"].contains(&value);
         if self.option("ignore-route-errors").is_some_and(is_on) {
             notes.push(
                 "cars that have no way: SUMO goes on with them (ignore-route-errors); such a car stands at the end of a \
@@ -229,10 +230,6 @@ impl SumoScenario {
     fn all(&self) -> impl Iterator<Item = &File> {
         [&self.net].into_iter().chain(&self.additional).chain(&self.routes)
     }
-}
-
-fn is_on(value: &str) -> bool {
-    ["true", "1", "yes", "on", "t", "x"].contains(&value)
 }
 
 /// Reads the file of overrides. What it says is checked where it is understood.

@@ -131,22 +131,16 @@ fn is_clearing(program: &Program, phase: usize, cars: &BTreeSet<usize>) -> bool 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::network::tree::parse;
 
-    fn program(phases: &[(&str, f64)]) -> Program {
-        let phase = |&(letters, duration_s): &(&str, f64)| Phase {
-            duration_s,
-            limits_s: [None; 2],
-            state: SignalState::new(letters).unwrap(),
-            next: Vec::new(),
+    /// `phases`: states and their seconds.
+    fn program(phases: &str) -> Program {
+        let phase = |phase: &str| {
+            let (state, seconds) = phase.split_once(' ').unwrap();
+            format!("<phase state='{state}' duration='{seconds}'/>")
         };
-        Program {
-            light: "a".to_owned(),
-            id: "0".to_owned(),
-            kind: "static".to_owned(),
-            offset_s: 0.0,
-            parameters: Vec::new(),
-            phases: phases.iter().map(phase).collect(),
-        }
+        let phases: String = phases.split(", ").map(phase).collect();
+        Program::read(&parse(&format!("<tlLogic id='a'>{phases}</tlLogic>")).unwrap()).unwrap()
     }
 
     fn read(program: &Program, cars: usize) -> (Vec<String>, Vec<String>) {
@@ -162,19 +156,8 @@ mod tests {
 
     #[test]
     fn greens_are_distinct_phases_with_green_and_without_yellow_in_their_order() {
-        let program = program(&[
-            ("rryy", 3.0),
-            ("GGrr", 20.0),
-            ("yyrr", 3.0),
-            ("rrrr", 2.0),
-            ("rrGg", 20.0),
-            ("rrYY", 3.0),
-            ("GGrr", 10.0),
-            ("yGrr", 3.0),
-            ("uruu", 1.0),
-            ("rGgg", 9.0),
-        ]);
-        let (greens, changes) = read(&program, 4);
+        let phases = "rryy 3, GGrr 20, yyrr 3, rrrr 2, rrGg 20, rrYY 3, GGrr 10, yGrr 3, uruu 1, rGgg 9";
+        let (greens, changes) = read(&program(phases), 4);
         assert_eq!(greens, ["GGrr", "rrGg", "rGgg"]);
         // The last green of the cycle goes over the first yellow of the file.
         assert_eq!(changes, ["GGrr yyrr rrrr rrGg", "rrGg rrYY GGrr", "GGrr yGrr uruu rGgg", "rGgg rryy GGrr"]);
@@ -182,20 +165,17 @@ mod tests {
 
     #[test]
     fn all_red_but_for_those_who_keep_green_is_a_part_of_the_change() {
-        let with = |state: &'static str, seconds: f64| {
-            read(&program(&[("GGgr", 20.0), ("yygr", 3.0), (state, seconds), ("rrGG", 20.0), ("rryy", 3.0)]), 4).0
-        };
-        assert_eq!(with("rrgr", 2.0), ["GGgr", "rrGG"]);
-        assert_eq!(with("rrgr", 6.0), ["GGgr", "rrgr", "rrGG"], "it is long");
-        assert_eq!(with("rrgg", 2.0), ["GGgr", "rrgg", "rrGG"], "somebody gains green");
-        let no_yellow = program(&[("GGgr", 20.0), ("rrgr", 2.0), ("rrGG", 20.0), ("rryy", 3.0)]);
+        let with = |phase: &str| read(&program(&format!("GGgr 20, yygr 3, {phase}, rrGG 20, rryy 3")), 4).0;
+        assert_eq!(with("rrgr 2"), ["GGgr", "rrGG"]);
+        assert_eq!(with("rrgr 6"), ["GGgr", "rrgr", "rrGG"], "it is long");
+        assert_eq!(with("rrgg 2"), ["GGgr", "rrgg", "rrGG"], "somebody gains green");
+        let no_yellow = program("GGgr 20, rrgr 2, rrGG 20, rryy 3");
         assert_eq!(read(&no_yellow, 4).0, ["GGgr", "rrgr", "rrGG"]);
     }
 
     #[test]
     fn phases_that_name_their_next_ones_are_followed_there() {
-        let mut program =
-            program(&[("Grr", 9.0), ("yrr", 3.0), ("rGr", 9.0), ("ryr", 3.0), ("rrG", 9.0), ("rry", 3.0)]);
+        let mut program = program("Grr 9, yrr 3, rGr 9, ryr 3, rrG 9, rry 3");
         program.phases[1].next = vec![4, 2];
         program.phases[3].next = vec![3];
         let (_, changes) = read(&program, 3);
@@ -205,7 +185,7 @@ mod tests {
     #[test]
     fn phases_that_differ_for_people_on_foot_are_one_green() {
         // The last letter is a crossing: green with the first green, then clearing, then a phase of its own.
-        let program = program(&[("GrG", 20.0), ("Grr", 5.0), ("yrr", 3.0), ("rGr", 20.0), ("ryr", 3.0), ("rrG", 15.0)]);
+        let program = program("GrG 20, Grr 5, yrr 3, rGr 20, ryr 3, rrG 15");
         let (greens, changes) = read(&program, 2);
         assert_eq!(greens, ["GrG", "rGr"]);
         assert_eq!(changes, ["GrG yrr rGr", "rGr ryr rrG GrG"]);
