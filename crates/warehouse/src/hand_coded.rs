@@ -22,12 +22,8 @@ impl Rule {
     pub(crate) const NAMES: &'static [&'static str] = &["random", "closest-item", "oldest-item"];
 
     pub(crate) fn by_name(name: &str) -> Option<Rule> {
-        match name {
-            "random" => Some(Rule::Random),
-            "closest-item" => Some(Rule::ClosestItem),
-            "oldest-item" => Some(Rule::OldestItem),
-            _ => None,
-        }
+        let rules = [Rule::Random, Rule::ClosestItem, Rule::OldestItem];
+        Rule::NAMES.iter().zip(rules).find_map(|(known, rule)| (*known == name).then_some(rule))
     }
 }
 

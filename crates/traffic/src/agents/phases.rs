@@ -41,15 +41,6 @@ impl Light {
         matches!(self, Light::HorizontalGreen | Light::VerticalGreen)
     }
 
-    /// Returns the sides whose cars have green, then the sides whose cars have red; `None` during yellow.
-    pub fn green_and_red(self) -> Option<[[Side; 2]; 2]> {
-        match self {
-            Light::HorizontalGreen => Some([Side::HORIZONTAL, Side::VERTICAL]),
-            Light::VerticalGreen => Some([Side::VERTICAL, Side::HORIZONTAL]),
-            Light::HorizontalYellow | Light::VerticalYellow => None,
-        }
-    }
-
     pub fn next(self) -> Light {
         let place = Light::CYCLE.iter().position(|&light| light == self).expect("every light is in the cycle");
         Light::CYCLE[(place + 1) % Light::CYCLE.len()]

@@ -11,7 +11,6 @@ use crate::network::tree::Element;
 /// Distance that a car still drives on the last edge of its way, in metres.
 const LAST_M: f64 = 15.0;
 
-/// How far the copies behind an exit reach.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Reach {
     /// Largest number of edges one behind the other.
@@ -147,7 +146,6 @@ impl<'a> Beyond<'a> {
         self.source.roads.lane(self.source.roads.edge(edge).lanes[0]).length_m
     }
 
-    /// Returns a name that nothing else has.
     fn free_name(&mut self, mut name: String) -> String {
         while self.taken.contains(&name) || self.taken.contains(&end_name(&name)) {
             name.push('+');
@@ -218,7 +216,6 @@ fn connection(like: &Element, [from, to]: [&str; 2], gate: Option<(&str, usize)>
     connection
 }
 
-/// Sets an attribute, at its place if the element has it.
 fn set(element: &mut Element, key: &str, value: &str) {
     match element.attributes.iter_mut().find(|(known, _)| known == key) {
         Some((_, old)) => *old = value.to_owned(),

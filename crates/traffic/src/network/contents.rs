@@ -53,14 +53,6 @@ impl Content {
         &self.bytes
     }
 
-    pub(crate) fn read_net(net: &Path) -> Result<Content> {
-        ensure!(net.exists(), no_such_network(net));
-        let content = Content::read(net)?;
-        let root = &content.root.name;
-        ensure!(root == "net", "{}: is not a SUMO network: its root is <{root}>, not <net>", net.display());
-        Ok(content)
-    }
-
     /// Returns the text that SUMO loads: the elements that were read, and nothing else of the file.
     pub(crate) fn text(&self) -> String {
         xml::text(&self.root)
@@ -79,7 +71,10 @@ pub struct Network {
 impl Network {
     /// Reads all files of a network but the configuration, which this program neither reads nor loads.
     pub fn read(files: &NetworkFiles, role: Role) -> Result<Network> {
-        let net = Content::read_net(&files.net)?;
+        ensure!(files.net.exists(), no_such_network(&files.net));
+        let net = Content::read(&files.net)?;
+        let root = &net.root.name;
+        ensure!(root == "net", "{}: is not a SUMO network: its root is <{root}>, not <net>", files.net.display());
         let way_out = || cannot_be_simulated(&files.net, role);
         let beside = |path: &Path| Content::read(path).with_context(way_out).map(Arc::new);
         Ok(Network {

@@ -12,7 +12,6 @@ use libsumo::Simulation;
 /// Options with which SUMO makes every vehicle and finds its way, but lets none enter.
 const EMPTY_ROADS: [(&str, &str); 2] = [("max-num-vehicles", "0"), ("max-depart-delay", "1")];
 
-/// Number of characters of SUMO's words that an error shows.
 const MOST_LETTERS: usize = 400;
 
 /// A network in memory that SUMO of this process can load, any number of times.

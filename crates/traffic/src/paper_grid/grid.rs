@@ -126,7 +126,6 @@ impl Grid {
         Side::ALL.map(|side| format!(":{}_{}_0", self.intersection(agent), side.link_index()))
     }
 
-    /// Returns the agent's traffic light, which has the name of its intersection.
     pub fn light(self, agent: AgentId) -> String {
         self.intersection(agent).to_string()
     }

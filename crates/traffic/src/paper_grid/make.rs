@@ -40,7 +40,6 @@ fn write_network(name: &str, grid: Grid, inflow: Option<&Inflow>, dir: &Path) ->
     Ok(files)
 }
 
-/// Returns the net that netconvert makes of a grid.
 fn convert(grid: Grid) -> Result<String> {
     let room = temporary_dir()?;
     let inputs = [

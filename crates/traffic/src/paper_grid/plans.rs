@@ -22,7 +22,6 @@ const GREENS: [Light; 2] = [Light::VerticalGreen, Light::HorizontalGreen];
 /// Greens of the program that netconvert gives a light of a grid: a cycle of 90 s, 3 s of yellow each time.
 const PROGRAM_GREEN_STEPS: u32 = 42;
 
-/// Returns the plan of a grid. Its agents are all of one kind.
 pub(crate) fn joint_plan(grid: Grid, config: &TrafficConfig) -> JointPlan {
     let kinds = Kinds::one(grid.agents().len(), region::spec(config));
     JointPlan {

@@ -127,7 +127,6 @@ pub struct Connection {
     pub(crate) turns_around: bool,
 }
 
-/// The letter of a light that a connection obeys.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Signal {
     pub(crate) light: String,

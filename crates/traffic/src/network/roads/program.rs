@@ -72,7 +72,6 @@ impl Program {
     }
 }
 
-/// Returns the name of a `<tlLogic>` among those of its light.
 pub(crate) fn name(element: &Element) -> &str {
     element.attribute("programID").unwrap_or("0")
 }

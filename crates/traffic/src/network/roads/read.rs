@@ -29,7 +29,6 @@ impl Roads {
         Roads::read(&content.root).map_err(|error| anyhow!("{}: {error:#}", net.display()))
     }
 
-    /// Reads the root element of a net. An error names the element, its id and the attribute.
     pub(crate) fn read(net: &Element) -> Result<Roads> {
         ensure!(net.name == "net", "is not a SUMO network: its root is {}, not <net>", tag(net));
         let mut roads = Roads::default();
