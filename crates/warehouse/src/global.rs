@@ -19,8 +19,7 @@ pub struct GlobalWarehouse {
     layout: FloorPlan,
     /// Rule that the learning robots follow instead of their actions, for hand-coded baselines.
     rule: Option<Rule>,
-    /// Whether the rule was asked for the next actions of the learning robots. Then the step carries out what it is
-    /// given.
+    /// Whether the rule was asked for the next actions. Then the step carries out what it is given.
     advised: bool,
     /// Last moves of the learning robots, `[agents]`.
     moves: Vec<Action>,

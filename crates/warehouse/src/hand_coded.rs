@@ -61,8 +61,7 @@ fn place(cell: u8) -> (usize, usize) {
     (usize::from(cell) / SIDE, usize::from(cell) % SIDE)
 }
 
-/// Returns the number of moves from a cell to a shelf. From one shelf to another of the same side, the way leads over
-/// the floor.
+/// Returns the number of moves from a cell to a shelf. Between two of one side the way leads over the floor.
 fn distance(cell: u8, shelf: usize) -> usize {
     let ((row, col), (to_row, to_col)) = (place(cell), place(SHELF_CELLS[shelf]));
     let same_side = (row == to_row && at_end(row)) || (col == to_col && at_end(col));

@@ -74,8 +74,7 @@ pub(crate) fn shelf_at(cell: u8) -> Option<usize> {
     SHELF_CELLS.iter().position(|&shelf| shelf == cell)
 }
 
-/// Returns the cell of a robot after a move. On a shelf, only the move back inward works; walls and the region's rim
-/// stop a robot.
+/// Returns the cell of a robot after a move. On a shelf, only the move back inward works.
 pub(crate) fn after_move(cell: u8, action: Action) -> u8 {
     // The order of `UP`, `DOWN`, `LEFT` and `RIGHT`.
     let next = cell as i8 + [-(SIDE as i8), SIDE as i8, -1, 1][usize::from(action)];

@@ -26,8 +26,7 @@ pub const BLOCK_MPS: f64 = 2.0;
 pub struct BorderPlan {
     /// Roads of the region, in the order of the file.
     pub roads: Vec<BorderRoad>,
-    /// Lanes of the region on which cars drive: those of its roads, then those within its junctions, each in the order
-    /// of the file. Whoever reads the cars of a region reads them in this order.
+    /// Lanes of the region for cars: of its roads, then within its junctions, each in the order of the file.
     pub lanes: Vec<BorderLane>,
     /// Lanes that begin at the border, then roads on which cars depart.
     pub entries: Vec<Entry>,
@@ -59,8 +58,7 @@ pub struct BorderLane {
 #[derive(Clone, Debug, PartialEq)]
 pub struct Entry {
     pub(crate) place: EntryPlace,
-    /// Way of a car of which nothing is known: the road of the entry, the roads to which the first connections lead, and
-    /// the first road behind the region, if there is one.
+    /// Way of a car of which nothing is known, along the first connections, to the first road behind the region.
     pub(crate) default_way: Vec<String>,
 }
 
@@ -104,8 +102,7 @@ impl BorderPlan {
         self.lanes[lane].road.is_some_and(|number| self.roads[number].road == road)
     }
 
-    /// Returns the lane on which a vehicle of a class can begin at an entry. If the entry is a whole road, that is the first
-    /// lane that it may use. `None`: it may use none there.
+    /// Returns the lane on which a vehicle of a class can begin at an entry: on a road, the first that it may use.
     pub(crate) fn lane_of_entry(&self, entry: usize, class: &str) -> Option<usize> {
         let is_open = |&lane: &usize| self.lanes[lane].classes.has(class);
         match &self.entries[entry].place {

@@ -160,8 +160,7 @@ impl PhasePlan {
         }
     }
 
-    /// Returns what a state means that another program shows, if the last green was `last`. It stays the same green while
-    /// only the letters of people on foot change.
+    /// Returns what a state of another program means after the green `last`. Letters of people on foot do not matter.
     pub(crate) fn recognise(&self, state: &SignalState, last: usize) -> Shown {
         if let Some(green) = self.greens.iter().position(|green| green == state) {
             return Shown::Green(green);

@@ -45,8 +45,7 @@ pub struct AgentPlan {
 }
 
 impl AgentPlan {
-    /// Returns the share of an approach's links that have green, from 0 to 1. Cars on a lane that several links share
-    /// may want any of them.
+    /// Returns the share of an approach's links that have green: cars on a lane may want any of its links.
     pub(crate) fn share(&self, green: usize, approach: usize) -> f64 {
         let links = &self.region.approaches[approach].links;
         let served = links.iter().filter(|&&link| self.opens(green, link)).count();
@@ -92,13 +91,5 @@ mod tests {
         assert_eq!(shares(0), [1.0, 0.0, 0.0, 1.0, 1.0]);
         assert_eq!(shares(2), [0.0, 0.0, 0.5, 0.0, 0.0]);
         assert_eq!(plan.served(3).collect::<Vec<_>>(), [1, 2]);
-    }
-
-    #[test]
-    fn a_link_with_priority_somewhere_is_served_best_there() {
-        let plan = crossing();
-        // The left turn from the west: `G` in green 1, `g` in green 3.
-        assert_eq!([0, 1, 2, 3].map(|green| plan.serves_best(green, 1)), [false, true, false, false]);
-        assert!(plan.serves_best(3, 3));
     }
 }

@@ -14,8 +14,7 @@ pub struct Approach {
     pub lane: String,
     pub length_m: f64,
     pub speed_limit_mps: f64,
-    /// Distance from the end of the lane to the stop line: 0 for a lane that ends there, more behind an uncontrolled
-    /// junction.
+    /// Distance from the end of the lane to the stop line: more than 0 behind an uncontrolled junction.
     pub ahead_m: f64,
     /// Links that cars on this lane can come to, as indices into [`RegionPlan::links`].
     pub links: Vec<usize>,

@@ -28,8 +28,7 @@ pub(crate) enum CarColumns {
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum LightColumns {
-    /// One-hot state of the paper's light with two greens: horizontal green, horizontal yellow, vertical yellow, vertical
-    /// green.
+    /// One-hot state of the paper's light, in the order of `Light`.
     FourStates,
     /// One-hot green that is shown or comes next, a bit for the time between greens, and the steps since the green began
     /// or the last one ended, as a share of a minute, at most 1. The entry: number of greens.

@@ -88,8 +88,7 @@ pub(super) fn whole_name(name: &str) -> &str {
     OTHER_NAMES.iter().find(|(_, others)| is_other(others)).map_or(name, |(whole, _)| whole)
 }
 
-/// Returns what becomes of an option with a value, or `None` if SUMO has none of this name. What is switched off is
-/// neither refused nor worth a note.
+/// Returns what becomes of an option, or `None` if SUMO has none of this name. What is off is never refused.
 pub(super) fn fate_of(name: &str, value: &str) -> Option<Fate> {
     let patterns = OPTIONS.iter().flat_map(|(fate, names)| names.split(' ').map(move |pattern| (pattern, *fate)));
     let (_, fate) = patterns.filter(|(pattern, _)| fits(name, pattern)).max_by_key(|(pattern, _)| pattern.len())?;
@@ -105,8 +104,7 @@ pub(super) fn fate_of(name: &str, value: &str) -> Option<Fate> {
     }
 }
 
-/// Returns why a parameter of a vehicle is refused: it gives the vehicle a device that is refused as an option, too.
-/// `key`: such as `has.glosa.device` or `device.glosa.range`.
+/// Returns why a parameter such as `has.glosa.device` is refused: it gives a vehicle a device that is refused, too.
 pub(crate) fn refused_parameter(key: &str, value: &str) -> Option<&'static str> {
     let key = key.to_ascii_lowercase();
     let device = key.strip_prefix("has.").and_then(|rest| rest.strip_suffix(".device"));

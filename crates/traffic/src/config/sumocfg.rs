@@ -30,8 +30,7 @@ pub struct Sumocfg {
     pub begin_s: u64,
     /// Second of the end, if the file names one.
     pub(crate) end_s: Option<u64>,
-    /// Options that change traffic, by their names on SUMO's command line without `--`, in the order of the file. The
-    /// time to teleport is always among them.
+    /// Options that change traffic, without `--`, in the order of the file. [`TELEPORT`] is always among them.
     pub(crate) options: Vec<(String, String)>,
     /// What of the file this program leaves out, a sentence each.
     pub(crate) left_out: Vec<String>,

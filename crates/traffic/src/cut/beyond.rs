@@ -74,8 +74,7 @@ impl<'a> Beyond<'a> {
         Some(self.gate.clone())
     }
 
-    /// Copies the edges that follow `from`, whose name in the local net is `name`, and goes on behind them.
-    /// `metres`: from the exit's end to the end of `from`.
+    /// Copies the edges that follow `from`, called `name` here. `metres`: from the exit's end to the end of `from`.
     fn follow(&mut self, from: EdgeNo, name: &str, metres: f64, way: Way, ways: &mut Vec<Way>) {
         let next = self.next_edges(from);
         if next.is_empty() || way.copies.len() >= self.reach.hops || metres >= self.reach.metres {
@@ -103,8 +102,11 @@ impl<'a> Beyond<'a> {
     fn copy(&mut self, edge: EdgeNo, name: &str, begin: &str) {
         let end = end_name(name);
         let copied = copy(self.source.edges[edge.0], name, [begin, &end]);
-        self.elements.push(dead_end_of(&copied, self.source.end(edge), &end));
-        self.elements.push(copied);
+        let lanes: Vec<&str> = copied.all("lane").filter_map(|lane| lane.attribute("id")).collect();
+        let mut junction = dead_end(self.source.end(edge), |_| false);
+        set(&mut junction, "id", &end);
+        set(&mut junction, "incLanes", &lanes.join(" "));
+        self.elements.extend([junction, copied]);
     }
 
     /// Connects two edges as they are in the whole net. Connections of an exit obey the gate.
@@ -176,15 +178,6 @@ pub(super) fn dead_end(junction: &Element, is_left: impl Fn(&str) -> bool) -> El
     end
 }
 
-/// Returns a dead end at the place of another junction, under its own name, for the lanes of `edge`.
-fn dead_end_of(edge: &Element, junction: &Element, id: &str) -> Element {
-    let lanes: Vec<&str> = edge.all("lane").filter_map(|lane| lane.attribute("id")).collect();
-    let mut end = dead_end(junction, |_| false);
-    set(&mut end, "id", id);
-    set(&mut end, "incLanes", &lanes.join(" "));
-    end
-}
-
 /// Returns an edge under another name, between other junctions.
 fn copy(edge: &Element, id: &str, [from, to]: [&str; 2]) -> Element {
     let mut copy = edge.clone();
@@ -200,8 +193,7 @@ fn copy(edge: &Element, id: &str, [from, to]: [&str; 2]) -> Element {
     copy
 }
 
-/// Returns a connection between other edges, without the inside of its junction. `gate`: the light that it obeys, and
-/// the letter.
+/// Returns a connection between other edges, without the inside of its junction. `gate`: its light and letter.
 fn connection(like: &Element, [from, to]: [&str; 2], gate: Option<(&str, usize)>) -> Element {
     const KEPT: [&str; 3] = ["fromLane", "toLane", "dir"];
     let mut connection = like.clone();

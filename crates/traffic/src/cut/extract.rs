@@ -146,8 +146,7 @@ impl<'a> Cut<'a> {
         self.edges.iter().copied().filter(move |&road| !ends_within(road))
     }
 
-    /// Returns the elements of the region, each kind in the order of the whole net: also its place, and the types of its
-    /// edges.
+    /// Returns the elements of the region, each kind in the order of the whole net.
     fn elements(&self) -> Vec<Element> {
         let Source { net, roads, programs, connections, .. } = self.source;
         let numbered = self.source.edges.iter().enumerate();

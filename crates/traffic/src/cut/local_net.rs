@@ -46,8 +46,7 @@ pub struct Gate {
     pub lanes: Vec<String>,
 }
 
-/// Kinds of elements that only one region has, in the order that SUMO needs. Others are common to all regions: the place
-/// of the net, the types of its edges and of vehicles.
+/// Kinds of elements that only one region has, in the order that SUMO needs. Others are common to all regions.
 pub(super) const KINDS: [&str; 6] = ["edge", "tlLogic", "junction", "connection", "roundabout", "route"];
 
 impl LocalNet {

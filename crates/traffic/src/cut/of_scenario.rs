@@ -81,8 +81,7 @@ fn kinds(scenario: &SumoScenario) -> Vec<&Element> {
     roots.flat_map(|root| &root.children).filter(is_type).collect()
 }
 
-/// Writes the files of a local net, a small demand and a configuration into `dir`. Types of cars and SUMO's options are
-/// those of the scenario.
+/// Writes the files of a local net, a small demand and a configuration into `dir`, with the scenario's options.
 pub fn write(net: &LocalNet, scenario: &SumoScenario, dir: &Path) -> Result<NetworkFiles> {
     let files = NetworkFiles::of(&dir.join(NAME));
     files.check_paths()?;

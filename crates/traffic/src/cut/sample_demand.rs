@@ -19,8 +19,7 @@ pub(super) fn types(types: &[&Element]) -> String {
     document("additional", |xml| types.iter().try_for_each(|kind| element(xml, kind)))
 }
 
-/// Returns the text of a route file. `types`: elements `vType` and `vTypeDistribution`; without any, SUMO's own type
-/// drives.
+/// Returns the text of a route file. Without `types`, SUMO's own type drives.
 pub(super) fn demand(net: &LocalNet, types: &[&Element]) -> Result<String> {
     let roads = Roads::read(net.root())?;
     let drivers = drivers(types);
@@ -49,8 +48,7 @@ pub(super) fn demand(net: &LocalNet, types: &[&Element]) -> Result<String> {
     }))
 }
 
-/// Returns the types of cars that may drive, with their classes: passenger cars first, SUMO's own type, which has no
-/// name, at their end, then the others.
+/// Returns the types of cars that may drive, with their classes: passenger cars first, then SUMO's own type.
 fn drivers<'a>(types: &[&'a Element]) -> Vec<(Option<&'a str>, &'a str)> {
     const CAR: &str = "passenger";
     let named = types.iter().filter(|kind| kind.name == "vType");
@@ -72,8 +70,7 @@ struct Route {
     end_m: f64,
 }
 
-/// Returns the shortest route from an edge to each exit that cars of a class can take. It goes on over the first way
-/// behind the exit that they can take.
+/// Returns the shortest route from an edge to each exit, and a way behind it, that cars of a class can take.
 fn routes(roads: &Roads, entry: EdgeNo, exits: &[Exit], class: &str) -> Vec<Route> {
     let before = search(roads, entry, class);
     let route = |exit: &Exit| {

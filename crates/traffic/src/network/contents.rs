@@ -30,8 +30,7 @@ impl Content {
         Content::read_cleaned(path, |_| Ok(false))
     }
 
-    /// Reads a file like [`Content::read`], but first changes what it holds. `clean` returns whether it changed anything;
-    /// then copies hold no other byte of the file.
+    /// Reads a file like [`Content::read`]. `clean` returns whether it changed anything; then copies have the changes.
     pub(crate) fn read_cleaned(path: &Path, clean: impl FnOnce(&mut Element) -> Result<bool>) -> Result<Content> {
         let mut bytes = read_whole(path)?;
         let mut root = parse_file(path, &bytes)?;

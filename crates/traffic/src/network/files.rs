@@ -27,8 +27,7 @@ pub struct NetworkFiles {
 }
 
 impl NetworkFiles {
-    /// Returns the network that a config names by directory and name, such as `../sumo_nets/grid_2x2`. The files need
-    /// not exist.
+    /// Returns the network of a directory and a name, such as `../sumo_nets/grid_2x2`. The files need not exist.
     pub fn of(prefix: &Path) -> NetworkFiles {
         NetworkFiles {
             net: with_ending(prefix, ".net.xml"),
@@ -91,8 +90,7 @@ pub(crate) fn for_sumo(path: &Path) -> Result<String> {
     Ok(text.to_owned())
 }
 
-/// Returns the configuration for `sumo -c` and `sumo-gui -c` of a network of this name; the other files are in the same
-/// directory.
+/// Returns the configuration for `sumo -c` of a network of this name in the same directory.
 pub(crate) fn config(name: &str) -> String {
     let (net, routes) = (format!("{name}.net.xml"), format!("{name}.rou.xml"));
     document("configuration", |xml| {

@@ -27,8 +27,7 @@ pub struct Loadable {
 }
 
 impl Loadable {
-    /// `program`: name of the actuated programs. `texts`: what the files hold, and the paths that the user knows: the
-    /// net, files with routes, additional files, and the actuated programs.
+    /// `program`: name of the actuated programs. Each file is its text with the path that the user knows.
     pub(crate) fn new(
         program: &str,
         net: (&str, &Path),

@@ -22,8 +22,7 @@ const ATTRIBUTES: [(&str, &str); 4] =
 /// into the working directory even without a file name.
 const DEVICES: [&str; 4] = ["has.ssm.", "device.ssm.", "has.toc.", "device.toc."];
 
-/// Programs of lights that write no file but the one that their parameter `file` names. Swarm lights, for example, also
-/// write to `SWARMLOG`.
+/// Programs of lights that write no file but that of their parameter `file`. Swarm lights also write to `SWARMLOG`.
 const PROGRAMS: [&str; 6] = ["static", "actuated", "delay_based", "NEMA", "rail_signal", "rail_crossing"];
 
 /// Emission models that read their data from files.

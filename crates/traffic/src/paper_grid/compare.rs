@@ -9,8 +9,7 @@ use std::collections::HashMap;
 
 use crate::network::tree::Element;
 
-/// Returns the first difference between an element of a file and the element that this program would write: what it is,
-/// with both values. The order of the elements within another does not matter.
+/// Returns the first difference between an element and what this program would write, with both values.
 pub(super) fn difference(found: &Element, expected: &Element) -> Option<String> {
     within(found, expected, &found.name)
 }
@@ -65,8 +64,7 @@ fn in_children(found: &Element, expected: &Element, name: &str) -> Option<String
     missing.next().map(|(_, child)| format!("it lacks {}, which this program simulates", tag(child)))
 }
 
-/// Returns the elements within another, each with its name in messages. No two have the same name unless one is there
-/// twice.
+/// Returns the elements within another with their names in messages, which differ unless one is there twice.
 fn named<'a>(parent: &'a Element, name: &str) -> impl Iterator<Item = (String, &'a Element)> {
     let mut counts: HashMap<&str, usize> = HashMap::new();
     parent.children.iter().map(move |child| {

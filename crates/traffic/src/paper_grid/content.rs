@@ -101,8 +101,7 @@ fn straight_on(grid: Grid, more: impl Fn(&str, Side) -> String) -> String {
     connections
 }
 
-/// Returns the vehicle type, the routes and, if `inflow` is given, one flow per route: in each step, a car with that
-/// probability. A route without cars has no flow.
+/// Returns the vehicle type, the routes and, with `inflow`, one flow for each route on which cars arrive.
 pub(super) fn routes(grid: Grid, inflow: Option<&Inflow>) -> String {
     let routes = grid.boundary_routes();
     document("routes", |xml| {

@@ -68,8 +68,7 @@ fn lane(edge: &str, length_m: f64, [(x0, y0), (x1, y1)]: [(f64, f64); 2]) -> Str
     format!(r#"<lane id="{edge}_0" index="0" {limits} shape="{x0:.2},{y0:.2} {x1:.2},{y1:.2}"/>"#)
 }
 
-/// Returns where the lane from one node to its neighbour begins and ends, from stop line to stop line. It is half a
-/// lane to the right of the line between the nodes.
+/// Returns the stop lines where a lane begins and ends, half a lane to the right of the line between the nodes.
 fn ends(grid: Grid, from: Node, to: Node) -> [(f64, f64); 2] {
     let ((x0, y0), (x1, y1)) = (place(grid, from), place(grid, to));
     let length = (x1 - x0).hypot(y1 - y0);

@@ -119,8 +119,7 @@ impl Grid {
         Side::ALL.map(|side| edge(self.intersection(agent), self.neighbour(agent, side)))
     }
 
-    /// Returns the lanes inside the agent's intersection, by the side that their cars come from. They belong to no edge
-    /// of the grid: cars on them are neither observed nor rewarded.
+    /// Returns the lanes inside the agent's intersection, by the side that their cars come from.
     pub fn internal_lanes(self, agent: AgentId) -> [String; 4] {
         // netconvert numbers the internal edges of an intersection like the links of its light.
         Side::ALL.map(|side| format!(":{}_{}_0", self.intersection(agent), side.link_index()))
@@ -130,8 +129,7 @@ impl Grid {
         self.intersection(agent).to_string()
     }
 
-    /// Returns one route per boundary edge that leads in, straight through the whole grid to the other side. The routes
-    /// from the west come first, then those from the south, the east and the north.
+    /// Returns one route per boundary edge that leads in, straight through the grid: from west, south, east, north.
     pub fn boundary_routes(self) -> Vec<Route> {
         self.boundary().into_iter().map(|(side, index)| self.route(side, index)).collect()
     }

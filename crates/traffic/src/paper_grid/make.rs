@@ -69,8 +69,7 @@ fn convert(grid: Grid) -> Result<String> {
     Ok(without_comment(&net))
 }
 
-/// Returns the net without netconvert's comment at the beginning: its date and temporary paths would make every net
-/// different.
+/// Returns the net without netconvert's comment at the beginning, which has the date.
 fn without_comment(net: &str) -> String {
     let comment = net.find("<!--").filter(|&begin| net.find("<net").is_none_or(|root| begin < root));
     let end = comment.and_then(|begin| net[begin..].find("-->").map(|length| begin + length + "-->".len()));

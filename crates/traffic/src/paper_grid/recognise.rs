@@ -62,8 +62,7 @@ fn compare_all(network: &Network, grid: Grid, inflow: Option<f64>, way_out: impl
     Ok(())
 }
 
-/// Returns the command that remakes a network of this shape in its place, or in another directory if it has another
-/// name.
+/// Returns the command that remakes a network in its place, or elsewhere if it has another name.
 fn way_out(net: &Path, grid: Grid) -> String {
     if net.file_name().is_some_and(|name| name == format!("grid_{grid}.net.xml").as_str()) {
         return format!("remake it with: {} --force", command_for(net));

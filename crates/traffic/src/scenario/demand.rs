@@ -126,8 +126,7 @@ impl<'a> Demand<'a> {
         Ok(())
     }
 
-    /// Checks the whole. Returns where vehicles depart, and what will not be simulated. `scenario`: the file to name in an
-    /// error.
+    /// Checks the whole. Returns where vehicles depart, and what will not be simulated. `scenario`: its path.
     pub(super) fn finish(self, scenario: &Path) -> Result<(Departures, Vec<String>)> {
         let (begin, end) = self.window_s;
         ensure!(
@@ -240,8 +239,7 @@ impl<'a> Demand<'a> {
     }
 }
 
-/// Returns the expected number of vehicles of a flow within an episode. A flow whose numbers cannot be read counts as one
-/// vehicle: SUMO will say what is wrong.
+/// Returns the expected number of vehicles of a flow in an episode; 1 if it cannot be read, which SUMO will say.
 fn vehicles_of(flow: &Element, begins: f64, (begin, end): (f64, f64)) -> f64 {
     let ends = flow.attribute("end").and_then(|text| seconds(text).ok()).unwrap_or(end);
     let shared = (ends.min(end) - begins.max(begin)).max(0.0);

@@ -81,8 +81,7 @@ fn lasting_s(between: &[&Phase], is_such: impl Fn(&Phase) -> bool) -> f64 {
     between.iter().filter(|phase| is_such(phase)).map(|phase| phase.duration_s).sum()
 }
 
-/// Returns what is shown between two greens. Links that go from green to red show yellow, and all others keep their
-/// letter. If no link does, nothing has to be cleared.
+/// Returns what is shown between two greens; nothing if no link goes from green to red.
 pub(crate) fn between(from: &SignalState, to: &SignalState, times: &Times) -> Vec<Interval> {
     if !letters(from, to).any(|(old, new)| is_lost(old, new)) {
         return Vec::new();

@@ -41,9 +41,8 @@ pub struct Greens<'a> {
 }
 
 impl<'a> Greens<'a> {
-    /// Finds the greens of a program: the distinct phases with green and without yellow, in the order in which they
-    /// first appear. Two phases that are the same for cars are one green. `cars`: letters that cars obey. Stops at more
-    /// than [`MOST_GREENS`].
+    /// Finds the distinct phases with green and without yellow, at most one more than [`MOST_GREENS`]. Two phases that
+    /// are the same for cars are one green. `cars`: letters that cars obey.
     pub fn of(program: &'a Program, cars: &'a BTreeSet<usize>) -> Greens<'a> {
         let letters =
             |state: &SignalState| -> Vec<u8> { cars.iter().map(|&letter| state.as_str().as_bytes()[letter]).collect() };
@@ -73,15 +72,13 @@ impl<'a> Greens<'a> {
         self.of_phase[phase].is_some()
     }
 
-    /// Returns whether cars that lose green wait in a phase of a change: it has no yellow. A phase for people on foot
-    /// does not count.
+    /// Returns whether cars that lose green wait in a phase of a change: it has no yellow, and no green for people on foot.
     pub(crate) fn is_all_red(&self, phase: &Phase) -> bool {
         let mut letters = phase.state.as_str().chars().enumerate();
         letters.all(|(number, letter)| !matches!(letter, 'y' | 'Y') && (self.cars.contains(&number) || !goes(letter)))
     }
 
-    /// Returns the ways of the program from each of its greens to the next ones. From one phase to another it is the
-    /// one with the fewest phases.
+    /// Returns the shortest ways of the program from each phase with green to the next greens.
     pub fn changes(&self) -> Vec<Change<'_>> {
         let mut changes = Vec::new();
         for (phase, green) in self.of_phase.iter().enumerate() {

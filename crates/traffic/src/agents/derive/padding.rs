@@ -2,8 +2,7 @@
 
 use crate::agents::plan::{AgentPlan, Border};
 
-/// The common shape of agents that form one kind. Smaller agents have columns of zeros at the end, and actions at the
-/// end that they must not take.
+/// The shape of agents that form one kind. Smaller ones have zeros and forbidden actions at the end.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Padding {
     pub columns: usize,

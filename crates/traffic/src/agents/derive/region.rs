@@ -58,8 +58,7 @@ impl Region {
         Ok(region)
     }
 
-    /// Adds what lies before the lanes of the region. Lanes are visited in the order of the distance of their
-    /// beginnings, so each is visited at the shortest one.
+    /// Adds what lies before the lanes of the region, the nearest first, so that each lane is visited once.
     fn go_back(&mut self, roads: &Roads, lit: &BTreeSet<JunctionNo>, may_see: impl Fn(LaneNo) -> bool) {
         // Distances are not negative, so their bits are in the same order.
         let begin = |lane: LaneNo, ahead_m: f64| ((ahead_m + roads.lane(lane).length_m).to_bits(), lane);

@@ -36,8 +36,7 @@ pub fn states(phases: &PhasePlan) -> impl Iterator<Item = &SignalState> {
     phases.greens().iter().chain(between)
 }
 
-/// Returns the pairs of crossing letters that both go without yielding in a state, and in none of the program's own
-/// states.
+/// Returns the pairs of crossing letters that both go without yielding in a state, and in none of the program's.
 pub fn conflicts(crossing: &BTreeSet<[usize; 2]>, own: &[&SignalState], state: &SignalState) -> Vec<[usize; 2]> {
     // `O` is what SUMO has for a signal that is off.
     let goes_first = |state: &SignalState, letter: usize| matches!(state.as_str().as_bytes()[letter], b'G' | b'O');

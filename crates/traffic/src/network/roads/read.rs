@@ -182,32 +182,6 @@ mod tests {
     use crate::network::tree::parse;
 
     #[test]
-    fn a_net_is_read_in_the_order_of_its_file() {
-        let roads = roads(&[]);
-        assert_eq!([roads.junctions.len(), roads.edges.len(), roads.lanes.len()], [6, 11, 13]);
-        assert_eq!((roads.connections.len(), roads.programs.len(), roads.roads().count()), (10, 1, 7));
-        let far = roads.lane(roads.lane_named("far_0").unwrap());
-        assert_eq!((far.length_m, far.speed_limit_mps), (240.0, 13.9));
-        assert_eq!(far.shape, [[-300.0, 0.0], [-60.0, 0.0]], "the height is left out");
-        let [begin, end] = roads.edge(far.edge).ends.unwrap();
-        assert_eq!([&roads.junction(begin).id, &roads.junction(end).id], ["W", "U"]);
-        let cars: Vec<bool> =
-            ["side_0", "side_1"].map(|lane| roads.lane(roads.lane_named(lane).unwrap()).carries_cars).into();
-        assert_eq!(cars, [false, true]);
-    }
-
-    #[test]
-    fn the_way_within_a_junction_may_have_several_pieces() {
-        let roads = roads(&[]);
-        let length = |lane: &str| {
-            let lane = roads.lane_named(lane).unwrap();
-            roads.length_within_junction(roads.from_lane(lane).next().unwrap())
-        };
-        // `side` goes over :U_1_0 of 7 m and then over :U_2_0 of 12 m.
-        assert_eq!((length("far_0"), length("side_1"), length("near_0")), (10.0, 19.0, 0.0));
-    }
-
-    #[test]
     fn letters_cross_as_the_requests_of_their_junction_say() {
         let pairs: Vec<[usize; 2]> = roads(&[]).crossing_letters("J").unwrap().into_iter().collect();
         assert_eq!(pairs, [[0, 3], [1, 2], [1, 3]]);
