@@ -64,7 +64,7 @@ impl Signal {
                 if obeys {
                     self.switched = true;
                     self.leave(plan, green, to);
-                } else if !self.switched && plan.own_green_steps().is_some_and(|own| self.steps > own) {
+                } else if !self.switched && plan.own_green_steps.is_some_and(|own| self.steps > own) {
                     self.leave(plan, green, plan.next(green));
                 }
             }
@@ -121,7 +121,8 @@ mod tests {
 
     #[test]
     fn a_light_goes_to_its_next_green_by_itself_until_it_is_switched() {
-        let plan = paper().by_itself_until_switched(5);
+        let mut plan = paper();
+        plan.own_green_steps = Some(5);
         let by_itself =
             ["Gr", "Gr", "Gr", "Gr", "yr", "yr", "yr", "rG", "rG", "rG", "rG", "rG", "ry", "ry", "ry", "Gr"];
         assert_eq!(shown(&plan, &[KEEP; 16]), by_itself, "the beginning counts as the first step");

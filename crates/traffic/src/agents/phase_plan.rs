@@ -12,11 +12,11 @@ pub struct PhasePlan {
     cars: BTreeSet<usize>,
     /// What is shown between two greens, `[from][to]`; empty where nothing has to be cleared.
     clearings: Vec<Vec<Vec<Interval>>>,
-    /// Ways of its program from green to green.
-    program: Vec<ProgramChange>,
+    /// Ways of its program from green to green. Without any, a green is followed by the next one.
+    pub(crate) program: Vec<ProgramChange>,
     min_green_steps: u32,
     /// Number of steps after which the light leaves a green by itself, until it is switched in an episode.
-    own_green_steps: Option<u32>,
+    pub(crate) own_green_steps: Option<u32>,
     choice: Choice,
 }
 
@@ -93,16 +93,6 @@ impl PhasePlan {
         PhasePlan { cars, ..self }
     }
 
-    /// Lets the plan recognise by these changes to which green its program is on the way. Without them it is the next one.
-    pub(crate) fn for_program(self, program: Vec<ProgramChange>) -> PhasePlan {
-        PhasePlan { program, ..self }
-    }
-
-    /// Lets the light go to its next green after this number of steps, in each episode until it is switched.
-    pub(crate) fn by_itself_until_switched(self, green_steps: u32) -> PhasePlan {
-        PhasePlan { own_green_steps: Some(green_steps), ..self }
-    }
-
     pub(crate) fn cars(&self) -> &BTreeSet<usize> {
         &self.cars
     }
@@ -118,10 +108,6 @@ impl PhasePlan {
 
     pub(crate) fn min_green_steps(&self) -> u32 {
         self.min_green_steps
-    }
-
-    pub(crate) fn own_green_steps(&self) -> Option<u32> {
-        self.own_green_steps
     }
 
     pub(crate) fn choice(&self) -> Choice {
@@ -211,7 +197,7 @@ mod tests {
         // A program that shows green 0 between all others: 0, 1, 0, 2. Its yellow before green 2 is another one.
         let change = |from, to, letters: &str| ProgramChange { from, to, between: vec![state(letters)] };
         let program = vec![change(0, 1, "yrr"), change(1, 0, "ryr"), change(0, 2, "Yrr"), change(2, 0, "rry")];
-        let plan = plan.for_program(program);
+        let plan = PhasePlan { program, ..plan };
         let shown = [("yrr", 0), ("Yrr", 0), ("ryr", 1), ("rry", 2), ("rrr", 1)];
         assert_eq!(ways(&plan, &shown), [1, 2, 0, 0, 0]);
     }

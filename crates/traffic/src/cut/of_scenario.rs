@@ -11,10 +11,10 @@ use super::local_net::LocalNet;
 use super::sample_demand::{END_S, demand, types};
 use crate::agents::derive::region::{Region, lit_junctions};
 use crate::agents::derive::{Agent, Derived};
-use crate::network::files::NetworkFiles;
+use crate::network::files::{NetworkFiles, sumocfg};
 use crate::network::roads::Roads;
 use crate::network::tree::Element;
-use crate::network::xml::{document, section, text};
+use crate::network::xml::text;
 use crate::scenario::SumoScenario;
 use dials_core::outside::{did_you_mean, excerpt, quoted, write_together};
 
@@ -86,26 +86,15 @@ pub fn write(net: &LocalNet, scenario: &SumoScenario, dir: &Path) -> Result<Netw
     let files = NetworkFiles::of(&dir.join(NAME));
     files.check_paths()?;
     let kinds = kinds(scenario);
+    let (net_file, routes) = (format!("{NAME}.net.xml"), format!("{NAME}.rou.xml"));
+    let input = [("net-file", &*net_file), ("additional-files", TYPES), ("route-files", &*routes)];
+    let options: Vec<(&str, &str)> = scenario.options().iter().map(|(name, value)| (&**name, &**value)).collect();
     let contents = [
         (files.net.clone(), text(net.root())),
         (dir.join(TYPES), types(&kinds)),
         (files.routes.clone(), demand(net, &kinds)?),
-        (files.config.clone(), sumocfg(scenario)),
+        (files.config.clone(), sumocfg(&input, END_S, &options)),
     ];
     write_together(dir, &contents.map(|(path, text)| (path, text.into_bytes())))?;
     Ok(files)
-}
-
-fn sumocfg(scenario: &SumoScenario) -> String {
-    let name = |ending: &str| format!("{NAME}{ending}");
-    let (net, routes) = (name(".net.xml"), name(".rou.xml"));
-    let input = [("net-file", &*net), ("additional-files", TYPES), ("route-files", &*routes)];
-    let options: Vec<(&str, &str)> = scenario.options().iter().map(|(name, value)| (&**name, &**value)).collect();
-    document("configuration", |xml| {
-        section(xml, "input", &input)?;
-        section(xml, "time", &[("begin", "0"), ("end", END_S), ("step-length", "1")])?;
-        section(xml, "processing", &options)?;
-        // Without it, SUMO warns of a missing SUMO_HOME, where it would look for the schemas.
-        section(xml, "report", &[("xml-validation", "never")])
-    })
 }

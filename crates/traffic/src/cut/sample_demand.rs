@@ -29,12 +29,15 @@ pub(super) fn demand(net: &LocalNet, types: &[&Element]) -> Result<String> {
             (!routes.is_empty()).then_some((*driver, routes))
         })
     };
-    let flows: Vec<_> = entries(net, &roads).into_iter().filter_map(fitting).collect();
+    let entry_lanes = net.entry_lanes.iter().filter_map(|lane| roads.lane_named(lane));
+    let mut entries: Vec<EdgeNo> = entry_lanes.map(|lane| roads.lane(lane).edge).collect();
+    entries.dedup();
+    let flows: Vec<_> = entries.into_iter().filter_map(fitting).collect();
     Ok(document("routes", |xml| {
         let mut numbers = 0..;
         for (driver, routes) in &flows {
             let per_hour = (CARS_PER_HOUR / routes.len() as f64).to_string();
-            routes.iter().zip(&mut numbers).try_for_each(|(Route { edges, end_m }, number)| {
+            routes.iter().zip(&mut numbers).try_for_each(|((edges, end_m), number)| {
                 let (route, flow, end) = (format!("way_{number}"), format!("flow_{number}"), end_m.to_string());
                 leaf(xml, "route", [("id", &route), ("edges", &edges.join(" "))])?;
                 let names =
@@ -58,20 +61,8 @@ fn drivers<'a>(types: &[&'a Element]) -> Vec<(Option<&'a str>, &'a str)> {
     drivers
 }
 
-fn entries(net: &LocalNet, roads: &Roads) -> Vec<EdgeNo> {
-    let lanes = net.entry_lanes.iter().filter_map(|lane| roads.lane_named(lane));
-    let mut edges: Vec<EdgeNo> = lanes.map(|lane| roads.lane(lane).edge).collect();
-    edges.dedup();
-    edges
-}
-
-struct Route {
-    edges: Vec<String>,
-    end_m: f64,
-}
-
 /// Returns the shortest route from an edge to each exit, and a way behind it, that cars of a class can take.
-fn routes(roads: &Roads, entry: EdgeNo, exits: &[Exit], class: &str) -> Vec<Route> {
+fn routes(roads: &Roads, entry: EdgeNo, exits: &[Exit], class: &str) -> Vec<(Vec<String>, f64)> {
     let before = search(roads, entry, class);
     let route = |exit: &Exit| {
         let last = roads.edge_named(&exit.edge)?;
@@ -82,7 +73,7 @@ fn routes(roads: &Roads, entry: EdgeNo, exits: &[Exit], class: &str) -> Vec<Rout
         let mut edges: Vec<EdgeNo> = successors(Some(last), |at| Some(before[at]).filter(|_| *at != entry)).collect();
         edges.reverse();
         let names = edges.into_iter().map(|edge| roads.edge(edge).id.clone());
-        Some(Route { edges: names.chain(way.copies.iter().cloned()).collect(), end_m: way.end_m })
+        Some((names.chain(way.copies.iter().cloned()).collect(), way.end_m))
     };
     exits.iter().filter_map(route).collect()
 }

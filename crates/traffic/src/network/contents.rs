@@ -20,7 +20,8 @@ use dials_core::outside::write_together;
 
 #[derive(Debug)]
 pub(crate) struct Content {
-    bytes: Vec<u8>,
+    /// What copies of the file hold.
+    pub(crate) bytes: Vec<u8>,
     pub(crate) root: Element,
 }
 
@@ -46,10 +47,6 @@ impl Content {
         let mut root = self.root.clone();
         change(&mut root);
         Content { bytes: xml::text(&root).into_bytes(), root }
-    }
-
-    pub(crate) fn bytes(&self) -> &[u8] {
-        &self.bytes
     }
 
     /// Returns the text that SUMO loads: the elements that were read, and nothing else of the file.

@@ -1,10 +1,4 @@
-//! The files of a network.
-//!
-//! A *network* is four files with one name:
-//! - `grid_2x2.net.xml`: roads and lights.
-//! - `.rou.xml`: vehicle type, routes, flows.
-//! - `.actuated.add.xml`: actuated lights, loaded only if wanted.
-//! - `.sumocfg`: the configuration for `sumo -c`.
+//! A *network* is four files with one name, such as `grid_2x2.net.xml`.
 
 use std::ffi::OsString;
 use std::path::{Path, PathBuf};
@@ -93,11 +87,16 @@ pub(crate) fn for_sumo(path: &Path) -> Result<String> {
 /// Returns the configuration for `sumo -c` of a network of this name in the same directory.
 pub(crate) fn config(name: &str) -> String {
     let (net, routes) = (format!("{name}.net.xml"), format!("{name}.rou.xml"));
+    // A waiting car is never moved past the jam (the authors' setup).
+    sumocfg(&[("net-file", &net), ("route-files", &routes)], "3600", &[("time-to-teleport", "-1")])
+}
+
+/// Returns a configuration for `sumo -c`.
+pub(crate) fn sumocfg(files: &[(&str, &str)], end_s: &str, options: &[(&str, &str)]) -> String {
     document("configuration", |xml| {
-        section(xml, "input", &[("net-file", &net), ("route-files", &routes)])?;
-        section(xml, "time", &[("begin", "0"), ("end", "3600"), ("step-length", "1")])?;
-        // A waiting car is never moved past the jam (the authors' setup).
-        section(xml, "processing", &[("time-to-teleport", "-1")])?;
+        section(xml, "input", files)?;
+        section(xml, "time", &[("begin", "0"), ("end", end_s), ("step-length", "1")])?;
+        section(xml, "processing", options)?;
         // Without it, SUMO warns of a missing SUMO_HOME, where it would look for the schemas.
         section(xml, "report", &[("xml-validation", "never")])
     })

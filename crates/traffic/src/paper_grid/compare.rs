@@ -10,12 +10,7 @@ use std::collections::HashMap;
 use crate::network::tree::Element;
 
 /// Returns the first difference between an element and what this program would write, with both values.
-pub(super) fn difference(found: &Element, expected: &Element) -> Option<String> {
-    within(found, expected, &found.name)
-}
-
-/// Compares one element. `name`: what `found` is called in a message.
-fn within(found: &Element, expected: &Element, name: &str) -> Option<String> {
+pub(super) fn difference(found: &Element, expected: &Element, name: &str) -> Option<String> {
     for (key, wanted) in &expected.attributes {
         let is_probability = found.name == "flow" && key == "probability";
         let fits = |value: &str| match is_probability {
@@ -53,7 +48,7 @@ fn in_children(found: &Element, expected: &Element, name: &str) -> Option<String
             }
             None => return Some(format!("it has {}, and this program simulates none", tag(child))),
             Some(wanted) => {
-                let difference = within(child, wanted, &called);
+                let difference = self::difference(child, wanted, &called);
                 if difference.is_some() {
                     return difference;
                 }
@@ -115,7 +110,7 @@ mod tests {
 
     fn difference_of(found: &str, expected: &str) -> Option<String> {
         let [found, expected] = [found, expected].map(|text| parse(text).expect("XML of the test"));
-        difference(&found, &expected)
+        difference(&found, &expected, &found.name)
     }
 
     #[test]

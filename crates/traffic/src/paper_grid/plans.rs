@@ -52,11 +52,9 @@ pub fn plans(grid: Grid, config: &TrafficConfig) -> Vec<AgentPlan> {
 fn phases(until_first_switch: UntilFirstSwitch) -> PhasePlan {
     let greens = GREENS.map(Light::state).to_vec();
     let yellow = |from: usize, _| vec![Interval { state: GREENS[from].next().state(), steps: YELLOW_STEPS.into() }];
-    let plan = PhasePlan::new(greens, Choice::KeepOrSwitch, 1, yellow);
-    match until_first_switch {
-        UntilFirstSwitch::Agent => plan,
-        UntilFirstSwitch::Program => plan.by_itself_until_switched(PROGRAM_GREEN_STEPS),
-    }
+    let mut plan = PhasePlan::new(greens, Choice::KeepOrSwitch, 1, yellow);
+    plan.own_green_steps = (until_first_switch == UntilFirstSwitch::Program).then_some(PROGRAM_GREEN_STEPS);
+    plan
 }
 
 fn sensor(grid: Grid, agent: AgentId, config: &TrafficConfig) -> Sensor {

@@ -55,7 +55,7 @@ fn compare_all(network: &Network, grid: Grid, inflow: Option<f64>, way_out: impl
         (&files.actuated, &actuated.root, expected::read(&content::actuated(grid))),
     ];
     for (path, found, expected) in pairs {
-        if let Some(difference) = compare::difference(found, &expected) {
+        if let Some(difference) = compare::difference(found, &expected, &found.name) {
             bail!("{}: {}; {}", path.display(), beginning(&difference, MOST_LETTERS), way_out());
         }
     }

@@ -29,7 +29,7 @@ impl SumoScenario {
     /// Makes a folder and copies the scenario into it, all or nothing. Returns the paths of the config's keys.
     pub fn keep_in(&self, folder: &Path) -> Result<Vec<PathBuf>> {
         fs::create_dir(folder).with_context(|| format!("{}: cannot be made", folder.display()))?;
-        let mut files = self.copied(KEPT, None, |file| file.content.bytes().to_vec());
+        let mut files = self.copied(KEPT, None, |file| file.content.bytes.clone());
         let mut kept = vec![PathBuf::from(format!("{KEPT}.sumocfg"))];
         if let Some((_, text)) = self.agents() {
             files.push((AGENTS.to_owned(), text.as_bytes().to_vec()));
@@ -73,7 +73,7 @@ impl SumoScenario {
             child.name == "flow" && has("number") && !has("end") && !RATES.into_iter().any(has)
         };
         if !file.content.root.children.iter().any(is_spread) {
-            return file.content.bytes().to_vec();
+            return file.content.bytes.clone();
         }
         let mut root = file.content.root.clone();
         for flow in root.children.iter_mut().filter(|child| is_spread(child)) {

@@ -158,10 +158,6 @@ mod tests {
         lanes.into_iter().map(|lane| plan.lanes[lane].lane.as_str()).collect()
     }
 
-    fn road_names(plan: &BorderPlan) -> Vec<&str> {
-        plan.roads.iter().map(|road| road.road.as_str()).collect()
-    }
-
     #[test]
     fn nobody_is_seen_to_depart_on_a_road_without_lanes_for_cars() {
         const LANE: &str = r#"<lane id="side_1" index="1""#;
@@ -186,7 +182,8 @@ mod tests {
     #[test]
     fn another_light_is_outside() {
         let plan = plan(&LIGHT_AT_U, "J", &["far"]);
-        assert_eq!(road_names(&plan), ["near", "north", "out", "back"]);
+        let roads: Vec<&str> = plan.roads.iter().map(|road| road.road.as_str()).collect();
+        assert_eq!(roads, ["near", "north", "out", "back"]);
         let places: Vec<&EntryPlace> = plan.entries.iter().map(|entry| &entry.place).collect();
         assert_eq!(places, [&EntryPlace::Lane(0), &EntryPlace::Lane(1)]);
         assert_eq!(names(&plan, [0, 1]), ["near_0", "near_1"]);

@@ -171,9 +171,9 @@ fn agent(
     let yellow = yellow_s.map_or(rules.yellow, Yellow::Seconds);
     let times = clearing::Times::of(&of_program, yellow, *all_red_s);
     let clearing = |from: usize, to: usize| clearing::between(&greens[from], &greens[to], &times);
-    let phases = PhasePlan::new(greens.to_vec(), Choice::Target, rules.min_green_s, clearing)
-        .for_cars(cars.clone())
-        .for_program(program_changes(&of_program, greens));
+    let mut phases =
+        PhasePlan::new(greens.to_vec(), Choice::Target, rules.min_green_s, clearing).for_cars(cars.clone());
+    phases.program = program_changes(&of_program, greens);
     safety::check(roads, program, &phases)?;
     let region = Region::of(roads, lit, light, rules.approach_m, own.approaches.as_deref())?;
     let lanes = lanes::region_plan(roads, light, &region);

@@ -163,16 +163,17 @@ fn the_last_program_of_a_light_counts_as_in_sumo() {
 #[test]
 fn a_light_with_too_many_greens_keeps_its_program() {
     // Seven links at U. Letters are binary numbers from 1 on.
-    let state = |number: usize| (0..7).map(|bit| if number >> bit & 1 == 1 { 'G' } else { 'r' }).collect::<String>();
-    let phase = |number: usize| format!(r#"<phase duration="9" state="{}"/>"#, state(number));
-    let link = |letter: usize| {
-        format!(r#"<connection from="far" fromLane="0" to="near" toLane="0" tl="U" linkIndex="{letter}"/>"#)
+    let phase = |number: usize| {
+        let state: String = (0..7).map(|bit| if number >> bit & 1 == 1 { 'G' } else { 'r' }).collect();
+        format!("<phase duration='9' state='{state}'/>")
     };
+    let link =
+        |letter| format!("<connection from='far' fromLane='0' to='near' toLane='0' tl='U' linkIndex='{letter}'/>");
     let links = (0..7).map(link).collect::<String>() + "</net>";
     let with = |greens: usize| {
         let phases: String = (1..=greens).map(phase).collect();
-        let program = format!(r#"<tlLogic id="U">{phases}</tlLogic><junction id="W""#);
-        derived(&[("<junction id=\"W\"", &program), ("</net>", &links)], Rules::default(), "").unwrap()
+        let program = format!("<tlLogic id='U'>{phases}</tlLogic><junction id='W'");
+        derived(&[("<junction id='W'", &program), ("</net>", &links)], Rules::default(), "").unwrap()
     };
     assert_eq!(with(64).agents[1].plan.phases.greens().len(), 64);
     assert_eq!(with(65).keeping[0].why.to_string(), "its program has more than 64 greens, the limit");
