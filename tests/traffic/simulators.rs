@@ -749,12 +749,7 @@ fn the_switch_bias_is_added_to_the_output_bias_of_switching_and_to_nothing_else(
 
 /// Returns what gap-out does with an observation: an LS has no controllers of its own.
 fn gap_out(obs: &[f32]) -> Action {
-    let (across, along) = ([Side::West, Side::East], [Side::South, Side::North]);
-    let (green, red) = match light_of(obs) {
-        Light::HorizontalGreen => (across, along),
-        Light::VerticalGreen => (along, across),
-        Light::HorizontalYellow | Light::VerticalYellow => return KEEP,
-    };
+    let Some([green, red]) = light_of(obs).green_and_red() else { return KEEP };
     let car = |side: &Side, cells: usize| obs[9 * side.index()..][..cells].contains(&1.0);
     let (used, wanted) = (green.iter().any(|side| car(side, 3)), red.iter().any(|side| car(side, 4)));
     if !used && wanted { SWITCH } else { KEEP }

@@ -21,6 +21,11 @@ impl Side {
         [fourth, third, second, first]
     };
 
+    /// Ends of the road from west to east.
+    pub(crate) const HORIZONTAL: [Side; 2] = [Side::West, Side::East];
+    /// Ends of the road from south to north.
+    pub(crate) const VERTICAL: [Side; 2] = [Side::South, Side::North];
+
     pub fn index(self) -> usize {
         self as usize
     }
@@ -30,7 +35,7 @@ impl Side {
     }
 
     pub(crate) fn is_vertical(self) -> bool {
-        matches!(self, Side::South | Side::North)
+        Side::VERTICAL.contains(&self)
     }
 
     pub(crate) fn opposite(self) -> Side {

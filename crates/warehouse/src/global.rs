@@ -21,7 +21,6 @@ pub struct GlobalWarehouse {
     rule: Option<Rule>,
     /// Whether the rule was asked for the next actions. Then the step carries out what it is given.
     advised: bool,
-    /// Last moves of the learning robots, `[agents]`.
     moves: Vec<Action>,
     /// Cell of each robot within its region.
     cells: Vec<u8>,

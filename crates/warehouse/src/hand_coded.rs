@@ -27,7 +27,6 @@ impl Rule {
     }
 }
 
-/// The shelves in row-major order of their cells.
 const ROW_MAJOR: [usize; SHELVES] = [0, 1, 2, 6, 7, 8, 9, 10, 11, 3, 4, 5];
 
 /// Returns the next move of a robot on `cell` that sees items of these ages. A robot with nothing to do moves at

@@ -36,9 +36,7 @@ pub(crate) struct ProgramChange {
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Shown {
-    /// The green of this index.
     Green(usize),
-    /// Yellow or all red between two greens.
     Between { from: usize, to: usize },
 }
 

@@ -16,7 +16,6 @@ impl Light {
     pub const ALL: [Light; 4] =
         [Light::HorizontalGreen, Light::HorizontalYellow, Light::VerticalYellow, Light::VerticalGreen];
 
-    /// Order in which the phases follow each other, again and again.
     pub(crate) const CYCLE: [Light; 4] =
         [Light::VerticalGreen, Light::VerticalYellow, Light::HorizontalGreen, Light::HorizontalYellow];
 
@@ -39,6 +38,15 @@ impl Light {
 
     pub fn is_green(self) -> bool {
         matches!(self, Light::HorizontalGreen | Light::VerticalGreen)
+    }
+
+    /// Returns the sides whose cars have green, then the sides whose cars have red; `None` during yellow.
+    pub fn green_and_red(self) -> Option<[[Side; 2]; 2]> {
+        match self {
+            Light::HorizontalGreen => Some([Side::HORIZONTAL, Side::VERTICAL]),
+            Light::VerticalGreen => Some([Side::VERTICAL, Side::HORIZONTAL]),
+            Light::HorizontalYellow | Light::VerticalYellow => None,
+        }
     }
 
     pub fn next(self) -> Light {

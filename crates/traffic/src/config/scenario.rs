@@ -75,7 +75,6 @@ pub enum Observation {
     Queues,
 }
 
-/// Longest decision, green and yellow, in seconds.
 const LONGEST_S: u32 = 300;
 const APPROACH_M: std::ops::RangeInclusive<f64> = 10.0..=1000.0;
 /// Largest number of decisions of an episode, as in the check of a horizon.

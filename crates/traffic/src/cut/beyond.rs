@@ -32,7 +32,6 @@ pub(super) struct Beyond<'a> {
     taken: HashSet<String>,
     gate: Gate,
     pub(super) exits: Vec<Exit>,
-    /// Copies, and the gate.
     pub(super) elements: Vec<Element>,
 }
 
@@ -131,7 +130,6 @@ impl<'a> Beyond<'a> {
         })
     }
 
-    /// Returns the roads that follow an edge, in the order of the connections.
     fn next_edges(&self, from: EdgeNo) -> Vec<EdgeNo> {
         let roads = self.source.roads;
         let mut next = Vec::new();

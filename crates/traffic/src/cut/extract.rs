@@ -14,7 +14,6 @@ use crate::network::roads::{Connection, EdgeNo, Function, JunctionNo, Roads, pro
 use crate::network::tree::Element;
 use dials_core::outside::excerpt;
 
-/// A whole net, as text and as roads.
 pub(crate) struct Source<'a> {
     pub(crate) net: &'a Element,
     pub(crate) roads: &'a Roads,
@@ -124,7 +123,6 @@ impl<'a> Cut<'a> {
         Ok(())
     }
 
-    /// Returns whether a junction of the region holds a connection.
     fn is_within(&self, link: &Connection) -> bool {
         match self.source.roads.end_of(link.from) {
             Some(end) => self.within.contains(&end),

@@ -12,7 +12,6 @@ pub struct LocalNet {
     pub(crate) light: String,
     /// Lanes for cars on the edges that begin at the border.
     pub(crate) entry_lanes: Vec<String>,
-    /// Edges that end at the border.
     pub exits: Vec<Exit>,
     /// Light at the ends of the exits. `None`: all exits are dead ends.
     pub gate: Option<Gate>,

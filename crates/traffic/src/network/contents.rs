@@ -55,7 +55,6 @@ impl Content {
     }
 }
 
-/// A network whose files were read. Clones share it.
 #[derive(Clone, Debug)]
 pub struct Network {
     pub(crate) files: NetworkFiles,

@@ -16,7 +16,6 @@ const MOST_LETTERS: usize = 400;
 
 /// A network in memory that SUMO of this process can load, any number of times.
 pub struct Loadable {
-    /// Files, with the paths that the user knows.
     files: Vec<(MemoryFile, PathBuf)>,
     /// Options of SUMO without `--`, but for the seed and the additional files.
     options: Vec<(String, String)>,

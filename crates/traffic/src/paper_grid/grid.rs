@@ -109,12 +109,10 @@ impl Grid {
         }
     }
 
-    /// Returns the edges that lead to the agent's intersection `[from west, from south, from east, from north]`.
     pub fn incoming_edges(self, agent: AgentId) -> [String; 4] {
         Side::ALL.map(|side| edge(self.neighbour(agent, side), self.intersection(agent)))
     }
 
-    /// Returns the edges that leave the agent's intersection `[to west, to south, to east, to north]`.
     pub fn outgoing_edges(self, agent: AgentId) -> [String; 4] {
         Side::ALL.map(|side| edge(self.intersection(agent), self.neighbour(agent, side)))
     }
@@ -155,10 +153,6 @@ impl Grid {
             }
         }
         edges
-    }
-
-    pub(crate) fn leaves(self, agent: AgentId, side: Side) -> bool {
-        matches!(self.neighbour(agent, side), Node::Boundary { .. })
     }
 
     pub(crate) fn place(self, agent: AgentId) -> (usize, usize) {

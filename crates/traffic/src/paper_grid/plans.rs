@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use super::grid::{Grid, lane};
+use super::grid::{Grid, Node, lane};
 use crate::agents::phase_plan::{Choice, Interval, PhasePlan};
 use crate::agents::phases::Light;
 use crate::agents::plan::{AgentPlan, JointPlan};
@@ -89,7 +89,7 @@ fn around(grid: Grid, agent: AgentId) -> RegionPlan {
         lane: lane(&outgoing[to.index()]),
         length_m: EDGE_M,
         speed_limit_mps: SPEED_LIMIT_MPS,
-        leaves_the_net: grid.leaves(agent, *to),
+        leaves_the_net: matches!(grid.neighbour(agent, *to), Node::Boundary { .. }),
     };
     let link = |from: &Side| Link { letter: from.link_index(), from: from.index(), to: from.opposite().index() };
     RegionPlan {

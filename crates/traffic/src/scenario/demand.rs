@@ -300,37 +300,33 @@ mod tests {
     fn cars_depart_where_their_ways_begin_if_they_depart_in_the_episode() {
         let departures = |elements: &str| {
             let (Departures { edges, junctions }, _) = read_whole(elements).unwrap();
-            (edges.into_iter().collect::<Vec<_>>().join(" "), junctions.into_iter().collect::<Vec<_>>().join(" "))
+            edges.into_iter().chain(junctions).collect::<Vec<_>>().join(" ")
         };
         let other = "<trip id='v' depart='100' from='a' to='b'/>";
-        for (element, edges, junctions) in [
-            ("<trip id='w' depart='150' type='bus' from='c' via='b' to='b'/>", "a c", ""),
-            ("<trip id='w' depart='200' from='c' to='b'/>", "a", ""),
-            ("<vehicle id='w' depart='150'><route edges='b'/></vehicle>", "a b", ""),
+        for (element, places) in [
+            ("<trip id='w' depart='150' type='bus' from='c' via='b' to='b'/>", "a c"),
+            ("<trip id='w' depart='200' from='c' to='b'/>", "a"),
+            ("<vehicle id='w' depart='150'><route edges='b'/></vehicle>", "a b"),
             (
                 "<vehicle id='w' depart='150'><routeDistribution><route edges='c b'/><route edges='b'/>\
                  </routeDistribution></vehicle>",
                 "a b c",
-                "",
             ),
             (
                 "<routeDistribution id='r'><route id='s' edges='c b'/></routeDistribution>\
                  <vehicle id='w' depart='150'><route refId='s'/></vehicle>",
                 "a c",
-                "",
             ),
-            ("<flow id='w' begin='150' period='9' fromTaz='z' toTaz='z'/>", "a b", ""),
-            ("<flow id='w' begin='150' period='9' fromTaz='y' to='b'/>", "a", ""),
-            ("<trip id='w' depart='150' from='c' toTaz='z'/>", "a c", ""),
-            ("<trip id='w' depart='150' fromJunction='j' toJunction='j'/>", "a", "j"),
+            ("<flow id='w' begin='150' period='9' fromTaz='z' toTaz='z'/>", "a b"),
+            ("<flow id='w' begin='150' period='9' fromTaz='y' to='b'/>", "a"),
+            ("<trip id='w' depart='150' from='c' toTaz='z'/>", "a c"),
+            ("<trip id='w' depart='150' fromJunction='j' toJunction='j'/>", "a j"),
         ] {
-            assert_eq!(departures(&format!("{other}{element}")), (edges.to_owned(), junctions.to_owned()), "{element}");
+            assert_eq!(departures(&format!("{other}{element}")), places, "{element}");
         }
         let early = format!("<trip id='u' depart='99' from='a' to='c'/>{other}");
-        assert_eq!(
-            read(&early),
-            Ok(vec!["rou: 1 of its vehicles and flows depart before 100 s or from 200 s on".to_owned()])
-        );
+        let note = "rou: 1 of its vehicles and flows depart before 100 s or from 200 s on";
+        assert_eq!(read(&early).unwrap(), [note]);
     }
 
     #[test]

@@ -42,7 +42,6 @@ fn is_one_of(names: &str, element: &Element) -> bool {
     names.split(' ').any(|name| name == element.name)
 }
 
-/// What was left out of the files.
 #[derive(Debug, Default)]
 pub(super) struct Left {
     /// Numbers by file and kind.

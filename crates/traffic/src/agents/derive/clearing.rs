@@ -9,6 +9,7 @@ use crate::config::Yellow;
 use crate::network::roads::program::Phase;
 use libsumo::SignalState;
 
+/// Yellow of a light whose program shows none.
 const YELLOW_S: u32 = 3;
 
 /// Durations of the states between the greens of a light.
@@ -18,10 +19,9 @@ pub(crate) struct Times {
     all_red: Seconds,
 }
 
-/// How long a state lasts, by the change.
+/// How long a state lasts in the changes that the program has, and in all others.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 struct Seconds {
-    /// Those of the changes that the program has.
     own: HashMap<[SignalState; 2], u32>,
     other: u32,
 }

@@ -5,7 +5,6 @@ use std::fmt;
 use super::greens::MOST_GREENS;
 use dials_core::base::counted;
 
-/// Largest number of lights that a sentence about several ones names.
 const MOST_NAMES: usize = 5;
 
 /// A light that does not learn. It shows its own program.

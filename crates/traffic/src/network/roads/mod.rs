@@ -68,7 +68,6 @@ pub struct Junction {
     pub requests: Vec<Request>,
 }
 
-/// The right of way of one link of a junction.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Request {
     /// Whether this link yields to another one. One entry per link of the junction.
@@ -115,7 +114,6 @@ pub struct Lane {
     pub(crate) classes: Classes,
 }
 
-/// A way from one lane to the next.
 #[derive(Clone, Debug)]
 pub struct Connection {
     pub(crate) from: LaneNo,
