@@ -10,13 +10,11 @@
 
 use dials_core::domain::{Action, RegionSpec, SourceSpec, Task};
 
-/// Number of cells along a side.
 pub(crate) const SIDE: usize = 5;
 pub(crate) const CELLS: usize = SIDE * SIDE;
 pub(crate) const SHELVES: usize = 12;
 /// Cell where a robot begins: the middle.
 pub(crate) const CENTRE: u8 = 12;
-/// Moves.
 pub const UP: Action = 0;
 pub const DOWN: Action = 1;
 pub const LEFT: Action = 2;

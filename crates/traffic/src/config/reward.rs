@@ -119,7 +119,7 @@ impl<'de> Deserialize<'de> for Reward {
         let reward = match Value::deserialize(deserializer)? {
             name @ Value::String(_) => name.try_into::<RewardTerm>().map(Reward::from),
             weights @ Value::Table(_) => weights.try_into().map(Reward),
-            other => return Err(D::Error::invalid_type(Unexpected::Other(other.type_str()), &WANTED)),
+            other => return Err(D::Error::invalid_type(Unexpected::Other(&other.to_string()), &WANTED)),
         };
         reward.map_err(|error| D::Error::custom(error.message()))
     }

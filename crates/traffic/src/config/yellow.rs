@@ -6,6 +6,7 @@ use std::fmt::{self, Display, Formatter};
 use schemars::{JsonSchema, Schema, SchemaGenerator, json_schema};
 use serde::de::{Error, Unexpected};
 use serde::{Deserialize, Deserializer, Serialize, Serializer};
+use toml::Value;
 
 const PROGRAM: &str = "program";
 
@@ -37,17 +38,13 @@ impl Serialize for Yellow {
 
 impl<'de> Deserialize<'de> for Yellow {
     fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Yellow, D::Error> {
-        const WORDS: &str = "a whole number of seconds, or \"program\"";
-        #[derive(Deserialize)]
-        #[serde(untagged, expecting = "must be a whole number of seconds, or \"program\"")]
-        enum Given {
-            Seconds(u32),
-            Word(String),
-        }
-        match Given::deserialize(deserializer)? {
-            Given::Seconds(seconds) => Ok(Yellow::Seconds(seconds)),
-            Given::Word(word) if word == PROGRAM => Ok(Yellow::Program),
-            Given::Word(word) => Err(D::Error::invalid_value(Unexpected::Str(&word), &WORDS)),
+        match Value::deserialize(deserializer)? {
+            Value::String(word) if word == PROGRAM => Ok(Yellow::Program),
+            Value::Integer(seconds) if u32::try_from(seconds).is_ok() => Ok(Yellow::Seconds(seconds as u32)),
+            other => {
+                let wanted = "a whole number of seconds, or \"program\"";
+                Err(D::Error::invalid_value(Unexpected::Other(&other.to_string()), &wanted))
+            }
         }
     }
 }

@@ -183,7 +183,6 @@ impl<'a> Cut<'a> {
         junctions.collect()
     }
 
-    /// Returns the roundabouts, with the parts of them that are in the region.
     fn roundabouts(&self) -> Vec<Element> {
         let roads = self.source.roads;
         let mut roundabouts: Vec<Element> = self.source.net.all("roundabout").cloned().collect();

@@ -42,7 +42,6 @@ impl Content {
         Ok(Content { bytes, root })
     }
 
-    /// Returns other content, with something changed. Copies hold that.
     pub(crate) fn changed(&self, change: impl FnOnce(&mut Element)) -> Content {
         let mut root = self.root.clone();
         change(&mut root);

@@ -93,13 +93,9 @@ pub(super) fn clean(option: &str, file: &Path, root: &mut Element, left: &mut Le
     }
     check_known(file, root, IN_OTHERS)?;
     root.children.iter().try_for_each(|child| check_within(file, child))?;
-    if let Some(child) = root.children.iter().find(|child| is_one_of(SKIPPED_IN_ROUTES, child)) {
-        ensure!(
-            option != ROUTE_FILES,
-            "{}: {}: SUMO skips it in a route file; move it to an additional file",
-            file.display(),
-            tag(child)
-        );
+    let is_skipped = |child: &&Element| option == ROUTE_FILES && is_one_of(SKIPPED_IN_ROUTES, child);
+    if let Some(child) = root.children.iter().find(is_skipped) {
+        bail!("{}: {}: SUMO skips it in a route file; move it to an additional file", file.display(), tag(child));
     }
     Ok(root.children.len() < before)
 }

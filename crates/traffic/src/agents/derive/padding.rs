@@ -29,7 +29,6 @@ pub struct InfluencePadding {
     pub columns: usize,
     /// Number of influence sources of every agent. Those that an agent does not have never happen.
     pub sources: usize,
-    /// Number of parts of an episode, the same for all agents.
     pub(crate) parts: usize,
 }
 

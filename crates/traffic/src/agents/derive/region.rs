@@ -17,7 +17,6 @@ pub struct Region {
     pub passed: Vec<JunctionNo>,
     /// Lanes on which cars come to the light, with the distance from the end of each to the stop line in metres.
     pub ahead_m: BTreeMap<LaneNo, f64>,
-    /// How far before the stop line its agent sees cars, in metres.
     pub(crate) approach_m: f64,
 }
 
