@@ -1,6 +1,4 @@
-//! Robots without a policy: random moves, the closest item, the oldest item.
-//!
-//! Closest-item robots also work in the ring around the learning ones.
+//! Robots without a policy: random moves, the closest item (also in the ring around the learning robots), the oldest.
 
 use rand::Rng;
 

@@ -1,6 +1,4 @@
 //! The plans of agents: their lights, local regions and sensors. Simulators and controllers follow them.
-//!
-//! Plans come from a road network. [`crate::paper_grid`] makes those of the paper's grids.
 
 use std::sync::Arc;
 

@@ -6,7 +6,6 @@ mod scenario;
 pub(crate) mod sumo_options;
 pub(crate) mod sumo_time;
 pub mod sumocfg;
-mod yellow;
 
 use std::fmt::{self, Formatter};
 use std::path::PathBuf;
@@ -22,8 +21,7 @@ use dials_core::domain::{Domain, DomainTable};
 
 pub use grid::{ClockOffsets, DSet, EntryRule, TrafficConfig, UntilFirstSwitch};
 pub use reward::{Reward, RewardTerm};
-pub use scenario::{Observation, ScenarioConfig};
-pub use yellow::Yellow;
+pub use scenario::{Observation, ScenarioConfig, Yellow};
 
 /// Traffic lights, on a grid of the paper, which `network` and `local_network` name, or on a scenario of yours, which
 /// `scenario` names. A key of the other way is an error.

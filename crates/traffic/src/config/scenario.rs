@@ -1,15 +1,18 @@
 //! The table `[traffic]` for a scenario: a .sumocfg of the user instead of a grid of ours.
 
+use std::borrow::Cow;
+use std::fmt::{self, Display, Formatter};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use anyhow::{Context, Result, ensure};
-use schemars::JsonSchema;
-use serde::{Deserialize, Serialize};
+use schemars::{JsonSchema, Schema, SchemaGenerator, json_schema};
+use serde::de::{Error, Unexpected};
+use serde::{Deserialize, Deserializer, Serialize, Serializer};
+use toml::Value;
 
 use super::reward::Reward;
 use super::sumocfg::{MOST_SECONDS, Sumocfg};
-use super::yellow::Yellow;
 use crate::Traffic;
 use dials_core::domain::{Domain, DomainTable};
 
@@ -195,6 +198,58 @@ impl DomainTable for ScenarioConfig {
     }
 }
 
+const PROGRAM: &str = "program";
+
+/// How long lights of a scenario show yellow.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Yellow {
+    /// That of the light's own program, in whole seconds. So no controller gains time by a shorter one.
+    #[default]
+    Program,
+    Seconds(u32),
+}
+
+impl Display for Yellow {
+    fn fmt(&self, f: &mut Formatter<'_>) -> fmt::Result {
+        match self {
+            Yellow::Program => f.write_str("as in the light's own program"),
+            Yellow::Seconds(seconds) => write!(f, "{seconds} s"),
+        }
+    }
+}
+
+impl Serialize for Yellow {
+    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        match self {
+            Yellow::Program => serializer.serialize_str(PROGRAM),
+            Yellow::Seconds(seconds) => serializer.serialize_u32(*seconds),
+        }
+    }
+}
+
+impl<'de> Deserialize<'de> for Yellow {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Yellow, D::Error> {
+        match Value::deserialize(deserializer)? {
+            Value::String(word) if word == PROGRAM => Ok(Yellow::Program),
+            Value::Integer(seconds) if u32::try_from(seconds).is_ok() => Ok(Yellow::Seconds(seconds as u32)),
+            other => {
+                let wanted = "a whole number of seconds, or \"program\"";
+                Err(D::Error::invalid_value(Unexpected::Other(&other.to_string()), &wanted))
+            }
+        }
+    }
+}
+
+impl JsonSchema for Yellow {
+    fn schema_name() -> Cow<'static, str> {
+        "Yellow".into()
+    }
+
+    fn json_schema(_: &mut SchemaGenerator) -> Schema {
+        json_schema!({ "anyOf": [{ "enum": [PROGRAM] }, { "type": "integer", "minimum": 0 }] })
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -229,5 +284,17 @@ mod tests {
         }
         assert!(checked(|config| config.end_s = Some(25_204)).contains("there are 0 decisions"));
         assert!(checked(|config| config.end_s = Some(u64::MAX)).contains("must be at most"));
+    }
+
+    #[test]
+    fn yellow_is_a_number_or_the_word_and_comes_back_as_it_was_written() {
+        for json in ["0", "4", "\"program\""] {
+            let yellow: Yellow = serde_json::from_str(json).unwrap();
+            assert_eq!(serde_json::to_string(&yellow).unwrap(), json);
+        }
+        for json in ["-1", "1.5", "\"own\"", "4294967296"] {
+            let message = serde_json::from_str::<Yellow>(json).unwrap_err().to_string();
+            assert!(message.contains("a whole number of seconds, or \"program\""), "{message}");
+        }
     }
 }

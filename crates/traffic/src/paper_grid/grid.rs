@@ -4,8 +4,6 @@
 //! is an intersection; agents are numbered row-major from the south-west corner, as in the authors' setup. Names are
 //! readable in sumo-gui: intersection `r0c1`, boundary `w0` (west end of row 0), edge `w0_r0c0` (from, to), its only
 //! lane `w0_r0c0_0`. Arrays of four, one entry per side of an intersection, are in the order of `Side::ALL`.
-//!
-//! Pure: nothing here knows SUMO or a file. `make` writes a grid to files; `forest` copies the smallest one many times.
 
 use std::fmt;
 
