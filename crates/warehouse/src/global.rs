@@ -19,17 +19,14 @@ pub struct GlobalWarehouse {
     layout: FloorPlan,
     /// Rule that the learning robots follow instead of their actions, for hand-coded baselines.
     rule: Option<Rule>,
-    /// Whether the rule was asked for the next actions of the learning robots. Then the step carries out what it is
-    /// given.
+    /// Whether the rule was asked for the next actions. Then the step carries out what it is given.
     advised: bool,
-    /// Last moves of the learning robots, `[agents]`.
     moves: Vec<Action>,
     /// Cell of each robot within its region.
     cells: Vec<u8>,
     /// Shelf that each robot without a policy goes to.
     targets: Vec<Option<usize>>,
     dice: Vec<Dice>,
-    /// Age of the item on each shelf.
     ages: Vec<Age>,
     appearances: Vec<Appearances>,
     last: JointTransition,
@@ -41,7 +38,6 @@ pub struct GlobalWarehouse {
 #[derive(Clone, Debug, Default)]
 struct Collected {
     steps: u64,
-    /// Number of items collected, per agent.
     collected: Vec<u64>,
     /// Sums over steps of the number of waiting items, and of their ages.
     waiting: u64,

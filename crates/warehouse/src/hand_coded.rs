@@ -1,6 +1,4 @@
-//! Robots without a policy: random moves, the closest item, the oldest item.
-//!
-//! Closest-item robots also work in the ring around the learning ones.
+//! Robots without a policy: random moves, the closest item (also in the ring around the learning robots), the oldest.
 
 use rand::Rng;
 
@@ -8,7 +6,6 @@ use super::region::{Age, DOWN, LEFT, MOVES, RIGHT, SHELF_CELLS, SHELVES, SIDE, U
 use dials_core::base::Dice;
 use dials_core::domain::Action;
 
-/// The rules that a robot can follow.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Rule {
     Random,
@@ -23,16 +20,11 @@ impl Rule {
     pub(crate) const NAMES: &'static [&'static str] = &["random", "closest-item", "oldest-item"];
 
     pub(crate) fn by_name(name: &str) -> Option<Rule> {
-        match name {
-            "random" => Some(Rule::Random),
-            "closest-item" => Some(Rule::ClosestItem),
-            "oldest-item" => Some(Rule::OldestItem),
-            _ => None,
-        }
+        let rules = [Rule::Random, Rule::ClosestItem, Rule::OldestItem];
+        Rule::NAMES.iter().zip(rules).find_map(|(known, rule)| (*known == name).then_some(rule))
     }
 }
 
-/// The shelves in row-major order of their cells.
 const ROW_MAJOR: [usize; SHELVES] = [0, 1, 2, 6, 7, 8, 9, 10, 11, 3, 4, 5];
 
 /// Returns the next move of a robot on `cell` that sees items of these ages. A robot with nothing to do moves at
@@ -66,8 +58,7 @@ fn place(cell: u8) -> (usize, usize) {
     (usize::from(cell) / SIDE, usize::from(cell) % SIDE)
 }
 
-/// Returns the number of moves from a cell to a shelf. From one shelf to another of the same side, the way leads over
-/// the floor.
+/// Returns the number of moves from a cell to a shelf. Between two of one side the way leads over the floor.
 fn distance(cell: u8, shelf: usize) -> usize {
     let ((row, col), (to_row, to_col)) = (place(cell), place(SHELF_CELLS[shelf]));
     let same_side = (row == to_row && at_end(row)) || (col == to_col && at_end(col));
@@ -103,7 +94,7 @@ fn towards(cell: u8, shelf: usize) -> Action {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::region::{CELLS, CENTRE, NO_ITEM, after_move};
+    use crate::region::{CELLS, CENTRE, NO_ITEM, after_move, is_floor};
     use dials_core::base::Seed;
 
     fn items(ages: &[(usize, Age)]) -> [Age; SHELVES] {
@@ -114,8 +105,7 @@ mod tests {
 
     #[test]
     fn every_way_is_as_long_as_its_distance() {
-        let is_inside = |cell: u8| (1..4).contains(&(cell / 5)) && (1..4).contains(&(cell % 5));
-        for from in (0..CELLS as u8).filter(|&cell| shelf_at(cell).is_some() || is_inside(cell)) {
+        for from in (0..CELLS as u8).filter(|&cell| shelf_at(cell).is_some() || is_floor(cell as i8)) {
             for shelf in (0..SHELVES).filter(|&shelf| shelf_at(from) != Some(shelf)) {
                 let mut way = std::iter::successors(Some(from), |&cell| Some(after_move(cell, towards(cell, shelf))));
                 let moves = way.position(|cell| shelf_at(cell) == Some(shelf)).expect("the way ends");
@@ -130,13 +120,7 @@ mod tests {
         let mut dice = Seed::new(0).dice();
         for (rule, kept, ages, expected, why) in [
             (Rule::ClosestItem, None, &[(3, 5)][..], 3, "the only item"),
-            (
-                Rule::ClosestItem,
-                Some(3),
-                &[(3, 0), (1, 9)],
-                3,
-                "kept although another one is nearer and this one is new",
-            ),
+            (Rule::ClosestItem, Some(3), &[(3, 0), (1, 9)], 3, "kept, although it is new and another one is nearer"),
             (Rule::ClosestItem, Some(3), &[(1, 9)], 1, "its item is gone"),
             (Rule::OldestItem, Some(1), &[(1, 3), (4, 8)], 4, "the oldest"),
             // Left (2, 0) and bottom (4, 2) are both two moves away.

@@ -16,8 +16,7 @@ const THRESHOLD: u64 = (APPEARANCE * u64::MAX as f64) as u64;
 pub(crate) struct Appearances(u64);
 
 impl Appearances {
-    /// Returns the stream of a shelf in one episode. The shelf is given by its row and column on the floor of the
-    /// warehouse.
+    /// Returns the stream of a shelf in one episode, by its row and column in the warehouse.
     pub(crate) fn of_shelf(episode: Seed, row: usize, col: usize) -> Self {
         let place = (((row as u64) << 32 | col as u64) + 1).wrapping_mul(0x9e6c_63d0_876a_68de);
         // Neighbouring shelves differ in few bits before the scrambling, and in half of them after it.
@@ -31,8 +30,7 @@ impl Appearances {
     }
 }
 
-/// Lets items appear on free shelves, also on those emptied in this step. `ages` and `appearances` have one entry per
-/// shelf.
+/// Lets items appear on free shelves, also on those emptied in this step.
 pub(crate) fn appear(ages: &mut [Age], appearances: &mut [Appearances]) {
     for (age, appearances) in ages.iter_mut().zip(appearances) {
         let appears = appearances.draw();

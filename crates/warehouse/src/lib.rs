@@ -4,9 +4,7 @@
 //! traffic. Source: DIALS paper, section "Environments", with the rules of the authors' code where the paper gives
 //! none.
 //!
-//! - [`layout`]: the floor; [`region`]: one robot's region (pure); [`items`]: where and when items appear.
-//! - [`global`]: the GS (global simulator), the whole warehouse; [`local`]: the LS (local simulator), single regions.
-//! - [`config`]: the table of a config. [`hand_coded`]: robots without a policy; `scene`: a picture of the warehouse.
+//! [`global`] is the GS (global simulator), the whole warehouse; [`local`] is the LS (local simulator), single regions.
 
 pub mod config;
 pub mod global;
@@ -37,7 +35,6 @@ const STUCK_BELOW: f64 = 0.5;
 /// Version of the environment. Counts up when the same actions give other observations, rewards or items.
 const ENVIRONMENT: u32 = 1;
 
-/// A warehouse of learning robots.
 pub struct Warehouse {
     layout: FloorPlan,
     horizon: usize,

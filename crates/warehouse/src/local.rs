@@ -25,10 +25,12 @@ impl LocalWarehouse {
     pub fn new(layout: &FloorPlan, agents: &[AgentId], copies: usize, horizon: usize, seed: Seed) -> Self {
         let spec = region::spec(horizon);
         let rows = agents.len() * copies;
+        let shelves_of =
+            |agent: AgentId| layout.region(layout.learners()[agent.0]).map(|shelf| layout.shelves()[shelf]);
         LocalWarehouse {
             seed,
             copies,
-            places: agents.iter().flat_map(|&agent| repeat_n(shelves_of(layout, agent), copies)).collect(),
+            places: agents.iter().flat_map(|&agent| repeat_n(shelves_of(agent), copies)).collect(),
             cells: vec![CENTRE; rows],
             ages: vec![[NO_ITEM; SHELVES]; rows],
             appearances: vec![[Appearances::default(); SHELVES]; rows],
@@ -42,11 +44,6 @@ impl LocalWarehouse {
         region::observe(self.cells[row], &self.ages[row], percept.obs.row_mut(row));
         percept.d_set.row_mut(row).copy_from_slice(percept.obs.row(row));
     }
-}
-
-/// Returns the places of the shelves of an agent's region.
-fn shelves_of(layout: &FloorPlan, agent: AgentId) -> [(usize, usize); SHELVES] {
-    layout.region(layout.learners()[agent.0]).map(|shelf| layout.shelves()[shelf])
 }
 
 impl LocalSimulator for LocalWarehouse {
@@ -89,9 +86,5 @@ impl LocalSimulator for LocalWarehouse {
             self.observe(row);
         }
         Ok(&self.last)
-    }
-
-    fn counters(&self) -> Vec<(&'static str, u64)> {
-        Vec::new()
     }
 }

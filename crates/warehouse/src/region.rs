@@ -10,13 +10,11 @@
 
 use dials_core::domain::{Action, RegionSpec, SourceSpec, Task};
 
-/// Number of cells along a side.
 pub(crate) const SIDE: usize = 5;
 pub(crate) const CELLS: usize = SIDE * SIDE;
 pub(crate) const SHELVES: usize = 12;
 /// Cell where a robot begins: the middle.
 pub(crate) const CENTRE: u8 = 12;
-/// Moves.
 pub const UP: Action = 0;
 pub const DOWN: Action = 1;
 pub const LEFT: Action = 2;
@@ -36,11 +34,6 @@ pub(crate) const SHARED: [[usize; 3]; NEIGHBOURS] = [[7, 9, 11], [3, 4, 5], [6, 
 /// Cell of each shelf, row-major.
 pub(crate) const SHELF_CELLS: [u8; SHELVES] = [1, 2, 3, 21, 22, 23, 5, 9, 10, 14, 15, 19];
 
-const NO_SHELF: u8 = u8::MAX;
-const SHELF_AT: [u8; CELLS] = shelves_by_cell();
-const AFTER_MOVE: [[u8; MOVES]; CELLS] = moves();
-
-/// Returns the shape of a warehouse region.
 pub(crate) fn spec(horizon: usize) -> RegionSpec {
     RegionSpec {
         obs_dim: CELLS + SHELVES,
@@ -75,16 +68,16 @@ pub(crate) fn task() -> Task {
     }
 }
 
-/// Returns the shelf that a robot on this cell is on.
 pub(crate) fn shelf_at(cell: u8) -> Option<usize> {
-    let shelf = SHELF_AT[usize::from(cell)];
-    (shelf != NO_SHELF).then_some(usize::from(shelf))
+    SHELF_CELLS.iter().position(|&shelf| shelf == cell)
 }
 
-/// Returns the cell of a robot after a move. On a shelf, only the move back inward works; walls and the region's rim
-/// stop a robot.
+/// Returns the cell of a robot after a move. On a shelf, only the move back inward works.
 pub(crate) fn after_move(cell: u8, action: Action) -> u8 {
-    AFTER_MOVE[usize::from(cell)][usize::from(action)]
+    // The order of `UP`, `DOWN`, `LEFT` and `RIGHT`.
+    let next = cell as i8 + [-(SIDE as i8), SIDE as i8, -1, 1][usize::from(action)];
+    // A robot moves where it comes from the floor or goes onto it, so nobody goes along the rim or out of the region.
+    if is_floor(cell as i8) || is_floor(next) { next as u8 } else { cell }
 }
 
 /// Returns the class of an influence source: which of three shared shelves the neighbour is on, 0 for none.
@@ -112,39 +105,9 @@ pub(crate) fn reward(shelf: Option<usize>, ages: &[Age; SHELVES]) -> f32 {
     }
 }
 
-const fn shelves_by_cell() -> [u8; CELLS] {
-    let mut shelves = [NO_SHELF; CELLS];
-    let mut shelf = 0;
-    while shelf < SHELVES {
-        shelves[SHELF_CELLS[shelf] as usize] = shelf as u8;
-        shelf += 1;
-    }
-    shelves
-}
-
-/// A robot moves where it comes from the floor or goes onto it. So nobody goes along the rim or out of the region.
-const fn moves() -> [[u8; MOVES]; CELLS] {
-    // The order of `UP`, `DOWN`, `LEFT` and `RIGHT`.
-    const BY: [isize; MOVES] = [-(SIDE as isize), SIDE as isize, -1, 1];
-    let mut table = [[0; MOVES]; CELLS];
-    let mut cell = 0;
-    while cell < CELLS {
-        let mut action = 0;
-        while action < MOVES {
-            let next = cell as isize + BY[action];
-            let moves = is_floor(cell as isize) || is_floor(next);
-            table[cell][action] = if moves { next as u8 } else { cell as u8 };
-            action += 1;
-        }
-        cell += 1;
-    }
-    table
-}
-
-const fn is_floor(cell: isize) -> bool {
-    let side = SIDE as isize;
-    let (row, col) = (cell / side, cell % side);
-    row > 0 && row < side - 1 && col > 0 && col < side - 1
+pub(crate) fn is_floor(cell: i8) -> bool {
+    let side = SIDE as i8;
+    [cell / side, cell % side].iter().all(|&place| place > 0 && place < side - 1)
 }
 
 #[cfg(test)]
@@ -203,16 +166,5 @@ mod tests {
         assert_eq!(reward(Some(2), &ages), 0.25);
         assert_eq!(reward(Some(7), &ages), 1.0, "the oldest, also if there are two of them");
         assert_eq!([reward(Some(0), &ages), reward(None, &ages)], [0.0, 0.0]);
-    }
-
-    #[test]
-    fn an_observation_shows_cell_and_items_but_no_ages() {
-        let mut ages = [NO_ITEM; SHELVES];
-        (ages[0], ages[11]) = (0, 40);
-        let mut obs = [9.0; 37];
-        observe(cell(2, 3), &ages, &mut obs);
-        let bits: Vec<usize> = (0..37).filter(|&i| obs[i] == 1.0).collect();
-        assert_eq!(bits, [13, 25, 36]);
-        assert_eq!(obs.iter().sum::<f32>(), 3.0);
     }
 }

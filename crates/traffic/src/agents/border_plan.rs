@@ -26,8 +26,7 @@ pub const BLOCK_MPS: f64 = 2.0;
 pub struct BorderPlan {
     /// Roads of the region, in the order of the file.
     pub roads: Vec<BorderRoad>,
-    /// Lanes of the region on which cars drive: those of its roads, then those within its junctions, each in the order
-    /// of the file. Whoever reads the cars of a region reads them in this order.
+    /// Lanes of the region for cars: of its roads, then within its junctions, each in the order of the file.
     pub lanes: Vec<BorderLane>,
     /// Lanes that begin at the border, then roads on which cars depart.
     pub entries: Vec<Entry>,
@@ -39,9 +38,7 @@ pub struct BorderPlan {
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct BorderRoad {
     pub road: String,
-    /// Whether it begins at the border, so that cars come to it from outside only.
     pub begins_outside: bool,
-    /// Whether it ends at the border, so that cars leave the region there.
     pub(crate) ends_outside: bool,
 }
 
@@ -58,12 +55,10 @@ pub struct BorderLane {
     pub departures: Option<usize>,
 }
 
-/// A place where cars come in.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Entry {
     pub(crate) place: EntryPlace,
-    /// Way of a car of which nothing is known: the road of the entry, the roads to which the first connections lead, and
-    /// the first road behind the region, if there is one.
+    /// Way of a car of which nothing is known, along the first connections, to the first road behind the region.
     pub(crate) default_way: Vec<String>,
 }
 
@@ -99,18 +94,15 @@ impl BorderPlan {
         self.blocked(0)..self.blocked(self.exits.len())
     }
 
-    /// Returns the road of an entry: SUMO's name.
     pub(crate) fn road_of_entry(&self, entry: usize) -> &str {
         &self.entries[entry].default_way[0]
     }
 
-    /// Returns whether a lane is one of a road, and not within a junction. `road`: SUMO's name.
     pub(crate) fn is_on_road(&self, lane: usize, road: &str) -> bool {
         self.lanes[lane].road.is_some_and(|number| self.roads[number].road == road)
     }
 
-    /// Returns the lane on which a vehicle of a class can begin at an entry. If the entry is a whole road, that is the first
-    /// lane that it may use. `None`: it may use none there.
+    /// Returns the lane on which a vehicle of a class can begin at an entry: on a road, the first that it may use.
     pub(crate) fn lane_of_entry(&self, entry: usize, class: &str) -> Option<usize> {
         let is_open = |&lane: &usize| self.lanes[lane].classes.has(class);
         match &self.entries[entry].place {

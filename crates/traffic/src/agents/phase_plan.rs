@@ -5,7 +5,6 @@ use std::collections::BTreeSet;
 use dials_core::domain::Action;
 use libsumo::SignalState;
 
-/// What a light can show, and what an action means to it.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct PhasePlan {
     greens: Vec<SignalState>,
@@ -13,15 +12,14 @@ pub struct PhasePlan {
     cars: BTreeSet<usize>,
     /// What is shown between two greens, `[from][to]`; empty where nothing has to be cleared.
     clearings: Vec<Vec<Vec<Interval>>>,
-    /// Ways of its program from green to green.
-    program: Vec<ProgramChange>,
+    /// Ways of its program from green to green. Without any, a green is followed by the next one.
+    pub(crate) program: Vec<ProgramChange>,
     min_green_steps: u32,
     /// Number of steps after which the light leaves a green by itself, until it is switched in an episode.
-    own_green_steps: Option<u32>,
+    pub(crate) own_green_steps: Option<u32>,
     choice: Choice,
 }
 
-/// A state that is shown for some steps.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Interval {
     pub state: SignalState,
@@ -33,15 +31,12 @@ pub struct Interval {
 pub(crate) struct ProgramChange {
     pub(crate) from: usize,
     pub(crate) to: usize,
-    /// States that the program shows in between.
     pub(crate) between: Vec<SignalState>,
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Shown {
-    /// The green of this index.
     Green(usize),
-    /// Yellow or all red between two greens.
     Between { from: usize, to: usize },
 }
 
@@ -96,17 +91,6 @@ impl PhasePlan {
         PhasePlan { cars, ..self }
     }
 
-    /// Lets the plan recognise by these changes to which green its program is on the way. Without them it is the next one.
-    pub(crate) fn for_program(self, program: Vec<ProgramChange>) -> PhasePlan {
-        PhasePlan { program, ..self }
-    }
-
-    /// Lets the light go to its next green after this number of steps, in each episode until it is switched.
-    pub(crate) fn by_itself_until_switched(self, green_steps: u32) -> PhasePlan {
-        PhasePlan { own_green_steps: Some(green_steps), ..self }
-    }
-
-    /// Returns the letters by which states of other programs are recognised, those that cars obey.
     pub(crate) fn cars(&self) -> &BTreeSet<usize> {
         &self.cars
     }
@@ -124,11 +108,6 @@ impl PhasePlan {
         self.min_green_steps
     }
 
-    /// Returns the number of steps of a green that the light leaves by itself, until it is switched in an episode.
-    pub(crate) fn own_green_steps(&self) -> Option<u32> {
-        self.own_green_steps
-    }
-
     pub(crate) fn choice(&self) -> Choice {
         self.choice
     }
@@ -140,7 +119,6 @@ impl PhasePlan {
         }
     }
 
-    /// Returns the green after this one, in the order of the program.
     pub(crate) fn next(&self, green: usize) -> usize {
         (green + 1) % self.greens.len()
     }
@@ -166,8 +144,7 @@ impl PhasePlan {
         }
     }
 
-    /// Returns what a state means that another program shows, if the last green was `last`. It stays the same green while
-    /// only the letters of people on foot change.
+    /// Returns what a state of another program means after the green `last`. Letters of people on foot do not matter.
     pub(crate) fn recognise(&self, state: &SignalState, last: usize) -> Shown {
         if let Some(green) = self.greens.iter().position(|green| green == state) {
             return Shown::Green(green);
@@ -218,7 +195,7 @@ mod tests {
         // A program that shows green 0 between all others: 0, 1, 0, 2. Its yellow before green 2 is another one.
         let change = |from, to, letters: &str| ProgramChange { from, to, between: vec![state(letters)] };
         let program = vec![change(0, 1, "yrr"), change(1, 0, "ryr"), change(0, 2, "Yrr"), change(2, 0, "rry")];
-        let plan = plan.for_program(program);
+        let plan = PhasePlan { program, ..plan };
         let shown = [("yrr", 0), ("Yrr", 0), ("ryr", 1), ("rry", 2), ("rrr", 1)];
         assert_eq!(ways(&plan, &shown), [1, 2, 0, 0, 0]);
     }

@@ -16,7 +16,6 @@ impl Light {
     pub const ALL: [Light; 4] =
         [Light::HorizontalGreen, Light::HorizontalYellow, Light::VerticalYellow, Light::VerticalGreen];
 
-    /// Order in which the phases follow each other, again and again.
     pub(crate) const CYCLE: [Light; 4] =
         [Light::VerticalGreen, Light::VerticalYellow, Light::HorizontalGreen, Light::HorizontalYellow];
 
@@ -25,7 +24,6 @@ impl Light {
         Side::LINK_ORDER.into_iter().map(|from| self.letter(from)).collect()
     }
 
-    /// Returns SUMO's letter for the cars that come from a side.
     fn letter(self, from: Side) -> char {
         match (self, from.is_vertical()) {
             (Light::VerticalGreen, true) | (Light::HorizontalGreen, false) => 'G',
@@ -51,7 +49,6 @@ impl Light {
         }
     }
 
-    /// Returns the light that follows this one in the cycle.
     pub fn next(self) -> Light {
         let place = Light::CYCLE.iter().position(|&light| light == self).expect("every light is in the cycle");
         Light::CYCLE[(place + 1) % Light::CYCLE.len()]

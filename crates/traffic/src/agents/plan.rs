@@ -1,6 +1,4 @@
 //! The plans of agents: their lights, local regions and sensors. Simulators and controllers follow them.
-//!
-//! Plans come from a road network. [`crate::paper_grid`] makes those of the paper's grids.
 
 use std::sync::Arc;
 
@@ -12,7 +10,6 @@ use crate::config::Reward;
 use crate::d_set::DSetPlan;
 use dials_core::domain::Kinds;
 
-/// The plans of all agents, and what they have in common.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct JointPlan {
     pub(crate) agents: Vec<AgentPlan>,
@@ -35,7 +32,6 @@ pub struct Border {
     pub d_set: DSetPlan,
 }
 
-/// Everything that simulators need to know of one agent.
 #[derive(Clone, Debug, PartialEq)]
 pub struct AgentPlan {
     pub light: String,
@@ -47,8 +43,7 @@ pub struct AgentPlan {
 }
 
 impl AgentPlan {
-    /// Returns the share of an approach's links that have green, from 0 to 1. Cars on a lane that several links share
-    /// may want any of them.
+    /// Returns the share of an approach's links that have green: cars on a lane may want any of its links.
     pub(crate) fn share(&self, green: usize, approach: usize) -> f64 {
         let links = &self.region.approaches[approach].links;
         let served = links.iter().filter(|&&link| self.opens(green, link)).count();
@@ -56,12 +51,10 @@ impl AgentPlan {
         served as f64 / links.len().max(1) as f64
     }
 
-    /// Returns whether some link of an approach has green.
     pub(crate) fn serves(&self, green: usize, approach: usize) -> bool {
         self.share(green, approach) > 0.0
     }
 
-    /// Returns the approaches with a link that has green, in their order.
     pub fn served(&self, green: usize) -> impl Iterator<Item = usize> + '_ {
         (0..self.region.approaches.len()).filter(move |&approach| self.serves(green, approach))
     }
@@ -96,13 +89,5 @@ mod tests {
         assert_eq!(shares(0), [1.0, 0.0, 0.0, 1.0, 1.0]);
         assert_eq!(shares(2), [0.0, 0.0, 0.5, 0.0, 0.0]);
         assert_eq!(plan.served(3).collect::<Vec<_>>(), [1, 2]);
-    }
-
-    #[test]
-    fn a_link_with_priority_somewhere_is_served_best_there() {
-        let plan = crossing();
-        // The left turn from the west: `G` in green 1, `g` in green 3.
-        assert_eq!([0, 1, 2, 3].map(|green| plan.serves_best(green, 1)), [false, true, false, false]);
-        assert!(plan.serves_best(3, 3));
     }
 }

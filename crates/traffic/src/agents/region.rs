@@ -11,7 +11,6 @@ use dials_core::domain::{RegionSpec, SourceSpec};
 
 /// Number of incoming edges, in the order of [`Side::ALL`]. Each is an influence source.
 pub(crate) const EDGES: usize = Side::ALL.len();
-/// Number of visible cells per edge.
 pub const CELLS: usize = 9;
 pub(crate) const CELL_M: f64 = 10.0;
 pub(crate) const EDGE_M: f64 = 100.0;

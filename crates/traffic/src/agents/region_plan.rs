@@ -1,30 +1,25 @@
 //! A local region as lanes: the approaches that an agent sees, the exits behind its light, and the links between them.
 
-/// The lanes around one light.
 #[derive(Clone, Debug, PartialEq)]
 pub struct RegionPlan {
     /// Lanes towards the stop lines, in the order of observations and of every array with one entry per approach.
     pub approaches: Vec<Approach>,
-    /// Lanes that leave the intersection.
     pub exits: Vec<Exit>,
     /// Ways through the intersection under the light. Several may share a letter of the light's state.
     pub links: Vec<Link>,
 }
 
-/// A lane on which cars come to the light.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Approach {
     pub lane: String,
     pub length_m: f64,
     pub speed_limit_mps: f64,
-    /// Distance from the end of the lane to the stop line: 0 for a lane that ends there, more behind an uncontrolled
-    /// junction.
+    /// Distance from the end of the lane to the stop line: more than 0 behind an uncontrolled junction.
     pub ahead_m: f64,
     /// Links that cars on this lane can come to, as indices into [`RegionPlan::links`].
     pub links: Vec<usize>,
 }
 
-/// A lane on which cars leave the intersection.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Exit {
     pub lane: String,
@@ -34,7 +29,6 @@ pub struct Exit {
     pub leaves_the_net: bool,
 }
 
-/// A way through the intersection under the light.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Link {
     /// Index of its letter in the light's state: SUMO's `linkIndex`.

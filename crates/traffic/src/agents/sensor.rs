@@ -28,8 +28,7 @@ pub(crate) enum CarColumns {
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum LightColumns {
-    /// One-hot state of the paper's light with two greens: horizontal green, horizontal yellow, vertical yellow, vertical
-    /// green.
+    /// One-hot state of the paper's light, in the order of `Light`.
     FourStates,
     /// One-hot green that is shown or comes next, a bit for the time between greens, and the steps since the green began
     /// or the last one ended, as a share of a minute, at most 1. The entry: number of greens.
@@ -58,7 +57,6 @@ impl Sensor {
         self.clock_columns().end
     }
 
-    /// Returns the number of columns that show cars.
     pub(crate) fn car_columns(&self) -> usize {
         match &self.cars {
             CarColumns::Cells(cells) => cells.iter().sum(),
@@ -96,25 +94,5 @@ impl LightColumns {
             LightColumns::FourStates => 4,
             LightColumns::TargetAndAge(greens) => greens + 2,
         }
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn the_papers_light_and_a_clock_have_names_too() {
-        let region = RegionPlan { approaches: Vec::new(), exits: Vec::new(), links: Vec::new() };
-        let sensor = Sensor {
-            cars: CarColumns::Cells(Vec::new()),
-            light: LightColumns::FourStates,
-            clock: 2,
-            clock_ahead: 0,
-            d_set: DSet::Cells,
-        };
-        let names = sensor.columns(&region);
-        assert_eq!((names.len(), sensor.width()), (6, 6));
-        assert_eq!([&names[0], &names[3], &names[5]], ["horizontal green", "vertical green", "clock[1]"]);
     }
 }

@@ -73,7 +73,6 @@ impl Default for TrafficConfig {
 }
 
 impl TrafficConfig {
-    /// Returns the settings of a config that names nothing but its networks.
     pub fn new(network: impl Into<PathBuf>, local_network: impl Into<PathBuf>) -> TrafficConfig {
         TrafficConfig {
             network: network.into(),

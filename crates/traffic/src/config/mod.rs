@@ -1,7 +1,4 @@
 //! The table `[traffic]` of a config. There are two ways to fill it: a grid of the paper, or a scenario of the user.
-//!
-//! - `grid`, `scenario`: the keys of the two ways; `reward`: what agents are rewarded for; `yellow`: of scenarios.
-//! - [`sumocfg`], `sumo_options`, [`sumo_time`]: a .sumocfg read, and which of its options this program carries over.
 
 mod grid;
 mod reward;
@@ -9,7 +6,6 @@ mod scenario;
 pub(crate) mod sumo_options;
 pub(crate) mod sumo_time;
 pub mod sumocfg;
-mod yellow;
 
 use std::fmt::{self, Formatter};
 use std::path::PathBuf;
@@ -25,8 +21,7 @@ use dials_core::domain::{Domain, DomainTable};
 
 pub use grid::{ClockOffsets, DSet, EntryRule, TrafficConfig, UntilFirstSwitch};
 pub use reward::{Reward, RewardTerm};
-pub use scenario::{Observation, ScenarioConfig};
-pub use yellow::Yellow;
+pub use scenario::{Observation, ScenarioConfig, Yellow};
 
 /// Traffic lights, on a grid of the paper, which `network` and `local_network` name, or on a scenario of yours, which
 /// `scenario` names. A key of the other way is an error.
@@ -93,7 +88,6 @@ impl<'de> Deserialize<'de> for TrafficTable {
     }
 }
 
-/// Keys of the two ways, and of both together.
 struct Keys {
     grid: &'static [&'static str],
     scenario: &'static [&'static str],
@@ -118,9 +112,9 @@ impl<'de> Visitor<'de> for EitherWay {
 
     fn visit_map<M: MapAccess<'de>>(self, mut map: M) -> Result<TrafficTable, M::Error> {
         let mut given = Table::new();
-        while let Some(key) = map.next_key_seed(Key)? {
-            let value = map.next_value_seed(ValueOf { key })?;
-            given.insert(key.to_owned(), value);
+        while let Some(key) = map.next_key::<String>()? {
+            let value = map.next_value_seed(ValueOf { key: &key })?;
+            given.insert(key, value);
         }
         let foreign = |ours: &[&str]| given.keys().find(|key| !ours.contains(&key.as_str()));
         let refused = |key: &str, why: &str| M::Error::custom(format!("traffic.{key} {why}; remove one of them"));
@@ -149,24 +143,12 @@ fn read<T: DeserializeOwned, E: Error>(table: Table) -> Result<T, E> {
     table.try_into().map_err(|error: toml::de::Error| E::custom(error.message()))
 }
 
-/// Reads a key that one of the two ways has.
-struct Key;
-
-impl<'de> DeserializeSeed<'de> for Key {
-    type Value = &'static str;
-
-    fn deserialize<D: Deserializer<'de>>(self, deserializer: D) -> Result<&'static str, D::Error> {
-        let name = String::deserialize(deserializer)?;
-        KEYS.all.iter().copied().find(|&key| key == name).ok_or_else(|| D::Error::unknown_field(&name, &KEYS.all))
-    }
+/// Reads the value of a key that one of the two ways has, and checks its type.
+struct ValueOf<'a> {
+    key: &'a str,
 }
 
-/// Reads the value of a key, and checks its type.
-struct ValueOf {
-    key: &'static str,
-}
-
-impl<'de> DeserializeSeed<'de> for ValueOf {
+impl<'de> DeserializeSeed<'de> for ValueOf<'_> {
     type Value = Value;
 
     fn deserialize<D: Deserializer<'de>>(self, deserializer: D) -> Result<Value, D::Error> {
@@ -174,8 +156,10 @@ impl<'de> DeserializeSeed<'de> for ValueOf {
         let alone = Table::from_iter([(self.key.to_owned(), value.clone())]);
         if KEYS.grid.contains(&self.key) {
             read::<TrafficConfig, _>(alone)?;
-        } else {
+        } else if KEYS.scenario.contains(&self.key) {
             read::<ScenarioConfig, _>(alone)?;
+        } else {
+            return Err(D::Error::unknown_field(self.key, &KEYS.all));
         }
         Ok(value)
     }

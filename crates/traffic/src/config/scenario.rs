@@ -1,15 +1,18 @@
 //! The table `[traffic]` for a scenario: a .sumocfg of the user instead of a grid of ours.
 
+use std::borrow::Cow;
+use std::fmt::{self, Display, Formatter};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use anyhow::{Context, Result, ensure};
-use schemars::JsonSchema;
-use serde::{Deserialize, Serialize};
+use schemars::{JsonSchema, Schema, SchemaGenerator, json_schema};
+use serde::de::{Error, Unexpected};
+use serde::{Deserialize, Deserializer, Serialize, Serializer};
+use toml::Value;
 
 use super::reward::Reward;
 use super::sumocfg::{MOST_SECONDS, Sumocfg};
-use super::yellow::Yellow;
 use crate::Traffic;
 use dials_core::domain::{Domain, DomainTable};
 
@@ -75,9 +78,7 @@ pub enum Observation {
     Queues,
 }
 
-/// Longest decision, green and yellow, in seconds.
 const LONGEST_S: u32 = 300;
-/// Limits of `approach_m`.
 const APPROACH_M: std::ops::RangeInclusive<f64> = 10.0..=1000.0;
 /// Largest number of decisions of an episode, as in the check of a horizon.
 const MOST_DECISIONS: u64 = 1_000_000;
@@ -89,7 +90,6 @@ impl Default for ScenarioConfig {
 }
 
 impl ScenarioConfig {
-    /// Returns the settings of a config that names nothing but its scenario.
     pub fn new(scenario: impl Into<PathBuf>) -> ScenarioConfig {
         ScenarioConfig {
             scenario: scenario.into(),
@@ -124,15 +124,13 @@ impl ScenarioConfig {
     pub(crate) fn unplayed(&self) -> Option<String> {
         let (begin, end) = self.window_s().expect("a checked config has both");
         let seconds = (end - begin) % u64::from(self.decision_s);
-        let message = || {
-            format!("the last {seconds} s before {end} s are left out, because a decision takes {} s", self.decision_s)
-        };
-        (seconds > 0).then(message)
+        let decision = self.decision_s;
+        (seconds > 0)
+            .then(|| format!("the last {seconds} s before {end} s are left out, because a decision takes {decision} s"))
     }
 }
 
 impl DomainTable for ScenarioConfig {
-    /// Returns the number of whole decisions from begin to end.
     fn horizon(&self) -> usize {
         let (begin, end) = self.window_s().expect("a checked config has both");
         ((end - begin) / u64::from(self.decision_s)) as usize
@@ -200,6 +198,58 @@ impl DomainTable for ScenarioConfig {
     }
 }
 
+const PROGRAM: &str = "program";
+
+/// How long lights of a scenario show yellow.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Yellow {
+    /// That of the light's own program, in whole seconds. So no controller gains time by a shorter one.
+    #[default]
+    Program,
+    Seconds(u32),
+}
+
+impl Display for Yellow {
+    fn fmt(&self, f: &mut Formatter<'_>) -> fmt::Result {
+        match self {
+            Yellow::Program => f.write_str("as in the light's own program"),
+            Yellow::Seconds(seconds) => write!(f, "{seconds} s"),
+        }
+    }
+}
+
+impl Serialize for Yellow {
+    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        match self {
+            Yellow::Program => serializer.serialize_str(PROGRAM),
+            Yellow::Seconds(seconds) => serializer.serialize_u32(*seconds),
+        }
+    }
+}
+
+impl<'de> Deserialize<'de> for Yellow {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Yellow, D::Error> {
+        match Value::deserialize(deserializer)? {
+            Value::String(word) if word == PROGRAM => Ok(Yellow::Program),
+            Value::Integer(seconds) if u32::try_from(seconds).is_ok() => Ok(Yellow::Seconds(seconds as u32)),
+            other => {
+                let wanted = "a whole number of seconds, or \"program\"";
+                Err(D::Error::invalid_value(Unexpected::Other(&other.to_string()), &wanted))
+            }
+        }
+    }
+}
+
+impl JsonSchema for Yellow {
+    fn schema_name() -> Cow<'static, str> {
+        "Yellow".into()
+    }
+
+    fn json_schema(_: &mut SchemaGenerator) -> Schema {
+        json_schema!({ "anyOf": [{ "enum": [PROGRAM] }, { "type": "integer", "minimum": 0 }] })
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -226,15 +276,25 @@ mod tests {
 
     #[test]
     fn settings_that_make_no_sense_are_refused() {
-        assert_eq!(checked(|config| config.decision_s = 0), "traffic.decision_s = 0: must be from 1 to 300 seconds");
         let yellow = checked(|config| config.yellow_s = Yellow::Seconds(301));
         assert_eq!(yellow, "traffic.yellow_s = 301: must be from 0 to 300 seconds");
         for approach in [9.0, 1001.0, f64::NAN] {
             let message = checked(|config| config.approach_m = approach);
             assert_eq!(message, format!("traffic.approach_m = {approach}: must be from 10 to 1000 metres"));
         }
-        let short = checked(|config| config.end_s = Some(25_204));
-        assert!(short.contains("5: from 25200 to 25204 s there are 0 decisions"), "{short}");
+        assert!(checked(|config| config.end_s = Some(25_204)).contains("there are 0 decisions"));
         assert!(checked(|config| config.end_s = Some(u64::MAX)).contains("must be at most"));
+    }
+
+    #[test]
+    fn yellow_is_a_number_or_the_word_and_comes_back_as_it_was_written() {
+        for json in ["0", "4", "\"program\""] {
+            let yellow: Yellow = serde_json::from_str(json).unwrap();
+            assert_eq!(serde_json::to_string(&yellow).unwrap(), json);
+        }
+        for json in ["-1", "1.5", "\"own\"", "4294967296"] {
+            let message = serde_json::from_str::<Yellow>(json).unwrap_err().to_string();
+            assert!(message.contains("a whole number of seconds, or \"program\""), "{message}");
+        }
     }
 }

@@ -11,7 +11,6 @@ use crate::network::tree::Element;
 /// Distance that a car still drives on the last edge of its way, in metres.
 const LAST_M: f64 = 15.0;
 
-/// How far the copies behind an exit reach.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Reach {
     /// Largest number of edges one behind the other.
@@ -33,7 +32,6 @@ pub(super) struct Beyond<'a> {
     taken: HashSet<String>,
     gate: Gate,
     pub(super) exits: Vec<Exit>,
-    /// Copies, and the gate.
     pub(super) elements: Vec<Element>,
 }
 
@@ -75,8 +73,7 @@ impl<'a> Beyond<'a> {
         Some(self.gate.clone())
     }
 
-    /// Copies the edges that follow `from`, whose name in the local net is `name`, and goes on behind them.
-    /// `metres`: from the exit's end to the end of `from`.
+    /// Copies the edges that follow `from`, called `name` here. `metres`: from the exit's end to the end of `from`.
     fn follow(&mut self, from: EdgeNo, name: &str, metres: f64, way: Way, ways: &mut Vec<Way>) {
         let next = self.next_edges(from);
         if next.is_empty() || way.copies.len() >= self.reach.hops || metres >= self.reach.metres {
@@ -104,8 +101,11 @@ impl<'a> Beyond<'a> {
     fn copy(&mut self, edge: EdgeNo, name: &str, begin: &str) {
         let end = end_name(name);
         let copied = copy(self.source.edges[edge.0], name, [begin, &end]);
-        self.elements.push(dead_end_of(&copied, self.source.end(edge), &end));
-        self.elements.push(copied);
+        let lanes: Vec<&str> = copied.all("lane").filter_map(|lane| lane.attribute("id")).collect();
+        let mut junction = dead_end(self.source.end(edge), |_| false);
+        set(&mut junction, "id", &end);
+        set(&mut junction, "incLanes", &lanes.join(" "));
+        self.elements.extend([junction, copied]);
     }
 
     /// Connects two edges as they are in the whole net. Connections of an exit obey the gate.
@@ -130,7 +130,6 @@ impl<'a> Beyond<'a> {
         })
     }
 
-    /// Returns the roads that follow an edge, in the order of the connections.
     fn next_edges(&self, from: EdgeNo) -> Vec<EdgeNo> {
         let roads = self.source.roads;
         let mut next = Vec::new();
@@ -147,7 +146,6 @@ impl<'a> Beyond<'a> {
         self.source.roads.lane(self.source.roads.edge(edge).lanes[0]).length_m
     }
 
-    /// Returns a name that nothing else has.
     fn free_name(&mut self, mut name: String) -> String {
         while self.taken.contains(&name) || self.taken.contains(&end_name(&name)) {
             name.push('+');
@@ -157,7 +155,6 @@ impl<'a> Beyond<'a> {
     }
 }
 
-/// Returns the name of the junction at which a copy ends.
 fn end_name(copy: &str) -> String {
     format!("{copy}+end")
 }
@@ -179,15 +176,6 @@ pub(super) fn dead_end(junction: &Element, is_left: impl Fn(&str) -> bool) -> El
     end
 }
 
-/// Returns a dead end at the place of another junction, under its own name, for the lanes of `edge`.
-fn dead_end_of(edge: &Element, junction: &Element, id: &str) -> Element {
-    let lanes: Vec<&str> = edge.all("lane").filter_map(|lane| lane.attribute("id")).collect();
-    let mut end = dead_end(junction, |_| false);
-    set(&mut end, "id", id);
-    set(&mut end, "incLanes", &lanes.join(" "));
-    end
-}
-
 /// Returns an edge under another name, between other junctions.
 fn copy(edge: &Element, id: &str, [from, to]: [&str; 2]) -> Element {
     let mut copy = edge.clone();
@@ -203,8 +191,7 @@ fn copy(edge: &Element, id: &str, [from, to]: [&str; 2]) -> Element {
     copy
 }
 
-/// Returns a connection between other edges, without the inside of its junction. `gate`: the light that it obeys, and
-/// the letter.
+/// Returns a connection between other edges, without the inside of its junction. `gate`: its light and letter.
 fn connection(like: &Element, [from, to]: [&str; 2], gate: Option<(&str, usize)>) -> Element {
     const KEPT: [&str; 3] = ["fromLane", "toLane", "dir"];
     let mut connection = like.clone();
@@ -219,7 +206,6 @@ fn connection(like: &Element, [from, to]: [&str; 2], gate: Option<(&str, usize)>
     connection
 }
 
-/// Sets an attribute, at its place if the element has it.
 fn set(element: &mut Element, key: &str, value: &str) {
     match element.attributes.iter_mut().find(|(known, _)| known == key) {
         Some((_, old)) => *old = value.to_owned(),

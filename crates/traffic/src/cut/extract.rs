@@ -14,7 +14,6 @@ use crate::network::roads::{Connection, EdgeNo, Function, JunctionNo, Roads, pro
 use crate::network::tree::Element;
 use dials_core::outside::excerpt;
 
-/// A whole net, as text and as roads.
 pub(crate) struct Source<'a> {
     pub(crate) net: &'a Element,
     pub(crate) roads: &'a Roads,
@@ -53,7 +52,9 @@ impl LocalNet {
         let mut beyond = Beyond::new(source, light, reach);
         cut.exits().for_each(|exit| beyond.add(exit));
         let gate = beyond.finish();
-        let entries = cut.edges.iter().filter(|&&edge| !cut.begins_within(edge));
+        let begins_within =
+            |edge: EdgeNo| source.roads.edge(edge).ends.is_some_and(|[begin, _]| cut.within.contains(&begin));
+        let entries = cut.edges.iter().filter(|&&edge| !begins_within(edge));
         let entry_lanes = entries.flat_map(|&edge| &source.roads.edge(edge).lanes).map(|&lane| source.roads.lane(lane));
         let entry_lanes = entry_lanes.filter(|lane| lane.carries_cars).map(|lane| lane.id.clone()).collect();
         let Beyond { exits, elements, .. } = beyond;
@@ -66,7 +67,6 @@ impl LocalNet {
     }
 }
 
-/// What is within a region.
 struct Cut<'a> {
     source: &'a Source<'a>,
     light: &'a str,
@@ -123,7 +123,6 @@ impl<'a> Cut<'a> {
         Ok(())
     }
 
-    /// Returns whether a junction of the region holds a connection.
     fn is_within(&self, link: &Connection) -> bool {
         match self.source.roads.end_of(link.from) {
             Some(end) => self.within.contains(&end),
@@ -140,17 +139,12 @@ impl<'a> Cut<'a> {
         }
     }
 
-    fn begins_within(&self, road: EdgeNo) -> bool {
-        self.source.roads.edge(road).ends.is_some_and(|[begin, _]| self.within.contains(&begin))
-    }
-
     fn exits(&self) -> impl Iterator<Item = EdgeNo> {
         let ends_within = |road| self.source.roads.edge(road).ends.is_some_and(|[_, end]| self.within.contains(&end));
         self.edges.iter().copied().filter(move |&road| !ends_within(road))
     }
 
-    /// Returns the elements of the region, each kind in the order of the whole net: also its place, and the types of its
-    /// edges.
+    /// Returns the elements of the region, each kind in the order of the whole net.
     fn elements(&self) -> Vec<Element> {
         let Source { net, roads, programs, connections, .. } = self.source;
         let numbered = self.source.edges.iter().enumerate();
@@ -189,7 +183,6 @@ impl<'a> Cut<'a> {
         junctions.collect()
     }
 
-    /// Returns the roundabouts, with the parts of them that are in the region.
     fn roundabouts(&self) -> Vec<Element> {
         let roads = self.source.roads;
         let mut roundabouts: Vec<Element> = self.source.net.all("roundabout").cloned().collect();
@@ -277,36 +270,37 @@ mod tests {
 
     #[test]
     fn what_cannot_be_cut_out_is_refused_with_the_connection_and_the_way_out() {
-        let message = |light, changes: &[(&str, &str)]| format!("{:#}", cut(light, 10.0, changes).unwrap_err());
-        let other = "<tlLogic id=\"K\"><phase duration=\"9\" state=\"G\"/></tlLogic><junction id=\"W\"";
-        let mut changes = vec![("<junction id=\"W\"", other)];
-        assert_eq!(
-            message("K", &changes),
-            "light `K`: controls no cars, so there is nothing to cut out; choose another light"
-        );
-        changes.push(("tl=\"J\" linkIndex=\"3\"", "tl=\"K\" linkIndex=\"0\""));
-        assert_eq!(
-            message("J", &changes),
-            "light `J`: its region holds the connection from edge `near` to edge `back`, which obeys light `K`; join \
-             the two lights in netedit, or choose another light"
-        );
-        // People on foot cross under the same light elsewhere.
-        let on_foot = [(
-            "<connection from=\"back\" fromLane=\"0\" to=\"west\"",
-            "<connection from=\"side\" fromLane=\"0\" to=\"near\" toLane=\"0\" tl=\"J\" linkIndex=\"3\"/>\
-             <connection from=\"back\" fromLane=\"0\" to=\"west\"",
-        )];
-        assert_eq!(
-            message("J", &on_foot),
-            "light `J`: controls the connection from edge `side` to edge `near`, too, which is not at the junctions \
-             where it controls cars; give that connection a light of its own in netedit"
-        );
-        let jump =
-            [("to=\"out\" toLane=\"0\" tl=\"J\" linkIndex=\"1\"", "to=\"west\" toLane=\"0\" tl=\"J\" linkIndex=\"1\"")];
-        assert_eq!(
-            message("J", &jump),
-            "light `J`: the connection from edge `north` to edge `west` leads to an edge that does not begin at its \
-             junction; make the net again with netconvert"
-        );
+        let other = [("<junction id='W'", "<tlLogic id='K'><phase duration='9' state='G'/></tlLogic><junction id='W'")];
+        let tangled = [&other[..], &[("tl='J' linkIndex='3'", "tl='K' linkIndex='0'")]].concat();
+        let back = "<connection from='back' fromLane='0' to='west'";
+        let on_foot =
+            "<connection from='side' fromLane='0' to='near' toLane='0' tl='J' linkIndex='3'/>".to_owned() + back;
+        let jump = ["to='out' toLane='0' tl='J' linkIndex='1'", "to='west' toLane='0' tl='J' linkIndex='1'"];
+        for (light, changes, message) in [
+            ("K", &other[..], "controls no cars, so there is nothing to cut out; choose another light"),
+            (
+                "J",
+                &tangled,
+                "its region holds the connection from edge `near` to edge `back`, which obeys light `K`; join the two \
+                 lights in netedit, or choose another light",
+            ),
+            // People on foot cross under the same light elsewhere.
+            (
+                "J",
+                &[(back, &on_foot)],
+                "controls the connection from edge `side` to edge `near`, too, which is not at the junctions where it \
+                 controls cars; give that connection a light of its own in netedit",
+            ),
+            (
+                "J",
+                &[(jump[0], jump[1])],
+                "the connection from edge `north` to edge `west` leads to an edge that does not begin at its junction; \
+                 make the net again with netconvert",
+            ),
+        ] {
+            let error = format!("{:#}", cut(light, 10.0, changes).unwrap_err());
+            let found = error.strip_prefix(&format!("light `{light}`: "));
+            assert_eq!(found, Some(message));
+        }
     }
 }

@@ -19,7 +19,6 @@ use crate::paper_grid::recognise::recognise_local;
 use dials_core::base::AgentId;
 use dials_core::outside::write_together;
 
-/// Paths of the files of a forest.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct ForestFiles {
     pub net: PathBuf,
@@ -29,25 +28,21 @@ pub struct ForestFiles {
 
 /// One intersection of a forest, numbered from 0. Its methods return the names of its lanes, routes and so on.
 ///
-/// All arrays: west, south, east, north.
+/// All arrays, by the side where cars come in or go out: west, south, east, north.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub struct Region(pub usize);
 
-/// The only agent of a local net.
 const ONLY: AgentId = AgentId(0);
 
 impl Region {
-    /// Returns the lanes that lead to the intersection, `[from west, from south, from east, from north]`.
     pub fn incoming_lanes(self) -> [String; 4] {
         Grid::SINGLE.incoming_edges(ONLY).map(|edge| self.rename(&grid::lane(&edge)))
     }
 
-    /// Returns the lanes inside the intersection, by the side that their cars come from.
     pub fn internal_lanes(self) -> [String; 4] {
         Grid::SINGLE.internal_lanes(ONLY).map(|lane| self.rename(&lane))
     }
 
-    /// Returns the lanes that leave the intersection, `[to west, to south, to east, to north]`.
     pub fn outgoing_lanes(self) -> [String; 4] {
         Grid::SINGLE.outgoing_edges(ONLY).map(|edge| self.rename(&grid::lane(&edge)))
     }
@@ -56,7 +51,6 @@ impl Region {
         self.rename(&Grid::SINGLE.light(ONLY))
     }
 
-    /// Returns the routes by the side that they begin on.
     pub fn routes(self) -> [String; 4] {
         let routes: Vec<String> = Grid::SINGLE.boundary_routes().iter().map(|route| self.rename(&route.id)).collect();
         routes.try_into().expect("a single intersection has four routes")
@@ -66,13 +60,11 @@ impl Region {
         prefixed(&self.prefix(), id)
     }
 
-    /// Returns what stands before the names of this region.
     pub(crate) fn prefix(self) -> String {
         format!("f{}.", self.0)
     }
 }
 
-/// Texts of the files of a forest: the net and the routes.
 pub(crate) struct Forest {
     pub(crate) net: String,
     pub(crate) routes: String,

@@ -12,14 +12,12 @@ pub struct LocalNet {
     pub(crate) light: String,
     /// Lanes for cars on the edges that begin at the border.
     pub(crate) entry_lanes: Vec<String>,
-    /// Edges that end at the border.
     pub exits: Vec<Exit>,
     /// Light at the ends of the exits. `None`: all exits are dead ends.
     pub gate: Option<Gate>,
     pub(super) root: Element,
 }
 
-/// An edge on which cars leave the region.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Exit {
     pub(crate) edge: String,
@@ -47,8 +45,7 @@ pub struct Gate {
     pub lanes: Vec<String>,
 }
 
-/// Kinds of elements that only one region has, in the order that SUMO needs. Others are common to all regions: the place
-/// of the net, the types of its edges and of vehicles.
+/// Kinds of elements that only one region has, in the order that SUMO needs. Others are common to all regions.
 pub(super) const KINDS: [&str; 6] = ["edge", "tlLogic", "junction", "connection", "roundabout", "route"];
 
 impl LocalNet {
@@ -58,7 +55,6 @@ impl LocalNet {
         lanes.map(|lane| lane.attribute("id").expect("read as a lane before"))
     }
 
-    /// Returns whether a lane of `from` leads to `to`.
     pub(crate) fn leads(&self, from: &str, to: &str) -> bool {
         let is_it =
             |connection: &Element| connection.attribute("from") == Some(from) && connection.attribute("to") == Some(to);

@@ -47,8 +47,7 @@ pub struct MixedForest {
 }
 
 impl MixedForest {
-    /// Makes a forest of these nets, at least one, each as often as it is named. Names have the row's prefix: see
-    /// [`prefix`].
+    /// Makes a forest of these nets, at least one. Names have the row's prefix: see [`prefix`].
     pub fn of(nets: &[&LocalNet]) -> MixedForest {
         let rows: Vec<_> = nets.iter().enumerate().map(|(row, net)| (prefix(row), net.root())).collect();
         let net = side_by_side(&rows, |xml, kind| write_apart(xml, kind, APART, [[0.0, 0.0], [1000.0, 0.0]]));
@@ -106,7 +105,6 @@ fn write_apart(xml: &mut Xml, kind: &str, name: &str, ends_m: [[f64; 2]; 2]) -> 
     }
 }
 
-/// Returns the prefix of all names of a row.
 pub fn prefix(row: usize) -> String {
     format!("b{row}.")
 }

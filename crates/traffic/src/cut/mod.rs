@@ -1,11 +1,4 @@
-//! Local regions cut out of a network.
-//!
-//! - [`forest`]: many copies of the grid's local net side by side in one SUMO net.
-//! - [`local_net`]: the net of one light of any network. `extract` cuts it out of a whole one; [`beyond`]: copies
-//!   of edges behind the exits.
-//! - [`mixed`]: many different local nets in one SUMO net, each lane with random numbers of its own.
-//! - [`of_scenario`]: the local net of a light of a scenario, and its files. `sample_demand`: some cars for it.
-//! - [`names`]: names with a prefix.
+//! Local regions cut out of a network: [`forest`] is for the paper's grids, everything else for scenarios.
 
 pub mod beyond;
 mod extract;

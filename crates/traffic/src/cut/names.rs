@@ -22,7 +22,6 @@ pub(crate) fn free_name(name: &str, is_taken: impl Fn(&str) -> bool) -> String {
     names.find(|name| !is_taken(name)).expect("numbers go on")
 }
 
-/// Returns names with blanks between, each with a prefix.
 fn all_prefixed(prefix: &str, ids: &str) -> String {
     ids.split_whitespace().map(|id| prefixed(prefix, id)).collect::<Vec<_>>().join(" ")
 }

@@ -11,10 +11,10 @@ use super::local_net::LocalNet;
 use super::sample_demand::{END_S, demand, types};
 use crate::agents::derive::region::{Region, lit_junctions};
 use crate::agents::derive::{Agent, Derived};
-use crate::network::files::NetworkFiles;
+use crate::network::files::{NetworkFiles, sumocfg};
 use crate::network::roads::Roads;
 use crate::network::tree::Element;
-use crate::network::xml::{document, section, text};
+use crate::network::xml::text;
 use crate::scenario::SumoScenario;
 use dials_core::outside::{did_you_mean, excerpt, quoted, write_together};
 
@@ -26,7 +26,12 @@ const TYPES: &str = "cut.types.add.xml";
 /// Errors: the net has no such light, or the light cannot be cut out.
 pub fn cut_light(scenario: &SumoScenario, light: &str, approach_m: f64, reach: Reach) -> Result<LocalNet> {
     let roads = scenario.roads()?;
-    check_known(scenario, &roads, light)?;
+    let known: BTreeSet<&str> = roads.programs.iter().map(|program| program.light.as_str()).collect();
+    if !known.contains(light) {
+        let near = did_you_mean(light, known);
+        let list = format!("dials-traffic nets inspect {}", quoted(scenario.path()));
+        bail!("{}: has no light `{}`{near}; list all with: {list}", scenario.net_path().display(), excerpt(light));
+    }
     let source = source(scenario, &roads);
     let region = Region::of(&roads, &lit_junctions(&roads), light, approach_m, None)?;
     LocalNet::cut(&source, light, &region, reach)
@@ -36,16 +41,6 @@ pub fn cut_light(scenario: &SumoScenario, light: &str, approach_m: f64, reach: R
 fn source<'a>(scenario: &'a SumoScenario, roads: &'a Roads) -> Source<'a> {
     let programs = scenario.additional().flat_map(|root| root.all("tlLogic")).collect();
     Source::new(scenario.net(), roads, programs)
-}
-
-fn check_known(scenario: &SumoScenario, roads: &Roads, light: &str) -> Result<()> {
-    let known: BTreeSet<&str> = roads.programs.iter().map(|program| program.light.as_str()).collect();
-    if known.contains(light) {
-        return Ok(());
-    }
-    let near = did_you_mean(light, known);
-    let list = format!("dials-traffic nets inspect {}", quoted(scenario.path()));
-    bail!("{}: has no light `{}`{near}; list all with: {list}", scenario.net_path().display(), excerpt(light))
 }
 
 /// Cuts out the regions of all agents of a scenario, in their order.
@@ -86,32 +81,20 @@ fn kinds(scenario: &SumoScenario) -> Vec<&Element> {
     roots.flat_map(|root| &root.children).filter(is_type).collect()
 }
 
-/// Writes the files of a local net, a small demand and a configuration into `dir`. Types of cars and SUMO's options are
-/// those of the scenario.
+/// Writes the files of a local net, a small demand and a configuration into `dir`, with the scenario's options.
 pub fn write(net: &LocalNet, scenario: &SumoScenario, dir: &Path) -> Result<NetworkFiles> {
     let files = NetworkFiles::of(&dir.join(NAME));
     files.check_paths()?;
     let kinds = kinds(scenario);
+    let (net_file, routes) = (format!("{NAME}.net.xml"), format!("{NAME}.rou.xml"));
+    let input = [("net-file", &*net_file), ("additional-files", TYPES), ("route-files", &*routes)];
+    let options: Vec<(&str, &str)> = scenario.options().iter().map(|(name, value)| (&**name, &**value)).collect();
     let contents = [
         (files.net.clone(), text(net.root())),
         (dir.join(TYPES), types(&kinds)),
         (files.routes.clone(), demand(net, &kinds)?),
-        (files.config.clone(), sumocfg(scenario)),
+        (files.config.clone(), sumocfg(&input, END_S, &options)),
     ];
     write_together(dir, &contents.map(|(path, text)| (path, text.into_bytes())))?;
     Ok(files)
-}
-
-fn sumocfg(scenario: &SumoScenario) -> String {
-    let name = |ending: &str| format!("{NAME}{ending}");
-    let (net, routes) = (name(".net.xml"), name(".rou.xml"));
-    let input = [("net-file", &*net), ("additional-files", TYPES), ("route-files", &*routes)];
-    let options: Vec<(&str, &str)> = scenario.options().iter().map(|(name, value)| (&**name, &**value)).collect();
-    document("configuration", |xml| {
-        section(xml, "input", &input)?;
-        section(xml, "time", &[("begin", "0"), ("end", END_S), ("step-length", "1")])?;
-        section(xml, "processing", &options)?;
-        // Without it, SUMO warns of a missing SUMO_HOME, where it would look for the schemas.
-        section(xml, "report", &[("xml-validation", "never")])
-    })
 }

@@ -15,13 +15,11 @@ const CARS_PER_HOUR: f64 = 360.0;
 /// Second at which the last cars come.
 pub(crate) const END_S: &str = "3600";
 
-/// Returns the text of an additional file with these types.
 pub(super) fn types(types: &[&Element]) -> String {
     document("additional", |xml| types.iter().try_for_each(|kind| element(xml, kind)))
 }
 
-/// Returns the text of a route file. `types`: elements `vType` and `vTypeDistribution`; without any, SUMO's own type
-/// drives.
+/// Returns the text of a route file. Without `types`, SUMO's own type drives.
 pub(super) fn demand(net: &LocalNet, types: &[&Element]) -> Result<String> {
     let roads = Roads::read(net.root())?;
     let drivers = drivers(types);
@@ -31,12 +29,15 @@ pub(super) fn demand(net: &LocalNet, types: &[&Element]) -> Result<String> {
             (!routes.is_empty()).then_some((*driver, routes))
         })
     };
-    let flows: Vec<_> = entries(net, &roads).into_iter().filter_map(fitting).collect();
+    let entry_lanes = net.entry_lanes.iter().filter_map(|lane| roads.lane_named(lane));
+    let mut entries: Vec<EdgeNo> = entry_lanes.map(|lane| roads.lane(lane).edge).collect();
+    entries.dedup();
+    let flows: Vec<_> = entries.into_iter().filter_map(fitting).collect();
     Ok(document("routes", |xml| {
         let mut numbers = 0..;
         for (driver, routes) in &flows {
             let per_hour = (CARS_PER_HOUR / routes.len() as f64).to_string();
-            routes.iter().zip(&mut numbers).try_for_each(|(Route { edges, end_m }, number)| {
+            routes.iter().zip(&mut numbers).try_for_each(|((edges, end_m), number)| {
                 let (route, flow, end) = (format!("way_{number}"), format!("flow_{number}"), end_m.to_string());
                 leaf(xml, "route", [("id", &route), ("edges", &edges.join(" "))])?;
                 let names =
@@ -50,8 +51,7 @@ pub(super) fn demand(net: &LocalNet, types: &[&Element]) -> Result<String> {
     }))
 }
 
-/// Returns the types of cars that may drive, with their classes: passenger cars first, SUMO's own type, which has no
-/// name, at their end, then the others.
+/// Returns the types of cars that may drive, with their classes: passenger cars first, then SUMO's own type.
 fn drivers<'a>(types: &[&'a Element]) -> Vec<(Option<&'a str>, &'a str)> {
     const CAR: &str = "passenger";
     let named = types.iter().filter(|kind| kind.name == "vType");
@@ -61,23 +61,8 @@ fn drivers<'a>(types: &[&'a Element]) -> Vec<(Option<&'a str>, &'a str)> {
     drivers
 }
 
-/// Returns the edges with entry lanes, each once.
-fn entries(net: &LocalNet, roads: &Roads) -> Vec<EdgeNo> {
-    let lanes = net.entry_lanes.iter().filter_map(|lane| roads.lane_named(lane));
-    let mut edges: Vec<EdgeNo> = lanes.map(|lane| roads.lane(lane).edge).collect();
-    edges.dedup();
-    edges
-}
-
-/// Edges of a route, and where cars arrive on the last one.
-struct Route {
-    edges: Vec<String>,
-    end_m: f64,
-}
-
-/// Returns the shortest route from an edge to each exit that cars of a class can take. It goes on over the first way
-/// behind the exit that they can take.
-fn routes(roads: &Roads, entry: EdgeNo, exits: &[Exit], class: &str) -> Vec<Route> {
+/// Returns the shortest route from an edge to each exit, and a way behind it, that cars of a class can take.
+fn routes(roads: &Roads, entry: EdgeNo, exits: &[Exit], class: &str) -> Vec<(Vec<String>, f64)> {
     let before = search(roads, entry, class);
     let route = |exit: &Exit| {
         let last = roads.edge_named(&exit.edge)?;
@@ -88,7 +73,7 @@ fn routes(roads: &Roads, entry: EdgeNo, exits: &[Exit], class: &str) -> Vec<Rout
         let mut edges: Vec<EdgeNo> = successors(Some(last), |at| Some(before[at]).filter(|_| *at != entry)).collect();
         edges.reverse();
         let names = edges.into_iter().map(|edge| roads.edge(edge).id.clone());
-        Some(Route { edges: names.chain(way.copies.iter().cloned()).collect(), end_m: way.end_m })
+        Some((names.chain(way.copies.iter().cloned()).collect(), way.end_m))
     };
     exits.iter().filter_map(route).collect()
 }

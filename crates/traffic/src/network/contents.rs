@@ -20,7 +20,8 @@ use dials_core::outside::write_together;
 
 #[derive(Debug)]
 pub(crate) struct Content {
-    bytes: Vec<u8>,
+    /// What copies of the file hold.
+    pub(crate) bytes: Vec<u8>,
     pub(crate) root: Element,
 }
 
@@ -30,8 +31,7 @@ impl Content {
         Content::read_cleaned(path, |_| Ok(false))
     }
 
-    /// Reads a file like [`Content::read`], but first changes what it holds. `clean` returns whether it changed anything;
-    /// then copies hold no other byte of the file.
+    /// Reads a file like [`Content::read`]. `clean` returns whether it changed anything; then copies have the changes.
     pub(crate) fn read_cleaned(path: &Path, clean: impl FnOnce(&mut Element) -> Result<bool>) -> Result<Content> {
         let mut bytes = read_whole(path)?;
         let mut root = parse_file(path, &bytes)?;
@@ -42,24 +42,10 @@ impl Content {
         Ok(Content { bytes, root })
     }
 
-    /// Returns other content, with something changed. Copies hold that.
     pub(crate) fn changed(&self, change: impl FnOnce(&mut Element)) -> Content {
         let mut root = self.root.clone();
         change(&mut root);
         Content { bytes: xml::text(&root).into_bytes(), root }
-    }
-
-    /// Returns what copies of the file hold.
-    pub(crate) fn bytes(&self) -> &[u8] {
-        &self.bytes
-    }
-
-    pub(crate) fn read_net(net: &Path) -> Result<Content> {
-        ensure!(net.exists(), no_such_network(net));
-        let content = Content::read(net)?;
-        let root = &content.root.name;
-        ensure!(root == "net", "{}: is not a SUMO network: its root is <{root}>, not <net>", net.display());
-        Ok(content)
     }
 
     /// Returns the text that SUMO loads: the elements that were read, and nothing else of the file.
@@ -68,7 +54,6 @@ impl Content {
     }
 }
 
-/// A network whose files were read. Clones share it.
 #[derive(Clone, Debug)]
 pub struct Network {
     pub(crate) files: NetworkFiles,
@@ -80,7 +65,10 @@ pub struct Network {
 impl Network {
     /// Reads all files of a network but the configuration, which this program neither reads nor loads.
     pub fn read(files: &NetworkFiles, role: Role) -> Result<Network> {
-        let net = Content::read_net(&files.net)?;
+        ensure!(files.net.exists(), no_such_network(&files.net));
+        let net = Content::read(&files.net)?;
+        let root = &net.root.name;
+        ensure!(root == "net", "{}: is not a SUMO network: its root is <{root}>, not <net>", files.net.display());
         let way_out = || cannot_be_simulated(&files.net, role);
         let beside = |path: &Path| Content::read(path).with_context(way_out).map(Arc::new);
         Ok(Network {
@@ -117,7 +105,6 @@ impl Network {
         Ok(copy)
     }
 
-    /// Puts the network where SUMO of this process can load it.
     pub(crate) fn for_sumo(&self) -> Result<Loadable> {
         let NetworkFiles { net, routes, actuated, .. } = &self.files;
         let loadable = Loadable::new(
@@ -128,23 +115,5 @@ impl Network {
             (&self.actuated.text(), actuated),
         )?;
         Ok(loadable.with(options::TIME))
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn what_sumo_loads_is_what_was_read_whatever_happens_to_the_file() {
-        let dir = tempfile::tempdir().unwrap();
-        let path = dir.path().join("a.xml");
-        let text = "<?xml version=\"1.0\"?><!-- a --><net xmlns:x='u' x:y='z' v='&lt;\"'>text<edge id='ä'/></net>";
-        std::fs::write(&path, text).unwrap();
-        let content = Content::read(&path).unwrap();
-        std::fs::write(&path, "<edgeData/>").unwrap();
-        let expected =
-            "<?xml version=\"1.0\" encoding=\"UTF-8\"?>\n<net v=\"&lt;&quot;\">\n    <edge id=\"ä\"/>\n</net>\n";
-        assert_eq!(content.text(), expected);
     }
 }

@@ -1,10 +1,4 @@
-//! The files of a network.
-//!
-//! A *network* is four files with one name:
-//! - `grid_2x2.net.xml`: roads and lights.
-//! - `.rou.xml`: vehicle type, routes, flows.
-//! - `.actuated.add.xml`: actuated lights, loaded only if wanted.
-//! - `.sumocfg`: the configuration for `sumo -c`.
+//! A *network* is four files with one name, such as `grid_2x2.net.xml`.
 
 use std::ffi::OsString;
 use std::path::{Path, PathBuf};
@@ -15,22 +9,19 @@ use super::way_out::no_such_network;
 use super::xml::{document, section};
 use dials_core::outside::Printable;
 
-/// Paths of the files of one network.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct NetworkFiles {
     /// File of the roads and of the lights with their static program.
     pub net: PathBuf,
     /// File of the vehicle type and the routes, and of the flows of a grid.
     pub routes: PathBuf,
-    /// File of the actuated program of every light.
     pub actuated: PathBuf,
     /// Configuration with net and routes, for `sumo -c` and `sumo-gui -c`.
     pub config: PathBuf,
 }
 
 impl NetworkFiles {
-    /// Returns the network that a config names by directory and name, such as `../sumo_nets/grid_2x2`. The files need
-    /// not exist.
+    /// Returns the network of a directory and a name, such as `../sumo_nets/grid_2x2`. The files need not exist.
     pub fn of(prefix: &Path) -> NetworkFiles {
         NetworkFiles {
             net: with_ending(prefix, ".net.xml"),
@@ -57,7 +48,18 @@ impl NetworkFiles {
     /// Returns an error if SUMO could not open the configuration, or would not find the files that it names.
     pub fn check_config_path(&self) -> Result<()> {
         self.check_paths()?;
-        check_beside_config(&for_sumo(&self.config)?)
+        let path = for_sumo(&self.config)?;
+        // SUMO decodes `%41` to `A` in a path that it puts together from that of a configuration.
+        let is_decoded = |(at, _)| {
+            let digits = path.as_bytes().get(at + 1..at + 3);
+            digits.is_some_and(|digits| digits.iter().all(u8::is_ascii_hexdigit))
+        };
+        ensure!(
+            !path.match_indices('%').any(is_decoded),
+            "{}: contains a % and two digits, which SUMO takes for one letter; rename it",
+            Printable(&path)
+        );
+        Ok(())
     }
 
     fn all(&self) -> [&Path; 4] {
@@ -82,29 +84,19 @@ pub(crate) fn for_sumo(path: &Path) -> Result<String> {
     Ok(text.to_owned())
 }
 
-/// Checks a path that SUMO puts together from that of a configuration: it decodes `%41` in it, to `A`.
-fn check_beside_config(path: &str) -> Result<()> {
-    let decoded = |(at, _): (usize, &str)| {
-        let digits = path.as_bytes().get(at + 1..at + 3);
-        digits.is_some_and(|digits| digits.iter().all(u8::is_ascii_hexdigit))
-    };
-    ensure!(
-        !path.match_indices('%').any(decoded),
-        "{}: contains a % and two digits, which SUMO takes for one letter; rename it",
-        Printable(path)
-    );
-    Ok(())
-}
-
-/// Returns the configuration for `sumo -c` and `sumo-gui -c` of a network of this name; the other files are in the same
-/// directory.
+/// Returns the configuration for `sumo -c` of a network of this name in the same directory.
 pub(crate) fn config(name: &str) -> String {
     let (net, routes) = (format!("{name}.net.xml"), format!("{name}.rou.xml"));
+    // A waiting car is never moved past the jam (the authors' setup).
+    sumocfg(&[("net-file", &net), ("route-files", &routes)], "3600", &[("time-to-teleport", "-1")])
+}
+
+/// Returns a configuration for `sumo -c`.
+pub(crate) fn sumocfg(files: &[(&str, &str)], end_s: &str, options: &[(&str, &str)]) -> String {
     document("configuration", |xml| {
-        section(xml, "input", &[("net-file", &net), ("route-files", &routes)])?;
-        section(xml, "time", &[("begin", "0"), ("end", "3600"), ("step-length", "1")])?;
-        // A waiting car is never moved past the jam (the authors' setup).
-        section(xml, "processing", &[("time-to-teleport", "-1")])?;
+        section(xml, "input", files)?;
+        section(xml, "time", &[("begin", "0"), ("end", end_s), ("step-length", "1")])?;
+        section(xml, "processing", options)?;
         // Without it, SUMO warns of a missing SUMO_HOME, where it would look for the schemas.
         section(xml, "report", &[("xml-validation", "never")])
     })

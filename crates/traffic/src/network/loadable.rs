@@ -12,12 +12,10 @@ use libsumo::Simulation;
 /// Options with which SUMO makes every vehicle and finds its way, but lets none enter.
 const EMPTY_ROADS: [(&str, &str); 2] = [("max-num-vehicles", "0"), ("max-depart-delay", "1")];
 
-/// Number of characters of SUMO's words that an error shows.
 const MOST_LETTERS: usize = 400;
 
 /// A network in memory that SUMO of this process can load, any number of times.
 pub struct Loadable {
-    /// Files, with the paths that the user knows.
     files: Vec<(MemoryFile, PathBuf)>,
     /// Options of SUMO without `--`, but for the seed and the additional files.
     options: Vec<(String, String)>,
@@ -28,8 +26,7 @@ pub struct Loadable {
 }
 
 impl Loadable {
-    /// `program`: name of the actuated programs. `texts`: what the files hold, and the paths that the user knows: the
-    /// net, files with routes, additional files, and the actuated programs.
+    /// `program`: name of the actuated programs. Each file is its text with the path that the user knows.
     pub(crate) fn new(
         program: &str,
         net: (&str, &Path),
@@ -102,7 +99,6 @@ impl Loadable {
         Ok(())
     }
 
-    /// Returns an error of SUMO with the paths that the user knows.
     pub fn explain(&self, error: &libsumo::Error) -> Error {
         explain(error, self.files.iter().map(|(file, path)| (file, &**path)))
     }

@@ -1,11 +1,4 @@
-//! Networks as files, from any source.
-//!
-//! - [`files`]: the files of a network; [`way_out`]: advice if they are missing or wrong.
-//! - [`contents`]: a network read once, for everything that is done with it; [`loadable`]: what of it SUMO loads, as texts
-//!   in memory (`memory_file`).
-//! - [`roads`]: what a net is: junctions, edges, lanes, connections, programs of lights.
-//! - `other_files`: attributes by which SUMO would write or read another file, refused.
-//! - `xml`: XML written. It is read into trees by [`tree`].
+//! Networks as files, from any source. [`tree`] reads XML, `xml` writes it.
 
 pub mod contents;
 pub mod files;

@@ -67,18 +67,6 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_local_net_of_any_name_comes_with_the_command_for_local_nets() {
-        let message = |net: &str, role| cannot_be_simulated(Path::new(net), role);
-        assert!(message("a/cross.net.xml", Role::Local).ends_with("make one with: dials-traffic nets local --out DIR"));
-        assert!(message("a/grid_1x1.net.xml", Role::Local).ends_with("dials-traffic nets local --out DIR"));
-        assert!(
-            message("a/local.net.xml", Role::Local)
-                .ends_with("remake it with: dials-traffic nets local --out a --force")
-        );
-        assert!(message("a/grid_2x3.net.xml", Role::Global).ends_with("nets grid --rows 2 --cols 3 --out a --force"));
-    }
-
-    #[test]
     fn a_missing_network_comes_with_the_command_that_makes_it() {
         let way_out = "dials-traffic nets grid --rows 3 --cols 4 --out nowhere";
         let expected = format!("nowhere/grid_3x4.net.xml: no such network; make it with: {way_out}");

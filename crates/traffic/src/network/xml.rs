@@ -10,8 +10,7 @@ use super::tree::Element;
 pub(crate) type Xml = Writer<Vec<u8>>;
 
 pub(crate) fn document(root: &str, fill: impl FnOnce(&mut Xml) -> io::Result<()>) -> String {
-    const BARE: [(&str, &str); 0] = [];
-    document_with(root, BARE, fill)
+    document_with(root, [("", ""); 0], fill)
 }
 
 pub(crate) fn document_with<K: AsRef<str>, V: AsRef<str>>(
@@ -71,6 +70,7 @@ fn begun<'a, K: AsRef<str>, V: AsRef<str>>(
 
 /// Writes the options of one kind in a configuration.
 pub(crate) fn section(xml: &mut Xml, name: &str, options: &[(&str, &str)]) -> io::Result<()> {
-    const BARE: [(&str, &str); 0] = [];
-    nest(xml, name, BARE, |xml| options.iter().try_for_each(|(option, value)| leaf(xml, option, [("value", value)])))
+    nest(xml, name, [("", ""); 0], |xml| {
+        options.iter().try_for_each(|(option, value)| leaf(xml, option, [("value", value)]))
+    })
 }

@@ -18,7 +18,6 @@ pub(super) const LANE_WIDTH_M: f64 = 3.2;
 pub(super) const HALF_INTERSECTION_M: f64 = LANE_WIDTH_M + RADIUS_M;
 /// Distance from a dead end to the centre of its intersection.
 const REACH_M: f64 = EDGE_M + HALF_INTERSECTION_M;
-/// Distance from centre to centre.
 const SPACING_M: f64 = EDGE_M + 2.0 * HALF_INTERSECTION_M;
 
 /// The only vehicle type. IDM and its numbers: the authors' setup; IDM does not use sigma.
@@ -102,8 +101,7 @@ fn straight_on(grid: Grid, more: impl Fn(&str, Side) -> String) -> String {
     connections
 }
 
-/// Returns the vehicle type, the routes and, if `inflow` is given, one flow per route: in each step, a car with that
-/// probability. A route without cars has no flow.
+/// Returns the vehicle type, the routes and, with `inflow`, one flow for each route on which cars arrive.
 pub(super) fn routes(grid: Grid, inflow: Option<&Inflow>) -> String {
     let routes = grid.boundary_routes();
     document("routes", |xml| {

@@ -3,9 +3,8 @@
 //! Routes and lights are read back from the text that [`content`] writes. The net is made by netconvert, so this module
 //! states what netconvert 1.15 makes of our plain XML. `tests/traffic/networks` holds it against netconvert.
 
-use super::content::{self, HALF_INTERSECTION_M, LANE_WIDTH_M, RADIUS_M, fixed_time, place};
+use super::content::{HALF_INTERSECTION_M, LANE_WIDTH_M, RADIUS_M, fixed_time, place};
 use super::grid::{self, Grid, Node};
-use super::inflow::Inflow;
 use crate::agents::region::{EDGE_M, SPEED_LIMIT_MPS};
 use crate::network::tree::{Element, parse};
 use crate::side::Side;
@@ -29,17 +28,8 @@ pub(super) fn net(grid: Grid) -> Element {
     read(&format!("<net>{net}</net>"))
 }
 
-/// Returns the vehicle type, the routes and, if `inflow` is given, one flow per route.
-pub(super) fn routes(grid: Grid, inflow: Option<f64>) -> Element {
-    let inflow = inflow.map(Inflow::from);
-    read(&content::routes(grid, inflow.as_ref()))
-}
-
-pub(super) fn actuated(grid: Grid) -> Element {
-    read(&content::actuated(grid))
-}
-
-fn read(text: &str) -> Element {
+/// Returns what this program writes, as elements.
+pub(super) fn read(text: &str) -> Element {
     parse(text).expect("what this program writes is XML")
 }
 
@@ -78,8 +68,7 @@ fn lane(edge: &str, length_m: f64, [(x0, y0), (x1, y1)]: [(f64, f64); 2]) -> Str
     format!(r#"<lane id="{edge}_0" index="0" {limits} shape="{x0:.2},{y0:.2} {x1:.2},{y1:.2}"/>"#)
 }
 
-/// Returns where the lane from one node to its neighbour begins and ends, from stop line to stop line. It is half a
-/// lane to the right of the line between the nodes.
+/// Returns the stop lines where a lane begins and ends, half a lane to the right of the line between the nodes.
 fn ends(grid: Grid, from: Node, to: Node) -> [(f64, f64); 2] {
     let ((x0, y0), (x1, y1)) = (place(grid, from), place(grid, to));
     let length = (x1 - x0).hypot(y1 - y0);

@@ -4,8 +4,6 @@
 //! is an intersection; agents are numbered row-major from the south-west corner, as in the authors' setup. Names are
 //! readable in sumo-gui: intersection `r0c1`, boundary `w0` (west end of row 0), edge `w0_r0c0` (from, to), its only
 //! lane `w0_r0c0_0`. Arrays of four, one entry per side of an intersection, are in the order of `Side::ALL`.
-//!
-//! Pure: nothing here knows SUMO or a file. `make` writes a grid to files; `forest` copies the smallest one many times.
 
 use std::fmt;
 
@@ -109,30 +107,25 @@ impl Grid {
         }
     }
 
-    /// Returns the edges that lead to the agent's intersection `[from west, from south, from east, from north]`.
     pub fn incoming_edges(self, agent: AgentId) -> [String; 4] {
         Side::ALL.map(|side| edge(self.neighbour(agent, side), self.intersection(agent)))
     }
 
-    /// Returns the edges that leave the agent's intersection `[to west, to south, to east, to north]`.
     pub fn outgoing_edges(self, agent: AgentId) -> [String; 4] {
         Side::ALL.map(|side| edge(self.intersection(agent), self.neighbour(agent, side)))
     }
 
-    /// Returns the lanes inside the agent's intersection, by the side that their cars come from. They belong to no edge
-    /// of the grid: cars on them are neither observed nor rewarded.
+    /// Returns the lanes inside the agent's intersection, by the side that their cars come from.
     pub fn internal_lanes(self, agent: AgentId) -> [String; 4] {
         // netconvert numbers the internal edges of an intersection like the links of its light.
         Side::ALL.map(|side| format!(":{}_{}_0", self.intersection(agent), side.link_index()))
     }
 
-    /// Returns the agent's traffic light, which has the name of its intersection.
     pub fn light(self, agent: AgentId) -> String {
         self.intersection(agent).to_string()
     }
 
-    /// Returns one route per boundary edge that leads in, straight through the whole grid to the other side. The routes
-    /// from the west come first, then those from the south, the east and the north.
+    /// Returns one route per boundary edge that leads in, straight through the grid: from west, south, east, north.
     pub fn boundary_routes(self) -> Vec<Route> {
         self.boundary().into_iter().map(|(side, index)| self.route(side, index)).collect()
     }
@@ -160,27 +153,14 @@ impl Grid {
         edges
     }
 
-    /// Returns whether the road that leaves the agent's intersection on `side` leaves the grid.
-    pub(crate) fn leaves(self, agent: AgentId, side: Side) -> bool {
-        matches!(self.neighbour(agent, side), Node::Boundary { .. })
-    }
-
-    /// Returns the row and the column of an agent.
     pub(crate) fn place(self, agent: AgentId) -> (usize, usize) {
         assert!(agent.0 < self.rows * self.cols, "agent {agent} lives outside a grid of {self}");
         (agent.0 / self.cols, agent.0 % self.cols)
     }
 
     fn boundary(self) -> Vec<(Side, usize)> {
-        Side::ALL.into_iter().flat_map(|side| (0..self.ends(side)).map(move |index| (side, index))).collect()
-    }
-
-    /// Returns the number of roads that end on one side of the grid.
-    fn ends(self, side: Side) -> usize {
-        match side {
-            Side::West | Side::East => self.rows,
-            Side::South | Side::North => self.cols,
-        }
+        let ends = |side: Side| if side.is_vertical() { self.cols } else { self.rows };
+        Side::ALL.into_iter().flat_map(|side| (0..ends(side)).map(move |index| (side, index))).collect()
     }
 
     fn route(self, side: Side, index: usize) -> Route {
@@ -205,20 +185,5 @@ impl Grid {
 impl fmt::Display for Grid {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         write!(f, "{}x{}", self.rows, self.cols)
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn a_grid_has_from_1_to_10_000_intersections() {
-        let error = |rows, cols| Grid::new(rows, cols).unwrap_err().to_string();
-        assert_eq!(error(0, 3), "a grid of 0x3: needs at least one row and one column");
-        for (rows, cols) in [(101, 100), (usize::MAX, 2)] {
-            assert_eq!(error(rows, cols), format!("a grid of {rows}x{cols}: must have at most 10000 intersections"));
-        }
-        assert_eq!(Grid::new(1, 10_000).unwrap().agents().len(), 10_000);
     }
 }

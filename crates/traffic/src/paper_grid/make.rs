@@ -17,25 +17,19 @@ use dials_core::outside::{cannot_write_temporary, temporary_dir, write_together}
 pub fn write_grid(grid: Grid, inflow: impl Into<Inflow>, dir: &Path) -> Result<NetworkFiles> {
     let inflow = inflow.into();
     inflow.check(grid)?;
-    write_network(&format!("grid_{grid}"), grid, Some(&inflow), dir, "netconvert")
+    write_network(&format!("grid_{grid}"), grid, Some(&inflow), dir)
 }
 
 /// Writes the network `local` into `dir`: one intersection, no flows.
 pub fn write_local(dir: &Path) -> Result<NetworkFiles> {
-    write_network("local", Grid::SINGLE, None, dir, "netconvert")
+    write_network("local", Grid::SINGLE, None, dir)
 }
 
 /// Writes a network. Everything is made in a temporary directory first, so an error leaves `dir` unchanged.
-fn write_network(
-    name: &str,
-    grid: Grid,
-    inflow: Option<&Inflow>,
-    dir: &Path,
-    netconvert: &str,
-) -> Result<NetworkFiles> {
+fn write_network(name: &str, grid: Grid, inflow: Option<&Inflow>, dir: &Path) -> Result<NetworkFiles> {
     let files = NetworkFiles::of(&dir.join(name));
     files.check_paths()?;
-    let net = convert(grid, netconvert).with_context(|| format!("{}: could not be made", files.net.display()))?;
+    let net = convert(grid).with_context(|| format!("{}: could not be made", files.net.display()))?;
     let contents = [
         (files.net.clone(), net.into_bytes()),
         (files.routes.clone(), content::routes(grid, inflow).into_bytes()),
@@ -46,8 +40,7 @@ fn write_network(
     Ok(files)
 }
 
-/// Returns the net that netconvert makes of a grid.
-fn convert(grid: Grid, netconvert: &str) -> Result<String> {
+fn convert(grid: Grid) -> Result<String> {
     let room = temporary_dir()?;
     let inputs = [
         ("--node-files", "nod.xml", content::nodes(grid)),
@@ -55,7 +48,7 @@ fn convert(grid: Grid, netconvert: &str) -> Result<String> {
         ("--connection-files", "con.xml", content::connections(grid)),
         ("--tllogic-files", "tll.xml", content::lights(grid)),
     ];
-    let mut command = Command::new(netconvert);
+    let mut command = Command::new("netconvert");
     command.current_dir(room.path()).stdin(Stdio::null());
     for (option, file, text) in inputs {
         fs::write(room.path().join(file), text).map_err(|error| cannot_write_temporary(&error))?;
@@ -64,12 +57,6 @@ fn convert(grid: Grid, netconvert: &str) -> Result<String> {
     // Normalisation would move the south-west corner of the bounding box, which is that of a dead end, to (0, 0).
     command.args(["--offset.disable-normalization", "--no-turnarounds", "--xml-validation", "never"]);
     command.args(["--output-file", "net.xml"]);
-    run(command)?;
-    let net = fs::read_to_string(room.path().join("net.xml")).context("netconvert wrote no net")?;
-    Ok(without_comment(&net))
-}
-
-fn run(mut command: Command) -> Result<()> {
     let output = match command.output() {
         Err(error) if error.kind() == ErrorKind::NotFound => {
             bail!("netconvert is not on the PATH: install Debian's package sumo (./setup.sh)")
@@ -78,11 +65,11 @@ fn run(mut command: Command) -> Result<()> {
     };
     let said = String::from_utf8_lossy(&output.stderr);
     ensure!(output.status.success(), "netconvert failed ({}): {}", output.status, said.trim());
-    Ok(())
+    let net = fs::read_to_string(room.path().join("net.xml")).context("netconvert wrote no net")?;
+    Ok(without_comment(&net))
 }
 
-/// Returns the net without netconvert's comment at the beginning: its date and temporary paths would make every net
-/// different.
+/// Returns the net without netconvert's comment at the beginning, which has the date.
 fn without_comment(net: &str) -> String {
     let comment = net.find("<!--").filter(|&begin| net.find("<net").is_none_or(|root| begin < root));
     let end = comment.and_then(|begin| net[begin..].find("-->").map(|length| begin + length + "-->".len()));
@@ -94,9 +81,6 @@ fn without_comment(net: &str) -> String {
 
 #[cfg(test)]
 mod tests {
-    use std::fs::Permissions;
-    use std::os::unix::fs::PermissionsExt;
-
     use super::*;
 
     #[test]
@@ -104,23 +88,5 @@ mod tests {
         let net = "<?xml?>\n\n<!-- generated on a day\n-->\n\n<net>\n<!-- ours -->\n</net>\n";
         assert_eq!(without_comment(net), "<?xml?>\n\n<net>\n<!-- ours -->\n</net>\n");
         assert_eq!(without_comment("<net><!-- ours --></net>"), "<net><!-- ours --></net>");
-    }
-
-    #[test]
-    fn without_a_net_of_netconvert_nothing_is_left_behind() {
-        let room = tempfile::tempdir().expect("a temporary directory");
-        let broken = room.path().join("broken");
-        fs::write(&broken, "#!/bin/sh\necho 'Error: no idea' >&2\nexit 1\n").expect("a writable directory");
-        fs::set_permissions(&broken, Permissions::from_mode(0o755)).expect("our own file");
-        let dir = room.path().join("nets");
-        for (netconvert, why) in [
-            ("no-such-netconvert", "netconvert is not on the PATH: install Debian's package sumo (./setup.sh)"),
-            (&*broken.to_string_lossy(), "netconvert failed (exit status: 1): Error: no idea"),
-        ] {
-            let error = write_network("local", Grid::SINGLE, None, &dir, netconvert).unwrap_err();
-            let net = dir.join("local.net.xml");
-            assert_eq!(format!("{error:#}"), format!("{}: could not be made: {why}", net.display()));
-            assert!(!dir.exists());
-        }
     }
 }

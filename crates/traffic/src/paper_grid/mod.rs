@@ -5,12 +5,6 @@
 //! byte.
 //!
 //! The *local* net is the 1x1 grid without flows, because its cars are sampled.
-//!
-//! - [`grid`]: the intersections and roads, and their names; [`inflow`]: how often cars arrive.
-//! - `content`: the text of the files; [`make`]: the files themselves, with the help of netconvert.
-//! - `plans`: what simulators and controllers need to know of its agents.
-//! - `expected`: the content that files must have; `compare`: files compared with it; [`recognise`]: our networks
-//!   recognised.
 
 mod compare;
 mod content;

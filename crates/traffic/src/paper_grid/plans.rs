@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use super::grid::{Grid, lane};
+use super::grid::{Grid, Node, lane};
 use crate::agents::phase_plan::{Choice, Interval, PhasePlan};
 use crate::agents::phases::Light;
 use crate::agents::plan::{AgentPlan, JointPlan};
@@ -22,7 +22,6 @@ const GREENS: [Light; 2] = [Light::VerticalGreen, Light::HorizontalGreen];
 /// Greens of the program that netconvert gives a light of a grid: a cycle of 90 s, 3 s of yellow each time.
 const PROGRAM_GREEN_STEPS: u32 = 42;
 
-/// Returns the plan of a grid. Its agents are all of one kind.
 pub(crate) fn joint_plan(grid: Grid, config: &TrafficConfig) -> JointPlan {
     let kinds = Kinds::one(grid.agents().len(), region::spec(config));
     JointPlan {
@@ -53,11 +52,9 @@ pub fn plans(grid: Grid, config: &TrafficConfig) -> Vec<AgentPlan> {
 fn phases(until_first_switch: UntilFirstSwitch) -> PhasePlan {
     let greens = GREENS.map(Light::state).to_vec();
     let yellow = |from: usize, _| vec![Interval { state: GREENS[from].next().state(), steps: YELLOW_STEPS.into() }];
-    let plan = PhasePlan::new(greens, Choice::KeepOrSwitch, 1, yellow);
-    match until_first_switch {
-        UntilFirstSwitch::Agent => plan,
-        UntilFirstSwitch::Program => plan.by_itself_until_switched(PROGRAM_GREEN_STEPS),
-    }
+    let mut plan = PhasePlan::new(greens, Choice::KeepOrSwitch, 1, yellow);
+    plan.own_green_steps = (until_first_switch == UntilFirstSwitch::Program).then_some(PROGRAM_GREEN_STEPS);
+    plan
 }
 
 fn sensor(grid: Grid, agent: AgentId, config: &TrafficConfig) -> Sensor {
@@ -92,33 +89,12 @@ fn around(grid: Grid, agent: AgentId) -> RegionPlan {
         lane: lane(&outgoing[to.index()]),
         length_m: EDGE_M,
         speed_limit_mps: SPEED_LIMIT_MPS,
-        leaves_the_net: grid.leaves(agent, *to),
+        leaves_the_net: matches!(grid.neighbour(agent, *to), Node::Boundary { .. }),
     };
     let link = |from: &Side| Link { letter: from.link_index(), from: from.index(), to: from.opposite().index() };
     RegionPlan {
         approaches: Side::ALL.iter().map(approach).collect(),
         exits: Side::ALL.iter().map(exit).collect(),
         links: Side::ALL.iter().map(link).collect(),
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn plans_have_the_shape_and_the_letters_of_a_grid() {
-        let config = TrafficConfig { clock: Some(26), ..TrafficConfig::new("", "") };
-        let plans = plans(Grid::new(2, 2).unwrap(), &config);
-        assert_eq!(plans.len(), 4);
-        assert_eq!(plans[3].sensor.width(), region::spec(&config).obs_dim);
-        let AgentPlan { light, region, phases, .. } = &plans[3];
-        assert_eq!((light.as_str(), region.approaches[0].lane.as_str()), ("r1c1", "r1c0_r1c1_0"));
-        // From the west to the east edge, which leaves the net; the last letter is that of the west.
-        assert_eq!(region.links[0], Link { letter: 3, from: 0, to: 2 });
-        assert!(region.exits[2].leaves_the_net && !region.exits[0].leaves_the_net);
-        assert_eq!(phases.greens().iter().map(|state| state.as_str()).collect::<Vec<_>>(), ["GrGr", "rGrG"]);
-        assert_eq!((phases.clearing(0, 1)[0].state.as_str(), phases.clearing_steps(0, 1)), ("yryr", 3));
-        assert_eq!(phases.clearing(1, 0)[0].state.as_str(), "ryry");
     }
 }

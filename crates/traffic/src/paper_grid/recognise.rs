@@ -6,14 +6,14 @@ use std::path::Path;
 use anyhow::{Context, Result, bail, ensure};
 
 use super::grid::{self, Grid};
-use super::{INFLOW, compare, expected};
+use super::inflow::Inflow;
+use super::{INFLOW, compare, content, expected};
 use crate::network::contents::Network;
 use crate::network::files::NetworkFiles;
 use crate::network::tree::Element;
 use crate::network::way_out::{Role, command_for, make_local};
 use dials_core::outside::beginning;
 
-/// Number of characters of a difference that an error shows.
 const MOST_LETTERS: usize = 600;
 
 pub struct Recognised {
@@ -46,24 +46,23 @@ pub(crate) fn recognise_local(files: &NetworkFiles) -> Result<Recognised> {
     Ok(Recognised { grid, network })
 }
 
-/// Compares all files of a network with what this program writes.
 fn compare_all(network: &Network, grid: Grid, inflow: Option<f64>, way_out: impl Fn() -> String) -> Result<()> {
     let Network { files, net, routes, actuated } = network;
+    let inflow = inflow.map(Inflow::from);
     let pairs = [
         (&files.net, &net.root, expected::net(grid)),
-        (&files.routes, &routes.root, expected::routes(grid, inflow)),
-        (&files.actuated, &actuated.root, expected::actuated(grid)),
+        (&files.routes, &routes.root, expected::read(&content::routes(grid, inflow.as_ref()))),
+        (&files.actuated, &actuated.root, expected::read(&content::actuated(grid))),
     ];
     for (path, found, expected) in pairs {
-        if let Some(difference) = compare::difference(found, &expected) {
+        if let Some(difference) = compare::difference(found, &expected, &found.name) {
             bail!("{}: {}; {}", path.display(), beginning(&difference, MOST_LETTERS), way_out());
         }
     }
     Ok(())
 }
 
-/// Returns the command that remakes a network of this shape in its place, or in another directory if it has another
-/// name.
+/// Returns the command that remakes a network in its place, or elsewhere if it has another name.
 fn way_out(net: &Path, grid: Grid) -> String {
     if net.file_name().is_some_and(|name| name == format!("grid_{grid}.net.xml").as_str()) {
         return format!("remake it with: {} --force", command_for(net));

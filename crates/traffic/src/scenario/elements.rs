@@ -27,7 +27,6 @@ const IN_OTHERS: &str =
 /// Elements that SUMO reads in additional files, and skips in route files without a word.
 const SKIPPED_IN_ROUTES: &str = "taz tlLogic";
 
-/// Returns the elements that may stand in another one, which is not the root.
 fn known_in(element: &str) -> &'static str {
     match element {
         "vTypeDistribution" => "vType param",
@@ -43,7 +42,6 @@ fn is_one_of(names: &str, element: &Element) -> bool {
     names.split(' ').any(|name| name == element.name)
 }
 
-/// What was left out of the files.
 #[derive(Debug, Default)]
 pub(super) struct Left {
     /// Numbers by file and kind.
@@ -52,7 +50,6 @@ pub(super) struct Left {
 }
 
 impl Left {
-    /// Returns a sentence for each file and kind.
     pub(super) fn sentences(&self) -> impl Iterator<Item = String> {
         self.counts.iter().map(|((file, kind), count)| {
             format!("{file}: {count} x <{kind}>: this program measures and writes by itself")
@@ -96,13 +93,9 @@ pub(super) fn clean(option: &str, file: &Path, root: &mut Element, left: &mut Le
     }
     check_known(file, root, IN_OTHERS)?;
     root.children.iter().try_for_each(|child| check_within(file, child))?;
-    if let Some(child) = root.children.iter().find(|child| is_one_of(SKIPPED_IN_ROUTES, child)) {
-        ensure!(
-            option != ROUTE_FILES,
-            "{}: {}: SUMO skips it in a route file; move it to an additional file",
-            file.display(),
-            tag(child)
-        );
+    let is_skipped = |child: &&Element| option == ROUTE_FILES && is_one_of(SKIPPED_IN_ROUTES, child);
+    if let Some(child) = root.children.iter().find(is_skipped) {
+        bail!("{}: {}: SUMO skips it in a route file; move it to an additional file", file.display(), tag(child));
     }
     Ok(root.children.len() < before)
 }

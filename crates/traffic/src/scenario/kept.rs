@@ -26,11 +26,10 @@ pub(crate) struct Episode<'a> {
 }
 
 impl SumoScenario {
-    /// Makes a folder and copies the scenario into it, all or nothing. Returns the paths in the folder, in the order of
-    /// the config's keys that name files.
+    /// Makes a folder and copies the scenario into it, all or nothing. Returns the paths of the config's keys.
     pub fn keep_in(&self, folder: &Path) -> Result<Vec<PathBuf>> {
         fs::create_dir(folder).with_context(|| format!("{}: cannot be made", folder.display()))?;
-        let mut files = self.copied(KEPT, None, |file| file.content.bytes().to_vec());
+        let mut files = self.copied(KEPT, None, |file| file.content.bytes.clone());
         let mut kept = vec![PathBuf::from(format!("{KEPT}.sumocfg"))];
         if let Some((_, text)) = self.agents() {
             files.push((AGENTS.to_owned(), text.as_bytes().to_vec()));
@@ -46,8 +45,7 @@ impl SumoScenario {
         self.copied(name, Some(episode), |file| self.with_ends_of_flows(file))
     }
 
-    /// Returns copies of all files: names, which begin with `name`, and contents. Files of which there may be several are
-    /// numbered from 1.
+    /// Returns copies of all files: names, which begin with `name`, and contents.
     fn copied(
         &self,
         name: &str,
@@ -67,8 +65,7 @@ impl SumoScenario {
         copies
     }
 
-    /// Returns a copy in which every flow whose cars are spread over the whole simulation says when that ends. So an
-    /// episode may end earlier, and its cars are the same.
+    /// Returns a copy in which every flow without an end has that of the scenario, so that an episode may end earlier.
     fn with_ends_of_flows(&self, file: &File) -> Vec<u8> {
         const RATES: [&str; 4] = ["period", "vehsPerHour", "perHour", "probability"];
         let is_spread = |child: &Element| {
@@ -76,7 +73,7 @@ impl SumoScenario {
             child.name == "flow" && has("number") && !has("end") && !RATES.into_iter().any(has)
         };
         if !file.content.root.children.iter().any(is_spread) {
-            return file.content.bytes().to_vec();
+            return file.content.bytes.clone();
         }
         let mut root = file.content.root.clone();
         for flow in root.children.iter_mut().filter(|child| is_spread(child)) {
@@ -85,7 +82,6 @@ impl SumoScenario {
         xml::text(&root).into_bytes()
     }
 
-    /// Returns the .sumocfg of a copy with files of these names.
     fn sumocfg(&self, net: &str, routes: &[String], additional: &[String], episode: Option<&Episode<'_>>) -> String {
         let routes = routes.join(",");
         let signals = episode.map(|episode| episode.signals.to_owned());

@@ -3,10 +3,6 @@
 //!
 //! What was read is what SUMO loads and what a run directory keeps. Nothing of it writes a file: outputs and
 //! detectors are left out, and everything else by which SUMO would open another file is refused.
-//!
-//! - `elements`: which elements files may hold.
-//! - `demand`: where vehicles depart, and how many. [`dawdling`]: how much cars dawdle.
-//! - [`kept`]: copies for run directories and replays.
 
 pub(crate) mod dawdling;
 mod demand;
@@ -33,7 +29,6 @@ const NET_FILE: &str = "net-file";
 const ROUTE_FILES: &str = "route-files";
 const MOST_OVERRIDES: u64 = 1 << 20;
 
-/// A scenario whose files were read. Clones share them.
 #[derive(Clone, Debug)]
 pub struct SumoScenario {
     /// The .sumocfg, as the user knows it.
@@ -130,6 +125,7 @@ impl SumoScenario {
             demand.read(&file.path, &file.content.root, Order::Sorted)?;
         }
         let (departures, mut notes) = demand.finish(&self.path)?;
+        let is_on = |value: &str| ["true", "1", "yes", "on", "t", "x"].contains(&value);
         if self.option("ignore-route-errors").is_some_and(is_on) {
             notes.push(
                 "cars that have no way: SUMO goes on with them (ignore-route-errors); such a car stands at the end of a \
@@ -140,7 +136,6 @@ impl SumoScenario {
         Ok((departures, notes))
     }
 
-    /// Returns the path of the .sumocfg, as the user knows it.
     pub fn path(&self) -> &Path {
         &self.path
     }
@@ -149,7 +144,6 @@ impl SumoScenario {
         &self.net.content.root
     }
 
-    /// Returns the path of the net, as the user knows it.
     pub fn net_path(&self) -> &Path {
         &self.net.path
     }
@@ -179,7 +173,6 @@ impl SumoScenario {
         self.agents.as_ref().map(|(path, text)| (path.as_path(), &**text))
     }
 
-    /// Returns the seconds at which an episode begins and ends.
     pub fn window_s(&self) -> (u64, u64) {
         self.window_s
     }
@@ -201,7 +194,6 @@ impl SumoScenario {
         named.chain(from_junctions.map(|(number, _)| number)).collect()
     }
 
-    /// Lists what of the scenario will not be simulated, a sentence each.
     pub fn left_out(&self) -> &[String] {
         &self.left_out
     }
@@ -238,10 +230,6 @@ impl SumoScenario {
     fn all(&self) -> impl Iterator<Item = &File> {
         [&self.net].into_iter().chain(&self.additional).chain(&self.routes)
     }
-}
-
-fn is_on(value: &str) -> bool {
-    ["true", "1", "yes", "on", "t", "x"].contains(&value)
 }
 
 /// Reads the file of overrides. What it says is checked where it is understood.

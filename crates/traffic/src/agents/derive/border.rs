@@ -8,7 +8,6 @@ use crate::config::ScenarioConfig;
 use crate::network::roads::{EdgeNo, JunctionNo, LaneNo, Roads};
 use dials_core::domain::DomainTable;
 
-/// How long decisions and episodes are.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Seconds {
     pub decision: usize,
@@ -22,15 +21,13 @@ impl Seconds {
     }
 }
 
-/// How far behind the border a car is first seen at most, in metres: what it drives in a second, and some more. A car
-/// that appears further inside was moved there by SUMO.
+/// Largest distance behind the border at which a car is first seen, in metres. SUMO moved others there.
 const FIRST_SEEN_M: f64 = 60.0;
 
 /// Largest number of roads of a way of which nothing is known.
 const MOST_ROADS: usize = 32;
 
-/// Makes the border of a region. `departs_on`: roads on which cars depart; roads elsewhere do not matter. `decision_s`:
-/// number of seconds of a decision.
+/// Makes the border of a region. `departs_on`: roads on which cars depart; others may be among them.
 pub(crate) fn border(roads: &Roads, region: &Region, departs_on: &BTreeSet<EdgeNo>, decision_s: usize) -> BorderPlan {
     let edges = region.edges(roads);
     let within = |junction: JunctionNo| region.own.contains(&junction) || region.passed.contains(&junction);
@@ -84,7 +81,6 @@ pub(crate) fn border(roads: &Roads, region: &Region, departs_on: &BTreeSet<EdgeN
     }
 }
 
-/// Returns the lanes for cars of these roads, then those of the junctions of the region.
 fn lanes(roads: &Roads, edges: &BTreeSet<EdgeNo>, within: impl Fn(JunctionNo) -> bool) -> Vec<LaneNo> {
     let of_roads: BTreeSet<LaneNo> = edges
         .iter()
@@ -102,8 +98,7 @@ fn lanes(roads: &Roads, edges: &BTreeSet<EdgeNo>, within: impl Fn(JunctionNo) ->
     of_roads.into_iter().chain(inside).collect()
 }
 
-/// Returns the entry that a car has passed which is first seen on a lane: the nearest one. `places`: all lanes of the
-/// region.
+/// Returns the nearest entry to each lane: a car first seen there has passed it. `places`: all lanes.
 fn entries_passed(roads: &Roads, places: &HashMap<LaneNo, usize>, entry_lanes: &[LaneNo]) -> BTreeMap<LaneNo, usize> {
     let mut entry_of: BTreeMap<LaneNo, usize> = BTreeMap::new();
     // Distances from the border to the beginning of a lane are not negative, so their bits are in the same order.
@@ -130,8 +125,7 @@ fn entries_passed(roads: &Roads, places: &HashMap<LaneNo, usize>, entry_lanes: &
     entry_of
 }
 
-/// Returns the roads from a lane on along the first connections, to the first road behind the region. `ends_outside`:
-/// whether a lane ends at the border.
+/// Returns the roads from a lane on along the first connections, to the first road behind the region.
 fn default_way(roads: &Roads, ends_outside: impl Fn(LaneNo) -> bool, lane: LaneNo) -> Vec<String> {
     let mut way = vec![lane];
     let mut is_over = false;
@@ -164,26 +158,6 @@ mod tests {
         lanes.into_iter().map(|lane| plan.lanes[lane].lane.as_str()).collect()
     }
 
-    fn road_names(plan: &BorderPlan) -> Vec<&str> {
-        plan.roads.iter().map(|road| road.road.as_str()).collect()
-    }
-
-    #[test]
-    fn a_region_of_two_junctions_has_its_roads_and_their_insides_and_nobody_comes_from_a_dead_end() {
-        let plan = plan(&[], "J", &["far", "back"]);
-        assert_eq!(road_names(&plan), ["far", "side", "near", "north", "out", "back", "west"]);
-        let lanes = ["far_0", "side_1", "near_0", "near_1", "north_0", "out_0", "back_0", "west_0"];
-        assert_eq!(names(&plan, 0..8), lanes, "the footpath side_0 is no lane of cars");
-        assert_eq!(names(&plan, 8..plan.lanes.len()), [":U_0_0", ":U_1_0", ":U_2_0", ":U_3_0"]);
-        // All roads from outside begin where no road ends, and those to outside end there.
-        let places: Vec<&EntryPlace> = plan.entries.iter().map(|entry| &entry.place).collect();
-        assert_eq!(places, [&EntryPlace::Road("far".to_owned()), &EntryPlace::Road("back".to_owned())]);
-        assert!(plan.exits.is_empty());
-        assert_eq!([0, 6, 2].map(|lane| plan.lanes[lane].departures), [Some(0), Some(1), None]);
-        assert_eq!(plan.entries[0].default_way, ["far", "near", "out"]);
-        assert_eq!(plan.source_names()[1..3], ["arrival departures on far[1]", "arrival departures on back[0]"]);
-    }
-
     #[test]
     fn nobody_is_seen_to_depart_on_a_road_without_lanes_for_cars() {
         const LANE: &str = r#"<lane id="side_1" index="1""#;
@@ -208,7 +182,8 @@ mod tests {
     #[test]
     fn another_light_is_outside() {
         let plan = plan(&LIGHT_AT_U, "J", &["far"]);
-        assert_eq!(road_names(&plan), ["near", "north", "out", "back"]);
+        let roads: Vec<&str> = plan.roads.iter().map(|road| road.road.as_str()).collect();
+        assert_eq!(roads, ["near", "north", "out", "back"]);
         let places: Vec<&EntryPlace> = plan.entries.iter().map(|entry| &entry.place).collect();
         assert_eq!(places, [&EntryPlace::Lane(0), &EntryPlace::Lane(1)]);
         assert_eq!(names(&plan, [0, 1]), ["near_0", "near_1"]);

@@ -9,7 +9,7 @@ use crate::config::Yellow;
 use crate::network::roads::program::Phase;
 use libsumo::SignalState;
 
-/// Seconds of yellow of a light whose program shows none.
+/// Yellow of a light whose program shows none.
 const YELLOW_S: u32 = 3;
 
 /// Durations of the states between the greens of a light.
@@ -19,12 +19,10 @@ pub(crate) struct Times {
     all_red: Seconds,
 }
 
-/// How long a state lasts, by the change.
+/// How long a state lasts in the changes that the program has, and in all others.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 struct Seconds {
-    /// Those of the changes that the program has.
     own: HashMap<[SignalState; 2], u32>,
-    /// Those of all other changes.
     other: u32,
 }
 
@@ -83,8 +81,7 @@ fn lasting_s(between: &[&Phase], is_such: impl Fn(&Phase) -> bool) -> f64 {
     between.iter().filter(|phase| is_such(phase)).map(|phase| phase.duration_s).sum()
 }
 
-/// Returns what is shown between two greens. Links that go from green to red show yellow, and all others keep their
-/// letter. If no link does, nothing has to be cleared.
+/// Returns what is shown between two greens; nothing if no link goes from green to red.
 pub(crate) fn between(from: &SignalState, to: &SignalState, times: &Times) -> Vec<Interval> {
     if !letters(from, to).any(|(old, new)| is_lost(old, new)) {
         return Vec::new();
@@ -98,7 +95,6 @@ pub(crate) fn between(from: &SignalState, to: &SignalState, times: &Times) -> Ve
     shown.into_iter().filter(|interval| interval.steps > 0).collect()
 }
 
-/// Returns whether a link loses its green.
 pub fn is_lost(old: char, new: char) -> bool {
     goes(old) && matches!(new, 'r' | 'R' | 's')
 }
@@ -131,7 +127,6 @@ mod tests {
         assert_eq!(shown("Gr", "GG", &times), "", "nobody loses green");
     }
 
-    /// Times of the light J of the example with some texts replaced.
     fn times(changes: &[(&str, &str)], yellow: Yellow, all_red_s: Option<u32>) -> Times {
         let roads = example::roads(changes);
         let cars = roads.letters_of_vehicles("J");

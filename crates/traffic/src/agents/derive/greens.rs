@@ -10,12 +10,10 @@ pub(crate) const MOST_GREENS: usize = 64;
 /// Longest phase without a green of its own that is a part of a change, in seconds.
 const LONGEST_CLEARING_S: f64 = 5.0;
 
-/// A way of a program from one green to the next.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Change<'a> {
     pub from: &'a SignalState,
     pub to: &'a SignalState,
-    /// Phases in between, such as yellow and all red.
     pub between: Vec<&'a Phase>,
 }
 
@@ -43,9 +41,8 @@ pub struct Greens<'a> {
 }
 
 impl<'a> Greens<'a> {
-    /// Finds the greens of a program: the distinct phases with green and without yellow, in the order in which they
-    /// first appear. Two phases that are the same for cars are one green. `cars`: letters that cars obey. Stops at more
-    /// than [`MOST_GREENS`].
+    /// Finds the distinct phases with green and without yellow, at most one more than [`MOST_GREENS`]. Two phases that
+    /// are the same for cars are one green. `cars`: letters that cars obey.
     pub fn of(program: &'a Program, cars: &'a BTreeSet<usize>) -> Greens<'a> {
         let letters =
             |state: &SignalState| -> Vec<u8> { cars.iter().map(|&letter| state.as_str().as_bytes()[letter]).collect() };
@@ -71,20 +68,17 @@ impl<'a> Greens<'a> {
         &self.states
     }
 
-    /// Returns whether a phase of the program shows one of the greens, and is no part of a change.
     pub(crate) fn is_green(&self, phase: usize) -> bool {
         self.of_phase[phase].is_some()
     }
 
-    /// Returns whether cars that lose green wait in a phase of a change: it has no yellow. A phase for people on foot
-    /// does not count.
+    /// Returns whether cars that lose green wait in a phase of a change: it has no yellow, and no green for people on foot.
     pub(crate) fn is_all_red(&self, phase: &Phase) -> bool {
         let mut letters = phase.state.as_str().chars().enumerate();
         letters.all(|(number, letter)| !matches!(letter, 'y' | 'Y') && (self.cars.contains(&number) || !goes(letter)))
     }
 
-    /// Returns the ways of the program from each of its greens to the next ones. From one phase to another it is the
-    /// one with the fewest phases.
+    /// Returns the shortest ways of the program from each phase with green to the next greens.
     pub fn changes(&self) -> Vec<Change<'_>> {
         let mut changes = Vec::new();
         for (phase, green) in self.of_phase.iter().enumerate() {
@@ -134,26 +128,18 @@ fn is_clearing(program: &Program, phase: usize, cars: &BTreeSet<usize>) -> bool 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::network::tree::parse;
 
-    /// A program of phases, each a state and its seconds.
-    fn program(phases: &[(&str, f64)]) -> Program {
-        let phase = |&(letters, duration_s): &(&str, f64)| Phase {
-            duration_s,
-            limits_s: [None; 2],
-            state: SignalState::new(letters).unwrap(),
-            next: Vec::new(),
+    /// `phases`: states and their seconds.
+    fn program(phases: &str) -> Program {
+        let phase = |phase: &str| {
+            let (state, seconds) = phase.split_once(' ').unwrap();
+            format!("<phase state='{state}' duration='{seconds}'/>")
         };
-        Program {
-            light: "a".to_owned(),
-            id: "0".to_owned(),
-            kind: "static".to_owned(),
-            offset_s: 0.0,
-            parameters: Vec::new(),
-            phases: phases.iter().map(phase).collect(),
-        }
+        let phases: String = phases.split(", ").map(phase).collect();
+        Program::read(&parse(&format!("<tlLogic id='a'>{phases}</tlLogic>")).unwrap()).unwrap()
     }
 
-    /// Returns greens and changes of a program whose first letters are for cars.
     fn read(program: &Program, cars: usize) -> (Vec<String>, Vec<String>) {
         let cars = (0..cars).collect();
         let greens = Greens::of(program, &cars);
@@ -167,19 +153,8 @@ mod tests {
 
     #[test]
     fn greens_are_distinct_phases_with_green_and_without_yellow_in_their_order() {
-        let program = program(&[
-            ("rryy", 3.0),
-            ("GGrr", 20.0),
-            ("yyrr", 3.0),
-            ("rrrr", 2.0),
-            ("rrGg", 20.0),
-            ("rrYY", 3.0),
-            ("GGrr", 10.0),
-            ("yGrr", 3.0),
-            ("uruu", 1.0),
-            ("rGgg", 9.0),
-        ]);
-        let (greens, changes) = read(&program, 4);
+        let phases = "rryy 3, GGrr 20, yyrr 3, rrrr 2, rrGg 20, rrYY 3, GGrr 10, yGrr 3, uruu 1, rGgg 9";
+        let (greens, changes) = read(&program(phases), 4);
         assert_eq!(greens, ["GGrr", "rrGg", "rGgg"]);
         // The last green of the cycle goes over the first yellow of the file.
         assert_eq!(changes, ["GGrr yyrr rrrr rrGg", "rrGg rrYY GGrr", "GGrr yGrr uruu rGgg", "rGgg rryy GGrr"]);
@@ -187,20 +162,17 @@ mod tests {
 
     #[test]
     fn all_red_but_for_those_who_keep_green_is_a_part_of_the_change() {
-        let with = |state: &'static str, seconds: f64| {
-            read(&program(&[("GGgr", 20.0), ("yygr", 3.0), (state, seconds), ("rrGG", 20.0), ("rryy", 3.0)]), 4).0
-        };
-        assert_eq!(with("rrgr", 2.0), ["GGgr", "rrGG"]);
-        assert_eq!(with("rrgr", 6.0), ["GGgr", "rrgr", "rrGG"], "it is long");
-        assert_eq!(with("rrgg", 2.0), ["GGgr", "rrgg", "rrGG"], "somebody gains green");
-        let no_yellow = program(&[("GGgr", 20.0), ("rrgr", 2.0), ("rrGG", 20.0), ("rryy", 3.0)]);
+        let with = |phase: &str| read(&program(&format!("GGgr 20, yygr 3, {phase}, rrGG 20, rryy 3")), 4).0;
+        assert_eq!(with("rrgr 2"), ["GGgr", "rrGG"]);
+        assert_eq!(with("rrgr 6"), ["GGgr", "rrgr", "rrGG"], "it is long");
+        assert_eq!(with("rrgg 2"), ["GGgr", "rrgg", "rrGG"], "somebody gains green");
+        let no_yellow = program("GGgr 20, rrgr 2, rrGG 20, rryy 3");
         assert_eq!(read(&no_yellow, 4).0, ["GGgr", "rrgr", "rrGG"]);
     }
 
     #[test]
     fn phases_that_name_their_next_ones_are_followed_there() {
-        let mut program =
-            program(&[("Grr", 9.0), ("yrr", 3.0), ("rGr", 9.0), ("ryr", 3.0), ("rrG", 9.0), ("rry", 3.0)]);
+        let mut program = program("Grr 9, yrr 3, rGr 9, ryr 3, rrG 9, rry 3");
         program.phases[1].next = vec![4, 2];
         program.phases[3].next = vec![3];
         let (_, changes) = read(&program, 3);
@@ -210,7 +182,7 @@ mod tests {
     #[test]
     fn phases_that_differ_for_people_on_foot_are_one_green() {
         // The last letter is a crossing: green with the first green, then clearing, then a phase of its own.
-        let program = program(&[("GrG", 20.0), ("Grr", 5.0), ("yrr", 3.0), ("rGr", 20.0), ("ryr", 3.0), ("rrG", 15.0)]);
+        let program = program("GrG 20, Grr 5, yrr 3, rGr 20, ryr 3, rrG 15");
         let (greens, changes) = read(&program, 2);
         assert_eq!(greens, ["GrG", "rGr"]);
         assert_eq!(changes, ["GrG yrr rGr", "rGr ryr rrG GrG"]);

@@ -68,7 +68,6 @@ fn lanes_in_order(roads: &Roads, region: &Region, ways: &[(usize, &Connection)])
 }
 
 /// Returns the links that cars on each lane can come to without changing lanes.
-/// `places`: the place of each lane among `lanes`.
 fn links_reached(
     roads: &Roads,
     lanes: &[LaneNo],

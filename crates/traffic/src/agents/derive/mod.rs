@@ -1,13 +1,6 @@
 //! Agents for the lights of any road network: from [`Roads`] to an [`AgentPlan`] for each light that can learn.
 //!
 //! Pure: no files and no simulation. The agents are in the order of the elements `<tlLogic>` of the net.
-//!
-//! - [`greens`]: the greens of a program; [`clearing`]: what is shown between two of them.
-//! - [`region`]: the roads around a light; [`lanes`]: its approaches, exits and links, and what its agent sees.
-//! - [`border`]: where cars come into the region and leave it.
-//! - [`keeping`]: why a light keeps its program; [`safety`]: no two links that cross have green at once.
-//! - [`overrides`]: what the file `agents.toml` says otherwise; [`padding`]: one shape for all agents.
-//! - `tests`: all of it together.
 
 pub mod border;
 pub mod clearing;
@@ -39,12 +32,10 @@ use libsumo::SignalState;
 use overrides::{LightOverride, Overrides};
 use region::Region;
 
-/// What all derived agents have in common.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Rules {
     /// How far before the stop line an agent sees cars, in metres; more than 0.
     pub approach_m: f64,
-    /// How long yellow is between two greens.
     pub yellow: Yellow,
     /// Least number of seconds of a green; at least 1.
     pub min_green_s: u32,
@@ -52,13 +43,11 @@ pub struct Rules {
 }
 
 impl Default for Rules {
-    /// Returns the defaults of the config.
     fn default() -> Rules {
         Rules { approach_m: 150.0, yellow: Yellow::default(), min_green_s: 5, cars: Observation::Cells }
     }
 }
 
-/// What becomes of the lights of a net.
 #[derive(Clone, Debug)]
 pub struct Derived {
     /// Lights that learn, in the order of their elements `<tlLogic>`; at least one.
@@ -71,7 +60,6 @@ pub struct Derived {
 pub struct Agent {
     pub plan: AgentPlan,
     pub region: Region,
-    /// Own program of the light.
     pub program: Program,
 }
 
@@ -141,7 +129,6 @@ fn programs(roads: &Roads) -> Vec<&Program> {
     roads.programs.iter().filter_map(|program| last.remove(&*program.light)).collect()
 }
 
-/// Returns the changes of a program between these greens of its light.
 fn program_changes(of_program: &Greens, greens: &[SignalState]) -> Vec<ProgramChange> {
     let place = |state: &SignalState| greens.iter().position(|green| green == state);
     let known = |change: Change<'_>| {
@@ -184,9 +171,9 @@ fn agent(
     let yellow = yellow_s.map_or(rules.yellow, Yellow::Seconds);
     let times = clearing::Times::of(&of_program, yellow, *all_red_s);
     let clearing = |from: usize, to: usize| clearing::between(&greens[from], &greens[to], &times);
-    let phases = PhasePlan::new(greens.to_vec(), Choice::Target, rules.min_green_s, clearing)
-        .for_cars(cars.clone())
-        .for_program(program_changes(&of_program, greens));
+    let mut phases =
+        PhasePlan::new(greens.to_vec(), Choice::Target, rules.min_green_s, clearing).for_cars(cars.clone());
+    phases.program = program_changes(&of_program, greens);
     safety::check(roads, program, &phases)?;
     let region = Region::of(roads, lit, light, rules.approach_m, own.approaches.as_deref())?;
     let lanes = lanes::region_plan(roads, light, &region);

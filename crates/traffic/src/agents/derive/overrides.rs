@@ -91,7 +91,6 @@ impl Overrides {
 }
 
 impl LightOverride {
-    /// Returns the greens that replace those of its program.
     pub(crate) fn greens(&self) -> Option<Vec<SignalState>> {
         let state = |letters: &String| SignalState::new(letters.clone()).expect("checked when the file was read");
         Some(self.greens.as_ref()?.iter().map(state).collect())
@@ -121,18 +120,6 @@ impl LightOverride {
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    #[test]
-    fn a_file_is_read_and_what_it_does_not_name_stays() {
-        let file = "learn = ['a', 'b']\n[light.'b c']\ngreens = ['Gr', 'rg']\nall_red_s = 0";
-        let read = Overrides::parse(file).unwrap();
-        assert_eq!([read.learns("a"), read.learns("c")], [true, false]);
-        assert_eq!((read.of("b c").all_red_s, read.of("b c").yellow_s), (Some(0), None));
-        assert_eq!(read.of("a"), &LightOverride::default());
-        let keep = Overrides::parse("keep = ['a']").unwrap();
-        assert_eq!([keep.learns("a"), keep.learns("c")], [false, true]);
-        assert!(Overrides::default().learns("a"));
-    }
 
     #[test]
     fn an_error_names_the_light_and_the_key() {

@@ -2,8 +2,7 @@
 
 use crate::agents::plan::{AgentPlan, Border};
 
-/// The common shape of agents that form one kind. Smaller agents have columns of zeros at the end, and actions at the
-/// end that they must not take.
+/// The shape of agents that form one kind. Smaller ones have zeros and forbidden actions at the end.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Padding {
     pub columns: usize,
@@ -30,12 +29,10 @@ pub struct InfluencePadding {
     pub columns: usize,
     /// Number of influence sources of every agent. Those that an agent does not have never happen.
     pub sources: usize,
-    /// Number of parts of an episode, the same for all agents.
     pub(crate) parts: usize,
 }
 
 impl InfluencePadding {
-    /// Returns the shape of these agents; at least one.
     pub fn of<'a>(borders: impl Iterator<Item = &'a Border> + Clone) -> InfluencePadding {
         let largest = |of_border: fn(&Border) -> usize| borders.clone().map(of_border).max().expect("a net has agents");
         InfluencePadding {

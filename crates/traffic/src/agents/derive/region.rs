@@ -17,7 +17,6 @@ pub struct Region {
     pub passed: Vec<JunctionNo>,
     /// Lanes on which cars come to the light, with the distance from the end of each to the stop line in metres.
     pub ahead_m: BTreeMap<LaneNo, f64>,
-    /// How far before the stop line its agent sees cars, in metres.
     pub(crate) approach_m: f64,
 }
 
@@ -58,8 +57,7 @@ impl Region {
         Ok(region)
     }
 
-    /// Adds what lies before the lanes of the region. Lanes are visited in the order of the distance of their
-    /// beginnings, so each is visited at the shortest one.
+    /// Adds what lies before the lanes of the region, the nearest first, so that each lane is visited once.
     fn go_back(&mut self, roads: &Roads, lit: &BTreeSet<JunctionNo>, may_see: impl Fn(LaneNo) -> bool) {
         // Distances are not negative, so their bits are in the same order.
         let begin = |lane: LaneNo, ahead_m: f64| ((ahead_m + roads.lane(lane).length_m).to_bits(), lane);
@@ -102,7 +100,6 @@ impl Region {
         touching.map(|(number, _)| number).collect()
     }
 
-    /// Returns the middle of the light's junctions.
     pub(crate) fn place_m(&self, roads: &Roads) -> Place {
         let places = self.own.iter().map(|&junction| roads.junction(junction).place_m);
         let [x, y] = places.fold([0.0; 2], |sum, place| [sum[0] + place[0], sum[1] + place[1]]);
@@ -118,7 +115,6 @@ fn edges(roads: &Roads, light: &str, names: &[String]) -> Result<BTreeSet<EdgeNo
     names.iter().map(edge).collect()
 }
 
-/// Returns the junctions at which a light controls cars.
 pub(crate) fn lit_junctions(roads: &Roads) -> BTreeSet<JunctionNo> {
     let links = roads.connections.iter().filter(|link| link.signal.is_some() && roads.carries_cars(link));
     links.filter_map(|link| roads.end_of(link.from)).collect()

@@ -29,7 +29,6 @@ pub(crate) fn check(roads: &Roads, program: &Program, phases: &PhasePlan) -> Res
     Ok(())
 }
 
-/// Returns all states of a plan: greens and what is between them.
 pub fn states(phases: &PhasePlan) -> impl Iterator<Item = &SignalState> {
     let greens = 0..phases.greens().len();
     let pairs = greens.clone().flat_map(move |from| greens.clone().map(move |to| (from, to)));
@@ -37,19 +36,15 @@ pub fn states(phases: &PhasePlan) -> impl Iterator<Item = &SignalState> {
     phases.greens().iter().chain(between)
 }
 
-/// Returns the pairs of crossing letters that both go without yielding in a state, and in none of the program's own
-/// states.
+/// Returns the pairs of crossing letters that both go without yielding in a state, and in none of the program's.
 pub fn conflicts(crossing: &BTreeSet<[usize; 2]>, own: &[&SignalState], state: &SignalState) -> Vec<[usize; 2]> {
+    // `O` is what SUMO has for a signal that is off.
+    let goes_first = |state: &SignalState, letter: usize| matches!(state.as_str().as_bytes()[letter], b'G' | b'O');
     let both = |state: &SignalState, pair: &[usize; 2]| {
-        pair[0] != pair[1] && pair.iter().all(|&letter| goes_first(state.as_str().as_bytes()[letter]))
+        pair[0] != pair[1] && pair.iter().all(|&letter| goes_first(state, letter))
     };
     let bad = crossing.iter().filter(|pair| both(state, pair) && !own.iter().any(|own| both(own, pair)));
     bad.copied().collect()
-}
-
-/// Returns whether cars go without yielding: `G`, or `O`, which SUMO has for a signal that is off.
-fn goes_first(letter: u8) -> bool {
-    matches!(letter, b'G' | b'O')
 }
 
 #[cfg(test)]

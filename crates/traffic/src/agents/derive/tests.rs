@@ -76,27 +76,28 @@ fn a_region_ends_at_another_light_and_so_does_the_way_out() {
 #[test]
 fn a_region_has_at_most_eight_junctions() {
     // `far` as a chain of ten edges of 10 m, with junctions between them.
-    let junction = |number: usize| {
-        let (x, lane) = (-(number as f64), format!("c{}_0", number + 1));
-        format!(r#"<junction id="C{number}" type="priority" x="{x}" y="0" incLanes="{lane}"/>"#)
+    let junction = |number: usize| match number {
+        0 => "U".to_owned(),
+        10 => "W".to_owned(),
+        _ => format!("C{number}"),
     };
-    let begin = |number: usize| if number == 10 { "W".to_owned() } else { format!("C{number}") };
-    let end = |number: usize| if number == 1 { "U".to_owned() } else { format!("C{}", number - 1) };
-    let edge = |number: usize| {
-        let lane = format!(r#"<lane id="c{number}_0" index="0" speed="9" length="10"/>"#);
-        format!(r#"<edge id="c{number}" from="{}" to="{}">{lane}</edge>"#, begin(number), end(number))
-    };
-    let way = |number: usize| format!(r#"<connection from="c{}" fromLane="0" to="c{number}" toLane="0"/>"#, number + 1);
-    let last = r#"<connection from="c1" fromLane="0" to="near" toLane="0"/></net>"#;
-    let edges: String = (1..=10).map(edge).collect();
-    let junctions: String = (1..10).map(junction).collect();
-    let ways: String = (1..10).map(way).chain([last.to_owned()]).collect();
-    let first = format!(r#"{edges}<edge id="far""#);
-    let plan = plan(
-        &[("<edge id=\"far\"", &first), ("<junction id=\"W\"", &(junctions + "<junction id=\"W\"")), ("</net>", &ways)],
-        Rules { approach_m: 500.0, ..Rules::default() },
-        "",
-    );
+    let (mut edges, mut junctions, mut ways) = (String::new(), String::new(), String::new());
+    for number in 1..=10 {
+        let (begin, end) = (junction(number), junction(number - 1));
+        let lane = format!("<lane id='c{number}_0' index='0' speed='9' length='10'/>");
+        edges += &format!("<edge id='c{number}' from='{begin}' to='{end}'>{lane}</edge>");
+        let next = if number == 1 { "near".to_owned() } else { format!("c{}", number - 1) };
+        ways += &format!("<connection from='c{number}' fromLane='0' to='{next}' toLane='0'/>");
+        if number < 10 {
+            let lane = format!("c{}_0", number + 1);
+            junctions += &format!("<junction id='{begin}' type='priority' x='-{number}' y='0' incLanes='{lane}'/>");
+        }
+    }
+    edges += "<edge id='far'";
+    junctions += "<junction id='W'";
+    ways += "</net>";
+    let changes = [("<edge id='far'", &*edges), ("<junction id='W'", &*junctions), ("</net>", &*ways)];
+    let plan = plan(&changes, Rules { approach_m: 500.0, ..Rules::default() }, "");
     // J, U and C1 to C6 are eight, so c7 is the last edge.
     let chain: Vec<&str> =
         approaches(&plan).iter().map(|(lane, _)| *lane).filter(|lane| lane.starts_with('c')).collect();
@@ -162,16 +163,17 @@ fn the_last_program_of_a_light_counts_as_in_sumo() {
 #[test]
 fn a_light_with_too_many_greens_keeps_its_program() {
     // Seven links at U. Letters are binary numbers from 1 on.
-    let state = |number: usize| (0..7).map(|bit| if number >> bit & 1 == 1 { 'G' } else { 'r' }).collect::<String>();
-    let phase = |number: usize| format!(r#"<phase duration="9" state="{}"/>"#, state(number));
-    let link = |letter: usize| {
-        format!(r#"<connection from="far" fromLane="0" to="near" toLane="0" tl="U" linkIndex="{letter}"/>"#)
+    let phase = |number: usize| {
+        let state: String = (0..7).map(|bit| if number >> bit & 1 == 1 { 'G' } else { 'r' }).collect();
+        format!("<phase duration='9' state='{state}'/>")
     };
+    let link =
+        |letter| format!("<connection from='far' fromLane='0' to='near' toLane='0' tl='U' linkIndex='{letter}'/>");
     let links = (0..7).map(link).collect::<String>() + "</net>";
     let with = |greens: usize| {
         let phases: String = (1..=greens).map(phase).collect();
-        let program = format!(r#"<tlLogic id="U">{phases}</tlLogic><junction id="W""#);
-        derived(&[("<junction id=\"W\"", &program), ("</net>", &links)], Rules::default(), "").unwrap()
+        let program = format!("<tlLogic id='U'>{phases}</tlLogic><junction id='W'");
+        derived(&[("<junction id='W'", &program), ("</net>", &links)], Rules::default(), "").unwrap()
     };
     assert_eq!(with(64).agents[1].plan.phases.greens().len(), 64);
     assert_eq!(with(65).keeping[0].why.to_string(), "its program has more than 64 greens, the limit");

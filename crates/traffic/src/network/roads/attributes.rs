@@ -20,7 +20,6 @@ pub(crate) fn tag(element: &Element) -> String {
     format!("<{}{}>", excerpt(&element.name), known.collect::<String>())
 }
 
-/// Returns the error about an attribute with a wrong value.
 pub(crate) fn wrong(element: &Element, name: &str, why: &str) -> Error {
     match element.attribute(name) {
         Some(value) => anyhow!("{}: {name}=\"{}\": {why}", tag(element), excerpt(value)),

@@ -65,11 +65,12 @@ pub(crate) const NET: &str = r#"<net version="1.9">
   <connection from=":U_1" fromLane="0" to="near" toLane="0" via=":U_2_0" dir="r"/>
 </net>"#;
 
-/// Returns the net with some texts replaced. Each of them must be there.
+/// Returns the net with some texts replaced, in which `'` stands for `"`. Each of them must be there.
 pub(crate) fn changed(changes: &[(&str, &str)]) -> String {
     changes.iter().fold(NET.to_owned(), |net, (old, new)| {
-        assert!(net.contains(old), "the net has no {old}");
-        net.replace(old, new)
+        let [old, new] = [old, new].map(|text| text.replace('\'', "\""));
+        assert!(net.contains(&old), "the net has no {old}");
+        net.replace(&old, &new)
     })
 }
 

@@ -2,10 +2,6 @@
 //!
 //! Made of the elements of a `.net.xml` by `read`. Numbers and names are checked once there, so that everything else may
 //! rely on them.
-//!
-//! - `attributes`: numbers and names out of an element, with errors that name element and attribute.
-//! - [`program`]: what lights show by themselves. `carries`: which lanes are for cars.
-//! - `crossing`: which links of a light cross each other. `example`: a net for tests.
 
 pub(crate) mod attributes;
 pub(crate) mod carries;
@@ -72,7 +68,6 @@ pub struct Junction {
     pub requests: Vec<Request>,
 }
 
-/// The right of way of one link of a junction.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Request {
     /// Whether this link yields to another one. One entry per link of the junction.
@@ -119,7 +114,6 @@ pub struct Lane {
     pub(crate) classes: Classes,
 }
 
-/// A way from one lane to the next.
 #[derive(Clone, Debug)]
 pub struct Connection {
     pub(crate) from: LaneNo,
@@ -131,7 +125,6 @@ pub struct Connection {
     pub(crate) turns_around: bool,
 }
 
-/// The letter of a light that a connection obeys.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Signal {
     pub(crate) light: String,
@@ -195,12 +188,10 @@ impl Roads {
         numbered.filter(|(_, edge)| edge.ends.is_some())
     }
 
-    /// Returns the connections that begin at a lane, in the order of the file.
     pub(crate) fn from_lane(&self, lane: LaneNo) -> impl Iterator<Item = &Connection> {
         self.from_lane[lane.0].iter().map(|&number| &self.connections[number])
     }
 
-    /// Returns the connections that end at a lane, in the order of the file.
     pub(crate) fn to_lane(&self, lane: LaneNo) -> impl Iterator<Item = &Connection> {
         self.to_lane[lane.0].iter().map(|&number| &self.connections[number])
     }

@@ -2,7 +2,7 @@
 
 use anyhow::{Context, Result, ensure};
 
-use super::attributes::{count, tag, text, time, time_if_there, wrong};
+use super::attributes::{tag, text, time, time_if_there, wrong};
 use crate::network::tree::Element;
 use libsumo::SignalState;
 
@@ -72,12 +72,10 @@ impl Program {
     }
 }
 
-/// Returns the name of a `<tlLogic>` among those of its light.
 pub(crate) fn name(element: &Element) -> &str {
     element.attribute("programID").unwrap_or("0")
 }
 
-/// Returns the time by which the program of a `<tlLogic>` runs late, in seconds.
 pub(crate) fn offset_s(element: &Element) -> Result<f64> {
     Ok(time_if_there(element, "offset", f64::NEG_INFINITY)?.unwrap_or(0.0))
 }
@@ -89,10 +87,4 @@ fn read_phase(element: &Element) -> Result<Phase> {
     let next = element.attribute("next").unwrap_or_default().split_whitespace();
     let next = next.map(|index| index.parse().map_err(|_| wrong(element, "next", "must be indices of phases")));
     Ok(Phase { duration_s, limits_s: [limit("minDur")?, limit("maxDur")?], state, next: next.collect::<Result<_>>()? })
-}
-
-/// Returns the letter of a light that a `<connection>` obeys, if a light controls it.
-pub(crate) fn signal(connection: &Element) -> Result<Option<super::Signal>> {
-    let Some(light) = connection.attribute("tl") else { return Ok(None) };
-    Ok(Some(super::Signal { light: light.to_owned(), letter: count(connection, "linkIndex")? }))
 }
