@@ -13,7 +13,6 @@ pub(super) const DOT: usize = 2;
 const LIGHT: usize = 3;
 /// Colours in which sumo-gui draws red, yellow and green, and nothing else.
 const LIGHTS: [[u8; 3]; 3] = [[255, 0, 0], [255, 255, 0], [0, 255, 0]];
-/// Width of the scale of speeds.
 const SCALE: usize = 160;
 /// Colour of everything that is no road, as sumo-gui paints it, too.
 pub(super) const PAPER: [u8; 3] = [245, 245, 245];
@@ -64,7 +63,6 @@ fn between(speeds: &[SpeedColour], speed: f32) -> [u8; 3] {
     std::array::from_fn(|part| (f32::from(slow[part]) * (1.0 - share) + f32::from(fast[part]) * share) as u8)
 }
 
-/// Returns hours, minutes and seconds.
 fn clock(second: u64) -> String {
     format!("{}:{:02}:{:02}", second / 3600, second / 60 % 60, second % 60)
 }
@@ -96,7 +94,6 @@ mod tests {
         Picture::plain([400, 100], [90, 90, 90])
     }
 
-    /// Returns the number of pixels of a colour in these rows.
     fn count(picture: &Picture, rows: std::ops::Range<usize>, colour: [u8; 3]) -> usize {
         let pixels = picture.colours().skip(rows.start * picture.width).take(rows.len() * picture.width);
         pixels.filter(|&pixel| pixel == colour).count()

@@ -17,7 +17,6 @@ use super::{Format, Replay, SUMO_GUI, Shape};
 use dials_session::terminal::check_stop;
 use dials_session::terminal::counting::EpisodeBar;
 
-/// Number of steps that a film shows per second.
 const STEPS_PER_SECOND: u16 = 10;
 
 /// Number of steps that sumo-gui plays after the last picture. If it ends with a picture, it often crashes (SUMO 1.15).
@@ -113,7 +112,6 @@ fn canvas(shape: Shape) -> (usize, usize) {
     (side(wide), side(tall))
 }
 
-/// Joins pictures to a film. Ends with an error soon after `stop` is set.
 pub(crate) fn join(pictures: &[PathBuf], format: Format, film: &Path, stop: &AtomicBool) -> Result<()> {
     match format {
         Format::Gif => join_gif(pictures, film, stop),

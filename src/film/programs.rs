@@ -49,7 +49,6 @@ impl Drop for Program {
     }
 }
 
-/// Creates a file for the output of a program.
 pub(super) fn log_file(file: &Path) -> Result<File> {
     File::create(file).context("the temporary directory cannot be written to")
 }

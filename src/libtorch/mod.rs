@@ -39,7 +39,6 @@ pub(crate) fn peak(time: Duration) -> Result<Option<f64>> {
     Ok(Some(String::from_utf8_lossy(&said).parse()?))
 }
 
-/// Returns the shared libraries that come with libtorch.
 pub(crate) fn libraries() -> Result<Vec<PathBuf>> {
     let said = call(&["libraries"], &[])?;
     Ok(String::from_utf8_lossy(&said).lines().map(PathBuf::from).collect())

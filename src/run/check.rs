@@ -26,14 +26,12 @@ use dials_traffic::fidelity::{Causes, Fidelity, LightFidelity};
 const BEGIN_S: usize = 600;
 const SECONDS: usize = 1200;
 
-/// What was measured.
 struct Checked {
     /// Seconds of the episode that were compared.
     window: Range<usize>,
     sigma: Option<f64>,
     seed: u64,
     lights: Vec<LightFidelity>,
-    /// All lights together.
     all: LightFidelity,
     /// Whether these are lights of a grid, whose LS leaves out cars without room.
     on_grid: bool,
@@ -66,7 +64,6 @@ fn opened(config: &RunConfig, args: &CheckArgs) -> Result<Traffic> {
     traffic.ok_or_else(|| anyhow!("{}: only traffic has lights to check", args.config.display()))
 }
 
-/// Returns the agents of the lights that were asked for.
 fn agents(traffic: &Traffic, args: &CheckArgs) -> Result<Vec<AgentId>> {
     let lights = || traffic.plans().iter().map(|plan| plan.light.as_str());
     if args.lights.is_empty() {
@@ -87,7 +84,6 @@ fn agents(traffic: &Traffic, args: &CheckArgs) -> Result<Vec<AgentId>> {
     Ok(agents)
 }
 
-/// Returns the seconds of the episode that are compared.
 fn window(episode_s: usize, args: &CheckArgs) -> Result<Range<usize>> {
     let begin = args.begin.unwrap_or(BEGIN_S.min(episode_s / 3));
     ensure!(begin < episode_s, "--begin {begin}: an episode has {episode_s} s; begin earlier");
@@ -115,7 +111,6 @@ fn measured(traffic: &Traffic, agents: &[AgentId], window: &Range<usize>, seed: 
     Ok(lights)
 }
 
-/// Returns the comparison of all lights together.
 fn together(lights: &[LightFidelity]) -> LightFidelity {
     let sum = |one: &dyn Fn(&LightFidelity) -> Comparison| {
         let mut sum = Comparison::default();
@@ -186,12 +181,9 @@ fn entries(comparison: Comparison) -> Value {
 
 /// Largest number of lights that have a line each. Of more, the worst are shown.
 const MOST_LINES: usize = 40;
-/// Number of lights that are named as the worst.
 const WORST: usize = 3;
-/// Longest name in the table, in characters.
 const NAME: usize = 11;
 
-/// Returns the whole text.
 fn as_table(checked: &Checked) -> String {
     let Checked { window, sigma, lights, all, on_grid, .. } = checked;
     let (on_grid, is_random) = (*on_grid, all.other_seed.is_some());
@@ -252,7 +244,6 @@ fn warning(light: &LightFidelity) -> Option<String> {
     Some(for_terminal(&format!("warning: light {light}: do not trust its LS: {doubt}")))
 }
 
-/// Returns the lights, the least alike first.
 fn worst(lights: &[LightFidelity]) -> Vec<&LightFidelity> {
     let likeness = |light: &LightFidelity| {
         let cells = light.sampled_entries.cells;
@@ -263,7 +254,6 @@ fn worst(lights: &[LightFidelity]) -> Vec<&LightFidelity> {
     sorted
 }
 
-/// Returns the name of a light, shortened if it is long.
 fn name(light: &str) -> String {
     let name = Printable(light).to_string();
     if name.chars().count() <= NAME {

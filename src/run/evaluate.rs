@@ -73,7 +73,6 @@ pub(super) fn baseline(args: &cli::BaselineArgs) -> Result<()> {
     written
 }
 
-/// The episodes of one command and its output options.
 struct Session<'a> {
     domain: &'a dyn Domain,
     episodes: usize,
@@ -159,7 +158,6 @@ impl<'a> Session<'a> {
         answer(found).map_err(Error::Run)
     }
 
-    /// Draws the pictures of `--plot`, after the figures were printed.
     fn draw(&self, plots: Option<&Plots>, finding: &Finding, subject: String) -> Result<()> {
         let Some(plots) = plots else { return Ok(()) };
         let evaluation = Evaluation::new(self.domain, &finding.episodes);
@@ -223,9 +221,7 @@ fn title(step: usize, measures: &Measures) -> String {
     format!("step {step}{}", figures.collect::<String>())
 }
 
-/// Folder of the cached timings.
 const FOLDER: &str = "tuned";
-/// Controllers that are tuned.
 const TUNED: [&str; 2] = [FIXED_TIME, COORDINATED];
 
 /// Replaces every `fixed-time` and `coordinated` without parameters by the best timings that the search finds.

@@ -92,7 +92,6 @@ pub(crate) fn replay(args: &cli::ReplayArgs) -> dials_session::error::Result<()>
     if args.gui { watch(&config).map_err(Error::Run) } else { Ok(()) }
 }
 
-/// Returns an error if seconds are named, but no output that shows them.
 fn check_seconds_are_shown(args: &cli::ReplayArgs) -> Result<()> {
     ensure!(
         args.seconds.is_none() || args.video.is_some() || args.plot.is_some(),
@@ -101,7 +100,6 @@ fn check_seconds_are_shown(args: &cli::ReplayArgs) -> Result<()> {
     Ok(())
 }
 
-/// Returns who plays, for pictures.
 fn subject(args: &cli::ReplayArgs) -> String {
     let name = args.subject.display();
     match (&args.controller, &args.local) {
@@ -120,14 +118,16 @@ struct ReplayedEpisode {
     cast: Cast,
 }
 
-/// The players of an episode.
 enum Cast {
-    /// A hand-coded controller on the whole grid.
     Baseline(String),
     /// The trained policies on the whole grid.
     Policies(JointPolicyController),
     /// The policy of one agent in its local simulator, with cars from its approximate influence predictor (AIP).
-    Local { agent: AgentId, policy: StackController, aip: Box<dyn TrainablePredictor> },
+    Local {
+        agent: AgentId,
+        policy: StackController,
+        aip: Box<dyn TrainablePredictor>,
+    },
 }
 
 impl ReplayedEpisode {
@@ -171,7 +171,6 @@ impl ReplayedEpisode {
         with(&run.config, cast)
     }
 
-    /// Plays the episode and returns its recording.
     fn play(self) -> Result<Recording> {
         let seed = episode_seed(Seed::new(self.run), 0);
         match self.cast {
@@ -207,7 +206,6 @@ struct Video {
 }
 
 impl Video {
-    /// Checks the tools and the output file before any work begins.
     fn asked_for(file: &Path, existing: Existing) -> Result<Video> {
         let format =
             Format::of(file).with_context(|| format!("--video {}: must end in .gif or .mp4", file.display()))?;

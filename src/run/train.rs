@@ -94,7 +94,6 @@ pub(super) fn train(args: &cli::TrainArgs) -> Result<()> {
 
 /// A run that is ready to begin or to resume.
 struct Run {
-    /// Run directory, which this process has locked.
     directory: Directory,
     config: RunConfig,
     domain: Arc<dyn Domain>,
@@ -102,7 +101,6 @@ struct Run {
     owner: Owner,
     /// Point from which the run continues. `None`: it is new.
     resumed: Option<ResumePoint>,
-    /// Whether all its files are there already.
     has_ended: bool,
     /// This build, if another build wrote the run so far.
     other_build: Option<Versions>,
@@ -235,7 +233,6 @@ impl Run {
         workers
     }
 
-    /// Returns a line that says what this run is and what it will do.
     fn plan(&self, workers: usize) -> anyhow::Result<String> {
         let Run { directory, config, domain, .. } = self;
         let at = if workers == 0 { "this process".to_owned() } else { counted(workers, "worker") };
@@ -300,7 +297,6 @@ fn workers(asked: Option<usize>, config: &RunConfig, agents: usize) -> usize {
     asked.unwrap_or_else(cores).min(shared.into_iter().fold(agents, usize::max))
 }
 
-/// Makes sure that this process may have enough files open for its workers.
 fn allow_workers(workers: usize) -> Result<()> {
     allow_open_files(workers, FILES_PER_WORKER, "--workers").map_err(Error::Usage)
 }
@@ -314,12 +310,10 @@ fn settings(args: &cli::TrainArgs) -> Vec<String> {
     settings
 }
 
-/// Returns the settings of `--set`, and `--simulator` as a setting.
 pub(super) fn settings_with(settings: &[String], simulator: Option<&str>) -> Vec<String> {
     settings.iter().cloned().chain(simulator.map(|name| format!("simulator={name}"))).collect()
 }
 
-/// Returns the default number of workers: one per core.
 pub(super) fn cores() -> usize {
     std::thread::available_parallelism().map_or(1, usize::from)
 }

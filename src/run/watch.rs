@@ -35,7 +35,6 @@ pub(super) fn watch(args: &cli::WatchArgs) -> Result<()> {
     server.serve(&mut page, &path_as_text(folder)).map_err(Error::Run)
 }
 
-/// The map of a network, and the names of its lights.
 type Place = (RoadMap, Vec<String>);
 
 /// Draws the agents of a run on the map of their network. `None`: there is only one, they are in rows, or their files

@@ -117,7 +117,6 @@ fn runtime_row(group: &Group) -> Option<(String, Runtime)> {
     Some((label, time))
 }
 
-/// Writes the number of workers of the runs in words.
 fn machines(comparisons: &[&Comparison]) -> String {
     let groups = comparisons.iter().flat_map(|comparison| &comparison.groups);
     let workers: BTreeSet<usize> = groups.filter_map(|group| Some(Runtime::of(group)?.workers)).collect();
@@ -126,7 +125,6 @@ fn machines(comparisons: &[&Comparison]) -> String {
     format!("with {number} worker {}", if workers == ["1"] { "process" } else { "processes" })
 }
 
-/// Whether the paper has one of these scenarios.
 fn has_paper(columns: &[Column]) -> bool {
     columns.iter().any(|column| paper::has(&column.scenario))
 }
@@ -142,7 +140,6 @@ fn beside(ours: Option<String>, paper: Option<String>, has_paper: bool) -> Strin
     }
 }
 
-/// Makes the table of peak memory of a family in the paper's layout.
 pub(crate) fn memory(family: &Family) -> Table {
     let columns = columns(family);
     let has_paper = has_paper(&columns);
@@ -186,17 +183,16 @@ pub(crate) fn memory(family: &Family) -> Table {
 mod tests {
     use super::*;
     use crate::family::families;
+    use crate::fixtures;
     use crate::group::sort;
-    use dials_core::domain::Scenario;
     use dials_session::records::find::Found;
     use dials_session::records::run_record::RunRecord;
 
     #[test]
     fn the_memory_is_the_largest_of_all_runs_in_each_figure() {
         let run = |clip: f64, process_mb, total_mb, pss_mb| {
-            let config = toml::from_str(&format!("ppo.clip = {clip}\nwarehouse = {{ agents_per_side = 2 }}")).unwrap();
             let memory = Some(MemoryRecord { process_mb, total_mb, total_pss_mb: pss_mb });
-            RunRecord { memory, ..RunRecord::empty(config, Scenario::new("warehouse", 4, 100)) }
+            RunRecord { memory, ..fixtures::run(&format!("ppo.clip = {clip}")) }
         };
         let runs = vec![run(0.1, 10.0, 30.0, 20.0), run(0.2, 12.0, 25.0, 24.0)];
         let comparisons = sort(Found { runs, ..Found::default() }).unwrap().comparisons;

@@ -98,7 +98,6 @@ fn differences(comparison: &Comparison, group: &Group) -> Vec<Vec<String>> {
     found.flatten().collect()
 }
 
-/// Returns the learning curve of every seed.
 fn seeds(_: &Comparison, group: &Group) -> Vec<Vec<String>> {
     let lines = group.runs.iter().flat_map(|run| {
         run.evaluations.iter().map(|evaluation| {

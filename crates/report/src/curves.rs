@@ -14,7 +14,6 @@ use dials_session::records::run_record::RunRecord;
 pub(crate) struct CurvePoint {
     /// Timesteps per agent.
     pub(crate) steps: u64,
-    /// Mean returns over seeds.
     pub(crate) returns: Spread,
     /// Return of the median agent of a run, mean over seeds.
     pub(crate) median_agent: f64,
@@ -33,7 +32,6 @@ pub(crate) struct LossPoint {
     pub(crate) marginals: f64,
 }
 
-/// Data on which the cross-entropy of a group's AIPs was measured.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum LossData {
     /// Fresh episodes of the GS, at evaluations and after trainings.

@@ -36,17 +36,14 @@ pub(crate) const PURPLE: RGBColor = RGBColor(0xcc, 0x79, 0xa7);
 pub(crate) const VERMILLION: RGBColor = RGBColor(0xd5, 0x5e, 0x00);
 pub(crate) const SKY: RGBColor = RGBColor(0x56, 0xb4, 0xe9);
 
-/// Converts pixels to units.
 pub(crate) fn px(pixels: impl Into<f64>) -> i32 {
     (pixels.into() * f64::from(SCALE)).round() as i32
 }
 
-/// Makes the style of a line, `pixels` wide.
 pub(crate) fn pen(colour: impl Color, pixels: impl Into<f64>) -> ShapeStyle {
     ShapeStyle { color: colour.to_rgba(), filled: false, stroke_width: px(pixels) as u32 }
 }
 
-/// Makes the style of a text, `pixels` high.
 pub(crate) fn text(pixels: impl Into<f64>, colour: impl Color) -> TextStyle<'static> {
     // The SVG backend divides font sizes by 1.24.
     ("sans-serif", f64::from(px(pixels)) * 1.24).into_font().color(&colour)
@@ -78,7 +75,6 @@ pub(crate) fn text_width(words: &str, pixels: f64) -> i32 {
     px(words.chars().count() as f64 * pixels * 0.56)
 }
 
-/// Returns a name with at most this number of letters and dots.
 pub(crate) fn shortened(name: &str, letters: usize) -> String {
     match name.char_indices().nth(letters) {
         Some((end, _)) => format!("{}...", &name[..end]),
@@ -120,7 +116,6 @@ pub(crate) fn widened(low: f64, high: f64) -> (f64, f64) {
     (low - more / 2.0, high + more / 2.0)
 }
 
-/// Returns black or white, whichever is readable on this colour.
 pub(crate) fn ink_over(colour: RGBColor) -> RGBColor {
     if luminance(colour) > 0.5 { BLACK } else { WHITE }
 }

@@ -7,7 +7,6 @@ use dials_core::domain::ScenarioId;
 pub(crate) struct Family<'a> {
     /// Title, unique in a report: `traffic` if all its scenarios of this domain are in one family.
     pub(crate) title: String,
-    /// The same as a part of file names.
     pub(crate) slug: String,
     pub(crate) comparisons: Vec<&'a Comparison>,
 }

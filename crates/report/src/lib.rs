@@ -43,13 +43,11 @@ use dials_session::records::find::Found;
 use document::Figure;
 use group::{Comparison, Sorted};
 
-/// Name of the report's HTML page.
 pub const PAGE: &str = "report.html";
 /// Name of the same report as Markdown, with its pictures as files beside it.
 pub const MARKDOWN: &str = "report.md";
 
 pub struct Report {
-    /// Names and contents of the files.
     pub files: Vec<(String, String)>,
     pub runs: usize,
     pub groups: usize,

@@ -10,7 +10,6 @@ use dials_session::records::find::BaselineRecord;
 #[derive(Clone)]
 pub(crate) enum Opponent<'a> {
     Controller(&'a BaselineRecord),
-    /// A group and its name.
     Group(&'a Group, String),
 }
 
@@ -49,7 +48,6 @@ fn played(controller: &BaselineRecord) -> Played {
 }
 
 impl Comparison {
-    /// Returns the reference of an ablation as an opponent.
     pub(crate) fn reference(&self) -> Option<Opponent<'_>> {
         Some(Opponent::Group(&self.groups[self.reference?], "the reference".to_owned()))
     }

@@ -24,7 +24,6 @@ pub(crate) struct Bar {
     pub(crate) whisker: Option<(f64, f64)>,
     /// Values of single seeds, drawn as hollow circles.
     pub(crate) points: Vec<f64>,
-    /// The paper's value.
     pub(crate) paper: Option<f64>,
 }
 
@@ -44,7 +43,6 @@ pub(crate) struct BarChart {
 }
 
 impl Bar {
-    /// Returns the look of the paper's value.
     fn of_paper(&self) -> Look {
         Look { colour: INK, marker: Marker::Diamond, ..self.look }
     }
@@ -176,7 +174,6 @@ impl BarChart {
         Ok(root.draw_text(&words, &anchored(style, HPos::Center, VPos::Center), (foot.0, foot.1 + away * far))?)
     }
 
-    /// Draws the whisker and the values of single seeds.
     fn draw_spread(&self, area: &Plot, bar: &Bar, (x, low): (f64, f64)) -> Result<()> {
         if let Some((from, to)) = bar.whisker {
             // No whisker goes below the axis.

@@ -109,7 +109,6 @@ impl HeatMap {
         Ok(())
     }
 
-    /// Draws the scale of shades with its values.
     fn draw_key(&self, root: &Area, top: u32, (low, high): (f64, f64)) -> Result<()> {
         const STEPS: usize = 60;
         let (left, width, top) = (f64::from(MARGIN), 180.0, f64::from(top));

@@ -17,7 +17,6 @@ const MARKERS: usize = 8;
 pub(crate) const MOST_BANDS: usize = 5;
 const COLUMNS: usize = 3;
 const PANEL: u32 = 190;
-/// Largest number of characters in a line of a panel's title.
 const PANEL_WRAP: usize = 44;
 const PANEL_LINE: u32 = 14;
 
@@ -79,7 +78,6 @@ pub(crate) struct LineChart {
 
 type Ranges = (Range<f64>, Range<f64>);
 
-/// Sizes of the parts of a chart.
 #[derive(Clone, Copy)]
 struct Size {
     numbers: f64,
@@ -93,10 +91,8 @@ struct Size {
 const WHOLE: Size = Size { numbers: 12.0, names: 11.0, right: 76.0, ticks: 7, axis_titles: true };
 const SMALL: Size = Size { numbers: 10.0, names: 9.0, right: 60.0, ticks: 4, axis_titles: false };
 
-/// Look of the reference in all panels.
 const OF_REFERENCE: Look = Look { colour: INK, dash: Dash::Dashed, marker: Marker::Square };
 
-/// Returns the look of another line in its panel.
 fn of_other(line: &Line) -> Look {
     Look { colour: line.look.colour, ..Look::FIRST }
 }
@@ -306,7 +302,6 @@ impl LineChart {
         (0.0..right * 1.015, with_air(if low.is_finite() { (low, high) } else { (0.0, 1.0) }))
     }
 
-    /// Returns the width of the y axis with its numbers and label, in pixels.
     fn label_width(&self, y: &Range<f64>, size: Size) -> f64 {
         // Some formats write whole numbers only.
         let ends = [y.start, y.end, y.start.ceil(), y.end.floor()];

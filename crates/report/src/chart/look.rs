@@ -85,7 +85,6 @@ fn mixed(colour: RGBColor, other: RGBColor, share: f64) -> RGBColor {
     RGBColor(mixed(colour.0, other.0), mixed(colour.1, other.1), mixed(colour.2, other.2))
 }
 
-/// The look of each label of a report, the same in all its charts.
 pub(crate) struct Looks(BTreeMap<String, Look>);
 
 impl Looks {

@@ -31,7 +31,6 @@ const BELOW: f64 = 0.05;
 
 /// One side of a comparison: runs of one method.
 pub struct ComparedSide {
-    /// Its name on the command line.
     name: String,
     scenario: ScenarioId,
     title: String,
@@ -105,7 +104,6 @@ impl SideResult {
         }
     }
 
-    /// Returns the median timesteps and the median seconds of the runs that reached the return.
     fn median_reached(&self) -> [Option<f64>; 2] {
         let steps: Vec<f64> = self.reached.iter().map(|(steps, _)| *steps as f64).collect();
         let seconds: Vec<f64> = self.reached.iter().filter_map(|(_, seconds)| *seconds).collect();

@@ -17,7 +17,6 @@ use crate::document::{STYLE, escape};
 const SHELL: &str = include_str!("shell.html");
 const SCRIPT: &str = include_str!("shell.js");
 
-/// A server that is ready to answer.
 pub struct LiveServer {
     server: Server,
     host: String,

@@ -59,7 +59,6 @@ pub(crate) fn ablation(comparison: &Comparison) -> Option<Result<Svg>> {
     Some(chart.draw())
 }
 
-/// Draws the final returns of a family, a cluster per size.
 pub(crate) fn final_bars(family: &Family, looks: &Looks) -> Result<Svg> {
     let clusters = clusters(family, looks, 1.0, |comparison, group| {
         let end = Final::of(group)?;

@@ -27,7 +27,6 @@ fn shows_seeds(runs: usize) -> bool {
     (2..ENOUGH_SEEDS).contains(&runs)
 }
 
-/// Returns the label of a group in a picture, with the number of its runs.
 fn label_with_runs(comparison: &Comparison, group: &Group) -> String {
     format!("{} ({})", comparison.short_label(group), counted(group.runs.len(), "run"))
 }

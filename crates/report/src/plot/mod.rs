@@ -33,7 +33,6 @@ pub use space_time::space_time;
 /// What was played. Every picture shows it under its title.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct About {
-    /// Run or config, policies or controller.
     pub subject: String,
     pub seed: u64,
 }

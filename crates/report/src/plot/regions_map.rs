@@ -14,7 +14,6 @@ pub struct RegionsMap {
     pub junctions: Vec<Line>,
     /// All lanes for cars, in the direction of driving.
     pub lanes: Vec<Line>,
-    /// Regions of the lights that learn.
     pub regions: Vec<MapRegion>,
     /// Places of the lights that keep their program.
     pub keeping: Vec<[f64; 2]>,
@@ -26,7 +25,6 @@ pub struct MapRegion {
     pub place_m: [f64; 2],
     /// Lanes on which cars come to the light.
     pub approaches: Vec<Line>,
-    /// All lanes of its roads.
     pub lanes: Vec<Line>,
 }
 

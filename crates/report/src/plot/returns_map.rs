@@ -15,7 +15,6 @@ const SCALE: i32 = 110;
 /// Least width of the picture, so that the title fits, in pixels.
 const LEAST_WIDTH: i32 = 640;
 
-/// The mean return of every agent, and the range of the colours.
 struct Returns {
     means: Vec<f64>,
     low: f64,
@@ -86,7 +85,6 @@ fn returns_on_net(map: &RoadMap, names: &[String], returns: &Returns, title: &st
     })
 }
 
-/// Draws a square per intersection.
 fn draw_grid(
     names: &[String],
     (rows, columns): (usize, usize),
@@ -119,7 +117,6 @@ fn draw_grid(
     })
 }
 
-/// Draws the scale of the colours, from low returns at the bottom to high ones at the top.
 fn draw_scale(area: &Area<'_>, x: i32, height: i32, returns: &Returns) -> Result<()> {
     let Returns { low, high, .. } = *returns;
     for y in (0..height).step_by(px(1) as usize) {

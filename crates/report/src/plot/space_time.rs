@@ -10,9 +10,7 @@ const EDGE_HEIGHT: i32 = 105;
 const METRE: f64 = 0.5;
 /// Largest height of the chart that metres can ask for, in pixels.
 const TALLEST: f64 = 1000.0;
-/// Longest name of an intersection, in letters.
 const LONGEST_NAME: usize = 20;
-/// Height of everything around the chart, in pixels.
 const AROUND: i32 = HEAD + 110;
 
 /// Draws the cars that drove through a corridor. `seconds`: those of the episode that are shown.
