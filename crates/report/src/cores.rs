@@ -18,7 +18,6 @@ use dials_session::records::method::steps_text;
 const CORES: [usize; 6] = [1, 2, 8, 32, 128, 1024];
 
 /// The time of a group's runs without evaluations.
-#[derive(Clone, Debug, PartialEq)]
 pub(crate) struct ByCores {
     /// Timesteps per agent.
     pub(crate) steps: u64,

@@ -32,9 +32,8 @@ fn columns<'a>(family: &Family<'a>) -> Vec<Column<'a>> {
     let ours = family.comparisons.iter();
     let ours = ours.map(|&comparison| Column { scenario: comparison.scenario.clone(), ours: Some(comparison) });
     let mut columns: Vec<Column> = ours.collect();
-    let of_paper = columns.iter().any(|column| paper::has(&column.scenario));
     let domain = &family.comparisons[0].scenario.domain;
-    for scenario in paper::scenarios(domain).into_iter().filter(|_| of_paper) {
+    for scenario in paper::scenarios(domain).into_iter().filter(|_| family.has_paper()) {
         if !columns.iter().any(|column| column.scenario.agents == scenario.agents && paper::has(&column.scenario)) {
             columns.push(Column { scenario, ours: None });
         }
@@ -47,7 +46,7 @@ fn columns<'a>(family: &Family<'a>) -> Vec<Column<'a>> {
 /// of agents.
 pub(crate) fn runtimes(family: &Family) -> Table {
     let columns = columns(family);
-    let has_paper = has_paper(&columns);
+    let has_paper = family.has_paper();
     let ours: Vec<Vec<(String, Runtime)>> = columns
         .iter()
         .map(|column| column.ours.iter().flat_map(|comparison| &comparison.groups).filter_map(runtime_row).collect())
@@ -125,10 +124,6 @@ fn machines(comparisons: &[&Comparison]) -> String {
     format!("with {number} worker {}", if workers == ["1"] { "process" } else { "processes" })
 }
 
-fn has_paper(columns: &[Column]) -> bool {
-    columns.iter().any(|column| paper::has(&column.scenario))
-}
-
 /// Writes our figure beside the paper's, if the table has those.
 fn beside(ours: Option<String>, paper: Option<String>, has_paper: bool) -> String {
     match (ours, paper) {
@@ -142,30 +137,30 @@ fn beside(ours: Option<String>, paper: Option<String>, has_paper: bool) -> Strin
 
 pub(crate) fn memory(family: &Family) -> Table {
     let columns = columns(family);
-    let has_paper = has_paper(&columns);
+    let has_paper = family.has_paper();
     let ours = |column: &Column, simulator: &str| -> Option<MemoryRecord> {
         let groups = column.ours.iter().flat_map(|comparison| &comparison.groups);
         let groups = groups.filter(|group| group.simulator() == simulator);
         groups.filter_map(peak_memory).reduce(MemoryRecord::max)
     };
     let megabytes = |value: f64| format!("{value:.1}");
-    let row = |label: &str, ours: &dyn Fn(&Column) -> Option<f64>, theirs: &dyn Fn(&Column) -> Option<f64>| {
-        let cells =
-            columns.iter().map(|column| beside(ours(column).map(megabytes), theirs(column).map(megabytes), has_paper));
-        std::iter::once(label.to_owned()).chain(cells).collect::<Vec<_>>()
-    };
-    let paper = |column: &Column| paper::memory(&column.scenario);
-    let rows = vec![
-        row("GS, total", &|column| Some(ours(column, "gs")?.total_mb), &|column| Some(paper(column)?.gs)),
-        row("GS, total, shared pages once", &|column| Some(ours(column, "gs")?.total_pss_mb), &|_| None),
-        row("DIALS, per process", &|column| Some(ours(column, "dials")?.process_mb), &|column| {
-            Some(paper(column)?.dials_process)
-        }),
-        row("DIALS, total", &|column| Some(ours(column, "dials")?.total_mb), &|column| {
-            Some(paper(column)?.dials_total)
-        }),
-        row("DIALS, total, shared pages once", &|column| Some(ours(column, "dials")?.total_pss_mb), &|_| None),
+    let total: fn(MemoryRecord) -> f64 = |memory| memory.total_mb;
+    let shared: fn(MemoryRecord) -> f64 = |memory| memory.total_pss_mb;
+    // Label, simulator, our figure, and the place of the paper's.
+    let rows = [
+        ("GS, total", "gs", total, Some(0)),
+        ("GS, total, shared pages once", "gs", shared, None),
+        ("DIALS, per process", "dials", |memory| memory.process_mb, Some(1)),
+        ("DIALS, total", "dials", total, Some(2)),
+        ("DIALS, total, shared pages once", "dials", shared, None),
     ];
+    let rows = rows.map(|(label, simulator, figure, place)| {
+        let cell = |column: &Column| {
+            let paper = place.and_then(|place: usize| Some(paper::memory(&column.scenario)?[place]));
+            beside(ours(column, simulator).map(figure).map(megabytes), paper.map(megabytes), has_paper)
+        };
+        std::iter::once(label.to_owned()).chain(columns.iter().map(cell)).collect()
+    });
     let mut header = words(&[if has_paper { "MiB, ours / MB, paper" } else { "MiB" }]);
     header.extend(columns.iter().map(|column| format!("{} agents", column.name())));
     let mut caption = format!(
@@ -176,7 +171,7 @@ pub(crate) fn memory(family: &Family) -> Table {
     if has_paper {
         caption += &format!(" Paper: MB, DIALS as a process per agent, {}.", paper::MEMORY_SOURCE);
     }
-    Table { caption, header, rows }
+    Table { caption, header, rows: rows.to_vec() }
 }
 
 #[cfg(test)]

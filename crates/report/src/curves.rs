@@ -10,7 +10,6 @@ use super::group::Group;
 use dials_core::base::statistics::{Spread, mean};
 use dials_session::records::run_record::RunRecord;
 
-#[derive(Clone, Debug, PartialEq)]
 pub(crate) struct CurvePoint {
     /// Timesteps per agent.
     pub(crate) steps: u64,
@@ -21,7 +20,6 @@ pub(crate) struct CurvePoint {
     pub(crate) runtime_s: Option<f64>,
 }
 
-#[derive(Clone, Debug, PartialEq)]
 pub(crate) struct LossPoint {
     pub(crate) steps: u64,
     /// Whether the loss was measured right after a training of the AIPs.

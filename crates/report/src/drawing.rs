@@ -125,7 +125,7 @@ pub(crate) fn luminance(RGBColor(red, green, blue): RGBColor) -> f64 {
     (0.2126 * f64::from(red) + 0.7152 * f64::from(green) + 0.0722 * f64::from(blue)) / 255.0
 }
 
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone)]
 pub struct Svg(String);
 
 impl Svg {

@@ -1,6 +1,7 @@
 //! Families of scenarios: those whose returns may share an axis and a table, because they differ in their size only.
 
 use super::group::Comparison;
+use super::paper;
 use dials_core::domain::ScenarioId;
 
 /// Scenarios of one domain with equal episodes and equal rules. Their agents are all in rows, or it is a single network.
@@ -9,6 +10,12 @@ pub(crate) struct Family<'a> {
     pub(crate) title: String,
     pub(crate) slug: String,
     pub(crate) comparisons: Vec<&'a Comparison>,
+}
+
+impl Family<'_> {
+    pub(crate) fn has_paper(&self) -> bool {
+        self.comparisons.iter().any(|comparison| paper::has(&comparison.scenario))
+    }
 }
 
 /// Returns the families of a report, those of a domain one after the other.

@@ -97,7 +97,6 @@ pub(crate) fn agents_at(run: &RunRecord, steps: u64) -> &[Returns] {
 }
 
 /// Wall and CPU time in seconds, means over the runs of a group.
-#[derive(Clone, Debug, PartialEq)]
 pub(crate) struct Runtime {
     /// Timesteps per agent.
     pub(crate) steps: u64,

@@ -7,7 +7,6 @@ use dials_core::base::statistics::difference::{Difference, Episodes, Played, bet
 use dials_session::records::find::BaselineRecord;
 
 /// A controller or a group whose return is subtracted from those of the groups of a scenario.
-#[derive(Clone)]
 pub(crate) enum Opponent<'a> {
     Controller(&'a BaselineRecord),
     Group(&'a Group, String),

@@ -164,7 +164,6 @@ pub(crate) fn curve(scenario: &ScenarioId, simulator: &str, retraining: Retraini
 }
 
 /// Hours of the paper for 4M timesteps.
-#[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct PaperRuntime {
     pub(crate) agents_training: f64,
     /// Hours of data collection and influence training; `None` for methods without them.
@@ -202,18 +201,9 @@ pub(crate) fn runtime(scenario: &ScenarioId, simulator: &str, retraining: Retrai
     }
 }
 
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub(crate) struct PaperMemory {
-    pub(crate) gs: f64,
-    pub(crate) dials_process: f64,
-    pub(crate) dials_total: f64,
-}
-
-/// Returns a column of the table "Peak Memory Usage in Megabytes (MB)".
-pub(crate) fn memory(scenario: &ScenarioId) -> Option<PaperMemory> {
-    let (domain, size) = place(scenario)?;
-    let [gs, dials_process, dials_total] = domain.memory.map(|of_sizes| of_sizes[size]);
-    Some(PaperMemory { gs, dials_process, dials_total })
+/// Returns a column of the table "Peak Memory Usage in Megabytes (MB)": the GS, a process of DIALS, and all of them.
+pub(crate) fn memory(scenario: &ScenarioId) -> Option<[f64; 3]> {
+    place(scenario).map(|(domain, size)| domain.memory.map(|of_sizes| of_sizes[size]))
 }
 
 #[cfg(test)]
@@ -234,8 +224,8 @@ mod tests {
                     let slip = (domain, agents, every) == ("warehouse", 4, 100_000);
                     assert!((off - f64::from(u8::from(slip))).abs() < 0.015, "{domain} {agents} {every}: {off}");
                 }
-                let memory = memory(&scenario).unwrap();
-                let processes = memory.dials_total / memory.dials_process;
+                let [_, process, total] = memory(&scenario).unwrap();
+                let processes = total / process;
                 assert!((processes - agents as f64).abs() < 0.01, "a process per agent: {processes}");
             }
         }

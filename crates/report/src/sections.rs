@@ -140,8 +140,7 @@ fn scenario(comparison: &Comparison, looks: &Looks) -> Result<Vec<Block>> {
 fn costs(family: &Family, looks: &Looks) -> Result<Vec<Block>> {
     let Family { title, slug, comparisons } = family;
     let what = if comparisons.iter().any(|comparison| comparison.title == *title) { "Costs" } else { "All sizes" };
-    let has_paper = comparisons.iter().any(|comparison| paper::has(&comparison.scenario));
-    let diamonds = if has_paper { " Diamonds: the paper, if our runs were as long." } else { "" };
+    let diamonds = if family.has_paper() { " Diamonds: the paper, if our runs were as long." } else { "" };
     let mut blocks = vec![Block::Heading(format!("{what}, {title}"))];
     // An ablation has its own picture of the final returns.
     if comparisons.iter().any(|comparison| comparison.reference.is_none()) {

@@ -13,7 +13,7 @@ use dials_core::base::statistics::{ENOUGH_SEEDS, Spread};
 use dials_session::records::method::steps_text;
 use dials_session::records::run_record::RunRecord;
 
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy)]
 pub(crate) enum Against {
     Timesteps,
     Runtime,

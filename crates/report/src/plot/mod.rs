@@ -31,7 +31,6 @@ pub use signal_timing::signal_timing;
 pub use space_time::space_time;
 
 /// What was played. Every picture shows it under its title.
-#[derive(Clone, Debug, PartialEq, Eq)]
 pub struct About {
     pub subject: String,
     pub seed: u64,

@@ -7,7 +7,6 @@ use super::*;
 use crate::drawing::VERMILLION;
 use dials_core::domain::road_trace::Line;
 
-#[derive(Clone, Debug, PartialEq)]
 pub struct RegionsMap {
     pub subject: String,
     /// Outlines of the junctions; some may be empty.
@@ -19,7 +18,6 @@ pub struct RegionsMap {
     pub keeping: Vec<[f64; 2]>,
 }
 
-#[derive(Clone, Debug, PartialEq)]
 pub struct MapRegion {
     pub name: String,
     pub place_m: [f64; 2],
