@@ -44,8 +44,7 @@ impl Format {
         }
     }
 
-    /// Checks that all programs for such a film are installed. The error says what to install. `option`: the flag to
-    /// name in it.
+    /// Checks that all programs for such a film are installed. `option`: the flag to name in the error.
     pub(crate) fn check_tools(self, option: &str) -> Result<()> {
         let mut tools = vec![(SUMO_GUI, "sumo"), (programs::XVFB, "xvfb"), (programs::SETPRIV, "util-linux")];
         if self == Format::Mp4 {

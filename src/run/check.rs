@@ -128,8 +128,7 @@ fn together(lights: &[LightFidelity]) -> LightFidelity {
     }
 }
 
-/// Returns the whole object. Precision and recall compare the local simulator with the global one; in `other_seed`, two
-/// local simulators.
+/// Precision and recall compare the local simulator with the global one; in `other_seed`, two local simulators.
 fn as_json(checked: &Checked) -> Value {
     let Checked { window, sigma, seed, lights, all, .. } = checked;
     let each = lights.iter().map(|light| {

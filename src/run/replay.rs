@@ -1,5 +1,4 @@
-//! `replay`: writes one episode as a folder that SUMO plays; on request opens it in sumo-gui or films it. The players are
-//! a controller, trained policies, or one agent in its local simulator.
+//! `replay`: writes one episode as a folder that SUMO plays; on request opens it in sumo-gui or films it.
 
 use std::fs;
 use std::path::{Path, PathBuf};

@@ -145,8 +145,7 @@ pub(super) fn selection(greedy: bool) -> Selection {
     if greedy { Selection::Greedy } else { Selection::Sampled }
 }
 
-/// Warns if the run in `dir` was trained by other rules than those by which `domain` scores it. It is an error if its
-/// policies know other observations.
+/// Warns if the run was trained by other rules than those of `domain`; other observations are an error.
 fn check_rules(dir: &Path, domain: &dyn Domain) -> Result<()> {
     let recorded = RunJson::read(dir)?.scenario.rules;
     let (Some(theirs), Some(ours)) = (recorded, domain.scenario()?.rules) else { return Ok(()) };

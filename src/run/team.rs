@@ -45,8 +45,7 @@ pub(super) struct Plan<'a> {
 }
 
 impl Team {
-    /// Takes part in the MPI job, if there is one. A rank that is not rank 0 works here until the run has ended, and then
-    /// returns `None`.
+    /// Takes part in the MPI job, if any. A rank that is not 0 works here until the run has ended, and returns `None`.
     pub(super) fn join(args: &cli::TrainArgs) -> Result<Option<Team>> {
         let ranks = fleet::ranks();
         check_flags(args, ranks).map_err(Error::Usage)?;

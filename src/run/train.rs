@@ -186,9 +186,8 @@ fn end_at(directory: &Directory, steps: u64) -> anyhow::Result<String> {
     Ok(text)
 }
 
-/// Returns whether nothing is left to do, and then says how to train further. Otherwise says so if the resumed run loses an
-/// evaluation: that of an earlier end at which the longer run is not evaluated. The files of a resumed run are those of a
-/// run that was never stopped.
+/// Returns whether nothing is left to do, and then says how to train further. Otherwise says if the resumed run loses the
+/// evaluation of an earlier end: its files are those of a run that was never stopped.
 fn has_ended(dir: &Path, config: &RunConfig, point: &ResumePoint) -> bool {
     let Some(checkpoint) = &point.checkpoint else { return false };
     let (steps, standing) = (checkpoint.agents.steps, &checkpoint.progress.standing);
@@ -318,8 +317,7 @@ pub(super) fn cores() -> usize {
     std::thread::available_parallelism().map_or(1, usize::from)
 }
 
-/// Returns the last line of a run that was stopped: what is kept, and the command to go on. `place`: where its directory
-/// is now.
+/// Returns the last line of a run that was stopped. `place`: where its directory is now.
 fn stopped(directory: &Directory, place: &Path, end: u64) -> String {
     let kept = match newest_step(directory) {
         Ok(Some(step)) => format!("stopped; kept up to step {step} of {end} per agent"),

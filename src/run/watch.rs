@@ -37,8 +37,8 @@ pub(super) fn watch(args: &cli::WatchArgs) -> Result<()> {
 
 type Place = (RoadMap, Vec<String>);
 
-/// Draws the agents of a run on the map of their network. `None`: there is only one, they are in rows, or their files
-/// cannot be read now. `maps`: the maps of the run directories that were drawn before.
+/// Draws the agents on the map of their network; `None` for a single one, in rows, or if files cannot be read. `maps`:
+/// those that were drawn before.
 fn map_of(run: &RunRecord, maps: &mut BTreeMap<PathBuf, Option<Place>>) -> Option<Svg> {
     let place = maps.entry(run.dir.clone()).or_insert_with(|| place_of(run).ok().flatten());
     let ((map, names), last) = (place.as_ref()?, run.evaluations.last()?);

@@ -53,8 +53,7 @@ impl ByCores {
     }
 }
 
-/// Returns the groups of a scenario with their models. Only those with the most timesteps count, up to a hundredth, because
-/// others are no comparison.
+/// Returns the groups with their models: only those with the most timesteps, up to a hundredth.
 pub(crate) fn by_cores(comparison: &Comparison) -> Vec<(&Group, ByCores)> {
     let agents = comparison.scenario.agents;
     let mut all: Vec<(&Group, ByCores)> =

@@ -42,8 +42,6 @@ fn columns<'a>(family: &Family<'a>) -> Vec<Column<'a>> {
     columns
 }
 
-/// Makes the table of runtimes of a family in the paper's layout: agents training, influence, total, each by the number
-/// of agents.
 pub(crate) fn runtimes(family: &Family) -> Table {
     let columns = columns(family);
     let has_paper = family.has_paper();
@@ -102,8 +100,7 @@ pub(crate) fn runtimes(family: &Family) -> Table {
     Table { caption, header, rows: rows.collect() }
 }
 
-/// Returns the runtime of a group and the label of its row. The row is shared with the paper only if the number of
-/// steps is comparable.
+/// The row is shared with the paper only if the number of steps is comparable.
 fn runtime_row(group: &Group) -> Option<(String, Runtime)> {
     let time = Runtime::of(group)?;
     let label = match (time.finished, comparable(time.steps, paper::STEPS)) {

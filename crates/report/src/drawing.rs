@@ -130,10 +130,6 @@ pub struct Svg(String);
 
 impl Svg {
     /// Draws a picture of `width` x `height` pixels.
-    ///
-    /// # Errors
-    ///
-    /// The errors of `paint` and of the drawing crate.
     pub(crate) fn draw(width: u32, height: u32, paint: impl FnOnce(&Area) -> Result<()>) -> Result<Svg> {
         let mut text = String::new();
         {
@@ -152,17 +148,14 @@ impl Svg {
         self.0.replace(&hex(PAPER), "#FFFFFF")
     }
 
-    /// Returns the picture as a part of an HTML page, without background and in the colour of the page's text. Screen
-    /// readers read `title`, which must not contain markup.
+    /// Returns the picture for a page, in the colour of its text. Screen readers read `title`, without markup.
     pub(crate) fn inline(&self, title: &str) -> String {
         let named = format!("<svg role=\"img\" aria-label=\"{title}\" ");
         self.0.replacen("<svg ", &named, 1).replace(&hex(PAPER), "none").replace(&hex(INK), "currentColor")
     }
 }
 
-/// Returns a picture of the drawing crate with every text in it printable.
-///
-/// The crate escapes markup, but XML forbids most control characters even then, and the others act on a terminal.
+/// The drawing crate escapes markup, but XML forbids most control characters, and the others act on a terminal.
 fn with_printable_names(svg: &str) -> String {
     let mut clean = String::with_capacity(svg.len());
     let mut rest = svg;
@@ -174,8 +167,7 @@ fn with_printable_names(svg: &str) -> String {
     clean + rest
 }
 
-/// Splits at the next text: what is before its content, the content, and what is after it. In a content and in
-/// attributes all markup is escaped.
+/// Splits at the next text: before its content, the content, and after it. In all of them markup is escaped.
 fn next_text(svg: &str) -> Option<(&str, &str, &str)> {
     let begin = svg.find("<text ")?;
     let content = begin + svg[begin..].find(">\n")? + ">\n".len();

@@ -19,8 +19,7 @@ pub(crate) struct Comparison {
     /// Name of the scenario in file names, unique among the comparisons of a report: `traffic_4`, or `town_20`.
     pub(crate) slug: String,
     pub(crate) groups: Vec<Group>,
-    /// Index of the reference of an ablation: the one group that has the value of most groups in every key. Every other
-    /// group departs from it.
+    /// Index of the reference of an ablation: the one group that has the value of most groups in every key.
     pub(crate) reference: Option<usize>,
     pub(crate) baselines: Vec<BaselineRecord>,
 }
@@ -50,8 +49,7 @@ impl Comparison {
         self.title.replacen(&self.scenario.title(self.name.as_deref()), &size, 1)
     }
 
-    /// Returns a short label of a group for a picture of this scenario. It leaves out the tables of keys if the last
-    /// words are unique, and the name of the method if the reference has the same.
+    /// Returns a label for a picture: without tables of keys if the rest is unique, nor the method of the reference.
     pub(crate) fn short_label(&self, group: &Group) -> String {
         let keys: BTreeSet<&String> =
             self.groups.iter().flat_map(|group| &group.overrides).map(|(key, _)| key).collect();
@@ -76,8 +74,7 @@ const MOST_KEYS: usize = 8;
 /// Runs of one method with several seeds; never empty.
 pub(crate) struct Group {
     pub(crate) method: Method,
-    /// Config keys whose values differ from those of most groups of the scenario, and those that are always named, with
-    /// the values of this group.
+    /// Config keys that differ from most groups of the scenario, or are always named, with the values of this group.
     pub(crate) overrides: Vec<(String, String)>,
     pub(crate) runs: Vec<RunRecord>,
 }
@@ -220,8 +217,7 @@ fn keys_that_differ(methods: &[&Method]) -> BTreeMap<String, Option<String>> {
     differing
 }
 
-/// Returns the one group that has the common value of every key whose values differ. `None` if there is no other group,
-/// or not exactly one such group.
+/// Returns the one group that has the common value of every differing key, if there are others, but none like it.
 fn reference(groups: &[Group], distinguishing: &BTreeMap<String, Option<String>>) -> Option<usize> {
     let usual = |group: &Group| {
         let mut keys = distinguishing.iter();
@@ -354,42 +350,35 @@ mod tests {
         comparison.groups.iter().map(|group| comparison.short_label(group)).collect()
     }
 
-    fn labels(settings: &[&str]) -> Vec<String> {
-        ablation(settings).groups.iter().map(Group::label).collect()
-    }
-
     #[test]
-    fn a_method_that_imitates_is_never_taken_for_the_papers() {
-        let copy = "policy.imitate = 'oldest-item'";
-        assert_eq!(labels(&[copy]), ["DIALS F=1M, policy.imitate=oldest-item"]);
+    fn what_makes_another_method_is_named_even_if_all_groups_have_it() {
+        let (gs, copy) = ("simulator = 'gs'", "policy.imitate = 'oldest-item'");
+        let shared = "simulator = 'gs'\ngs.shared_policy = true";
+        let mean = "simulator = 'gs'\npolicy.average_every_steps = 10_000";
+        for (settings, expected) in [
+            (&[copy][..], &["DIALS F=1M, policy.imitate=oldest-item"][..]),
+            (&[shared], &["GS, gs.shared_policy=true"]),
+            (&[gs], &["GS"]),
+            (&[mean], &["GS, policy.average_every_steps=10000"]),
+            (&[gs, shared], &["GS", "GS, gs.shared_policy=true"]),
+            (&[mean, gs], &["GS", "GS, policy.average_every_steps=10000"]),
+            // A key that is off if it is not set distinguishes groups.
+            (&["aip.patience = 3", ""], &["DIALS F=1M", "DIALS F=1M, aip.patience=3"]),
+            (
+                &["policy.recurrent = 8", "", gs, "policy.recurrent = 16"],
+                &["GS", "DIALS F=1M", "DIALS F=1M, policy.recurrent=16", "DIALS F=1M, policy.recurrent=8"],
+            ),
+        ] {
+            let labels: Vec<String> = ablation(settings).groups.iter().map(Group::label).collect();
+            assert_eq!(labels, expected);
+        }
+        assert_eq!(ablation(&["aip.patience = 3", ""]).reference, Some(0), "most groups leave it out");
         let other = format!("{copy}\nevaluation.episodes = 3\nppo.gamma = 0.9");
         let comparison = ablation(&[copy, &format!("{copy}\nppo.clip = 0.2"), &other]);
         let short = ["DIALS F=1M, imitate=oldest-item", "imitate=oldest-item, clip=0.2"];
         assert_eq!(short_labels(&comparison), [&short[..], &["imitate=oldest-item, gamma=0.9, episodes=3"]].concat());
-    }
-
-    #[test]
-    fn what_makes_another_method_is_named_even_if_all_groups_have_it() {
-        let shared = "simulator = 'gs'\ngs.shared_policy = true";
-        assert_eq!(labels(&[shared]), ["GS, gs.shared_policy=true"]);
-        assert_eq!(labels(&["simulator = 'gs'"]), ["GS"]);
-        let mean = "simulator = 'gs'\npolicy.average_every_steps = 10_000";
-        assert_eq!(labels(&[mean]), ["GS, policy.average_every_steps=10000"]);
-        assert_eq!(labels(&["simulator = 'gs'", "simulator = 'gs'\nppo.clip = 0.2", shared])[0], "GS");
-        assert_eq!(labels(&["simulator = 'gs'", shared]), ["GS", "GS, gs.shared_policy=true"]);
-        assert_eq!(labels(&[mean, "simulator = 'gs'"])[0], "GS");
         let named = |value: &str| is_always_named("traffic.d_set", value);
         assert_eq!(["cells+light", "cells+arrivals", "cells"].map(named), [true, false, false]);
-    }
-
-    #[test]
-    fn a_key_that_is_off_if_it_is_not_set_distinguishes_groups() {
-        assert_eq!(labels(&["aip.patience = 3", ""]), ["DIALS F=1M", "DIALS F=1M, aip.patience=3"]);
-        assert_eq!(
-            labels(&["policy.recurrent = 8", "", "simulator = 'gs'", "policy.recurrent = 16"]),
-            ["GS", "DIALS F=1M", "DIALS F=1M, policy.recurrent=16", "DIALS F=1M, policy.recurrent=8"]
-        );
-        assert_eq!(ablation(&["aip.patience = 3", ""]).reference, Some(0), "most groups leave it out");
     }
 
     #[test]

@@ -55,11 +55,9 @@ pub struct Report {
     pub warnings: Vec<String>,
 }
 
-/// Makes a report of all runs under these folders. The same runs always make the same files.
+/// Makes a report of all runs under these folders, the same files for the same runs.
 ///
-/// # Errors
-///
-/// No run there was evaluated and can be read. The error lists the first reasons.
+/// No run there was evaluated and can be read: an error, which lists the first reasons.
 pub fn report(folders: &[PathBuf]) -> Result<Report> {
     let (comparisons, warnings) = compared(dials_session::records::find::find(folders)?)?;
     let groups = || comparisons.iter().flat_map(|comparison| &comparison.groups);

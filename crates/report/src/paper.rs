@@ -126,8 +126,7 @@ fn place(scenario: &ScenarioId) -> Option<(&'static PaperDomain, usize)> {
     same.then_some((domain, size))
 }
 
-/// Whether the paper's numbers apply to a scenario: it has the same number of agents, horizon, network and rules. If the
-/// network is not known, it is taken to be the same.
+/// Whether the paper's numbers apply: same agents, horizon, network (if it is known) and rules.
 pub(crate) fn has(scenario: &ScenarioId) -> bool {
     place(scenario).is_some()
 }
@@ -182,9 +181,7 @@ pub(crate) const RUNTIMES: [(&str, Retraining); 6] = [
 ];
 
 /// Returns a runtime from the table "Runtimes for the traffic control environment" or "... warehouse environment".
-///
-/// The paper measured them on 128 CPUs (AMD EPYC 7452), one process per agent. Its heading "2 agents" is that of the
-/// scenario with 4.
+/// They are of 128 CPUs (AMD EPYC 7452), a process per agent. Its heading "2 agents" is of the scenario with 4.
 pub(crate) fn runtime(scenario: &ScenarioId, simulator: &str, retraining: Retraining) -> Option<PaperRuntime> {
     let (domain, size) = place(scenario)?;
     let alone = |hours: f64| PaperRuntime { agents_training: hours, influence: None, total: hours };

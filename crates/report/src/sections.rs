@@ -78,8 +78,7 @@ fn overview(comparisons: &[Comparison]) -> String {
     )
 }
 
-/// Returns the labels in the order in which they get their colours: the paper's methods first, DIALS before GS,
-/// variants last.
+/// Returns the labels in the order of their colours: the paper's methods first, DIALS before GS, variants last.
 fn label_order(comparisons: &[Comparison]) -> Vec<String> {
     let mut groups: Vec<_> = comparisons.iter().flat_map(|comparison| &comparison.groups).collect();
     let kind = |simulator: &str| ["dials", "gs", "untrained-dials"].iter().position(|&kind| kind == simulator);

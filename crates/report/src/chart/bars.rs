@@ -149,8 +149,7 @@ impl BarChart {
         }
     }
 
-    /// Draws a bar with its marker and its number. `places`: its left end and its width in clusters, the lower end of
-    /// the axis, and the size of the number in pixels.
+    /// `places`: left end and width of the bar in clusters, lower end of the axis, and size of the number in pixels.
     fn draw_bar(&self, (root, area): (&Area, &Plot), bar: &Bar, value: f64, places: [f64; 4]) -> Result<()> {
         let [left, width, low, size] = places;
         let begin = if self.scale == Scale::Linear { 0.0 } else { low };
@@ -190,9 +189,7 @@ impl BarChart {
 }
 
 /// Returns how the number of a bar is turned, the distance of its middle from the bar's foot, and whether it is inside.
-///
-/// `long`: length of the number; `room`: width from bar to bar; `tall`: height of the bar; all in pixels. In a narrow bar
-/// the number stands upright, so that it does not reach into the next one.
+/// `long`: length of the number; `room`: width from bar to bar; `tall`: height of the bar; all in pixels.
 fn place_of_number(long: i32, room: i32, tall: i32) -> (FontTransform, i32, bool) {
     let (turn, high) = match long + px(2) > room {
         true => (FontTransform::Rotate270, long),

@@ -1,5 +1,4 @@
-//! Heat maps of agents on their grid: a panel per run, a cell per agent, shaded by its return. Stuck agents have a
-//! cross.
+//! Heat maps of agents on their grid: a panel per run, a cell per agent, shaded by its return; a cross: stuck.
 
 use anyhow::Result;
 use plotters::prelude::*;

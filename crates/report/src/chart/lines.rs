@@ -12,8 +12,7 @@ use super::{Axis, HEIGHT, LEGEND, MOST_FOR_NUMBERS, Plot, WIDTH, ends_of, whiske
 use crate::drawing::{Area, BoundedAxis, INK, SCALE, Svg, anchored, draw_mesh, px, text, text_width, write, write_at};
 
 const MARKERS: usize = 8;
-/// Largest number of lines in a chart with bands and seeds. With more, a reader could not see which line they belong
-/// to.
+/// Largest number of lines in a chart with bands and seeds: of more, a reader could not see what belongs to which.
 pub(crate) const MOST_BANDS: usize = 5;
 const COLUMNS: usize = 3;
 const PANEL: u32 = 190;
@@ -215,8 +214,7 @@ impl LineChart {
         Ok(())
     }
 
-    /// Writes the name of each level at its right end, and keeps names apart if levels are close. `ends`: right ends in
-    /// units of the whole picture.
+    /// Writes the name of each level at its right end. `ends`: right ends in units of the whole picture.
     fn name_levels(&self, area: &Area, ends: &[(i32, i32)], size: Size) -> Result<()> {
         let corner = area.get_base_pixel();
         let mut order: Vec<usize> = (0..ends.len()).collect();

@@ -184,11 +184,7 @@ pub fn compare(a: &ComparedSide, b: &ComparedSide, target: Option<f64>) -> Resul
     })
 }
 
-/// Returns warnings about what the agents of the sides see.
-///
-/// # Errors
-///
-/// The scenarios differ, the rewards, or the versions of the environment.
+/// Returns warnings about what the agents of the sides see. Other scenarios, rewards or versions are an error.
 fn check_rules(a: &ComparedSide, b: &ComparedSide) -> Result<Option<String>> {
     // The rules are the same for all runs of a side. A domain may name none.
     let rules = |side: &ComparedSide| side.group.runs.iter().find_map(|run| run.scenario().rules.clone());

@@ -53,8 +53,7 @@ fn time_unit(longest_s: f64) -> (&'static str, f64) {
     }
 }
 
-/// Whether a run of `steps` steps is long enough to compare with a figure of the paper: at least nine tenths of its
-/// steps.
+/// Whether a run is long enough to compare with a figure of the paper: at least nine tenths of its steps.
 pub(crate) fn comparable(steps: u64, paper_steps: u64) -> bool {
     10 * steps >= 9 * paper_steps
 }

@@ -78,14 +78,12 @@ pub(crate) fn learning(comparison: &Comparison, looks: &Looks, against: Against)
     draw(chart, comparison, looks).map(Some)
 }
 
-/// Returns the curves of the single runs if the group has too few for an interval. A single run has none: it is the
-/// mean.
+/// Returns the curves of the single runs, if they are several, but too few for an interval.
 fn seeds(group: &Group, curve: &dyn Fn(&RunRecord) -> Vec<(f64, f64)>) -> Vec<Vec<(f64, f64)>> {
     if shows_seeds(group.runs.len()) { group.runs.iter().map(curve).collect() } else { Vec::new() }
 }
 
-/// Draws a chart, and explains bands and pale lines before its note. With many lines, each one gets a panel with the
-/// reference. If there is no reference, all share one chart without bands, seeds and companions.
+/// Draws a chart, explained in its note. Many lines get panels beside the reference, or else lose bands and seeds.
 fn draw(mut chart: LineChart, comparison: &Comparison, looks: &Looks) -> Result<Svg> {
     let note = (!chart.note.is_empty(), chart.note.as_str());
     let without_bands = joined(&[(true, "intervals and seeds: in the CSV files"), note]);
