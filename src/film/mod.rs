@@ -44,8 +44,8 @@ impl Format {
         }
     }
 
-    /// Checks that all programs for such a film are installed. `option`: the flag to name in the error.
-    pub(crate) fn check_tools(self, option: &str) -> Result<()> {
+    /// Checks that all programs for such a film are installed.
+    pub(crate) fn check_tools(self) -> Result<()> {
         let mut tools = vec![(SUMO_GUI, "sumo"), (programs::XVFB, "xvfb"), (programs::SETPRIV, "util-linux")];
         if self == Format::Mp4 {
             tools.push(("ffmpeg", "ffmpeg, or make a .gif, which does not need it"));
@@ -53,7 +53,7 @@ impl Format {
         for (tool, package) in tools {
             ensure!(
                 on_the_path(tool).is_some(),
-                "{option}: {tool} is not on the PATH: install Debian's package {package}"
+                "--video: {tool} is not on the PATH: install Debian's package {package}"
             );
         }
         Ok(())

@@ -86,7 +86,7 @@ pub(crate) fn replay(args: &cli::ReplayArgs) -> dials_session::error::Result<()>
         let (title, speeds) = (&*about.subject, &SPEED_COLOURS[..]);
         let settings = &snapshots;
         video.make(&Replay { title, speeds, config: &config, begin_s, steps: steps.clone(), shape, settings })?;
-        answer(format_args!("wrote the film {}", video.file().display())).map_err(Error::Run)?;
+        answer(format_args!("wrote the film {}", video.file.display())).map_err(Error::Run)?;
     }
     if args.gui { watch(&config).map_err(Error::Run) } else { Ok(()) }
 }
@@ -208,15 +208,11 @@ impl Video {
     fn asked_for(file: &Path, existing: Existing) -> Result<Video> {
         let format =
             Format::of(file).with_context(|| format!("--video {}: must end in .gif or .mp4", file.display()))?;
-        format.check_tools("--video")?;
+        format.check_tools()?;
         check_free(file, "--video", existing)?;
         let folder = folder_of(file);
         ensure!(folder.is_dir(), "{}: there is no such directory for the film; make it first", folder.display());
         Ok(Video { file: file.to_owned(), format, existing })
-    }
-
-    fn file(&self) -> &Path {
-        &self.file
     }
 
     /// Films a replay. Ctrl-C stops this and leaves no file behind.

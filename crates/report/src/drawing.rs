@@ -107,11 +107,21 @@ pub(crate) fn shade(share: f64) -> RGBColor {
     RGBColor(red, green, blue)
 }
 
+/// Returns the shade of a value in a range: the higher, the darker.
+pub(crate) fn shade_of(value: f64, (low, high): (f64, f64)) -> RGBColor {
+    shade(if high > low { (value - low) / (high - low) } else { 0.5 })
+}
+
+/// Returns the ends of these values; of none, an empty range from infinity.
+pub(crate) fn ends_of(values: impl Iterator<Item = f64>) -> (f64, f64) {
+    values.fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), value| (low.min(value), high.max(value)))
+}
+
 /// Least span of shades, as a share of the largest value.
 const LEAST_SPAN: f64 = 0.25;
 
 /// Widens a range of values for [`shade`]: values that hardly differ must not look as if they did.
-pub(crate) fn widened(low: f64, high: f64) -> (f64, f64) {
+pub(crate) fn widened((low, high): (f64, f64)) -> (f64, f64) {
     let more = (LEAST_SPAN * low.abs().max(high.abs()) - (high - low)).max(0.0);
     (low - more / 2.0, high + more / 2.0)
 }

@@ -1,6 +1,7 @@
 //! Groups of runs that differ only in their seed, and comparisons of the groups of one scenario.
 
 use std::collections::{BTreeMap, BTreeSet};
+use std::path::PathBuf;
 
 use anyhow::Result;
 
@@ -143,6 +144,8 @@ pub(crate) fn evaluated_together(runs: &[&RunRecord]) -> BTreeSet<u64> {
 
 pub(crate) struct Sorted {
     pub(crate) comparisons: Vec<Comparison>,
+    /// Planned runs that have not begun.
+    pub(crate) missing: Vec<PathBuf>,
     pub(crate) left_out: Vec<LeftOut>,
 }
 
@@ -184,7 +187,7 @@ pub(crate) fn sort(found: Found) -> Result<Sorted> {
             left_out.push(LeftOut { dir: path, reason });
         }
     }
-    Ok(Sorted { comparisons, left_out })
+    Ok(Sorted { comparisons, missing: found.missing, left_out })
 }
 
 fn plain_slug(scenario: &ScenarioId, name: Option<&str>) -> String {

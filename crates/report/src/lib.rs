@@ -41,7 +41,7 @@ use anyhow::{Result, ensure};
 
 use dials_session::records::find::Found;
 use document::Figure;
-use group::{Comparison, Sorted};
+use group::Comparison;
 
 pub const PAGE: &str = "report.html";
 /// Name of the same report as Markdown, with its pictures as files beside it.
@@ -79,8 +79,7 @@ pub(crate) fn compared_figures(found: Found) -> Result<Vec<Figure>> {
 
 /// Compares the runs that were found. Also returns sentences about those that are missing or unfinished.
 fn compared(found: Found) -> Result<(Vec<Comparison>, Vec<String>)> {
-    let missing = found.missing.clone();
-    let Sorted { comparisons, left_out } = group::sort(found)?;
-    let warnings = words::warnings(&comparisons, &missing, &left_out);
-    Ok((comparisons, warnings))
+    let sorted = group::sort(found)?;
+    let warnings = words::warnings(&sorted);
+    Ok((sorted.comparisons, warnings))
 }

@@ -1,9 +1,8 @@
 //! Formats of numbers, and warnings about runs that are missing, unfinished or not comparable.
 
 use std::collections::BTreeSet;
-use std::path::PathBuf;
 
-use super::group::Comparison;
+use super::group::{Comparison, Sorted};
 use dials_core::base::statistics::difference::{Difference, Pairing};
 use dials_core::base::statistics::{Bounds, ENOUGH_SEEDS, Spread};
 use dials_core::base::{counted, decimals};
@@ -100,7 +99,7 @@ pub fn duration(seconds: f64) -> String {
 }
 
 /// Lists everything that a reader must know before trusting a figure.
-pub(crate) fn warnings(comparisons: &[Comparison], missing: &[PathBuf], left_out: &[LeftOut]) -> Vec<String> {
+pub(crate) fn warnings(Sorted { comparisons, missing, left_out }: &Sorted) -> Vec<String> {
     let mut warnings = Vec::new();
     warnings.extend(missing.iter().map(|run| format!("{}: not begun yet", Printable(run.display()))));
     warnings.extend(left_out.iter().map(LeftOut::to_string));

@@ -8,8 +8,10 @@ use plotters::style::text_anchor::{HPos, VPos};
 
 use super::legend::{self, LegendEntry, LegendSample};
 use super::look::{Dash, Look, Marker, mark, stroke};
-use super::{Axis, HEIGHT, LEGEND, MOST_FOR_NUMBERS, Plot, WIDTH, ends_of, whisker, with_air};
-use crate::drawing::{Area, BoundedAxis, INK, SCALE, Svg, anchored, draw_mesh, px, text, text_width, write, write_at};
+use super::{Axis, HEIGHT, LEGEND, MOST_FOR_NUMBERS, Plot, WIDTH, whisker, with_air};
+use crate::drawing::{
+    Area, BoundedAxis, INK, SCALE, Svg, anchored, draw_mesh, ends_of, px, text, text_width, write, write_at,
+};
 
 const MARKERS: usize = 8;
 /// Largest number of lines in a chart with bands and seeds: of more, a reader could not see what belongs to which.

@@ -41,11 +41,6 @@ pub(crate) struct Axis {
     pub(crate) format: fn(f64) -> String,
 }
 
-/// Returns the ends of these values; of none, an empty range from infinity.
-fn ends_of(values: impl Iterator<Item = f64>) -> (f64, f64) {
-    values.fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), value| (low.min(value), high.max(value)))
-}
-
 /// Widens a range by a margin at both ends.
 fn with_air((low, high): (f64, f64)) -> Range<f64> {
     let air = ((high - low) * 0.05).max(high.abs() * 1e-3).max(1e-6);

@@ -6,8 +6,8 @@ use plotters::style::text_anchor::{HPos, VPos};
 
 use super::legend::{self, LegendEntry, LegendSample};
 use super::look::{Dash, Look, Marker, mark, stroke};
-use super::{Axis, LEGEND, WIDTH, ends_of, with_air};
-use crate::drawing::{Area, BoundedAxis, INK, Svg, draw_mesh, pen, px, shortened, write, write_at};
+use super::{Axis, LEGEND, WIDTH, with_air};
+use crate::drawing::{Area, BoundedAxis, INK, Svg, draw_mesh, ends_of, pen, px, shortened, write, write_at};
 
 /// Height of an axis of a row chart, and of the note below it.
 const AXIS: u32 = 48;

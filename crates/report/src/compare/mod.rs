@@ -41,9 +41,9 @@ pub struct ComparedSide {
 impl ComparedSide {
     /// Reads the runs under these folders. Their configs may differ in the seed only.
     pub fn open(name: &str, folders: &[PathBuf]) -> Result<ComparedSide> {
-        let found = find(folders)?;
-        let missing = found.missing.clone();
-        let Sorted { mut comparisons, left_out } = sort(found)?;
+        let sorted = sort(find(folders)?)?;
+        let reasons = warnings(&sorted);
+        let Sorted { mut comparisons, left_out, .. } = sorted;
         let of_comparison = |comparison: &Comparison| {
             let label = |group: &Group| format!("{}: {}", comparison.title, group.label());
             comparison.groups.iter().map(label).collect::<Vec<String>>()
@@ -55,7 +55,6 @@ impl ComparedSide {
             labels.len(),
             labels.join("; ")
         );
-        let reasons = warnings(&comparisons, &missing, &left_out);
         let evaluated = comparisons.pop().filter(|found| found.groups.iter().any(|group| group.finals().is_some()));
         let comparison = evaluated.with_context(|| no_run(name, &reasons))?;
         let group = comparison.groups.into_iter().next().expect("the one that was counted");

@@ -117,7 +117,7 @@ fn clusters(
         Some(Bar {
             label: format!("{label}{}", if finished { "" } else { ", unfinished" }),
             look: looks.of(&group.label()),
-            value: Some(spread.mean / unit),
+            value: spread.mean / unit,
             whisker: spread.interval.map(|Bounds { low, high }| (low / unit, high / unit)),
             points: if shows_seeds(spread.runs()) { single.collect() } else { Vec::new() },
             paper: paper.map(|paper| paper / unit),

@@ -29,19 +29,15 @@ pub(crate) fn learning(comparison: &Comparison, looks: &Looks, against: Against)
         comparison.groups.iter().map(|group| (group, learning_curve(group))).collect();
     let longest = curves.iter().flat_map(|(_, points)| points.iter().filter_map(|point| point.runtime_s));
     let (unit, seconds) = time_unit(longest.fold(0.0, f64::max));
-    let place = |point: &CurvePoint| match against {
-        Against::Timesteps => Some(point.steps as f64),
-        Against::Runtime => point.runtime_s.map(|runtime| runtime / seconds),
+    let place_of = |steps: u64, runtime_s: Option<f64>| match against {
+        Against::Timesteps => Some(steps as f64),
+        Against::Runtime => runtime_s.map(|runtime| runtime / seconds),
     };
+    let place = |point: &CurvePoint| place_of(point.steps, point.runtime_s);
     let of_run = |run: &RunRecord| {
-        let points = run.evaluations.iter().filter_map(|point| {
-            let place = match against {
-                Against::Timesteps => point.steps as f64,
-                Against::Runtime => run.runtime_at(point.steps)? / seconds,
-            };
-            Some((place, point.all.mean))
-        });
-        points.collect()
+        let evaluations = run.evaluations.iter();
+        let place = |steps| place_of(steps, run.runtime_at(steps));
+        evaluations.filter_map(|point| Some((place(point.steps)?, point.all.mean))).collect()
     };
     let lines: Vec<Line> = curves
         .iter()
