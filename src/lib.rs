@@ -31,8 +31,7 @@ pub fn main() -> u8 {
     }
 }
 
-/// Lets all values be negative numbers, which their own checks then refuse. Otherwise clap takes one for an option, and its
-/// advice would make it a file.
+/// Lets all values be negative numbers: clap would take one for an option, and their own checks refuse it.
 fn with_negative_numbers(command: Command) -> Command {
     let command = command.mut_args(|arg| {
         let takes_values = arg.get_action().takes_values();

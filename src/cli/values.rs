@@ -5,7 +5,6 @@ use std::ops::{Range, RangeInclusive};
 use clap::builder::{PossibleValue, PossibleValuesParser};
 use dials_learn::config::short_forms;
 
-/// Returns a reader of the ways to train in one word.
 pub(super) fn short_form() -> PossibleValuesParser {
     let capital = |text: &str| format!("{}{}", text[..1].to_uppercase(), &text[1..]);
     short_forms().into_iter().map(|form| PossibleValue::new(form.name).help(capital(form.help))).into()
@@ -27,12 +26,10 @@ pub(super) fn whole<T: TryFrom<u64>>(range: RangeInclusive<u64>) -> impl Fn(&str
     }
 }
 
-/// Reads a seed.
 pub(super) fn seed(text: &str) -> Result<u64, String> {
     whole(0..=u64::MAX)(text)
 }
 
-/// Reads a number of steps.
 pub(super) fn number_of_steps(text: &str) -> Result<u64, String> {
     // TOML, in which runs write it down, has no larger numbers.
     let steps = whole_number(text).filter(|steps| *steps <= i64::MAX as u64);
@@ -46,25 +43,21 @@ fn whole_number(text: &str) -> Option<u64> {
     digits.parse::<u64>().ok().or_else(rounded)
 }
 
-/// Reads how much cars dawdle.
 pub(super) fn sigma(text: &str) -> Result<f64, String> {
     let number = number(text)?;
     if (0.0..=1.0).contains(&number) { Ok(number) } else { Err("must be from 0 to 1".to_owned()) }
 }
 
-/// Reads a dead end and its probability.
 pub(super) fn inflow_at(text: &str) -> Result<(String, f64), String> {
     let (dead_end, probability) = text.split_once('=').ok_or("must be DEAD_END=PROBABILITY, such as w1=0.3")?;
     Ok((dead_end.trim().to_owned(), finite(probability.trim())?))
 }
 
-/// Reads a number that is neither infinite nor NaN.
 pub(super) fn finite(text: &str) -> Result<f64, String> {
     let number = number(text)?;
     if number.is_finite() { Ok(number) } else { Err("must be a finite number".to_owned()) }
 }
 
-/// Reads a number.
 pub(super) fn number(text: &str) -> Result<f64, String> {
     text.parse().map_err(|_| "must be a number such as 0.5".to_owned())
 }

@@ -1,5 +1,4 @@
-//! What the pictures of a film show besides the roads: a title and the clock above, the scale of speeds below, and lights
-//! that are wide enough to see.
+//! What pictures of a film show besides roads: title, clock, the scale of speeds, and lights wide enough to see.
 
 use super::letters::{ADVANCE, HEIGHT, dots};
 use super::picture_file::Picture;
@@ -13,7 +12,6 @@ pub(super) const DOT: usize = 2;
 const LIGHT: usize = 3;
 /// Colours in which sumo-gui draws red, yellow and green, and nothing else.
 const LIGHTS: [[u8; 3]; 3] = [[255, 0, 0], [255, 255, 0], [0, 255, 0]];
-/// Width of the scale of speeds.
 const SCALE: usize = 160;
 /// Colour of everything that is no road, as sumo-gui paints it, too.
 pub(super) const PAPER: [u8; 3] = [245, 245, 245];
@@ -64,7 +62,6 @@ fn between(speeds: &[SpeedColour], speed: f32) -> [u8; 3] {
     std::array::from_fn(|part| (f32::from(slow[part]) * (1.0 - share) + f32::from(fast[part]) * share) as u8)
 }
 
-/// Returns hours, minutes and seconds.
 fn clock(second: u64) -> String {
     format!("{}:{:02}:{:02}", second / 3600, second / 60 % 60, second % 60)
 }
@@ -92,11 +89,6 @@ mod tests {
 
     const SPEEDS: [SpeedColour; 3] = [([200, 0, 0], 0), ([200, 200, 0], 5), ([0, 0, 200], 10)];
 
-    fn grey() -> Picture {
-        Picture::plain([400, 100], [90, 90, 90])
-    }
-
-    /// Returns the number of pixels of a colour in these rows.
     fn count(picture: &Picture, rows: std::ops::Range<usize>, colour: [u8; 3]) -> usize {
         let pixels = picture.colours().skip(rows.start * picture.width).take(rows.len() * picture.width);
         pixels.filter(|&pixel| pixel == colour).count()
@@ -104,7 +96,7 @@ mod tests {
 
     #[test]
     fn a_light_of_a_pixel_becomes_a_square_and_roads_stay_as_they_are() {
-        let mut roads = grey();
+        let mut roads = Picture::plain([400, 100], [90; 3]);
         roads.paint([50, 20], [1, 1], [0, 255, 0]);
         let picture = caption(&roads, "a", 0, &SPEEDS);
         assert_eq!((picture.width, picture.height), (400, 180));
@@ -115,12 +107,13 @@ mod tests {
 
     #[test]
     fn the_title_and_the_clock_are_above_and_the_speeds_below() {
-        let ink = |title: &str, second| count(&caption(&grey(), title, second, &SPEEDS), 0..40, INK);
+        let roads = Picture::plain([400, 100], [90; 3]);
+        let ink = |title: &str| count(&caption(&roads, title, 0, &SPEEDS), 0..40, INK);
         // Each dot has four pixels. A colon has eight dots, and a zero has 19.
         let zeros = 4 * (5 * 19 + 2 * 8);
-        assert_eq!((ink("", 0), ink("-", 0)), (zeros, zeros + 4 * 5));
+        assert_eq!((ink(""), ink("-")), (zeros, zeros + 4 * 5));
         assert_eq!(clock(3671), "1:01:11");
-        let picture = caption(&grey(), "", 0, &SPEEDS);
+        let picture = caption(&roads, "", 0, &SPEEDS);
         for (colour, _) in [SPEEDS[0], SPEEDS[1]] {
             assert_eq!(count(&picture, 140..180, colour), HEIGHT * DOT, "one column has exactly this colour");
         }

@@ -28,7 +28,6 @@ pub(crate) use pictures::{join, take};
 
 const SUMO_GUI: &str = "sumo-gui";
 
-/// The format of a film.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Format {
     Gif,
@@ -45,9 +44,8 @@ impl Format {
         }
     }
 
-    /// Checks that all programs for such a film are installed. The error says what to install. `option`: the flag to
-    /// name in it.
-    pub(crate) fn check_tools(self, option: &str) -> Result<()> {
+    /// Checks that all programs for such a film are installed.
+    pub(crate) fn check_tools(self) -> Result<()> {
         let mut tools = vec![(SUMO_GUI, "sumo"), (programs::XVFB, "xvfb"), (programs::SETPRIV, "util-linux")];
         if self == Format::Mp4 {
             tools.push(("ffmpeg", "ffmpeg, or make a .gif, which does not need it"));
@@ -55,16 +53,14 @@ impl Format {
         for (tool, package) in tools {
             ensure!(
                 on_the_path(tool).is_some(),
-                "{option}: {tool} is not on the PATH: install Debian's package {package}"
+                "--video: {tool} is not on the PATH: install Debian's package {package}"
             );
         }
         Ok(())
     }
 }
 
-/// An episode that sumo-gui plays.
 pub(crate) struct Replay<'a> {
-    /// Words above the roads.
     pub(crate) title: &'a str,
     /// Colours of cars, from the slowest on.
     pub(crate) speeds: &'a [SpeedColour],
@@ -72,7 +68,6 @@ pub(crate) struct Replay<'a> {
     pub(crate) config: &'a Path,
     /// Steps that are shown; each becomes one picture.
     pub(crate) steps: Range<usize>,
-    /// Second at which the episode begins.
     pub(crate) begin_s: u64,
     pub(crate) shape: Shape,
     /// Function that returns settings with which sumo-gui writes these pictures, the i-th before the i-th of these steps.
@@ -99,7 +94,6 @@ pub(crate) fn check_screen() -> Result<()> {
     Ok(())
 }
 
-/// Opens sumo-gui for a person and waits until it is closed.
 pub(crate) fn watch(config: &Path) -> Result<()> {
     let status = Command::new(SUMO_GUI).arg("-c").arg(config).arg("--start").status();
     let status = status.context("sumo-gui could not be started")?;
@@ -109,16 +103,4 @@ pub(crate) fn watch(config: &Path) -> Result<()> {
         quoted(config)
     );
     Ok(())
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn the_ending_of_a_file_names_its_format() {
-        let of = |file: &str| Format::of(Path::new(file));
-        assert_eq!([of("a/b.gif"), of("b.mp4")], [Some(Format::Gif), Some(Format::Mp4)]);
-        assert_eq!([of("b.avi"), of("gif"), of(".gif")], [None; 3]);
-    }
 }

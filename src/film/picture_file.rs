@@ -6,7 +6,6 @@ use std::path::Path;
 
 use anyhow::{Context, Result, ensure};
 
-/// A picture.
 pub(super) struct Picture {
     pub(super) width: usize,
     pub(super) height: usize,
@@ -15,7 +14,6 @@ pub(super) struct Picture {
 }
 
 impl Picture {
-    /// Returns a picture of one colour.
     pub(super) fn plain([width, height]: [usize; 2], [red, green, blue]: [u8; 3]) -> Picture {
         Picture { width, height, pixels: [red, green, blue, 255].repeat(width * height) }
     }

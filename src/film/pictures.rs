@@ -1,5 +1,4 @@
-//! Takes the pictures of a film: sumo-gui plays a replay on a virtual screen and takes one picture per step. Then joins
-//! them.
+//! Takes the pictures of a film: sumo-gui plays a replay on a virtual screen. Then joins them.
 
 use std::fs::{self, File};
 use std::path::{Path, PathBuf};
@@ -17,7 +16,6 @@ use super::{Format, Replay, SUMO_GUI, Shape};
 use dials_session::terminal::check_stop;
 use dials_session::terminal::counting::EpisodeBar;
 
-/// Number of steps that a film shows per second.
 const STEPS_PER_SECOND: u16 = 10;
 
 /// Number of steps that sumo-gui plays after the last picture. If it ends with a picture, it often crashes (SUMO 1.15).
@@ -32,8 +30,7 @@ const UNSEEN: Duration = Duration::from_millis(500);
 /// Width and height of sumo-gui's window minus those of the roads, in pixels (measured with SUMO 1.15).
 const FRAME: (usize, usize) = (10, 215);
 
-/// Takes the pictures of a replay in the empty directory `folder`, one per step, and adds their captions. Ends with an error
-/// soon after `stop` is set.
+/// Takes one picture per step in the empty directory `folder`. Ends with an error soon after `stop` is set.
 pub(crate) fn take(replay: &Replay, folder: &Path, stop: &AtomicBool) -> Result<Vec<PathBuf>> {
     let frames: Vec<PathBuf> = (0..replay.steps.len()).map(|number| folder.join(format!("{number:06}.png"))).collect();
     let settings = folder.join("view.xml");
@@ -98,8 +95,7 @@ fn wait_for(gui: &mut Program, frames: &[PathBuf], patience: Duration, stop: &At
     Ok(end)
 }
 
-/// Returns width and height of the roads, in pixels. The longer side grows with a grid from 800 to 1200. On a map it is
-/// 1200.
+/// Returns width and height of the roads, in pixels. On a map the longer side is 1200; with a grid it grows to that.
 fn canvas(shape: Shape) -> (usize, usize) {
     let (wide, tall, longer) = match shape {
         Shape::Grid { columns, rows } => {
@@ -113,7 +109,6 @@ fn canvas(shape: Shape) -> (usize, usize) {
     (side(wide), side(tall))
 }
 
-/// Joins pictures to a film. Ends with an error soon after `stop` is set.
 pub(crate) fn join(pictures: &[PathBuf], format: Format, film: &Path, stop: &AtomicBool) -> Result<()> {
     match format {
         Format::Gif => join_gif(pictures, film, stop),

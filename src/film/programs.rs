@@ -15,9 +15,7 @@ pub(super) const XVFB: &str = "Xvfb";
 /// Program that makes another program end together with this one.
 pub(super) const SETPRIV: &str = "setpriv";
 
-/// Returns a command for a program that ends together with this one, however this one ends.
-///
-/// setpriv asks the system for that and then becomes the program.
+/// Returns a command for a program that ends together with this one, by setpriv, however this one ends.
 pub(super) fn tied(program: &str) -> Command {
     let mut command = Command::new(SETPRIV);
     // Ctrl-C at the terminal goes to this program alone, which then ends the others.
@@ -49,7 +47,6 @@ impl Drop for Program {
     }
 }
 
-/// Creates a file for the output of a program.
 pub(super) fn log_file(file: &Path) -> Result<File> {
     File::create(file).context("the temporary directory cannot be written to")
 }

@@ -29,7 +29,6 @@ pub(crate) fn write(scenes: &[Scene], titles: &[String], dir: &Directory) -> Res
     dir.put("episode.gif", &animate(scenes, titles)?)
 }
 
-/// Returns the number of pixels per unit.
 fn scale(scene: &Scene) -> usize {
     let [width, height] = scene.size();
     ((LONGER_SIDE / width.max(height)) as usize).max(LEAST_SCALE)
@@ -44,7 +43,6 @@ fn below_title((width, height, pixels): (usize, usize, Vec<Colour>), title: &str
     picture
 }
 
-/// Returns an animation of the scenes as the bytes of a GIF.
 fn animate(scenes: &[Scene], titles: &[String]) -> Result<Vec<u8>> {
     let titled = scenes.iter().zip(titles);
     let frames: Vec<Picture> = titled.map(|(scene, title)| below_title(scene.to_pixels(scale(scene)), title)).collect();

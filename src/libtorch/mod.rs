@@ -29,8 +29,7 @@ pub(crate) fn script(networks: &[u8], name: &str) -> Result<Vec<u8>> {
     call(&["script", name], networks)
 }
 
-/// Returns the operations per second of libtorch's matrix products on one thread, at their best within `time`. In a build without
-/// libtorch: `None`.
+/// Returns the operations per second of libtorch's matrix products on one thread, at best. Without it: `None`.
 pub(crate) fn peak(time: Duration) -> Result<Option<f64>> {
     if check().is_err() {
         return Ok(None);
@@ -39,7 +38,6 @@ pub(crate) fn peak(time: Duration) -> Result<Option<f64>> {
     Ok(Some(String::from_utf8_lossy(&said).parse()?))
 }
 
-/// Returns the shared libraries that come with libtorch.
 pub(crate) fn libraries() -> Result<Vec<PathBuf>> {
     let said = call(&["libraries"], &[])?;
     Ok(String::from_utf8_lossy(&said).lines().map(PathBuf::from).collect())

@@ -116,7 +116,6 @@ impl Tower {
         (!layers.is_empty()).then(|| Tower { gru: gru(), layers })
     }
 
-    /// Returns the number of networks, and of their inputs.
     fn inputs(&self) -> (i64, i64) {
         let first = self.gru.as_ref().map_or(&self.layers[0][0], |gru| &gru.input_weight).size();
         (first[0], first[1])

@@ -34,7 +34,6 @@ use stacknets::peak;
 
 /// Time for measuring matrix products at peak speed, of each kind.
 const PEAK_TIME: Duration = Duration::from_millis(500);
-/// A worker that is silent for this long is lost.
 const PATIENCE: Duration = Duration::from_secs(600);
 
 /// Peak speed of matrix products on one core, in floating-point operations per second.
@@ -93,7 +92,6 @@ pub(super) fn bench(args: &cli::BenchArgs) -> Result<()> {
     Ok(())
 }
 
-/// Measures one fleet in a temporary directory.
 fn run(
     config: &RunConfig,
     domain: &Arc<dyn Domain>,

@@ -19,8 +19,7 @@ pub(super) fn compare(args: &cli::CompareArgs) -> Result<()> {
     answer(found).map_err(Error::Run)
 }
 
-/// Returns the folders that a side names: a path, a pattern such as `runs/x-seed*`, or several of them, separated by
-/// commas.
+/// Returns the folders of a side: a path, a pattern such as `runs/x-seed*`, or several of them with commas between.
 fn folders(name: &str) -> anyhow::Result<Vec<PathBuf>> {
     let whole = PathBuf::from(name);
     if whole.exists() {

@@ -40,7 +40,6 @@ pub(super) fn man(dir: &Path, force: bool) -> Result<()> {
     Ok(())
 }
 
-/// Prints the JSON schema of a config.
 pub(super) fn print_schema() -> Result<()> {
     answer(json(serde_json::to_string_pretty(&schema()).expect("JSON has any text"))).map_err(Error::Run)
 }

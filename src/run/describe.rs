@@ -28,7 +28,6 @@ use dials_session::{build, domains};
 /// Folder whose runs show how long a run takes here: where `train` writes.
 const RUNS: &str = "runs";
 
-/// Everything that is shown of a config.
 struct Described {
     path: PathBuf,
     config: RunConfig,
@@ -39,7 +38,6 @@ struct Described {
     estimate: Estimate,
 }
 
-/// An agent with its name and its task.
 struct AgentTask {
     agent: AgentId,
     name: String,
@@ -88,7 +86,6 @@ fn runs_of_this_cpu(folder: &Path) -> Vec<RunRecord> {
     found.runs.into_iter().filter(|run| run.about.versions.cpu == here).collect()
 }
 
-/// Returns the whole object.
 fn as_json(described: &Described) -> Value {
     let Described { path, config, domain, tasks, work, workers, estimate } = described;
     let agents = tasks.iter().map(|agent| json!({ "agent": agent.agent.0, "name": agent.name, "task": agent.task }));
@@ -125,10 +122,8 @@ fn as_json(described: &Described) -> Value {
     })
 }
 
-/// Largest number of agents whose names are listed.
 const MOST_NAMES: usize = 12;
 
-/// Returns the whole text.
 fn as_text(described: &Described) -> String {
     let mut text = Listing::default();
     agents(&mut text, described);
@@ -181,7 +176,6 @@ fn task(text: &mut Listing, Described { domain, tasks, config, .. }: &Described)
     }
 }
 
-/// Returns the widths of an agent's task.
 fn shape(AgentTask { task, .. }: &AgentTask) -> [usize; 4] {
     [task.observation.len(), task.actions.len(), task.sources.len(), task.d_set.len()]
 }

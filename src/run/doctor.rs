@@ -24,7 +24,6 @@ use dials_traffic::paper_grid::grid::Grid;
 use dials_traffic::paper_grid::make::{write_grid, write_local};
 use stacknets::VectorWidth;
 
-/// Version of SUMO that was tried.
 const TRIED_SUMO: &str = "SUMO 1.15.";
 /// Memory that a worker and this program need at least, in MiB.
 const MEMORY_MIB: u64 = 300;
@@ -92,7 +91,6 @@ enum Finding {
     Good(String),
     /// Some commands do not work, but training does.
     Missing(String, String),
-    /// Training cannot work.
     Error(String, String),
 }
 
@@ -108,7 +106,6 @@ impl fmt::Display for Finding {
     }
 }
 
-/// Looks at libraries, programs and limits.
 fn parts() -> Vec<Finding> {
     let mut findings = vec![build_here(), sumo(), libtorch(), mpi()];
     findings.extend(PROGRAMS.map(program));

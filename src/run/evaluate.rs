@@ -73,7 +73,6 @@ pub(super) fn baseline(args: &cli::BaselineArgs) -> Result<()> {
     written
 }
 
-/// The episodes of one command and its output options.
 struct Session<'a> {
     domain: &'a dyn Domain,
     episodes: usize,
@@ -110,8 +109,8 @@ impl<'a> Session<'a> {
         self.output.csv.as_deref().map(|dir| CsvFiles::create(dir, existing)).transpose()
     }
 
-    /// Lets all subjects play the same episodes, one subject after the other. Returns what was found, and whether it is in
-    /// the files of `--csv`: a full disk must not cost what was played.
+    /// Lets all subjects play the same episodes. The files of `--csv` have a result of their own, because a full disk must
+    /// not cost what was played.
     fn play(&self, subjects: Vec<Subject>, mut csv: Option<CsvFiles>) -> Result<(Vec<Finding>, Result<()>)> {
         let bar = EpisodeBar::new(subjects.len() * self.episodes);
         let mut findings = Vec::new();
@@ -159,7 +158,6 @@ impl<'a> Session<'a> {
         answer(found).map_err(Error::Run)
     }
 
-    /// Draws the pictures of `--plot`, after the figures were printed.
     fn draw(&self, plots: Option<&Plots>, finding: &Finding, subject: String) -> Result<()> {
         let Some(plots) = plots else { return Ok(()) };
         let evaluation = Evaluation::new(self.domain, &finding.episodes);
@@ -192,9 +190,7 @@ impl CsvFiles {
     }
 }
 
-/// Plays the first evaluation episode of the seed `run` and draws it into the directory `dir`, which is made anew.
-///
-/// The files are `step_NNN.svg` for every step, and `episode.gif`.
+/// Draws the first evaluation episode of the seed `run` as `step_NNN.svg` for every step, and `episode.gif`.
 fn render(
     simulator: &mut dyn GlobalSimulator,
     controller: &mut dyn Controller,
@@ -223,9 +219,7 @@ fn title(step: usize, measures: &Measures) -> String {
     format!("step {step}{}", figures.collect::<String>())
 }
 
-/// Folder of the cached timings.
 const FOLDER: &str = "tuned";
-/// Controllers that are tuned.
 const TUNED: [&str; 2] = [FIXED_TIME, COORDINATED];
 
 /// Replaces every `fixed-time` and `coordinated` without parameters by the best timings that the search finds.
@@ -253,8 +247,7 @@ fn tune(config: &RunConfig, episodes: usize, subjects: &mut [Subject]) -> Result
     Ok(())
 }
 
-/// Returns the file of a controller's timings for this network, horizon, seed, search and SUMO. If there is none, makes
-/// it.
+/// Returns the file of timings for this network, horizon, seed, search and SUMO; makes it if there is none.
 fn tuned_file(config: &RunConfig, controller: &str, episodes: usize) -> Result<PathBuf> {
     let Some(traffic) = domains::traffic(config).map_err(Error::Usage)? else {
         return Err(Error::Usage(anyhow!("--tune: only traffic lights can be tuned")));

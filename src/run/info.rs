@@ -24,7 +24,6 @@ pub(super) fn info() -> Result<()> {
     answer(lines.join("\n")).map_err(Error::Run)
 }
 
-/// Describes libtorch and its BLAS, if this program was built with them.
 fn about_libtorch(build: &Versions) -> Result<String> {
     if libtorch::check().is_err() {
         return Ok("no libtorch: built without the feature `torch`".to_owned());
@@ -34,7 +33,6 @@ fn about_libtorch(build: &Versions) -> Result<String> {
     Ok(format!("libtorch {} at {torch}\nBLAS at {blas}", build.libtorch))
 }
 
-/// Returns the path, or that there is none.
 pub(super) fn place(found: Option<PathBuf>) -> String {
     found.map_or("(not found)".to_owned(), |path| path.display().to_string())
 }

@@ -4,7 +4,6 @@ use std::fmt::{Display, Write};
 
 use dials_core::base::for_terminal;
 
-/// A text that grows.
 #[derive(Default)]
 pub(super) struct Listing(String);
 
@@ -18,7 +17,6 @@ impl Listing {
         self.line(for_terminal(&words.to_string()));
     }
 
-    /// Writes rows as columns of equal width.
     pub(super) fn table<const N: usize>(&mut self, rows: Vec<[String; N]>) {
         let width = |column: usize| rows.iter().map(|row| row[column].chars().count()).max().unwrap_or(0);
         let widths: [usize; N] = std::array::from_fn(width);
@@ -45,7 +43,6 @@ impl Listing {
         self.table(rows);
     }
 
-    /// Returns the text without the end of its last line.
     pub(super) fn finish(self) -> String {
         self.0.trim_end().to_owned()
     }

@@ -40,7 +40,6 @@ use dials_session::machine::note_option_for_processes;
 use dials_session::parent::end_with;
 use dials_session::terminal::{Talk, talk};
 
-/// Runs one command.
 pub(crate) fn run(cli: Cli) -> Result<()> {
     if let Some(parent) = cli.end_with {
         end_with(parent).map_err(Error::Run)?;

@@ -31,7 +31,6 @@ pub(super) struct Plots {
     traffic: Traffic,
     /// Way along which a scenario is drawn, if `--route` names one.
     route: Option<Route>,
-    /// Seconds of the episode to show, if `--seconds` names some.
     seconds: Option<Range<usize>>,
 }
 
@@ -50,7 +49,6 @@ impl Plots {
         Ok(Some(Plots { dir: dir.clone(), existing, tape, traffic, route, seconds }))
     }
 
-    /// Returns the domain to play the episodes on.
     pub(super) fn domain(&self) -> &dyn Domain {
         &self.traffic
     }
@@ -74,7 +72,6 @@ pub(super) fn draw_recording(
     write(&of_episode(&shown(recording, None, seconds)?, about)?, dir, existing)
 }
 
-/// Returns the seconds of a recording that pictures show.
 fn shown(recording: &Recording, route: Option<&Route>, seconds: Option<Range<usize>>) -> Result<RoadTrace> {
     let trace = trace(recording, route)?;
     Ok(match seconds {
@@ -83,7 +80,6 @@ fn shown(recording: &Recording, route: Option<&Route>, seconds: Option<Range<usi
     })
 }
 
-/// Draws the pictures of one episode. Returns them with the names of their files.
 fn of_episode(trace: &RoadTrace, about: &About) -> Result<Vec<(&'static str, Svg)>> {
     let mut pictures =
         vec![("queues.svg", plot::queues(trace, about)?), ("signals.svg", plot::signal_timing(trace, about)?)];

@@ -1,5 +1,4 @@
-//! `replay`: writes one episode as a folder that SUMO plays; on request opens it in sumo-gui or films it. The players are
-//! a controller, trained policies, or one agent in its local simulator.
+//! `replay`: writes one episode as a folder that SUMO plays; on request opens it in sumo-gui or films it.
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -87,12 +86,11 @@ pub(crate) fn replay(args: &cli::ReplayArgs) -> dials_session::error::Result<()>
         let (title, speeds) = (&*about.subject, &SPEED_COLOURS[..]);
         let settings = &snapshots;
         video.make(&Replay { title, speeds, config: &config, begin_s, steps: steps.clone(), shape, settings })?;
-        answer(format_args!("wrote the film {}", video.file().display())).map_err(Error::Run)?;
+        answer(format_args!("wrote the film {}", video.file.display())).map_err(Error::Run)?;
     }
     if args.gui { watch(&config).map_err(Error::Run) } else { Ok(()) }
 }
 
-/// Returns an error if seconds are named, but no output that shows them.
 fn check_seconds_are_shown(args: &cli::ReplayArgs) -> Result<()> {
     ensure!(
         args.seconds.is_none() || args.video.is_some() || args.plot.is_some(),
@@ -101,7 +99,6 @@ fn check_seconds_are_shown(args: &cli::ReplayArgs) -> Result<()> {
     Ok(())
 }
 
-/// Returns who plays, for pictures.
 fn subject(args: &cli::ReplayArgs) -> String {
     let name = args.subject.display();
     match (&args.controller, &args.local) {
@@ -120,14 +117,16 @@ struct ReplayedEpisode {
     cast: Cast,
 }
 
-/// The players of an episode.
 enum Cast {
-    /// A hand-coded controller on the whole grid.
     Baseline(String),
     /// The trained policies on the whole grid.
     Policies(JointPolicyController),
     /// The policy of one agent in its local simulator, with cars from its approximate influence predictor (AIP).
-    Local { agent: AgentId, policy: StackController, aip: Box<dyn TrainablePredictor> },
+    Local {
+        agent: AgentId,
+        policy: StackController,
+        aip: Box<dyn TrainablePredictor>,
+    },
 }
 
 impl ReplayedEpisode {
@@ -171,7 +170,6 @@ impl ReplayedEpisode {
         with(&run.config, cast)
     }
 
-    /// Plays the episode and returns its recording.
     fn play(self) -> Result<Recording> {
         let seed = episode_seed(Seed::new(self.run), 0);
         match self.cast {
@@ -207,19 +205,14 @@ struct Video {
 }
 
 impl Video {
-    /// Checks the tools and the output file before any work begins.
     fn asked_for(file: &Path, existing: Existing) -> Result<Video> {
         let format =
             Format::of(file).with_context(|| format!("--video {}: must end in .gif or .mp4", file.display()))?;
-        format.check_tools("--video")?;
+        format.check_tools()?;
         check_free(file, "--video", existing)?;
         let folder = folder_of(file);
         ensure!(folder.is_dir(), "{}: there is no such directory for the film; make it first", folder.display());
         Ok(Video { file: file.to_owned(), format, existing })
-    }
-
-    fn file(&self) -> &Path {
-        &self.file
     }
 
     /// Films a replay. Ctrl-C stops this and leaves no file behind.

@@ -57,8 +57,7 @@ fn listed(settings: &[String]) -> String {
     format!("{}-and-more", &words[..end])
 }
 
-/// Returns a value without brackets, braces, blanks and other letters that a shell or a pattern would read in its own
-/// way: `[8, 4]` becomes `8_4`.
+/// Returns a value without letters that a shell or a pattern would read in its own way: `[8, 4]` becomes `8_4`.
 fn plain(value: &str) -> String {
     let is_plain = |letter: char| letter.is_alphanumeric() || "-_.=+".contains(letter);
     let value: String = value.split_whitespace().collect();

@@ -33,7 +33,6 @@ pub(super) struct Background {
 }
 
 impl Background {
-    /// Returns who follows the policies and what the others do.
     fn words(&self) -> String {
         let agents: Vec<String> = self.policies_of.iter().map(|agent| agent.0.to_string()).collect();
         format!("agents {}; others {}", agents.join(","), self.controller)
@@ -72,7 +71,6 @@ impl Subject {
         Ok(words.into_iter().map(subject).collect())
     }
 
-    /// Returns the name of the subject in tables and files.
     pub(super) fn label(&self) -> String {
         match self {
             Subject::Controller(name) => name.clone(),
@@ -143,13 +141,11 @@ impl Subject {
     }
 }
 
-/// Returns how `--greedy` says that policies choose their actions.
 pub(super) fn selection(greedy: bool) -> Selection {
     if greedy { Selection::Greedy } else { Selection::Sampled }
 }
 
-/// Warns if the run in `dir` was trained by other rules than those by which `domain` scores it. It is an error if its
-/// policies know other observations.
+/// Warns if the run was trained by other rules than those of `domain`; other observations are an error.
 fn check_rules(dir: &Path, domain: &dyn Domain) -> Result<()> {
     let recorded = RunJson::read(dir)?.scenario.rules;
     let (Some(theirs), Some(ours)) = (recorded, domain.scenario()?.rules) else { return Ok(()) };

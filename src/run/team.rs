@@ -28,7 +28,6 @@ use dials_session::machine::{end_now, leave_signals_to_another};
 #[cfg(feature = "mpi")]
 use dials_session::records::{files, run_json::Versions};
 
-/// The places of the workers.
 pub(super) enum Team {
     /// Processes of this machine, or this process.
     Here,
@@ -37,19 +36,16 @@ pub(super) enum Team {
     Ranks(Ranks, usize),
 }
 
-/// The run that a fleet is for.
 pub(super) struct Plan<'a> {
     pub domain: &'a Arc<dyn Domain>,
     pub config: &'a RunConfig,
     pub directory: &'a Directory,
-    /// Number of workers; 0: this process.
     pub workers: usize,
     pub patience: Duration,
 }
 
 impl Team {
-    /// Takes part in the MPI job, if there is one. A rank that is not rank 0 works here until the run has ended, and then
-    /// returns `None`.
+    /// Takes part in the MPI job, if any. A rank that is not 0 works here until the run has ended, and returns `None`.
     pub(super) fn join(args: &cli::TrainArgs) -> Result<Option<Team>> {
         let ranks = fleet::ranks();
         check_flags(args, ranks).map_err(Error::Usage)?;
@@ -78,7 +74,6 @@ impl Team {
         }
     }
 
-    /// Starts the workers of a run.
     pub(super) fn fleet(self, plan: &Plan, observer: Rc<dyn Observer>) -> anyhow::Result<Coordinator> {
         let Plan { domain, config, directory, workers, patience } = *plan;
         let most_growth = MostGrowth::default();

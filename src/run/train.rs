@@ -94,7 +94,6 @@ pub(super) fn train(args: &cli::TrainArgs) -> Result<()> {
 
 /// A run that is ready to begin or to resume.
 struct Run {
-    /// Run directory, which this process has locked.
     directory: Directory,
     config: RunConfig,
     domain: Arc<dyn Domain>,
@@ -102,7 +101,6 @@ struct Run {
     owner: Owner,
     /// Point from which the run continues. `None`: it is new.
     resumed: Option<ResumePoint>,
-    /// Whether all its files are there already.
     has_ended: bool,
     /// This build, if another build wrote the run so far.
     other_build: Option<Versions>,
@@ -188,9 +186,8 @@ fn end_at(directory: &Directory, steps: u64) -> anyhow::Result<String> {
     Ok(text)
 }
 
-/// Returns whether nothing is left to do, and then says how to train further. Otherwise says so if the resumed run loses an
-/// evaluation: that of an earlier end at which the longer run is not evaluated. The files of a resumed run are those of a
-/// run that was never stopped.
+/// Returns whether nothing is left to do, and then says how to train further. Otherwise says if the resumed run loses the
+/// evaluation of an earlier end: its files are those of a run that was never stopped.
 fn has_ended(dir: &Path, config: &RunConfig, point: &ResumePoint) -> bool {
     let Some(checkpoint) = &point.checkpoint else { return false };
     let (steps, standing) = (checkpoint.agents.steps, &checkpoint.progress.standing);
@@ -235,7 +232,6 @@ impl Run {
         workers
     }
 
-    /// Returns a line that says what this run is and what it will do.
     fn plan(&self, workers: usize) -> anyhow::Result<String> {
         let Run { directory, config, domain, .. } = self;
         let at = if workers == 0 { "this process".to_owned() } else { counted(workers, "worker") };
@@ -300,7 +296,6 @@ fn workers(asked: Option<usize>, config: &RunConfig, agents: usize) -> usize {
     asked.unwrap_or_else(cores).min(shared.into_iter().fold(agents, usize::max))
 }
 
-/// Makes sure that this process may have enough files open for its workers.
 fn allow_workers(workers: usize) -> Result<()> {
     allow_open_files(workers, FILES_PER_WORKER, "--workers").map_err(Error::Usage)
 }
@@ -314,18 +309,15 @@ fn settings(args: &cli::TrainArgs) -> Vec<String> {
     settings
 }
 
-/// Returns the settings of `--set`, and `--simulator` as a setting.
 pub(super) fn settings_with(settings: &[String], simulator: Option<&str>) -> Vec<String> {
     settings.iter().cloned().chain(simulator.map(|name| format!("simulator={name}"))).collect()
 }
 
-/// Returns the default number of workers: one per core.
 pub(super) fn cores() -> usize {
     std::thread::available_parallelism().map_or(1, usize::from)
 }
 
-/// Returns the last line of a run that was stopped: what is kept, and the command to go on. `place`: where its directory
-/// is now.
+/// Returns the last line of a run that was stopped. `place`: where its directory is now.
 fn stopped(directory: &Directory, place: &Path, end: u64) -> String {
     let kept = match newest_step(directory) {
         Ok(Some(step)) => format!("stopped; kept up to step {step} of {end} per agent"),

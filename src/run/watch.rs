@@ -35,11 +35,10 @@ pub(super) fn watch(args: &cli::WatchArgs) -> Result<()> {
     server.serve(&mut page, &path_as_text(folder)).map_err(Error::Run)
 }
 
-/// The map of a network, and the names of its lights.
 type Place = (RoadMap, Vec<String>);
 
-/// Draws the agents of a run on the map of their network. `None`: there is only one, they are in rows, or their files
-/// cannot be read now. `maps`: the maps of the run directories that were drawn before.
+/// Draws the agents on the map of their network; `None` for a single one, in rows, or if files cannot be read. `maps`:
+/// those that were drawn before.
 fn map_of(run: &RunRecord, maps: &mut BTreeMap<PathBuf, Option<Place>>) -> Option<Svg> {
     let place = maps.entry(run.dir.clone()).or_insert_with(|| place_of(run).ok().flatten());
     let ((map, names), last) = (place.as_ref()?, run.evaluations.last()?);

@@ -15,11 +15,9 @@ use dials_core::base::statistics::mean;
 use dials_session::cost::Sharing;
 use dials_session::records::method::steps_text;
 
-/// Numbers of cores in the table.
 const CORES: [usize; 6] = [1, 2, 8, 32, 128, 1024];
 
 /// The time of a group's runs without evaluations.
-#[derive(Clone, Debug, PartialEq)]
 pub(crate) struct ByCores {
     /// Timesteps per agent.
     pub(crate) steps: u64,
@@ -55,8 +53,7 @@ impl ByCores {
     }
 }
 
-/// Returns the groups of a scenario with their models. Only those with the most timesteps count, up to a hundredth, because
-/// others are no comparison.
+/// Returns the groups with their models: only those with the most timesteps, up to a hundredth.
 pub(crate) fn by_cores(comparison: &Comparison) -> Vec<(&Group, ByCores)> {
     let agents = comparison.scenario.agents;
     let mut all: Vec<(&Group, ByCores)> =
@@ -103,7 +100,6 @@ pub(crate) fn table(comparison: &Comparison) -> Option<Table> {
     })
 }
 
-/// Writes the measured times by number of workers.
 fn by_workers(measured: &BTreeMap<usize, f64>) -> String {
     let words = measured.iter().map(|(workers, seconds)| format!("{} with {workers}", duration(*seconds)));
     words.collect::<Vec<_>>().join(", ")
@@ -112,53 +108,27 @@ fn by_workers(measured: &BTreeMap<usize, f64>) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::group::sort;
-    use dials_core::domain::Scenario;
-    use dials_session::config::RunConfig;
-    use dials_session::records::find::Found;
-    use dials_session::records::method::Method;
-    use dials_session::records::run_record::{CpuTime, EvaluationRecord, PeriodTime, Returns, RunRecord};
-
-    /// Makes a finished run of four robots that took 70 s, and 90 CPU seconds without evaluations.
-    fn run(keys: &str, workers: usize) -> RunRecord {
-        let config: RunConfig = toml::from_str(&format!("{keys}\nwarehouse = {{ agents_per_side = 2 }}")).unwrap();
-        let steps = config.learning.total_steps;
-        let all = Returns { mean: 1.0, median: 1.0, std_error: 0.0, stuck: 0 };
-        let evaluation = EvaluationRecord { steps, all, agents: vec![all; 4], episode_returns: vec![1.0] };
-        let cpu = CpuTime { total_s: 100.0, evaluation_s: 10.0 };
-        RunRecord {
-            evaluations: vec![evaluation],
-            periods: vec![PeriodTime { steps, elapsed_s: 70.0, update_s: 20.0, cpu, ..PeriodTime::default() }],
-            workers,
-            ..RunRecord::empty(config, Scenario::new("warehouse", 4, 100))
-        }
-    }
+    use crate::fixtures;
+    use dials_session::records::run_record::{CpuTime, PeriodTime, RunRecord};
 
     #[test]
     fn the_gradient_steps_of_the_gs_are_read_from_its_runs() {
+        // A finished run that took 70 s, and 90 CPU seconds without evaluations.
+        let cpu = CpuTime { total_s: 100.0, evaluation_s: 10.0 };
         let of = |keys: &str, workers: usize| {
-            let run = run(&format!("simulator = 'gs'\n{keys}"), workers);
-            let method = Method::of(&run.config, run.scenario());
-            let model = ByCores::of(&Group { method, overrides: Vec::new(), runs: vec![run] }, 4).unwrap();
+            let run = fixtures::run(&format!("simulator = 'gs'\n{keys}"));
+            let steps = run.config.learning.total_steps;
+            let run = RunRecord {
+                evaluations: vec![fixtures::evaluation(steps, 1.0)],
+                periods: vec![PeriodTime { steps, elapsed_s: 70.0, update_s: 20.0, cpu, ..PeriodTime::default() }],
+                workers,
+                ..run
+            };
+            let model = ByCores::of(&fixtures::group(vec![run]), 4).unwrap();
             (model.cpu.alone_s, model.cpu.shared_s, model.cpu.most)
         };
         assert_eq!(of("", 1), (70.0, 20.0, 4));
         assert_eq!(of("", 2), (50.0, 40.0, 4), "two threads for 20 s");
         assert_eq!(of("gs.shared_policy = true", 2), (70.0, 20.0, 1), "one policy has one learner");
-    }
-
-    #[test]
-    fn groups_whose_ends_are_up_to_a_hundredth_apart_stand_side_by_side() {
-        let ends = [200_704, 200_064, 190_000];
-        let runs = ends.map(|end| run(&format!("total_steps = {end}\nppo.clip = 0.{end}"), 1)).to_vec();
-        let comparison = sort(Found { runs, ..Found::default() }).unwrap().comparisons.remove(0);
-        assert_eq!(comparison.groups.len(), 3);
-        let shown: BTreeSet<u64> = by_cores(&comparison).iter().map(|(_, model)| model.steps).collect();
-        assert_eq!(shown, BTreeSet::from([200_704, 200_064]));
-    }
-
-    #[test]
-    fn measured_times_are_listed_by_number_of_workers() {
-        assert_eq!(by_workers(&BTreeMap::from([(2, 1800.0), (1, 5400.0)])), "90.0 min with 1, 30.0 min with 2");
     }
 }

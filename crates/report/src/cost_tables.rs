@@ -32,9 +32,8 @@ fn columns<'a>(family: &Family<'a>) -> Vec<Column<'a>> {
     let ours = family.comparisons.iter();
     let ours = ours.map(|&comparison| Column { scenario: comparison.scenario.clone(), ours: Some(comparison) });
     let mut columns: Vec<Column> = ours.collect();
-    let of_paper = columns.iter().any(|column| paper::has(&column.scenario));
     let domain = &family.comparisons[0].scenario.domain;
-    for scenario in paper::scenarios(domain).into_iter().filter(|_| of_paper) {
+    for scenario in paper::scenarios(domain).into_iter().filter(|_| family.has_paper()) {
         if !columns.iter().any(|column| column.scenario.agents == scenario.agents && paper::has(&column.scenario)) {
             columns.push(Column { scenario, ours: None });
         }
@@ -43,11 +42,9 @@ fn columns<'a>(family: &Family<'a>) -> Vec<Column<'a>> {
     columns
 }
 
-/// Makes the table of runtimes of a family in the paper's layout: agents training, influence, total, each by the number
-/// of agents.
 pub(crate) fn runtimes(family: &Family) -> Table {
     let columns = columns(family);
-    let has_paper = has_paper(&columns);
+    let has_paper = family.has_paper();
     let ours: Vec<Vec<(String, Runtime)>> = columns
         .iter()
         .map(|column| column.ours.iter().flat_map(|comparison| &comparison.groups).filter_map(runtime_row).collect())
@@ -103,8 +100,7 @@ pub(crate) fn runtimes(family: &Family) -> Table {
     Table { caption, header, rows: rows.collect() }
 }
 
-/// Returns the runtime of a group and the label of its row. The row is shared with the paper only if the number of
-/// steps is comparable.
+/// The row is shared with the paper only if the number of steps is comparable.
 fn runtime_row(group: &Group) -> Option<(String, Runtime)> {
     let time = Runtime::of(group)?;
     let label = match (time.finished, comparable(time.steps, paper::STEPS)) {
@@ -117,18 +113,12 @@ fn runtime_row(group: &Group) -> Option<(String, Runtime)> {
     Some((label, time))
 }
 
-/// Writes the number of workers of the runs in words.
 fn machines(comparisons: &[&Comparison]) -> String {
     let groups = comparisons.iter().flat_map(|comparison| &comparison.groups);
     let workers: BTreeSet<usize> = groups.filter_map(|group| Some(Runtime::of(group)?.workers)).collect();
     let workers: Vec<String> = workers.iter().map(usize::to_string).collect();
     let number = if workers.is_empty() { "no".to_owned() } else { workers.join(" or ") };
     format!("with {number} worker {}", if workers == ["1"] { "process" } else { "processes" })
-}
-
-/// Whether the paper has one of these scenarios.
-fn has_paper(columns: &[Column]) -> bool {
-    columns.iter().any(|column| paper::has(&column.scenario))
 }
 
 /// Writes our figure beside the paper's, if the table has those.
@@ -142,33 +132,32 @@ fn beside(ours: Option<String>, paper: Option<String>, has_paper: bool) -> Strin
     }
 }
 
-/// Makes the table of peak memory of a family in the paper's layout.
 pub(crate) fn memory(family: &Family) -> Table {
     let columns = columns(family);
-    let has_paper = has_paper(&columns);
+    let has_paper = family.has_paper();
     let ours = |column: &Column, simulator: &str| -> Option<MemoryRecord> {
         let groups = column.ours.iter().flat_map(|comparison| &comparison.groups);
         let groups = groups.filter(|group| group.simulator() == simulator);
         groups.filter_map(peak_memory).reduce(MemoryRecord::max)
     };
     let megabytes = |value: f64| format!("{value:.1}");
-    let row = |label: &str, ours: &dyn Fn(&Column) -> Option<f64>, theirs: &dyn Fn(&Column) -> Option<f64>| {
-        let cells =
-            columns.iter().map(|column| beside(ours(column).map(megabytes), theirs(column).map(megabytes), has_paper));
-        std::iter::once(label.to_owned()).chain(cells).collect::<Vec<_>>()
-    };
-    let paper = |column: &Column| paper::memory(&column.scenario);
-    let rows = vec![
-        row("GS, total", &|column| Some(ours(column, "gs")?.total_mb), &|column| Some(paper(column)?.gs)),
-        row("GS, total, shared pages once", &|column| Some(ours(column, "gs")?.total_pss_mb), &|_| None),
-        row("DIALS, per process", &|column| Some(ours(column, "dials")?.process_mb), &|column| {
-            Some(paper(column)?.dials_process)
-        }),
-        row("DIALS, total", &|column| Some(ours(column, "dials")?.total_mb), &|column| {
-            Some(paper(column)?.dials_total)
-        }),
-        row("DIALS, total, shared pages once", &|column| Some(ours(column, "dials")?.total_pss_mb), &|_| None),
+    let total: fn(MemoryRecord) -> f64 = |memory| memory.total_mb;
+    let shared: fn(MemoryRecord) -> f64 = |memory| memory.total_pss_mb;
+    // Label, simulator, our figure, and the place of the paper's.
+    let rows = [
+        ("GS, total", "gs", total, Some(0)),
+        ("GS, total, shared pages once", "gs", shared, None),
+        ("DIALS, per process", "dials", |memory| memory.process_mb, Some(1)),
+        ("DIALS, total", "dials", total, Some(2)),
+        ("DIALS, total, shared pages once", "dials", shared, None),
     ];
+    let rows = rows.map(|(label, simulator, figure, place)| {
+        let cell = |column: &Column| {
+            let paper = place.and_then(|place: usize| Some(paper::memory(&column.scenario)?[place]));
+            beside(ours(column, simulator).map(figure).map(megabytes), paper.map(megabytes), has_paper)
+        };
+        std::iter::once(label.to_owned()).chain(columns.iter().map(cell)).collect()
+    });
     let mut header = words(&[if has_paper { "MiB, ours / MB, paper" } else { "MiB" }]);
     header.extend(columns.iter().map(|column| format!("{} agents", column.name())));
     let mut caption = format!(
@@ -179,24 +168,23 @@ pub(crate) fn memory(family: &Family) -> Table {
     if has_paper {
         caption += &format!(" Paper: MB, DIALS as a process per agent, {}.", paper::MEMORY_SOURCE);
     }
-    Table { caption, header, rows }
+    Table { caption, header, rows: rows.to_vec() }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
     use crate::family::families;
+    use crate::fixtures;
     use crate::group::sort;
-    use dials_core::domain::Scenario;
     use dials_session::records::find::Found;
     use dials_session::records::run_record::RunRecord;
 
     #[test]
     fn the_memory_is_the_largest_of_all_runs_in_each_figure() {
         let run = |clip: f64, process_mb, total_mb, pss_mb| {
-            let config = toml::from_str(&format!("ppo.clip = {clip}\nwarehouse = {{ agents_per_side = 2 }}")).unwrap();
             let memory = Some(MemoryRecord { process_mb, total_mb, total_pss_mb: pss_mb });
-            RunRecord { memory, ..RunRecord::empty(config, Scenario::new("warehouse", 4, 100)) }
+            RunRecord { memory, ..fixtures::run(&format!("ppo.clip = {clip}")) }
         };
         let runs = vec![run(0.1, 10.0, 30.0, 20.0), run(0.2, 12.0, 25.0, 24.0)];
         let comparisons = sort(Found { runs, ..Found::default() }).unwrap().comparisons;

@@ -5,7 +5,7 @@ use anyhow::{Context, Result};
 use super::curves::{LossData, learning_curve, loss_curve};
 use super::finals::{Final, Runtime, peak_memory};
 use super::group::{Comparison, Group};
-use dials_core::base::statistics::Spread;
+use dials_core::base::statistics::{Bounds, Spread};
 use dials_core::outside::csv_name;
 
 /// Returns the lines of a group in a file, without the scenario and the group.
@@ -89,8 +89,8 @@ fn differences(comparison: &Comparison, group: &Group) -> Vec<Vec<String>> {
     let found = comparison.opponents().into_iter().filter_map(|opponent| {
         let found = opponent.difference(group, &end)?;
         let place = [csv_name(opponent.name()), found.pairing.name().to_owned()];
-        let (low, high) = (found.interval.map(|ends| ends.low), found.interval.map(|ends| ends.high));
-        let all = ["all".to_owned(), number(found.mean), optional(low), optional(high)];
+        let [low, high] = interval(found.interval);
+        let all = ["all".to_owned(), number(found.mean), low, high];
         let of_seed = |(seed, value): &(u64, f64)| [seed.to_string(), number(*value), String::new(), String::new()];
         let lines = std::iter::once(all).chain(found.of_seeds.iter().map(of_seed));
         Some(lines.map(|line| [&place[..], &line].concat()).collect::<Vec<_>>())
@@ -98,7 +98,6 @@ fn differences(comparison: &Comparison, group: &Group) -> Vec<Vec<String>> {
     found.flatten().collect()
 }
 
-/// Returns the learning curve of every seed.
 fn seeds(_: &Comparison, group: &Group) -> Vec<Vec<String>> {
     let lines = group.runs.iter().flat_map(|run| {
         run.evaluations.iter().map(|evaluation| {
@@ -128,18 +127,20 @@ fn costs(_: &Comparison, group: &Group) -> Vec<Vec<String>> {
         let memory = peak_memory(group);
         let place = [time.steps.to_string(), time.finished.to_string(), time.workers.to_string()];
         let times = [time.agents_training_s, time.influence_s, time.total.mean].map(number);
-        let ends = time.total.interval;
-        let ends = [ends.map(|ends| ends.low), ends.map(|ends| ends.high)].map(optional);
         let of_processes = [time.wall_s, time.cpu.total_s, time.cpu.evaluation_s].map(number);
         let memory = [memory.map(|m| m.process_mb), memory.map(|m| m.total_mb), memory.map(|m| m.total_pss_mb)];
-        [&place[..], &times, &ends, &of_processes, &memory.map(optional)].concat()
+        [&place[..], &times, &interval(time.total.interval), &of_processes, &memory.map(optional)].concat()
     });
     line.into_iter().collect()
 }
 
 fn spread(spread: &Spread) -> [String; 5] {
-    let (low, high) = (spread.interval.map(|interval| interval.low), spread.interval.map(|interval| interval.high));
-    [spread.runs().to_string(), number(spread.mean), optional(spread.std_error), optional(low), optional(high)]
+    let [low, high] = interval(spread.interval);
+    [spread.runs().to_string(), number(spread.mean), optional(spread.std_error), low, high]
+}
+
+fn interval(interval: Option<Bounds>) -> [String; 2] {
+    [interval.map(|ends| ends.low), interval.map(|ends| ends.high)].map(optional)
 }
 
 /// Formats a number with four decimals, as in run directories. That is enough for returns and seconds.

@@ -10,11 +10,9 @@ use super::group::Group;
 use dials_core::base::statistics::{Spread, mean};
 use dials_session::records::run_record::RunRecord;
 
-#[derive(Clone, Debug, PartialEq)]
 pub(crate) struct CurvePoint {
     /// Timesteps per agent.
     pub(crate) steps: u64,
-    /// Mean returns over seeds.
     pub(crate) returns: Spread,
     /// Return of the median agent of a run, mean over seeds.
     pub(crate) median_agent: f64,
@@ -22,7 +20,6 @@ pub(crate) struct CurvePoint {
     pub(crate) runtime_s: Option<f64>,
 }
 
-#[derive(Clone, Debug, PartialEq)]
 pub(crate) struct LossPoint {
     pub(crate) steps: u64,
     /// Whether the loss was measured right after a training of the AIPs.
@@ -33,7 +30,6 @@ pub(crate) struct LossPoint {
     pub(crate) marginals: f64,
 }
 
-/// Data on which the cross-entropy of a group's AIPs was measured.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum LossData {
     /// Fresh episodes of the GS, at evaluations and after trainings.
@@ -62,9 +58,7 @@ pub(crate) fn learning_curve(group: &Group) -> Vec<CurvePoint> {
 
 /// Makes the curve of the cross-entropy of a group's AIPs, on fresh GS episodes if any run measured that.
 ///
-/// It has a point at every step at which some run was measured or trained its AIPs, and interpolates like a learning
-/// curve. Runs need not train at the same steps: at the training of one, the others count with their value at that
-/// step.
+/// Runs need not train at the same steps: at the training of one, the others count with their value at that step.
 pub(crate) fn loss_curve(group: &Group) -> (LossData, Vec<LossPoint>) {
     let fresh = group.runs.iter().any(|run| !run.fresh_losses.is_empty());
     let data = if fresh { LossData::Fresh } else { LossData::HeldOut };
@@ -79,8 +73,7 @@ pub(crate) fn loss_curve(group: &Group) -> (LossData, Vec<LossPoint>) {
     (data, points.collect())
 }
 
-/// Returns the trainings of AIPs that only some runs of a group have, without those at step 0: steps and the loss right
-/// after.
+/// Returns the trainings after step 0 that only some runs of a group have: steps and the loss right after.
 pub(crate) fn single_trainings(group: &Group) -> Vec<(u64, f64)> {
     let of_runs: Vec<LossesBySteps> = group.runs.iter().map(|run| measured(run, LossData::Fresh)).collect();
     let trainings = of_runs.iter().flatten().filter(|((steps, after_training), _)| *after_training && *steps > 0);
@@ -93,8 +86,7 @@ pub(crate) fn single_trainings(group: &Group) -> Vec<(u64, f64)> {
 /// Losses of a run's AIPs and of constant marginals, by steps and whether right after a training.
 pub(crate) type LossesBySteps = BTreeMap<(u64, bool), [f64; 2]>;
 
-/// Returns the losses of a run at a step: if it trained there, those before or after the training. Between two measured
-/// steps it interpolates; outside of them: `None`.
+/// Returns the losses before or after a training at a step. Between two steps it interpolates; outside: `None`.
 fn loss_at(run: &LossesBySteps, steps: u64, after_training: bool) -> Option<[f64; 2]> {
     let here: Vec<[f64; 2]> = run.range((steps, false)..=(steps, true)).map(|(_, loss)| *loss).collect();
     if let Some(loss) = if after_training { here.last() } else { here.first() } {

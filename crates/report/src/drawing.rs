@@ -36,17 +36,14 @@ pub(crate) const PURPLE: RGBColor = RGBColor(0xcc, 0x79, 0xa7);
 pub(crate) const VERMILLION: RGBColor = RGBColor(0xd5, 0x5e, 0x00);
 pub(crate) const SKY: RGBColor = RGBColor(0x56, 0xb4, 0xe9);
 
-/// Converts pixels to units.
 pub(crate) fn px(pixels: impl Into<f64>) -> i32 {
     (pixels.into() * f64::from(SCALE)).round() as i32
 }
 
-/// Makes the style of a line, `pixels` wide.
 pub(crate) fn pen(colour: impl Color, pixels: impl Into<f64>) -> ShapeStyle {
     ShapeStyle { color: colour.to_rgba(), filled: false, stroke_width: px(pixels) as u32 }
 }
 
-/// Makes the style of a text, `pixels` high.
 pub(crate) fn text(pixels: impl Into<f64>, colour: impl Color) -> TextStyle<'static> {
     // The SVG backend divides font sizes by 1.24.
     ("sans-serif", f64::from(px(pixels)) * 1.24).into_font().color(&colour)
@@ -78,7 +75,6 @@ pub(crate) fn text_width(words: &str, pixels: f64) -> i32 {
     px(words.chars().count() as f64 * pixels * 0.56)
 }
 
-/// Returns a name with at most this number of letters and dots.
 pub(crate) fn shortened(name: &str, letters: usize) -> String {
     match name.char_indices().nth(letters) {
         Some((end, _)) => format!("{}...", &name[..end]),
@@ -111,16 +107,25 @@ pub(crate) fn shade(share: f64) -> RGBColor {
     RGBColor(red, green, blue)
 }
 
+/// Returns the shade of a value in a range: the higher, the darker.
+pub(crate) fn shade_of(value: f64, (low, high): (f64, f64)) -> RGBColor {
+    shade(if high > low { (value - low) / (high - low) } else { 0.5 })
+}
+
+/// Returns the ends of these values; of none, an empty range from infinity.
+pub(crate) fn ends_of(values: impl Iterator<Item = f64>) -> (f64, f64) {
+    values.fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), value| (low.min(value), high.max(value)))
+}
+
 /// Least span of shades, as a share of the largest value.
 const LEAST_SPAN: f64 = 0.25;
 
 /// Widens a range of values for [`shade`]: values that hardly differ must not look as if they did.
-pub(crate) fn widened(low: f64, high: f64) -> (f64, f64) {
+pub(crate) fn widened((low, high): (f64, f64)) -> (f64, f64) {
     let more = (LEAST_SPAN * low.abs().max(high.abs()) - (high - low)).max(0.0);
     (low - more / 2.0, high + more / 2.0)
 }
 
-/// Returns black or white, whichever is readable on this colour.
 pub(crate) fn ink_over(colour: RGBColor) -> RGBColor {
     if luminance(colour) > 0.5 { BLACK } else { WHITE }
 }
@@ -130,15 +135,11 @@ pub(crate) fn luminance(RGBColor(red, green, blue): RGBColor) -> f64 {
     (0.2126 * f64::from(red) + 0.7152 * f64::from(green) + 0.0722 * f64::from(blue)) / 255.0
 }
 
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone)]
 pub struct Svg(String);
 
 impl Svg {
     /// Draws a picture of `width` x `height` pixels.
-    ///
-    /// # Errors
-    ///
-    /// The errors of `paint` and of the drawing crate.
     pub(crate) fn draw(width: u32, height: u32, paint: impl FnOnce(&Area) -> Result<()>) -> Result<Svg> {
         let mut text = String::new();
         {
@@ -157,17 +158,14 @@ impl Svg {
         self.0.replace(&hex(PAPER), "#FFFFFF")
     }
 
-    /// Returns the picture as a part of an HTML page, without background and in the colour of the page's text. Screen
-    /// readers read `title`, which must not contain markup.
+    /// Returns the picture for a page, in the colour of its text. Screen readers read `title`, without markup.
     pub(crate) fn inline(&self, title: &str) -> String {
         let named = format!("<svg role=\"img\" aria-label=\"{title}\" ");
         self.0.replacen("<svg ", &named, 1).replace(&hex(PAPER), "none").replace(&hex(INK), "currentColor")
     }
 }
 
-/// Returns a picture of the drawing crate with every text in it printable.
-///
-/// The crate escapes markup, but XML forbids most control characters even then, and the others act on a terminal.
+/// The drawing crate escapes markup, but XML forbids most control characters, and the others act on a terminal.
 fn with_printable_names(svg: &str) -> String {
     let mut clean = String::with_capacity(svg.len());
     let mut rest = svg;
@@ -179,8 +177,7 @@ fn with_printable_names(svg: &str) -> String {
     clean + rest
 }
 
-/// Splits at the next text: what is before its content, the content, and what is after it. In a content and in
-/// attributes all markup is escaped.
+/// Splits at the next text: before its content, the content, and after it. In all of them markup is escaped.
 fn next_text(svg: &str) -> Option<(&str, &str, &str)> {
     let begin = svg.find("<text ")?;
     let content = begin + svg[begin..].find(">\n")? + ">\n".len();

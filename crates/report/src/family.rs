@@ -1,15 +1,21 @@
 //! Families of scenarios: those whose returns may share an axis and a table, because they differ in their size only.
 
 use super::group::Comparison;
+use super::paper;
 use dials_core::domain::ScenarioId;
 
 /// Scenarios of one domain with equal episodes and equal rules. Their agents are all in rows, or it is a single network.
 pub(crate) struct Family<'a> {
     /// Title, unique in a report: `traffic` if all its scenarios of this domain are in one family.
     pub(crate) title: String,
-    /// The same as a part of file names.
     pub(crate) slug: String,
     pub(crate) comparisons: Vec<&'a Comparison>,
+}
+
+impl Family<'_> {
+    pub(crate) fn has_paper(&self) -> bool {
+        self.comparisons.iter().any(|comparison| paper::has(&comparison.scenario))
+    }
 }
 
 /// Returns the families of a report, those of a domain one after the other.

@@ -12,22 +12,15 @@ pub(crate) struct Final {
     pub(crate) steps: u64,
     /// Whether the runs that count are finished. [`Group::finals`] says which ones count.
     pub(crate) finished: bool,
-    /// Mean returns over seeds.
     pub(crate) returns: Spread,
-    /// Returns of every run that counts, by seed.
     pub(crate) runs: BySeed,
-    /// Median over seeds of the runs' mean returns.
     pub(crate) median_run: f64,
     /// Return of the median agent of a run, mean over seeds.
     pub(crate) median_agent: f64,
     pub(crate) worst_agent: AgentAt,
-    /// Stuck agents of all runs that count.
     pub(crate) stuck: Vec<AgentAt>,
-    /// Number of agents of all runs that count.
     pub(crate) agents: usize,
-    /// Mean return of each agent over seeds.
     pub(crate) agent_means: Vec<f64>,
-    /// Seed and agents' returns of every run that counts.
     pub(crate) agents_of_runs: Vec<(u64, Vec<Returns>)>,
 }
 
@@ -85,13 +78,11 @@ impl Final {
 }
 
 impl Comparison {
-    /// Returns the groups of which a run was evaluated, with their final returns.
     pub(crate) fn ends(&self) -> Vec<(&Group, Final)> {
         self.groups.iter().filter_map(|group| Some((group, Final::of(group)?))).collect()
     }
 }
 
-/// Returns what runs played at their evaluations at a step, by seed.
 pub(crate) fn played(runs: &[&RunRecord], steps: u64) -> BySeed {
     let played = runs.iter().filter_map(|run| {
         let EvaluationRecord { all, episode_returns, .. } = run.evaluation_at(steps)?;
@@ -101,13 +92,11 @@ pub(crate) fn played(runs: &[&RunRecord], steps: u64) -> BySeed {
     played.collect()
 }
 
-/// Returns the agents' returns at the evaluation at step `steps`; nothing if there was none.
 pub(crate) fn agents_at(run: &RunRecord, steps: u64) -> &[Returns] {
     run.evaluation_at(steps).map_or(&[], |evaluation| &evaluation.agents)
 }
 
 /// Wall and CPU time in seconds, means over the runs of a group.
-#[derive(Clone, Debug, PartialEq)]
 pub(crate) struct Runtime {
     /// Timesteps per agent.
     pub(crate) steps: u64,
@@ -117,10 +106,8 @@ pub(crate) struct Runtime {
     pub(crate) influence_s: f64,
     /// Sum of the two over seeds: wall time without evaluations.
     pub(crate) total: Spread,
-    /// Wall time with the evaluations.
     pub(crate) wall_s: f64,
     pub(crate) cpu: CpuTime,
-    /// Largest number of worker processes of a run.
     pub(crate) workers: usize,
 }
 
@@ -150,7 +137,6 @@ pub(crate) fn mean_cpu(times: &[PeriodTime]) -> CpuTime {
     CpuTime { total_s: mean_of(|cpu| cpu.total_s), evaluation_s: mean_of(|cpu| cpu.evaluation_s) }
 }
 
-/// Returns the largest memory of a group's runs; `None` if no run measured it.
 pub(crate) fn peak_memory(group: &Group) -> Option<MemoryRecord> {
     group.runs.iter().filter_map(|run| run.memory).reduce(MemoryRecord::max)
 }

@@ -1,6 +1,7 @@
 //! Groups of runs that differ only in their seed, and comparisons of the groups of one scenario.
 
 use std::collections::{BTreeMap, BTreeSet};
+use std::path::PathBuf;
 
 use anyhow::Result;
 
@@ -19,8 +20,7 @@ pub(crate) struct Comparison {
     /// Name of the scenario in file names, unique among the comparisons of a report: `traffic_4`, or `town_20`.
     pub(crate) slug: String,
     pub(crate) groups: Vec<Group>,
-    /// Index of the reference of an ablation: the one group that has the value of most groups in every key. Every other
-    /// group departs from it.
+    /// Index of the reference of an ablation: the one group that has the value of most groups in every key.
     pub(crate) reference: Option<usize>,
     pub(crate) baselines: Vec<BaselineRecord>,
 }
@@ -35,7 +35,6 @@ impl Comparison {
         self.groups.iter().flat_map(|group| &group.runs)
     }
 
-    /// Returns the places of the agents, if they are in rows.
     pub(crate) fn map(&self) -> Option<Map> {
         self.runs().find_map(|run| run.scenario().map)
     }
@@ -51,8 +50,7 @@ impl Comparison {
         self.title.replacen(&self.scenario.title(self.name.as_deref()), &size, 1)
     }
 
-    /// Returns a short label of a group for a picture of this scenario. It leaves out the tables of keys if the last
-    /// words are unique, and the name of the method if the reference has the same.
+    /// Returns a label for a picture: without tables of keys if the rest is unique, nor the method of the reference.
     pub(crate) fn short_label(&self, group: &Group) -> String {
         let keys: BTreeSet<&String> =
             self.groups.iter().flat_map(|group| &group.overrides).map(|(key, _)| key).collect();
@@ -77,8 +75,7 @@ const MOST_KEYS: usize = 8;
 /// Runs of one method with several seeds; never empty.
 pub(crate) struct Group {
     pub(crate) method: Method,
-    /// Config keys whose values differ from those of most groups of the scenario, and those that are always named, with
-    /// the values of this group.
+    /// Config keys that differ from most groups of the scenario, or are always named, with the values of this group.
     pub(crate) overrides: Vec<(String, String)>,
     pub(crate) runs: Vec<RunRecord>,
 }
@@ -140,7 +137,6 @@ fn last_step(run: &RunRecord) -> u64 {
     run.evaluations.last().map_or(0, |evaluation| evaluation.steps)
 }
 
-/// Returns the steps at which all of these runs were evaluated.
 pub(crate) fn evaluated_together(runs: &[&RunRecord]) -> BTreeSet<u64> {
     let steps = |run: &&RunRecord| run.evaluations.iter().map(|evaluation| evaluation.steps).collect::<BTreeSet<u64>>();
     runs.iter().map(steps).reduce(|all, own| &all & &own).unwrap_or_default()
@@ -148,10 +144,11 @@ pub(crate) fn evaluated_together(runs: &[&RunRecord]) -> BTreeSet<u64> {
 
 pub(crate) struct Sorted {
     pub(crate) comparisons: Vec<Comparison>,
+    /// Planned runs that have not begun.
+    pub(crate) missing: Vec<PathBuf>,
     pub(crate) left_out: Vec<LeftOut>,
 }
 
-/// Sorts runs by scenario, method and seed.
 pub(crate) fn sort(found: Found) -> Result<Sorted> {
     let mut left_out = found.unreadable;
     type Methods = BTreeMap<Method, Vec<RunRecord>>;
@@ -190,7 +187,7 @@ pub(crate) fn sort(found: Found) -> Result<Sorted> {
             left_out.push(LeftOut { dir: path, reason });
         }
     }
-    Ok(Sorted { comparisons, left_out })
+    Ok(Sorted { comparisons, missing: found.missing, left_out })
 }
 
 fn plain_slug(scenario: &ScenarioId, name: Option<&str>) -> String {
@@ -223,8 +220,7 @@ fn keys_that_differ(methods: &[&Method]) -> BTreeMap<String, Option<String>> {
     differing
 }
 
-/// Returns the one group that has the common value of every key whose values differ. `None` if there is no other group,
-/// or not exactly one such group.
+/// Returns the one group that has the common value of every differing key, if there are others, but none like it.
 fn reference(groups: &[Group], distinguishing: &BTreeMap<String, Option<String>>) -> Option<usize> {
     let usual = |group: &Group| {
         let mut keys = distinguishing.iter();
@@ -357,42 +353,35 @@ mod tests {
         comparison.groups.iter().map(|group| comparison.short_label(group)).collect()
     }
 
-    fn labels(settings: &[&str]) -> Vec<String> {
-        ablation(settings).groups.iter().map(Group::label).collect()
-    }
-
     #[test]
-    fn a_method_that_imitates_is_never_taken_for_the_papers() {
-        let copy = "policy.imitate = 'oldest-item'";
-        assert_eq!(labels(&[copy]), ["DIALS F=1M, policy.imitate=oldest-item"]);
+    fn what_makes_another_method_is_named_even_if_all_groups_have_it() {
+        let (gs, copy) = ("simulator = 'gs'", "policy.imitate = 'oldest-item'");
+        let shared = "simulator = 'gs'\ngs.shared_policy = true";
+        let mean = "simulator = 'gs'\npolicy.average_every_steps = 10_000";
+        for (settings, expected) in [
+            (&[copy][..], &["DIALS F=1M, policy.imitate=oldest-item"][..]),
+            (&[shared], &["GS, gs.shared_policy=true"]),
+            (&[gs], &["GS"]),
+            (&[mean], &["GS, policy.average_every_steps=10000"]),
+            (&[gs, shared], &["GS", "GS, gs.shared_policy=true"]),
+            (&[mean, gs], &["GS", "GS, policy.average_every_steps=10000"]),
+            // A key that is off if it is not set distinguishes groups.
+            (&["aip.patience = 3", ""], &["DIALS F=1M", "DIALS F=1M, aip.patience=3"]),
+            (
+                &["policy.recurrent = 8", "", gs, "policy.recurrent = 16"],
+                &["GS", "DIALS F=1M", "DIALS F=1M, policy.recurrent=16", "DIALS F=1M, policy.recurrent=8"],
+            ),
+        ] {
+            let labels: Vec<String> = ablation(settings).groups.iter().map(Group::label).collect();
+            assert_eq!(labels, expected);
+        }
+        assert_eq!(ablation(&["aip.patience = 3", ""]).reference, Some(0), "most groups leave it out");
         let other = format!("{copy}\nevaluation.episodes = 3\nppo.gamma = 0.9");
         let comparison = ablation(&[copy, &format!("{copy}\nppo.clip = 0.2"), &other]);
         let short = ["DIALS F=1M, imitate=oldest-item", "imitate=oldest-item, clip=0.2"];
         assert_eq!(short_labels(&comparison), [&short[..], &["imitate=oldest-item, gamma=0.9, episodes=3"]].concat());
-    }
-
-    #[test]
-    fn what_makes_another_method_is_named_even_if_all_groups_have_it() {
-        let shared = "simulator = 'gs'\ngs.shared_policy = true";
-        assert_eq!(labels(&[shared]), ["GS, gs.shared_policy=true"]);
-        assert_eq!(labels(&["simulator = 'gs'"]), ["GS"]);
-        let mean = "simulator = 'gs'\npolicy.average_every_steps = 10_000";
-        assert_eq!(labels(&[mean]), ["GS, policy.average_every_steps=10000"]);
-        assert_eq!(labels(&["simulator = 'gs'", "simulator = 'gs'\nppo.clip = 0.2", shared])[0], "GS");
-        assert_eq!(labels(&["simulator = 'gs'", shared]), ["GS", "GS, gs.shared_policy=true"]);
-        assert_eq!(labels(&[mean, "simulator = 'gs'"])[0], "GS");
         let named = |value: &str| is_always_named("traffic.d_set", value);
         assert_eq!(["cells+light", "cells+arrivals", "cells"].map(named), [true, false, false]);
-    }
-
-    #[test]
-    fn a_key_that_is_off_if_it_is_not_set_distinguishes_groups() {
-        assert_eq!(labels(&["aip.patience = 3", ""]), ["DIALS F=1M", "DIALS F=1M, aip.patience=3"]);
-        assert_eq!(
-            labels(&["policy.recurrent = 8", "", "simulator = 'gs'", "policy.recurrent = 16"]),
-            ["GS", "DIALS F=1M", "DIALS F=1M, policy.recurrent=16", "DIALS F=1M, policy.recurrent=8"]
-        );
-        assert_eq!(ablation(&["aip.patience = 3", ""]).reference, Some(0), "most groups leave it out");
     }
 
     #[test]
@@ -403,13 +392,5 @@ mod tests {
         let labels = short_labels(&comparison);
         assert_eq!(labels, ["DIALS F=1M", "value_coefficient=0.5", "DIALS F=1M, as runs/2"]);
         assert_eq!(comparison.groups[2].label(), labels[2]);
-    }
-
-    #[test]
-    fn steps_are_written_as_in_the_paper() {
-        assert_eq!(
-            [4_000_000, 500_000, 1_500_000, 150_016, 12_500, 4_000_128, 128, 0].map(steps_text),
-            ["4M", "500K", "1.5M", "150K", "12.5K", "4M", "128", "0"]
-        );
     }
 }

@@ -41,15 +41,13 @@ use anyhow::{Result, ensure};
 
 use dials_session::records::find::Found;
 use document::Figure;
-use group::{Comparison, Sorted};
+use group::Comparison;
 
-/// Name of the report's HTML page.
 pub const PAGE: &str = "report.html";
 /// Name of the same report as Markdown, with its pictures as files beside it.
 pub const MARKDOWN: &str = "report.md";
 
 pub struct Report {
-    /// Names and contents of the files.
     pub files: Vec<(String, String)>,
     pub runs: usize,
     pub groups: usize,
@@ -57,11 +55,9 @@ pub struct Report {
     pub warnings: Vec<String>,
 }
 
-/// Makes a report of all runs under these folders. The same runs always make the same files.
+/// Makes a report of all runs under these folders, the same files for the same runs.
 ///
-/// # Errors
-///
-/// No run there was evaluated and can be read. The error lists the first reasons.
+/// No run there was evaluated and can be read: an error, which lists the first reasons.
 pub fn report(folders: &[PathBuf]) -> Result<Report> {
     let (comparisons, warnings) = compared(dials_session::records::find::find(folders)?)?;
     let groups = || comparisons.iter().flat_map(|comparison| &comparison.groups);
@@ -83,8 +79,7 @@ pub(crate) fn compared_figures(found: Found) -> Result<Vec<Figure>> {
 
 /// Compares the runs that were found. Also returns sentences about those that are missing or unfinished.
 fn compared(found: Found) -> Result<(Vec<Comparison>, Vec<String>)> {
-    let missing = found.missing.clone();
-    let Sorted { comparisons, left_out } = group::sort(found)?;
-    let warnings = words::warnings(&comparisons, &missing, &left_out);
-    Ok((comparisons, warnings))
+    let sorted = group::sort(found)?;
+    let warnings = words::warnings(&sorted);
+    Ok((sorted.comparisons, warnings))
 }

@@ -7,10 +7,8 @@ use dials_core::base::statistics::difference::{Difference, Episodes, Played, bet
 use dials_session::records::find::BaselineRecord;
 
 /// A controller or a group whose return is subtracted from those of the groups of a scenario.
-#[derive(Clone)]
 pub(crate) enum Opponent<'a> {
     Controller(&'a BaselineRecord),
-    /// A group and its name.
     Group(&'a Group, String),
 }
 
@@ -30,8 +28,7 @@ impl Opponent<'_> {
         }
     }
 
-    /// Returns the final return of a group minus the opponent's. `None` for the opponent itself, and if the two were
-    /// measured at different steps; up to a hundredth they are the same.
+    /// Returns a group's final return minus the opponent's; `None` for itself, and if the steps are not alike.
     pub(crate) fn difference(&self, group: &Group, end: &Final) -> Option<Difference> {
         match self {
             Opponent::Controller(controller) => Some(to_controller(&end.runs, &played(controller))),
@@ -49,13 +46,11 @@ fn played(controller: &BaselineRecord) -> Played {
 }
 
 impl Comparison {
-    /// Returns the reference of an ablation as an opponent.
     pub(crate) fn reference(&self) -> Option<Opponent<'_>> {
         Some(Opponent::Group(&self.groups[self.reference?], "the reference".to_owned()))
     }
 
-    /// Returns the strongest controller, if any was measured, and the reference. If there is no reference, the first of
-    /// several groups takes its place.
+    /// Returns the strongest controller measured, and the reference, or else the first of several groups.
     pub(crate) fn opponents(&self) -> Vec<Opponent<'_>> {
         let strongest = self.baselines.iter().max_by(|a, b| a.mean_return.total_cmp(&b.mean_return));
         let first = || match &self.groups[..] {

@@ -7,9 +7,7 @@
 use dials_core::domain::{Scenario, ScenarioId};
 use dials_session::records::method::Retraining;
 
-/// Numbers of agents of the paper's scenarios.
 const SIZES: [usize; 4] = [4, 25, 49, 100];
-/// Timesteps per agent of the paper's runs.
 pub(crate) const STEPS: u64 = 4_000_000;
 /// Checksums of the road networks of these sizes, from `sumo_nets`.
 const NETWORKS: [&str; 4] = ["2e9f05c0", "93a8b1ee", "cad97cd3", "5d49296f"];
@@ -22,7 +20,6 @@ type BySize<T> = [T; 4];
 /// What the paper has of one of its two domains.
 struct PaperDomain {
     name: &'static str,
-    /// Number of steps of an episode.
     horizon: usize,
     /// Places of its returns: of the smallest scenario, and of the others.
     figures: [&'static str; 2],
@@ -34,7 +31,6 @@ struct PaperDomain {
     hand_coded: BySize<f64>,
     /// Return of DIALS with 4 agents at 1M steps.
     dials_at_1m: f64,
-    /// Last points of the curves.
     gs: BySize<PaperReturn>,
     dials: BySize<PaperReturn>,
     untrained: BySize<PaperReturn>,
@@ -47,7 +43,6 @@ struct PaperDomain {
     memory: [BySize<f64>; 3],
 }
 
-/// A return that was read off a plot of the paper.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct PaperReturn {
     pub(crate) steps: u64,
@@ -123,7 +118,6 @@ pub(crate) fn scenarios(domain: &str) -> Vec<ScenarioId> {
     domain.map_or(Vec::new(), of)
 }
 
-/// Returns the domain of a scenario, and the place of its size in the paper's figures.
 fn place(scenario: &ScenarioId) -> Option<(&'static PaperDomain, usize)> {
     let domain = DOMAINS.iter().find(|domain| domain.name == scenario.domain)?;
     let size = SIZES.iter().position(|&size| size == scenario.agents)?;
@@ -132,18 +126,15 @@ fn place(scenario: &ScenarioId) -> Option<(&'static PaperDomain, usize)> {
     same.then_some((domain, size))
 }
 
-/// Whether the paper's numbers apply to a scenario: it has the same number of agents, horizon, network and rules. If the
-/// network is not known, it is taken to be the same.
+/// Whether the paper's numbers apply: same agents, horizon, network (if it is known) and rules.
 pub(crate) fn has(scenario: &ScenarioId) -> bool {
     place(scenario).is_some()
 }
 
-/// Returns the place in the paper that its returns were read from.
 pub(crate) fn figure(scenario: &ScenarioId) -> Option<&'static str> {
     place(scenario).map(|(domain, size)| domain.figures[size.min(1)])
 }
 
-/// Returns the paper's return at step 0.
 pub(crate) fn start(scenario: &ScenarioId) -> Option<f64> {
     place(scenario).map(|(domain, size)| domain.starts[size])
 }
@@ -152,7 +143,6 @@ pub(crate) fn hand_coded(scenario: &ScenarioId) -> Option<f64> {
     place(scenario).map(|(domain, size)| domain.hand_coded[size])
 }
 
-/// Returns the last point of the paper's curve of a method.
 pub(crate) fn final_return(scenario: &ScenarioId, simulator: &str, retraining: Retraining) -> Option<PaperReturn> {
     let (domain, size) = place(scenario)?;
     match simulator {
@@ -173,7 +163,6 @@ pub(crate) fn curve(scenario: &ScenarioId, simulator: &str, retraining: Retraini
 }
 
 /// Hours of the paper for 4M timesteps.
-#[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct PaperRuntime {
     pub(crate) agents_training: f64,
     /// Hours of data collection and influence training; `None` for methods without them.
@@ -192,9 +181,7 @@ pub(crate) const RUNTIMES: [(&str, Retraining); 6] = [
 ];
 
 /// Returns a runtime from the table "Runtimes for the traffic control environment" or "... warehouse environment".
-///
-/// The paper measured them on 128 CPUs (AMD EPYC 7452), one process per agent. Its heading "2 agents" is that of the
-/// scenario with 4.
+/// They are of 128 CPUs (AMD EPYC 7452), a process per agent. Its heading "2 agents" is of the scenario with 4.
 pub(crate) fn runtime(scenario: &ScenarioId, simulator: &str, retraining: Retraining) -> Option<PaperRuntime> {
     let (domain, size) = place(scenario)?;
     let alone = |hours: f64| PaperRuntime { agents_training: hours, influence: None, total: hours };
@@ -211,19 +198,9 @@ pub(crate) fn runtime(scenario: &ScenarioId, simulator: &str, retraining: Retrai
     }
 }
 
-/// Peak memory of the paper in MB.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub(crate) struct PaperMemory {
-    pub(crate) gs: f64,
-    pub(crate) dials_process: f64,
-    pub(crate) dials_total: f64,
-}
-
-/// Returns a column of the table "Peak Memory Usage in Megabytes (MB)".
-pub(crate) fn memory(scenario: &ScenarioId) -> Option<PaperMemory> {
-    let (domain, size) = place(scenario)?;
-    let [gs, dials_process, dials_total] = domain.memory.map(|of_sizes| of_sizes[size]);
-    Some(PaperMemory { gs, dials_process, dials_total })
+/// Returns a column of the table "Peak Memory Usage in Megabytes (MB)": the GS, a process of DIALS, and all of them.
+pub(crate) fn memory(scenario: &ScenarioId) -> Option<[f64; 3]> {
+    place(scenario).map(|(domain, size)| domain.memory.map(|of_sizes| of_sizes[size]))
 }
 
 #[cfg(test)]
@@ -244,23 +221,11 @@ mod tests {
                     let slip = (domain, agents, every) == ("warehouse", 4, 100_000);
                     assert!((off - f64::from(u8::from(slip))).abs() < 0.015, "{domain} {agents} {every}: {off}");
                 }
-                let memory = memory(&scenario).unwrap();
-                let processes = memory.dials_total / memory.dials_process;
+                let [_, process, total] = memory(&scenario).unwrap();
+                let processes = total / process;
                 assert!((processes - agents as f64).abs() < 0.01, "a process per agent: {processes}");
             }
         }
-    }
-
-    #[test]
-    fn curves_begin_at_random_weights_and_end_at_the_last_figure() {
-        let points = |agents, retraining| {
-            let curve = curve(&Scenario::new("traffic", agents, 300).id, "dials", retraining);
-            curve.iter().map(|point| (point.steps, point.mean)).collect::<Vec<_>>()
-        };
-        let best = Retraining::Every(1_000_000);
-        assert_eq!(points(4, best), [(0, 144.0), (1_000_000, 182.0), (4_000_000, 214.0)]);
-        assert_eq!(points(4, Retraining::Every(100_000)), [], "no return of this method was read");
-        assert_eq!(points(9, best), [], "the paper has no such size");
     }
 
     #[test]

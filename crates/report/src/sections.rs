@@ -78,8 +78,7 @@ fn overview(comparisons: &[Comparison]) -> String {
     )
 }
 
-/// Returns the labels in the order in which they get their colours: the paper's methods first, DIALS before GS,
-/// variants last.
+/// Returns the labels in the order of their colours: the paper's methods first, DIALS before GS, variants last.
 fn label_order(comparisons: &[Comparison]) -> Vec<String> {
     let mut groups: Vec<_> = comparisons.iter().flat_map(|comparison| &comparison.groups).collect();
     let kind = |simulator: &str| ["dials", "gs", "untrained-dials"].iter().position(|&kind| kind == simulator);
@@ -140,8 +139,7 @@ fn scenario(comparison: &Comparison, looks: &Looks) -> Result<Vec<Block>> {
 fn costs(family: &Family, looks: &Looks) -> Result<Vec<Block>> {
     let Family { title, slug, comparisons } = family;
     let what = if comparisons.iter().any(|comparison| comparison.title == *title) { "Costs" } else { "All sizes" };
-    let has_paper = comparisons.iter().any(|comparison| paper::has(&comparison.scenario));
-    let diamonds = if has_paper { " Diamonds: the paper, if our runs were as long." } else { "" };
+    let diamonds = if family.has_paper() { " Diamonds: the paper, if our runs were as long." } else { "" };
     let mut blocks = vec![Block::Heading(format!("{what}, {title}"))];
     // An ablation has its own picture of the final returns.
     if comparisons.iter().any(|comparison| comparison.reference.is_none()) {

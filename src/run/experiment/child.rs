@@ -24,7 +24,6 @@ use dials_session::records::find::BASELINES;
 
 /// A line that a process printed on standard error.
 pub(super) struct Said {
-    /// Name of its task.
     pub task: String,
     pub line: String,
 }
@@ -32,7 +31,6 @@ pub(super) struct Said {
 /// Number of the signal by which a process aborts.
 const ABORTED: i32 = 6;
 
-/// A running process.
 pub(super) struct RunProcess {
     process: std::process::Child,
     /// Thread that returns the last words of the process: why it ended.
@@ -102,7 +100,6 @@ impl RunProcess {
         }
     }
 
-    /// Asks the process to stop where nothing is lost.
     pub(super) fn ask_to_stop(&self) {
         // If the process has just ended, the signal fails, which does no harm.
         let _ = kill_process(Pid::from_child(&self.process), Signal::TERM);
@@ -143,7 +140,6 @@ fn name_of(file: &Path) -> Result<&str> {
     file.file_name().and_then(OsStr::to_str).context("a file of an experiment has no name")
 }
 
-/// Returns the config with absolute paths, so that it can be read from another folder.
 fn with_absolute_paths(config: &RunConfig) -> Result<RunConfig> {
     let mut config = config.clone();
     for (_, path) in config.domain.iter_mut().flat_map(|domain| domain.table_mut().paths()) {

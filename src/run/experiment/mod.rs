@@ -37,7 +37,6 @@ use dials_session::terminal::experiment::Display;
 use dials_session::terminal::{Wish, answer, program, stop_on_signals, warn};
 use plan::{PlannedWork, Tasks};
 
-/// Interval between two checks whether a process has ended.
 const LOOK_EVERY: Duration = Duration::from_millis(200);
 /// Number of files that are open for a running process: its errors, its log twice, and its result.
 const FILES_PER_PROCESS: u64 = 4;
@@ -109,7 +108,6 @@ fn write_plan(experiment: &Experiment, file: &Path, folder: &Directory) -> anyho
     folder.write(PLAN, &serde_json::to_vec_pretty(&plans).expect("names are JSON"))
 }
 
-/// Checks that no other process trains a run of this experiment.
 fn check_nobody_trains(experiment: &Experiment, folder: &Path) -> anyhow::Result<()> {
     for run in &experiment.runs {
         let dir = directory(folder, run);
@@ -130,7 +128,6 @@ fn check_builds(experiment: &Experiment, folder: &Path) -> anyhow::Result<()> {
     Ok(())
 }
 
-/// The result of an experiment.
 struct Outcome {
     tasks: usize,
     failed: Vec<String>,
@@ -155,7 +152,6 @@ impl Outcome {
     }
 }
 
-/// A running experiment.
 struct Batch {
     /// Folder of the runs, which this process has locked.
     folder: Directory,
@@ -249,7 +245,6 @@ impl Batch {
         self.working = still;
     }
 
-    /// Notes how a task ended: well, or with the lines of an error.
     fn ended(&mut self, task: &PlannedWork, ended: std::result::Result<(), String>) {
         self.cores.give_back(task.width);
         if ended.is_err() && !self.outcome.interrupted {
@@ -258,30 +253,5 @@ impl Batch {
         // Its last lines were sent before its end was seen.
         self.said.1.try_iter().for_each(|said| self.display.heard(&said.task, &said.line));
         self.display.ended(&task.name, ended.err().as_deref());
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn an_interrupted_experiment_names_what_failed_and_does_not_call_the_rest_done() {
-        for (tasks, failed, interrupted, code, message) in [
-            (3, &[][..], true, 130, "stopped; resume with: again"),
-            (3, &["a"], true, 130, "stopped; 1 of 3 failed: a; their logs are in logs; resume with: again"),
-            (
-                3,
-                &["a"],
-                false,
-                1,
-                "error: 1 of 3 failed: a; their logs are in logs; the others are done; to try these again: again",
-            ),
-            (2, &["a", "b"], false, 1, "error: 2 of 2 failed: a, b; their logs are in logs; to try these again: again"),
-        ] {
-            let failed = failed.iter().map(|&name| name.to_owned()).collect();
-            let error = Outcome { tasks, failed, interrupted }.judged(Path::new("logs"), "again").unwrap_err();
-            assert_eq!((error.exit_code(), error.to_string()), (code, message.to_owned()));
-        }
     }
 }

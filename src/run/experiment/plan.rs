@@ -21,13 +21,11 @@ use dials_session::terminal::experiment::Planned;
 #[derive(Clone, Debug)]
 pub(super) struct PlannedWork {
     pub name: String,
-    /// Arguments of the program.
     pub arguments: Vec<OsString>,
     /// File for its standard output, if that is its result.
     pub result: Option<PathBuf>,
     /// Config to write before it begins, with its path.
     pub config: Option<(PathBuf, RunConfig)>,
-    /// Number of cores that it uses.
     pub width: usize,
     /// Timesteps per agent of the whole run; 0 for a baseline.
     pub steps: u64,
@@ -35,7 +33,6 @@ pub(super) struct PlannedWork {
     /// Share that is done, from 0 to 1.
     pub share: f64,
     pub agents: usize,
-    /// Time and memory of the whole task.
     pub estimate: Estimate,
 }
 
@@ -96,7 +93,6 @@ impl PlannedWork {
         })
     }
 
-    /// Returns the task as the progress display needs it.
     pub(super) fn planned(&self) -> Planned {
         let PlannedWork { name, estimate, width, share, steps, .. } = self;
         Planned { name: name.clone(), seconds: estimate.seconds, width: *width, share: *share, steps: *steps }
@@ -116,7 +112,6 @@ impl PlannedWork {
     }
 }
 
-/// All processes of an experiment, done or not.
 pub(super) struct Tasks {
     tasks: Vec<PlannedWork>,
     cores: usize,
@@ -146,12 +141,10 @@ impl Tasks {
         self.tasks.iter().filter(|task| task.stage == Stage::Finished).count()
     }
 
-    /// Returns the tasks that are not finished, in order.
     pub(super) fn unfinished(self) -> Vec<PlannedWork> {
         self.tasks.into_iter().filter(|task| task.stage != Stage::Finished).collect()
     }
 
-    /// Returns what `--dry-run` prints.
     pub(super) fn table(&self) -> String {
         let begins = |task: &&PlannedWork| task.stage != Stage::Finished && task.obstacle().is_none();
         let to_do: Vec<&PlannedWork> = self.tasks.iter().filter(begins).collect();

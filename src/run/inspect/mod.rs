@@ -32,10 +32,8 @@ use dials_traffic::network::roads::{LaneNo, Roads};
 use dials_traffic::paper_grid::recognise::recognise_grid;
 use dials_traffic::scenario::SumoScenario;
 
-/// Largest file of overrides, in bytes.
 const MOST_OVERRIDES: u64 = 1 << 20;
 
-/// Everything that is shown of a network.
 struct Inspected {
     net: PathBuf,
     roads: Roads,
@@ -101,7 +99,6 @@ impl Inspected {
         Ok(Inspected { net, roads, derived, padding, borders, influence, rules, left_out, columns_of_grid })
     }
 
-    /// Returns what was asked for, as text.
     fn text(&self, args: &InspectArgs) -> Result<String> {
         if args.json {
             let text = serde_json::to_string_pretty(&as_json(self)).expect("JSON has any text");
@@ -115,7 +112,6 @@ impl Inspected {
     }
 }
 
-/// Returns the error about a light that is not there.
 fn no_light(Inspected { net, derived, .. }: &Inspected, light: &str) -> String {
     let learning = derived.agents.iter().map(|agent| &*agent.plan.light);
     let near = did_you_mean(light, learning.chain(derived.keeping.iter().map(|kept| &*kept.light)));
@@ -146,7 +142,6 @@ fn draw(inspected: &Inspected, dir: &Path, existing: Existing) -> Result<()> {
     Ok(())
 }
 
-/// Returns the map of a network with the regions of its agents.
 fn map(inspected: &Inspected) -> Result<Svg> {
     let Inspected { net, roads, derived, .. } = inspected;
     let line = |lane: LaneNo| -> Line { roads.lane(lane).shape.clone() };

@@ -9,7 +9,6 @@ use dials_traffic::agents::derive::{Agent, Derived};
 use dials_traffic::agents::phase_plan::{Interval, PhasePlan};
 use dials_traffic::agents::plan::{AgentPlan, Border};
 
-/// Returns a line for each light, and what is said of the whole.
 pub(super) fn overview(inspected: &Inspected) -> String {
     let mut text = Listing::default();
     lights(&mut text, inspected);
@@ -39,7 +38,6 @@ fn lights(text: &mut Listing, Inspected { roads, derived, .. }: &Inspected) {
     text.table([head].into_iter().chain(learning).chain(keeping).collect());
 }
 
-/// Returns what is said of the whole, and all lights.
 pub(super) fn all(inspected: &Inspected) -> String {
     let mut text = Listing::default();
     summary(&mut text, inspected);
@@ -54,7 +52,6 @@ pub(super) fn all(inspected: &Inspected) -> String {
     text.finish()
 }
 
-/// Returns what is said of one light. `None`: there is no such light.
 pub(super) fn one(inspected: &Inspected, light: &str) -> Option<String> {
     let Derived { agents, keeping } = &inspected.derived;
     let mut text = Listing::default();
@@ -66,7 +63,6 @@ pub(super) fn one(inspected: &Inspected, light: &str) -> Option<String> {
     Some(text.finish())
 }
 
-/// Writes what is said of the whole.
 fn summary(text: &mut Listing, inspected: &Inspected) {
     let Inspected { net, derived, padding, influence, rules, left_out, .. } = inspected;
     let (learning, keeping) = (derived.agents.len(), derived.keeping.len());

@@ -20,11 +20,10 @@ pub(crate) enum Scale {
 pub(crate) struct Bar {
     pub(crate) label: String,
     pub(crate) look: Look,
-    pub(crate) value: Option<f64>,
+    pub(crate) value: f64,
     pub(crate) whisker: Option<(f64, f64)>,
     /// Values of single seeds, drawn as hollow circles.
     pub(crate) points: Vec<f64>,
-    /// The paper's value.
     pub(crate) paper: Option<f64>,
 }
 
@@ -44,7 +43,6 @@ pub(crate) struct BarChart {
 }
 
 impl Bar {
-    /// Returns the look of the paper's value.
     fn of_paper(&self) -> Look {
         Look { colour: INK, marker: Marker::Diamond, ..self.look }
     }
@@ -90,10 +88,8 @@ impl BarChart {
                 for (place, bar) in cluster.bars.iter().enumerate() {
                     let left = index as f64 + 0.1 + place as f64 * width;
                     let middle = left + width / 2.0;
-                    if let Some(value) = bar.value {
-                        self.draw_bar((root, area), bar, value, [left, width, low, size])?;
-                        self.draw_spread(area, bar, (middle, low))?;
-                    }
+                    self.draw_bar((root, area), bar, [left, width, low, size])?;
+                    self.draw_spread(area, bar, (middle, low))?;
                     if let Some(paper) = bar.paper {
                         mark(area, (middle, self.place(paper)), bar.of_paper(), 10.0, false)?;
                     }
@@ -131,8 +127,8 @@ impl BarChart {
     fn range(&self) -> (f64, f64) {
         let values = || {
             self.bars().flat_map(|bar| {
-                let single = [bar.value, bar.paper, bar.whisker.map(|(_, to)| to)].into_iter().flatten();
-                single.chain(bar.points.iter().copied())
+                let whisker = bar.whisker.map(|(_, to)| to);
+                [bar.value].into_iter().chain(bar.paper).chain(whisker).chain(bar.points.iter().copied())
             })
         };
         let high = values().fold(f64::MIN_POSITIVE, f64::max);
@@ -151,24 +147,23 @@ impl BarChart {
         }
     }
 
-    /// Draws a bar with its marker and its number. `places`: its left end and its width in clusters, the lower end of
-    /// the axis, and the size of the number in pixels.
-    fn draw_bar(&self, (root, area): (&Area, &Plot), bar: &Bar, value: f64, places: [f64; 4]) -> Result<()> {
+    /// `places`: left end and width of the bar in clusters, lower end of the axis, and size of the number in pixels.
+    fn draw_bar(&self, (root, area): (&Area, &Plot), bar: &Bar, places: [f64; 4]) -> Result<()> {
         let [left, width, low, size] = places;
         let begin = if self.scale == Scale::Linear { 0.0 } else { low };
-        let corners = [(left + 0.05 * width, begin), (left + 0.95 * width, self.place(value))];
+        let corners = [(left + 0.05 * width, begin), (left + 0.95 * width, self.place(bar.value))];
         area.draw(&Rectangle::new(corners, bar.look.colour.filled()))?;
         // The marker at its foot identifies the bar in black and white.
         let over = ink_over(bar.look.colour);
         let middle = left + width / 2.0;
         let foot = area.map_coordinate(&(middle, begin));
-        let rise = foot.1 - area.map_coordinate(&(middle, self.place(value))).1;
+        let rise = foot.1 - area.map_coordinate(&(middle, self.place(bar.value))).1;
         let (tall, away) = (rise.abs(), if rise < 0 { 1 } else { -1 });
         if tall > px(20) {
             let within = (foot.0, foot.1 + away * px(12));
             mark(root, within, Look { colour: over, ..bar.look }, 9.0, true)?;
         }
-        let words = (self.format)(value);
+        let words = (self.format)(bar.value);
         let end = |x| area.map_coordinate(&(x, begin)).0;
         let room = end(left + width) - end(left);
         let (turn, far, inside) = place_of_number(text_width(&words, size), room, tall);
@@ -176,7 +171,6 @@ impl BarChart {
         Ok(root.draw_text(&words, &anchored(style, HPos::Center, VPos::Center), (foot.0, foot.1 + away * far))?)
     }
 
-    /// Draws the whisker and the values of single seeds.
     fn draw_spread(&self, area: &Plot, bar: &Bar, (x, low): (f64, f64)) -> Result<()> {
         if let Some((from, to)) = bar.whisker {
             // No whisker goes below the axis.
@@ -193,9 +187,7 @@ impl BarChart {
 }
 
 /// Returns how the number of a bar is turned, the distance of its middle from the bar's foot, and whether it is inside.
-///
-/// `long`: length of the number; `room`: width from bar to bar; `tall`: height of the bar; all in pixels. In a narrow bar
-/// the number stands upright, so that it does not reach into the next one.
+/// `long`: length of the number; `room`: width from bar to bar; `tall`: height of the bar; all in pixels.
 fn place_of_number(long: i32, room: i32, tall: i32) -> (FontTransform, i32, bool) {
     let (turn, high) = match long + px(2) > room {
         true => (FontTransform::Rotate270, long),
@@ -218,7 +210,7 @@ mod tests {
         let bar = |value: f64| Bar {
             label: String::new(),
             look: Look::FIRST,
-            value: Some(value),
+            value,
             whisker: Some((value - 2.0, value + 2.0)),
             points: Vec::new(),
             paper: None,

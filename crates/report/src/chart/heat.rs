@@ -1,13 +1,12 @@
-//! Heat maps of agents on their grid: a panel per run, a cell per agent, shaded by its return. Stuck agents have a
-//! cross.
+//! Heat maps of agents on their grid: a panel per run, a cell per agent, shaded by its return; a cross: stuck.
 
 use anyhow::Result;
 use plotters::prelude::*;
 use plotters::style::text_anchor::{HPos, VPos};
 
-use super::ends_of;
 use crate::drawing::{
-    self, Area, SCALE, Svg, anchored, ink_over, pen, px, shortened, text, text_width, widened, write, write_at,
+    Area, SCALE, Svg, anchored, ends_of, ink_over, pen, px, shade_of, shortened, text, text_width, widened, write,
+    write_at,
 };
 use crate::words::figure;
 
@@ -88,7 +87,7 @@ impl HeatMap {
         range: (f64, f64),
     ) -> Result<()> {
         let [a, b] = [(px(x + 0.5), px(y + 0.5)), (px(x + side - 0.5), px(y + side - 0.5))];
-        let shade = shade(value, range);
+        let shade = shade_of(value, range);
         root.draw(&Rectangle::new([a, b], shade.filled()))?;
         let over = ink_over(shade);
         if stuck {
@@ -109,7 +108,6 @@ impl HeatMap {
         Ok(())
     }
 
-    /// Draws the scale of shades with its values.
     fn draw_key(&self, root: &Area, top: u32, (low, high): (f64, f64)) -> Result<()> {
         const STEPS: usize = 60;
         let (left, width, top) = (f64::from(MARGIN), 180.0, f64::from(top));
@@ -117,7 +115,7 @@ impl HeatMap {
             let value = low + (high - low) * step as f64 / (STEPS - 1) as f64;
             let x = left + width * step as f64 / STEPS as f64;
             let corners = [(px(x), px(top)), (px(x + width / STEPS as f64) + 1, px(top + 12.0))];
-            root.draw(&Rectangle::new(corners, shade(value, (low, high)).filled()))?;
+            root.draw(&Rectangle::new(corners, shade_of(value, (low, high)).filled()))?;
         }
         for (value, x, anchor) in [(low, left, HPos::Left), (high, left + width, HPos::Right)] {
             write_at(root, &figure(value), (px(x), px(top + 16.0)), 11, (anchor, VPos::Top))?;
@@ -133,12 +131,6 @@ impl HeatMap {
 
     fn range(&self) -> (f64, f64) {
         let panels = self.groups.iter().flat_map(|(_, panels)| panels);
-        let (low, high) = ends_of(panels.flat_map(|panel| panel.rows.iter().flatten().map(|(value, _)| *value)));
-        widened(low, high)
+        widened(ends_of(panels.flat_map(|panel| panel.rows.iter().flatten().map(|(value, _)| *value))))
     }
-}
-
-/// Returns the shade of a value: the higher, the darker.
-fn shade(value: f64, (low, high): (f64, f64)) -> RGBColor {
-    drawing::shade(if high > low { (value - low) / (high - low) } else { 0.5 })
 }

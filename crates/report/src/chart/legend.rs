@@ -10,7 +10,6 @@ use dials_core::base::wrapped;
 
 const SIZE: f64 = 12.0;
 const LINE_HEIGHT: f64 = 16.0;
-/// Largest number of characters in a line.
 const WRAP: usize = 29;
 
 /// Sample before a label.
@@ -41,7 +40,6 @@ impl LegendEntry {
     }
 }
 
-/// Draws entries from the top of an area.
 pub(super) fn draw(area: &Area, entries: &[LegendEntry]) -> Result<()> {
     let mut y = px(10.0);
     for entry in entries {

@@ -8,16 +8,16 @@ use plotters::style::text_anchor::{HPos, VPos};
 
 use super::legend::{self, LegendEntry, LegendSample};
 use super::look::{Dash, Look, Marker, mark, stroke};
-use super::{Axis, HEIGHT, LEGEND, MOST_FOR_NUMBERS, Plot, WIDTH, ends_of, whisker, with_air};
-use crate::drawing::{Area, BoundedAxis, INK, SCALE, Svg, anchored, draw_mesh, px, text, text_width, write, write_at};
+use super::{Axis, HEIGHT, LEGEND, MOST_FOR_NUMBERS, Plot, WIDTH, whisker, with_air};
+use crate::drawing::{
+    Area, BoundedAxis, INK, SCALE, Svg, anchored, draw_mesh, ends_of, px, text, text_width, write, write_at,
+};
 
 const MARKERS: usize = 8;
-/// Largest number of lines in a chart with bands and seeds. With more, a reader could not see which line they belong
-/// to.
+/// Largest number of lines in a chart with bands and seeds: of more, a reader could not see what belongs to which.
 pub(crate) const MOST_BANDS: usize = 5;
 const COLUMNS: usize = 3;
 const PANEL: u32 = 190;
-/// Largest number of characters in a line of a panel's title.
 const PANEL_WRAP: usize = 44;
 const PANEL_LINE: u32 = 14;
 
@@ -79,7 +79,6 @@ pub(crate) struct LineChart {
 
 type Ranges = (Range<f64>, Range<f64>);
 
-/// Sizes of the parts of a chart.
 #[derive(Clone, Copy)]
 struct Size {
     numbers: f64,
@@ -93,10 +92,8 @@ struct Size {
 const WHOLE: Size = Size { numbers: 12.0, names: 11.0, right: 76.0, ticks: 7, axis_titles: true };
 const SMALL: Size = Size { numbers: 10.0, names: 9.0, right: 60.0, ticks: 4, axis_titles: false };
 
-/// Look of the reference in all panels.
 const OF_REFERENCE: Look = Look { colour: INK, dash: Dash::Dashed, marker: Marker::Square };
 
-/// Returns the look of another line in its panel.
 fn of_other(line: &Line) -> Look {
     Look { colour: line.look.colour, ..Look::FIRST }
 }
@@ -219,8 +216,7 @@ impl LineChart {
         Ok(())
     }
 
-    /// Writes the name of each level at its right end, and keeps names apart if levels are close. `ends`: right ends in
-    /// units of the whole picture.
+    /// Writes the name of each level at its right end. `ends`: right ends in units of the whole picture.
     fn name_levels(&self, area: &Area, ends: &[(i32, i32)], size: Size) -> Result<()> {
         let corner = area.get_base_pixel();
         let mut order: Vec<usize> = (0..ends.len()).collect();
@@ -306,7 +302,6 @@ impl LineChart {
         (0.0..right * 1.015, with_air(if low.is_finite() { (low, high) } else { (0.0, 1.0) }))
     }
 
-    /// Returns the width of the y axis with its numbers and label, in pixels.
     fn label_width(&self, y: &Range<f64>, size: Size) -> f64 {
         // Some formats write whole numbers only.
         let ends = [y.start, y.end, y.start.ceil(), y.end.floor()];

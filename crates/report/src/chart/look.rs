@@ -50,8 +50,7 @@ pub(crate) struct Look {
 impl Look {
     pub(crate) const FIRST: Look = Look { colour: COLOURS[0], dash: Dash::Solid, marker: Marker::Circle };
 
-    /// Returns a look: a colour in one of three shades, a dash and a marker. Variant 0 has the plain colour. Variants of
-    /// one shade have other dashes, as far as there are any.
+    /// Variant 0 has the plain colour. Variants of one shade have other dashes, as far as there are any.
     fn number(colour: usize, variant: usize) -> Look {
         let (plain, variant) = (COLOURS[colour % COLOURS.len()], variant % VARIANTS);
         let shade = match variant % DASHES.len() {
@@ -85,12 +84,10 @@ fn mixed(colour: RGBColor, other: RGBColor, share: f64) -> RGBColor {
     RGBColor(mixed(colour.0, other.0), mixed(colour.1, other.1), mixed(colour.2, other.2))
 }
 
-/// The look of each label of a report, the same in all its charts.
 pub(crate) struct Looks(BTreeMap<String, Look>);
 
 impl Looks {
-    /// Gives a look to each label, which depends on the label alone. Only if two of them have the same one, the second
-    /// gets the next look that is free.
+    /// The look depends on the label alone, unless an earlier label has it: then the next free one follows.
     pub(crate) fn new<'a>(labels: impl Iterator<Item = &'a str>) -> Self {
         let mut looks: BTreeMap<String, Look> = BTreeMap::new();
         for label in labels {
@@ -136,8 +133,7 @@ where
     Ok(())
 }
 
-/// Draws a marker around a place, `size` pixels wide. Our means are filled; single seeds and the paper's values are
-/// hollow.
+/// `size`: in pixels. Our means are filled; single seeds and the paper's values are hollow.
 pub(super) fn mark<CT: CoordTranslate>(
     area: &DrawingArea<SVGBackend<'_>, CT>,
     at: CT::From,
@@ -212,7 +208,6 @@ mod tests {
         let looks: Vec<Look> =
             labels.map(|label| Look::of(&label)).map(|(colour, variant)| Look::number(colour, variant)).collect();
         for (index, look) in looks.iter().enumerate() {
-            assert!(!looks[..index].contains(look), "{index}: {look:?}");
             // Between its markers only the shade and the dash of a line are seen.
             let alike = |other: &Look| (other.colour, other.dash) == (look.colour, look.dash);
             assert!(!looks[..index].iter().any(alike), "{index}: {look:?}");

@@ -35,16 +35,10 @@ const MOST_FOR_NUMBERS: u32 = 130;
 
 type Plot<'a> = DrawingArea<SVGBackend<'a>, Cartesian2d<BoundedAxis, BoundedAxis>>;
 
-/// Label of an axis, and format of its numbers.
 #[derive(Clone)]
 pub(crate) struct Axis {
     pub(crate) label: String,
     pub(crate) format: fn(f64) -> String,
-}
-
-/// Returns the ends of these values; of none, an empty range from infinity.
-fn ends_of(values: impl Iterator<Item = f64>) -> (f64, f64) {
-    values.fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), value| (low.min(value), high.max(value)))
 }
 
 /// Widens a range by a margin at both ends.
@@ -67,78 +61,4 @@ fn whisker<CT: CoordTranslate<From = (f64, f64)>>(
         area.draw(&(EmptyElement::at((x, end)) + foot))?;
     }
     Ok(())
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use crate::drawing::Svg;
-
-    const ODD: [f64; 12] =
-        [f64::MAX, f64::MIN, 1e300, -1e300, 1e15, 5e-324, -0.0, 0.0, 1.0, -3.0, f64::INFINITY, f64::NAN];
-
-    fn axis() -> Axis {
-        Axis { label: String::new(), format: |value| format!("{value:.1}") }
-    }
-
-    fn lines(first: f64, second: f64) -> LineChart {
-        let point = |x: f64, y: f64| LinePoint { x, y, band: Some((second, first)), whole: true };
-        let line = Line {
-            label: "a".to_owned(),
-            look: Look::FIRST,
-            points: vec![point(0.0, first), point(1.0, second), point(first, second)],
-            companion: vec![(0.0, second), (second, first)],
-            seeds: vec![vec![(0.0, first), (1.0, second)]],
-        };
-        LineChart {
-            title: String::new(),
-            x: axis(),
-            y: axis(),
-            lines: vec![line.clone(), line],
-            companions: None,
-            levels: vec![Level { label: String::new(), name: String::new(), y: second, measured: true }],
-            marks: vec![Mark { label: String::new(), look: Look::FIRST, points: vec![(first, second, Some(first))] }],
-            x_end: 0.0,
-            note: String::new(),
-        }
-    }
-
-    fn bars(scale: Scale, first: f64, second: f64) -> Result<Svg> {
-        let bar = |value: f64| Bar {
-            label: "a".to_owned(),
-            look: Look::FIRST,
-            value: Some(value),
-            whisker: Some((second, first)),
-            points: vec![first, second],
-            paper: Some(second),
-        };
-        let clusters = vec![Cluster { label: "4".to_owned(), bars: vec![bar(first), bar(second)] }];
-        let [title, note] = [const { String::new() }; 2];
-        BarChart { title, y: axis(), format: axis().format, scale, clusters, note }.draw()
-    }
-
-    fn named(first: f64, second: f64) -> Result<Svg> {
-        let values = vec![(first, true), (second, false)];
-        let series = vec![Series { label: "a".to_owned(), look: Look::FIRST, values }];
-        let names = vec!["a".repeat(100), "b".to_owned()];
-        NamedChart { title: String::new(), x: axis(), names, series, note: String::new() }.draw()
-    }
-
-    #[test]
-    fn whatever_the_values_are_a_chart_is_drawn() {
-        for first in ODD {
-            for second in ODD {
-                let lines = lines(first, second);
-                for svg in [
-                    lines.draw(),
-                    lines.draw_against(0),
-                    bars(Scale::Linear, first, second),
-                    bars(Scale::Log2, first, second),
-                    named(first, second),
-                ] {
-                    roxmltree::Document::parse(&svg.unwrap().file()).unwrap();
-                }
-            }
-        }
-    }
 }

@@ -6,8 +6,8 @@ use plotters::style::text_anchor::{HPos, VPos};
 
 use super::legend::{self, LegendEntry, LegendSample};
 use super::look::{Dash, Look, Marker, mark, stroke};
-use super::{Axis, LEGEND, WIDTH, ends_of, with_air};
-use crate::drawing::{Area, BoundedAxis, INK, Svg, draw_mesh, pen, px, shortened, write, write_at};
+use super::{Axis, LEGEND, WIDTH, with_air};
+use crate::drawing::{Area, BoundedAxis, INK, Svg, draw_mesh, ends_of, pen, px, shortened, write, write_at};
 
 /// Height of an axis of a row chart, and of the note below it.
 const AXIS: u32 = 48;
@@ -20,19 +20,15 @@ const WORDS: u32 = 330;
 /// Right ends of the columns of words, measured from the right of the picture.
 const COLUMNS: [u32; 3] = [276, 66, 8];
 const LINE: u32 = 14;
-/// Largest number of characters in a line of a label.
 const WRAP: usize = 36;
 
 /// Height of a named row, of the title above them and of the axis below them.
 const NAMED_ROW: u32 = 16;
 const TITLE: u32 = 34;
 const NAMED_AXIS: u32 = 52;
-/// Width of the names at the left.
 const NAMES: u32 = 190;
-/// Largest number of characters of a name.
 const LONGEST_NAME: usize = 28;
 
-/// A mean of an ablation.
 pub(crate) struct Row {
     pub(crate) label: String,
     /// Values of single seeds, drawn as hollow circles.
@@ -49,7 +45,6 @@ pub(crate) struct RowChart {
     pub(crate) x: Axis,
     /// Rows from top to bottom; the first is the reference.
     pub(crate) rows: Vec<Row>,
-    /// Headings of the columns of words.
     pub(crate) header: [String; 3],
     pub(crate) note: String,
 }

@@ -31,7 +31,6 @@ const BELOW: f64 = 0.05;
 
 /// One side of a comparison: runs of one method.
 pub struct ComparedSide {
-    /// Its name on the command line.
     name: String,
     scenario: ScenarioId,
     title: String,
@@ -42,9 +41,9 @@ pub struct ComparedSide {
 impl ComparedSide {
     /// Reads the runs under these folders. Their configs may differ in the seed only.
     pub fn open(name: &str, folders: &[PathBuf]) -> Result<ComparedSide> {
-        let found = find(folders)?;
-        let missing = found.missing.clone();
-        let Sorted { mut comparisons, left_out } = sort(found)?;
+        let sorted = sort(find(folders)?)?;
+        let reasons = warnings(&sorted);
+        let Sorted { mut comparisons, left_out, .. } = sorted;
         let of_comparison = |comparison: &Comparison| {
             let label = |group: &Group| format!("{}: {}", comparison.title, group.label());
             comparison.groups.iter().map(label).collect::<Vec<String>>()
@@ -56,7 +55,6 @@ impl ComparedSide {
             labels.len(),
             labels.join("; ")
         );
-        let reasons = warnings(&comparisons, &missing, &left_out);
         let evaluated = comparisons.pop().filter(|found| found.groups.iter().any(|group| group.finals().is_some()));
         let comparison = evaluated.with_context(|| no_run(name, &reasons))?;
         let group = comparison.groups.into_iter().next().expect("the one that was counted");
@@ -105,7 +103,6 @@ impl SideResult {
         }
     }
 
-    /// Returns the median timesteps and the median seconds of the runs that reached the return.
     fn median_reached(&self) -> [Option<f64>; 2] {
         let steps: Vec<f64> = self.reached.iter().map(|(steps, _)| *steps as f64).collect();
         let seconds: Vec<f64> = self.reached.iter().filter_map(|(_, seconds)| *seconds).collect();
@@ -186,11 +183,7 @@ pub fn compare(a: &ComparedSide, b: &ComparedSide, target: Option<f64>) -> Resul
     })
 }
 
-/// Returns warnings about what the agents of the sides see.
-///
-/// # Errors
-///
-/// The scenarios differ, the rewards, or the versions of the environment.
+/// Returns warnings about what the agents of the sides see. Other scenarios, rewards or versions are an error.
 fn check_rules(a: &ComparedSide, b: &ComparedSide) -> Result<Option<String>> {
     // The rules are the same for all runs of a side. A domain may name none.
     let rules = |side: &ComparedSide| side.group.runs.iter().find_map(|run| run.scenario().rules.clone());

@@ -52,26 +52,24 @@ fn distance([a, b]: [u64; 2]) -> f64 {
 mod tests {
     use super::*;
 
-    fn at(a: &[u64], b: &[u64]) -> Option<[u64; 2]> {
-        compared_at(&a.iter().copied().collect(), &b.iter().copied().collect())
-    }
-
     #[test]
-    fn the_last_step_that_both_have_counts() {
-        assert_eq!(at(&[0, 100, 200, 300], &[0, 100, 200]), Some([200, 200]));
-        // A shorter run that ended between two evaluations of the longer one.
-        assert_eq!(at(&[0, 100, 200, 300], &[0, 100, 150]), Some([100, 100]));
-        assert_eq!(at(&[0, 1000, 4064], &[0, 1008, 4128]), Some([1000, 1008]), "1.6 % at the end are too much");
-        assert_eq!(at(&[0, 400_064], &[0, 400_000, 400_128]), Some([400_064, 400_128]));
-        assert_eq!(at(&[0], &[0, 100]), Some([0, 0]));
-    }
-
-    #[test]
-    fn if_there_is_none_after_step_0_the_closest_ones_count() {
-        assert_eq!(at(&[0, 120, 240], &[0, 256]), Some([240, 256]));
-        // 2 to 1 and 4 to 8 are as far from each other.
-        assert_eq!(at(&[200, 400], &[100, 800]), Some([400, 800]));
-        assert_eq!(at(&[0], &[100]), Some([0, 100]));
-        assert_eq!(at(&[], &[100]), None);
+    fn the_last_step_that_both_have_counts_or_else_the_closest_ones() {
+        for (a, b, expected) in [
+            (&[0, 100, 200, 300][..], &[0, 100, 200][..], Some([200, 200])),
+            // A shorter run that ended between two evaluations of the longer one.
+            (&[0, 100, 200, 300], &[0, 100, 150], Some([100, 100])),
+            // 1.6 % at the end are too much.
+            (&[0, 1000, 4064], &[0, 1008, 4128], Some([1000, 1008])),
+            (&[0, 400_064], &[0, 400_000, 400_128], Some([400_064, 400_128])),
+            (&[0], &[0, 100], Some([0, 0])),
+            (&[0, 120, 240], &[0, 256], Some([240, 256])),
+            // 2 to 1 and 4 to 8 are as far from each other.
+            (&[200, 400], &[100, 800], Some([400, 800])),
+            (&[0], &[100], Some([0, 100])),
+            (&[], &[100], None),
+        ] {
+            let [of_a, of_b] = [a, b].map(|steps| steps.iter().copied().collect());
+            assert_eq!(compared_at(&of_a, &of_b), expected, "{a:?} and {b:?}");
+        }
     }
 }

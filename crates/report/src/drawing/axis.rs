@@ -18,11 +18,9 @@ const POWERS: i32 = 6;
 
 const MOST_WHOLE: usize = 32;
 
-/// A linear axis. Whatever its ends are, it has at most as many ticks as it is asked for, and every point is near the
-/// picture.
+/// A linear axis with few ticks whatever its ends are. A point beyond them is drawn near the picture.
 ///
-/// The axis of the drawing crate adds ticks until it is beyond the end. If the ends are huge, close to each other or
-/// infinite, that never happens.
+/// The axis of the drawing crate never ends if its ends are huge, infinite or close to each other.
 pub struct BoundedAxis {
     places: RangedCoordf64,
     start: f64,

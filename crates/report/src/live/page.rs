@@ -45,7 +45,6 @@ impl Page {
         Page { folder, draw_map, seen: None, runs: Vec::new(), left_out: Vec::new(), figures: String::new() }
     }
 
-    /// Returns what the page shows now, as HTML.
     pub(crate) fn now(&mut self) -> String {
         let mut there = Vec::new();
         traces(&self.folder, DEPTH, &mut there);
@@ -123,7 +122,6 @@ fn progress(runs: &[RunRecord]) -> Table {
     }
 }
 
-/// Collects the files of runs that the page is made from.
 fn traces(folder: &Path, depth: usize, into: &mut Vec<Trace>) {
     let Ok(entries) = fs::read_dir(folder) else { return };
     let mut paths: Vec<PathBuf> = entries.filter_map(|entry| Some(entry.ok()?.path())).collect();

@@ -17,7 +17,6 @@ use crate::document::{STYLE, escape};
 const SHELL: &str = include_str!("shell.html");
 const SCRIPT: &str = include_str!("shell.js");
 
-/// A server that is ready to answer.
 pub struct LiveServer {
     server: Server,
     host: String,
@@ -27,11 +26,7 @@ pub struct LiveServer {
 type Answer = Response<Cursor<Vec<u8>>>;
 
 impl LiveServer {
-    /// Takes a port of 127.0.0.1. `port` 0: any free one.
-    ///
-    /// # Errors
-    ///
-    /// Another program has the port.
+    /// Takes a port of 127.0.0.1. `port` 0: any free one. Another program has it: an error.
     pub fn new(port: u16) -> Result<LiveServer> {
         let server = Server::http(("127.0.0.1", port)).map_err(|error| anyhow!("{error}"));
         let server = server.with_context(|| format!("--port {port}: cannot be used; 0 takes a free one"))?;

@@ -16,7 +16,6 @@ pub(crate) enum State {
     Stopped,
 }
 
-#[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct RunStatus {
     pub(crate) state: State,
     /// Timesteps per agent at the end of the last period, where the last checkpoint is.
@@ -95,29 +94,23 @@ mod tests {
     }
 
     #[test]
-    fn a_run_that_is_written_goes_on_at_the_speed_of_its_last_period() {
-        let status = of(&run(&[(100, 10.0), (300, 30.0)]), true, Duration::from_secs(20));
-        assert_eq!((status.state, status.steps, status.about_steps), (State::Running, 300, 500));
-        assert_eq!(status.left, Some(Duration::from_secs(50)));
-        // It cannot have passed its last step.
-        let status = of(&run(&[(100, 10.0), (900, 90.0)]), true, Duration::from_secs(600));
-        assert_eq!((status.about_steps, status.left), (1000, Some(Duration::ZERO)));
-    }
-
-    #[test]
-    fn a_run_that_nobody_writes_stands_still() {
-        let idle = Duration::from_secs(20);
-        let status = of(&run(&[(100, 10.0), (300, 30.0)]), false, idle);
-        assert_eq!((status.state, status.about_steps, status.left), (State::Stopped, 300, None));
-        let status = of(&run(&[(1000, 30.0)]), false, idle);
-        assert_eq!((status.state, status.about_steps, status.left), (State::Finished, 1000, None));
+    fn a_run_that_is_written_goes_on_at_the_speed_of_its_last_period_and_others_stand_still() {
+        let seconds = |seconds: u64| Some(Duration::from_secs(seconds));
         // It was evaluated at its beginning only, and has trained since.
         let mut between = run(&[(0, 1.0), (300, 30.0)]);
         between.evaluations.pop();
-        assert_eq!((of(&between, false, idle).steps, between.status()), (300, Status::Unfinished { steps: 0 }));
-        assert_eq!(of(&between, true, idle).steps, 300);
-        let status = of(&run(&[]), true, idle);
-        assert_eq!((status.state, status.about_steps, status.agent_steps_per_s), (State::Running, 0, None));
+        for (run, locked, idle_s, expected) in [
+            (run(&[(100, 10.0), (300, 30.0)]), true, 20, (State::Running, 300, 500, seconds(50))),
+            // It cannot have passed its last step.
+            (run(&[(100, 10.0), (900, 90.0)]), true, 600, (State::Running, 900, 1000, seconds(0))),
+            (run(&[(100, 10.0), (300, 30.0)]), false, 20, (State::Stopped, 300, 300, None)),
+            (run(&[(1000, 30.0)]), false, 20, (State::Finished, 1000, 1000, None)),
+            (between, false, 20, (State::Stopped, 300, 300, None)),
+            (run(&[]), true, 20, (State::Running, 0, 0, None)),
+        ] {
+            let status = of(&run, locked, Duration::from_secs(idle_s));
+            assert_eq!((status.state, status.steps, status.about_steps, status.left), expected);
+        }
     }
 
     #[test]

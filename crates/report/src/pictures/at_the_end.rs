@@ -16,8 +16,7 @@ use dials_core::domain::{FirstRow, Map};
 use dials_session::records::method::steps_text;
 use dials_session::records::run_record::Returns;
 
-/// Draws the final returns of an ablation, a row per group; `None` if there is no reference, or if it was not
-/// evaluated.
+/// Draws the final returns of an ablation, a row per group; `None` without an evaluated reference.
 pub(crate) fn ablation(comparison: &Comparison) -> Option<Result<Svg>> {
     let (opponent, reference) = (comparison.reference()?, &comparison.groups[comparison.reference?]);
     let (mut of_reference, mut others): (Vec<_>, Vec<_>) =
@@ -59,7 +58,6 @@ pub(crate) fn ablation(comparison: &Comparison) -> Option<Result<Svg>> {
     Some(chart.draw())
 }
 
-/// Draws the final returns of a family, a cluster per size.
 pub(crate) fn final_bars(family: &Family, looks: &Looks) -> Result<Svg> {
     let clusters = clusters(family, looks, 1.0, |comparison, group| {
         let end = Final::of(group)?;
@@ -104,8 +102,7 @@ pub(crate) fn runtime_bars(family: &Family, looks: &Looks) -> Result<Option<Svg>
     chart.draw().map(Some)
 }
 
-/// Returns a cluster per size, with a bar per group. `figure` returns whether the runs of a group are finished, their
-/// figures, and the paper's; `unit`: what is 1 in the chart.
+/// `figure`: whether the runs of a group are finished, their figures, and the paper's. `unit`: 1 in the chart.
 fn clusters(
     family: &Family,
     looks: &Looks,
@@ -120,7 +117,7 @@ fn clusters(
         Some(Bar {
             label: format!("{label}{}", if finished { "" } else { ", unfinished" }),
             look: looks.of(&group.label()),
-            value: Some(spread.mean / unit),
+            value: spread.mean / unit,
             whisker: spread.interval.map(|Bounds { low, high }| (low / unit, high / unit)),
             points: if shows_seeds(spread.runs()) { single.collect() } else { Vec::new() },
             paper: paper.map(|paper| paper / unit),
@@ -133,8 +130,7 @@ fn clusters(
     clusters.collect()
 }
 
-/// Writes a difference like [`difference`], but shorter, to fit a picture. With few seeds: `+4.1 (+3.0, +5.0, +4.3)`,
-/// without their number.
+/// Writes a difference like [`difference`], but without the number of seeds: `+4.1 (+3.0, +5.0, +4.3)`.
 fn short_difference(found: Difference, like: f64) -> String {
     if !found.pairing.by_episode() {
         return difference(&Difference { of_seeds: Vec::new(), ..found }, like);
@@ -166,8 +162,7 @@ fn short(value: f64) -> String {
     }
 }
 
-/// Draws every agent of a scenario at the end of its runs: in rows if it is in rows there, else by its name. `None` if
-/// nothing was evaluated.
+/// Draws every agent at the end of its runs; `None` if nothing was evaluated.
 pub(crate) fn agents(comparison: &Comparison, looks: &Looks) -> Result<Option<Svg>> {
     match comparison.map() {
         Some(map) => agents_in_rows(comparison, map),

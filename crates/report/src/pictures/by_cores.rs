@@ -10,8 +10,7 @@ use crate::group::Comparison;
 use crate::paper;
 use dials_session::records::method::steps_text;
 
-/// Draws the model of the wall time of every method, with the measured points and the paper's; `None` if no run
-/// measured CPU time.
+/// Draws models, measured points and the paper's; `None` if no run measured CPU time.
 pub(crate) fn time_by_cores(comparison: &Comparison, looks: &Looks) -> Result<Option<Svg>> {
     let all = by_cores(comparison);
     let Some((_, first)) = all.first() else { return Ok(None) };

@@ -27,7 +27,6 @@ fn shows_seeds(runs: usize) -> bool {
     (2..ENOUGH_SEEDS).contains(&runs)
 }
 
-/// Returns the label of a group in a picture, with the number of its runs.
 fn label_with_runs(comparison: &Comparison, group: &Group) -> String {
     format!("{} ({})", comparison.short_label(group), counted(group.runs.len(), "run"))
 }
@@ -54,8 +53,7 @@ fn time_unit(longest_s: f64) -> (&'static str, f64) {
     }
 }
 
-/// Whether a run of `steps` steps is long enough to compare with a figure of the paper: at least nine tenths of its
-/// steps.
+/// Whether a run is long enough to compare with a figure of the paper: at least nine tenths of its steps.
 pub(crate) fn comparable(steps: u64, paper_steps: u64) -> bool {
     10 * steps >= 9 * paper_steps
 }

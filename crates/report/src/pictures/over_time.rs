@@ -13,7 +13,7 @@ use dials_core::base::statistics::{ENOUGH_SEEDS, Spread};
 use dials_session::records::method::steps_text;
 use dials_session::records::run_record::RunRecord;
 
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy)]
 pub(crate) enum Against {
     Timesteps,
     Runtime,
@@ -29,19 +29,15 @@ pub(crate) fn learning(comparison: &Comparison, looks: &Looks, against: Against)
         comparison.groups.iter().map(|group| (group, learning_curve(group))).collect();
     let longest = curves.iter().flat_map(|(_, points)| points.iter().filter_map(|point| point.runtime_s));
     let (unit, seconds) = time_unit(longest.fold(0.0, f64::max));
-    let place = |point: &CurvePoint| match against {
-        Against::Timesteps => Some(point.steps as f64),
-        Against::Runtime => point.runtime_s.map(|runtime| runtime / seconds),
+    let place_of = |steps: u64, runtime_s: Option<f64>| match against {
+        Against::Timesteps => Some(steps as f64),
+        Against::Runtime => runtime_s.map(|runtime| runtime / seconds),
     };
+    let place = |point: &CurvePoint| place_of(point.steps, point.runtime_s);
     let of_run = |run: &RunRecord| {
-        let points = run.evaluations.iter().filter_map(|point| {
-            let place = match against {
-                Against::Timesteps => point.steps as f64,
-                Against::Runtime => run.runtime_at(point.steps)? / seconds,
-            };
-            Some((place, point.all.mean))
-        });
-        points.collect()
+        let evaluations = run.evaluations.iter();
+        let place = |steps| place_of(steps, run.runtime_at(steps));
+        evaluations.filter_map(|point| Some((place(point.steps)?, point.all.mean))).collect()
     };
     let lines: Vec<Line> = curves
         .iter()
@@ -78,14 +74,12 @@ pub(crate) fn learning(comparison: &Comparison, looks: &Looks, against: Against)
     draw(chart, comparison, looks).map(Some)
 }
 
-/// Returns the curves of the single runs if the group has too few for an interval. A single run has none: it is the
-/// mean.
+/// Returns the curves of the single runs, if they are several, but too few for an interval.
 fn seeds(group: &Group, curve: &dyn Fn(&RunRecord) -> Vec<(f64, f64)>) -> Vec<Vec<(f64, f64)>> {
     if shows_seeds(group.runs.len()) { group.runs.iter().map(curve).collect() } else { Vec::new() }
 }
 
-/// Draws a chart, and explains bands and pale lines before its note. With many lines, each one gets a panel with the
-/// reference. If there is no reference, all share one chart without bands, seeds and companions.
+/// Draws a chart, explained in its note. Many lines get panels beside the reference, or else lose bands and seeds.
 fn draw(mut chart: LineChart, comparison: &Comparison, looks: &Looks) -> Result<Svg> {
     let note = (!chart.note.is_empty(), chart.note.as_str());
     let without_bands = joined(&[(true, "intervals and seeds: in the CSV files"), note]);

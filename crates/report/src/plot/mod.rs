@@ -20,8 +20,8 @@ use plotters::prelude::*;
 use plotters::style::text_anchor::{HPos, VPos};
 
 use crate::drawing::{
-    Area, BLUE, BoundedAxis, GREEN, INK, ORANGE, PURPLE, SKY, Svg, anchored, draw_mesh, ink_over, pen, px, shade,
-    shortened, text, text_width, widened, write, write_at,
+    Area, BLUE, BoundedAxis, GREEN, INK, ORANGE, PURPLE, SKY, Svg, anchored, draw_mesh, ends_of, ink_over, pen, px,
+    shade, shade_of, shortened, text, text_width, widened, write, write_at,
 };
 
 pub use queues::queues;
@@ -31,9 +31,7 @@ pub use signal_timing::signal_timing;
 pub use space_time::space_time;
 
 /// What was played. Every picture shows it under its title.
-#[derive(Clone, Debug, PartialEq, Eq)]
 pub struct About {
-    /// Run or config, policies or controller.
     pub subject: String,
     pub seed: u64,
 }

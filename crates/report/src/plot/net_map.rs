@@ -17,7 +17,6 @@ const DISC: i32 = 30;
 const BEHIND_DISC: i32 = 16;
 /// Least space between a name and its value, in pixels.
 const BEFORE_VALUE: i32 = 20;
-/// Font size of the list, in pixels.
 const LETTERS: i32 = 11;
 /// Height of a line of the list, in pixels.
 const NAME_HEIGHT: i32 = 22;
@@ -26,7 +25,6 @@ const MOST_NAMES: usize = 40;
 /// Longest name in the list, in letters: alone, and before a value.
 const LONGEST_NAME: usize = 38;
 const LONGEST_BEFORE_VALUE: usize = 28;
-/// Width of a lane in metres.
 const LANE_M: f64 = 3.2;
 
 /// A light on the map. Its number is its place among the others.
@@ -46,7 +44,6 @@ pub(super) struct Sheet<'a> {
     /// Western and northern ends of the net, in metres.
     corner_m: [f64; 2],
     px_per_m: f64,
-    /// Width of a lane, in pixels.
     lane_px: f64,
     /// Width of the map and height of the sheet, in pixels.
     width: i32,
@@ -86,7 +83,6 @@ impl<'a> Sheet<'a> {
         (2 * MARGIN + self.right(), HEAD + MARGIN + self.tall + 24)
     }
 
-    /// Returns the right end of the map and the list, in pixels.
     pub(super) fn right(&self) -> i32 {
         self.width + self.names.unwrap_or(0)
     }
@@ -145,7 +141,6 @@ impl<'a> Sheet<'a> {
 }
 
 impl MapLight<'_> {
-    /// Returns the name as the list shows it.
     fn in_list(&self) -> String {
         shortened(self.name, if self.value.is_some() { LONGEST_BEFORE_VALUE } else { LONGEST_NAME })
     }
@@ -160,7 +155,6 @@ fn width_of_list(lights: &[MapLight<'_>]) -> i32 {
     DISC + BEHIND_DISC + names + values
 }
 
-/// Draws a light as a disc with its agent's number.
 fn draw_light(area: &Area<'_>, at: (i32, i32), number: usize, colour: RGBColor) -> Result<()> {
     area.draw(&Circle::new(at, px(9), INK.filled()))?;
     area.draw(&Circle::new(at, px(8), colour.filled()))?;
@@ -172,18 +166,6 @@ fn draw_light(area: &Area<'_>, at: (i32, i32), number: usize, colour: RGBColor) 
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    #[test]
-    fn the_list_is_as_wide_as_its_longest_line() {
-        let width = |name, value: Option<&str>| {
-            let value = value.map(str::to_owned);
-            width_of_list(&[MapLight { name, place_m: [0.0, 0.0], colour: INK, value }])
-        };
-        // Letters of 11 pixels are 6.16 wide: 2 of them, or 28 and three dots; 5 of the value.
-        assert_eq!(width("b2", None), 30 + 16 + 12);
-        assert_eq!(width("b2", Some("-1.07")), 30 + 16 + 12 + 20 + 30);
-        assert_eq!(width("cluster_1_2_3_4_5_6_7_8_9_10_11_12", Some("-1.07")), 30 + 16 + 191 + 20 + 30);
-    }
 
     #[test]
     fn north_is_up_and_the_longer_side_fills_the_map() {

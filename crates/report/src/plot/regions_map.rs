@@ -7,26 +7,22 @@ use super::*;
 use crate::drawing::VERMILLION;
 use dials_core::domain::road_trace::Line;
 
-#[derive(Clone, Debug, PartialEq)]
 pub struct RegionsMap {
     pub subject: String,
     /// Outlines of the junctions; some may be empty.
     pub junctions: Vec<Line>,
     /// All lanes for cars, in the direction of driving.
     pub lanes: Vec<Line>,
-    /// Regions of the lights that learn.
     pub regions: Vec<MapRegion>,
     /// Places of the lights that keep their program.
     pub keeping: Vec<[f64; 2]>,
 }
 
-#[derive(Clone, Debug, PartialEq)]
 pub struct MapRegion {
     pub name: String,
     pub place_m: [f64; 2],
     /// Lanes on which cars come to the light.
     pub approaches: Vec<Line>,
-    /// All lanes of its roads.
     pub lanes: Vec<Line>,
 }
 

@@ -15,11 +15,10 @@ const SCALE: i32 = 110;
 /// Least width of the picture, so that the title fits, in pixels.
 const LEAST_WIDTH: i32 = 640;
 
-/// The mean return of every agent, and the range of the colours.
 struct Returns {
     means: Vec<f64>,
-    low: f64,
-    high: f64,
+    /// Range of the colours.
+    ends: (f64, f64),
 }
 
 impl Returns {
@@ -30,20 +29,13 @@ impl Returns {
     }
 
     fn of_means(means: Vec<f64>) -> Returns {
-        let [low, high] =
-            [means.iter().copied().fold(f64::MAX, f64::min), means.iter().copied().fold(f64::MIN, f64::max)];
-        let (low, high) = widened(low, high);
-        Returns { means, low, high }
-    }
-
-    /// Returns the place of a value in the range of the colours, from 0 to 1.
-    fn share(&self, value: f64) -> f64 {
-        if self.high > self.low { (value - self.low) / (self.high - self.low) } else { 0.5 }
+        let ends = widened(ends_of(means.iter().copied()));
+        Returns { means, ends }
     }
 
     /// Returns a value with as many decimals as the largest return needs.
     fn written(&self, value: f64) -> String {
-        let digits = decimals(self.low.abs().max(self.high.abs()), None);
+        let digits = decimals(self.ends.0.abs().max(self.ends.1.abs()), None);
         format!("{value:.digits$}")
     }
 }
@@ -73,7 +65,7 @@ fn returns_on_net(map: &RoadMap, names: &[String], returns: &Returns, title: &st
     let lights = names.iter().zip(&map.lights_m).zip(&returns.means).map(|((name, &place_m), &mean)| MapLight {
         name,
         place_m,
-        colour: shade(returns.share(mean)),
+        colour: shade_of(mean, returns.ends),
         value: Some(returns.written(mean)),
     });
     let sheet = Sheet::around(&map.lanes, &map.junctions, lights.collect());
@@ -86,7 +78,6 @@ fn returns_on_net(map: &RoadMap, names: &[String], returns: &Returns, title: &st
     })
 }
 
-/// Draws a square per intersection.
 fn draw_grid(
     names: &[String],
     (rows, columns): (usize, usize),
@@ -104,7 +95,7 @@ fn draw_grid(
         for (agent, (name, &mean)) in names.iter().zip(&returns.means).enumerate() {
             let (row, col) = (agent / columns, agent % columns);
             let (x, y) = (col as i32 * cell, (rows - 1 - row) as i32 * cell); // north is up
-            let shade = shade(returns.share(mean));
+            let shade = shade_of(mean, returns.ends);
             area.draw(&Rectangle::new([(x, y), (x + cell - px(3), y + cell - px(3))], shade.filled()))?;
             let ink = ink_over(shade);
             let centre = (x + cell / 2 - px(1), y + cell / 2 - px(1));
@@ -119,9 +110,8 @@ fn draw_grid(
     })
 }
 
-/// Draws the scale of the colours, from low returns at the bottom to high ones at the top.
 fn draw_scale(area: &Area<'_>, x: i32, height: i32, returns: &Returns) -> Result<()> {
-    let Returns { low, high, .. } = *returns;
+    let (low, high) = returns.ends;
     for y in (0..height).step_by(px(1) as usize) {
         let share = 1.0 - f64::from(y) / f64::from(height - 1);
         area.draw(&Rectangle::new([(x, y), (x + px(16), y + px(1))], shade(share).filled()))?;

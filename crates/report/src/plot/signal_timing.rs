@@ -10,7 +10,6 @@ const MANY: usize = 26;
 const AROUND: i32 = HEAD + MARGIN + LEGEND + AXIS;
 const LEGEND: i32 = 26;
 const AXIS: i32 = 44;
-/// Longest name of an intersection, in letters.
 const LONGEST_NAME: usize = 28;
 
 /// Draws one bar per intersection, with agent 0 at the bottom as on the map.

@@ -10,15 +10,11 @@ const EDGE_HEIGHT: i32 = 105;
 const METRE: f64 = 0.5;
 /// Largest height of the chart that metres can ask for, in pixels.
 const TALLEST: f64 = 1000.0;
-/// Longest name of an intersection, in letters.
 const LONGEST_NAME: usize = 20;
-/// Height of everything around the chart, in pixels.
 const AROUND: i32 = HEAD + 110;
 
-/// Draws the cars that drove through a corridor. `seconds`: those of the episode that are shown.
-///
-/// Each line is a car: steep if it is fast, flat if it waits. At each stop line a bar shows the light. A thicker bar
-/// lets fewer cars through.
+/// Draws the cars that drove through a corridor, each a line: steep if it is fast, flat if it waits. At each stop line
+/// a bar shows the light; a thicker one lets fewer cars through. `seconds`: those of the episode that are shown.
 pub fn space_time(corridor: &Corridor, seconds: &Range<usize>, about: &About) -> Result<Svg> {
     let Corridor { name, from, to, length_m, crossings, cars } = corridor;
     let width = width_for(seconds);
