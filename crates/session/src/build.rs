@@ -11,8 +11,7 @@ use anyhow::{Context, Result, bail};
 use super::domains::NO_SUCH_VECTORS;
 use crate::records::run_json::{Resumed, RunJson, Versions};
 use dials_core::outside::Directory;
-use stacknets::VectorWidth;
-use stacknets::vector_instructions;
+use stacknets::{VectorWidth, vector_instructions};
 
 /// The program that stands on this crate, as its own build knows it.
 #[derive(Clone, Copy, Debug)]
@@ -57,15 +56,13 @@ pub fn other_build(program: Program, dir: &Path, width: VectorWidth, accepted: b
     Ok(Some(here))
 }
 
-/// Records in `run.json` that this build resumes a run at this timestep per agent. `directory`: the run, which this
-/// process has locked.
+/// Records in `run.json` that this build resumes a run, which this process has locked, at this timestep per agent.
 pub fn record_resume(directory: &Directory, build: &Versions, steps: u64) -> Result<()> {
     let mut run = RunJson::read(directory.path())?;
     run.resumed_with.push(Resumed { steps, versions: build.clone() });
     run.write(directory)
 }
 
-/// Returns the name of the CPU.
 pub fn cpu() -> String {
     let text = fs::read_to_string("/proc/cpuinfo").unwrap_or_default();
     let name =

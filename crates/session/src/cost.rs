@@ -11,7 +11,6 @@ use std::ops::{Add, Mul};
 use crate::config::RunConfig;
 use dials_learn::config::{AipTraining, schedule};
 
-/// Work of a run.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Workload {
     pub(crate) agents: usize,
@@ -32,7 +31,6 @@ pub struct Workload {
     pub final_episodes: usize,
     /// Number of trainings of the AIPs, each with a collection before it.
     pub retrainings: usize,
-    /// Number of episodes of a collection.
     pub dataset_episodes: usize,
     /// Number of passes of a training of the AIPs over its dataset.
     pub epochs: usize,
@@ -66,8 +64,7 @@ impl Workload {
         self.agents as f64 * self.steps as f64
     }
 
-    /// Returns the timesteps of all agents that simulators replay to continue after a period. The episodes under way at
-    /// that point are half over on average.
+    /// Returns the timesteps of all agents that are replayed after periods: half an episode of every row on average.
     pub(crate) fn retraced_steps(&self) -> f64 {
         self.periods.saturating_sub(1) as f64 * (self.agents * self.copies * self.training_horizon) as f64 / 2.0
     }
@@ -100,13 +97,10 @@ pub struct Prices<T> {
     /// An evaluation, with all its episodes.
     pub(crate) evaluation: T,
     pub(crate) final_evaluation: T,
-    /// A collection of datasets for all agents.
     pub(crate) collection: T,
-    /// A training of all AIPs.
     pub(crate) aip_training: T,
 }
 
-/// Cost of a run, by activity.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct RunCost<T> {
     pub(crate) training: T,
@@ -150,7 +144,6 @@ pub struct Sharing {
 }
 
 impl Sharing {
-    /// Returns the wall seconds on this number of cores.
     pub fn seconds(&self, cores: usize) -> f64 {
         self.alone_s + self.shared_s / cores_at_work(cores, self.most)
     }

@@ -62,7 +62,6 @@ fn command_line() -> Vec<Word> {
     kept
 }
 
-/// A run with trained policies.
 pub struct TrainedRun {
     pub config: RunConfig,
     pub domain: Arc<dyn Domain>,
@@ -79,14 +78,12 @@ impl TrainedRun {
         }
     }
 
-    /// Returns the policies as a controller for the GS.
     pub fn controller(&self, selection: Selection) -> JointPolicyController {
         JointPolicyController::new(self.domain.kinds(), &self.config.learning, &self.policies, selection)
     }
 }
 
-/// Reads the config of a run directory and opens its domain. `open`: [`domains::open`], or [`domains::open_tried`] if its
-/// networks were tried already.
+/// Reads the config of a run directory and opens its domain by `open`: [`domains::open`] or [`domains::open_tried`].
 pub fn open_config(
     path: &Path,
     open: fn(&RunConfig) -> Result<Arc<dyn Domain>>,
@@ -97,8 +94,7 @@ pub fn open_config(
     Ok((config, domain))
 }
 
-/// Reads the config of a run directory and opens its domain, like [`open_config`]. It is an error if the networks or the
-/// domain's keys are other ones than when the run began.
+/// Like [`open_config`]. Networks or keys of the domain that were changed after the run began are an error.
 pub fn open_unchanged(
     path: &Path,
     open: fn(&RunConfig) -> Result<Arc<dyn Domain>>,
@@ -108,7 +104,6 @@ pub fn open_unchanged(
     Ok((config, domain))
 }
 
-/// Reads a run directory: its config, domain and policies.
 pub fn open(path: &Path) -> Result<TrainedRun> {
     open_with(path, domains::open)
 }
@@ -171,7 +166,6 @@ fn with_way_out(error: Error, run: &Path) -> Error {
     anyhow!("{error:#}; a resume makes the file again, from the newest checkpoint: {resume}")
 }
 
-/// Checks that there is a run directory.
 pub fn check(path: &Path) -> Result<()> {
     if files::is_run_dir(path) {
         return Ok(());

@@ -68,8 +68,7 @@ pub fn check_not_of_a_run(option: &str, path: &Path) -> Result<()> {
     Ok(())
 }
 
-/// Checks that `option` would not put something else in the place of a whole run. Also does what
-/// [`check_not_of_a_run`] does.
+/// Like [`check_not_of_a_run`]. Also checks that `option` would not take the place of a whole run.
 pub fn check_not_a_run(option: &str, path: &Path) -> Result<()> {
     ensure!(!is_run(path), "{}: is a run directory; name another directory with {option}", path.display());
     check_not_of_a_run(option, path)
@@ -108,8 +107,7 @@ pub fn check_apart(places: &[(&str, Option<&Path>)]) -> Result<()> {
     Ok(())
 }
 
-/// Resolves the links in a path, as far as it exists. A `..` behind that is an error: where it leads is not known before
-/// the directories are made.
+/// Resolves the links in a path, as far as it exists. A `..` after that is an error: it may lead anywhere.
 fn real(path: &Path) -> Result<PathBuf> {
     let whole = std::path::absolute(path).unwrap_or_else(|_| path.to_owned());
     let known = whole.ancestors().find_map(|known| Some((known.canonicalize().ok()?, whole.strip_prefix(known).ok()?)));

@@ -81,16 +81,13 @@ impl Mul<f64> for Cost {
     }
 }
 
-/// The steps of a domain's simulators.
 #[derive(Clone, Copy, Debug)]
 pub struct Steps {
     /// Whether another program makes them.
     pub foreign: bool,
-    /// Number of them in a timestep.
     pub per_timestep: usize,
 }
 
-/// Cost of a run on a fleet.
 #[derive(Clone, Debug)]
 pub struct Costs {
     pub(crate) workers: usize,
@@ -184,7 +181,6 @@ impl Costs {
     }
 }
 
-/// Machine of the measurement.
 struct Machine {
     workers: f64,
     /// Whether the simulators are SUMO's.
@@ -331,8 +327,7 @@ mod tests {
         near(costs.training.ours, 0.1009e6);
         near(costs.idle, 0.01e6);
         near(costs.other, 0.025e6);
-        // 3 episodes are two rounds of 2 x 3 s: 12 s, ten times; 5 are three rounds: 18 s. SUMO 2 s per episode: 35
-        // times.
+        // 3 episodes: two rounds of 2 x 3 s = 12 s, ten times; 5: three rounds, 18 s. SUMO: 2 s per episode, 35 times.
         near(costs.evaluation.ours, 0.138e6);
         near(costs.evaluation.sumo, 0.07e6);
         // 4 episodes are two rounds of 2 x 4 s: 16 s, twice; SUMO 3 s per episode: 12 s, twice.

@@ -9,13 +9,11 @@ use dials_core::base::{Activity, Phase, Stopwatch};
 use dials_core::domain::{Kinds, Result, RoughCosts};
 use dials_learn::algorithms;
 use dials_learn::config::{AipTraining, Period, Simulator};
-use dials_learn::fleet::Fleet;
-use dials_learn::fleet::FleetLoad;
+use dials_learn::fleet::{Fleet, FleetLoad};
 use dials_learn::observer::Recorder;
 use dials_learn::predictors::Dataset;
 use dials_learn::progress::TrainingProgress;
-use dials_learn::steps::collect::Purpose;
-use dials_learn::steps::collect::collect_datasets;
+use dials_learn::steps::collect::{Purpose, collect_datasets};
 use dials_learn::steps::evaluate::evaluate;
 use dials_learn::steps::train_aips::train_aips;
 use dials_learn::steps::train_policies::train_policies;
@@ -99,7 +97,6 @@ impl Measured {
     }
 }
 
-/// Settings of a measurement.
 pub struct MeasurePlan<'a> {
     /// Config that [`short_orders`] made.
     pub config: &'a RunConfig,

@@ -35,8 +35,7 @@ pub const FILES_PER_WORKER: u64 = 2;
 const WORKER: &str = "worker";
 /// Time in which a child whose channel is closed may end by itself.
 const LAST_WORDS: Duration = Duration::from_millis(200);
-/// Time in which a killed child must end. A child that hangs inside the kernel, for example on a dead network disk, is
-/// left alone.
+/// Time in which a killed child must end. One that hangs inside the kernel (a dead network disk) is left alone.
 const DYING: Duration = Duration::from_secs(2);
 
 /// Does what the coordinator that started this process orders, until the channel is closed. The channel is standard

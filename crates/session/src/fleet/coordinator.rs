@@ -33,8 +33,7 @@ use crate::config::RunConfig;
 use dials_core::base::{Activity, AgentId};
 use dials_core::domain::Domain;
 use dials_learn::config::{Config, Simulator};
-use dials_learn::fleet::{Fleet, Stop};
-use dials_learn::fleet::{FleetLoad, WorkerLoad};
+use dials_learn::fleet::{Fleet, FleetLoad, Stop, WorkerLoad};
 use dials_learn::observer::{Interrupted, Observer};
 use dials_learn::state::AgentsState;
 use dials_learn::state::fits::{Fit, Widths};
@@ -61,8 +60,7 @@ pub struct Options {
 /// Workers that share the agents: each owns a block of consecutive agents, in the order of the workers. A
 /// [`Fleet`](dials_learn::fleet::Fleet), whatever its crew consists of.
 ///
-/// Training on the GS is one simulation. So there the first worker owns all agents and trains them
-/// with several threads; the others help with evaluation.
+/// On the GS, one simulation, the first worker trains all agents with several threads; the others help to evaluate.
 pub struct Coordinator {
     domain: Arc<dyn Domain>,
     config: RunConfig,
@@ -84,13 +82,11 @@ pub struct Coordinator {
 struct Slot {
     agents: Range<usize>,
     link: Option<Box<dyn Link>>,
-    /// Growth of this process.
     growth: Growth,
     load: WorkerLoad,
 }
 
 impl Coordinator {
-    /// Starts the workers.
     pub fn start(
         domain: Arc<dyn Domain>,
         config: &RunConfig,
@@ -121,7 +117,6 @@ impl Coordinator {
         Ok(fleet)
     }
 
-    /// Returns the workers that own agents.
     fn owners(&self) -> Vec<usize> {
         (0..self.workers.len()).filter(|&worker| !self.workers[worker].agents.is_empty()).collect()
     }
@@ -299,8 +294,7 @@ impl Coordinator {
         Ok(())
     }
 
-    /// Handles the loss of a worker, or ends a worker. With a task it is started again, if it can be, and gets the task
-    /// again.
+    /// Handles the loss of a worker, or ends it. If it can be replaced, and has a task, another one gets the task.
     fn lose<Reply>(&mut self, worker: usize, loss: Loss, task: Option<&mut Task<Reply>>) -> Result<()> {
         let Some(link) = self.workers[worker].link.take() else { return Ok(()) };
         let message = format!("{} {}", self.name(worker), loss.describe(link, self.options.patience));

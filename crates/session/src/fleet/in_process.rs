@@ -34,7 +34,6 @@ pub fn in_process(
     Coordinator::start(domain, &config.into(), Box::new(crew), options, observer)
 }
 
-/// The crew.
 pub(super) struct InProcess {
     domain: Arc<dyn Domain>,
     observer: Rc<dyn Observer>,
@@ -81,7 +80,6 @@ impl Crew for InProcess {
         true
     }
 
-    /// Carries out the orders that were sent.
     fn wait(&mut self, _at_most: Duration) {
         loop {
             let Some(order) = self.mailbox.borrow_mut().orders.pop_front() else { return };
@@ -91,7 +89,6 @@ impl Crew for InProcess {
     }
 }
 
-/// The link to the worker in this process.
 pub(super) struct InProcessLink(pub(super) Rc<RefCell<Mailbox>>);
 
 impl Link for InProcessLink {

@@ -22,9 +22,7 @@ pub enum News<T = WorkerReport> {
 ///
 /// Nothing that a worker does or fails to do may block a link.
 pub trait Link {
-    /// Sends a frame, after the earlier ones. Does not wait until the worker reads it.
-    ///
-    /// If the worker has gone, [`News::Gone`] reports it.
+    /// Sends a frame, after the earlier ones, without waiting. If the worker has gone, [`News::Gone`] reports it.
     fn send(&self, frame: Frame);
 
     /// Returns the worker's next message; if there is none yet: `None`. Does not wait.
@@ -42,8 +40,7 @@ pub trait Link {
 
 /// The workers of a coordinator, numbered from 0.
 pub trait Crew {
-    /// Starts a worker that waits for its first order. A worker that was lost is started again if [`Crew::can_replace`]
-    /// allows it.
+    /// Starts a worker that waits for its first order, or another one for a lost one: see [`Crew::can_replace`].
     fn start(&mut self, worker: usize) -> Result<Box<dyn Link>>;
 
     /// Returns whether a worker that was lost can be started again. If not, its loss is the end of the run.

@@ -12,7 +12,6 @@ const LINES: usize = 8;
 /// Number of bytes that are read for them. A log may have gigabytes.
 const BYTES: u64 = 16 << 10;
 
-/// An open log.
 #[derive(Debug)]
 pub struct Log {
     /// Path, for messages.

@@ -11,8 +11,7 @@ use dials_learn::policy::JointPolicy;
 use dials_learn::state::AgentsState;
 use dials_learn::steps::{Reply, Request};
 
-/// Orders from the coordinator. Every step is answered by one [`WorkerReport::Done`] or [`WorkerReport::Failed`]. The
-/// other orders prepare the next step.
+/// Orders from the coordinator. [`WorkerReport::Done`] or `Failed` answers a step; the other orders prepare one.
 #[derive(Debug, Serialize, Deserialize)]
 pub enum Order {
     /// First order: what the run is, which agents the worker owns, how many threads may train their policies, and what
@@ -38,8 +37,7 @@ pub enum WorkerReport {
     Trained { steps: u64 },
     /// This share of another activity is done.
     Busy { activity: Activity, share: f64 },
-    /// The step is done. `load`: what the worker has spent since the last one.
-    /// `resident_kib`: resident memory of its process now.
+    /// The step is done. `load`: what the worker has spent since the last one. `resident_kib`: its memory now.
     Done { reply: Box<Reply>, load: Box<WorkerLoad>, resident_kib: u64 },
     /// The step cannot be done, for this reason, and would fail again.
     Failed { reason: String },

@@ -17,8 +17,7 @@ pub(super) fn footprint() -> Footprint {
     Footprint { peak_rss_kib, pss_kib }
 }
 
-/// Returns the resident memory of this process now, in KiB, shared libraries counted in full; 0 if the system does not
-/// report it.
+/// Returns the resident memory now, in KiB, shared libraries counted in full; 0 if the system does not report it.
 pub(super) fn resident_kib() -> u64 {
     kib_in("/proc/self/status", "VmRSS:").unwrap_or(0)
 }

@@ -13,7 +13,6 @@ pub(super) fn names_of(worker: usize, agents: &Range<usize>) -> String {
     }
 }
 
-/// Returns the agents that each worker owns.
 pub fn agents_of_workers(config: &Config, agents: usize, workers: usize) -> Vec<Range<usize>> {
     let owners = if config.simulator == Simulator::Global { 1 } else { workers };
     (0..workers).map(|index| if index < owners { share(agents, owners, index) } else { 0..0 }).collect()

@@ -10,16 +10,14 @@ use rustix::process::{Resource, Rlimit, getrlimit, setrlimit};
 /// Number of files that a command has open, besides those for its child processes.
 const OWN_FILES: u64 = 32;
 
-/// Limits this process, and those that it starts, to `more` bytes of memory beyond what it has now. A limit that is
-/// lower already stays, the soft one, too.
+/// Limits this process, and those that it starts, to `more` bytes beyond what it has now. A lower limit stays.
 pub fn limit_memory(more: u64) -> Result<()> {
     let limit = lowest(getrlimit(Resource::As), used()?.saturating_add(more));
     let limit = Rlimit { current: Some(limit), maximum: Some(limit) };
     setrlimit(Resource::As, limit).context("cannot limit the memory of a process")
 }
 
-/// Limits this process to this many seconds of computing, after which the system ends it. A limit that is
-/// lower already stays.
+/// Limits this process to this many seconds of computing, after which the system ends it. A lower limit stays.
 pub fn limit_cpu(seconds: u64) -> Result<()> {
     let there = getrlimit(Resource::Cpu);
     let limit = Rlimit { current: Some(lowest(there, seconds)), ..there };

@@ -76,8 +76,7 @@ fn way_out_with(message: &str, option: Option<&str>) -> Option<String> {
     })
 }
 
-/// What to do about exhausted memory, in a command with this option for the number of its processes. Showing it takes no
-/// memory.
+/// What to do about exhausted memory, with this option for the number of processes. Showing it takes no memory.
 pub(super) struct LessMemory<'a>(pub Option<&'a str>);
 
 impl fmt::Display for LessMemory<'_> {

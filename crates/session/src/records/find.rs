@@ -21,7 +21,6 @@ pub const PLAN: &str = "plan.json";
 /// Largest plan or baseline. A plan of 100 000 runs has eight mebibytes.
 const LARGEST_FILE: u64 = 16 << 20;
 
-/// The plan of one experiment.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct ExperimentPlan {
     /// Names of the run directories, which are in the same folder as the plan.
@@ -61,7 +60,6 @@ impl FolderPlan {
     }
 }
 
-/// Reads a plan or a baseline.
 fn read_json<T: DeserializeOwned>(path: &Path) -> Result<T> {
     let text = read_text(path, LARGEST_FILE).with_context(|| format!("{}: cannot be read", path.display()))?;
     serde_json::from_str(&text).with_context(|| format!("{}: is not a file of this program", path.display()))
@@ -91,7 +89,6 @@ pub struct BaselineRecord {
     pub mean_return: f64,
     pub std_error: f64,
     pub episodes: usize,
-    /// Seed of the episodes.
     pub seed: u64,
     /// Mean return of all agents in each episode.
     pub episode_returns: Vec<f64>,
@@ -130,7 +127,6 @@ impl fmt::Display for LeftOut {
     }
 }
 
-/// Everything that was found.
 #[derive(Default)]
 pub struct Found {
     pub runs: Vec<RunRecord>,
@@ -167,8 +163,7 @@ pub fn find(folders: &[PathBuf]) -> Result<Found> {
 
 /// Searches a folder. Returns whether it holds a run, or the plan of one.
 ///
-/// `seen`: the answers for the folders that were searched already. The same folder may be named twice, be inside
-/// another, or hold a link that leads back to it.
+/// `seen`: answers for the folders that were searched, because one may be named twice or hold a link back to itself.
 fn search(folder: &Path, depth: usize, seen: &mut BTreeMap<PathBuf, bool>, found: &mut Found) -> Result<bool> {
     let failed = || format!("{}: cannot be read", folder.display());
     let place = folder.canonicalize().with_context(failed)?;
@@ -204,7 +199,6 @@ pub fn is_aside(folder: &Path) -> bool {
     aside || name.starts_with('.')
 }
 
-/// Returns the paths in a folder, in order.
 fn entries_of(folder: &Path) -> Result<Vec<PathBuf>> {
     Ok(Directory::open(folder)?.names()?.iter().map(|name| folder.join(name)).collect())
 }

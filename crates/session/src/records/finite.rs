@@ -16,8 +16,7 @@ use dials_learn::steps::train_policies::PolicyTraining;
 #[error("{0}")]
 pub struct Diverged(String);
 
-/// Returns an error that names the first agent whose policy has diverged. `begun`: timesteps per agent at the beginning
-/// of the period.
+/// Returns an error that names the first agent whose policy has diverged. `begun`: timestep at which the period began.
 pub(crate) fn check_policies(
     training: &PolicyTraining,
     state: &AgentsState,

@@ -29,13 +29,11 @@ fn begin(steps: u64, of: impl ToString) -> CsvLine {
     vec![steps.to_string(), of.to_string()]
 }
 
-/// Adds figures to a line.
 fn extend(line: &mut CsvLine, figures: impl IntoIterator<Item = f64>, decimals: usize) {
     line.extend(figures.into_iter().map(|figure| format!("{figure:.decimals$}")));
 }
 
-/// Makes a line for all agents (`stuck`: their number), then one per agent (`stuck`: 0 or 1; no figures of the whole
-/// system).
+/// Makes a line for all agents, then one per agent, without figures of the whole system and `stuck` 0 or 1.
 pub(super) fn evaluation_lines(steps: u64, evaluation: &Evaluation) -> Lines {
     let (per_agent, system) = (&evaluation.measures.per_agent, &evaluation.measures.system);
     let line = |agent: String, summary: Summary, stuck: usize, measures: Vec<f64>| {
@@ -132,8 +130,7 @@ pub(super) fn drift_lines(steps: u64, after: Moment, losses: &[FreshLoss]) -> Li
     under(&columns::OF_AIP_DRIFT, [], lines)
 }
 
-/// Makes a line for all agents (means; numbers of episodes and counters added up), then one per agent. Metrics are empty
-/// where there was no update.
+/// Makes a line for all agents (means; sums of episodes and counters), then one per agent. No update: no metrics.
 pub(super) fn training_lines(steps: u64, training: &PolicyTraining) -> Lines {
     let Metrics { of_agents, settings } = &training.metrics;
     let weight = 1.0 / training.agents.len() as f64;
@@ -160,7 +157,6 @@ pub(super) fn training_lines(steps: u64, training: &PolicyTraining) -> Lines {
     under(&columns::OF_TRAINING, training.metrics.names().chain(counters), lines)
 }
 
-/// Wall time of a period.
 pub(super) struct Wall {
     pub(crate) period: Duration,
     /// Wall time of the run so far.

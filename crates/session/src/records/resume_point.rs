@@ -10,7 +10,6 @@ use super::files;
 use super::growing::{Mark, misfit};
 use dials_core::outside::{Directory, sweep};
 
-/// The point from which a run continues.
 pub struct ResumePoint {
     /// `None`: there is no checkpoint, so the run begins again.
     pub checkpoint: Option<Checkpoint>,
@@ -20,8 +19,7 @@ pub struct ResumePoint {
     pub warning: Option<String>,
 }
 
-/// The error if no checkpoint fits the files. It names the first file that differs from the newest one, or says that
-/// there is no checkpoint at all.
+/// The error if no checkpoint fits the files, or there is none. It names the first file that differs.
 #[derive(Debug, thiserror::Error)]
 #[error("{0}")]
 pub struct NothingFits(String);

@@ -20,10 +20,8 @@ use dials_core::outside::{Directory, LARGEST_NETWORK, excerpt, is_printable, rea
 const LARGEST_FILE: u64 = 8 << 20;
 /// Longest word of a scenario in bytes. Files and headings of a report are named after them.
 const LONGEST_WORD: usize = 50;
-/// Largest number of agents.
 const MOST_AGENTS: usize = 1_000_000;
 
-/// Contents of `run.json`.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct RunJson {
     /// Words of the command line; the first is the name of the program.
@@ -31,7 +29,6 @@ pub struct RunJson {
     /// Other builds with which the run was continued, in order.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub resumed_with: Vec<Resumed>,
-    /// What the run simulates.
     pub scenario: Scenario,
     /// Names of the agents, in order; empty if the domain gives them none.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
@@ -78,8 +75,7 @@ impl Kept {
         Ok(differences(&then, &now))
     }
 
-    /// Lists the files in `networks/` that are there, but are other ones now. The figures of a run need no networks, so a
-    /// copy of it may leave them out.
+    /// Lists the files in `networks/` that are other ones now. A copy of a run may leave out the networks.
     pub(crate) fn changed_contents(&self, dir: &Path) -> Result<Vec<Difference>> {
         let mut changed = self.changed_files(dir)?;
         changed.retain(|difference| difference.then.is_some() && difference.now.is_some());
@@ -141,7 +137,6 @@ impl From<&OsStr> for Word {
     }
 }
 
-/// A build with which a run was continued.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Resumed {
     /// Timesteps per agent at which it took over.
@@ -155,7 +150,6 @@ pub struct Resumed {
 pub struct Versions {
     /// Name of the CPU, for information only.
     pub cpu: String,
-    /// Version of this program.
     pub dials_traffic: String,
     /// Commit of the checkout that the program was built from, with `-dirty` if its sources had been changed.
     pub git_commit: String,
@@ -236,8 +230,7 @@ fn check(scenario: &Scenario) -> Result<()> {
 }
 
 impl Versions {
-    /// Lists the differences between the build that wrote a run and this one, a line each. Only what can change numbers
-    /// counts.
+    /// Lists the differences from the build that wrote a run, a line each. Only what can change numbers counts.
     pub fn differences(&self, there: &Versions) -> Vec<String> {
         let decisive = [
             ("commit", &self.git_commit, &there.git_commit),

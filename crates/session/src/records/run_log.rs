@@ -24,8 +24,7 @@ use dials_learn::evaluation::csv::Lines;
 use dials_learn::fleet::FleetLoad;
 use dials_learn::observer::Recorder;
 use dials_learn::predictors::{AipLoss, FreshLoss};
-use dials_learn::progress::Moment;
-use dials_learn::progress::TrainingProgress;
+use dials_learn::progress::{Moment, TrainingProgress};
 use dials_learn::state::AgentsState;
 use dials_learn::steps::train_policies::PolicyTraining;
 
@@ -33,7 +32,6 @@ use dials_learn::steps::train_policies::PolicyTraining;
 pub struct RunLog {
     /// Run directory, which is locked as long as this process may write.
     directory: Directory,
-    /// Files that grow, by their names.
     growing: BTreeMap<&'static str, GrowingFile>,
     layouts: Layouts,
     owner: Owner,
@@ -208,7 +206,6 @@ mod tests {
 
     const CONFIG: &str = "warehouse = { agents_per_side = 2 }\n";
 
-    /// Begins a run of two agents.
     fn begin(dir: &Path) -> RunLog {
         let coins = Coins::new(1);
         let layout = || JointLayout::new(coins.kinds(), |_| Layout::new(vec![("w".to_owned(), vec![2])]));

@@ -6,7 +6,6 @@ use super::run_json::RunJson;
 use crate::config::RunConfig;
 use dials_core::domain::Scenario;
 
-/// Contents of a run directory.
 #[derive(Clone, Debug)]
 pub struct RunRecord {
     pub dir: PathBuf,
@@ -27,13 +26,11 @@ pub struct RunRecord {
     pub workers: usize,
 }
 
-/// An evaluation of the joint policy on the GS.
 #[derive(Clone, Debug)]
 pub struct EvaluationRecord {
     /// Timesteps per agent.
     pub steps: u64,
     pub all: Returns,
-    /// Returns of each agent.
     pub agents: Vec<Returns>,
     /// Mean returns of all agents, episode by episode.
     pub episode_returns: Vec<f64>,
@@ -72,8 +69,7 @@ pub struct FreshLossRecord {
     pub marginals: f64,
 }
 
-/// What the GS and the local simulators show of the same lights: the GS in an evaluation, the local ones in the training
-/// before it. Pairs are of the GS, then of the local ones.
+/// What the GS in an evaluation, and the local simulators before it, show of the same lights: pairs in this order.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct LikenessRecord {
     /// Steps of the evaluation.
@@ -95,7 +91,6 @@ pub struct PeriodTime {
     pub influence_s: f64,
     /// Part of it for the gradient steps of PPO.
     pub update_s: f64,
-    /// CPU time of all processes.
     pub cpu: CpuTime,
 }
 
@@ -110,12 +105,10 @@ impl PeriodTime {
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct CpuTime {
     pub total_s: f64,
-    /// Part of it for evaluations.
     pub evaluation_s: f64,
 }
 
 impl CpuTime {
-    /// Returns the CPU time without the evaluations.
     pub fn runtime_s(self) -> f64 {
         self.total_s - self.evaluation_s
     }
@@ -133,7 +126,6 @@ pub struct MemoryRecord {
 }
 
 impl MemoryRecord {
-    /// Returns the larger value of each figure.
     pub fn max(self, other: MemoryRecord) -> MemoryRecord {
         MemoryRecord {
             process_mb: self.process_mb.max(other.process_mb),
@@ -143,7 +135,6 @@ impl MemoryRecord {
     }
 }
 
-/// Progress of a run.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Status {
     Finished,
@@ -185,8 +176,7 @@ impl RunRecord {
         }
     }
 
-    /// Returns whether everything is there that a finished run writes at and after its last evaluation. A kill may come
-    /// between these writes, and a resume makes up for it.
+    /// Returns whether all is there that a finished run writes after its last evaluation. If not, a resume writes it.
     pub fn is_whole(&self) -> bool {
         let Some(last) = self.evaluations.last() else { return false };
         // The last period is one block of times, the evaluation after it another one. That one is written last.
@@ -248,7 +238,6 @@ impl RunRecord {
         })
     }
 
-    /// Returns the time of the whole run so far.
     pub fn total_time(&self) -> Option<PeriodTime> {
         self.periods.last().copied()
     }

@@ -10,10 +10,8 @@ use super::columns::{self, ALL};
 use super::files;
 use dials_learn::evaluation::csv::Lines;
 
-/// A named number at a step.
 pub(crate) type Scalar = (String, f32);
 
-/// Returns the first record of an event file.
 pub(crate) fn first_record(wall_time_s: f64) -> Vec<u8> {
     let mut event = event_at(wall_time_s, 0);
     put_bytes(&mut event, 3, b"brain.Event:2"); // file_version

@@ -9,7 +9,6 @@ use indicatif::ProgressBar;
 use super::{note, shows_bars};
 use dials_core::outside::Printable;
 
-/// Without a terminal a line is printed this often.
 const PLAIN_LINE_EVERY: Duration = Duration::from_secs(60);
 
 /// The progress of episodes or other things that are counted: a bar on a terminal, elsewhere a line every minute.

@@ -19,7 +19,6 @@ pub struct Planned {
     pub name: String,
     /// Estimated time of the whole task.
     pub seconds: f64,
-    /// Number of cores that it uses.
     pub width: usize,
     /// Share that was done earlier, from 0 to 1.
     pub share: f64,
@@ -27,7 +26,6 @@ pub struct Planned {
     pub steps: u64,
 }
 
-/// The progress display of an experiment.
 pub struct Display {
     bars: MultiProgress,
     whole: ProgressBar,

@@ -21,7 +21,6 @@ use dials_learn::progress::Drift;
 /// Interval between plain lines while policies train.
 const PLAIN_LINE_EVERY: Duration = Duration::from_secs(10);
 
-/// The progress of `train`.
 pub struct Progress {
     bar: ProgressBar,
     agents: usize,
@@ -30,7 +29,6 @@ pub struct Progress {
     rate: RefCell<Rate>,
     last_line: Cell<Instant>,
     found: RefCell<Latest>,
-    /// Flag that Ctrl-C sets.
     stop: Arc<AtomicBool>,
     doing: Doing,
 }
@@ -72,8 +70,7 @@ impl Rate {
         known.then(|| self.steps as f64 / self.trained.as_secs_f64())
     }
 
-    /// Returns the time until the last step, if the rest goes on as all so far: with AIPs, datasets, evaluations and
-    /// exchanges.
+    /// Returns the time until the last step, if the rest, with AIPs and evaluations, takes as long as all so far.
     fn left(&self, last_step: u64, now: Instant) -> Option<Duration> {
         let (begun, first) = self.first?;
         let done = self.at.checked_sub(first).filter(|&done| done > 0)?;
@@ -138,8 +135,7 @@ impl Progress {
         }
     }
 
-    /// Returns a message such as `12345 agent-steps/s, 3 min 20 s left, return 201.2, AIP 0.301`.
-    /// With the bar before it, it fits 80 columns.
+    /// Returns `12345 agent-steps/s, 3 min 20 s left, return 201.2, AIP 0.301`: with the bar, it fits 80 columns.
     fn message(&self) -> String {
         let rate = self.rate.borrow();
         let mut parts = Vec::new();
@@ -362,20 +358,13 @@ mod tests {
         // 200 steps took 50 s, so 600 steps take 150 s.
         assert_eq!(rate.left(1000, at(50)), Some(Duration::from_secs(150)));
         assert_eq!(rate.left(400, at(50)), Some(Duration::ZERO));
-    }
-
-    #[test]
-    fn without_a_step_done_the_time_left_is_unknown() {
-        let begun = Instant::now();
+        // Without a step done it is unknown. The same step twice is that of the slowest worker, and after a lost worker
+        // the step goes back.
         let mut rate = Rate::default();
         assert_eq!(rate.left(1000, begun), None);
-        rate.note(200, begun);
-        assert_eq!(rate.left(1000, begun + Duration::from_secs(5)), None);
-        // The same step twice in a row is that of the slowest worker.
-        rate.note(200, begun + Duration::from_secs(5));
-        assert_eq!((rate.left(1000, begun + Duration::from_secs(5)), rate.per_second()), (None, None));
-        // After a lost worker.
-        rate.note(100, begun + Duration::from_secs(6));
-        assert_eq!(rate.left(1000, begun + Duration::from_secs(7)), None);
+        for (steps, second) in [(200, 0), (200, 5), (100, 6)] {
+            rate.note(steps, at(second));
+            assert_eq!((rate.left(1000, at(second)), rate.per_second()), (None, None), "{second} s");
+        }
     }
 }

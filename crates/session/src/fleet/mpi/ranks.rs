@@ -55,7 +55,6 @@ pub struct Job<'a> {
     pub directory: &'a Directory,
     /// Folder of the run directory with the files that workers need.
     pub networks: &'a str,
-    /// Agents of each worker.
     pub agents: Vec<Range<usize>>,
     /// Longest time that a rank may take to prepare.
     pub patience: Duration,
@@ -74,8 +73,7 @@ impl Ranks {
         self.table.borrow().relays().count()
     }
 
-    /// Sends all ranks what they need for a run, and waits until they are prepared. Returns them, and the config that
-    /// their workers need.
+    /// Sends all ranks what they need for a run, and waits for them. Returns them, and the config for their workers.
     pub fn prepare(&mut self, job: Job) -> Result<(Vec<Prepared>, RunConfig)> {
         let config = from_the_run_directory(job.config, job.directory)?;
         self.logs = Some(job.directory.clone());
@@ -156,7 +154,6 @@ impl Drop for Ranks {
     }
 }
 
-/// The other end of a link to a worker on another rank.
 struct RankLink {
     table: Rc<RefCell<Table>>,
     worker: usize,
@@ -211,7 +208,6 @@ struct Table {
     workers: Vec<RemoteWorker>,
 }
 
-/// A rank.
 #[derive(Default)]
 struct Member {
     /// Name of its machine, and what computes there, once it is prepared.
@@ -239,7 +235,6 @@ impl RemoteWorker {
 }
 
 impl Table {
-    /// Returns all other ranks.
     fn relays(&self) -> Range<usize> {
         1..self.members.len()
     }
@@ -274,8 +269,7 @@ impl Table {
         self.post.as_ref().expect("it is only taken at the end").send(Outgoing { to, letter, frame, together });
     }
 
-    /// Posts all frames that links have sent. A frame that is the next one for several workers is sent to each rank
-    /// once.
+    /// Posts all frames that links have sent. A rank gets a frame once, however many of its workers it is for.
     fn deliver(&mut self) {
         while let Some(first) = self.workers.iter().position(|worker| !worker.outgoing.is_empty()) {
             let frame = self.workers[first].outgoing[0].clone();
@@ -291,7 +285,6 @@ impl Table {
         }
     }
 
-    /// Takes in all letters that have come.
     fn read(&mut self) -> Result<()> {
         while let Some(received) = self.post.as_ref().and_then(Post::next) {
             self.take_in(received)?;

@@ -93,7 +93,6 @@ impl Relay {
     }
 }
 
-/// Workers of this rank, and their files.
 struct LocalTeam {
     workers: BTreeMap<usize, LocalWorker>,
     watch: Option<ParentWatch>,

@@ -13,7 +13,6 @@ use dials_core::outside::Directory;
 /// Longest file that is sent. A network of 10 000 intersections has under 1 GiB.
 const LONGEST: u64 = 8 << 30;
 
-/// What a relay needs for a run.
 #[derive(Serialize, Deserialize)]
 pub(super) struct SharedFiles {
     /// Config whose paths lead from the folder in which the files are written.
@@ -58,7 +57,6 @@ impl SharedFiles {
         Ok(SharedFiles { config_json: serde_json::to_string(config)?, files, rank_0 })
     }
 
-    /// Writes the files into a folder of this machine.
     pub(super) fn write(&self, place: &Path) -> Result<()> {
         for SharedFile { folder, name, bytes } in &self.files {
             let folder = place.join(folder);

@@ -19,7 +19,6 @@ use dials_learn::observer::Silent;
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) enum Fate {
     Dies,
-    /// The worker says nothing more.
     Hangs,
     /// The worker sends the message of this number in [`lies`] and then hangs.
     Lies(usize),
@@ -40,7 +39,6 @@ pub(super) struct TestCrew {
 pub(super) struct TestWorker {
     process: InProcess,
     fate: Option<FateAt>,
-    /// Number of frames so far.
     frames: usize,
     has_ended: bool,
 }

@@ -16,7 +16,6 @@ use super::FORMAT;
 const TEXT: &str = "checkpoint";
 const DIGEST: &str = "digest";
 
-/// Tensors by name.
 pub type Tensors<'a> = BTreeMap<String, TensorView<'a>>;
 
 /// Makes a tensor of one dimension.

@@ -53,7 +53,6 @@ use owner::{NotOfThisRun, Owner};
 pub(crate) const KEPT: usize = 3;
 /// Largest file. That of 10 000 agents with 100 000 parameters each is smaller.
 const LARGEST_FILE: u64 = 32 << 30;
-/// Name of the format.
 const FORMAT: &str = "dials-traffic checkpoint 1";
 
 /// State of a run after a period.
@@ -92,8 +91,7 @@ const POLICIES: &str = "policies";
 const AIPS: &str = "aips";
 /// Beginning of the names of the learners' tables.
 const LEARNERS: &str = "learners.";
-/// Name of what is no table of numbers, in postcard's format: all agents' streams, and the dice and counts of the
-/// learners.
+/// Name of what is no table of numbers, in postcard's format: the agents' streams, the learners' dice and counts.
 const STREAMS: &str = "streams";
 type Streams = (Vec<AgentStream>, BTreeMap<String, Vec<Vec<Dice>>>, BTreeMap<String, u64>);
 
@@ -129,8 +127,7 @@ pub(crate) fn remove_old(folder: &Directory) -> Result<()> {
 }
 
 impl Checkpoint {
-    /// Reads a checkpoint of a run. The error about a damaged one says what to do. One that is not of this run is a
-    /// [`NotOfThisRun`].
+    /// Reads a checkpoint of a run. Errors say what to do; that of a checkpoint of another run is a [`NotOfThisRun`].
     pub fn read(folder: &Directory, name: &str, owner: &Owner) -> Result<Checkpoint> {
         let bytes = folder.read(name, LARGEST_FILE)?.unwrap_or_default();
         let read = || {
@@ -217,7 +214,6 @@ fn check_names(tensors: &Tensors<'_>, tables: impl Iterator<Item = String>) -> R
     Ok(())
 }
 
-/// Returns a table with rows of these widths.
 fn rows(tensors: &Tensors<'_>, name: &str, widths: &[usize]) -> Result<Ragged<f32>> {
     let values = tensors[name].data().as_chunks::<4>().0;
     let expected: usize = widths.iter().sum();
@@ -261,11 +257,16 @@ mod tests {
     use super::*;
     use dials_testkit::toy::Coins;
 
-    #[test]
-    fn the_newest_three_are_kept_and_names_are_compared_as_numbers() {
+    fn place() -> (tempfile::TempDir, Directory, Owner) {
         let dir = tempfile::tempdir().unwrap();
         let owner = Owner::of(&crate::config::RunConfig::default(), &Coins::new(4)).unwrap();
         let folder = Directory::open(dir.path()).unwrap();
+        (dir, folder, owner)
+    }
+
+    #[test]
+    fn the_newest_three_are_kept_and_names_are_compared_as_numbers() {
+        let (_dir, folder, owner) = place();
         for steps in [900, 1_000, 20_000, 999_999_999_999, 1_000_000_000_000] {
             let agents = AgentsState { steps, ..AgentsState::nobody() };
             write(&folder, &owner, &agents, RunProgress::default()).unwrap();
@@ -275,11 +276,9 @@ mod tests {
 
     #[test]
     fn a_damaged_checkpoint_that_is_the_only_one_says_so() {
-        let dir = tempfile::tempdir().unwrap();
-        let owner = Owner::of(&crate::config::RunConfig::default(), &Coins::new(4)).unwrap();
-        std::fs::write(dir.path().join(name_of(128)), "mine").unwrap();
-        let read = Checkpoint::read(&Directory::open(dir.path()).unwrap(), &name_of(128), &owner);
-        let error = format!("{:#}", read.err().unwrap());
+        let (_dir, folder, owner) = place();
+        folder.write(&name_of(128), b"mine").unwrap();
+        let error = format!("{:#}", Checkpoint::read(&folder, &name_of(128), &owner).err().unwrap());
         assert!(error.contains(", and there is no checkpoint before it; put it back from a copy"), "{error}");
     }
 }

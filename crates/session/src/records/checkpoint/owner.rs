@@ -21,8 +21,7 @@ pub struct Owner {
     pub(crate) kinds: Kinds,
 }
 
-/// A checkpoint that is sound, but not of this run as it is now. A usage error: the message says what differs, and the
-/// way out.
+/// A sound checkpoint, but not of this run as it is now. A usage error that says what differs, and the way out.
 #[derive(Debug, thiserror::Error)]
 #[error("{0}")]
 pub struct NotOfThisRun(pub String);
@@ -33,8 +32,7 @@ impl Owner {
         Ok(Owner { config: config.clone(), scenario, kinds: domain.kinds().clone() })
     }
 
-    /// Returns an error if the `run.json` in `dir` describes another seed or scenario. A run without a checkpoint begins
-    /// again, but as the run that was described.
+    /// Checks that the `run.json` in `dir` describes this seed and scenario, for a run that begins again.
     pub(crate) fn check_described(&self, dir: &Path) -> Result<()> {
         let about = RunJson::read(dir)?;
         let [then, now] = [about.seed, self.config.learning.seed].map(|seed| json!({ "seed": seed }));
@@ -71,8 +69,7 @@ impl Owner {
         differing.map(|found| Difference { key: format!("scenario.{}", found.key), ..found }).collect()
     }
 
-    /// Returns an error if training with `config` and on `scenario` cannot continue as this run. `until`: the step that
-    /// it has come to.
+    /// Checks that training with `config` on `scenario`, which has come to the step `until`, can continue as this run.
     pub(crate) fn check(&self, config: &RunConfig, scenario: &Value, until: u64) -> Result<()> {
         let mut found = differences(config, &self.config);
         found.extend(self.differences_from(scenario));
