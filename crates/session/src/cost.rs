@@ -38,7 +38,6 @@ pub struct Workload {
 
 impl Workload {
     /// Computes the work until the timestep `until` per agent, with the evaluation at the end.
-    ///
     /// With `aip.retrain = "drift"` only the certain trainings count, because drift cannot be foreseen.
     pub fn of(config: &RunConfig, agents: usize, until: u64) -> Workload {
         let periods = schedule(&config.learning);
@@ -130,7 +129,6 @@ impl<T: Add<Output = T>> RunCost<T> {
 }
 
 /// Time of some work on one core, by how many cores can share it.
-///
 /// A core has whole agents, so more cores than agents do not train faster, and more than episodes do not evaluate faster.
 /// There is no waiting and no message in it, and no core is slower when its neighbours work.
 #[derive(Clone, Copy, Debug, PartialEq)]

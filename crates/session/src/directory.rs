@@ -25,7 +25,6 @@ use dials_learn::predictors::TrainablePredictor;
 use dials_learn::worker::block::initial_aips;
 
 /// Makes the directory of a new run and returns it, locked.
-///
 /// The directory is self-contained: it holds the config, the networks and the circumstances of the run.
 pub fn create(path: &Path, existing: Existing, config: &RunConfig, program: Program) -> Result<Directory> {
     // The run loads its networks from there later.
@@ -131,7 +130,6 @@ pub fn open_with(path: &Path, open: fn(&RunConfig) -> Result<Arc<dyn Domain>>) -
 }
 
 /// Reads the AIPs of `agents`, which are of one kind, from a run directory.
-///
 /// `config`: that of the run; `domain`: one with the same agents.
 pub fn read_aips(
     path: &Path,

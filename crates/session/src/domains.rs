@@ -84,7 +84,6 @@ pub(crate) const NO_SUCH_VECTORS: &str =
     "numerics.vector_width = \"256-bit\": this machine has no such vector instructions; \"widest\" works everywhere";
 
 /// Opens the domain of a config and reads the files that it needs. Another process tries the files first.
-///
 /// Also sets the vector width of networks. So every process must call this before it computes with networks.
 pub fn open(config: &RunConfig) -> Result<Arc<dyn Domain>> {
     let domain = open_tried(config)?;

@@ -39,10 +39,7 @@ pub fn check_writable(dir: &Path) -> Result<()> {
     tempfile::tempfile_in(dir).map(drop).with_context(failed)
 }
 
-/// Checks that `option` would not write over a file of a run or an experiment, nor under a name that it may use later.
-///
-/// `path`: a file or a directory that the option would make or fill. A new name beside their own names is free, and so
-/// is the directory of the run itself.
+/// Checks that `option` would not make a file or directory under a name of a run or an experiment. Others are free.
 pub fn check_not_of_a_run(option: &str, path: &Path) -> Result<()> {
     let whole = real(path)?;
     // A link in a run stands in the way of the run, wherever it leads.

@@ -65,7 +65,6 @@ pub fn try_out() -> error::Result<()> {
 }
 
 /// Lets a child try the files of a domain, if it has any. Does so once per config.
-///
 /// The error names the files, says how the child ended and what it said last.
 pub(crate) fn survive(config: &RunConfig, domain: &dyn Domain) -> Result<()> {
     let files = domain.strange_files();

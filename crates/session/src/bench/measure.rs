@@ -205,8 +205,7 @@ fn repeat(
     Ok(orders)
 }
 
-/// Returns the number of episodes per dataset for which the AIP trainings take about `flops` operations together. It is
-/// at most a whole dataset, and always enough for a gradient step.
+/// Returns the episodes per dataset with which AIP trainings take about `flops` operations: enough for a gradient step.
 fn episodes_for(plan: &MeasurePlan<'_>, flops: f64) -> usize {
     let horizon = plan.kinds.horizon();
     let whole = plan.config.learning.dataset_episodes(horizon);

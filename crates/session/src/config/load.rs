@@ -13,7 +13,6 @@ use dials_learn::config::ShortForm;
 pub const LARGEST_FILE: u64 = 1 << 20;
 
 /// Reads `path`, applies the settings of `--set key=value`, and checks the result.
-///
 /// Relative paths in the config start at the folder of its file, and those of `settings` at the current folder.
 pub fn load(path: &Path, settings: &[String]) -> Result<RunConfig> {
     let config = read(path, settings)?;
@@ -108,8 +107,7 @@ fn has(config: &Table, table: &str, key: &str) -> bool {
 /// Adds the keys that a config leaves out, with the defaults of its domain. `given`: the keys of `--set`.
 fn add_defaults(table: &mut Table, given: &Table, defaults: &str) {
     let mut defaults: Table = defaults.parse().expect("a test reads it");
-    // Patience cannot be written as "none". Who names the epochs and no patience wants all of them; so does the kept
-    // config of such a run.
+    // Patience cannot be written as "none". A config, also a kept one, with epochs and no patience wants all of them.
     if [&*table, given].into_iter().any(|table| has(table, "aip", "epochs"))
         && let Some(Value::Table(aip)) = defaults.get_mut("aip")
     {

@@ -10,7 +10,6 @@ use super::RunConfig;
 use dials_learn::config::Retrain;
 
 /// The keys of the config that may change when a run is resumed, because the trained policies do not depend on them.
-///
 /// `evaluation.seed` is not among them: evaluations before and after would be of different episodes, but in one file.
 pub const CHANGEABLE: [&str; 7] = [
     // It only moves the end: learning rate and clip range decay over `total_steps`.

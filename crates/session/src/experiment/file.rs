@@ -263,8 +263,7 @@ impl RunGrid {
 /// Simulator, F and seed of a run. `None`: the config decides.
 type Combination = (Option<ShortForm>, Option<u64>, u64);
 
-/// Returns what a config is called in the names of runs: its file, or `FOLDER-FILE` if the experiment has another config of
-/// that file name before it. `names`: those given so far.
+/// Names a config in the names of runs: by its file, or by `FOLDER-FILE` if that is in `names`, given so far.
 fn name_of(config: &Path, names: &mut BTreeMap<String, PathBuf>) -> Result<String> {
     let stem = stem(config);
     let folder = config.parent().and_then(Path::file_name).unwrap_or_default().to_string_lossy();

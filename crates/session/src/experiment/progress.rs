@@ -60,7 +60,6 @@ pub fn directory(folder: &Path, run: &PlannedRun) -> PathBuf {
 }
 
 /// Reads the progress of a planned run. A different run in its directory is an error.
-///
 /// A run with files that no killed run leaves behind is unreadable: only a person can say what became of them.
 pub fn stage(folder: &Path, run: &PlannedRun) -> Result<Stage> {
     let dir = directory(folder, run);

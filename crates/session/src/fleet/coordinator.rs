@@ -59,7 +59,6 @@ pub struct Options {
 
 /// Workers that share the agents: each owns a block of consecutive agents, in the order of the workers. A
 /// [`Fleet`](dials_learn::fleet::Fleet), whatever its crew consists of.
-///
 /// On the GS, one simulation, the first worker trains all agents with several threads; the others help to evaluate.
 pub struct Coordinator {
     domain: Arc<dyn Domain>,
@@ -122,7 +121,6 @@ impl Coordinator {
     }
 
     /// Gives the tasks to their workers and waits for all replies. Lost workers are started again.
-    ///
     /// `take` gets every reply with the state of all agents and the agents of the worker, in any order. Returns what it
     /// returned, in the order of the workers.
     fn ask<S: Step, T>(

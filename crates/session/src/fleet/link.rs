@@ -19,7 +19,6 @@ pub enum News<T = WorkerReport> {
 }
 
 /// The coordinator's end of the two-way stream between it and one worker. Dropping it ends the worker.
-///
 /// Nothing that a worker does or fails to do may block a link.
 pub trait Link {
     /// Sends a frame, after the earlier ones, without waiting. If the worker has gone, [`News::Gone`] reports it.
@@ -51,8 +50,7 @@ pub trait Crew {
         false
     }
 
-    /// Waits until a link has news, but not longer than `at_most`. A link that has news unparks the thread that started
-    /// it. Should something else on this thread swallow that, the wait is only longer.
+    /// Waits until a link has news, which unparks the thread that started it, but not longer than `at_most`.
     fn wait(&mut self, at_most: Duration) {
         thread::park_timeout(at_most);
     }

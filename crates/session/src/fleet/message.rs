@@ -49,10 +49,7 @@ const LONGEST: Duration = Duration::from_secs(10 * 365 * 24 * 3600);
 const LARGEST_KIB: u64 = 1 << 50;
 
 impl WorkerReport {
-    /// Returns an error if this cannot be right, whatever the step is: such a worker is lost, like one that dies. The
-    /// replies are checked by their [`Step`](dials_learn::steps::Step).
-    ///
-    /// `most_steps`: up to which timestep its step may train; `None` if it does not train.
+    /// Returns an error if this cannot be right, whatever the step is. `most_steps`: up to which timestep it may train.
     pub(super) fn check(&self, most_steps: Option<u64>) -> Result<()> {
         match self {
             WorkerReport::Begun | WorkerReport::Failed { .. } => {}

@@ -23,26 +23,22 @@ pub(super) fn resident_kib() -> u64 {
 }
 
 /// A clock of the CPU time of this process, user and system, all threads, from one reading to the next.
-pub(super) struct CpuClock {
-    last: Duration,
-}
+pub(super) struct CpuClock(Duration);
 
 impl CpuClock {
     /// Makes a clock that counts from the beginning of the process.
     pub(super) fn of_the_process() -> Self {
-        CpuClock { last: Duration::ZERO }
+        CpuClock(Duration::ZERO)
     }
 
     pub(super) fn from_now() -> Self {
-        CpuClock { last: cpu_time() }
+        CpuClock(cpu_time())
     }
 
     /// Returns the CPU time since the last call.
     pub(super) fn lap(&mut self) -> Duration {
-        let now = cpu_time();
-        let lap = now.saturating_sub(self.last);
-        self.last = now;
-        lap
+        let before = std::mem::replace(&mut self.0, cpu_time());
+        self.0.saturating_sub(before)
     }
 }
 

@@ -46,7 +46,6 @@ impl<Reply> Task<Reply> {
 }
 
 /// Reports the progress of the workers that have the same order; `done`: how many have finished it.
-///
 /// In training, the slowest worker counts; in all other activities, the mean.
 pub(super) fn report_progress<'a, Reply: 'a>(
     open: impl Iterator<Item = &'a Task<Reply>> + Clone,

@@ -53,7 +53,6 @@ pub fn free_disk_mib(dir: &Path) -> Result<u64> {
 }
 
 /// Makes sure that a command may open enough files for child processes that need `each` files here.
-///
 /// Raises the soft limit up to the hard one. If that is not enough, the error names `option`, which decides the number.
 pub fn allow_open_files(children: usize, each: u64, option: &str) -> Result<()> {
     let needed = OWN_FILES + each * children as u64;

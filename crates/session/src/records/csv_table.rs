@@ -140,9 +140,7 @@ impl<'a> TableLine<'a> {
 
 /// The order of steps in a file: they never go back.
 #[derive(Default)]
-pub(crate) struct Order {
-    last: Option<u64>,
-}
+pub(crate) struct Order(Option<u64>);
 
 impl Order {
     /// Returns the steps of the next line. They may be those of the line before.
@@ -157,7 +155,7 @@ impl Order {
 
     fn after(&mut self, line: TableLine, in_order: fn(u64, u64) -> bool) -> Result<u64> {
         let steps = line.steps()?;
-        if let Some(last) = self.last.replace(steps) {
+        if let Some(last) = self.0.replace(steps) {
             let what = format!("not later than {last} before it");
             ensure!(in_order(last, steps), line.bad(columns::STEPS, &steps.to_string(), &what));
         }

@@ -162,7 +162,6 @@ pub fn find(folders: &[PathBuf]) -> Result<Found> {
 }
 
 /// Searches a folder. Returns whether it holds a run, or the plan of one.
-///
 /// `seen`: answers for the folders that were searched, because one may be named twice or hold a link back to itself.
 fn search(folder: &Path, depth: usize, seen: &mut BTreeMap<PathBuf, bool>, found: &mut Found) -> Result<bool> {
     let failed = || format!("{}: cannot be read", folder.display());

@@ -69,7 +69,6 @@ impl JointLayout {
     }
 
     /// Reads the networks of such a file, and the timesteps per agent at which it was written, if it says so.
-    ///
     /// The file is read once: a run that is being trained replaces it at any moment.
     pub(crate) fn read_with_steps(&self, path: &Path) -> Result<(Ragged<f32>, Option<u64>)> {
         let bytes = read_bytes(path, LARGEST_FILE).with_context(|| format!("{}: cannot be read", path.display()))?;

@@ -179,7 +179,6 @@ fn read_likeness(returns: &CsvTable, training: &CsvTable) -> Result<Vec<Likeness
 }
 
 /// Reads sums of seconds since the run began. If a file lacks a column of seconds, no time was spent on that.
-///
 /// A period waits for its slowest worker. So the wall time of an activity is that of the worker that took longest.
 fn read_periods(table: &CsvTable) -> Result<Vec<PeriodTime>> {
     let evaluation = vec![Activity::Evaluation.name()];

@@ -26,7 +26,6 @@ pub struct NothingFits(String);
 
 impl ResumePoint {
     /// Prepares a run directory, which this process has locked, for writing. Then finds where its run goes on.
-    ///
     /// What is not a file of the run itself, such as a link, is an error. What killed writes left behind is removed.
     pub fn find(directory: &Directory, owner: &Owner) -> Result<ResumePoint> {
         files::WRITTEN.iter().chain(&files::GROWING).try_for_each(|name| directory.check(name))?;

@@ -107,8 +107,7 @@ fn checksums(dir: &Path) -> Result<BTreeMap<String, String>> {
     Directory::open(&folder)?.names()?.into_iter().map(checksum).collect()
 }
 
-/// A word of a command line. JSON is UTF-8, so a word of other bytes is an object: one character per byte, of the same
-/// number (Latin-1). So it cannot be mistaken for a word of these characters.
+/// A word of a command line. JSON is UTF-8, so other bytes are an object with a character per byte (Latin-1).
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(untagged)]
 pub enum Word {

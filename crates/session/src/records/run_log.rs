@@ -59,10 +59,7 @@ impl RunLog {
         }
     }
 
-    /// Continues a run in a directory that this process has locked, from a point of that run. Also returns the
-    /// checkpoint of that point.
-    ///
-    /// Everything written after the checkpoint is cut off. It will be written again, with the same numbers.
+    /// Continues a run in a locked directory from a point, and returns its checkpoint. What came later is cut off.
     pub fn resume(
         directory: Directory,
         point: ResumePoint,

@@ -33,8 +33,7 @@ pub(crate) fn scalars_record(wall_time_s: f64, step: u64, scalars: &[Scalar]) ->
     record(&event)
 }
 
-/// Returns the scalars of a block of lines of a CSV file. Every number of the line about all agents becomes
-/// `file/column`, and the mean return of each agent becomes `returns_of_agents/N`.
+/// Returns the scalars of lines of a CSV file: `file/column` of all agents, `returns_of_agents/N` of each.
 pub(crate) fn scalars_of(file: &str, Lines { header, lines }: &Lines) -> Vec<Scalar> {
     let table = file.strip_suffix(".csv").unwrap_or(file);
     let mut scalars = Vec::new();

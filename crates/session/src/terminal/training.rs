@@ -87,7 +87,6 @@ struct Latest {
 
 impl Progress {
     /// Starts the display, and listens for Ctrl-C from here on.
-    ///
     /// The first Ctrl-C asks to stop where nothing is lost, the second ends the process. `last_words` returns the
     /// line that is printed after the second.
     pub fn new(
@@ -230,7 +229,6 @@ impl Observer for Progress {
 }
 
 /// The progress of `bench`: a status line on a terminal, elsewhere one line per fleet.
-///
 /// The first Ctrl-C stops at once, because nothing can be lost.
 pub struct BenchProgress {
     line: ProgressBar,
@@ -358,8 +356,7 @@ mod tests {
         // 200 steps took 50 s, so 600 steps take 150 s.
         assert_eq!(rate.left(1000, at(50)), Some(Duration::from_secs(150)));
         assert_eq!(rate.left(400, at(50)), Some(Duration::ZERO));
-        // Without a step done it is unknown. The same step twice is that of the slowest worker, and after a lost worker
-        // the step goes back.
+        // Without a step done it is unknown. After a lost worker the step goes back.
         let mut rate = Rate::default();
         assert_eq!(rate.left(1000, begun), None);
         for (steps, second) in [(200, 0), (200, 5), (100, 6)] {

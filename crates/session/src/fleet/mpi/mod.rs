@@ -39,6 +39,6 @@ pub fn join_the_job() -> Result<Part> {
     );
     Ok(match post.rank {
         0 => Part::Coordinator(Ranks::new(post)?),
-        _ => Part::Relay(Relay::new(post)),
+        _ => Part::Relay(Relay(post)),
     })
 }

@@ -23,9 +23,7 @@ const LOOK: Duration = Duration::from_millis(200);
 /// Longest part of a log that one letter carries, in bytes.
 const LONGEST_PART: u64 = 64 << 10;
 
-pub struct Relay {
-    post: Post,
-}
+pub struct Relay(pub(super) Post);
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum End {
@@ -36,15 +34,10 @@ pub enum End {
 }
 
 impl Relay {
-    pub(super) fn new(post: Post) -> Relay {
-        Relay { post }
-    }
-
     /// Does what rank 0 orders until it says that the run has ended, or ends itself.
-    ///
     /// `describe`: describes what computes here, for the config that it gets as JSON.
     pub fn serve(self, describe: impl Fn(&str) -> Result<String>) -> End {
-        let post = self.post;
+        let post = self.0;
         let mut team: Option<LocalTeam> = None;
         loop {
             thread::park_timeout(LOOK);

@@ -40,9 +40,7 @@ impl Owner {
         refuse(Some(dir), &found, TO_RESUME)
     }
 
-    /// Returns an error if the networks or the domain's keys are other ones than `run.json` in `dir` says. Policies that
-    /// were trained on those are not for these. The rules of the environment may be those of another version of this
-    /// program: whoever scores the policies says so.
+    /// Checks that the networks and the domain's keys are those of the `run.json` in `dir`. The rules may be others.
     pub(crate) fn check_unchanged(&self, dir: &Path) -> Result<()> {
         let mut found = self.changes_since(dir, &RunJson::read(dir)?)?;
         found.retain(|difference| !difference.key.starts_with("scenario.rules."));
@@ -85,8 +83,7 @@ impl Owner {
     }
 }
 
-/// Returns an error if the domain's keys or the contents of the networks are other ones than `about`, the `run.json` in
-/// `dir`, says. For readers of the figures alone, who need neither the domain nor the networks. `config`: that of the run.
+/// Like [`Owner::check_unchanged`], for readers of figures, who need neither the domain nor the networks.
 pub(crate) fn check_kept(dir: &Path, config: &RunConfig, about: &RunJson) -> Result<()> {
     let found = [about.kept.changed_keys(config)?, about.kept.changed_contents(dir)?].concat();
     refuse(Some(dir), &found, TO_READ)
