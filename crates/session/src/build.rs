@@ -40,7 +40,8 @@ pub fn here(program: Program, width: VectorWidth) -> Result<Versions> {
 /// If it is another and `accepted` is false, the error names all differences.
 pub fn other_build(program: Program, dir: &Path, width: VectorWidth, accepted: bool) -> Result<Option<Versions>> {
     let here = here(program, width)?;
-    let differences = here.differences(RunJson::read(dir)?.last_versions());
+    let run = RunJson::read(dir)?;
+    let differences = here.differences(run.resumed_with.last().map_or(&run.versions, |last| &last.versions));
     if differences.is_empty() {
         return Ok(None);
     }

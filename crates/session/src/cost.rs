@@ -16,7 +16,6 @@ pub struct Workload {
     pub(crate) agents: usize,
     /// Timesteps per agent.
     pub steps: u64,
-    /// Number of steps of an episode.
     pub horizon: usize,
     /// Number of steps of an episode of what the policies train on.
     pub(crate) training_horizon: usize,
@@ -91,9 +90,7 @@ pub struct Prices<T> {
     pub(crate) step: T,
     /// A timestep of an agent that is replayed to continue after a period.
     pub(crate) retraced_step: T,
-    /// A period, whatever its length.
     pub(crate) period: T,
-    /// An evaluation, with all its episodes.
     pub(crate) evaluation: T,
     pub(crate) final_evaluation: T,
     pub(crate) collection: T,

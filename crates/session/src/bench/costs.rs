@@ -8,7 +8,7 @@
 use std::ops::{Add, Mul};
 
 use super::floor::{Flops, aip_trainings_flops};
-use super::measure::{Measured, Orders};
+use super::measure::{Measured, Orders, beginning};
 use crate::config::RunConfig;
 use crate::cost::{Prices, Workload};
 use dials_core::base::Phase;
@@ -121,7 +121,7 @@ impl Costs {
         };
         let retraining_flops = aip_trainings_flops(config, kinds, work.dataset_episodes);
         let in_no_phase = 1e6 * (training.work.as_secs_f64() - training.phases.total().as_secs_f64()) / training.units;
-        let busy = (training.work - training.beginning()).as_secs_f64();
+        let busy = (training.work - beginning(&training.phases)).as_secs_f64();
         let waited = machine.workers * training.slowest.as_secs_f64() - busy;
         let (other, idle) = (in_no_phase.max(0.0), 1e6 * waited.max(0.0) / training.units);
         let mut phases = Phase::ALL.map(|phase| per_unit(training, phase));
@@ -215,7 +215,6 @@ impl Machine {
         }
     }
 
-    /// Returns the price of a training of all AIPs with this number of operations.
     fn aip_training(&self, orders: &Orders, flops: f64) -> Cost {
         if orders.count == 0 {
             return Cost::default();
@@ -231,7 +230,7 @@ impl Machine {
 
     /// Returns the price of the messages and files of an order.
     fn exchange(&self, orders: &Orders) -> f64 {
-        let load = orders.beginning().as_secs_f64() / self.workers;
+        let load = beginning(&orders.phases).as_secs_f64() / self.workers;
         let outside = orders.wall.as_secs_f64() - orders.slowest.as_secs_f64() - load;
         1e6 * self.workers * outside.max(0.0) / orders.count.max(1) as f64
     }

@@ -229,10 +229,6 @@ impl Orders {
     /// Phases in which simulators are made and brought to the state of training. They do not grow with the work.
     pub(crate) const BEGINNING: [Phase; 2] = [Phase::Loading, Phase::Retracing];
 
-    pub(crate) fn beginning(&self) -> Duration {
-        beginning(&self.phases)
-    }
-
     fn note(&mut self, activity: Activity, units: f64, wall: Duration, load: &FleetLoad) {
         self.count += 1;
         self.units += units;
@@ -247,6 +243,6 @@ impl Orders {
     }
 }
 
-fn beginning(phases: &Stopwatch) -> Duration {
+pub(super) fn beginning(phases: &Stopwatch) -> Duration {
     Orders::BEGINNING.iter().map(|&phase| phases.spent(phase)).sum()
 }

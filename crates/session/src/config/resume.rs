@@ -150,9 +150,7 @@ mod tests {
         };
         assert_eq!(keys(&then, &now), ["evaluation.aip_loss_episodes", "evaluation.every_steps"]);
         // Predictors that are never trained do not drift.
-        for config in [&mut then, &mut now] {
-            config.learning.predictor = Predictor::Untrained;
-        }
+        [&mut then, &mut now].into_iter().for_each(|config| config.learning.predictor = Predictor::Untrained);
         assert_eq!(keys(&then, &now), [""; 0]);
     }
 

@@ -62,7 +62,6 @@ pub struct PlannedRun {
     /// Name of its directory.
     pub name: FileName,
     pub config_path: PathBuf,
-    /// Settings that override the config file.
     pub settings: Vec<String>,
     pub config: RunConfig,
     pub scenario: Scenario,

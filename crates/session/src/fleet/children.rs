@@ -65,7 +65,6 @@ pub(super) fn log_of(worker: usize) -> String {
     format!("worker_{worker}.log")
 }
 
-/// Function that reads the next message of a worker, if there is one.
 type Hear<T> = fn(&mut &UnixStream) -> Result<Option<T>>;
 
 /// A running worker process. Dropping it kills it. `T`: what it says, decoded or not.
@@ -113,22 +112,6 @@ impl<T: Send + 'static> ChildProcess<T> {
 }
 
 impl<T> ChildProcess<T> {
-    pub(super) fn send(&self, frame: Frame) {
-        // Its writer ends early only when the child has gone.
-        let _ = self.outbox.send(frame);
-    }
-
-    pub(super) fn next(&self) -> Option<News<T>> {
-        self.inbox.try_recv().ok()
-    }
-
-    /// Kills a child that does not end. Returns how it ended and the last lines of its log.
-    pub(super) fn end(mut self) -> String {
-        let status = self.ended_within(LAST_WORDS).or_else(|| self.kill());
-        let tail = self.log.tail();
-        format!("{}; {tail}", describe(status, &tail))
-    }
-
     fn kill(&mut self) -> Option<ExitStatus> {
         drop(self.process.kill());
         // Ends both threads, even if the process does not end.
@@ -148,13 +131,14 @@ impl<T> ChildProcess<T> {
     }
 }
 
-impl Link for ChildProcess {
+impl<T> Link<T> for ChildProcess<T> {
     fn send(&self, frame: Frame) {
-        ChildProcess::send(self, frame);
+        // Its writer ends early only when the child has gone.
+        let _ = self.outbox.send(frame);
     }
 
-    fn next(&mut self) -> Option<News> {
-        ChildProcess::next(self)
+    fn next(&mut self) -> Option<News<T>> {
+        self.inbox.try_recv().ok()
     }
 
     /// Returns the state of the process as Linux names it, such as `S (sleeping)` or `T (stopped)`.
@@ -163,8 +147,11 @@ impl Link for ChildProcess {
         Some(status.lines().find_map(|line| line.strip_prefix("State:"))?.trim().to_owned())
     }
 
-    fn end(self: Box<Self>) -> String {
-        ChildProcess::end(*self)
+    /// Kills a child that does not end. Returns how it ended and the last lines of its log.
+    fn end(mut self: Box<Self>) -> String {
+        let status = self.ended_within(LAST_WORDS).or_else(|| self.kill());
+        let tail = self.log.tail();
+        format!("{}; {tail}", describe(status, &tail))
     }
 
     fn end_by_force(mut self: Box<Self>) -> String {

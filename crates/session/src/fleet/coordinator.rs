@@ -46,7 +46,6 @@ const LOOK_UP: Duration = Duration::from_millis(200);
 /// Longest silence that one check adds. While the coordinator itself was stopped (Ctrl-Z), it could hear nobody.
 const LONGEST_LOOK: Duration = Duration::from_secs(1);
 
-/// Number of workers, and how long they may be silent.
 pub struct Options {
     pub workers: usize,
     /// Number of threads with which a single worker trains on the GS.
@@ -273,7 +272,6 @@ impl Coordinator {
         Ok(())
     }
 
-    /// Sends a worker the state of its agents, if there is one.
     fn send_state(&self, worker: usize, link: &dyn Link) -> Result<()> {
         let agents = self.workers[worker].agents.clone();
         if self.agents.agents() > 0 && !agents.is_empty() {
@@ -321,7 +319,6 @@ impl Coordinator {
         if self.crew.is_this_process() { String::new() } else { format!("{}: ", self.name(worker)) }
     }
 
-    /// Returns the policies of all agents as a message.
     fn encoded_policies(&mut self) -> Result<Frame> {
         // Lent and not copied: with a thousand agents the copy would be a fifth of this process.
         let order = Order::TakePolicies(std::mem::take(&mut self.agents.policies));

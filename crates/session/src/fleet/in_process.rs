@@ -69,7 +69,7 @@ impl InProcess {
 
 impl Crew for InProcess {
     fn start(&mut self, _worker: usize) -> Result<Box<dyn Link>> {
-        Ok(Box::new(InProcessLink(self.mailbox.clone())))
+        Ok(Box::new(self.mailbox.clone()))
     }
 
     fn can_replace(&self) -> bool {
@@ -89,15 +89,13 @@ impl Crew for InProcess {
     }
 }
 
-pub(super) struct InProcessLink(pub(super) Rc<RefCell<Mailbox>>);
-
-impl Link for InProcessLink {
+impl Link for Rc<RefCell<Mailbox>> {
     fn send(&self, frame: Frame) {
-        self.0.borrow_mut().orders.push_back(frame);
+        self.borrow_mut().orders.push_back(frame);
     }
 
     fn next(&mut self) -> Option<News> {
-        self.0.borrow_mut().news.pop_front()
+        self.borrow_mut().news.pop_front()
     }
 
     fn state(&self) -> Option<String> {

@@ -20,12 +20,12 @@ pub enum News<T = WorkerReport> {
 
 /// The coordinator's end of the two-way stream between it and one worker. Dropping it ends the worker.
 /// Nothing that a worker does or fails to do may block a link.
-pub trait Link {
+pub trait Link<T = WorkerReport> {
     /// Sends a frame, after the earlier ones, without waiting. If the worker has gone, [`News::Gone`] reports it.
     fn send(&self, frame: Frame);
 
     /// Returns the worker's next message; if there is none yet: `None`. Does not wait.
-    fn next(&mut self) -> Option<News>;
+    fn next(&mut self) -> Option<News<T>>;
 
     /// Returns what a silent worker is doing, if the system knows it.
     fn state(&self) -> Option<String>;

@@ -4,7 +4,6 @@ use std::ops::Range;
 
 use dials_learn::config::{Config, Simulator};
 
-/// Returns a worker and its agents, for people.
 pub(super) fn names_of(worker: usize, agents: &Range<usize>) -> String {
     match agents.len() {
         0 => format!("worker {worker} (no agents of its own)"),

@@ -12,7 +12,9 @@ const OWN_FILES: u64 = 32;
 
 /// Limits this process, and those that it starts, to `more` bytes beyond what it has now. A lower limit stays.
 pub fn limit_memory(more: u64) -> Result<()> {
-    let limit = lowest(getrlimit(Resource::As), used()?.saturating_add(more));
+    let used = kib_in("/proc/self/status", "VmSize:");
+    let used = used.context("/proc/self/status: does not say the memory of this process")? * 1024;
+    let limit = lowest(getrlimit(Resource::As), used.saturating_add(more));
     let limit = Rlimit { current: Some(limit), maximum: Some(limit) };
     setrlimit(Resource::As, limit).context("cannot limit the memory of a process")
 }
@@ -26,12 +28,6 @@ pub fn limit_cpu(seconds: u64) -> Result<()> {
 
 fn lowest(there: Rlimit, wanted: u64) -> u64 {
     [there.current, there.maximum].into_iter().flatten().fold(wanted, u64::min)
-}
-
-fn used() -> Result<u64> {
-    let kib =
-        kib_in("/proc/self/status", "VmSize:").context("/proc/self/status: does not say the memory of this process")?;
-    Ok(kib * 1024)
 }
 
 /// Returns the memory that new processes can have, in MiB. `None` if the system does not say.
@@ -75,15 +71,9 @@ mod tests {
 
     #[test]
     fn a_limit_that_is_lower_already_stays() {
-        for (current, maximum, lowest_of_all) in [
-            (None, None, 50),
-            (Some(40), None, 40),
-            (Some(40), Some(45), 40),
-            (None, Some(45), 45),
-            (Some(60), Some(70), 50),
-        ] {
-            assert_eq!(lowest(Rlimit { current, maximum }, 50), lowest_of_all, "{current:?} {maximum:?}");
-        }
+        let limits = [(None, None), (Some(40), None), (Some(40), Some(45)), (None, Some(45)), (Some(60), Some(70))];
+        let lowest_of_all = limits.map(|(current, maximum)| lowest(Rlimit { current, maximum }, 50));
+        assert_eq!(lowest_of_all, [50, 40, 40, 45, 50]);
     }
 
     #[test]

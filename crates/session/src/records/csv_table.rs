@@ -67,8 +67,7 @@ impl CsvTable {
         self.lines.iter().map(|fields| TableLine { table: self, fields })
     }
 
-    /// Returns the lines in blocks. Each begins with the line of all agents, workers or processes: that with `all` in
-    /// `column`. The other lines of a block are of one of them each.
+    /// Returns the lines in blocks: each the line with `all` in `column`, and those of single agents or workers.
     pub(crate) fn blocks(&self, column: &str) -> Vec<Vec<TableLine<'_>>> {
         let lines: Vec<TableLine<'_>> = self.lines().collect();
         lines.chunk_by(|_, next| next.text(column) != Some(ALL)).map(<[_]>::to_vec).collect()

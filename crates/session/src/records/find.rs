@@ -32,7 +32,6 @@ pub struct ExperimentPlan {
 /// Contents of `plan.json`.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct FolderPlan {
-    /// Plans of the experiments, by the names of their files.
     experiments: BTreeMap<String, ExperimentPlan>,
 }
 
@@ -94,13 +93,6 @@ pub struct BaselineRecord {
     pub episode_returns: Vec<f64>,
     #[serde(flatten)]
     pub(crate) measured_with: MeasuredWith,
-}
-
-impl BaselineRecord {
-    /// Returns whether two baselines say the same, whatever they were measured with.
-    fn says_the_same_as(&self, other: &BaselineRecord) -> bool {
-        *self == BaselineRecord { measured_with: self.measured_with.clone(), ..other.clone() }
-    }
 }
 
 /// What a controller is measured with, beside the config and its own name.
@@ -218,8 +210,11 @@ fn read_baselines(folder: &Path, found: &mut Found) {
     paths.retain(|path| path.extension().is_some_and(|extension| extension == "json"));
     for path in paths {
         let Some(baseline) = found.unless_left_out(&path, read_baseline(&path)) else { continue };
-        // Two experiments on one scenario measure the same baselines.
-        if !found.baselines.iter().any(|(_, other)| other.says_the_same_as(&baseline)) {
+        // Two experiments on one scenario measure the same baselines, whatever they measure them with.
+        let same = |other: &BaselineRecord| {
+            *other == BaselineRecord { measured_with: other.measured_with.clone(), ..baseline.clone() }
+        };
+        if !found.baselines.iter().any(|(_, other)| same(other)) {
             found.baselines.push((path, baseline));
         }
     }
@@ -236,23 +231,4 @@ pub(crate) fn read_baseline(path: &Path) -> Result<BaselineRecord> {
         }
     }
     Ok(baseline)
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn experiments_in_one_folder_keep_their_plans_and_an_edited_one_replaces_its_own() {
-        let names = |names: &[&str]| names.iter().map(|&name| FileName::new(name).unwrap()).collect::<Vec<_>>();
-        let plan =
-            |runs: &[&str], baselines: &[&str]| ExperimentPlan { runs: names(runs), baselines: names(baselines) };
-        let mut folder = FolderPlan::default();
-        folder.put("a.toml", plan(&["a1", "both"], &["random"]));
-        folder.put("b.toml", plan(&["both", "b1"], &["random", "never"]));
-        assert_eq!(folder.runs(), names(&["a1", "both", "b1"]).iter().collect::<Vec<_>>());
-        assert_eq!(folder.baselines(), names(&["random", "never"]).iter().collect::<Vec<_>>());
-        folder.put("b.toml", plan(&["b2"], &[]));
-        assert_eq!(folder.runs(), names(&["a1", "both", "b2"]).iter().collect::<Vec<_>>());
-    }
 }

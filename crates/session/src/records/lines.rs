@@ -14,7 +14,6 @@ use dials_learn::predictors::{AipLoss, FreshLoss, mean_loss};
 use dials_learn::progress::Moment;
 use dials_learn::steps::train_policies::PolicyTraining;
 
-/// A line of a CSV file, one string per column.
 pub(super) type CsvLine = Vec<String>;
 
 /// Returns lines under fixed columns and `further` ones. A line that is short ends with empty fields.
@@ -224,14 +223,21 @@ mod tests {
         };
         let Lines { header, lines } = aip_lines(128, &[loss(&[true, false]), loss(&[true, true])]);
         assert_eq!((header.len(), header.last().unwrap().as_str()), (10, "sources_on_marginals"));
-        let last: Vec<&str> = lines.iter().map(|line| line.last().unwrap().as_str()).collect();
-        assert_eq!(last, ["3", "1", "1", "0", "2", "1", "1"], "all; agent 0 and its sources; agent 1 and its sources");
+        let last = |lines: &[CsvLine]| lines.iter().map(|line| line.last().unwrap().clone()).collect::<Vec<_>>();
+        assert_eq!(
+            last(&lines),
+            ["3", "1", "1", "0", "2", "1", "1"],
+            "all; agent 0 and its sources; agent 1 and its sources"
+        );
         assert!(lines.iter().all(|line| line.len() == 10));
         let nothing = || [vec![], vec![]];
         let without_sources = AipLoss { training: nothing(), held_out: nothing(), marginals: vec![], ..loss(&[]) };
         let Lines { lines, .. } = aip_lines(128, &[loss(&[true, false]), without_sources]);
-        let last: Vec<&str> = lines.iter().map(|line| line.last().unwrap().as_str()).collect();
-        assert_eq!(last, ["1", "1", "1", "0", "0"], "a light that nobody reaches from outside has no line per source");
+        assert_eq!(
+            last(&lines),
+            ["1", "1", "1", "0", "0"],
+            "a light that nobody reaches from outside has no line per source"
+        );
         assert_eq!(lines[4][3], "0.00000", "it has nothing to predict, so it loses nothing");
         let Lines { header, lines } = aip_lines(128, &[loss(&[])]);
         assert_eq!(header.len(), 9);

@@ -9,11 +9,11 @@
 //! - [`files`], [`columns`]: the names of the files, and of the columns of each CSV file, for writers and readers.
 //! - [`growing`], [`tensorboard`]: files that grow, so that a kill or a full disk loses nothing, and a change by others is
 //!   noticed.
-//! - `lines`: the lines of the CSV files. [`finite`]: refuses to write networks that have diverged.
+//! - `lines`: the lines of the CSV files.
 //! - [`checkpoint`]: the state of all agents, from which a run continues. [`resume_point`]: which checkpoint fits the
 //!   files. [`networks`]: the files of policies and AIPs.
 //! - [`run_json`]: how the run was called, what computed it, and the keys and files of its domain, to notice a change.
-//! - [`run_log`]: writes all this during training.
+//! - [`run_log`]: writes all this during training, but no networks that have diverged.
 //! - [`run_record`], [`reader`], [`csv_table`]: the contents of a run directory, never of a live one.
 //! - [`find`]: runs, baselines and plans under some folders. [`method`]: the part of a config that makes runs comparable.
 
@@ -22,7 +22,6 @@ pub(crate) mod columns;
 pub(crate) mod csv_table;
 pub mod files;
 pub mod find;
-pub mod finite;
 pub mod growing;
 mod lines;
 pub mod method;

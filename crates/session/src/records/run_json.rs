@@ -75,13 +75,6 @@ impl Kept {
         Ok(differences(&then, &now))
     }
 
-    /// Lists the files in `networks/` that are other ones now. A copy of a run may leave out the networks.
-    pub(crate) fn changed_contents(&self, dir: &Path) -> Result<Vec<Difference>> {
-        let mut changed = self.changed_files(dir)?;
-        changed.retain(|difference| difference.then.is_some() && difference.now.is_some());
-        Ok(changed)
-    }
-
     /// Lists the files in `networks/` that are other ones now, are missing or are new.
     pub(crate) fn changed_files(&self, dir: &Path) -> Result<Vec<Difference>> {
         let of_file = |(name, checksums): (String, [Option<String>; 2])| {
@@ -194,11 +187,6 @@ impl RunJson {
     pub fn agent_name(&self, agent: usize) -> String {
         self.agents.get(agent).map_or_else(|| agent.to_string(), |name| excerpt(name))
     }
-
-    /// Returns the build that wrote the run last.
-    pub(crate) fn last_versions(&self) -> &Versions {
-        self.resumed_with.last().map_or(&self.versions, |resumed| &resumed.versions)
-    }
 }
 
 /// Checks the words of a scenario. Reports name files after them.
@@ -248,10 +236,6 @@ mod tests {
     use super::*;
     use std::fs;
 
-    fn run(agents: Vec<String>) -> RunJson {
-        RunJson::new(Scenario::new("ants", 3, 5), agents, 7)
-    }
-
     #[test]
     fn a_version_that_was_not_recorded_differs_and_the_cpu_does_not_count() {
         let old = Versions { sumo: "SUMO 1.15.0".into(), cpu: "A".into(), ..Versions::default() };
@@ -261,7 +245,7 @@ mod tests {
 
     #[test]
     fn agents_have_the_names_that_were_recorded_or_their_numbers() {
-        let run = run(vec!["r0c0".to_owned(), "a\u{1b}b".to_owned()]);
+        let run = RunJson::new(Scenario::new("ants", 3, 5), vec!["r0c0".to_owned(), "a\u{1b}b".to_owned()], 7);
         assert_eq!([0, 1, 2].map(|agent| run.agent_name(agent)), ["r0c0", "a\\u{1b}b", "2"]);
     }
 

@@ -19,7 +19,6 @@ pub struct RunRecord {
     pub fresh_losses: Vec<FreshLossRecord>,
     /// Local simulators beside the global one, in order of steps; empty if the domain does not compare them.
     pub likeness: Vec<LikenessRecord>,
-    /// Times of the periods, in order.
     pub periods: Vec<PeriodTime>,
     pub memory: Option<MemoryRecord>,
     /// Number of worker processes, or 1 for a run without any.
@@ -184,7 +183,6 @@ impl RunRecord {
         blocks >= 2
     }
 
-    /// Returns the evaluation at a step, if there was one.
     pub fn evaluation_at(&self, steps: u64) -> Option<&EvaluationRecord> {
         let place = self.evaluations.binary_search_by_key(&steps, |evaluation| evaluation.steps).ok()?;
         self.evaluations.get(place)
@@ -272,12 +270,9 @@ mod tests {
     fn the_time_of_an_imitation_is_known_only_at_the_end_of_the_first_period() {
         let runtimes = |keys: &str| {
             let config = toml::from_str(&format!("{keys}\n[warehouse]\nagents_per_side = 2")).unwrap();
-            let periods = [(100, 10.0), (200, 30.0)].map(|(steps, elapsed_s)| PeriodTime {
-                steps,
-                elapsed_s,
-                ..PeriodTime::default()
-            });
-            let run = RunRecord { periods: periods.to_vec(), ..RunRecord::empty(config, Scenario::new("ants", 3, 5)) };
+            let period = |(steps, elapsed_s)| PeriodTime { steps, elapsed_s, ..PeriodTime::default() };
+            let periods = [(100, 10.0), (200, 30.0)].map(period).to_vec();
+            let run = RunRecord { periods, ..RunRecord::empty(config, Scenario::new("ants", 3, 5)) };
             [0, 50, 100, 150].map(|steps| run.runtime_at(steps))
         };
         assert_eq!(runtimes(""), [Some(0.0), Some(5.0), Some(10.0), Some(20.0)]);

@@ -19,10 +19,6 @@ pub struct EpisodeBar {
 }
 
 impl EpisodeBar {
-    pub fn new(episodes: usize) -> Self {
-        EpisodeBar::of(episodes, "episodes")
-    }
-
     /// Makes a bar for `count` things. `things`: their name, in the plural.
     pub fn of(count: usize, things: &str) -> Self {
         let template = format!("{{bar:20.cyan/blue}} {{pos}}/{{len}} {things}  {{eta}} left  {{wide_msg}}");
@@ -71,7 +67,7 @@ mod tests {
 
     #[test]
     fn without_a_terminal_a_line_is_due_every_minute() {
-        let bar = EpisodeBar::new(1);
+        let bar = EpisodeBar::of(1, "episodes");
         let begun = bar.last_line.get();
         let at = |seconds: u64, done: usize| bar.line_at(begun + Duration::from_secs(seconds), done);
         assert_eq!(at(59, 1), None);

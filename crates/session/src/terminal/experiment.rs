@@ -14,7 +14,6 @@ const PLAIN_LINES_EVERY: Duration = Duration::from_secs(60);
 /// Length of the bar of a task that has no timesteps.
 const NO_STEPS: u64 = 1;
 
-/// A process of an experiment before it begins.
 pub struct Planned {
     pub name: String,
     /// Estimated time of the whole task.
@@ -58,7 +57,6 @@ impl Display {
         Display { bars, whole, begun: now, last_plain: now, tasks }
     }
 
-    /// Prints a line above the bars.
     pub fn say(&self, line: &str) {
         self.bars.suspend(|| note(line));
     }

@@ -21,10 +21,8 @@ pub enum Talk {
     Verbose,
 }
 
-/// The choice of this process, as a number.
 static TALK: AtomicU8 = AtomicU8::new(Talk::Normal as u8);
 
-/// Chooses how much this process prints on standard error.
 pub fn talk(talk: Talk) {
     TALK.store(talk as u8, Ordering::Relaxed);
 }

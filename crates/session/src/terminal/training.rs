@@ -28,7 +28,8 @@ pub struct Progress {
     begun: Instant,
     rate: RefCell<Rate>,
     last_line: Cell<Instant>,
-    found: RefCell<Latest>,
+    mean_return: Cell<Option<f64>>,
+    aip_loss: Cell<Option<f64>>,
     stop: Arc<AtomicBool>,
     doing: Doing,
 }
@@ -79,16 +80,8 @@ impl Rate {
     }
 }
 
-#[derive(Default)]
-struct Latest {
-    mean_return: Option<f64>,
-    aip_loss: Option<f64>,
-}
-
 impl Progress {
-    /// Starts the display, and listens for Ctrl-C from here on.
-    /// The first Ctrl-C asks to stop where nothing is lost, the second ends the process. `last_words` returns the
-    /// line that is printed after the second.
+    /// Starts the display. Ctrl-C asks to stop where nothing is lost; a second one prints `last_words` and ends.
     pub fn new(
         config: &RunConfig,
         agents: usize,
@@ -109,7 +102,8 @@ impl Progress {
             begun: now,
             rate: RefCell::default(),
             last_line: Cell::new(now),
-            found: RefCell::default(),
+            mean_return: Cell::default(),
+            aip_loss: Cell::default(),
             stop,
             doing,
         })
@@ -140,9 +134,8 @@ impl Progress {
         let mut parts = Vec::new();
         parts.extend(rate.per_second().map(|speed| format!("{:.0} agent-steps/s", speed * self.agents as f64)));
         parts.extend(rate.left(self.end, Instant::now()).map(|left| format!("{} left", duration(left))));
-        let found = self.found.borrow();
-        parts.extend(found.mean_return.map(|value| format!("return {value:.0$}", decimals(value, None))));
-        parts.extend(found.aip_loss.map(|value| format!("AIP {value:.3}")));
+        parts.extend(self.mean_return.get().map(|value| format!("return {value:.0$}", decimals(value, None))));
+        parts.extend(self.aip_loss.get().map(|value| format!("AIP {value:.3}")));
         parts.join(", ")
     }
 }
@@ -193,7 +186,7 @@ impl Observer for Progress {
             "step {steps}: return {:.digits$}{half_width}, median agent {:.digits$}{stuck}",
             all.mean, all.median
         ));
-        self.found.borrow_mut().mean_return = Some(all.mean);
+        self.mean_return.set(Some(all.mean));
     }
 
     fn aips_trained(&self, steps: u64, losses: &[AipLoss]) {
@@ -203,7 +196,7 @@ impl Observer for Progress {
         let (before, after, marginals) =
             (mean_of(|loss| &loss.held_out[0]), mean_of(|loss| &loss.held_out[1]), mean_of(|loss| &loss.marginals));
         self.say(&format!("step {steps}: held-out AIP loss {before:.3} -> {after:.3} ({})", judged(after, marginals)));
-        self.found.borrow_mut().aip_loss = Some(after);
+        self.aip_loss.set(Some(after));
     }
 
     fn aips_measured(&self, losses: &[FreshLoss], drift: &Drift) {
@@ -216,7 +209,7 @@ impl Observer for Progress {
             _ => String::new(),
         };
         self.say(&format!("  AIP loss on new episodes {loss:.3} ({}){grown}", judged(loss, marginals)));
-        self.found.borrow_mut().aip_loss = Some(loss);
+        self.aip_loss.set(Some(loss));
     }
 
     fn worker_lost(&self, message: &str) {

@@ -29,7 +29,6 @@ pub enum Part {
     Relay(Relay),
 }
 
-/// Joins the MPI job that this process was started in.
 pub fn join_the_job() -> Result<Part> {
     let post = Post::open()?;
     ensure!(

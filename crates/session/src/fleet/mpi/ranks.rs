@@ -40,7 +40,6 @@ pub struct Ranks {
     logs: Option<Directory>,
 }
 
-/// A rank that is prepared for a run.
 pub struct Prepared {
     pub rank: usize,
     pub host: String,
@@ -79,7 +78,8 @@ impl Ranks {
         self.logs = Some(job.directory.clone());
         let mut table = self.table.borrow_mut();
         let files = SharedFiles::read(&config, job.directory, job.networks, table.watch.address())?;
-        table.workers = job.agents.into_iter().map(RemoteWorker::of).collect();
+        let worker = |agents| RemoteWorker { agents, ..RemoteWorker::default() };
+        table.workers = job.agents.into_iter().map(worker).collect();
         let all: Vec<usize> = table.relays().collect();
         table.post(&all, Letter::Prepare, Some(Frame::new(encode(&files)?)));
         let begun = Instant::now();
@@ -217,6 +217,7 @@ struct Member {
     has_ended: bool,
 }
 
+#[derive(Default)]
 struct RemoteWorker {
     agents: Range<usize>,
     /// Frames that are not posted yet.
@@ -226,12 +227,6 @@ struct RemoteWorker {
     log: Option<File>,
     /// How the worker ended.
     how: Option<String>,
-}
-
-impl RemoteWorker {
-    fn of(agents: Range<usize>) -> RemoteWorker {
-        RemoteWorker { agents, outgoing: VecDeque::new(), news: VecDeque::new(), log: None, how: None }
-    }
 }
 
 impl Table {
@@ -256,7 +251,6 @@ impl Table {
         }
     }
 
-    /// Returns what a rank owned, for people.
     fn its_workers(&self, rank: usize) -> String {
         let names = self.workers_of(rank).map(|worker| names_of(worker, &self.workers[worker].agents));
         format!("it owned {}", names.collect::<Vec<_>>().join(", "))

@@ -14,7 +14,7 @@ use super::shared_files::SharedFiles;
 use super::watch::ParentWatch;
 use crate::fleet::channel::{decode, receive_frame};
 use crate::fleet::children::{ChildProcess, log_of};
-use crate::fleet::link::{Frame, News};
+use crate::fleet::link::{Frame, Link, News};
 use crate::fleet::log::Log;
 use dials_core::outside::{Directory, temporary_dir};
 
@@ -96,7 +96,7 @@ struct LocalTeam {
 
 /// A worker process whose reports stay encoded.
 struct LocalWorker {
-    process: ChildProcess<Vec<u8>>,
+    process: Box<ChildProcess<Vec<u8>>>,
     /// Its log, read up to what rank 0 knows.
     log: File,
 }
@@ -126,7 +126,7 @@ impl LocalTeam {
         let process = ChildProcess::spawn(worker, log, Some(self.files.path()), |stream| receive_frame(stream))?;
         let path = self.files.path().join(name);
         let log = File::open(&path).with_context(|| format!("{}: cannot be read", path.display()))?;
-        self.workers.insert(worker, LocalWorker { process, log });
+        self.workers.insert(worker, LocalWorker { process: Box::new(process), log });
         Ok(())
     }
 

@@ -67,33 +67,3 @@ impl SharedFiles {
         Ok(())
     }
 }
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use crate::domains::DomainConfig;
-    use dials_traffic::config::{TrafficConfig, TrafficTable};
-
-    #[test]
-    fn networks_and_their_paths_arrive_in_another_folder() {
-        let [here, there] = [(); 2].map(|()| tempfile::tempdir().unwrap());
-        fs::create_dir(here.path().join("networks")).unwrap();
-        fs::write(here.path().join("networks/global.net.xml"), b"net").unwrap();
-        let directory = Directory::open(here.path()).unwrap();
-        let networks = ["global", "local"].map(|name| here.path().join("networks").join(name));
-        let [global, local] = networks;
-        let traffic = TrafficConfig::new(global, local);
-        let config =
-            RunConfig { domain: Some(DomainConfig::Traffic(TrafficTable::Grid(traffic))), ..RunConfig::default() };
-
-        let config = from_the_run_directory(&config, &directory).unwrap();
-        let shared = SharedFiles::read(&config, &directory, "networks", Address::default()).unwrap();
-        shared.write(there.path()).unwrap();
-
-        let mut arrived: RunConfig = serde_json::from_str(&shared.config_json).unwrap();
-        let paths: Vec<_> =
-            arrived.domain.iter_mut().flat_map(|domain| domain.table_mut().paths()).map(|(_, path)| &*path).collect();
-        assert_eq!(paths, [Path::new("networks/global"), Path::new("networks/local")]);
-        assert_eq!(fs::read(there.path().join("networks/global.net.xml")).unwrap(), b"net");
-    }
-}

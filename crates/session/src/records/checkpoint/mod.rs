@@ -62,7 +62,6 @@ pub struct Checkpoint {
     pub progress: RunProgress,
 }
 
-/// State of the schedule and of the files of the run.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct RunProgress {
@@ -78,10 +77,8 @@ pub struct RunProgress {
 #[serde(deny_unknown_fields)]
 struct Metadata {
     format: String,
-    /// Version of this program that wrote the file.
     version: String,
     steps: u64,
-    /// The config and the scenario that the run had.
     config: Value,
     scenario: Value,
     progress: RunProgress,
@@ -279,7 +276,6 @@ fn rows(tensors: &Tensors<'_>, name: &str, widths: &[usize]) -> Result<Ragged<f3
     Ok(Ragged::from_vec(values, widths.iter().copied()).expect("their number was compared"))
 }
 
-/// Returns the name of the checkpoint at this number of timesteps per agent.
 fn name_of(steps: u64) -> String {
     format!("step_{steps:012}.safetensors")
 }

@@ -61,7 +61,6 @@ impl Owner {
         Ok(found)
     }
 
-    /// Lists what differs from another scenario.
     fn differences_from(&self, scenario: &Value) -> Vec<Difference> {
         let differing = differing_json(scenario, &self.scenario).into_iter();
         differing.map(|found| Difference { key: format!("scenario.{}", found.key), ..found }).collect()
@@ -85,7 +84,10 @@ impl Owner {
 
 /// Like [`Owner::check_unchanged`], for readers of figures, who need neither the domain nor the networks.
 pub(crate) fn check_kept(dir: &Path, config: &RunConfig, about: &RunJson) -> Result<()> {
-    let found = [about.kept.changed_keys(config)?, about.kept.changed_contents(dir)?].concat();
+    let mut found = about.kept.changed_keys(config)?;
+    // A copy of a run may leave out the networks.
+    let is_there = |difference: &Difference| difference.then.is_some() && difference.now.is_some();
+    found.extend(about.kept.changed_files(dir)?.into_iter().filter(is_there));
     refuse(Some(dir), &found, TO_READ)
 }
 
