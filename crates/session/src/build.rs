@@ -36,8 +36,7 @@ pub fn here(program: Program, width: VectorWidth) -> Result<Versions> {
     })
 }
 
-/// Returns this build if another build wrote the run in `dir` last, and `None` if it is the same.
-/// If it is another and `accepted` is false, the error names all differences.
+/// Returns this build if another one wrote the run in `dir` last. Unless `accepted`, that is an error that says why.
 pub fn other_build(program: Program, dir: &Path, width: VectorWidth, accepted: bool) -> Result<Option<Versions>> {
     let here = here(program, width)?;
     let run = RunJson::read(dir)?;

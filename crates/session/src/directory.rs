@@ -24,8 +24,7 @@ use dials_learn::policy::{JointPolicy, JointPolicyController, Selection};
 use dials_learn::predictors::TrainablePredictor;
 use dials_learn::worker::block::initial_aips;
 
-/// Makes the directory of a new run and returns it, locked.
-/// The directory is self-contained: it holds the config, the networks and the circumstances of the run.
+/// Makes the directory of a new run, with its config, networks and circumstances, and returns it, locked.
 pub fn create(path: &Path, existing: Existing, config: &RunConfig, program: Program) -> Result<Directory> {
     // The run loads its networks from there later.
     domains::find(config)?.check_place(&places::place(path, existing)?.join(files::NETWORKS))?;
@@ -129,8 +128,7 @@ pub fn open_with(path: &Path, open: fn(&RunConfig) -> Result<Arc<dyn Domain>>) -
     Ok(TrainedRun { config, domain, policies, still_trained_at })
 }
 
-/// Reads the AIPs of `agents`, which are of one kind, from a run directory.
-/// `config`: that of the run; `domain`: one with the same agents.
+/// Reads the AIPs of `agents`, of one kind, from a run with this config. `domain`: one with the same agents.
 pub fn read_aips(
     path: &Path,
     config: &RunConfig,

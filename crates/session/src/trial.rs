@@ -64,8 +64,7 @@ pub fn try_out() -> error::Result<()> {
     domains::find(&config).and_then(|domain| domain.try_out()).map_err(error::Error::Usage)
 }
 
-/// Lets a child try the files of a domain, if it has any. Does so once per config.
-/// The error names the files, says how the child ended and what it said last.
+/// Lets a child try the files of a domain, once per config. The error names them, and how the child ended.
 pub(crate) fn survive(config: &RunConfig, domain: &dyn Domain) -> Result<()> {
     let files = domain.strange_files();
     if files.is_empty() {

@@ -40,8 +40,7 @@ pub fn short_orders(config: &RunConfig, workers: usize) -> RunConfig {
     short
 }
 
-/// Returns about how long the measurement of a fleet of N workers takes. Every kind of order is given at least once, so
-/// that can be far longer than `time`. `rough`: costs of the domain.
+/// Returns about how long a measurement takes. Each kind of order is given once at least: it may exceed `time`.
 pub fn expected(config: &RunConfig, agents: usize, rough: &RoughCosts, workers: usize, time: Duration) -> Duration {
     let part = |share: f64, least_s: f64| time.mul_f64(share).max(Duration::from_secs_f64(least_s));
     // Each worker plays whole episodes.
@@ -189,8 +188,7 @@ pub fn measure<F: Fleet>(plan: &MeasurePlan<'_>, fleet: &mut F, journal: &mut dy
     })
 }
 
-/// Gives orders until the time is over, at least one. `give` gets the number of earlier ones, gives an order and writes its
-/// results, and returns how long that took and what the workers have spent on it.
+/// Gives orders until the time is over, at least one. `give`: gives the N-th; returns its wall time and load.
 fn repeat(
     time: Duration,
     activity: Activity,

@@ -59,8 +59,7 @@ pub fn with_end(text: &str, stop_at_steps: u64) -> String {
     lines.join("\n") + "\n"
 }
 
-/// Lists the differences that forbid a run that was trained with `then` to continue with `now`, in the order of their
-/// keys. The contents of the domain's files are compared elsewhere.
+/// Lists the differences, by key, that forbid a run of `then` to continue with `now`, without those of files.
 pub(crate) fn differences(then: &RunConfig, now: &RunConfig) -> Vec<Difference> {
     let drift = now.learning.trains_predictors() && now.learning.aip.retrain == Retrain::Drift;
     let may_change = |key: &str| CHANGEABLE.contains(&key) && !(drift && FIXED_BY_DRIFT.contains(&key));

@@ -37,8 +37,7 @@ pub fn why_aborted(log: &str) -> String {
     }
 }
 
-/// Returns the way out of the system's error in the text of an error message, if there is one.
-/// The text is searched, because errors of workers and of libraries arrive as text.
+/// Returns the way out of the system's error in an error message, if there is one. Errors of workers are only text.
 pub fn way_out(message: &str) -> Option<String> {
     way_out_with(message, option_for_processes())
 }

@@ -27,8 +27,7 @@ pub enum Wish {
     StopNow,
 }
 
-/// Handles the signals from here on and returns the flag that the first one sets.
-/// `announce` prints what will happen. It runs in its own thread and may block.
+/// Handles the signals and returns the flag that the first one sets. `announce` has its own thread and may block.
 pub fn stop_on_signals(announce: impl Fn(Wish) + Send + Sync + 'static) -> Result<Arc<AtomicBool>> {
     let failed = "cannot handle signals";
     let stop = Arc::new(AtomicBool::new(false));

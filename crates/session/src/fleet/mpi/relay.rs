@@ -34,8 +34,7 @@ pub enum End {
 }
 
 impl Relay {
-    /// Does what rank 0 orders until it says that the run has ended, or ends itself.
-    /// `describe`: describes what computes here, for the config that it gets as JSON.
+    /// Does what rank 0 orders until the run or rank 0 ends. `describe`: says what computes here, for a config as JSON.
     pub fn serve(self, describe: impl Fn(&str) -> Result<String>) -> End {
         let post = self.0;
         let mut team: Option<LocalTeam> = None;
