@@ -103,7 +103,7 @@ fn run(
     let short = short_orders(config, workers);
     let dir = temporary_dir().context("the files of the measured run have no place")?;
     let directory = Directory::lock(dir.path())?;
-    let crew = Children::new(&directory);
+    let crew = Children(directory.clone());
     let options = Options { workers, threads: workers, patience: PATIENCE, most_growth: MostGrowth::default() };
     let mut log =
         RunLog::begin(directory, Owner::of(config, &**domain)?, Layouts::of(&config.learning, domain.kinds()));

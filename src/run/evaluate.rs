@@ -112,7 +112,7 @@ impl<'a> Session<'a> {
     /// Lets all subjects play the same episodes. The files of `--csv` have a result of their own, because a full disk must
     /// not cost what was played.
     fn play(&self, subjects: Vec<Subject>, mut csv: Option<CsvFiles>) -> Result<(Vec<Finding>, Result<()>)> {
-        let bar = EpisodeBar::new(subjects.len() * self.episodes);
+        let bar = EpisodeBar::of(subjects.len() * self.episodes, "episodes");
         let mut findings = Vec::new();
         let mut written = Ok(());
         for (number, subject) in subjects.into_iter().enumerate() {
@@ -270,7 +270,7 @@ fn tuned_file(config: &RunConfig, controller: &str, episodes: usize) -> Result<P
         "{FOLDER}: has no timings of {controller} for this network, horizon, seed, search and SUMO version; searching for \
          them"
     ));
-    let bar = EpisodeBar::new(1);
+    let bar = EpisodeBar::of(1, "episodes");
     let found = tuning::tune(&traffic, wanted, config.learning.seed, &mut |progress| {
         bar.set_length(progress.at_most);
         bar.set(progress.played);

@@ -81,7 +81,7 @@ impl Team {
             Team::Here if workers == 0 => fleet::in_process(domain.clone(), config.clone(), observer),
             Team::Here => {
                 let options = Options { workers, threads: workers, patience, most_growth };
-                let crew = Box::new(Children::new(directory));
+                let crew = Box::new(Children(directory.clone()));
                 Coordinator::start(domain.clone(), config, crew, options, observer)
             }
             #[cfg(feature = "mpi")]

@@ -11,8 +11,7 @@ use anyhow::{Context, Result, bail};
 use super::domains::NO_SUCH_VECTORS;
 use crate::records::run_json::{Resumed, RunJson, Versions};
 use dials_core::outside::Directory;
-use stacknets::VectorWidth;
-use stacknets::vector_instructions;
+use stacknets::{VectorWidth, vector_instructions};
 
 /// The program that stands on this crate, as its own build knows it.
 #[derive(Clone, Copy, Debug)]
@@ -37,12 +36,11 @@ pub fn here(program: Program, width: VectorWidth) -> Result<Versions> {
     })
 }
 
-/// Returns this build if another build wrote the run in `dir` last, and `None` if it is the same.
-///
-/// If it is another and `accepted` is false, the error names all differences.
+/// Returns this build if another one wrote the run in `dir` last. Unless `accepted`, that is an error that says why.
 pub fn other_build(program: Program, dir: &Path, width: VectorWidth, accepted: bool) -> Result<Option<Versions>> {
     let here = here(program, width)?;
-    let differences = here.differences(RunJson::read(dir)?.last_versions());
+    let run = RunJson::read(dir)?;
+    let differences = here.differences(run.resumed_with.last().map_or(&run.versions, |last| &last.versions));
     if differences.is_empty() {
         return Ok(None);
     }
@@ -57,15 +55,13 @@ pub fn other_build(program: Program, dir: &Path, width: VectorWidth, accepted: b
     Ok(Some(here))
 }
 
-/// Records in `run.json` that this build resumes a run at this timestep per agent. `directory`: the run, which this
-/// process has locked.
+/// Records in `run.json` that this build resumes a run, which this process has locked, at this timestep per agent.
 pub fn record_resume(directory: &Directory, build: &Versions, steps: u64) -> Result<()> {
     let mut run = RunJson::read(directory.path())?;
     run.resumed_with.push(Resumed { steps, versions: build.clone() });
     run.write(directory)
 }
 
-/// Returns the name of the CPU.
 pub fn cpu() -> String {
     let text = fs::read_to_string("/proc/cpuinfo").unwrap_or_default();
     let name =

@@ -11,13 +11,11 @@ use std::ops::{Add, Mul};
 use crate::config::RunConfig;
 use dials_learn::config::{AipTraining, schedule};
 
-/// Work of a run.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Workload {
     pub(crate) agents: usize,
     /// Timesteps per agent.
     pub steps: u64,
-    /// Number of steps of an episode.
     pub horizon: usize,
     /// Number of steps of an episode of what the policies train on.
     pub(crate) training_horizon: usize,
@@ -32,7 +30,6 @@ pub struct Workload {
     pub final_episodes: usize,
     /// Number of trainings of the AIPs, each with a collection before it.
     pub retrainings: usize,
-    /// Number of episodes of a collection.
     pub dataset_episodes: usize,
     /// Number of passes of a training of the AIPs over its dataset.
     pub epochs: usize,
@@ -40,7 +37,6 @@ pub struct Workload {
 
 impl Workload {
     /// Computes the work until the timestep `until` per agent, with the evaluation at the end.
-    ///
     /// With `aip.retrain = "drift"` only the certain trainings count, because drift cannot be foreseen.
     pub fn of(config: &RunConfig, agents: usize, until: u64) -> Workload {
         let periods = schedule(&config.learning);
@@ -66,8 +62,7 @@ impl Workload {
         self.agents as f64 * self.steps as f64
     }
 
-    /// Returns the timesteps of all agents that simulators replay to continue after a period. The episodes under way at
-    /// that point are half over on average.
+    /// Returns the timesteps of all agents that are replayed after periods: half an episode of every row on average.
     pub(crate) fn retraced_steps(&self) -> f64 {
         self.periods.saturating_sub(1) as f64 * (self.agents * self.copies * self.training_horizon) as f64 / 2.0
     }
@@ -95,18 +90,13 @@ pub struct Prices<T> {
     pub(crate) step: T,
     /// A timestep of an agent that is replayed to continue after a period.
     pub(crate) retraced_step: T,
-    /// A period, whatever its length.
     pub(crate) period: T,
-    /// An evaluation, with all its episodes.
     pub(crate) evaluation: T,
     pub(crate) final_evaluation: T,
-    /// A collection of datasets for all agents.
     pub(crate) collection: T,
-    /// A training of all AIPs.
     pub(crate) aip_training: T,
 }
 
-/// Cost of a run, by activity.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct RunCost<T> {
     pub(crate) training: T,
@@ -136,7 +126,6 @@ impl<T: Add<Output = T>> RunCost<T> {
 }
 
 /// Time of some work on one core, by how many cores can share it.
-///
 /// A core has whole agents, so more cores than agents do not train faster, and more than episodes do not evaluate faster.
 /// There is no waiting and no message in it, and no core is slower when its neighbours work.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -150,7 +139,6 @@ pub struct Sharing {
 }
 
 impl Sharing {
-    /// Returns the wall seconds on this number of cores.
     pub fn seconds(&self, cores: usize) -> f64 {
         self.alone_s + self.shared_s / cores_at_work(cores, self.most)
     }

@@ -24,9 +24,7 @@ use dials_learn::policy::{JointPolicy, JointPolicyController, Selection};
 use dials_learn::predictors::TrainablePredictor;
 use dials_learn::worker::block::initial_aips;
 
-/// Makes the directory of a new run and returns it, locked.
-///
-/// The directory is self-contained: it holds the config, the networks and the circumstances of the run.
+/// Makes the directory of a new run, with its config, networks and circumstances, and returns it, locked.
 pub fn create(path: &Path, existing: Existing, config: &RunConfig, program: Program) -> Result<Directory> {
     // The run loads its networks from there later.
     domains::find(config)?.check_place(&places::place(path, existing)?.join(files::NETWORKS))?;
@@ -62,7 +60,6 @@ fn command_line() -> Vec<Word> {
     kept
 }
 
-/// A run with trained policies.
 pub struct TrainedRun {
     pub config: RunConfig,
     pub domain: Arc<dyn Domain>,
@@ -79,14 +76,12 @@ impl TrainedRun {
         }
     }
 
-    /// Returns the policies as a controller for the GS.
     pub fn controller(&self, selection: Selection) -> JointPolicyController {
         JointPolicyController::new(self.domain.kinds(), &self.config.learning, &self.policies, selection)
     }
 }
 
-/// Reads the config of a run directory and opens its domain. `open`: [`domains::open`], or [`domains::open_tried`] if its
-/// networks were tried already.
+/// Reads the config of a run directory and opens its domain by `open`: [`domains::open`] or [`domains::open_tried`].
 pub fn open_config(
     path: &Path,
     open: fn(&RunConfig) -> Result<Arc<dyn Domain>>,
@@ -97,8 +92,7 @@ pub fn open_config(
     Ok((config, domain))
 }
 
-/// Reads the config of a run directory and opens its domain, like [`open_config`]. It is an error if the networks or the
-/// domain's keys are other ones than when the run began.
+/// Like [`open_config`]. Networks or keys of the domain that were changed after the run began are an error.
 pub fn open_unchanged(
     path: &Path,
     open: fn(&RunConfig) -> Result<Arc<dyn Domain>>,
@@ -108,7 +102,6 @@ pub fn open_unchanged(
     Ok((config, domain))
 }
 
-/// Reads a run directory: its config, domain and policies.
 pub fn open(path: &Path) -> Result<TrainedRun> {
     open_with(path, domains::open)
 }
@@ -135,9 +128,7 @@ pub fn open_with(path: &Path, open: fn(&RunConfig) -> Result<Arc<dyn Domain>>) -
     Ok(TrainedRun { config, domain, policies, still_trained_at })
 }
 
-/// Reads the AIPs of `agents`, which are of one kind, from a run directory.
-///
-/// `config`: that of the run; `domain`: one with the same agents.
+/// Reads the AIPs of `agents`, of one kind, from a run with this config. `domain`: one with the same agents.
 pub fn read_aips(
     path: &Path,
     config: &RunConfig,
@@ -171,7 +162,6 @@ fn with_way_out(error: Error, run: &Path) -> Error {
     anyhow!("{error:#}; a resume makes the file again, from the newest checkpoint: {resume}")
 }
 
-/// Checks that there is a run directory.
 pub fn check(path: &Path) -> Result<()> {
     if files::is_run_dir(path) {
         return Ok(());

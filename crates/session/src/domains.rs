@@ -24,7 +24,6 @@ use stacknets::use_vectors;
 
 macro_rules! domains {
     ($($name:literal: $variant:ident($table:ty),)*) => {
-        /// The table of a domain.
         #[derive(Clone, Debug, PartialEq, Serialize)]
         pub enum DomainConfig {
             $(#[serde(rename = $name)] $variant($table),)*
@@ -58,7 +57,6 @@ macro_rules! domains {
                 vec![$(generator.subschema_for::<$table>()),*]
             }
 
-            /// Reads the table of this name.
             pub(crate) fn read<'de, M: MapAccess<'de>>(name: &str, map: &mut M) -> Result<DomainConfig, M::Error> {
                 match name {
                     $($name => map.next_value().map(DomainConfig::$variant),)*
@@ -86,17 +84,14 @@ pub(crate) const NO_SUCH_VECTORS: &str =
     "numerics.vector_width = \"256-bit\": this machine has no such vector instructions; \"widest\" works everywhere";
 
 /// Opens the domain of a config and reads the files that it needs. Another process tries the files first.
-///
-/// Also sets the vector width of this process's networks as the config says. So every process must call this before it
-/// computes with networks.
+/// Also sets the vector width of networks. So every process must call this before it computes with networks.
 pub fn open(config: &RunConfig) -> Result<Arc<dyn Domain>> {
     let domain = open_tried(config)?;
     trial::survive(config, &*domain)?;
     Ok(domain)
 }
 
-/// Opens the domain of a config, like [`open`], but tries nothing first: in a process that may end with it, or after
-/// the same files were tried elsewhere.
+/// Like [`open`], but tries nothing first: for a process that may end with it, or after a trial elsewhere.
 pub fn open_tried(config: &RunConfig) -> Result<Arc<dyn Domain>> {
     use_vectors(config.numerics.vector_width).context(NO_SUCH_VECTORS)?;
     find(config)
@@ -128,8 +123,7 @@ pub fn traffic(config: &RunConfig) -> Result<Option<Traffic>> {
     }
 }
 
-/// Returns the traffic domain of a config, like [`traffic`], in which all cars dawdle as much as `sigma` says. Only a
-/// scenario has cars that may.
+/// Like [`traffic`], with cars that all dawdle as much as `sigma` says. Only the cars of a scenario may.
 pub fn dawdling(config: &RunConfig, sigma: f64) -> Result<Option<Traffic>> {
     match domain(config) {
         DomainConfig::Traffic(TrafficTable::Scenario(table)) => Traffic::open_dawdling(table, sigma).map(Some),

@@ -39,10 +39,7 @@ pub fn check_writable(dir: &Path) -> Result<()> {
     tempfile::tempfile_in(dir).map(drop).with_context(failed)
 }
 
-/// Checks that `option` would not write over a file of a run or an experiment, nor under a name that it may use later.
-///
-/// `path`: a file or a directory that the option would make or fill. A new name beside their own names is free, and so
-/// is the directory of the run itself.
+/// Checks that `option` would not make a file or directory under a name of a run or an experiment. Others are free.
 pub fn check_not_of_a_run(option: &str, path: &Path) -> Result<()> {
     let whole = real(path)?;
     // A link in a run stands in the way of the run, wherever it leads.
@@ -68,8 +65,7 @@ pub fn check_not_of_a_run(option: &str, path: &Path) -> Result<()> {
     Ok(())
 }
 
-/// Checks that `option` would not put something else in the place of a whole run. Also does what
-/// [`check_not_of_a_run`] does.
+/// Like [`check_not_of_a_run`]. Also checks that `option` would not take the place of a whole run.
 pub fn check_not_a_run(option: &str, path: &Path) -> Result<()> {
     ensure!(!is_run(path), "{}: is a run directory; name another directory with {option}", path.display());
     check_not_of_a_run(option, path)
@@ -108,8 +104,7 @@ pub fn check_apart(places: &[(&str, Option<&Path>)]) -> Result<()> {
     Ok(())
 }
 
-/// Resolves the links in a path, as far as it exists. A `..` behind that is an error: where it leads is not known before
-/// the directories are made.
+/// Resolves the links in a path, as far as it exists. A `..` after that is an error: it may lead anywhere.
 fn real(path: &Path) -> Result<PathBuf> {
     let whole = std::path::absolute(path).unwrap_or_else(|_| path.to_owned());
     let known = whole.ancestors().find_map(|known| Some((known.canonicalize().ok()?, whole.strip_prefix(known).ok()?)));

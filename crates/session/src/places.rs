@@ -14,7 +14,6 @@ const LEVELS: usize = 6;
 /// What to do if the path of a new directory exists already.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Existing {
-    /// Report an error.
     Refuse,
     /// Move it to the first free of `path.old-1`, `path.old-2`, ...
     MoveAside,
@@ -95,8 +94,7 @@ pub fn make_file(path: &Path, existing: Existing, write: impl FnOnce(&Path) -> R
     }
 }
 
-/// Moves what is at `path` aside and says so, if `existing` asks for it. If another process writes there, this is an
-/// error.
+/// Moves what is at `path` aside and says so, if `existing` asks for it. Errors: another process writes there.
 pub fn clear(path: &Path, existing: Existing) -> Result<()> {
     if existing != Existing::MoveAside || is_free(path) {
         return Ok(());

@@ -64,9 +64,7 @@ pub fn try_out() -> error::Result<()> {
     domains::find(&config).and_then(|domain| domain.try_out()).map_err(error::Error::Usage)
 }
 
-/// Lets a child try the files of a domain, if it has any. Does so once per config.
-///
-/// The error names the files, says how the child ended and what it said last.
+/// Lets a child try the files of a domain, once per config. The error names them, and how the child ended.
 pub(crate) fn survive(config: &RunConfig, domain: &dyn Domain) -> Result<()> {
     let files = domain.strange_files();
     if files.is_empty() {
@@ -89,14 +87,12 @@ pub(crate) fn survive(config: &RunConfig, domain: &dyn Domain) -> Result<()> {
     Ok(())
 }
 
-/// The end of a child and its last words.
 pub struct End {
     /// Nothing if the child had not ended in time. It is killed then.
     pub status: Option<ExitStatus>,
     pub said: String,
 }
 
-/// Runs a command on an input until it ends.
 pub fn watch(mut command: Command, input: String, patience: Duration) -> Result<End> {
     command.stdin(Stdio::piped()).stdout(Stdio::null()).stderr(Stdio::piped());
     let mut child = command.spawn().context("cannot start a process that tries it")?;
@@ -122,7 +118,6 @@ pub fn watch(mut command: Command, input: String, patience: Duration) -> Result<
     Ok(End { status: status.context("cannot wait for the process that tries it")?, said })
 }
 
-/// Reads to the end and keeps the last words.
 fn last_words(stderr: &mut impl Read) -> String {
     let (mut kept, mut piece) = (Vec::new(), [0; LAST_WORDS]);
     while let Ok(length @ 1..) = stderr.read(&mut piece) {
@@ -187,29 +182,22 @@ mod tests {
         let long = Duration::from_secs(60);
         assert_eq!(said_of("cat > /dev/null", long), "survived");
         assert_eq!(said_of("printf 'error: a\\n  caused by: b\\n' >&2; exit 2", long), "a: b");
-        let out_of_memory = "memory ran out; it may take 4 GiB, or less if a limit (ulimit -v) says so";
         for (script, patience, how) in [
             (
-                "echo 'Assertion `x` failed.' >&2; kill -ABRT $$",
+                "echo 'a failed' >&2; kill -ABRT $$",
                 long,
-                "SUMO died of signal 6 (aborted, for example by an assertion); its last words: Assertion `x` failed.",
+                "SUMO died of signal 6 (aborted, for example by an assertion)",
             ),
             ("kill -SEGV $$", long, "SUMO died of signal 11 (it read foreign memory)"),
-            ("exit 101", long, "it ended with exit status: 101"),
+            ("echo 'a failed' >&2; exit 101", long, "it ended with exit status: 101; its last words: a failed"),
             ("exec sleep 1000", Duration::from_millis(50), "it was not loaded within 600 s; the machine may be busy"),
-            ("echo 'what(): std::bad_alloc' >&2; kill -ABRT $$", long, out_of_memory),
-            ("echo 'memory allocation of 48 bytes failed' >&2; kill -ABRT $$", long, out_of_memory),
-            ("echo 'error: a: b\\n  caused by: Cannot allocate memory (os error 12)' >&2; exit 2", long, out_of_memory),
+            ("echo 'error: (os error 12)' >&2; exit 2", long, "memory ran out; it may take 4 GiB, or less if a limit"),
         ] {
             let said = said_of(script, patience);
             let said = said.strip_prefix("a.net.xml: SUMO cannot simulate this network; use another one: ").unwrap();
             assert!(said.starts_with(how), "{script}: {said}");
         }
-    }
-
-    #[test]
-    fn endless_words_are_cut() {
-        let said = said_of("yes 'no end' | head -n 100000 >&2; kill -SEGV $$", Duration::from_secs(60));
+        let said = said_of("yes 'no end' | head -n 100000 >&2; kill -SEGV $$", long);
         assert!(said.len() < LAST_WORDS + 200 && said.ends_with("no end"), "{}", said.len());
     }
 }

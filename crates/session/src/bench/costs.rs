@@ -8,7 +8,7 @@
 use std::ops::{Add, Mul};
 
 use super::floor::{Flops, aip_trainings_flops};
-use super::measure::{Measured, Orders};
+use super::measure::{Measured, Orders, beginning};
 use crate::config::RunConfig;
 use crate::cost::{Prices, Workload};
 use dials_core::base::Phase;
@@ -81,16 +81,13 @@ impl Mul<f64> for Cost {
     }
 }
 
-/// The steps of a domain's simulators.
 #[derive(Clone, Copy, Debug)]
 pub struct Steps {
     /// Whether another program makes them.
     pub foreign: bool,
-    /// Number of them in a timestep.
     pub per_timestep: usize,
 }
 
-/// Cost of a run on a fleet.
 #[derive(Clone, Debug)]
 pub struct Costs {
     pub(crate) workers: usize,
@@ -124,7 +121,7 @@ impl Costs {
         };
         let retraining_flops = aip_trainings_flops(config, kinds, work.dataset_episodes);
         let in_no_phase = 1e6 * (training.work.as_secs_f64() - training.phases.total().as_secs_f64()) / training.units;
-        let busy = (training.work - training.beginning()).as_secs_f64();
+        let busy = (training.work - beginning(&training.phases)).as_secs_f64();
         let waited = machine.workers * training.slowest.as_secs_f64() - busy;
         let (other, idle) = (in_no_phase.max(0.0), 1e6 * waited.max(0.0) / training.units);
         let mut phases = Phase::ALL.map(|phase| per_unit(training, phase));
@@ -184,7 +181,6 @@ impl Costs {
     }
 }
 
-/// Machine of the measurement.
 struct Machine {
     workers: f64,
     /// Whether the simulators are SUMO's.
@@ -219,7 +215,6 @@ impl Machine {
         }
     }
 
-    /// Returns the price of a training of all AIPs with this number of operations.
     fn aip_training(&self, orders: &Orders, flops: f64) -> Cost {
         if orders.count == 0 {
             return Cost::default();
@@ -235,7 +230,7 @@ impl Machine {
 
     /// Returns the price of the messages and files of an order.
     fn exchange(&self, orders: &Orders) -> f64 {
-        let load = orders.beginning().as_secs_f64() / self.workers;
+        let load = beginning(&orders.phases).as_secs_f64() / self.workers;
         let outside = orders.wall.as_secs_f64() - orders.slowest.as_secs_f64() - load;
         1e6 * self.workers * outside.max(0.0) / orders.count.max(1) as f64
     }
@@ -331,8 +326,7 @@ mod tests {
         near(costs.training.ours, 0.1009e6);
         near(costs.idle, 0.01e6);
         near(costs.other, 0.025e6);
-        // 3 episodes are two rounds of 2 x 3 s: 12 s, ten times; 5 are three rounds: 18 s. SUMO 2 s per episode: 35
-        // times.
+        // 3 episodes: two rounds of 2 x 3 s = 12 s, ten times; 5: three rounds, 18 s. SUMO: 2 s per episode, 35 times.
         near(costs.evaluation.ours, 0.138e6);
         near(costs.evaluation.sumo, 0.07e6);
         // 4 episodes are two rounds of 2 x 4 s: 16 s, twice; SUMO 3 s per episode: 12 s, twice.

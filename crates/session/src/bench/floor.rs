@@ -82,7 +82,7 @@ pub(super) mod tests {
     }
 
     #[test]
-    fn the_operations_of_a_timestep_are_counted_by_hand() {
+    fn the_operations_of_a_timestep_and_of_an_aip_training_are_counted_by_hand() {
         let (mut config, spec) = small();
         // Forward 42, backward 42 + 2 * 3 * 3 = 60: three epochs 306. Acting 42 * (1 + 1/4 + 1/10) = 56.7. AIP 40.
         let flops = Flops::of(&config, &spec);
@@ -90,11 +90,6 @@ pub(super) mod tests {
         assert_eq!(flops.acting, 42.0);
         config.learning.simulator = Simulator::Global;
         assert!((Flops::of(&config, &spec).training - 362.7).abs() < 1e-9);
-    }
-
-    #[test]
-    fn the_operations_of_an_aip_training_are_counted_by_hand() {
-        let (config, spec) = small();
         // Four episodes of 10, two held out: 20 samples make two batches of 8. Forward 40, backward 40 + 2 * 10 = 60:
         // 2 epochs * 16 samples * 100 = 3200, and the losses 2 * 40 samples * 40 = 3200.
         assert_eq!(aip_training_flops(&config, &spec, 4), 6400.0);

@@ -9,13 +9,11 @@ use dials_core::base::{Activity, Phase, Stopwatch};
 use dials_core::domain::{Kinds, Result, RoughCosts};
 use dials_learn::algorithms;
 use dials_learn::config::{AipTraining, Period, Simulator};
-use dials_learn::fleet::Fleet;
-use dials_learn::fleet::FleetLoad;
+use dials_learn::fleet::{Fleet, FleetLoad};
 use dials_learn::observer::Recorder;
 use dials_learn::predictors::Dataset;
 use dials_learn::progress::TrainingProgress;
-use dials_learn::steps::collect::Purpose;
-use dials_learn::steps::collect::collect_datasets;
+use dials_learn::steps::collect::{Purpose, collect_datasets};
 use dials_learn::steps::evaluate::evaluate;
 use dials_learn::steps::train_aips::train_aips;
 use dials_learn::steps::train_policies::train_policies;
@@ -42,8 +40,7 @@ pub fn short_orders(config: &RunConfig, workers: usize) -> RunConfig {
     short
 }
 
-/// Returns about how long the measurement of a fleet of N workers takes. Every kind of order is given at least once, so
-/// that can be far longer than `time`. `rough`: costs of the domain.
+/// Returns about how long a measurement takes. Each kind of order is given once at least: it may exceed `time`.
 pub fn expected(config: &RunConfig, agents: usize, rough: &RoughCosts, workers: usize, time: Duration) -> Duration {
     let part = |share: f64, least_s: f64| time.mul_f64(share).max(Duration::from_secs_f64(least_s));
     // Each worker plays whole episodes.
@@ -99,7 +96,6 @@ impl Measured {
     }
 }
 
-/// Settings of a measurement.
 pub struct MeasurePlan<'a> {
     /// Config that [`short_orders`] made.
     pub config: &'a RunConfig,
@@ -192,8 +188,7 @@ pub fn measure<F: Fleet>(plan: &MeasurePlan<'_>, fleet: &mut F, journal: &mut dy
     })
 }
 
-/// Gives orders until the time is over, at least one. `give` gets the number of earlier ones, gives an order and writes its
-/// results, and returns how long that took and what the workers have spent on it.
+/// Gives orders until the time is over, at least one. `give`: gives the N-th; returns its wall time and load.
 fn repeat(
     time: Duration,
     activity: Activity,
@@ -208,8 +203,7 @@ fn repeat(
     Ok(orders)
 }
 
-/// Returns the number of episodes per dataset for which the AIP trainings take about `flops` operations together. It is
-/// at most a whole dataset, and always enough for a gradient step.
+/// Returns the episodes per dataset with which AIP trainings take about `flops` operations: enough for a gradient step.
 fn episodes_for(plan: &MeasurePlan<'_>, flops: f64) -> usize {
     let horizon = plan.kinds.horizon();
     let whole = plan.config.learning.dataset_episodes(horizon);
@@ -233,10 +227,6 @@ impl Orders {
     /// Phases in which simulators are made and brought to the state of training. They do not grow with the work.
     pub(crate) const BEGINNING: [Phase; 2] = [Phase::Loading, Phase::Retracing];
 
-    pub(crate) fn beginning(&self) -> Duration {
-        beginning(&self.phases)
-    }
-
     fn note(&mut self, activity: Activity, units: f64, wall: Duration, load: &FleetLoad) {
         self.count += 1;
         self.units += units;
@@ -251,6 +241,6 @@ impl Orders {
     }
 }
 
-fn beginning(phases: &Stopwatch) -> Duration {
+pub(super) fn beginning(phases: &Stopwatch) -> Duration {
     Orders::BEGINNING.iter().map(|&phase| phases.spent(phase)).sum()
 }

@@ -5,12 +5,10 @@ use serde_json::{Map, Value, json};
 use super::costs::{Cost, Costs, SimulatorCosts, StepCost};
 use dials_core::base::Phase;
 
-/// Unit of all costs of steps.
 const UNIT: &str = "core-microseconds per agent and step of the simulator";
 const LABEL: usize = 30;
 const COLUMN: usize = 12;
 
-/// Part of the costs, by name.
 type Part = (&'static str, fn(&Costs) -> Cost);
 const ACTIVITIES: [Part; 4] = [
     ("training", |costs| costs.training),
@@ -19,7 +17,6 @@ const ACTIVITIES: [Part; 4] = [
     ("AIP training", |costs| costs.aip_training),
 ];
 
-/// Returns lines of text.
 pub fn text(costs: &[Costs]) -> String {
     let line = |label: &str, value: &dyn Fn(&Costs) -> String| {
         let values = costs.iter().map(|costs| format!(" {:>COLUMN$}", value(costs)));

@@ -13,7 +13,6 @@ use dials_core::base::keys_of;
 /// First heading of the part that is made.
 const FIRST: &str = "## The run";
 
-/// Returns the part that is made.
 fn page() -> String {
     let schema = with_comments().to_value();
     let tables = keys_of::<RunConfig>(&[]).iter().copied().filter(|key| is_table(&schema["properties"][key]));
@@ -70,7 +69,6 @@ fn as_toml(value: &Value) -> String {
     if value.is_string() || value.is_object() { format!("`{text}`") } else { text }
 }
 
-/// Returns the type in a word.
 fn kind(schema: &Value) -> String {
     if let Some(ways) = schema["anyOf"].as_array() {
         return ways.iter().map(kind).collect::<Vec<String>>().join(" or ");

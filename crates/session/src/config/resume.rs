@@ -10,7 +10,6 @@ use super::RunConfig;
 use dials_learn::config::Retrain;
 
 /// The keys of the config that may change when a run is resumed, because the trained policies do not depend on them.
-///
 /// `evaluation.seed` is not among them: evaluations before and after would be of different episodes, but in one file.
 pub const CHANGEABLE: [&str; 7] = [
     // It only moves the end: learning rate and clip range decay over `total_steps`.
@@ -60,8 +59,7 @@ pub fn with_end(text: &str, stop_at_steps: u64) -> String {
     lines.join("\n") + "\n"
 }
 
-/// Lists the differences that forbid a run that was trained with `then` to continue with `now`, in the order of their
-/// keys. The contents of the domain's files are compared elsewhere.
+/// Lists the differences, by key, that forbid a run of `then` to continue with `now`, without those of files.
 pub(crate) fn differences(then: &RunConfig, now: &RunConfig) -> Vec<Difference> {
     let drift = now.learning.trains_predictors() && now.learning.aip.retrain == Retrain::Drift;
     let may_change = |key: &str| CHANGEABLE.contains(&key) && !(drift && FIXED_BY_DRIFT.contains(&key));
@@ -151,9 +149,7 @@ mod tests {
         };
         assert_eq!(keys(&then, &now), ["evaluation.aip_loss_episodes", "evaluation.every_steps"]);
         // Predictors that are never trained do not drift.
-        for config in [&mut then, &mut now] {
-            config.learning.predictor = Predictor::Untrained;
-        }
+        [&mut then, &mut now].into_iter().for_each(|config| config.learning.predictor = Predictor::Untrained);
         assert_eq!(keys(&then, &now), [""; 0]);
     }
 

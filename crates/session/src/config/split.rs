@@ -12,7 +12,6 @@ use crate::domains::DomainConfig;
 use dials_core::base::keys_of;
 use dials_learn::config::Config;
 
-/// The keys of the file.
 static KEYS: LazyLock<Vec<&str>> =
     LazyLock::new(|| [keys_of::<Config>(&[]), DomainConfig::NAMES, &["logging", "numerics"]].concat());
 
@@ -22,7 +21,6 @@ impl<'de> Deserialize<'de> for RunConfig {
     }
 }
 
-/// Reads the file.
 struct File;
 
 impl<'de> Visitor<'de> for File {

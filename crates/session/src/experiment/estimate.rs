@@ -31,7 +31,6 @@ fn training_cores(config: &RunConfig, agents: usize, cores: usize) -> f64 {
     cores_at_work(cores, if config.learning.simulator == Simulator::Global { 1 } else { agents })
 }
 
-/// Time and memory of one run from its beginning to its end.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Estimate {
     pub seconds: f64,
@@ -43,7 +42,6 @@ pub struct Estimate {
 /// Seconds that a process takes to begin and to load what it simulates.
 const START_S: f64 = 2.0;
 
-/// Estimates the time and memory of one run on `cores` cores.
 pub fn estimate(run: &PlannedRun, cores: usize, measured: &[RunRecord]) -> Estimate {
     let nearest = nearest(run, measured);
     let mut rough = run.rough_costs;
@@ -162,20 +160,11 @@ mod tests {
     }
 
     /// A finished run of 1000 steps that took these times.
-    fn measured(
-        simulator: &str,
-        agents: usize,
-        workers: usize,
-        [elapsed_s, evaluation_s, influence_s]: [f64; 3],
-    ) -> RunRecord {
-        let returns = Returns { mean: 1.0, median: 1.0, std_error: 0.0, stuck: 0 };
+    fn measured(simulator: &str, agents: usize, workers: usize, times_s: [f64; 3]) -> RunRecord {
+        let [elapsed_s, evaluation_s, influence_s] = times_s;
+        let all = Returns { mean: 1.0, median: 1.0, std_error: 0.0, stuck: 0 };
         RunRecord {
-            evaluations: vec![EvaluationRecord {
-                steps: 1000,
-                all: returns,
-                agents: vec![returns; agents],
-                episode_returns: Vec::new(),
-            }],
+            evaluations: vec![EvaluationRecord { steps: 1000, all, agents: vec![], episode_returns: vec![] }],
             periods: vec![PeriodTime { steps: 1000, elapsed_s, evaluation_s, influence_s, ..PeriodTime::default() }],
             memory: Some(MemoryRecord { process_mb: 0.0, total_mb: 0.0, total_pss_mb: 332.0 }),
             workers,
@@ -202,8 +191,7 @@ mod tests {
         let mut half = measured("dials", 4, 1, [44.0, 0.8, 3.2]);
         half.config.learning.total_steps = 2000;
         let run = planned("dials", 2000, 4);
-        // It has played one evaluation: 0.8 / (4 x 20) = 0.01 as above. In all: 80 s of training, 6.4 s for two datasets
-        // and 2.4 s for three evaluations.
+        // One evaluation: 0.8 / (4 x 20) = 0.01. In all: training 80 s, two datasets 6.4 s, three evaluations 2.4 s.
         let found = estimate(&run, 1, &[half.clone()]);
         assert!((found.seconds - 88.8).abs() < 1e-9, "{found:?}");
         assert_eq!(found.measured_runs, 1);
@@ -229,7 +217,7 @@ mod tests {
     }
 
     #[test]
-    fn runs_of_the_same_scenario_count_before_others_of_its_size() {
+    fn runs_of_the_same_scenario_count_before_others_of_its_size_and_these_before_the_constants() {
         let with = |mut run: RunRecord, checksum| {
             run.about.scenario = Scenario::new("warehouse", 4, 10).with_checksum(checksum);
             run
@@ -241,10 +229,11 @@ mod tests {
         run.scenario = run.scenario.with_checksum(2);
         let found = estimate(&run, 1, &records);
         assert_eq!((found.measured_runs, found.seconds), (1, 80.0));
-    }
-
-    #[test]
-    fn runs_of_a_grid_say_nothing_of_a_scenario() {
+        let records = [measured("dials", 4, 1, [40.0, 0.0, 0.0]), measured("dials", 100, 1, [9000.0, 0.0, 0.0])];
+        let small = estimate(&planned("dials", 1000, 4), 1, &records);
+        assert_eq!((small.measured_runs, small.seconds), (1, 40.0));
+        assert_eq!(estimate(&planned("untrained-dials", 1000, 4), 1, &records).measured_runs, 0);
+        // Runs of a grid say nothing of a scenario.
         let text =
             |table: &str| toml::from_str::<RunConfig>(&format!("simulator = 'gs'\n[traffic]\n{table}\n")).unwrap();
         let mut grid = measured("gs", 4, 1, [40.0, 0.0, 0.0]);
@@ -260,13 +249,5 @@ mod tests {
         // 4 agents x 50 episodes x 10 steps x 1 ms, after 2 s.
         let found = estimate_controller(&baseline);
         assert!((found.seconds - 4.0).abs() < 1e-9 && found.memory_mb == 120.0, "{found:?}");
-    }
-
-    #[test]
-    fn runs_of_the_nearest_size_count_and_without_any_the_constants() {
-        let records = [measured("dials", 4, 1, [40.0, 0.0, 0.0]), measured("dials", 100, 1, [9000.0, 0.0, 0.0])];
-        let small = estimate(&planned("dials", 1000, 4), 1, &records);
-        assert_eq!((small.measured_runs, small.seconds), (1, 40.0));
-        assert_eq!(estimate(&planned("untrained-dials", 1000, 4), 1, &records).measured_runs, 0);
     }
 }

@@ -13,7 +13,6 @@ use crate::records::run_json::RunJson;
 use crate::records::run_record::{RunRecord, Status};
 use dials_core::outside::{Directory, Printable, quoted};
 
-/// Progress of a planned run or baseline.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Stage {
     New,
@@ -61,7 +60,6 @@ pub fn directory(folder: &Path, run: &PlannedRun) -> PathBuf {
 }
 
 /// Reads the progress of a planned run. A different run in its directory is an error.
-///
 /// A run with files that no killed run leaves behind is unreadable: only a person can say what became of them.
 pub fn stage(folder: &Path, run: &PlannedRun) -> Result<Stage> {
     let dir = directory(folder, run);
@@ -132,8 +130,7 @@ pub fn stage_of_baseline(folder: &Path, planned: &PlannedBaseline) -> Result<Sta
     Ok(if as_planned(&there) { Stage::Finished } else { Stage::Outdated })
 }
 
-/// Returns whether a controller would be measured with the same again. A version of SUMO that one side does not know is
-/// no difference.
+/// Returns whether a controller would be measured with the same again. An unknown version of SUMO is no difference.
 fn is_measured_with(then: &MeasuredWith, now: &MeasuredWith) -> bool {
     let [sumo_then, sumo_now] = [then, now].map(|with| with.sumo_version.as_ref());
     then.controller_file_crc32 == now.controller_file_crc32
@@ -142,32 +139,27 @@ fn is_measured_with(then: &MeasuredWith, now: &MeasuredWith) -> bool {
 
 /// Describes the first difference between the run in `dir` and the plan; `None` if there is none.
 fn difference(dir: &Path, planned: &PlannedRun) -> Result<Option<String>> {
-    let there = crate::config::load_kept(&dir.join(CONFIG))?;
-    let scenario = RunJson::read(dir)?.scenario;
-    let planned_keys = Method::of(&planned.config, &planned.scenario).keys;
-    let (keys, planned_scenario, planned) = (Method::of(&there, &scenario).keys, &planned.scenario, &planned.config);
-    let value = |value: Option<String>| value.unwrap_or("nothing".to_owned());
-    if let Some((key, [a, b])) = differing(&keys, &planned_keys).into_iter().next() {
-        return Ok(Some(format!("{key}: {} there, {} planned", value(a), value(b))));
-    }
-    let both = [&there, planned].map(|config| &config.learning);
-    // This is no key of the method, because it moves no policy. But what it measures would be missing.
-    let aip_loss_episodes = if planned.learning.measures_aips() {
-        both.map(|config| config.evaluation.aip_loss_episodes as u64)
-    } else {
-        [0; 2]
+    let there = (&crate::config::load_kept(&dir.join(CONFIG))?, &RunJson::read(dir)?.scenario);
+    let both = [there, (&planned.config, &planned.scenario)];
+    let [keys, planned_keys] = both.map(|(config, scenario)| Method::of(config, scenario).keys);
+    let text = |value: Option<String>| value.unwrap_or("nothing".to_owned());
+    let mut found: Vec<(String, [String; 2])> =
+        differing(&keys, &planned_keys).into_iter().map(|(key, values)| (key, values.map(text))).collect();
+    let mut compare = |key: &str, values: [u64; 2]| {
+        let differ = values[0] != values[1];
+        found.extend(differ.then(|| (key.to_owned(), values.map(|value| value.to_string()))));
     };
-    let others = [
-        ("steps", both.map(|config| config.last_step())),
-        ("evaluation.aip_loss_episodes", aip_loss_episodes),
-        ("seed", both.map(|config| config.seed)),
-    ];
-    if let Some((key, [a, b])) = others.into_iter().find(|(_, [a, b])| a != b) {
-        return Ok(Some(format!("{key}: {a} there, {b} planned")));
+    compare("steps", both.map(|(config, _)| config.learning.last_step()));
+    // This is no key of the method, because it moves no policy. But what it measures would be missing.
+    if planned.config.learning.measures_aips() {
+        let episodes = both.map(|(config, _)| config.learning.evaluation.aip_loss_episodes as u64);
+        compare("evaluation.aip_loss_episodes", episodes);
     }
-    let is_other = scenario.id != planned_scenario.id;
-    let [a, b] = [&scenario, planned_scenario].map(|scenario| scenario.id.word());
-    Ok(is_other.then(|| format!("scenario: {a} there, {b} planned")))
+    compare("seed", both.map(|(config, _)| config.learning.seed));
+    if there.1.id != planned.scenario.id {
+        found.push(("scenario".to_owned(), both.map(|(_, scenario)| scenario.id.word())));
+    }
+    Ok(found.into_iter().next().map(|(key, [a, b])| format!("{key}: {a} there, {b} planned")))
 }
 
 #[cfg(test)]
@@ -175,8 +167,7 @@ mod tests {
     use super::*;
     use crate::config::{RunConfig, to_toml};
     use crate::experiment::file;
-    use crate::records::files::{NETWORKS, RETURNS};
-    use crate::records::run_json::Kept;
+    use crate::records::files::RETURNS;
     use dials_core::domain::Scenario;
     use dials_learn::config::Simulator;
 
@@ -190,13 +181,9 @@ mod tests {
         let run = file::tests::planned(config, Scenario::new("warehouse", 4, 10));
         std::fs::create_dir(directory(folder, &run)).unwrap();
         write(folder, &run, CONFIG, &to_toml(&run.config).unwrap());
-        describe(folder, &run, Kept::default());
+        let about = RunJson::new(run.scenario.clone(), Vec::new(), 1);
+        about.write(&Directory::open(&directory(folder, &run)).unwrap()).unwrap();
         run
-    }
-
-    fn describe(folder: &Path, run: &PlannedRun, kept: Kept) {
-        let about = RunJson { kept, ..RunJson::new(run.scenario.clone(), Vec::new(), 1) };
-        about.write(&Directory::open(&directory(folder, run)).unwrap()).unwrap();
     }
 
     fn write(folder: &Path, run: &PlannedRun, file: &str, text: &str) {
@@ -212,15 +199,8 @@ mod tests {
             write(folder.path(), &run, RETURNS, &block[..cut]);
             assert_eq!(stage(folder.path(), &run).unwrap(), Stage::Begun { steps: 0 }, "{}", &block[..cut]);
         }
-    }
-
-    #[test]
-    fn a_run_that_somebody_trains_is_running() {
-        let folder = tempfile::tempdir().unwrap();
-        let run = planned(folder.path());
-        let _lock = Directory::lock(&directory(folder.path(), &run)).unwrap();
-        let stage = stage(folder.path(), &run).unwrap();
-        assert_eq!((stage.name(), stage), ("running", Stage::Running { steps: 0 }));
+        let _training = Directory::lock(&directory(folder.path(), &run)).unwrap();
+        assert_eq!(stage(folder.path(), &run).unwrap(), Stage::Running { steps: 0 });
     }
 
     #[test]
@@ -245,13 +225,11 @@ mod tests {
         };
         let (a, b, old, new) = (Some("a"), Some("b"), Some("SUMO 1.15.0"), Some("SUMO 1.16.0"));
         for (then, now, same) in [
-            (with(None, None), with(None, None), true),
             (with(a, new), with(a, new), true),
             (with(None, None), with(None, new), true),
             (with(None, old), with(None, None), true),
             (with(a, new), with(b, new), false),
             (with(None, new), with(a, new), false),
-            (with(a, new), with(None, new), false),
             (with(None, old), with(None, new), false),
         ] {
             assert_eq!(is_measured_with(&then, &now), same, "{then:?}, {now:?}");
@@ -279,17 +257,9 @@ mod tests {
     }
 
     #[test]
-    fn a_run_whose_domain_was_changed_after_training_is_not_finished_and_not_resumed() {
-        let folder = tempfile::tempdir().unwrap();
-        let run = planned(folder.path());
-        let networks = directory(folder.path(), &run).join(NETWORKS);
-        std::fs::create_dir(&networks).unwrap();
-        std::fs::write(networks.join("a"), "b").unwrap();
-        let networks = [("a".to_owned(), "e8b7be43".to_owned())].into();
-        describe(folder.path(), &run, Kept { networks, ..Kept::default() });
-        let Stage::Unreadable { why } = stage(folder.path(), &run).unwrap() else { panic!("it was read") };
-        assert!(why.contains("networks/a: \"e8b7be43\" there, \"71beeff9\" here"), "{why}");
-        assert!(why.ends_with("or move the directory away, and the run is trained again"), "{why}");
-        assert!(!why.contains("--resume"), "{why}");
+    fn a_run_of_another_domain_now_is_not_resumed() {
+        let error = NotOfThisRun("a: was written with other settings".to_owned()).into();
+        let why = "a: was written with other settings; or move the directory away, and the run is trained again";
+        assert_eq!(unreadable(Path::new("a"), &error), why);
     }
 }

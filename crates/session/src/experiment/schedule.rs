@@ -6,7 +6,6 @@ pub fn width(agents: usize, on_the_gs: bool, all_cores_from_agents: usize, cores
     if on_the_gs || agents < all_cores_from_agents { 1 } else { cores }
 }
 
-/// Number of cores, and how many of them are free.
 #[derive(Clone, Copy, Debug)]
 pub struct Cores {
     pub(crate) free: usize,
@@ -78,8 +77,7 @@ mod tests {
 
     #[test]
     fn small_runs_stand_beside_each_other_and_large_ones_alone() {
-        // On two cores: 10 s and 30 s start at 0. The second 10 s run from 10 to 20. The large run waits for the 30 s,
-        // and ends at 37.
+        // On two cores: 10 s and 30 s start at 0, the second 10 s at 10. The large run waits for 30 s, and ends at 37.
         let jobs = [job(1, 10.0), job(1, 30.0), job(1, 10.0), job(2, 7.0)];
         assert_eq!(total(&jobs, 2), Total { seconds: 37.0, memory_mb: 200.0 });
         assert_eq!(total(&jobs, 1).seconds, 57.0, "one after the other");

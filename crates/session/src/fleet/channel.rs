@@ -7,8 +7,7 @@ use serde::Serialize;
 use serde::de::DeserializeOwned;
 
 const MAGIC: [u8; 4] = *b"DIAL";
-/// Number of the protocol. Bump when a message changes its shape: programs of different builds must not misread each
-/// other.
+/// Number of the protocol. Bump it when a message changes its shape: other builds must not misread it.
 const PROTOCOL: u16 = 5;
 /// Length limit in bytes. Longer messages mean a broken stream: the datasets and states of 10 000 agents are shorter.
 const LONGEST: u64 = 1 << 36;
@@ -50,7 +49,6 @@ pub(super) fn receive_frame(stream: &mut impl Read) -> Result<Option<Vec<u8>>> {
     Ok(Some(frame))
 }
 
-/// Decodes a whole message with its header.
 pub(super) fn decode<T: DeserializeOwned>(frame: &[u8]) -> Result<T> {
     let (header, payload) = frame.split_first_chunk().context("a message ended within its header")?;
     let length = length_in(*header)?;

@@ -35,14 +35,10 @@ pub const FILES_PER_WORKER: u64 = 2;
 const WORKER: &str = "worker";
 /// Time in which a child whose channel is closed may end by itself.
 const LAST_WORDS: Duration = Duration::from_millis(200);
-/// Time in which a killed child must end. A child that hangs inside the kernel, for example on a dead network disk, is
-/// left alone.
+/// Time in which a killed child must end. One that hangs inside the kernel (a dead network disk) is left alone.
 const DYING: Duration = Duration::from_secs(2);
 
-/// Does what the coordinator that started this process orders, until the channel is closed. The channel is standard
-/// input.
-///
-/// `open_domain` makes the domain of a config, because this room does not know which domains there are.
+/// Does what the coordinator that started this process orders through standard input, until that is closed.
 pub fn serve_the_parent(open_domain: impl FnOnce(&RunConfig) -> Result<Arc<dyn Domain>>) -> Result<()> {
     // However the coordinator ends, this process must end with it, because nothing else would end it.
     set_parent_process_death_signal(Some(Signal::KILL)).context("cannot make this worker end with its coordinator")?;
@@ -51,20 +47,12 @@ pub fn serve_the_parent(open_domain: impl FnOnce(&RunConfig) -> Result<Arc<dyn D
 }
 
 /// Child processes, each with its own log. A lost one can be replaced by another.
-pub struct Children {
-    /// Folder of the logs, `worker_N.log`.
-    logs: Directory,
-}
-
-impl Children {
-    pub fn new(logs: &Directory) -> Children {
-        Children { logs: logs.clone() }
-    }
-}
+/// `.0`: folder of the logs, `worker_N.log`.
+pub struct Children(pub Directory);
 
 impl Crew for Children {
     fn start(&mut self, worker: usize) -> Result<Box<dyn Link>> {
-        let log = Log::open(&self.logs, log_of(worker))?;
+        let log = Log::open(&self.0, log_of(worker))?;
         Ok(Box::new(ChildProcess::spawn(worker, log, None, |stream| receive(stream))?))
     }
 
@@ -77,7 +65,6 @@ pub(super) fn log_of(worker: usize) -> String {
     format!("worker_{worker}.log")
 }
 
-/// Function that reads the next message of a worker, if there is one.
 type Hear<T> = fn(&mut &UnixStream) -> Result<Option<T>>;
 
 /// A running worker process. Dropping it kills it. `T`: what it says, decoded or not.
@@ -91,14 +78,10 @@ pub(crate) struct ChildProcess<T = WorkerReport> {
 }
 
 impl<T: Send + 'static> ChildProcess<T> {
-    /// Starts this program as a worker. Its messages wake the thread that calls this.
-    ///
-    /// `log`: takes the output of the worker. `paths_from`: folder from which the paths of its config lead. `None`: that of
-    /// this process.
+    /// Starts this program as a worker, in the folder `paths_from` or this one. Its messages wake the calling thread.
     pub(super) fn spawn(worker: usize, log: Log, paths_from: Option<&Path>, hear: Hear<T>) -> Result<ChildProcess<T>> {
         let (stream, theirs) = UnixStream::pair().context("no socket for a worker")?;
-        // Not the path of the program, because that may be another build by now. Not from another thread, because the
-        // worker asks the system to kill it when the thread that started it ends.
+        // Not by its path, where another build may be. Not from another thread, with whose end the worker is killed.
         let mut command = Command::new("/proc/self/exe");
         if let Some(folder) = paths_from {
             command.current_dir(folder);
@@ -131,22 +114,6 @@ impl<T: Send + 'static> ChildProcess<T> {
 }
 
 impl<T> ChildProcess<T> {
-    pub(super) fn send(&self, frame: Frame) {
-        // Its writer ends early only when the child has gone.
-        let _ = self.outbox.send(frame);
-    }
-
-    pub(super) fn next(&self) -> Option<News<T>> {
-        self.inbox.try_recv().ok()
-    }
-
-    /// Kills a child that does not end. Returns how it ended and the last lines of its log.
-    pub(super) fn end(mut self) -> String {
-        let status = self.ended_within(LAST_WORDS).or_else(|| self.kill());
-        let tail = self.log.tail();
-        format!("{}; {tail}", describe(status, &tail))
-    }
-
     fn kill(&mut self) -> Option<ExitStatus> {
         drop(self.process.kill());
         // Ends both threads, even if the process does not end.
@@ -166,13 +133,14 @@ impl<T> ChildProcess<T> {
     }
 }
 
-impl Link for ChildProcess {
+impl<T> Link<T> for ChildProcess<T> {
     fn send(&self, frame: Frame) {
-        ChildProcess::send(self, frame);
+        // Its writer ends early only when the child has gone.
+        let _ = self.outbox.send(frame);
     }
 
-    fn next(&mut self) -> Option<News> {
-        ChildProcess::next(self)
+    fn next(&mut self) -> Option<News<T>> {
+        self.inbox.try_recv().ok()
     }
 
     /// Returns the state of the process as Linux names it, such as `S (sleeping)` or `T (stopped)`.
@@ -181,8 +149,11 @@ impl Link for ChildProcess {
         Some(status.lines().find_map(|line| line.strip_prefix("State:"))?.trim().to_owned())
     }
 
-    fn end(self: Box<Self>) -> String {
-        ChildProcess::end(*self)
+    /// Kills a child that does not end. Returns how it ended and the last lines of its log.
+    fn end(mut self: Box<Self>) -> String {
+        let status = self.ended_within(LAST_WORDS).or_else(|| self.kill());
+        let tail = self.log.tail();
+        format!("{}; {tail}", describe(status, &tail))
     }
 
     fn end_by_force(mut self: Box<Self>) -> String {

@@ -33,8 +33,7 @@ use crate::config::RunConfig;
 use dials_core::base::{Activity, AgentId};
 use dials_core::domain::Domain;
 use dials_learn::config::{Config, Simulator};
-use dials_learn::fleet::{Fleet, Stop};
-use dials_learn::fleet::{FleetLoad, WorkerLoad};
+use dials_learn::fleet::{Fleet, FleetLoad, Stop, WorkerLoad};
 use dials_learn::observer::{Interrupted, Observer};
 use dials_learn::state::AgentsState;
 use dials_learn::state::fits::{Fit, Widths};
@@ -47,7 +46,6 @@ const LOOK_UP: Duration = Duration::from_millis(200);
 /// Longest silence that one check adds. While the coordinator itself was stopped (Ctrl-Z), it could hear nobody.
 const LONGEST_LOOK: Duration = Duration::from_secs(1);
 
-/// Number of workers, and how long they may be silent.
 pub struct Options {
     pub workers: usize,
     /// Number of threads with which a single worker trains on the GS.
@@ -60,9 +58,7 @@ pub struct Options {
 
 /// Workers that share the agents: each owns a block of consecutive agents, in the order of the workers. A
 /// [`Fleet`](dials_learn::fleet::Fleet), whatever its crew consists of.
-///
-/// Training on the GS is one simulation. So there the first worker owns all agents and trains them
-/// with several threads; the others help with evaluation.
+/// On the GS, one simulation, the first worker trains all agents with several threads; the others help to evaluate.
 pub struct Coordinator {
     domain: Arc<dyn Domain>,
     config: RunConfig,
@@ -84,13 +80,11 @@ pub struct Coordinator {
 struct Slot {
     agents: Range<usize>,
     link: Option<Box<dyn Link>>,
-    /// Growth of this process.
     growth: Growth,
     load: WorkerLoad,
 }
 
 impl Coordinator {
-    /// Starts the workers.
     pub fn start(
         domain: Arc<dyn Domain>,
         config: &RunConfig,
@@ -121,13 +115,11 @@ impl Coordinator {
         Ok(fleet)
     }
 
-    /// Returns the workers that own agents.
     fn owners(&self) -> Vec<usize> {
         (0..self.workers.len()).filter(|&worker| !self.workers[worker].agents.is_empty()).collect()
     }
 
     /// Gives the tasks to their workers and waits for all replies. Lost workers are started again.
-    ///
     /// `take` gets every reply with the state of all agents and the agents of the worker, in any order. Returns what it
     /// returned, in the order of the workers.
     fn ask<S: Step, T>(
@@ -280,7 +272,6 @@ impl Coordinator {
         Ok(())
     }
 
-    /// Sends a worker the state of its agents, if there is one.
     fn send_state(&self, worker: usize, link: &dyn Link) -> Result<()> {
         let agents = self.workers[worker].agents.clone();
         if self.agents.agents() > 0 && !agents.is_empty() {
@@ -299,8 +290,7 @@ impl Coordinator {
         Ok(())
     }
 
-    /// Handles the loss of a worker, or ends a worker. With a task it is started again, if it can be, and gets the task
-    /// again.
+    /// Handles the loss of a worker, or ends it. If it can be replaced, and has a task, another one gets the task.
     fn lose<Reply>(&mut self, worker: usize, loss: Loss, task: Option<&mut Task<Reply>>) -> Result<()> {
         let Some(link) = self.workers[worker].link.take() else { return Ok(()) };
         let message = format!("{} {}", self.name(worker), loss.describe(link, self.options.patience));
@@ -329,7 +319,6 @@ impl Coordinator {
         if self.crew.is_this_process() { String::new() } else { format!("{}: ", self.name(worker)) }
     }
 
-    /// Returns the policies of all agents as a message.
     fn encoded_policies(&mut self) -> Result<Frame> {
         // Lent and not copied: with a thousand agents the copy would be a fifth of this process.
         let order = Order::TakePolicies(std::mem::take(&mut self.agents.policies));

@@ -34,7 +34,6 @@ pub fn in_process(
     Coordinator::start(domain, &config.into(), Box::new(crew), options, observer)
 }
 
-/// The crew.
 pub(super) struct InProcess {
     domain: Arc<dyn Domain>,
     observer: Rc<dyn Observer>,
@@ -70,7 +69,7 @@ impl InProcess {
 
 impl Crew for InProcess {
     fn start(&mut self, _worker: usize) -> Result<Box<dyn Link>> {
-        Ok(Box::new(InProcessLink(self.mailbox.clone())))
+        Ok(Box::new(self.mailbox.clone()))
     }
 
     fn can_replace(&self) -> bool {
@@ -81,7 +80,6 @@ impl Crew for InProcess {
         true
     }
 
-    /// Carries out the orders that were sent.
     fn wait(&mut self, _at_most: Duration) {
         loop {
             let Some(order) = self.mailbox.borrow_mut().orders.pop_front() else { return };
@@ -91,16 +89,13 @@ impl Crew for InProcess {
     }
 }
 
-/// The link to the worker in this process.
-pub(super) struct InProcessLink(pub(super) Rc<RefCell<Mailbox>>);
-
-impl Link for InProcessLink {
+impl Link for Rc<RefCell<Mailbox>> {
     fn send(&self, frame: Frame) {
-        self.0.borrow_mut().orders.push_back(frame);
+        self.borrow_mut().orders.push_back(frame);
     }
 
     fn next(&mut self) -> Option<News> {
-        self.0.borrow_mut().news.pop_front()
+        self.borrow_mut().news.pop_front()
     }
 
     fn state(&self) -> Option<String> {

@@ -22,6 +22,7 @@ fn ranks_in(variable: impl Fn(&str) -> Option<String>) -> usize {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use std::collections::BTreeMap;
 
     #[test]
     fn every_launcher_says_how_many_ranks_it_starts_and_without_one_a_process_is_alone() {
@@ -33,9 +34,8 @@ mod tests {
             // Inside a Slurm job, but not started by srun.
             (&[("SLURM_STEP_NUM_TASKS", "3")], 1),
         ] {
-            let value =
-                |name: &str| variables.iter().find(|(known, _)| *known == name).map(|(_, value)| (*value).to_owned());
-            assert_eq!(ranks_in(value), ranks, "{variables:?}");
+            let variables = BTreeMap::from_iter(variables.iter().copied());
+            assert_eq!(ranks_in(|name| variables.get(name).map(|&text| text.to_owned())), ranks, "{variables:?}");
         }
     }
 }

@@ -19,16 +19,13 @@ pub enum News<T = WorkerReport> {
 }
 
 /// The coordinator's end of the two-way stream between it and one worker. Dropping it ends the worker.
-///
 /// Nothing that a worker does or fails to do may block a link.
-pub trait Link {
-    /// Sends a frame, after the earlier ones. Does not wait until the worker reads it.
-    ///
-    /// If the worker has gone, [`News::Gone`] reports it.
+pub trait Link<T = WorkerReport> {
+    /// Sends a frame, after the earlier ones, without waiting. If the worker has gone, [`News::Gone`] reports it.
     fn send(&self, frame: Frame);
 
     /// Returns the worker's next message; if there is none yet: `None`. Does not wait.
-    fn next(&mut self) -> Option<News>;
+    fn next(&mut self) -> Option<News<T>>;
 
     /// Returns what a silent worker is doing, if the system knows it.
     fn state(&self) -> Option<String>;
@@ -42,8 +39,7 @@ pub trait Link {
 
 /// The workers of a coordinator, numbered from 0.
 pub trait Crew {
-    /// Starts a worker that waits for its first order. A worker that was lost is started again if [`Crew::can_replace`]
-    /// allows it.
+    /// Starts a worker that waits for its first order, or another one for a lost one: see [`Crew::can_replace`].
     fn start(&mut self, worker: usize) -> Result<Box<dyn Link>>;
 
     /// Returns whether a worker that was lost can be started again. If not, its loss is the end of the run.
@@ -54,8 +50,7 @@ pub trait Crew {
         false
     }
 
-    /// Waits until a link has news, but not longer than `at_most`. A link that has news unparks the thread that started
-    /// it. Should something else on this thread swallow that, the wait is only longer.
+    /// Waits until a link has news, which unparks the thread that started it, but not longer than `at_most`.
     fn wait(&mut self, at_most: Duration) {
         thread::park_timeout(at_most);
     }

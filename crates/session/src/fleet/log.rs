@@ -7,15 +7,12 @@ use anyhow::Context;
 
 use dials_core::outside::Directory;
 
-/// Number of lines that a message shows.
 const LINES: usize = 8;
 /// Number of bytes that are read for them. A log may have gigabytes.
 const BYTES: u64 = 16 << 10;
 
-/// An open log.
 #[derive(Debug)]
 pub struct Log {
-    /// Path, for messages.
     path: String,
     file: File,
     /// Length when it was opened. What stands before is of other processes.
@@ -30,7 +27,6 @@ impl Log {
         Ok(Log { path, file, begin })
     }
 
-    /// Returns the file, for a process that writes to it.
     pub fn file(&self) -> anyhow::Result<File> {
         self.file.try_clone().with_context(|| format!("{}: cannot be written", self.path))
     }

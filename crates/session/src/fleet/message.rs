@@ -11,8 +11,7 @@ use dials_learn::policy::JointPolicy;
 use dials_learn::state::AgentsState;
 use dials_learn::steps::{Reply, Request};
 
-/// Orders from the coordinator. Every step is answered by one [`WorkerReport::Done`] or [`WorkerReport::Failed`]. The
-/// other orders prepare the next step.
+/// Orders from the coordinator. [`WorkerReport::Done`] or `Failed` answers a step; the other orders prepare one.
 #[derive(Debug, Serialize, Deserialize)]
 pub enum Order {
     /// First order: what the run is, which agents the worker owns, how many threads may train their policies, and what
@@ -38,8 +37,7 @@ pub enum WorkerReport {
     Trained { steps: u64 },
     /// This share of another activity is done.
     Busy { activity: Activity, share: f64 },
-    /// The step is done. `load`: what the worker has spent since the last one.
-    /// `resident_kib`: resident memory of its process now.
+    /// The step is done. `load`: what the worker has spent since the last one. `resident_kib`: its memory now.
     Done { reply: Box<Reply>, load: Box<WorkerLoad>, resident_kib: u64 },
     /// The step cannot be done, for this reason, and would fail again.
     Failed { reason: String },
@@ -51,10 +49,7 @@ const LONGEST: Duration = Duration::from_secs(10 * 365 * 24 * 3600);
 const LARGEST_KIB: u64 = 1 << 50;
 
 impl WorkerReport {
-    /// Returns an error if this cannot be right, whatever the step is: such a worker is lost, like one that dies. The
-    /// replies are checked by their [`Step`](dials_learn::steps::Step).
-    ///
-    /// `most_steps`: up to which timestep its step may train; `None` if it does not train.
+    /// Returns an error if this cannot be right, whatever the step is. `most_steps`: up to which timestep it may train.
     pub(super) fn check(&self, most_steps: Option<u64>) -> Result<()> {
         match self {
             WorkerReport::Begun | WorkerReport::Failed { .. } => {}

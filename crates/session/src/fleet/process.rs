@@ -17,33 +17,28 @@ pub(super) fn footprint() -> Footprint {
     Footprint { peak_rss_kib, pss_kib }
 }
 
-/// Returns the resident memory of this process now, in KiB, shared libraries counted in full; 0 if the system does not
-/// report it.
+/// Returns the resident memory now, in KiB, shared libraries counted in full; 0 if the system does not report it.
 pub(super) fn resident_kib() -> u64 {
     kib_in("/proc/self/status", "VmRSS:").unwrap_or(0)
 }
 
 /// A clock of the CPU time of this process, user and system, all threads, from one reading to the next.
-pub(super) struct CpuClock {
-    last: Duration,
-}
+pub(super) struct CpuClock(Duration);
 
 impl CpuClock {
     /// Makes a clock that counts from the beginning of the process.
     pub(super) fn of_the_process() -> Self {
-        CpuClock { last: Duration::ZERO }
+        CpuClock(Duration::ZERO)
     }
 
     pub(super) fn from_now() -> Self {
-        CpuClock { last: cpu_time() }
+        CpuClock(cpu_time())
     }
 
     /// Returns the CPU time since the last call.
     pub(super) fn lap(&mut self) -> Duration {
-        let now = cpu_time();
-        let lap = now.saturating_sub(self.last);
-        self.last = now;
-        lap
+        let before = std::mem::replace(&mut self.0, cpu_time());
+        self.0.saturating_sub(before)
     }
 }
 

@@ -92,7 +92,6 @@ impl Server {
     }
 }
 
-/// The worker's connection to the coordinator.
 struct Reporter<S> {
     stream: RefCell<S>,
     last: Cell<Instant>,

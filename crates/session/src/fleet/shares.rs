@@ -4,7 +4,6 @@ use std::ops::Range;
 
 use dials_learn::config::{Config, Simulator};
 
-/// Returns a worker and its agents, for people.
 pub(super) fn names_of(worker: usize, agents: &Range<usize>) -> String {
     match agents.len() {
         0 => format!("worker {worker} (no agents of its own)"),
@@ -13,7 +12,6 @@ pub(super) fn names_of(worker: usize, agents: &Range<usize>) -> String {
     }
 }
 
-/// Returns the agents that each worker owns.
 pub fn agents_of_workers(config: &Config, agents: usize, workers: usize) -> Vec<Range<usize>> {
     let owners = if config.simulator == Simulator::Global { 1 } else { workers };
     (0..workers).map(|index| if index < owners { share(agents, owners, index) } else { 0..0 }).collect()

@@ -45,9 +45,7 @@ impl<Reply> Task<Reply> {
     }
 }
 
-/// Reports the progress of the workers that have the same order; `done`: how many have finished it.
-///
-/// In training, the slowest worker counts; in all other activities, the mean.
+/// Reports the progress of an order: of the slowest worker in training, else the mean. `done`: number of finished ones.
 pub(super) fn report_progress<'a, Reply: 'a>(
     open: impl Iterator<Item = &'a Task<Reply>> + Clone,
     done: usize,

@@ -14,18 +14,15 @@ use std::time::Duration;
 use anyhow::Result;
 
 use self::crew::{Fate, FateAt, TestCrew};
-use super::in_process;
-use super::{Coordinator, MostGrowth, Options};
+use super::{Coordinator, MostGrowth, Options, in_process};
 use crate::config::RunConfig;
 use dials_core::base::Ragged;
 use dials_core::domain::Domain;
 use dials_learn::config::{AlgorithmName, Config, PolicyConfig, Simulator};
 use dials_learn::dials;
 use dials_learn::evaluation::Evaluation;
-use dials_learn::fleet::Fleet;
-use dials_learn::fleet::FleetLoad;
-use dials_learn::observer::{Observer, Silent};
-use dials_learn::observer::{Recorder, Unrecorded};
+use dials_learn::fleet::{Fleet, FleetLoad};
+use dials_learn::observer::{Observer, Recorder, Silent, Unrecorded};
 use dials_learn::progress::TrainingProgress;
 use dials_learn::state::AgentsState;
 use dials_learn::steps::train_policies::PolicyTraining;
@@ -110,7 +107,6 @@ fn crew<const N: usize>(can_replace: bool, fates: [&[FateAt]; N]) -> TestCrew {
     TestCrew { domain: coins(), can_replace, fates: fates.to_vec(), most_growth: NEVER, running: BTreeMap::new() }
 }
 
-/// Trains with a crew. Returns the agents or the error, and the warnings.
 fn train(crew: TestCrew) -> (Result<AgentsState, String>, Vec<String>) {
     train_as(&config(), crew)
 }
@@ -128,8 +124,7 @@ fn train_as(config: &Config, crew: TestCrew) -> (Result<AgentsState, String>, Ve
     (outcome.map_err(|error| format!("{error:#}")), warnings.0.take())
 }
 
-/// Trains alone, with several crews, through these deaths, and from the state after the first period. All must make the
-/// same agents. Returns them and that state.
+/// Trains alone, with several crews, through deaths, and from the state after the first period: the same agents.
 fn same_for_any_fleet(domain: &Arc<dyn Domain>, config: &Config, deaths: [&[usize]; 3]) -> (AgentsState, AgentsState) {
     let (expected, kept) = trained_alone(domain, config);
     let of_worker = |frames: &[usize]| frames.iter().map(|&frame| (frame, Fate::Dies)).collect::<Vec<FateAt>>();

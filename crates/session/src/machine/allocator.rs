@@ -14,8 +14,7 @@ use super::way_out::{LessMemory, option_for_processes};
 /// The allocator that `main` registers.
 pub struct Allocator;
 
-// SAFETY: every call goes to the system's allocator with the caller's arguments. Its result is passed on, or the
-// process ends.
+// SAFETY: every call goes to the system's allocator unchanged. Its result is passed on, or the process ends.
 unsafe impl GlobalAlloc for Allocator {
     unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
         // SAFETY: the caller's promise.

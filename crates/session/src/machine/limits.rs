@@ -10,16 +10,16 @@ use rustix::process::{Resource, Rlimit, getrlimit, setrlimit};
 /// Number of files that a command has open, besides those for its child processes.
 const OWN_FILES: u64 = 32;
 
-/// Limits this process, and those that it starts, to `more` bytes of memory beyond what it has now. A limit that is
-/// lower already stays, the soft one, too.
+/// Limits this process, and those that it starts, to `more` bytes beyond what it has now. A lower limit stays.
 pub fn limit_memory(more: u64) -> Result<()> {
-    let limit = lowest(getrlimit(Resource::As), used()?.saturating_add(more));
+    let used = kib_in("/proc/self/status", "VmSize:");
+    let used = used.context("/proc/self/status: does not say the memory of this process")? * 1024;
+    let limit = lowest(getrlimit(Resource::As), used.saturating_add(more));
     let limit = Rlimit { current: Some(limit), maximum: Some(limit) };
     setrlimit(Resource::As, limit).context("cannot limit the memory of a process")
 }
 
-/// Limits this process to this many seconds of computing, after which the system ends it. A limit that is
-/// lower already stays.
+/// Limits this process to this many seconds of computing, after which the system ends it. A lower limit stays.
 pub fn limit_cpu(seconds: u64) -> Result<()> {
     let there = getrlimit(Resource::Cpu);
     let limit = Rlimit { current: Some(lowest(there, seconds)), ..there };
@@ -28,12 +28,6 @@ pub fn limit_cpu(seconds: u64) -> Result<()> {
 
 fn lowest(there: Rlimit, wanted: u64) -> u64 {
     [there.current, there.maximum].into_iter().flatten().fold(wanted, u64::min)
-}
-
-fn used() -> Result<u64> {
-    let kib =
-        kib_in("/proc/self/status", "VmSize:").context("/proc/self/status: does not say the memory of this process")?;
-    Ok(kib * 1024)
 }
 
 /// Returns the memory that new processes can have, in MiB. `None` if the system does not say.
@@ -55,7 +49,6 @@ pub fn free_disk_mib(dir: &Path) -> Result<u64> {
 }
 
 /// Makes sure that a command may open enough files for child processes that need `each` files here.
-///
 /// Raises the soft limit up to the hard one. If that is not enough, the error names `option`, which decides the number.
 pub fn allow_open_files(children: usize, each: u64, option: &str) -> Result<()> {
     let needed = OWN_FILES + each * children as u64;
@@ -78,15 +71,9 @@ mod tests {
 
     #[test]
     fn a_limit_that_is_lower_already_stays() {
-        for (current, maximum, lowest_of_all) in [
-            (None, None, 50),
-            (Some(40), None, 40),
-            (Some(40), Some(45), 40),
-            (None, Some(45), 45),
-            (Some(60), Some(70), 50),
-        ] {
-            assert_eq!(lowest(Rlimit { current, maximum }, 50), lowest_of_all, "{current:?} {maximum:?}");
-        }
+        let limits = [(None, None), (Some(40), None), (Some(40), Some(45)), (None, Some(45)), (Some(60), Some(70))];
+        let lowest_of_all = limits.map(|(current, maximum)| lowest(Rlimit { current, maximum }, 50));
+        assert_eq!(lowest_of_all, [50, 40, 40, 45, 50]);
     }
 
     #[test]

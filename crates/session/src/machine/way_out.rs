@@ -37,9 +37,7 @@ pub fn why_aborted(log: &str) -> String {
     }
 }
 
-/// Returns the way out of the system's error in the text of an error message, if there is one.
-///
-/// The text is searched, because errors of workers and of libraries arrive as text.
+/// Returns the way out of the system's error in an error message, if there is one. Errors of workers are only text.
 pub fn way_out(message: &str) -> Option<String> {
     way_out_with(message, option_for_processes())
 }
@@ -76,8 +74,7 @@ fn way_out_with(message: &str, option: Option<&str>) -> Option<String> {
     })
 }
 
-/// What to do about exhausted memory, in a command with this option for the number of its processes. Showing it takes no
-/// memory.
+/// What to do about exhausted memory, with this option for the number of processes. Showing it takes no memory.
 pub(super) struct LessMemory<'a>(pub Option<&'a str>);
 
 impl fmt::Display for LessMemory<'_> {

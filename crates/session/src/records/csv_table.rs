@@ -18,10 +18,8 @@ use dials_core::outside::{excerpt, read_text};
 pub(crate) const LARGEST_FILE: u64 = 256 << 20;
 /// Longest line in bytes. A line has a few dozen numbers.
 const LONGEST_LINE: usize = 64 << 10;
-/// Largest figure of a run, without its sign. No return, loss, time or memory is larger, and squares of this one are
-/// numbers still.
+/// Largest figure of a run, without its sign. Nothing that is measured is larger, and its square is a number still.
 pub(crate) const LARGEST: f64 = 1e15;
-/// What to do about a damaged file.
 const WAY_OUT: &str = "the file is damaged: copy it again, or train again";
 
 pub(crate) struct CsvTable {
@@ -31,8 +29,7 @@ pub(crate) struct CsvTable {
 }
 
 impl CsvTable {
-    /// Reads a file; a missing file has no lines. An unfinished last line does not count: its writer was killed, or is
-    /// still writing.
+    /// Reads a file; a missing one has no lines. An unfinished last line does not count: it may still be written.
     pub(crate) fn read(path: &Path) -> Result<CsvTable> {
         let text = match read_text(path, LARGEST_FILE) {
             Err(error) if error.kind() == ErrorKind::NotFound => String::new(),
@@ -61,7 +58,6 @@ impl CsvTable {
         Ok(CsvTable { path: path.to_owned(), columns, lines })
     }
 
-    /// Reads a text that a test has made up.
     #[cfg(test)]
     pub(super) fn of(text: &str) -> CsvTable {
         CsvTable::from_text(Path::new("t.csv"), text).expect("a test knows what it makes up")
@@ -71,8 +67,7 @@ impl CsvTable {
         self.lines.iter().map(|fields| TableLine { table: self, fields })
     }
 
-    /// Returns the lines in blocks. Each begins with the line of all agents, workers or processes: that with `all` in
-    /// `column`. The other lines of a block are of one of them each.
+    /// Returns the lines in blocks: each the line with `all` in `column`, and those of single agents or workers.
     pub(crate) fn blocks(&self, column: &str) -> Vec<Vec<TableLine<'_>>> {
         let lines: Vec<TableLine<'_>> = self.lines().collect();
         lines.chunk_by(|_, next| next.text(column) != Some(ALL)).map(<[_]>::to_vec).collect()
@@ -105,7 +100,6 @@ impl<'a> TableLine<'a> {
         Ok(Some(number))
     }
 
-    /// Returns a number that must be there.
     pub(crate) fn required(self, column: &str) -> Result<f64> {
         self.number(column)?.with_context(|| self.nothing(column))
     }
@@ -118,7 +112,6 @@ impl<'a> TableLine<'a> {
         number.map(Some).with_context(what)
     }
 
-    /// Returns a whole number that must be there.
     pub(crate) fn required_whole(self, column: &str) -> Result<u64> {
         self.whole(column)?.with_context(|| self.nothing(column))
     }
@@ -146,9 +139,7 @@ impl<'a> TableLine<'a> {
 
 /// The order of steps in a file: they never go back.
 #[derive(Default)]
-pub(crate) struct Order {
-    last: Option<u64>,
-}
+pub(crate) struct Order(Option<u64>);
 
 impl Order {
     /// Returns the steps of the next line. They may be those of the line before.
@@ -163,7 +154,7 @@ impl Order {
 
     fn after(&mut self, line: TableLine, in_order: fn(u64, u64) -> bool) -> Result<u64> {
         let steps = line.steps()?;
-        if let Some(last) = self.last.replace(steps) {
+        if let Some(last) = self.0.replace(steps) {
             let what = format!("not later than {last} before it");
             ensure!(in_order(last, steps), line.bad(columns::STEPS, &steps.to_string(), &what));
         }
@@ -187,20 +178,23 @@ mod tests {
 
     #[test]
     fn a_figure_is_finite_and_a_number_that_counts_is_whole_and_neither_is_absurd() {
-        let numbers = ["1e15", "5e-324", "NaN", "-inf", "1e999", "-1.1e15", "x"].map(|number| {
-            let table = CsvTable::of(&format!("steps,mean\n10,{number}\n"));
-            table.lines().next().unwrap().required("mean").map_err(|error| error.to_string())
-        });
-        assert_eq!(numbers[..2], [Ok(1e15), Ok(5e-324)]);
-        let whats = ["not a finite number"; 3].into_iter().chain(["too large for a figure of a run", "not a number"]);
-        for (error, what) in numbers[2..].iter().map(|number| number.as_ref().unwrap_err()).zip(whats) {
-            assert!(error.starts_with("t.csv: line 2: `mean` holds \"") && error.contains(what), "{error}");
+        let read = |text: &str, whole: bool| {
+            let table = CsvTable::of(&format!("steps,mean\n10,{text}\n"));
+            let line = table.lines().next().unwrap();
+            let number = if whole { line.whole("mean").map(|_| 0.0) } else { line.required("mean") };
+            number.map_err(|error| error.to_string())
+        };
+        assert_eq!(["1e15", "5e-324"].map(|text| read(text, false)), [Ok(1e15), Ok(5e-324)]);
+        let figures = [("-inf", "a finite number"), ("1e999", "a finite number"), ("x", "a number")];
+        let figures = figures.map(|(text, what)| (text, false, what));
+        let wholes = ["-1", "1.5", "1e3", "18446744073709551615", "NaN"];
+        let wholes = wholes.map(|text| (text, true, "a whole number from 0 to 1000000000000000"));
+        for (text, whole, what) in figures.into_iter().chain(wholes) {
+            let error = read(text, whole).unwrap_err();
+            let expected = format!("t.csv: line 2: `mean` holds \"{text}\", which is not {what};");
+            assert!(error.starts_with(&expected), "{error}");
         }
-        for number in ["-1", "1.5", "1e3", "18446744073709551615", "NaN"] {
-            let table = CsvTable::of(&format!("steps,stuck\n10,{number}\n"));
-            let error = table.lines().next().unwrap().whole("stuck").unwrap_err().to_string();
-            assert!(error.contains("which is not a whole number from 0 to 1000000000000000"), "{error}");
-        }
+        assert!(read("-1.1e15", false).unwrap_err().contains("which is too large for a figure of a run"));
     }
 
     #[test]

@@ -21,7 +21,6 @@ pub const PLAN: &str = "plan.json";
 /// Largest plan or baseline. A plan of 100 000 runs has eight mebibytes.
 const LARGEST_FILE: u64 = 16 << 20;
 
-/// The plan of one experiment.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct ExperimentPlan {
     /// Names of the run directories, which are in the same folder as the plan.
@@ -33,7 +32,6 @@ pub struct ExperimentPlan {
 /// Contents of `plan.json`.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct FolderPlan {
-    /// Plans of the experiments, by the names of their files.
     experiments: BTreeMap<String, ExperimentPlan>,
 }
 
@@ -61,7 +59,6 @@ impl FolderPlan {
     }
 }
 
-/// Reads a plan or a baseline.
 fn read_json<T: DeserializeOwned>(path: &Path) -> Result<T> {
     let text = read_text(path, LARGEST_FILE).with_context(|| format!("{}: cannot be read", path.display()))?;
     serde_json::from_str(&text).with_context(|| format!("{}: is not a file of this program", path.display()))
@@ -91,19 +88,11 @@ pub struct BaselineRecord {
     pub mean_return: f64,
     pub std_error: f64,
     pub episodes: usize,
-    /// Seed of the episodes.
     pub seed: u64,
     /// Mean return of all agents in each episode.
     pub episode_returns: Vec<f64>,
     #[serde(flatten)]
     pub(crate) measured_with: MeasuredWith,
-}
-
-impl BaselineRecord {
-    /// Returns whether two baselines say the same, whatever they were measured with.
-    fn says_the_same_as(&self, other: &BaselineRecord) -> bool {
-        *self == BaselineRecord { measured_with: self.measured_with.clone(), ..other.clone() }
-    }
 }
 
 /// What a controller is measured with, beside the config and its own name.
@@ -130,7 +119,6 @@ impl fmt::Display for LeftOut {
     }
 }
 
-/// Everything that was found.
 #[derive(Default)]
 pub struct Found {
     pub runs: Vec<RunRecord>,
@@ -166,9 +154,7 @@ pub fn find(folders: &[PathBuf]) -> Result<Found> {
 }
 
 /// Searches a folder. Returns whether it holds a run, or the plan of one.
-///
-/// `seen`: the answers for the folders that were searched already. The same folder may be named twice, be inside
-/// another, or hold a link that leads back to it.
+/// `seen`: answers for the folders that were searched, because one may be named twice or hold a link back to itself.
 fn search(folder: &Path, depth: usize, seen: &mut BTreeMap<PathBuf, bool>, found: &mut Found) -> Result<bool> {
     let failed = || format!("{}: cannot be read", folder.display());
     let place = folder.canonicalize().with_context(failed)?;
@@ -204,7 +190,6 @@ pub fn is_aside(folder: &Path) -> bool {
     aside || name.starts_with('.')
 }
 
-/// Returns the paths in a folder, in order.
 fn entries_of(folder: &Path) -> Result<Vec<PathBuf>> {
     Ok(Directory::open(folder)?.names()?.iter().map(|name| folder.join(name)).collect())
 }
@@ -225,8 +210,11 @@ fn read_baselines(folder: &Path, found: &mut Found) {
     paths.retain(|path| path.extension().is_some_and(|extension| extension == "json"));
     for path in paths {
         let Some(baseline) = found.unless_left_out(&path, read_baseline(&path)) else { continue };
-        // Two experiments on one scenario measure the same baselines.
-        if !found.baselines.iter().any(|(_, other)| other.says_the_same_as(&baseline)) {
+        // Two experiments on one scenario measure the same baselines, whatever they measure them with.
+        let same = |other: &BaselineRecord| {
+            *other == BaselineRecord { measured_with: other.measured_with.clone(), ..baseline.clone() }
+        };
+        if !found.baselines.iter().any(|(_, other)| same(other)) {
             found.baselines.push((path, baseline));
         }
     }
@@ -243,23 +231,4 @@ pub(crate) fn read_baseline(path: &Path) -> Result<BaselineRecord> {
         }
     }
     Ok(baseline)
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn experiments_in_one_folder_keep_their_plans_and_an_edited_one_replaces_its_own() {
-        let names = |names: &[&str]| names.iter().map(|&name| FileName::new(name).unwrap()).collect::<Vec<_>>();
-        let plan =
-            |runs: &[&str], baselines: &[&str]| ExperimentPlan { runs: names(runs), baselines: names(baselines) };
-        let mut folder = FolderPlan::default();
-        folder.put("a.toml", plan(&["a1", "both"], &["random"]));
-        folder.put("b.toml", plan(&["both", "b1"], &["random", "never"]));
-        assert_eq!(folder.runs(), names(&["a1", "both", "b1"]).iter().collect::<Vec<_>>());
-        assert_eq!(folder.baselines(), names(&["random", "never"]).iter().collect::<Vec<_>>());
-        folder.put("b.toml", plan(&["b2"], &[]));
-        assert_eq!(folder.runs(), names(&["a1", "both", "b2"]).iter().collect::<Vec<_>>());
-    }
 }

@@ -8,7 +8,6 @@ use serde::{Deserialize, Serialize};
 use dials_core::outside::Directory;
 use dials_learn::evaluation::csv::Lines;
 
-/// How far a file has grown.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Mark {
     pub(crate) bytes: u64,

@@ -14,7 +14,6 @@ use dials_learn::predictors::{AipLoss, FreshLoss, mean_loss};
 use dials_learn::progress::Moment;
 use dials_learn::steps::train_policies::PolicyTraining;
 
-/// A line of a CSV file, one string per column.
 pub(super) type CsvLine = Vec<String>;
 
 /// Returns lines under fixed columns and `further` ones. A line that is short ends with empty fields.
@@ -29,13 +28,11 @@ fn begin(steps: u64, of: impl ToString) -> CsvLine {
     vec![steps.to_string(), of.to_string()]
 }
 
-/// Adds figures to a line.
 fn extend(line: &mut CsvLine, figures: impl IntoIterator<Item = f64>, decimals: usize) {
     line.extend(figures.into_iter().map(|figure| format!("{figure:.decimals$}")));
 }
 
-/// Makes a line for all agents (`stuck`: their number), then one per agent (`stuck`: 0 or 1; no figures of the whole
-/// system).
+/// Makes a line for all agents, then one per agent, without figures of the whole system and `stuck` 0 or 1.
 pub(super) fn evaluation_lines(steps: u64, evaluation: &Evaluation) -> Lines {
     let (per_agent, system) = (&evaluation.measures.per_agent, &evaluation.measures.system);
     let line = |agent: String, summary: Summary, stuck: usize, measures: Vec<f64>| {
@@ -132,8 +129,7 @@ pub(super) fn drift_lines(steps: u64, after: Moment, losses: &[FreshLoss]) -> Li
     under(&columns::OF_AIP_DRIFT, [], lines)
 }
 
-/// Makes a line for all agents (means; numbers of episodes and counters added up), then one per agent. Metrics are empty
-/// where there was no update.
+/// Makes a line for all agents (means; sums of episodes and counters), then one per agent. No update: no metrics.
 pub(super) fn training_lines(steps: u64, training: &PolicyTraining) -> Lines {
     let Metrics { of_agents, settings } = &training.metrics;
     let weight = 1.0 / training.agents.len() as f64;
@@ -160,7 +156,6 @@ pub(super) fn training_lines(steps: u64, training: &PolicyTraining) -> Lines {
     under(&columns::OF_TRAINING, training.metrics.names().chain(counters), lines)
 }
 
-/// Wall time of a period.
 pub(super) struct Wall {
     pub(crate) period: Duration,
     /// Wall time of the run so far.
@@ -228,14 +223,21 @@ mod tests {
         };
         let Lines { header, lines } = aip_lines(128, &[loss(&[true, false]), loss(&[true, true])]);
         assert_eq!((header.len(), header.last().unwrap().as_str()), (10, "sources_on_marginals"));
-        let last: Vec<&str> = lines.iter().map(|line| line.last().unwrap().as_str()).collect();
-        assert_eq!(last, ["3", "1", "1", "0", "2", "1", "1"], "all; agent 0 and its sources; agent 1 and its sources");
+        let last = |lines: &[CsvLine]| lines.iter().map(|line| line.last().unwrap().clone()).collect::<Vec<_>>();
+        assert_eq!(
+            last(&lines),
+            ["3", "1", "1", "0", "2", "1", "1"],
+            "all; agent 0 and its sources; agent 1 and its sources"
+        );
         assert!(lines.iter().all(|line| line.len() == 10));
         let nothing = || [vec![], vec![]];
         let without_sources = AipLoss { training: nothing(), held_out: nothing(), marginals: vec![], ..loss(&[]) };
         let Lines { lines, .. } = aip_lines(128, &[loss(&[true, false]), without_sources]);
-        let last: Vec<&str> = lines.iter().map(|line| line.last().unwrap().as_str()).collect();
-        assert_eq!(last, ["1", "1", "1", "0", "0"], "a light that nobody reaches from outside has no line per source");
+        assert_eq!(
+            last(&lines),
+            ["1", "1", "1", "0", "0"],
+            "a light that nobody reaches from outside has no line per source"
+        );
         assert_eq!(lines[4][3], "0.00000", "it has nothing to predict, so it loses nothing");
         let Lines { header, lines } = aip_lines(128, &[loss(&[])]);
         assert_eq!(header.len(), 9);

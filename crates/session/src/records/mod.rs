@@ -4,30 +4,16 @@
 //! then moved there. So a kill loses at most the current period, and the files can be read at any time. Who writes
 //! holds the directory's lock, and reaches the files through the opened directory.
 //!
-//! | file | what |
-//! |---|---|
-//! | `config.toml`, `networks/` | the checked config and its SUMO networks: the run can be evaluated anywhere |
-//! | `run.json` | seed, command line, scenario, build and machine |
-//! | `imitation.csv` | the imitation of a controller before training, per agent, if the config asks for it |
-//! | `returns.csv` | evaluations on the GS, per agent and for all |
-//! | `episodes.csv` | the mean return of all agents in each episode of each evaluation |
-//! | `training.csv` | each period of training, per agent: returns on the simulator it trained on, losses |
-//! | `aip_loss.csv` | each training of the AIPs, per agent and source |
-//! | `aip_drift.csv` | the loss of the AIPs on new episodes, per agent, if the config asks for it |
-//! | `timing.csv` | each period, per worker: seconds per phase |
-//! | `memory.csv` | each period, per process: memory |
-//! | `events.out.tfevents` | the numbers of these for TensorBoard, if the config asks for it |
-//! | `policies.safetensors`, `aips.safetensors` | the networks, `[agents, ...]` |
-//! | `checkpoints/` | the last few states to resume from |
+//! docs/files.md lists the files.
 //!
 //! - [`files`], [`columns`]: the names of the files, and of the columns of each CSV file, for writers and readers.
 //! - [`growing`], [`tensorboard`]: files that grow, so that a kill or a full disk loses nothing, and a change by others is
 //!   noticed.
-//! - `lines`: the lines of the CSV files. [`finite`]: refuses to write networks that have diverged.
+//! - `lines`: the lines of the CSV files.
 //! - [`checkpoint`]: the state of all agents, from which a run continues. [`resume_point`]: which checkpoint fits the
 //!   files. [`networks`]: the files of policies and AIPs.
 //! - [`run_json`]: how the run was called, what computed it, and the keys and files of its domain, to notice a change.
-//! - [`run_log`]: writes all this during training.
+//! - [`run_log`]: writes all this during training, but no networks that have diverged.
 //! - [`run_record`], [`reader`], [`csv_table`]: the contents of a run directory, never of a live one.
 //! - [`find`]: runs, baselines and plans under some folders. [`method`]: the part of a config that makes runs comparable.
 
@@ -36,7 +22,6 @@ pub(crate) mod columns;
 pub(crate) mod csv_table;
 pub mod files;
 pub mod find;
-pub mod finite;
 pub mod growing;
 mod lines;
 pub mod method;

@@ -25,7 +25,6 @@ const LARGEST_FILE: u64 = 4 << 30;
 /// Key of the timesteps per agent at which a file was written.
 const STEPS: &str = "steps";
 
-/// The layouts of all kinds.
 pub struct JointLayout {
     kinds: Vec<KindLayout>,
 }
@@ -54,8 +53,7 @@ impl JointLayout {
         JointLayout::new(kinds, |spec| choice.kind().layout(spec, config))
     }
 
-    /// Writes a file of these networks. `networks`: one row of parameters per agent; `steps`: timesteps per agent that they
-    /// have learnt.
+    /// Writes a file of networks, one row of parameters per agent, that have learnt for `steps` timesteps.
     pub(super) fn write(&self, directory: &Directory, name: &str, networks: &Ragged<f32>, steps: u64) -> Result<()> {
         let stacks = self.kinds.iter().map(|KindLayout { prefix, layout, agents }| {
             let rows = agents.iter().map(|agent| networks.row(agent.0)).collect();
@@ -71,7 +69,6 @@ impl JointLayout {
     }
 
     /// Reads the networks of such a file, and the timesteps per agent at which it was written, if it says so.
-    ///
     /// The file is read once: a run that is being trained replaces it at any moment.
     pub(crate) fn read_with_steps(&self, path: &Path) -> Result<(Ragged<f32>, Option<u64>)> {
         let bytes = read_bytes(path, LARGEST_FILE).with_context(|| format!("{}: cannot be read", path.display()))?;
@@ -130,8 +127,7 @@ impl Layouts {
     }
 }
 
-/// Returns the timesteps per agent at the last training of the AIPs before a checkpoint. What comes after it in the file
-/// may be damaged: it will be cut off.
+/// Returns the timestep of the last AIP training before a checkpoint. What the file has after it will be cut off.
 fn trained_at(directory: &Directory, point: &ResumePoint) -> Result<Option<u64>> {
     let mut bytes = directory.read(files::AIP_LOSS, csv_table::LARGEST_FILE)?.unwrap_or_default();
     bytes.truncate(point.mark(files::AIP_LOSS).bytes as usize);

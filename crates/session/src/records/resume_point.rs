@@ -10,7 +10,6 @@ use super::files;
 use super::growing::{Mark, misfit};
 use dials_core::outside::{Directory, sweep};
 
-/// The point from which a run continues.
 pub struct ResumePoint {
     /// `None`: there is no checkpoint, so the run begins again.
     pub checkpoint: Option<Checkpoint>,
@@ -20,15 +19,13 @@ pub struct ResumePoint {
     pub warning: Option<String>,
 }
 
-/// The error if no checkpoint fits the files. It names the first file that differs from the newest one, or says that
-/// there is no checkpoint at all.
+/// The error if no checkpoint fits the files, or there is none. It names the first file that differs.
 #[derive(Debug, thiserror::Error)]
 #[error("{0}")]
 pub struct NothingFits(String);
 
 impl ResumePoint {
     /// Prepares a run directory, which this process has locked, for writing. Then finds where its run goes on.
-    ///
     /// What is not a file of the run itself, such as a link, is an error. What killed writes left behind is removed.
     pub fn find(directory: &Directory, owner: &Owner) -> Result<ResumePoint> {
         files::WRITTEN.iter().chain(&files::GROWING).try_for_each(|name| directory.check(name))?;

@@ -20,10 +20,8 @@ use dials_core::outside::{Directory, LARGEST_NETWORK, excerpt, is_printable, rea
 const LARGEST_FILE: u64 = 8 << 20;
 /// Longest word of a scenario in bytes. Files and headings of a report are named after them.
 const LONGEST_WORD: usize = 50;
-/// Largest number of agents.
 const MOST_AGENTS: usize = 1_000_000;
 
-/// Contents of `run.json`.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct RunJson {
     /// Words of the command line; the first is the name of the program.
@@ -31,7 +29,6 @@ pub struct RunJson {
     /// Other builds with which the run was continued, in order.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub resumed_with: Vec<Resumed>,
-    /// What the run simulates.
     pub scenario: Scenario,
     /// Names of the agents, in order; empty if the domain gives them none.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
@@ -78,14 +75,6 @@ impl Kept {
         Ok(differences(&then, &now))
     }
 
-    /// Lists the files in `networks/` that are there, but are other ones now. The figures of a run need no networks, so a
-    /// copy of it may leave them out.
-    pub(crate) fn changed_contents(&self, dir: &Path) -> Result<Vec<Difference>> {
-        let mut changed = self.changed_files(dir)?;
-        changed.retain(|difference| difference.then.is_some() && difference.now.is_some());
-        Ok(changed)
-    }
-
     /// Lists the files in `networks/` that are other ones now, are missing or are new.
     pub(crate) fn changed_files(&self, dir: &Path) -> Result<Vec<Difference>> {
         let of_file = |(name, checksums): (String, [Option<String>; 2])| {
@@ -111,8 +100,7 @@ fn checksums(dir: &Path) -> Result<BTreeMap<String, String>> {
     Directory::open(&folder)?.names()?.into_iter().map(checksum).collect()
 }
 
-/// A word of a command line. JSON is UTF-8, so a word of other bytes is an object: one character per byte, of the same
-/// number (Latin-1). So it cannot be mistaken for a word of these characters.
+/// A word of a command line. JSON is UTF-8, so other bytes are an object with a character per byte (Latin-1).
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(untagged)]
 pub enum Word {
@@ -141,7 +129,6 @@ impl From<&OsStr> for Word {
     }
 }
 
-/// A build with which a run was continued.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Resumed {
     /// Timesteps per agent at which it took over.
@@ -155,7 +142,6 @@ pub struct Resumed {
 pub struct Versions {
     /// Name of the CPU, for information only.
     pub cpu: String,
-    /// Version of this program.
     pub dials_traffic: String,
     /// Commit of the checkout that the program was built from, with `-dirty` if its sources had been changed.
     pub git_commit: String,
@@ -201,11 +187,6 @@ impl RunJson {
     pub fn agent_name(&self, agent: usize) -> String {
         self.agents.get(agent).map_or_else(|| agent.to_string(), |name| excerpt(name))
     }
-
-    /// Returns the build that wrote the run last.
-    pub(crate) fn last_versions(&self) -> &Versions {
-        self.resumed_with.last().map_or(&self.versions, |resumed| &resumed.versions)
-    }
 }
 
 /// Checks the words of a scenario. Reports name files after them.
@@ -236,8 +217,7 @@ fn check(scenario: &Scenario) -> Result<()> {
 }
 
 impl Versions {
-    /// Lists the differences between the build that wrote a run and this one, a line each. Only what can change numbers
-    /// counts.
+    /// Lists the differences from the build that wrote a run, a line each. Only what can change numbers counts.
     pub fn differences(&self, there: &Versions) -> Vec<String> {
         let decisive = [
             ("commit", &self.git_commit, &there.git_commit),
@@ -256,10 +236,6 @@ mod tests {
     use super::*;
     use std::fs;
 
-    fn run(agents: Vec<String>) -> RunJson {
-        RunJson::new(Scenario::new("ants", 3, 5), agents, 7)
-    }
-
     #[test]
     fn a_version_that_was_not_recorded_differs_and_the_cpu_does_not_count() {
         let old = Versions { sumo: "SUMO 1.15.0".into(), cpu: "A".into(), ..Versions::default() };
@@ -269,7 +245,7 @@ mod tests {
 
     #[test]
     fn agents_have_the_names_that_were_recorded_or_their_numbers() {
-        let run = run(vec!["r0c0".to_owned(), "a\u{1b}b".to_owned()]);
+        let run = RunJson::new(Scenario::new("ants", 3, 5), vec!["r0c0".to_owned(), "a\u{1b}b".to_owned()], 7);
         assert_eq!([0, 1, 2].map(|agent| run.agent_name(agent)), ["r0c0", "a\\u{1b}b", "2"]);
     }
 

@@ -8,7 +8,6 @@ use anyhow::Result;
 use super::checkpoint::owner::Owner;
 use super::checkpoint::{self, Checkpoint, RunProgress};
 use super::files;
-use super::finite::{check_aips, check_imitation, check_policies};
 use super::growing::{GrowingFile, Mark};
 use super::lines::{
     Wall, aip_lines, drift_lines, episode_lines, evaluation_lines, imitation_lines, memory_lines, timing_lines,
@@ -17,23 +16,24 @@ use super::lines::{
 use super::networks::Layouts;
 use super::resume_point::ResumePoint;
 use super::tensorboard::{Scalar, first_record, scalars_of, scalars_record};
+use dials_core::base::Ragged;
+use dials_core::domain::Kinds;
 use dials_core::outside::Directory;
+use dials_learn::algorithms;
 use dials_learn::algorithms::imitation::ImitationLoss;
+use dials_learn::config::Config;
 use dials_learn::evaluation::Evaluation;
 use dials_learn::evaluation::csv::Lines;
 use dials_learn::fleet::FleetLoad;
 use dials_learn::observer::Recorder;
 use dials_learn::predictors::{AipLoss, FreshLoss};
-use dials_learn::progress::Moment;
-use dials_learn::progress::TrainingProgress;
+use dials_learn::progress::{Moment, TrainingProgress};
 use dials_learn::state::AgentsState;
 use dials_learn::steps::train_policies::PolicyTraining;
 
-/// A journal that writes a run directory.
 pub struct RunLog {
     /// Run directory, which is locked as long as this process may write.
     directory: Directory,
-    /// Files that grow, by their names.
     growing: BTreeMap<&'static str, GrowingFile>,
     layouts: Layouts,
     owner: Owner,
@@ -61,10 +61,7 @@ impl RunLog {
         }
     }
 
-    /// Continues a run in a directory that this process has locked, from a point of that run. Also returns the
-    /// checkpoint of that point.
-    ///
-    /// Everything written after the checkpoint is cut off. It will be written again, with the same numbers.
+    /// Continues a run in a locked directory from a point, and returns its checkpoint. What came later is cut off.
     pub fn resume(
         directory: Directory,
         point: ResumePoint,
@@ -188,6 +185,66 @@ impl Recorder for RunLog {
     }
 }
 
+/// The error about learning that has diverged. A resume would diverge again.
+#[derive(Debug, thiserror::Error)]
+#[error("{0}")]
+pub struct Diverged(String);
+
+/// Returns an error that names the first agent whose policy has diverged. `begun`: timestep at which the period began.
+fn check_policies(
+    training: &PolicyTraining,
+    state: &AgentsState,
+    config: &Config,
+    kinds: &Kinds,
+    begun: u64,
+) -> Result<()> {
+    let algorithm = algorithms::of(config);
+    let [first, last] = [begun + algorithm.steps_per_update() as u64, state.steps]
+        .map(|steps| algorithm.learning_rate_key(config, steps));
+    let key = if first == last { last.to_owned() } else { format!("{first} or {last}") };
+    let mut losses = training.metrics.of_agents.iter().filter(|_| training.updates > 0);
+    let bad_loss = losses.find_map(|(_, values)| values.iter().position(|value| !value.is_finite()));
+    check("policy", state.steps, &key, "a loss", bad_loss)?;
+    check("policy", state.steps, &key, "a parameter", first_bad_row(&state.policies))?;
+    let tables = kinds.iter().flat_map(|kind| algorithm.layout(config, kind, state.steps).numbers);
+    for name in tables.filter(|table| table.learnt).map(|table| table.name) {
+        let what = format!("a value of its table `{name}`");
+        check("policy", state.steps, &key, &what, first_bad_row(&state.learners.numbers[name]))?;
+    }
+    Ok(())
+}
+
+/// Returns an error that names the first agent whose policy has diverged while it imitated a controller.
+fn check_imitation(agents: &AgentsState, losses: &[ImitationLoss]) -> Result<()> {
+    let bad_loss = losses.iter().position(|loss| !loss.cross_entropy.iter().all(|value| value.is_finite()));
+    let key = "imitation.learning_rate";
+    check("imitation", agents.steps, key, "a loss", bad_loss)?;
+    check("imitation", agents.steps, key, "a parameter", first_bad_row(&agents.policies))
+}
+
+/// Returns an error that names the first agent whose AIP has diverged.
+fn check_aips(agents: &AgentsState, losses: &[AipLoss]) -> Result<()> {
+    let of_sources = |loss: &AipLoss| loss.training.iter().chain(&loss.held_out).flatten().all(|loss| loss.is_finite());
+    let key = "aip.learning_rate";
+    check("AIP", agents.steps, key, "a loss", losses.iter().position(|loss| !of_sources(loss)))?;
+    check("AIP", agents.steps, key, "a parameter", first_bad_row(&agents.aips))
+}
+
+fn first_bad_row(table: &Ragged<f32>) -> Option<usize> {
+    table.iter().position(|row| !row.iter().all(|value| value.is_finite()))
+}
+
+/// `bad`: the first agent for which `what` is no finite number. `key`: what to lower.
+fn check(whose: &str, steps: u64, key: &str, what: &str, bad: Option<usize>) -> Result<()> {
+    let Some(agent) = bad else { return Ok(()) };
+    Err(Diverged(format!(
+        "agent {agent}: its {whose} diverged before step {steps}: {what} is no longer a finite number; it was not \
+         written, so what was written before is intact; lower {key} and begin a new run, because a resume keeps the \
+         settings"
+    ))
+    .into())
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -198,7 +255,7 @@ mod tests {
     use crate::records::networks::JointLayout;
     use crate::records::run_json::RunJson;
     use crate::records::run_record::{AipTrainingRecord, FreshLossRecord, RunRecord};
-    use dials_core::base::{Activity, Ragged, Rows, Timesheet};
+    use dials_core::base::{Activity, Rows, Timesheet};
     use dials_core::domain::{Domain, Measures, Scenario};
     use dials_learn::algorithms::{Metrics, Tables};
     use dials_learn::fleet::{Footprint, WorkerLoad};
@@ -208,7 +265,6 @@ mod tests {
 
     const CONFIG: &str = "warehouse = { agents_per_side = 2 }\n";
 
-    /// Begins a run of two agents.
     fn begin(dir: &Path) -> RunLog {
         let coins = Coins::new(1);
         let layout = || JointLayout::new(coins.kinds(), |_| Layout::new(vec![("w".to_owned(), vec![2])]));

@@ -6,7 +6,6 @@ use super::run_json::RunJson;
 use crate::config::RunConfig;
 use dials_core::domain::Scenario;
 
-/// Contents of a run directory.
 #[derive(Clone, Debug)]
 pub struct RunRecord {
     pub dir: PathBuf,
@@ -20,20 +19,17 @@ pub struct RunRecord {
     pub fresh_losses: Vec<FreshLossRecord>,
     /// Local simulators beside the global one, in order of steps; empty if the domain does not compare them.
     pub likeness: Vec<LikenessRecord>,
-    /// Times of the periods, in order.
     pub periods: Vec<PeriodTime>,
     pub memory: Option<MemoryRecord>,
     /// Number of worker processes, or 1 for a run without any.
     pub workers: usize,
 }
 
-/// An evaluation of the joint policy on the GS.
 #[derive(Clone, Debug)]
 pub struct EvaluationRecord {
     /// Timesteps per agent.
     pub steps: u64,
     pub all: Returns,
-    /// Returns of each agent.
     pub agents: Vec<Returns>,
     /// Mean returns of all agents, episode by episode.
     pub episode_returns: Vec<f64>,
@@ -72,8 +68,7 @@ pub struct FreshLossRecord {
     pub marginals: f64,
 }
 
-/// What the GS and the local simulators show of the same lights: the GS in an evaluation, the local ones in the training
-/// before it. Pairs are of the GS, then of the local ones.
+/// What the GS in an evaluation, and the local simulators before it, show of the same lights: pairs in this order.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct LikenessRecord {
     /// Steps of the evaluation.
@@ -95,7 +90,6 @@ pub struct PeriodTime {
     pub influence_s: f64,
     /// Part of it for the gradient steps of PPO.
     pub update_s: f64,
-    /// CPU time of all processes.
     pub cpu: CpuTime,
 }
 
@@ -110,12 +104,10 @@ impl PeriodTime {
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct CpuTime {
     pub total_s: f64,
-    /// Part of it for evaluations.
     pub evaluation_s: f64,
 }
 
 impl CpuTime {
-    /// Returns the CPU time without the evaluations.
     pub fn runtime_s(self) -> f64 {
         self.total_s - self.evaluation_s
     }
@@ -133,7 +125,6 @@ pub struct MemoryRecord {
 }
 
 impl MemoryRecord {
-    /// Returns the larger value of each figure.
     pub fn max(self, other: MemoryRecord) -> MemoryRecord {
         MemoryRecord {
             process_mb: self.process_mb.max(other.process_mb),
@@ -143,7 +134,6 @@ impl MemoryRecord {
     }
 }
 
-/// Progress of a run.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Status {
     Finished,
@@ -185,8 +175,7 @@ impl RunRecord {
         }
     }
 
-    /// Returns whether everything is there that a finished run writes at and after its last evaluation. A kill may come
-    /// between these writes, and a resume makes up for it.
+    /// Returns whether all is there that a finished run writes after its last evaluation. If not, a resume writes it.
     pub fn is_whole(&self) -> bool {
         let Some(last) = self.evaluations.last() else { return false };
         // The last period is one block of times, the evaluation after it another one. That one is written last.
@@ -194,7 +183,6 @@ impl RunRecord {
         blocks >= 2
     }
 
-    /// Returns the evaluation at a step, if there was one.
     pub fn evaluation_at(&self, steps: u64) -> Option<&EvaluationRecord> {
         let place = self.evaluations.binary_search_by_key(&steps, |evaluation| evaluation.steps).ok()?;
         self.evaluations.get(place)
@@ -248,7 +236,6 @@ impl RunRecord {
         })
     }
 
-    /// Returns the time of the whole run so far.
     pub fn total_time(&self) -> Option<PeriodTime> {
         self.periods.last().copied()
     }
@@ -283,12 +270,9 @@ mod tests {
     fn the_time_of_an_imitation_is_known_only_at_the_end_of_the_first_period() {
         let runtimes = |keys: &str| {
             let config = toml::from_str(&format!("{keys}\n[warehouse]\nagents_per_side = 2")).unwrap();
-            let periods = [(100, 10.0), (200, 30.0)].map(|(steps, elapsed_s)| PeriodTime {
-                steps,
-                elapsed_s,
-                ..PeriodTime::default()
-            });
-            let run = RunRecord { periods: periods.to_vec(), ..RunRecord::empty(config, Scenario::new("ants", 3, 5)) };
+            let period = |(steps, elapsed_s)| PeriodTime { steps, elapsed_s, ..PeriodTime::default() };
+            let periods = [(100, 10.0), (200, 30.0)].map(period).to_vec();
+            let run = RunRecord { periods, ..RunRecord::empty(config, Scenario::new("ants", 3, 5)) };
             [0, 50, 100, 150].map(|steps| run.runtime_at(steps))
         };
         assert_eq!(runtimes(""), [Some(0.0), Some(5.0), Some(10.0), Some(20.0)]);

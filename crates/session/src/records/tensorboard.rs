@@ -10,10 +10,8 @@ use super::columns::{self, ALL};
 use super::files;
 use dials_learn::evaluation::csv::Lines;
 
-/// A named number at a step.
 pub(crate) type Scalar = (String, f32);
 
-/// Returns the first record of an event file.
 pub(crate) fn first_record(wall_time_s: f64) -> Vec<u8> {
     let mut event = event_at(wall_time_s, 0);
     put_bytes(&mut event, 3, b"brain.Event:2"); // file_version
@@ -35,8 +33,7 @@ pub(crate) fn scalars_record(wall_time_s: f64, step: u64, scalars: &[Scalar]) ->
     record(&event)
 }
 
-/// Returns the scalars of a block of lines of a CSV file. Every number of the line about all agents becomes
-/// `file/column`, and the mean return of each agent becomes `returns_of_agents/N`.
+/// Returns the scalars of lines of a CSV file: `file/column` of all agents, `returns_of_agents/N` of each.
 pub(crate) fn scalars_of(file: &str, Lines { header, lines }: &Lines) -> Vec<Scalar> {
     let table = file.strip_suffix(".csv").unwrap_or(file);
     let mut scalars = Vec::new();

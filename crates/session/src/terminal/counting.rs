@@ -9,7 +9,6 @@ use indicatif::ProgressBar;
 use super::{note, shows_bars};
 use dials_core::outside::Printable;
 
-/// Without a terminal a line is printed this often.
 const PLAIN_LINE_EVERY: Duration = Duration::from_secs(60);
 
 /// The progress of episodes or other things that are counted: a bar on a terminal, elsewhere a line every minute.
@@ -20,10 +19,6 @@ pub struct EpisodeBar {
 }
 
 impl EpisodeBar {
-    pub fn new(episodes: usize) -> Self {
-        EpisodeBar::of(episodes, "episodes")
-    }
-
     /// Makes a bar for `count` things. `things`: their name, in the plural.
     pub fn of(count: usize, things: &str) -> Self {
         let template = format!("{{bar:20.cyan/blue}} {{pos}}/{{len}} {things}  {{eta}} left  {{wide_msg}}");
@@ -72,7 +67,7 @@ mod tests {
 
     #[test]
     fn without_a_terminal_a_line_is_due_every_minute() {
-        let bar = EpisodeBar::new(1);
+        let bar = EpisodeBar::of(1, "episodes");
         let begun = bar.last_line.get();
         let at = |seconds: u64, done: usize| bar.line_at(begun + Duration::from_secs(seconds), done);
         assert_eq!(at(59, 1), None);

@@ -14,12 +14,10 @@ const PLAIN_LINES_EVERY: Duration = Duration::from_secs(60);
 /// Length of the bar of a task that has no timesteps.
 const NO_STEPS: u64 = 1;
 
-/// A process of an experiment before it begins.
 pub struct Planned {
     pub name: String,
     /// Estimated time of the whole task.
     pub seconds: f64,
-    /// Number of cores that it uses.
     pub width: usize,
     /// Share that was done earlier, from 0 to 1.
     pub share: f64,
@@ -27,7 +25,6 @@ pub struct Planned {
     pub steps: u64,
 }
 
-/// The progress display of an experiment.
 pub struct Display {
     bars: MultiProgress,
     whole: ProgressBar,
@@ -60,7 +57,6 @@ impl Display {
         Display { bars, whole, begun: now, last_plain: now, tasks }
     }
 
-    /// Prints a line above the bars.
     pub fn say(&self, line: &str) {
         self.bars.suspend(|| note(line));
     }

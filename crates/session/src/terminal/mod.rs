@@ -24,8 +24,7 @@ use dials_core::base::Activity;
 pub use say::{Talk, answer, json, note, on_the_path, program, shows_bars, talk, talks, warn};
 pub use stop::{Wish, check_stop, stop_on_signals};
 
-/// Makes a bar, hidden where no bars are shown. A hidden one keeps its numbers and its message. `length`: `None` if it
-/// is unknown.
+/// Makes a bar, hidden where no bars are shown. A hidden one keeps its numbers and message. `None`: unknown length.
 fn bar(length: Option<u64>, template: &str) -> ProgressBar {
     let target = if shows_bars() { ProgressDrawTarget::stderr() } else { ProgressDrawTarget::hidden() };
     ProgressBar::with_draw_target(length, target).with_style(style(template))
@@ -35,7 +34,6 @@ fn style(template: &str) -> ProgressStyle {
     ProgressStyle::with_template(template).expect("the template is well-formed")
 }
 
-/// Returns what a worker is doing, in words.
 fn doing(activity: Activity) -> &'static str {
     match activity {
         Activity::Training => "training policies",

@@ -21,10 +21,8 @@ pub enum Talk {
     Verbose,
 }
 
-/// The choice of this process, as a number.
 static TALK: AtomicU8 = AtomicU8::new(Talk::Normal as u8);
 
-/// Chooses how much this process prints on standard error.
 pub fn talk(talk: Talk) {
     TALK.store(talk as u8, Ordering::Relaxed);
 }
@@ -39,8 +37,7 @@ pub fn shows_bars() -> bool {
     stderr().is_terminal() && talks(Talk::Normal)
 }
 
-/// Returns a text of one line or more as it may reach a terminal. Messages hold names that others chose, and nothing in
-/// a name may act on the terminal.
+/// Returns a text as it may reach a terminal: no name in it, which others chose, may act on the terminal.
 pub(super) fn shown(text: impl Display) -> String {
     let text = text.to_string();
     text.split('\n').map(|line| Printable(line).to_string()).collect::<Vec<_>>().join("\n")
@@ -98,7 +95,6 @@ fn in_its_place(path: &Path) -> &Path {
     path.to_str().and_then(|path| path.strip_suffix(REPLACED)).map_or(path, Path::new)
 }
 
-/// Finds a program on the PATH.
 pub fn on_the_path(program: &str) -> Option<PathBuf> {
     std::env::split_paths(&std::env::var_os("PATH")?).map(|folder| folder.join(program)).find(|path| path.is_file())
 }

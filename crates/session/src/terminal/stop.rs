@@ -19,7 +19,6 @@ const INTERRUPTED: i32 = 130;
 /// Longest time to wait for the last line to be printed. A stopped terminal or a full pipe may block for ever.
 const LAST_WORDS: Duration = Duration::from_secs(1);
 
-/// What a signal asks for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Wish {
     /// The first signal: stop where nothing is lost.
@@ -28,9 +27,7 @@ pub enum Wish {
     StopNow,
 }
 
-/// Handles the signals from here on and returns the flag that the first one sets.
-///
-/// `announce` prints what will happen. It runs in its own thread and may block.
+/// Handles the signals and returns the flag that the first one sets. `announce` has its own thread and may block.
 pub fn stop_on_signals(announce: impl Fn(Wish) + Send + Sync + 'static) -> Result<Arc<AtomicBool>> {
     let failed = "cannot handle signals";
     let stop = Arc::new(AtomicBool::new(false));
@@ -53,8 +50,7 @@ pub fn stop_on_signals(announce: impl Fn(Wish) + Send + Sync + 'static) -> Resul
             });
             if wish == Wish::StopNow {
                 let _ = said.recv_timeout(LAST_WORDS);
-                // This skips the destructors of libraries that are still working. Linux kills the workers with their
-                // parent.
+                // Skips the destructors of libraries at work. Linux kills the workers with their parent.
                 exit(INTERRUPTED);
             }
         }

@@ -21,7 +21,6 @@ use dials_learn::progress::Drift;
 /// Interval between plain lines while policies train.
 const PLAIN_LINE_EVERY: Duration = Duration::from_secs(10);
 
-/// The progress of `train`.
 pub struct Progress {
     bar: ProgressBar,
     agents: usize,
@@ -29,8 +28,8 @@ pub struct Progress {
     begun: Instant,
     rate: RefCell<Rate>,
     last_line: Cell<Instant>,
-    found: RefCell<Latest>,
-    /// Flag that Ctrl-C sets.
+    mean_return: Cell<Option<f64>>,
+    aip_loss: Cell<Option<f64>>,
     stop: Arc<AtomicBool>,
     doing: Doing,
 }
@@ -72,8 +71,7 @@ impl Rate {
         known.then(|| self.steps as f64 / self.trained.as_secs_f64())
     }
 
-    /// Returns the time until the last step, if the rest goes on as all so far: with AIPs, datasets, evaluations and
-    /// exchanges.
+    /// Returns the time until the last step, if the rest, with AIPs and evaluations, takes as long as all so far.
     fn left(&self, last_step: u64, now: Instant) -> Option<Duration> {
         let (begun, first) = self.first?;
         let done = self.at.checked_sub(first).filter(|&done| done > 0)?;
@@ -82,17 +80,8 @@ impl Rate {
     }
 }
 
-#[derive(Default)]
-struct Latest {
-    mean_return: Option<f64>,
-    aip_loss: Option<f64>,
-}
-
 impl Progress {
-    /// Starts the display, and listens for Ctrl-C from here on.
-    ///
-    /// The first Ctrl-C asks to stop where nothing is lost, the second ends the process. `last_words` returns the
-    /// line that is printed after the second.
+    /// Starts the display. Ctrl-C asks to stop where nothing is lost; a second one prints `last_words` and ends.
     pub fn new(
         config: &RunConfig,
         agents: usize,
@@ -113,7 +102,8 @@ impl Progress {
             begun: now,
             rate: RefCell::default(),
             last_line: Cell::new(now),
-            found: RefCell::default(),
+            mean_return: Cell::default(),
+            aip_loss: Cell::default(),
             stop,
             doing,
         })
@@ -138,16 +128,14 @@ impl Progress {
         }
     }
 
-    /// Returns a message such as `12345 agent-steps/s, 3 min 20 s left, return 201.2, AIP 0.301`.
-    /// With the bar before it, it fits 80 columns.
+    /// Returns `12345 agent-steps/s, 3 min 20 s left, return 201.2, AIP 0.301`: with the bar, it fits 80 columns.
     fn message(&self) -> String {
         let rate = self.rate.borrow();
         let mut parts = Vec::new();
         parts.extend(rate.per_second().map(|speed| format!("{:.0} agent-steps/s", speed * self.agents as f64)));
         parts.extend(rate.left(self.end, Instant::now()).map(|left| format!("{} left", duration(left))));
-        let found = self.found.borrow();
-        parts.extend(found.mean_return.map(|value| format!("return {value:.0$}", decimals(value, None))));
-        parts.extend(found.aip_loss.map(|value| format!("AIP {value:.3}")));
+        parts.extend(self.mean_return.get().map(|value| format!("return {value:.0$}", decimals(value, None))));
+        parts.extend(self.aip_loss.get().map(|value| format!("AIP {value:.3}")));
         parts.join(", ")
     }
 }
@@ -198,7 +186,7 @@ impl Observer for Progress {
             "step {steps}: return {:.digits$}{half_width}, median agent {:.digits$}{stuck}",
             all.mean, all.median
         ));
-        self.found.borrow_mut().mean_return = Some(all.mean);
+        self.mean_return.set(Some(all.mean));
     }
 
     fn aips_trained(&self, steps: u64, losses: &[AipLoss]) {
@@ -208,7 +196,7 @@ impl Observer for Progress {
         let (before, after, marginals) =
             (mean_of(|loss| &loss.held_out[0]), mean_of(|loss| &loss.held_out[1]), mean_of(|loss| &loss.marginals));
         self.say(&format!("step {steps}: held-out AIP loss {before:.3} -> {after:.3} ({})", judged(after, marginals)));
-        self.found.borrow_mut().aip_loss = Some(after);
+        self.aip_loss.set(Some(after));
     }
 
     fn aips_measured(&self, losses: &[FreshLoss], drift: &Drift) {
@@ -221,7 +209,7 @@ impl Observer for Progress {
             _ => String::new(),
         };
         self.say(&format!("  AIP loss on new episodes {loss:.3} ({}){grown}", judged(loss, marginals)));
-        self.found.borrow_mut().aip_loss = Some(loss);
+        self.aip_loss.set(Some(loss));
     }
 
     fn worker_lost(&self, message: &str) {
@@ -234,7 +222,6 @@ impl Observer for Progress {
 }
 
 /// The progress of `bench`: a status line on a terminal, elsewhere one line per fleet.
-///
 /// The first Ctrl-C stops at once, because nothing can be lost.
 pub struct BenchProgress {
     line: ProgressBar,
@@ -362,20 +349,12 @@ mod tests {
         // 200 steps took 50 s, so 600 steps take 150 s.
         assert_eq!(rate.left(1000, at(50)), Some(Duration::from_secs(150)));
         assert_eq!(rate.left(400, at(50)), Some(Duration::ZERO));
-    }
-
-    #[test]
-    fn without_a_step_done_the_time_left_is_unknown() {
-        let begun = Instant::now();
+        // Without a step done it is unknown. After a lost worker the step goes back.
         let mut rate = Rate::default();
         assert_eq!(rate.left(1000, begun), None);
-        rate.note(200, begun);
-        assert_eq!(rate.left(1000, begun + Duration::from_secs(5)), None);
-        // The same step twice in a row is that of the slowest worker.
-        rate.note(200, begun + Duration::from_secs(5));
-        assert_eq!((rate.left(1000, begun + Duration::from_secs(5)), rate.per_second()), (None, None));
-        // After a lost worker.
-        rate.note(100, begun + Duration::from_secs(6));
-        assert_eq!(rate.left(1000, begun + Duration::from_secs(7)), None);
+        for (steps, second) in [(200, 0), (200, 5), (100, 6)] {
+            rate.note(steps, at(second));
+            assert_eq!((rate.left(1000, at(second)), rate.per_second()), (None, None), "{second} s");
+        }
     }
 }

@@ -29,7 +29,6 @@ pub enum Part {
     Relay(Relay),
 }
 
-/// Joins the MPI job that this process was started in.
 pub fn join_the_job() -> Result<Part> {
     let post = Post::open()?;
     ensure!(
@@ -39,6 +38,6 @@ pub fn join_the_job() -> Result<Part> {
     );
     Ok(match post.rank {
         0 => Part::Coordinator(Ranks::new(post)?),
-        _ => Part::Relay(Relay::new(post)),
+        _ => Part::Relay(Relay(post)),
     })
 }

@@ -78,10 +78,8 @@ pub(super) enum Letter {
 /// How a frame comes with its letter: what the receiver must know to receive it.
 #[derive(Debug, Serialize, Deserialize)]
 struct Enclosed {
-    /// Number of bytes.
     length: usize,
-    /// Ranks that receive it together in one broadcast of rank 0, which is the first of them. `None`: it comes right
-    /// after the letter.
+    /// Ranks of the broadcast in which it comes, rank 0 first. `None`: it comes right after the letter.
     together: Option<Vec<Rank>>,
 }
 

@@ -40,7 +40,6 @@ pub struct Ranks {
     logs: Option<Directory>,
 }
 
-/// A rank that is prepared for a run.
 pub struct Prepared {
     pub rank: usize,
     pub host: String,
@@ -55,7 +54,6 @@ pub struct Job<'a> {
     pub directory: &'a Directory,
     /// Folder of the run directory with the files that workers need.
     pub networks: &'a str,
-    /// Agents of each worker.
     pub agents: Vec<Range<usize>>,
     /// Longest time that a rank may take to prepare.
     pub patience: Duration,
@@ -74,14 +72,14 @@ impl Ranks {
         self.table.borrow().relays().count()
     }
 
-    /// Sends all ranks what they need for a run, and waits until they are prepared. Returns them, and the config that
-    /// their workers need.
+    /// Sends all ranks what they need for a run, and waits for them. Returns them, and the config for their workers.
     pub fn prepare(&mut self, job: Job) -> Result<(Vec<Prepared>, RunConfig)> {
         let config = from_the_run_directory(job.config, job.directory)?;
         self.logs = Some(job.directory.clone());
         let mut table = self.table.borrow_mut();
         let files = SharedFiles::read(&config, job.directory, job.networks, table.watch.address())?;
-        table.workers = job.agents.into_iter().map(RemoteWorker::of).collect();
+        let worker = |agents| RemoteWorker { agents, ..RemoteWorker::default() };
+        table.workers = job.agents.into_iter().map(worker).collect();
         let all: Vec<usize> = table.relays().collect();
         table.post(&all, Letter::Prepare, Some(Frame::new(encode(&files)?)));
         let begun = Instant::now();
@@ -156,7 +154,6 @@ impl Drop for Ranks {
     }
 }
 
-/// The other end of a link to a worker on another rank.
 struct RankLink {
     table: Rc<RefCell<Table>>,
     worker: usize,
@@ -211,7 +208,6 @@ struct Table {
     workers: Vec<RemoteWorker>,
 }
 
-/// A rank.
 #[derive(Default)]
 struct Member {
     /// Name of its machine, and what computes there, once it is prepared.
@@ -221,6 +217,7 @@ struct Member {
     has_ended: bool,
 }
 
+#[derive(Default)]
 struct RemoteWorker {
     agents: Range<usize>,
     /// Frames that are not posted yet.
@@ -232,14 +229,7 @@ struct RemoteWorker {
     how: Option<String>,
 }
 
-impl RemoteWorker {
-    fn of(agents: Range<usize>) -> RemoteWorker {
-        RemoteWorker { agents, outgoing: VecDeque::new(), news: VecDeque::new(), log: None, how: None }
-    }
-}
-
 impl Table {
-    /// Returns all other ranks.
     fn relays(&self) -> Range<usize> {
         1..self.members.len()
     }
@@ -261,7 +251,6 @@ impl Table {
         }
     }
 
-    /// Returns what a rank owned, for people.
     fn its_workers(&self, rank: usize) -> String {
         let names = self.workers_of(rank).map(|worker| names_of(worker, &self.workers[worker].agents));
         format!("it owned {}", names.collect::<Vec<_>>().join(", "))
@@ -274,8 +263,7 @@ impl Table {
         self.post.as_ref().expect("it is only taken at the end").send(Outgoing { to, letter, frame, together });
     }
 
-    /// Posts all frames that links have sent. A frame that is the next one for several workers is sent to each rank
-    /// once.
+    /// Posts all frames that links have sent. A rank gets a frame once, however many of its workers it is for.
     fn deliver(&mut self) {
         while let Some(first) = self.workers.iter().position(|worker| !worker.outgoing.is_empty()) {
             let frame = self.workers[first].outgoing[0].clone();
@@ -291,7 +279,6 @@ impl Table {
         }
     }
 
-    /// Takes in all letters that have come.
     fn read(&mut self) -> Result<()> {
         while let Some(received) = self.post.as_ref().and_then(Post::next) {
             self.take_in(received)?;

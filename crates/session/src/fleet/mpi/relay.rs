@@ -14,7 +14,7 @@ use super::shared_files::SharedFiles;
 use super::watch::ParentWatch;
 use crate::fleet::channel::{decode, receive_frame};
 use crate::fleet::children::{ChildProcess, log_of};
-use crate::fleet::link::{Frame, News};
+use crate::fleet::link::{Frame, Link, News};
 use crate::fleet::log::Log;
 use dials_core::outside::{Directory, temporary_dir};
 
@@ -23,9 +23,7 @@ const LOOK: Duration = Duration::from_millis(200);
 /// Longest part of a log that one letter carries, in bytes.
 const LONGEST_PART: u64 = 64 << 10;
 
-pub struct Relay {
-    post: Post,
-}
+pub struct Relay(pub(super) Post);
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum End {
@@ -36,15 +34,9 @@ pub enum End {
 }
 
 impl Relay {
-    pub(super) fn new(post: Post) -> Relay {
-        Relay { post }
-    }
-
-    /// Does what rank 0 orders until it says that the run has ended, or ends itself.
-    ///
-    /// `describe`: describes what computes here, for the config that it gets as JSON.
+    /// Does what rank 0 orders until the run or rank 0 ends. `describe`: says what computes here, for a config as JSON.
     pub fn serve(self, describe: impl Fn(&str) -> Result<String>) -> End {
-        let post = self.post;
+        let post = self.0;
         let mut team: Option<LocalTeam> = None;
         loop {
             thread::park_timeout(LOOK);
@@ -93,7 +85,6 @@ impl Relay {
     }
 }
 
-/// Workers of this rank, and their files.
 struct LocalTeam {
     workers: BTreeMap<usize, LocalWorker>,
     watch: Option<ParentWatch>,
@@ -104,7 +95,7 @@ struct LocalTeam {
 
 /// A worker process whose reports stay encoded.
 struct LocalWorker {
-    process: ChildProcess<Vec<u8>>,
+    process: Box<ChildProcess<Vec<u8>>>,
     /// Its log, read up to what rank 0 knows.
     log: File,
 }
@@ -134,7 +125,7 @@ impl LocalTeam {
         let process = ChildProcess::spawn(worker, log, Some(self.files.path()), |stream| receive_frame(stream))?;
         let path = self.files.path().join(name);
         let log = File::open(&path).with_context(|| format!("{}: cannot be read", path.display()))?;
-        self.workers.insert(worker, LocalWorker { process, log });
+        self.workers.insert(worker, LocalWorker { process: Box::new(process), log });
         Ok(())
     }
 

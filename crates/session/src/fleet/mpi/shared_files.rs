@@ -13,7 +13,6 @@ use dials_core::outside::Directory;
 /// Longest file that is sent. A network of 10 000 intersections has under 1 GiB.
 const LONGEST: u64 = 8 << 30;
 
-/// What a relay needs for a run.
 #[derive(Serialize, Deserialize)]
 pub(super) struct SharedFiles {
     /// Config whose paths lead from the folder in which the files are written.
@@ -58,7 +57,6 @@ impl SharedFiles {
         Ok(SharedFiles { config_json: serde_json::to_string(config)?, files, rank_0 })
     }
 
-    /// Writes the files into a folder of this machine.
     pub(super) fn write(&self, place: &Path) -> Result<()> {
         for SharedFile { folder, name, bytes } in &self.files {
             let folder = place.join(folder);
@@ -67,35 +65,5 @@ impl SharedFiles {
             written.with_context(|| format!("{}: cannot be written", path.display()))?;
         }
         Ok(())
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use crate::domains::DomainConfig;
-    use dials_traffic::config::{TrafficConfig, TrafficTable};
-
-    #[test]
-    fn networks_and_their_paths_arrive_in_another_folder() {
-        let [here, there] = [(); 2].map(|()| tempfile::tempdir().unwrap());
-        fs::create_dir(here.path().join("networks")).unwrap();
-        fs::write(here.path().join("networks/global.net.xml"), b"net").unwrap();
-        let directory = Directory::open(here.path()).unwrap();
-        let networks = ["global", "local"].map(|name| here.path().join("networks").join(name));
-        let [global, local] = networks;
-        let traffic = TrafficConfig::new(global, local);
-        let config =
-            RunConfig { domain: Some(DomainConfig::Traffic(TrafficTable::Grid(traffic))), ..RunConfig::default() };
-
-        let config = from_the_run_directory(&config, &directory).unwrap();
-        let shared = SharedFiles::read(&config, &directory, "networks", Address::default()).unwrap();
-        shared.write(there.path()).unwrap();
-
-        let mut arrived: RunConfig = serde_json::from_str(&shared.config_json).unwrap();
-        let paths: Vec<_> =
-            arrived.domain.iter_mut().flat_map(|domain| domain.table_mut().paths()).map(|(_, path)| &*path).collect();
-        assert_eq!(paths, [Path::new("networks/global"), Path::new("networks/local")]);
-        assert_eq!(fs::read(there.path().join("networks/global.net.xml")).unwrap(), b"net");
     }
 }

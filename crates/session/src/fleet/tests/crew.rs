@@ -10,7 +10,7 @@ use anyhow::Result;
 
 use super::lies::lies;
 use crate::fleet::MostGrowth;
-use crate::fleet::in_process::{InProcess, InProcessLink};
+use crate::fleet::in_process::InProcess;
 use crate::fleet::link::{Crew, Link, News};
 use dials_core::domain::Domain;
 use dials_learn::observer::Silent;
@@ -19,7 +19,6 @@ use dials_learn::observer::Silent;
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) enum Fate {
     Dies,
-    /// The worker says nothing more.
     Hangs,
     /// The worker sends the message of this number in [`lies`] and then hangs.
     Lies(usize),
@@ -40,7 +39,6 @@ pub(super) struct TestCrew {
 pub(super) struct TestWorker {
     process: InProcess,
     fate: Option<FateAt>,
-    /// Number of frames so far.
     frames: usize,
     has_ended: bool,
 }
@@ -48,7 +46,7 @@ pub(super) struct TestWorker {
 impl Crew for TestCrew {
     fn start(&mut self, worker: usize) -> Result<Box<dyn Link>> {
         let process = InProcess::new(self.domain.clone(), Rc::new(Silent));
-        let link = InProcessLink(process.mailbox.clone());
+        let link = process.mailbox.clone();
         let fate = self.fates[worker].pop();
         self.running.insert(worker, TestWorker { process, fate, frames: 0, has_ended: false });
         Ok(Box::new(link))

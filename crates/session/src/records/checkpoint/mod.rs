@@ -7,7 +7,7 @@
 //!
 //! Nothing is restored from a file that does not fit the run in every way:
 //!
-//! - [`content`]: the bytes of the file, under one digest.
+//! - a digest: the bytes are those that were written.
 //! - [`owner`]: the run that it belongs to: what of the config and of the scenario may have changed since.
 //! - [`fits`](dials_learn::state::fits): sizes, actions, trails and counts, each of which follows from the config.
 //!
@@ -25,21 +25,21 @@
 //! **Why several, and not the last one?** The growing files of a run, such as `returns.csv`, may have lost bytes that
 //! the newest checkpoint counts on. Then an earlier one still fits.
 
-pub mod content;
 pub mod owner;
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, HashMap};
+use std::fmt::Write;
 use std::path::Path;
 
 use anyhow::{Context, Result, ensure};
-use safetensors::tensor::Dtype;
+use safetensors::tensor::{Dtype, SafeTensors, TensorView};
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
+use sha2::{Digest, Sha256};
 
 use super::files;
 use super::growing::Mark;
 use crate::config::resume::{from_json, to_json};
-use content::{Tensors, flat, seal, unseal};
 use dials_core::base::{AgentId, Dice, Ragged};
 use dials_core::outside::Directory;
 use dials_learn::algorithms::{self, Layout, Tables};
@@ -53,7 +53,6 @@ use owner::{NotOfThisRun, Owner};
 pub(crate) const KEPT: usize = 3;
 /// Largest file. That of 10 000 agents with 100 000 parameters each is smaller.
 const LARGEST_FILE: u64 = 32 << 30;
-/// Name of the format.
 const FORMAT: &str = "dials-traffic checkpoint 1";
 
 /// State of a run after a period.
@@ -63,7 +62,6 @@ pub struct Checkpoint {
     pub progress: RunProgress,
 }
 
-/// State of the schedule and of the files of the run.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct RunProgress {
@@ -79,10 +77,8 @@ pub struct RunProgress {
 #[serde(deny_unknown_fields)]
 struct Metadata {
     format: String,
-    /// Version of this program that wrote the file.
     version: String,
     steps: u64,
-    /// The config and the scenario that the run had.
     config: Value,
     scenario: Value,
     progress: RunProgress,
@@ -92,8 +88,7 @@ const POLICIES: &str = "policies";
 const AIPS: &str = "aips";
 /// Beginning of the names of the learners' tables.
 const LEARNERS: &str = "learners.";
-/// Name of what is no table of numbers, in postcard's format: all agents' streams, and the dice and counts of the
-/// learners.
+/// Name of what is no table of numbers, in postcard's format: the agents' streams, the learners' dice and counts.
 const STREAMS: &str = "streams";
 type Streams = (Vec<AgentStream>, BTreeMap<String, Vec<Vec<Dice>>>, BTreeMap<String, u64>);
 
@@ -129,8 +124,7 @@ pub(crate) fn remove_old(folder: &Directory) -> Result<()> {
 }
 
 impl Checkpoint {
-    /// Reads a checkpoint of a run. The error about a damaged one says what to do. One that is not of this run is a
-    /// [`NotOfThisRun`].
+    /// Reads a checkpoint of a run. Errors say what to do; that of a checkpoint of another run is a [`NotOfThisRun`].
     pub fn read(folder: &Directory, name: &str, owner: &Owner) -> Result<Checkpoint> {
         let bytes = folder.read(name, LARGEST_FILE)?.unwrap_or_default();
         let read = || {
@@ -200,6 +194,58 @@ impl Checkpoint {
     }
 }
 
+// The metadata of the file has two keys. `checkpoint` is the text of a JSON object. `digest` is the SHA-256 of that text and
+// of each tensor's name, type, shape and bytes: a file that was changed anywhere is an error, or read as if it had not been.
+const TEXT: &str = "checkpoint";
+const DIGEST: &str = "digest";
+
+pub type Tensors<'a> = BTreeMap<String, TensorView<'a>>;
+
+/// Makes a tensor of one dimension.
+pub fn flat(dtype: Dtype, bytes: &[u8]) -> Result<TensorView<'_>> {
+    Ok(TensorView::new(dtype, vec![bytes.len() / (dtype.bitsize() / 8)], bytes)?)
+}
+
+/// Returns the metadata of a checkpoint with this text and these tensors.
+pub fn seal(text: String, tensors: &Tensors<'_>) -> HashMap<String, String> {
+    let digest = digest(&text, tensors);
+    HashMap::from([(TEXT.to_owned(), text), (DIGEST.to_owned(), digest)])
+}
+
+/// Reads the text and the tensors of a checkpoint with the metadata of [`seal`].
+fn unseal(bytes: &[u8]) -> Result<(Value, Tensors<'_>)> {
+    let file = SafeTensors::deserialize(bytes).context("it is cut short, or not a safetensors file")?;
+    let (_, header) = SafeTensors::read_metadata(bytes)?;
+    let metadata = header.metadata().as_ref().context("it is not a checkpoint")?;
+    let text = metadata.get(TEXT).context("it is not a checkpoint")?;
+    let about: Value = serde_json::from_str(text).context("its metadata is damaged")?;
+    ensure!(about["format"] == FORMAT, "it is not a checkpoint of this version of dials-traffic");
+    let tensors = file.tensors().into_iter().collect();
+    let sealed = metadata.get(DIGEST).context("it has no digest")?;
+    ensure!(digest(text, &tensors) == *sealed, "its digest is wrong: it is damaged");
+    ensure!(metadata.len() == 2, "it has metadata that no checkpoint has");
+    Ok((about, tensors))
+}
+
+/// Every field is preceded by its length, so that no two checkpoints give the same bytes to the digest.
+fn digest(text: &str, tensors: &Tensors<'_>) -> String {
+    let mut hasher = Sha256::new();
+    let mut field = |bytes: &[u8]| {
+        hasher.update((bytes.len() as u64).to_le_bytes());
+        hasher.update(bytes);
+    };
+    field(text.as_bytes());
+    for (name, tensor) in tensors {
+        field(name.as_bytes());
+        field(format!("{:?} {:?}", tensor.dtype(), tensor.shape()).as_bytes());
+        field(tensor.data());
+    }
+    hasher.finalize().iter().fold("sha256:".to_owned(), |mut text, byte| {
+        write!(text, "{byte:02x}").expect("a String takes everything");
+        text
+    })
+}
+
 /// Checks that there are tables with these names, the streams, and nothing else.
 fn check_names(tensors: &Tensors<'_>, tables: impl Iterator<Item = String>) -> Result<()> {
     let expected: BTreeMap<String, Dtype> =
@@ -217,7 +263,6 @@ fn check_names(tensors: &Tensors<'_>, tables: impl Iterator<Item = String>) -> R
     Ok(())
 }
 
-/// Returns a table with rows of these widths.
 fn rows(tensors: &Tensors<'_>, name: &str, widths: &[usize]) -> Result<Ragged<f32>> {
     let values = tensors[name].data().as_chunks::<4>().0;
     let expected: usize = widths.iter().sum();
@@ -231,7 +276,6 @@ fn rows(tensors: &Tensors<'_>, name: &str, widths: &[usize]) -> Result<Ragged<f3
     Ok(Ragged::from_vec(values, widths.iter().copied()).expect("their number was compared"))
 }
 
-/// Returns the name of the checkpoint at this number of timesteps per agent.
 fn name_of(steps: u64) -> String {
     format!("step_{steps:012}.safetensors")
 }
@@ -261,11 +305,16 @@ mod tests {
     use super::*;
     use dials_testkit::toy::Coins;
 
-    #[test]
-    fn the_newest_three_are_kept_and_names_are_compared_as_numbers() {
+    fn place() -> (tempfile::TempDir, Directory, Owner) {
         let dir = tempfile::tempdir().unwrap();
         let owner = Owner::of(&crate::config::RunConfig::default(), &Coins::new(4)).unwrap();
         let folder = Directory::open(dir.path()).unwrap();
+        (dir, folder, owner)
+    }
+
+    #[test]
+    fn the_newest_three_are_kept_and_names_are_compared_as_numbers() {
+        let (_dir, folder, owner) = place();
         for steps in [900, 1_000, 20_000, 999_999_999_999, 1_000_000_000_000] {
             let agents = AgentsState { steps, ..AgentsState::nobody() };
             write(&folder, &owner, &agents, RunProgress::default()).unwrap();
@@ -275,11 +324,9 @@ mod tests {
 
     #[test]
     fn a_damaged_checkpoint_that_is_the_only_one_says_so() {
-        let dir = tempfile::tempdir().unwrap();
-        let owner = Owner::of(&crate::config::RunConfig::default(), &Coins::new(4)).unwrap();
-        std::fs::write(dir.path().join(name_of(128)), "mine").unwrap();
-        let read = Checkpoint::read(&Directory::open(dir.path()).unwrap(), &name_of(128), &owner);
-        let error = format!("{:#}", read.err().unwrap());
+        let (_dir, folder, owner) = place();
+        folder.write(&name_of(128), b"mine").unwrap();
+        let error = format!("{:#}", Checkpoint::read(&folder, &name_of(128), &owner).err().unwrap());
         assert!(error.contains(", and there is no checkpoint before it; put it back from a copy"), "{error}");
     }
 }

@@ -21,8 +21,7 @@ pub struct Owner {
     pub(crate) kinds: Kinds,
 }
 
-/// A checkpoint that is sound, but not of this run as it is now. A usage error: the message says what differs, and the
-/// way out.
+/// A sound checkpoint, but not of this run as it is now. A usage error that says what differs, and the way out.
 #[derive(Debug, thiserror::Error)]
 #[error("{0}")]
 pub struct NotOfThisRun(pub String);
@@ -33,8 +32,7 @@ impl Owner {
         Ok(Owner { config: config.clone(), scenario, kinds: domain.kinds().clone() })
     }
 
-    /// Returns an error if the `run.json` in `dir` describes another seed or scenario. A run without a checkpoint begins
-    /// again, but as the run that was described.
+    /// Checks that the `run.json` in `dir` describes this seed and scenario, for a run that begins again.
     pub(crate) fn check_described(&self, dir: &Path) -> Result<()> {
         let about = RunJson::read(dir)?;
         let [then, now] = [about.seed, self.config.learning.seed].map(|seed| json!({ "seed": seed }));
@@ -42,9 +40,7 @@ impl Owner {
         refuse(Some(dir), &found, TO_RESUME)
     }
 
-    /// Returns an error if the networks or the domain's keys are other ones than `run.json` in `dir` says. Policies that
-    /// were trained on those are not for these. The rules of the environment may be those of another version of this
-    /// program: whoever scores the policies says so.
+    /// Checks that the networks and the domain's keys are those of the `run.json` in `dir`. The rules may be others.
     pub(crate) fn check_unchanged(&self, dir: &Path) -> Result<()> {
         let mut found = self.changes_since(dir, &RunJson::read(dir)?)?;
         found.retain(|difference| !difference.key.starts_with("scenario.rules."));
@@ -65,14 +61,12 @@ impl Owner {
         Ok(found)
     }
 
-    /// Lists what differs from another scenario.
     fn differences_from(&self, scenario: &Value) -> Vec<Difference> {
         let differing = differing_json(scenario, &self.scenario).into_iter();
         differing.map(|found| Difference { key: format!("scenario.{}", found.key), ..found }).collect()
     }
 
-    /// Returns an error if training with `config` and on `scenario` cannot continue as this run. `until`: the step that
-    /// it has come to.
+    /// Checks that training with `config` on `scenario`, which has come to the step `until`, can continue as this run.
     pub(crate) fn check(&self, config: &RunConfig, scenario: &Value, until: u64) -> Result<()> {
         let mut found = differences(config, &self.config);
         found.extend(self.differences_from(scenario));
@@ -88,10 +82,12 @@ impl Owner {
     }
 }
 
-/// Returns an error if the domain's keys or the contents of the networks are other ones than `about`, the `run.json` in
-/// `dir`, says. For readers of the figures alone, who need neither the domain nor the networks. `config`: that of the run.
+/// Like [`Owner::check_unchanged`], for readers of figures, who need neither the domain nor the networks.
 pub(crate) fn check_kept(dir: &Path, config: &RunConfig, about: &RunJson) -> Result<()> {
-    let found = [about.kept.changed_keys(config)?, about.kept.changed_contents(dir)?].concat();
+    let mut found = about.kept.changed_keys(config)?;
+    // A copy of a run may leave out the networks.
+    let is_there = |difference: &Difference| difference.then.is_some() && difference.now.is_some();
+    found.extend(about.kept.changed_files(dir)?.into_iter().filter(is_there));
     refuse(Some(dir), &found, TO_READ)
 }
 
