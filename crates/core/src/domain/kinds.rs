@@ -22,7 +22,7 @@ pub struct Kind {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Place {
     pub kind: usize,
-    pub row: usize,
+    pub(crate) row: usize,
 }
 
 /// The kinds of a domain. Every agent belongs to exactly one of them; kinds may interleave.
