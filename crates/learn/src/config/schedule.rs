@@ -110,34 +110,6 @@ mod tests {
         .unwrap()
     }
 
-    fn bounds(config: &Config) -> Vec<(u64, u64, bool, bool)> {
-        let trains = |period: &Period| match period.train_aips {
-            AipTraining::No => false,
-            AipTraining::Yes => true,
-            AipTraining::IfDrifted => panic!("this config does not use drift"),
-        };
-        schedule(config).iter().map(|p| (p.start, p.end, trains(p), p.evaluate)).collect()
-    }
-
-    #[test]
-    fn periods_end_where_aips_are_retrained_or_policies_evaluated() {
-        assert_eq!(
-            bounds(&config("dials", 250, 100, 60)),
-            [
-                (0, 60, true, true),
-                (60, 100, false, true),
-                (100, 120, true, false),
-                (120, 180, false, true),
-                (180, 200, false, true),
-                (200, 240, true, false),
-                (240, 250, false, true),
-            ]
-        );
-        for simulator in ["gs", "untrained-dials"] {
-            assert_eq!(bounds(&config(simulator, 100, 10, 50)), [(0, 50, false, true), (50, 100, false, true)]);
-        }
-    }
-
     #[test]
     fn policies_are_evaluated_before_aips_are_trained_at_the_same_update() {
         let mut config = config("dials", 400, 65, 70);
