@@ -144,16 +144,6 @@ mod tests {
     }
 
     #[test]
-    fn kinds_may_interleave_and_every_agent_is_found() {
-        let kinds = Kinds::new(vec![kind("a", 5, &[0, 2]), kind("b", 5, &[1, 3, 4])]).unwrap();
-        let places = AgentId::all(5).into_iter().map(|agent| kinds.place(agent)).map(|place| (place.kind, place.row));
-        assert_eq!(places.collect::<Vec<_>>(), [(0, 0), (1, 0), (0, 1), (1, 1), (1, 2)]);
-        assert_eq!([kinds.prefix(&kinds[0]), kinds.prefix(&kinds[1])], ["a.", "b."]);
-        let one = Kinds::one(3, kind("x", 7, &[]).spec);
-        assert_eq!((one.agents(), one.count(), one.prefix(&one[0])), (3, 1, String::new()));
-    }
-
-    #[test]
     fn what_does_not_partition_the_agents_is_refused() {
         for (kinds, reason) in [
             (vec![], "at least one kind"),
