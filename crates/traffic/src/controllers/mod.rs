@@ -217,19 +217,6 @@ mod tests {
     use super::*;
     use examples::{crossing, middle};
 
-    fn error(name: &str) -> String {
-        recipe(name, &[middle()]).err().unwrap_or_else(|| panic!("{name} is taken")).to_string()
-    }
-
-    #[test]
-    fn unknown_names_get_the_list_and_bad_numbers_the_reason() {
-        let list = "unknown; one of random, never, always, switch-every-K, program, actuated, gap-out";
-        assert!(error("fixed").contains(list), "{}", error("fixed"));
-        for name in ["switch-every-0", "switch-every-", "switch-every-ten"] {
-            assert!(error(name).contains("K must be a number of steps"));
-        }
-    }
-
     #[test]
     fn only_lights_that_go_by_the_clock_read_a_file() {
         let file = |text: &'static str| file_of(text).unwrap().map(|path| path.to_str().unwrap());
@@ -239,16 +226,18 @@ mod tests {
     }
 
     #[test]
-    fn parameters_that_a_controller_does_not_have_get_the_list_too() {
+    fn bad_numbers_and_parameters_that_a_controller_does_not_have_get_the_reason() {
         for (text, why) in [
+            ("switch-every-0", "K must be a number of steps, at least 1, as in switch-every-10"),
+            ("switch-every-", "K must be a number of steps, at least 1, as in switch-every-10"),
             ("max-pressure:green=5", "has no parameter `green`; it takes min-green, max-green"),
-            ("gap-out:green=5", "has no parameter `green`; it takes max-green"),
             ("longest-queue:min-green=0", "min-green = 0: must be a whole number from 1 to 3600"),
             ("fixed-time:green", "`green` is not a parameter; write key=value"),
             ("max-pressure:min-green=20,max-green=10", "min-green = 20: must be at most max-green, 10"),
             ("max-pressure:min-green=5,min-green=6", "min-green is given twice"),
         ] {
-            assert_eq!(error(text), format!("controller `{text}`: {why}"));
+            let error = recipe(text, &[middle()]).err().unwrap_or_else(|| panic!("{text} is taken"));
+            assert_eq!(error.to_string(), format!("controller `{text}`: {why}"));
         }
     }
 

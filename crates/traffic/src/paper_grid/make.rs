@@ -78,15 +78,3 @@ fn without_comment(net: &str) -> String {
         _ => net.to_owned(),
     }
 }
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn only_the_comment_of_netconvert_is_taken_away() {
-        let net = "<?xml?>\n\n<!-- generated on a day\n-->\n\n<net>\n<!-- ours -->\n</net>\n";
-        assert_eq!(without_comment(net), "<?xml?>\n\n<net>\n<!-- ours -->\n</net>\n");
-        assert_eq!(without_comment("<net><!-- ours --></net>"), "<net><!-- ours --></net>");
-    }
-}
