@@ -79,7 +79,6 @@ pub fn tune(
     Ok(TimingFile::new(plans, &found, score(mean), wanted))
 }
 
-/// Plays an episode and returns the rewards of all agents together.
 fn play(gs: &mut GlobalTraffic, episode: Seed, horizon: usize) -> Result<f64> {
     gs.reset(episode)?;
     let keep = vec![KEEP; gs.agents()];

@@ -33,7 +33,6 @@ impl<'a> Arguments<'a> {
         Arguments { text, name, left, known: Vec::new() }
     }
 
-    /// Returns the value of a parameter; `None` if it was not given.
     pub(crate) fn take(&mut self, key: &'static str) -> Result<Option<&'a str>> {
         self.known.push(key);
         let value = |parameter: &&'a str| parameter.split_once('=').filter(|&(name, _)| name == key);

@@ -46,7 +46,6 @@ impl GreenLimits {
         Ok(GreenLimits { least: 0, most })
     }
 
-    /// Returns the limits that these lights have if no parameter says otherwise.
     pub(super) fn usual(plans: &[AgentPlan]) -> GreenLimits {
         GreenLimits { most: (!are_of_a_grid(plans)).then_some(MOST), ..GreenLimits::default() }
     }

@@ -64,7 +64,6 @@ pub(crate) struct LightTiming {
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct TunedOn {
-    /// Name of the controller: `fixed-time` or `coordinated`.
     pub(crate) controller: String,
     /// Name of the network, without its folder, because the folder can change.
     pub network: String,

@@ -56,7 +56,6 @@ impl Webster {
         Ok(traffic.plans().iter().zip(&ratios).map(|(plan, ratios)| timing(plan, ratios)).collect())
     }
 
-    /// Measures the flows and returns the flow ratios of the greens of each light.
     pub(crate) fn ratios(&self, traffic: &Traffic) -> Result<Vec<FlowRatios>> {
         let plans = traffic.plans();
         let Flows { cars, seconds } = if are_of_a_grid(plans) {

@@ -130,7 +130,6 @@ impl<'a> Cut<'a> {
         }
     }
 
-    /// Returns whether an edge is a road of the region or a part of one of its junctions.
     fn keeps(&self, edge: EdgeNo) -> bool {
         let road = self.source.roads.edge(edge);
         match road.function {

@@ -69,7 +69,6 @@ pub(crate) fn cut_all(scenario: &SumoScenario, derived: &Derived) -> Result<Vec<
     Ok(nets)
 }
 
-/// Returns the text of an additional file with the vehicle types of a scenario.
 pub(crate) fn types_of(scenario: &SumoScenario) -> String {
     types(&kinds(scenario))
 }

@@ -20,7 +20,6 @@ pub fn write_grid(grid: Grid, inflow: impl Into<Inflow>, dir: &Path) -> Result<N
     write_network(&format!("grid_{grid}"), grid, Some(&inflow), dir)
 }
 
-/// Writes the network `local` into `dir`: one intersection, no flows.
 pub fn write_local(dir: &Path) -> Result<NetworkFiles> {
     write_network("local", Grid::SINGLE, None, dir)
 }

@@ -20,7 +20,6 @@ const MEASURES: &str = "edgeData laneData inductionLoop e1Detector instantInduct
 /// Elements that may stand in the root of a net. The last one is an area in the picture.
 const IN_A_NET: &str = "location type edge tlLogic junction connection roundabout prohibition param poly";
 
-/// Elements that may stand in the root of other files.
 const IN_OTHERS: &str =
     "vType vTypeDistribution route routeDistribution vehicle trip flow taz tlLogic param location poly poi";
 

@@ -60,7 +60,6 @@ impl Lights {
         self.show(simulation, &changed)
     }
 
-    /// Writes what all lights show into `shown`, one per row.
     fn read(&mut self, simulation: &mut Simulation, shown: &mut [Shown]) -> Result<()> {
         shown.iter_mut().zip(&self.signals).for_each(|(shown, signal)| *shown = signal.shown());
         let rows: Vec<usize> = (0..shown.len()).filter(|&row| self.by_program[row].is_some()).collect();

@@ -22,7 +22,6 @@ impl Tape {
         self.with(Option::take)
     }
 
-    /// Puts a recording back on the tape from which it was taken.
     pub fn put_back(&self, recording: Recording) {
         self.with(|tape| *tape = Some(recording));
     }

@@ -35,7 +35,6 @@ pub struct Visit {
     pub way: Vec<String>,
     /// Road behind the region. `None`: its trip ends here.
     pub next_road: Option<String>,
-    /// Index into [`Visits::drivers`].
     pub driver: usize,
 }
 
@@ -49,12 +48,10 @@ impl Visits {
     }
 }
 
-/// What is known of a car since it departed.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Driver {
     pub name: String,
     pub(crate) vehicle_type: String,
-    /// SUMO's class of this type.
     pub(crate) vehicle_class: String,
     /// Desired speed as a share of the limit.
     pub(crate) speed_factor: f64,

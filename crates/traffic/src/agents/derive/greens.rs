@@ -63,7 +63,6 @@ impl<'a> Greens<'a> {
         Greens { program, cars, states, of_phase }
     }
 
-    /// Returns the greens, in the order of the program.
     pub(crate) fn states(&self) -> &[SignalState] {
         &self.states
     }

@@ -7,7 +7,6 @@ use dials_core::base::counted;
 
 const MOST_NAMES: usize = 5;
 
-/// A light that does not learn. It shows its own program.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Keeping {
     pub light: String,

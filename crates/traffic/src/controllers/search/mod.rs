@@ -97,7 +97,6 @@ impl<'a> Judge<'a> {
     }
 }
 
-/// Sorts by the mean. Of equals, the first stays first.
 fn best_first<T>(played: &mut [Played<T>]) {
     played.sort_by(|(_, one), (_, other)| mean(other).total_cmp(&mean(one)));
 }

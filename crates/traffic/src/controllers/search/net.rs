@@ -57,7 +57,6 @@ pub(crate) fn search(
     walk(plans, best, earned, judge)
 }
 
-/// Changes a candidate as long as that earns more.
 fn walk(
     plans: &[AgentPlan],
     mut best: Candidate,
@@ -150,7 +149,6 @@ impl Candidate {
         ClockPlan { timings: self.timings.clone(), leeway: self.leeway.unwrap_or(Leeway::NONE) }
     }
 
-    /// Returns all changes that the walk tries, one of each light in turn.
     fn changes(&self) -> Vec<Change> {
         let mut found: Vec<Change> = CYCLE_CHANGES.into_iter().map(Change::Cycle).collect();
         found.extend(self.leeway.iter().flat_map(|_| LEEWAY_CHANGES).map(|(early, late)| Change::Leeway(early, late)));

@@ -31,7 +31,6 @@ const VIEW: &str = "view.xml";
 
 const WATCHING_DELAY_MS: u32 = 100;
 
-/// Returns the configuration for `sumo -c` and `sumo-gui -c` in the folder of a replay.
 pub fn config_in(dir: &Path) -> PathBuf {
     NetworkFiles::of(&dir.join(NAME)).config
 }
