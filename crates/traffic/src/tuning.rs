@@ -14,7 +14,6 @@ use dials_core::domain::GlobalSimulator;
 use libsumo::Simulation;
 
 impl TunedOn {
-    /// Returns what a tuning of `controller` on `traffic` would depend on.
     pub fn of(traffic: &Traffic, controller: &str, episodes: usize, seed: u64) -> Result<TunedOn> {
         let (network, checksum) = traffic.network.identity();
         Ok(TunedOn {

@@ -14,7 +14,6 @@ use super::timing_file::TimingFile;
 use crate::agents::plan::AgentPlan;
 use dials_core::outside::Printable;
 
-/// Possible lengths of a green, in steps.
 pub(super) const GREENS: RangeInclusive<u32> = 1..=3600;
 
 /// A controller's name with its parameters. The controller takes the parameters one by one.

@@ -79,7 +79,6 @@ pub(crate) fn middle() -> AgentPlan {
     grid(1, 3).swap_remove(1)
 }
 
-/// Returns the plans of the paper's grid of this shape.
 pub(crate) fn grid(rows: usize, cols: usize) -> Vec<AgentPlan> {
     plans(Grid::new(rows, cols).expect("a grid"), &TrafficConfig::new("", ""))
 }

@@ -1,8 +1,7 @@
 //! Hand-coded controllers of traffic lights: baselines for policies, and control of the lights around the agents.
 //!
-//! All but SUMO's own programs are [`LightController`]s. They live in the GS and see its
-//! [`Intersections`], which is more than a policy observes. They say which green each light should show. Their lights
-//! obey the same rules as those of policies, so yellow comes before it.
+//! All but SUMO's own programs are [`LightController`]s. They live in the GS and see its [`Intersections`], which is
+//! more than a policy observes. They say which green each light should show; yellow comes before it by itself.
 //!
 //! To add one, implement the trait, or write a function of one [`Intersection`] and wrap it in [`Each`]. Then give it a
 //! name in [`recipe`] and [`NAMES`]. A program of its own needs no name: it passes its controller to
@@ -74,7 +73,6 @@ pub(crate) fn ask(controller: &mut dyn LightController, intersections: &Intersec
 pub enum HandCoded {
     /// The program of each light in its net.
     OwnProgram,
-    /// SUMO's own actuated program.
     Actuated,
     Rule(Box<dyn LightController>),
 }
@@ -102,9 +100,7 @@ pub const NAMES: &[&str] = &[
 ];
 
 pub(crate) const PROGRAM: &str = "program";
-/// Name of the lights that follow a clock whatever the traffic.
 pub const FIXED_TIME: &str = "fixed-time";
-/// Name of the lights that follow a clock with some leeway.
 pub const COORDINATED: &str = "coordinated";
 
 const SWITCH_EVERY: &str = "switch-every-";

@@ -54,9 +54,7 @@ pub struct TimingFile {
 #[serde(deny_unknown_fields)]
 pub(crate) struct LightTiming {
     pub(crate) name: String,
-    /// Length of each green, 0 for a green that is left out.
     pub(crate) greens: Vec<u32>,
-    /// Number of steps from the beginning of an episode to the beginning of the first green.
     pub(crate) offset: u32,
 }
 

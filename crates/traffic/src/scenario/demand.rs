@@ -1,7 +1,5 @@
-//! What this program must know of the demand: where vehicles depart, and how many. SUMO judges the rest.
-//!
-//! SUMO says nothing when vehicles depart too late in a file, when none departs at all, or when a type has a length of
-//! NaN, so these are errors here.
+//! Where vehicles depart, and how many. SUMO judges the rest of the demand. But it says nothing when vehicles depart too
+//! late in a file, when none departs at all, or when a type has a length of NaN, so these are errors here.
 
 use std::collections::{BTreeMap, BTreeSet, HashMap};
 use std::path::Path;

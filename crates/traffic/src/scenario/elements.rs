@@ -73,9 +73,8 @@ impl Left {
     }
 }
 
-/// Takes out what only measures, and refuses what must not be there. Returns whether anything was taken out.
-///
-/// `option` is the one of SUMO's options that names the file.
+/// Takes out what only measures, and refuses what must not be there. Returns whether anything was taken out. `option`:
+/// the one of SUMO's that names the file.
 pub(super) fn clean(option: &str, file: &Path, root: &mut Element, left: &mut Left) -> Result<bool> {
     let before = root.children.len();
     root.children.retain(|child| {

@@ -230,7 +230,6 @@ impl SumoScenario {
     }
 }
 
-/// Reads the file of overrides. What it says is checked where it is understood.
 fn overrides(path: &Path) -> Result<(PathBuf, Arc<str>)> {
     let text = read_text(path, MOST_OVERRIDES)
         .with_context(|| format!("{}: cannot be read; traffic.agents names it", path.display()))?;

@@ -45,7 +45,6 @@ impl Borders {
         })
     }
 
-    /// Records all visits from the next reset on.
     pub(crate) fn record_visits(&mut self) {
         self.visits = Some(VisitRecorder::new(self.regions.len()));
     }

@@ -62,7 +62,6 @@ pub struct GlobalTraffic {
 }
 
 impl GlobalTraffic {
-    /// Loads the simulator. The first episode goes on the `tape`.
     pub(crate) fn load(
         plan: Arc<JointPlan>,
         network: Arc<RoadNetwork>,
@@ -135,7 +134,6 @@ impl GlobalTraffic {
         self.borders.as_ref().and_then(Borders::visits)
     }
 
-    /// Gives the lights to another control from the next reset on.
     pub fn hand_over(&mut self, control: SignalControl) {
         self.decisions.control = control;
     }

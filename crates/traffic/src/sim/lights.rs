@@ -16,7 +16,6 @@ pub(crate) struct Lights {
 }
 
 impl Lights {
-    /// Registers lights, SUMO's names, with their plans.
     pub(crate) fn register(
         simulation: &mut Simulation,
         lights: impl Iterator<Item = (String, Arc<PhasePlan>)>,

@@ -36,7 +36,6 @@ pub enum RecordedFiles {
 #[derive(Clone, Debug)]
 pub struct GridFiles {
     pub(crate) grid: Grid,
-    /// Text of the net, as SUMO loaded it.
     pub(crate) net: String,
     pub(crate) vehicle_types: Vec<Element>,
 }

@@ -17,7 +17,6 @@ pub struct Visits {
     pub seconds: usize,
 }
 
-/// A stay of a car on a region, from its arrival on.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Visit {
     /// Second of the episode after which the car was first seen; the first one is 0.
@@ -85,7 +84,6 @@ impl VisitRecorder {
         }
     }
 
-    /// Begins a second, in which these cars departed.
     pub(crate) fn second(&mut self, departures: &[Departure]) {
         self.visits.seconds += 1;
         for Departure { id, name, vehicle_type, vehicle_class, speed_factor, .. } in departures {

@@ -16,7 +16,6 @@ pub struct Keeping {
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Why {
     Excluded,
-    /// Its program is of this type.
     Kind(String),
     NoLink,
     /// Neither passenger cars nor buses can come to it.

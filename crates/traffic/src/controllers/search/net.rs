@@ -119,7 +119,6 @@ enum Change {
         light: usize,
         by: i64,
     },
-    /// Changes the steps of leeway, early and late.
     Leeway(i32, i32),
 }
 

@@ -1,7 +1,5 @@
-//! What a net is: junctions, edges with their lanes, connections, and the programs of its lights.
-//!
-//! Made of the elements of a `.net.xml` by `read`. Numbers and names are checked once there, so that everything else may
-//! rely on them.
+//! What a net is: junctions, edges with their lanes, connections, and the programs of its lights. `read` checks all
+//! numbers and names once, so that everything else may rely on them.
 
 pub(crate) mod attributes;
 pub(crate) mod carries;
