@@ -51,7 +51,6 @@ pub(crate) fn is_blocked(lane: LaneCars<'_>, length_m: f64) -> bool {
 pub(crate) struct History {
     /// A bit per second and entry: did a car arrive? The lowest bit is the last second.
     arrivals: Vec<u64>,
-    /// Whether each exit was blocked in the last decision.
     pub(crate) blocked: Vec<bool>,
 }
 

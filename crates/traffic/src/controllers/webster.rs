@@ -233,7 +233,6 @@ fn count(counts: &mut [u32], last: &mut HashMap<CarOnRoad, usize>, car: CarOnRoa
 struct Counter {
     by: Box<dyn LightController>,
     flows: Rc<RefCell<Flows>>,
-    /// The road of each approach, for each light.
     roads: Vec<Vec<usize>>,
     /// The approach on which a car of this episode was last.
     last: HashMap<CarOnRoad, usize>,

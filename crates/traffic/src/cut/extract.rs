@@ -70,7 +70,6 @@ impl LocalNet {
 struct Cut<'a> {
     source: &'a Source<'a>,
     light: &'a str,
-    /// Junctions with all their lanes and links.
     within: BTreeSet<JunctionNo>,
     names_within: HashSet<&'a str>,
     /// Roads that begin or end at one of them.

@@ -14,7 +14,8 @@
 //! So a forest has one more road, [`APART`], that leads from nowhere to nowhere. There the cars with these values enter
 //! first. And SUMO may not look for a way for any car: see `sim/local_routes.rs`.
 //!
-//! Why not otherwise:
+//! # Why not otherwise
+//!
 //! - With one generator for all lanes, SUMO's default, a car that dawdles in one row would change what the cars of the
 //!   next row do. Then results would depend on the number of workers.
 //! - No number of generators gives each row one of its own, because the lanes of a row have consecutive numbers.
@@ -62,7 +63,6 @@ impl MixedForest {
 #[derive(Clone, Debug)]
 pub(crate) struct Alone {
     pub(crate) net: String,
-    /// Name of the road apart, which no other road has.
     pub(crate) apart: String,
     pub(crate) lanes: usize,
 }

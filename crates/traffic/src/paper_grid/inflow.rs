@@ -33,7 +33,6 @@ impl Inflow {
         (probability > 0.0).then_some(probability)
     }
 
-    /// Checks that all are probabilities, at dead ends of this grid.
     pub(super) fn check(&self, grid: Grid) -> Result<()> {
         let range = 0.0..=1.0;
         ensure!(range.contains(&self.everywhere), "inflow = {}: must be a probability, from 0 to 1", self.everywhere);

@@ -89,7 +89,6 @@ fn names(root: &Element, kind: &str) -> BTreeSet<String> {
     ids.filter(|id| !id.starts_with(':')).map(str::to_owned).collect()
 }
 
-/// Returns the smallest grid that has all the intersections named.
 fn shape(junctions: &BTreeSet<String>) -> Result<Grid> {
     let places = junctions.iter().filter_map(|name| {
         let (row, col) = name.strip_prefix('r')?.split_once('c')?;

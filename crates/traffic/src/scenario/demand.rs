@@ -49,14 +49,11 @@ pub(super) struct Departures {
 /// What was read so far, in SUMO's order.
 pub(crate) struct Demand<'a> {
     window_s: (f64, f64),
-    /// Class of each type that does not drive on roads.
     strange: HashMap<&'a str, &'a str>,
     /// First edges of each route; a distribution has several.
     routes: HashMap<&'a str, Vec<&'a str>>,
-    /// Edges from which cars of a zone depart.
     zones: HashMap<&'a str, Vec<&'a str>>,
     departures: Departures,
-    /// Expected number of vehicles from begin to end.
     expected: f64,
     /// Numbers of vehicles and flows that depart at other times, by file.
     outside: BTreeMap<&'a Path, usize>,

@@ -13,7 +13,6 @@ use crate::network::roads::attributes::tag;
 use crate::network::tree::Element;
 use dials_core::outside::Printable;
 
-/// Elements that measure something and write it to a file.
 const MEASURES: &str = "edgeData laneData inductionLoop e1Detector instantInductionLoop laneAreaDetector e2Detector \
                         entryExitDetector e3Detector vTypeProbe routeProbe timedEvent";
 
@@ -43,7 +42,6 @@ fn is_one_of(names: &str, element: &Element) -> bool {
 
 #[derive(Debug, Default)]
 pub(super) struct Left {
-    /// Numbers by file and kind.
     counts: BTreeMap<(String, String), usize>,
     ids: BTreeSet<String>,
 }

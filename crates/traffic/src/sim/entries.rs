@@ -1,5 +1,7 @@
 //! The entries of all rows of a forest, at which cars wait until there is room, and the exits, which can be blocked.
 //!
+//! # Why not otherwise
+//!
 //! Cars do not wait in SUMO's own queue: it has one order for all cars of the process, so a region would depend on its
 //! company. A car without room is not dropped, or a policy would be rewarded for a queue that keeps cars out. On the
 //! paper's grid it is dropped all the same, as in the authors' simulator. At most one car per lane and second tries to

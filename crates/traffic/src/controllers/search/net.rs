@@ -233,12 +233,12 @@ mod tests {
         (0..3).map(|light| AgentPlan { place_m: [100.0 * f64::from(light), 7.0], ..crossing() }).collect()
     }
 
-    fn ratios() -> FlowRatios {
-        FlowRatios { greens: vec![(0, 0.3), (1, 0.1), (3, 0.1)], lost_s: 12.0 }
+    fn ratios(left_turn: f64) -> FlowRatios {
+        FlowRatios { greens: vec![(0, 0.3), (1, left_turn), (3, 0.1)], lost_s: 12.0 }
     }
 
     fn find(plans: &[AgentPlan], score: &mut dyn FnMut(&ClockPlan) -> f64) -> (ClockPlan, usize) {
-        find_with(4, score, |judge| search(plans, &vec![ratios(); plans.len()], None, judge))
+        find_with(4, score, |judge| search(plans, &vec![ratios(0.1); plans.len()], None, judge))
     }
 
     #[test]
@@ -260,14 +260,10 @@ mod tests {
         assert!(alone <= 20 + 2 * changes, "{alone}");
     }
 
-    fn few_turn_left() -> FlowRatios {
-        FlowRatios { greens: vec![(0, 0.3), (1, 0.0), (3, 0.1)], lost_s: 12.0 }
-    }
-
     #[test]
     fn lights_share_a_cycle_if_their_greens_fit() {
         let plans = [crossing(), crossing()];
-        let ratios = [few_turn_left(), few_turn_left()];
+        let ratios = [ratios(0.0), ratios(0.0)];
         let of_cycle = |cycle| Candidate::of_cycle(&plans, &ratios, cycle, None).timings;
         // 54 - 12 = 42 steps of green: 30 : 2 : 10, but 5 at least.
         let greens = of_cycle(54)[0].greens().to_vec();
@@ -280,8 +276,8 @@ mod tests {
     #[test]
     fn changes_keep_the_least_greens_and_the_shares() {
         let plans = [crossing(), crossing()];
-        let candidate =
-            Candidate::of_cycle(&plans, &[few_turn_left(), few_turn_left()], 54, Some(Leeway { early: 0, late: 1 }));
+        let leeway = Some(Leeway { early: 0, late: 1 });
+        let candidate = Candidate::of_cycle(&plans, &[ratios(0.0), ratios(0.0)], 54, leeway);
         let candidate = candidate.with_offsets(|light| 27.0 * light as f64);
         let changed = |change| candidate.changed(&plans, change);
         assert_eq!(changed(Change::Move { light: 0, from: 1, to: 3, steps: 2 }), None, "5 steps are the least");

@@ -78,7 +78,6 @@ pub struct Request {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Function {
     Road,
-    /// The inside of a junction.
     Internal,
     /// Way of pedestrians over a road.
     Crossing,
@@ -116,10 +115,8 @@ pub struct Lane {
 pub struct Connection {
     pub(crate) from: LaneNo,
     pub(crate) to: LaneNo,
-    /// First lane within the junction.
     pub(crate) via: Option<LaneNo>,
     pub signal: Option<Signal>,
-    /// Whether it turns back into the opposite direction.
     pub(crate) turns_around: bool,
 }
 
