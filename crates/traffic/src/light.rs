@@ -111,7 +111,7 @@ mod tests {
     fn a_light_goes_to_its_next_green_by_itself_until_it_is_switched() {
         let mut plan = paper();
         plan.own_green_steps = Some(5);
-        // The beginning counts as the first step. A switch during its own yellow is none. After a true one a green lasts.
+        // The beginning counts as the first step. A switch during its own yellow is none. After a true one green lasts.
         let mut actions = vec![KEEP; 30];
         (actions[4], actions[9]) = (SWITCH, SWITCH);
         let shown = shown(&plan, &actions);

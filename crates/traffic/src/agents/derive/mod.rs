@@ -85,8 +85,8 @@ impl Derived {
     }
 }
 
-/// Makes the agents of a net. Errors: the net has no light; no light can learn; the overrides name what the net does not
-/// have, or greens that are not safe.
+/// Makes the agents of a net. Errors: the net has no light; no light can learn; the overrides name what the net does
+/// not have, or greens that are not safe.
 pub fn derive(roads: &Roads, rules: &Rules, overrides: &Overrides) -> Result<Derived> {
     let programs = programs(roads);
     let lit = region::lit_junctions(roads);
