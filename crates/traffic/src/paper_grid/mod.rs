@@ -1,7 +1,7 @@
 //! The paper's grid: made, written to files that SUMO and sumo-gui can open, and recognised again.
 //!
-//! Making a network twice gives the same files byte for byte. The *local* net is the 1x1 grid without flows, because its
-//! cars are sampled.
+//! Making a network twice gives the same files byte for byte. The *local* net is the 1x1 grid without flows, because
+//! its cars are sampled.
 
 mod compare;
 mod content;

@@ -1,5 +1,5 @@
-//! Where vehicles depart, and how many. SUMO judges the rest of the demand. But it says nothing when vehicles depart too
-//! late in a file, when none departs at all, or when a type has a length of NaN, so these are errors here.
+//! Where vehicles depart, and how many. SUMO judges the rest of the demand. But it says nothing when vehicles depart
+//! too late in a file, when none departs at all, or when a type has a length of NaN, so these are errors here.
 
 use std::collections::{BTreeMap, BTreeSet, HashMap};
 use std::path::Path;
