@@ -51,7 +51,6 @@ pub(crate) fn is_blocked(lane: LaneCars<'_>, length_m: f64) -> bool {
 pub(crate) struct History {
     /// A bit per second and entry: did a car arrive? The lowest bit is the last second.
     arrivals: Vec<u64>,
-    /// Whether each exit was blocked in the last decision.
     pub(crate) blocked: Vec<bool>,
 }
 
@@ -81,23 +80,6 @@ impl History {
 mod tests {
     use super::*;
     use crate::agents::border_plan::{Entry, EntryPlace};
-    use libsumo::{CarId, CarTable};
-
-    #[test]
-    fn a_new_rearmost_car_is_an_arrival_and_a_car_that_left_is_none() {
-        let cases: [(&[u64], &[u64], bool); 5] = [
-            (&[1], &[], true),
-            (&[3, 2], &[2, 1], true),
-            (&[2], &[2, 1], false),
-            (&[], &[1], false),
-            (&[], &[], false),
-        ];
-        for (now, before, expected) in cases {
-            let lane = |ids: &[u64]| CarTable::of([ids.iter().map(|&id| (CarId(id), 0.0, 0.0)).collect()]);
-            let (now, before) = (lane(now), lane(before));
-            assert_eq!(has_arrival(now.lane(0), before.lane(0)), expected, "{now:?} after {before:?}");
-        }
-    }
 
     fn plan(entries: usize, exits: usize) -> BorderPlan {
         let entry = |lane| Entry { place: EntryPlace::Lane(lane), default_way: Vec::new() };

@@ -93,7 +93,6 @@ pub struct Traffic {
     plan: Arc<JointPlan>,
     network: Arc<RoadNetwork>,
     tape: Option<Tape>,
-    /// Visits to the regions, once they were recorded.
     visits: Arc<OnceLock<Arc<VisitTables>>>,
 }
 

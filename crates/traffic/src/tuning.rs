@@ -14,7 +14,6 @@ use dials_core::domain::GlobalSimulator;
 use libsumo::Simulation;
 
 impl TunedOn {
-    /// Returns what a tuning of `controller` on `traffic` would depend on.
     pub fn of(traffic: &Traffic, controller: &str, episodes: usize, seed: u64) -> Result<TunedOn> {
         let (network, checksum) = traffic.network.identity();
         Ok(TunedOn {
@@ -79,7 +78,6 @@ pub fn tune(
     Ok(TimingFile::new(plans, &found, score(mean), wanted))
 }
 
-/// Plays an episode and returns the rewards of all agents together.
 fn play(gs: &mut GlobalTraffic, episode: Seed, horizon: usize) -> Result<f64> {
     gs.reset(episode)?;
     let keep = vec![KEEP; gs.agents()];

@@ -81,7 +81,6 @@ impl BorderPlan {
         self.entries.len() * self.decision_s + self.exits.len()
     }
 
-    /// Returns the influence source of an entry in a second of the decision.
     pub fn arrival(&self, entry: usize, second: usize) -> usize {
         entry * self.decision_s + second
     }

@@ -26,7 +26,6 @@ pub struct Interval {
     pub steps: u32,
 }
 
-/// A way of a light's program from one green to another.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(crate) struct ProgramChange {
     pub(crate) from: usize,
@@ -45,7 +44,6 @@ impl Shown {
         matches!(self, Shown::Green(_))
     }
 
-    /// Returns the green that is shown; `None` between greens.
     pub(crate) fn green(self) -> Option<usize> {
         match self {
             Shown::Green(green) => Some(green),

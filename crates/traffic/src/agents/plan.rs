@@ -77,17 +77,3 @@ impl AgentPlan {
         self.phases.greens()[green].as_str().as_bytes()[self.region.links[link].letter]
     }
 }
-
-#[cfg(test)]
-mod tests {
-    use crate::controllers::examples::crossing;
-
-    #[test]
-    fn a_shared_lane_is_served_in_part() {
-        let plan = crossing();
-        let shares = |green| [0, 1, 2, 3, 4].map(|approach| plan.share(green, approach));
-        assert_eq!(shares(0), [1.0, 0.0, 0.0, 1.0, 1.0]);
-        assert_eq!(shares(2), [0.0, 0.0, 0.5, 0.0, 0.0]);
-        assert_eq!(plan.served(3).collect::<Vec<_>>(), [1, 2]);
-    }
-}

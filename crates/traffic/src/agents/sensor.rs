@@ -69,7 +69,6 @@ impl Sensor {
         first..first + self.light.columns()
     }
 
-    /// Returns the columns of the clock, an empty range if there is none.
     pub(crate) fn clock_columns(&self) -> Range<usize> {
         let first = self.light_columns().end;
         first..first + self.clock

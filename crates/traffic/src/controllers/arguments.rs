@@ -14,7 +14,6 @@ use super::timing_file::TimingFile;
 use crate::agents::plan::AgentPlan;
 use dials_core::outside::Printable;
 
-/// Possible lengths of a green, in steps.
 pub(super) const GREENS: RangeInclusive<u32> = 1..=3600;
 
 /// A controller's name with its parameters. The controller takes the parameters one by one.
@@ -33,7 +32,6 @@ impl<'a> Arguments<'a> {
         Arguments { text, name, left, known: Vec::new() }
     }
 
-    /// Returns the value of a parameter; `None` if it was not given.
     pub(crate) fn take(&mut self, key: &'static str) -> Result<Option<&'a str>> {
         self.known.push(key);
         let value = |parameter: &&'a str| parameter.split_once('=').filter(|&(name, _)| name == key);

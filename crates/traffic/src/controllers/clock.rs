@@ -1,9 +1,6 @@
-//! Lights that go by the clock: their timings, and the controller that follows them.
-//!
-//! The clock lets neighbours work together: with offsets that suit the roads, cars meet green after green. Coordinated
-//! lights have some leeway, too: they use what they see. They give an unused green away some steps early, and hold a
-//! green some steps for a car that is almost there. On the paper's grids they need no more than an observation and the
-//! time. Fixed-time lights have no leeway.
+//! Lights that go by the clock: their timings, and the controller that follows them. With offsets that suit the roads,
+//! cars meet green after green. Coordinated lights have some leeway, too: they give an unused green away some steps
+//! early, and hold a green some steps for a car that is almost there.
 
 use super::{Intersection, Intersections, LightController};
 use crate::agents::phase_plan::PhasePlan;
@@ -91,9 +88,7 @@ impl Timing {
 /// Number of steps by which a light may leave its clock.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct Leeway {
-    /// To give an unused green away.
     pub(crate) early: u32,
-    /// To hold a green for a car that is almost there.
     pub(crate) late: u32,
 }
 

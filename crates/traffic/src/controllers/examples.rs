@@ -79,7 +79,6 @@ pub(crate) fn middle() -> AgentPlan {
     grid(1, 3).swap_remove(1)
 }
 
-/// Returns the plans of the paper's grid of this shape.
 pub(crate) fn grid(rows: usize, cols: usize) -> Vec<AgentPlan> {
     plans(Grid::new(rows, cols).expect("a grid"), &TrafficConfig::new("", ""))
 }
@@ -115,24 +114,17 @@ impl<'a> At<'a> {
     }
 
     pub(crate) fn queue(self, approach: usize, count: usize) -> At<'a> {
-        let placed: Vec<(f64, f64)> = (0..count).map(|car| (7.5 * car as f64, 0.0)).collect();
+        self.row(approach, count, 0.0)
+    }
+
+    /// Puts cars with this speed on an approach, one behind the other from the stop line on.
+    pub(crate) fn row(self, approach: usize, count: usize, mps: f64) -> At<'a> {
+        let placed: Vec<(f64, f64)> = (0..count).map(|car| (7.5 * car as f64, mps)).collect();
         self.cars(approach, &placed)
     }
 
-    /// Puts a queue that drives off on an approach.
-    pub(crate) fn leaving(self, approach: usize, count: usize) -> At<'a> {
-        let placed: Vec<(f64, f64)> = (0..count).map(|car| (7.5 * car as f64, 5.0)).collect();
-        self.cars(approach, &placed)
-    }
-
-    /// Puts moving cars on an exit.
-    pub(crate) fn gone(mut self, exit: usize, count: usize) -> At<'a> {
-        self.0.exits[exit] = cars(&vec![(5.0, 5.0); count]);
-        self
-    }
-
-    pub(crate) fn jammed(mut self, exit: usize, count: usize) -> At<'a> {
-        self.0.exits[exit] = cars(&vec![(5.0, 0.0); count]);
+    pub(crate) fn exit(mut self, exit: usize, count: usize, mps: f64) -> At<'a> {
+        self.0.exits[exit] = cars(&vec![(5.0, mps); count]);
         self
     }
 

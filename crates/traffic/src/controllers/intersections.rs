@@ -7,7 +7,6 @@ use crate::cars_at::RowLanes;
 use dials_core::base::AgentId;
 use libsumo::LaneCars;
 
-/// All intersections, as they are after the last step.
 pub struct Intersections<'a> {
     pub(crate) plans: &'a [AgentPlan],
     /// What every light showed in the last step, and for how many steps.
@@ -55,7 +54,6 @@ impl<'a> Intersection<'a> {
         self.shown_steps
     }
 
-    /// Returns the green that is shown; `None` between greens.
     pub fn green(&self) -> Option<usize> {
         self.shown.green()
     }
@@ -65,7 +63,6 @@ impl<'a> Intersection<'a> {
         self.shown.target()
     }
 
-    /// Returns the green that follows this one in the order of the light's program.
     pub fn next(&self, green: usize) -> usize {
         self.plan.phases.next(green)
     }

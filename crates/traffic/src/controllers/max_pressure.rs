@@ -71,7 +71,8 @@ mod tests {
     fn the_greater_pressure_gets_green() {
         let plan = middle();
         let decided = |shown, coming: [usize; 4], gone: [usize; 4]| {
-            let at = (0..4).fold(At::new(&plan, shown), |at, side| at.queue(side, coming[side]).gone(side, gone[side]));
+            let at =
+                (0..4).fold(At::new(&plan, shown), |at, side| at.queue(side, coming[side]).exit(side, gone[side], 5.0));
             decide(&at.build(), GreenLimits::default())
         };
         let [vertical, horizontal] = [Shown::Green(0), Shown::Green(1)];
@@ -96,11 +97,11 @@ mod tests {
         assert_eq!(pressures(shown().queue(0, 2).queue(3, 1).queue(4, 3)), [6.0, 0.0, 0.0, 0.0]);
         assert_eq!(pressures(shown().queue(2, 3)), [0.0, 0.0, 1.5, 1.5]);
         // The left turn from the west has priority in green 1 and yields in green 3.
-        assert_eq!(pressures(shown().leaving(1, 4)), [0.0, 4.0, 0.0, 2.0]);
+        assert_eq!(pressures(shown().row(1, 4, 5.0)), [0.0, 4.0, 0.0, 2.0]);
         // Two cars on the way north hold back greens 1, 2 and 3. Both links to the west leave the net.
-        assert_eq!(pressures(shown().jammed(1, 2).jammed(2, 5)), [0.0, -2.0, -2.0, -2.0]);
-        assert_eq!(pressures(shown().gone(1, 2).gone(2, 5)), [0.0; 4], "cars that drive hold nobody back");
-        assert_eq!(decide(&shown().queue(0, 1).leaving(1, 2).build(), GreenLimits::default()), 1);
+        assert_eq!(pressures(shown().exit(1, 2, 0.0).exit(2, 5, 0.0)), [0.0, -2.0, -2.0, -2.0]);
+        assert_eq!(pressures(shown().exit(1, 2, 5.0).exit(2, 5, 5.0)), [0.0; 4], "cars that drive hold nobody back");
+        assert_eq!(decide(&shown().queue(0, 1).row(1, 2, 5.0).build(), GreenLimits::default()), 1);
         assert_eq!(decide(&shown().queue(2, 3).build(), GreenLimits::default()), 2, "the first of equals");
     }
 

@@ -1,8 +1,7 @@
 //! Hand-coded controllers of traffic lights: baselines for policies, and control of the lights around the agents.
 //!
-//! All but SUMO's own programs are [`LightController`]s. They live in the GS and see its
-//! [`Intersections`], which is more than a policy observes. They say which green each light should show. Their lights
-//! obey the same rules as those of policies, so yellow comes before it.
+//! All but SUMO's own programs are [`LightController`]s. They live in the GS and see its [`Intersections`], which is
+//! more than a policy observes. They say which green each light should show; yellow comes before it by itself.
 //!
 //! To add one, implement the trait, or write a function of one [`Intersection`] and wrap it in [`Each`]. Then give it a
 //! name in [`recipe`] and [`NAMES`]. A program of its own needs no name: it passes its controller to
@@ -74,7 +73,6 @@ pub(crate) fn ask(controller: &mut dyn LightController, intersections: &Intersec
 pub enum HandCoded {
     /// The program of each light in its net.
     OwnProgram,
-    /// SUMO's own actuated program.
     Actuated,
     Rule(Box<dyn LightController>),
 }
@@ -102,9 +100,7 @@ pub const NAMES: &[&str] = &[
 ];
 
 pub(crate) const PROGRAM: &str = "program";
-/// Name of the lights that follow a clock whatever the traffic.
 pub const FIXED_TIME: &str = "fixed-time";
-/// Name of the lights that follow a clock with some leeway.
 pub const COORDINATED: &str = "coordinated";
 
 const SWITCH_EVERY: &str = "switch-every-";
@@ -217,19 +213,6 @@ mod tests {
     use super::*;
     use examples::{crossing, middle};
 
-    fn error(name: &str) -> String {
-        recipe(name, &[middle()]).err().unwrap_or_else(|| panic!("{name} is taken")).to_string()
-    }
-
-    #[test]
-    fn unknown_names_get_the_list_and_bad_numbers_the_reason() {
-        let list = "unknown; one of random, never, always, switch-every-K, program, actuated, gap-out";
-        assert!(error("fixed").contains(list), "{}", error("fixed"));
-        for name in ["switch-every-0", "switch-every-", "switch-every-ten"] {
-            assert!(error(name).contains("K must be a number of steps"));
-        }
-    }
-
     #[test]
     fn only_lights_that_go_by_the_clock_read_a_file() {
         let file = |text: &'static str| file_of(text).unwrap().map(|path| path.to_str().unwrap());
@@ -239,16 +222,18 @@ mod tests {
     }
 
     #[test]
-    fn parameters_that_a_controller_does_not_have_get_the_list_too() {
+    fn bad_numbers_and_parameters_that_a_controller_does_not_have_get_the_reason() {
         for (text, why) in [
+            ("switch-every-0", "K must be a number of steps, at least 1, as in switch-every-10"),
+            ("switch-every-", "K must be a number of steps, at least 1, as in switch-every-10"),
             ("max-pressure:green=5", "has no parameter `green`; it takes min-green, max-green"),
-            ("gap-out:green=5", "has no parameter `green`; it takes max-green"),
             ("longest-queue:min-green=0", "min-green = 0: must be a whole number from 1 to 3600"),
             ("fixed-time:green", "`green` is not a parameter; write key=value"),
             ("max-pressure:min-green=20,max-green=10", "min-green = 20: must be at most max-green, 10"),
             ("max-pressure:min-green=5,min-green=6", "min-green is given twice"),
         ] {
-            assert_eq!(error(text), format!("controller `{text}`: {why}"));
+            let error = recipe(text, &[middle()]).err().unwrap_or_else(|| panic!("{text} is taken"));
+            assert_eq!(error.to_string(), format!("controller `{text}`: {why}"));
         }
     }
 

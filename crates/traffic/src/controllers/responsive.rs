@@ -46,7 +46,6 @@ impl GreenLimits {
         Ok(GreenLimits { least: 0, most })
     }
 
-    /// Returns the limits that these lights have if no parameter says otherwise.
     pub(super) fn usual(plans: &[AgentPlan]) -> GreenLimits {
         GreenLimits { most: (!are_of_a_grid(plans)).then_some(MOST), ..GreenLimits::default() }
     }
@@ -117,12 +116,12 @@ mod tests {
         let limits = GreenLimits { least: 8, most: Some(50) };
         // Cars that stand do not hold a green of max-pressure.
         for (rule, mps) in [(gap_out as Rule, 0.0), (longest_queue, 0.0), (max_pressure::decide, 5.0)] {
-            let using: Vec<(f64, f64)> = (0..9).map(|car| (7.5 * f64::from(car), mps)).collect();
-            let decided = |steps, using: &[(f64, f64)], waiting| {
-                rule(&At::new(&plan, Shown::Green(0)).since(steps).cars(0, using).queue(1, waiting).build(), limits)
+            let decided = |steps, using, waiting| {
+                let at = At::new(&plan, Shown::Green(0)).since(steps).row(0, using, mps).queue(1, waiting);
+                rule(&at.build(), limits)
             };
-            assert_eq!([decided(7, &[], 1), decided(8, &[], 1)], [0, 1]);
-            assert_eq!([decided(49, &using, 1), decided(50, &using, 1), decided(50, &using, 0)], [0, 1, 0]);
+            assert_eq!([decided(7, 0, 1), decided(8, 0, 1)], [0, 1]);
+            assert_eq!([decided(49, 9, 1), decided(50, 9, 1), decided(50, 9, 0)], [0, 1, 0]);
         }
     }
 
@@ -172,16 +171,12 @@ mod tests {
         assert_eq!(decided(Shown::Between { from: 0, to: 1 }, [0, 9, 0, 0]), 1);
         let moving = At::new(&plan, Shown::Green(0)).cars(0, &[(5.0, 6.0), (20.0, 6.0)]).queue(1, 1).build();
         assert_eq!(longest_queue(&moving, GreenLimits::default()), 0, "moving cars do not count");
-    }
-
-    #[test]
-    fn of_greens_with_the_same_longest_queue_the_one_with_more_cars_is_shown() {
+        // Both greens 2 and 3 serve the longest queue, from the south, and green 3 the left turn from the west, too.
         let plan = crossing();
-        // Both greens 2 and 3 serve the south, green 3 the left turn from the west, too.
         let decided = |turning| {
             let at = At::new(&plan, Shown::Green(0)).queue(2, 4).queue(1, turning);
             longest_queue(&at.build(), GreenLimits::default())
         };
-        assert_eq!([decided(1), decided(0)], [3, 2], "the first of equals");
+        assert_eq!([decided(1), decided(0)], [3, 2], "more cars, then the first of equals");
     }
 }

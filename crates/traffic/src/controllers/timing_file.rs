@@ -54,9 +54,7 @@ pub struct TimingFile {
 #[serde(deny_unknown_fields)]
 pub(crate) struct LightTiming {
     pub(crate) name: String,
-    /// Length of each green, 0 for a green that is left out.
     pub(crate) greens: Vec<u32>,
-    /// Number of steps from the beginning of an episode to the beginning of the first green.
     pub(crate) offset: u32,
 }
 
@@ -64,7 +62,6 @@ pub(crate) struct LightTiming {
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct TunedOn {
-    /// Name of the controller: `fixed-time` or `coordinated`.
     pub(crate) controller: String,
     /// Name of the network, without its folder, because the folder can change.
     pub network: String,

@@ -56,7 +56,6 @@ impl Webster {
         Ok(traffic.plans().iter().zip(&ratios).map(|(plan, ratios)| timing(plan, ratios)).collect())
     }
 
-    /// Measures the flows and returns the flow ratios of the greens of each light.
     pub(crate) fn ratios(&self, traffic: &Traffic) -> Result<Vec<FlowRatios>> {
         let plans = traffic.plans();
         let Flows { cars, seconds } = if are_of_a_grid(plans) {
@@ -234,7 +233,6 @@ fn count(counts: &mut [u32], last: &mut HashMap<CarOnRoad, usize>, car: CarOnRoa
 struct Counter {
     by: Box<dyn LightController>,
     flows: Rc<RefCell<Flows>>,
-    /// The road of each approach, for each light.
     roads: Vec<Vec<usize>>,
     /// The approach on which a car of this episode was last.
     last: HashMap<CarOnRoad, usize>,

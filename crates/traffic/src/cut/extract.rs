@@ -70,7 +70,6 @@ impl LocalNet {
 struct Cut<'a> {
     source: &'a Source<'a>,
     light: &'a str,
-    /// Junctions with all their lanes and links.
     within: BTreeSet<JunctionNo>,
     names_within: HashSet<&'a str>,
     /// Roads that begin or end at one of them.
@@ -130,7 +129,6 @@ impl<'a> Cut<'a> {
         }
     }
 
-    /// Returns whether an edge is a road of the region or a part of one of its junctions.
     fn keeps(&self, edge: EdgeNo) -> bool {
         let road = self.source.roads.edge(edge);
         match road.function {

@@ -26,9 +26,8 @@ pub struct ForestFiles {
     pub routes: PathBuf,
 }
 
-/// One intersection of a forest, numbered from 0. Its methods return the names of its lanes, routes and so on.
-///
-/// All arrays, by the side where cars come in or go out: west, south, east, north.
+/// One intersection of a forest, numbered from 0. Its arrays are by the side where cars come in or go out: west, south,
+/// east, north.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub struct Region(pub usize);
 

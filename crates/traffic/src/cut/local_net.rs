@@ -41,7 +41,6 @@ pub struct Way {
 #[derive(Clone, Debug, PartialEq)]
 pub struct Gate {
     pub light: String,
-    /// Lane of each letter of its state.
     pub lanes: Vec<String>,
 }
 

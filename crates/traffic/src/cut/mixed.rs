@@ -16,18 +16,11 @@
 //!
 //! # Why not otherwise
 //!
-//! **Why not one generator for all lanes, SUMO's default?** A car that dawdles takes the next number of the stream.
-//! With one stream, a car in row 1 would change what the cars of row 2 do. Then an agent would learn other bits beside
-//! 99 others than alone, and results would depend on the number of workers.
-//!
-//! **Why not one generator per row?** SUMO picks the generator by the number of the lane, modulo their number. The
-//! lanes of a row have consecutive numbers, so no number of generators gives a row one of its own.
-//!
-//! **Why not cars that never dawdle?** `sigma = 0` would make all of this needless. But then cars in a local simulator
-//! would drive otherwise than in the GS, and the policies would learn another traffic.
-//!
-//! **Why not one process per region?** libsumo holds one simulation per process. A process takes 70 MB and its own
-//! reading of the libraries, and a message for each of its steps. A forest of 50 regions steps all of them in one call.
+//! - With one generator for all lanes, SUMO's default, a car that dawdles in one row would change what the cars of the
+//!   next row do. Then results would depend on the number of workers.
+//! - No number of generators gives each row one of its own, because the lanes of a row have consecutive numbers.
+//! - If cars never dawdled (`sigma = 0`), they would drive otherwise than in the GS.
+//! - One process per region takes 70 MB and a message per step. A forest of 50 regions steps all of them in one call.
 
 use std::io;
 
@@ -70,7 +63,6 @@ impl MixedForest {
 #[derive(Clone, Debug)]
 pub(crate) struct Alone {
     pub(crate) net: String,
-    /// Name of the road apart, which no other road has.
     pub(crate) apart: String,
     pub(crate) lanes: usize,
 }

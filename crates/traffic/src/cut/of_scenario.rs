@@ -22,8 +22,6 @@ const NAME: &str = "cut";
 const TYPES: &str = "cut.types.add.xml";
 
 /// Cuts out the region of a light. `approach_m`: how far before its stop lines the region reaches.
-///
-/// Errors: the net has no such light, or the light cannot be cut out.
 pub fn cut_light(scenario: &SumoScenario, light: &str, approach_m: f64, reach: Reach) -> Result<LocalNet> {
     let roads = scenario.roads()?;
     let known: BTreeSet<&str> = roads.programs.iter().map(|program| program.light.as_str()).collect();
@@ -43,9 +41,7 @@ fn source<'a>(scenario: &'a SumoScenario, roads: &'a Roads) -> Source<'a> {
     Source::new(scenario.net(), roads, programs)
 }
 
-/// Cuts out the regions of all agents of a scenario, in their order.
-///
-/// Errors: regions cannot be cut out. The error names all their lights.
+/// Cuts out the regions of all agents, in their order. An error names all lights that cannot be cut out.
 pub(crate) fn cut_all(scenario: &SumoScenario, derived: &Derived) -> Result<Vec<LocalNet>> {
     let roads = scenario.roads()?;
     let source = source(scenario, &roads);
@@ -69,7 +65,6 @@ pub(crate) fn cut_all(scenario: &SumoScenario, derived: &Derived) -> Result<Vec<
     Ok(nets)
 }
 
-/// Returns the text of an additional file with the vehicle types of a scenario.
 pub(crate) fn types_of(scenario: &SumoScenario) -> String {
     types(&kinds(scenario))
 }

@@ -12,7 +12,6 @@ use crate::network::xml::{document, element, leaf};
 
 /// Cars per hour on each entry, shared among the exits.
 const CARS_PER_HOUR: f64 = 360.0;
-/// Second at which the last cars come.
 pub(crate) const END_S: &str = "3600";
 
 pub(super) fn types(types: &[&Element]) -> String {

@@ -43,14 +43,12 @@ fn share(part: u64, whole: u64) -> f64 {
     if whole == 0 { 1.0 } else { part as f64 / whole as f64 }
 }
 
-/// Two simulators of the same lights in the same seconds.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Comparison {
     pub cells: Agreement,
     pub sums: [Sums; 2],
 }
 
-/// What a simulator shows in all seconds together.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Sums {
     pub seconds: u64,
@@ -95,7 +93,6 @@ impl Sums {
 }
 
 impl Comparison {
-    /// Compares what two simulators showed of a light, second by second.
     pub(crate) fn of(first: &Seen, second: &Seen) -> Comparison {
         assert_eq!(first.cells.len(), second.cells.len(), "the same seconds");
         let mut cells = Agreement::default();

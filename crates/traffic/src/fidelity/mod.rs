@@ -53,7 +53,6 @@ pub struct Fidelity<'a> {
     traffic: &'a Traffic,
     truth: &'a Truth,
     window: Range<usize>,
-    /// What the LSs of a scenario are made of, and the recorded visits.
     scenario: Option<(Arc<LocalParts>, VisitTables)>,
 }
 

@@ -16,7 +16,6 @@ use dials_core::base::{Ragged, RandomPurpose, Seed};
 use dials_core::domain::{Action, GlobalSimulator, Result};
 use libsumo::{CarTable, LaneCars};
 
-/// An episode under random greens.
 pub struct Truth {
     pub(crate) seed: Seed,
     pub(crate) actions: Vec<Vec<Action>>,

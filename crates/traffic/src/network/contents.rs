@@ -20,7 +20,6 @@ use dials_core::outside::write_together;
 
 #[derive(Debug)]
 pub(crate) struct Content {
-    /// What copies of the file hold.
     pub(crate) bytes: Vec<u8>,
     pub(crate) root: Element,
 }

@@ -91,7 +91,6 @@ pub(crate) fn config(name: &str) -> String {
     sumocfg(&[("net-file", &net), ("route-files", &routes)], "3600", &[("time-to-teleport", "-1")])
 }
 
-/// Returns a configuration for `sumo -c`.
 pub(crate) fn sumocfg(files: &[(&str, &str)], end_s: &str, options: &[(&str, &str)]) -> String {
     document("configuration", |xml| {
         section(xml, "input", files)?;

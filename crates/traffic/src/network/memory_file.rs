@@ -7,9 +7,7 @@ use std::os::fd::AsRawFd;
 use anyhow::{Context, Result};
 use rustix::fs::{MemfdFlags, SealFlags, fcntl_add_seals, memfd_create};
 
-/// A text in memory that SUMO of this process can load by its path.
-///
-/// It is sealed: what SUMO loads, now or in a later episode, is what this program wrote. It goes with the process,
+/// A sealed text: what SUMO loads, now or in a later episode, is what this program wrote. It goes with the process,
 /// however that ends, and needs no temporary directory.
 pub(crate) struct MemoryFile(File);
 

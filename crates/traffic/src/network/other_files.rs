@@ -14,7 +14,6 @@ use anyhow::{Result, bail};
 use super::tree::Element;
 use dials_core::outside::{Printable, excerpt};
 
-/// Attributes that name a file, on whatever element.
 const ATTRIBUTES: [(&str, &str); 4] =
     [("file", "writes"), ("output", "writes"), ("href", "reads"), ("imgFile", "reads")];
 

@@ -25,7 +25,6 @@ pub(crate) fn make_local() -> String {
     "make one with: dials-traffic nets local --out DIR".to_owned()
 }
 
-/// Returns the message about a missing file of a network, with what to do about it.
 pub(crate) fn no_such_network(missing: &Path) -> String {
     let named = missing.to_str().and_then(|path| path.strip_suffix(".net.xml")).map(Path::new);
     if let Some(file) = named.filter(|path| path.is_file()) {
@@ -47,7 +46,6 @@ pub(crate) fn no_such_network(missing: &Path) -> String {
     format!("{path}: no such network; make it with: {}", command_for(missing))
 }
 
-/// Returns the command that makes the network that a file belongs to.
 pub(crate) fn command_for(path: &Path) -> String {
     let dir = path.parent().filter(|dir| !dir.as_os_str().is_empty()).unwrap_or(Path::new("."));
     let file = path.file_name().unwrap_or_default().to_string_lossy();

@@ -30,7 +30,6 @@ pub(crate) fn text(root: &Element) -> String {
     document_with(&root.name, pairs(root), |xml| root.children.iter().try_for_each(|child| element(xml, child)))
 }
 
-/// Writes an element with everything inside it.
 pub(crate) fn element(xml: &mut Xml, from: &Element) -> io::Result<()> {
     if from.children.is_empty() {
         return leaf(xml, &from.name, pairs(from));
@@ -68,7 +67,6 @@ fn begun<'a, K: AsRef<str>, V: AsRef<str>>(
     attributes.into_iter().fold(element, |element, (key, value)| element.with_attribute((key.as_ref(), value.as_ref())))
 }
 
-/// Writes the options of one kind in a configuration.
 pub(crate) fn section(xml: &mut Xml, name: &str, options: &[(&str, &str)]) -> io::Result<()> {
     nest(xml, name, [("", ""); 0], |xml| {
         options.iter().try_for_each(|(option, value)| leaf(xml, option, [("value", value)]))

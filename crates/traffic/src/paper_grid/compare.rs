@@ -1,9 +1,6 @@
-//! A file of a network compared, element by element, with what this program writes for a grid of that size.
-//!
-//! Observations, rewards, controllers, metrics and local simulators assume the lengths, limits, lanes, connections,
-//! lights and vehicles of our own networks. Others with the same names would give wrong returns without a warning, so
-//! all of it is compared. Two things may differ: how often cars arrive (probabilities, and flows left out), and what is
-//! only drawn.
+//! A file of a network compared, element by element, with what this program writes for a grid of that size. Another
+//! network with the same names would give wrong returns without a warning. Two things may differ: how often cars arrive
+//! (probabilities, and flows left out), and what is only drawn.
 
 use std::collections::HashMap;
 

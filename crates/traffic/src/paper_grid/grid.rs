@@ -137,7 +137,6 @@ impl Grid {
         intersections.chain(boundary).collect()
     }
 
-    /// Returns every edge once, as (from, to).
     pub(crate) fn edges(self) -> Vec<(Node, Node)> {
         let mut edges = Vec::new();
         for agent in self.agents() {

@@ -20,7 +20,6 @@ pub fn write_grid(grid: Grid, inflow: impl Into<Inflow>, dir: &Path) -> Result<N
     write_network(&format!("grid_{grid}"), grid, Some(&inflow), dir)
 }
 
-/// Writes the network `local` into `dir`: one intersection, no flows.
 pub fn write_local(dir: &Path) -> Result<NetworkFiles> {
     write_network("local", Grid::SINGLE, None, dir)
 }
@@ -76,17 +75,5 @@ fn without_comment(net: &str) -> String {
     match (comment, end) {
         (Some(begin), Some(end)) => [&net[..begin], net[end..].trim_start()].concat(),
         _ => net.to_owned(),
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn only_the_comment_of_netconvert_is_taken_away() {
-        let net = "<?xml?>\n\n<!-- generated on a day\n-->\n\n<net>\n<!-- ours -->\n</net>\n";
-        assert_eq!(without_comment(net), "<?xml?>\n\n<net>\n<!-- ours -->\n</net>\n");
-        assert_eq!(without_comment("<net><!-- ours --></net>"), "<net><!-- ours --></net>");
     }
 }

@@ -1,10 +1,7 @@
 //! The paper's grid: made, written to files that SUMO and sumo-gui can open, and recognised again.
 //!
-//! A grid is recognised if every number that observations, rewards, controllers and simulators assume is the one that
-//! this program writes. Only how often cars arrive may differ. Making a network twice gives the same files byte for
-//! byte.
-//!
-//! The *local* net is the 1x1 grid without flows, because its cars are sampled.
+//! Making a network twice gives the same files byte for byte. The *local* net is the 1x1 grid without flows, because
+//! its cars are sampled.
 
 mod compare;
 mod content;

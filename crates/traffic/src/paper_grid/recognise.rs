@@ -21,10 +21,8 @@ pub struct Recognised {
     pub(crate) network: Network,
 }
 
-/// Reads a network once and finds the grid that it is made for.
-///
-/// Compares its net, its routes and its actuated lights with what this program writes for a grid of that size. An error
-/// names the file, the element, both values and the way out.
+/// Reads a network once and compares it with what this program writes for a grid of its size. An error names the file,
+/// the element, both values and the way out.
 pub fn recognise_grid(files: &NetworkFiles) -> Result<Recognised> {
     let network = Network::read(files, Role::Global)?;
     let grid = shape_of(&files.net, &network.net.root)?;
@@ -91,7 +89,6 @@ fn names(root: &Element, kind: &str) -> BTreeSet<String> {
     ids.filter(|id| !id.starts_with(':')).map(str::to_owned).collect()
 }
 
-/// Returns the smallest grid that has all the intersections named.
 fn shape(junctions: &BTreeSet<String>) -> Result<Grid> {
     let places = junctions.iter().filter_map(|name| {
         let (row, col) = name.strip_prefix('r')?.split_once('c')?;

@@ -53,7 +53,6 @@ pub(crate) struct GridFiles {
 /// A road network with its cars. What it says of itself is known as soon as it was read.
 pub(crate) struct RoadNetwork {
     pub(crate) files: Files,
-    /// Number of decisions in an episode.
     pub(crate) horizon: usize,
     /// Why SUMO cannot load the actuated programs of the lights, if it cannot. SUMO's own error would come after it has
     /// taken all memory.
@@ -87,7 +86,6 @@ impl RoadNetwork {
         }
     }
 
-    /// Puts everything that the GS loads into memory.
     pub(crate) fn source(&self) -> Result<Loadable> {
         match &self.files {
             Files::Grid(files) => files.network.for_sumo(),

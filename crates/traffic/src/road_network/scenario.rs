@@ -30,7 +30,6 @@ const STUCK_BELOW: f64 = 1.0 / 300.0;
 pub(crate) struct ScenarioFiles {
     pub(crate) files: SumoScenario,
     derived: Derived,
-    /// What local simulators are made of, once they were.
     local: OnceLock<Arc<LocalParts>>,
 }
 

@@ -71,7 +71,6 @@ fn types(element: &mut Element, each: &mut impl FnMut(&mut Element)) {
     }
 }
 
-/// Returns whether a car, trip or flow in an element names this type.
 fn has_type(element: &Element, id: &str) -> bool {
     let names = |child: &Element| {
         let of_distribution = child.attribute("vTypes").unwrap_or_default();

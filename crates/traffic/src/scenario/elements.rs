@@ -13,14 +13,12 @@ use crate::network::roads::attributes::tag;
 use crate::network::tree::Element;
 use dials_core::outside::Printable;
 
-/// Elements that measure something and write it to a file.
 const MEASURES: &str = "edgeData laneData inductionLoop e1Detector instantInductionLoop laneAreaDetector e2Detector \
                         entryExitDetector e3Detector vTypeProbe routeProbe timedEvent";
 
 /// Elements that may stand in the root of a net. The last one is an area in the picture.
 const IN_A_NET: &str = "location type edge tlLogic junction connection roundabout prohibition param poly";
 
-/// Elements that may stand in the root of other files.
 const IN_OTHERS: &str =
     "vType vTypeDistribution route routeDistribution vehicle trip flow taz tlLogic param location poly poi";
 
@@ -44,7 +42,6 @@ fn is_one_of(names: &str, element: &Element) -> bool {
 
 #[derive(Debug, Default)]
 pub(super) struct Left {
-    /// Numbers by file and kind.
     counts: BTreeMap<(String, String), usize>,
     ids: BTreeSet<String>,
 }
@@ -74,9 +71,8 @@ impl Left {
     }
 }
 
-/// Takes out what only measures, and refuses what must not be there. Returns whether anything was taken out.
-///
-/// `option` is the one of SUMO's options that names the file.
+/// Takes out what only measures, and refuses what must not be there. Returns whether anything was taken out. `option`:
+/// the one of SUMO's that names the file.
 pub(super) fn clean(option: &str, file: &Path, root: &mut Element, left: &mut Left) -> Result<bool> {
     let before = root.children.len();
     root.children.retain(|child| {

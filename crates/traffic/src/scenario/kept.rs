@@ -15,7 +15,6 @@ use dials_core::outside::write_together;
 pub(crate) const KEPT: &str = "scenario";
 const AGENTS: &str = "agents.toml";
 
-/// An episode that plain SUMO plays in a copy.
 pub(crate) struct Episode<'a> {
     pub(crate) seed: u32,
     pub(crate) end_s: u64,

@@ -31,7 +31,6 @@ const MOST_OVERRIDES: u64 = 1 << 20;
 
 #[derive(Clone, Debug)]
 pub struct SumoScenario {
-    /// The .sumocfg, as the user knows it.
     path: PathBuf,
     net: File,
     additional: Vec<File>,
@@ -168,7 +167,6 @@ impl SumoScenario {
         self.routes.iter().map(|file| &file.content.root)
     }
 
-    /// Returns the file of overrides, its path and its text, if the config names one.
     pub(crate) fn agents(&self) -> Option<(&Path, &str)> {
         self.agents.as_ref().map(|(path, text)| (path.as_path(), &**text))
     }
@@ -232,7 +230,6 @@ impl SumoScenario {
     }
 }
 
-/// Reads the file of overrides. What it says is checked where it is understood.
 fn overrides(path: &Path) -> Result<(PathBuf, Arc<str>)> {
     let text = read_text(path, MOST_OVERRIDES)
         .with_context(|| format!("{}: cannot be read; traffic.agents names it", path.display()))?;

@@ -45,12 +45,10 @@ impl Borders {
         })
     }
 
-    /// Records all visits from the next reset on.
     pub(crate) fn record_visits(&mut self) {
         self.visits = Some(VisitRecorder::new(self.regions.len()));
     }
 
-    /// Returns the visits since the last reset, if they are recorded.
     pub(super) fn visits(&self) -> Option<&Visits> {
         self.visits.as_ref().map(|recorder| &recorder.visits)
     }
@@ -118,7 +116,6 @@ impl Borders {
         Ok(())
     }
 
-    /// Writes the d-set of a region after the last second of a decision.
     pub(super) fn d_separate(&self, row: usize, light: LightView, d_set: &mut [f32]) {
         let border = &self.plan.borders[row];
         border.d_set.write(&border.plan, self.lanes.at(row), light, &self.regions[row].history, d_set);

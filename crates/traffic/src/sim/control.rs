@@ -7,7 +7,6 @@ use dials_core::base::{AgentId, Seed};
 use dials_core::domain::Action;
 
 pub enum SignalControl {
-    /// The actions of each step run the lights.
     Agents,
     /// Hand-coded control runs the lights of these agents, whatever the actions say; the actions run the others.
     HandCoded { by: HandCoded, agents: Vec<AgentId> },
@@ -18,7 +17,6 @@ impl SignalControl {
         matches!(self, SignalControl::HandCoded { by: HandCoded::Actuated, .. })
     }
 
-    /// Returns the rows that programs of SUMO run.
     pub(super) fn by_program(&self) -> Vec<usize> {
         match self {
             SignalControl::HandCoded { by: HandCoded::Actuated | HandCoded::OwnProgram, agents } => {
@@ -29,8 +27,6 @@ impl SignalControl {
     }
 }
 
-/// The control of the lights, and what it decided.
-///
 /// A rule decides once per second. Before a step it may be asked for its advice. The actions of that step then decide
 /// for all lights, because whoever asked knows the advice.
 pub(super) struct Decisions {

@@ -2,16 +2,10 @@
 //!
 //! # Why not otherwise
 //!
-//! **Why do cars not wait in SUMO's own queue?** SUMO keeps a car without room and tries again in each second. It does
-//! so in one order for all cars of the process, and a car that enters changes what the next one finds. So a region
-//! would depend on its company. A queue of our own is plain data, which is counted, reset and repeated with its region.
-//!
-//! **Why is a car without room not dropped?** On the GS it would stand on the road before. A policy that lets its queue
-//! grow to the border would be rewarded, because the cars that it keeps out would count nowhere. On the paper's grid
-//! cars are dropped all the same, as in the authors' simulator.
-//!
-//! **Why at most one car per lane and second?** Which of two goes first is up to SUMO. With one, the answer depends on
-//! this lane only.
+//! Cars do not wait in SUMO's own queue: it has one order for all cars of the process, so a region would depend on its
+//! company. A car without room is not dropped, or a policy would be rewarded for a queue that keeps cars out. On the
+//! paper's grid it is dropped all the same, as in the authors' simulator. At most one car per lane and second tries to
+//! enter, because which of two goes first is up to SUMO.
 
 use std::collections::{HashSet, VecDeque};
 use std::sync::Arc;

@@ -16,7 +16,6 @@ pub(crate) struct Lights {
 }
 
 impl Lights {
-    /// Registers lights, SUMO's names, with their plans.
     pub(crate) fn register(
         simulation: &mut Simulation,
         lights: impl Iterator<Item = (String, Arc<PhasePlan>)>,
@@ -60,7 +59,6 @@ impl Lights {
         self.show(simulation, &changed)
     }
 
-    /// Writes what all lights show into `shown`, one per row.
     fn read(&mut self, simulation: &mut Simulation, shown: &mut [Shown]) -> Result<()> {
         shown.iter_mut().zip(&self.signals).for_each(|(shown, signal)| *shown = signal.shown());
         let rows: Vec<usize> = (0..shown.len()).filter(|&row| self.by_program[row].is_some()).collect();

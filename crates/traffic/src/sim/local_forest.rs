@@ -30,11 +30,9 @@ pub(crate) struct LocalParts {
     pub(crate) types: String,
     /// Options of SUMO that say how cars drive, without `--`.
     pub(crate) options: Vec<(String, String)>,
-    /// The scenario, as the user knows it.
     pub(crate) name: String,
 }
 
-/// A loaded forest, one region per row.
 pub(crate) struct LocalForest {
     pub(crate) simulation: Simulation,
     pub(crate) rows: Vec<RowPlace>,

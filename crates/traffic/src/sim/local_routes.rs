@@ -24,7 +24,6 @@ pub(crate) struct LocalRoute {
 }
 
 impl LocalRoutes {
-    /// Makes a route of each way that was recorded, and of the default ways of the entries.
     pub(super) fn of(agent: usize, border: &BorderPlan, net: &LocalNet, tables: &VisitTables) -> LocalRoutes {
         let mut routes = LocalRoutes::default();
         let recorded = tables.visits().of_agents[agent].iter().filter(|visit| !visit.way.is_empty());

@@ -1,6 +1,5 @@
 //! The traffic metrics other than the return: means of the cars' trips from SUMO's own tripinfo output, and queues, speeds
-//! and throughput per intersection. Only evaluations and baselines ask for them. Training and collection do not measure
-//! them and pay nothing.
+//! and throughput per intersection. Only evaluations and baselines ask for them.
 
 use std::fs::File;
 use std::io::{Read, Seek};
@@ -23,7 +22,6 @@ pub(crate) struct TrafficMetrics {
     at_stop_line: Vec<Vec<bool>>,
 }
 
-/// Sums over the steps and the approaches of one intersection.
 #[derive(Clone, Copy, Debug, Default)]
 struct Sums {
     car_steps: u64,

@@ -9,7 +9,6 @@ use libsumo::{CarTable, LaneId, SignalState, Simulation};
 
 /// Longer side of a picture, in the units of a scene.
 const LONGER: f64 = 50.0;
-/// Margin around the lanes.
 const MARGIN: f64 = 1.0;
 /// Sizes in metres.
 const LANE_M: f64 = 3.0;

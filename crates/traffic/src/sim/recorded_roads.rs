@@ -36,7 +36,6 @@ pub enum RecordedFiles {
 #[derive(Clone, Debug)]
 pub struct GridFiles {
     pub(crate) grid: Grid,
-    /// Text of the net, as SUMO loaded it.
     pub(crate) net: String,
     pub(crate) vehicle_types: Vec<Element>,
 }
@@ -76,7 +75,6 @@ impl RecordedRoads {
         Ok(RecordedRoads::new(RecordedFiles::Whole(Box::new(files.clone())), roads, agents, &lights))
     }
 
-    /// Returns the roads of the first row of a forest.
     pub(crate) fn of_local(parts: &LocalParts, plan: &JointPlan, forest: &LocalForest) -> Result<RecordedRoads> {
         let row = &forest.rows[0];
         let (agent, net) = (&plan.agents[row.agent.0], &parts.nets[row.agent.0]);
@@ -116,7 +114,6 @@ impl RecordedRoads {
         }
     }
 
-    /// Returns the second at which an episode begins.
     pub fn begin_s(&self) -> u64 {
         match &self.files {
             RecordedFiles::Grid(_) => 0,

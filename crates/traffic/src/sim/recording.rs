@@ -1,8 +1,7 @@
 //! Recordings: what happened on the road in an episode, to the last bit.
 //!
-//! A [`crate::Traffic`] gets a [`Tape`]. The first episode that one of its simulators plays goes on the tape,
-//! whatever controls the lights. It comes off as a [`Recording`]. [`super::replay`] turns it into files for SUMO, and
-//! [`super::trace`] into data for pictures. Simulators without a tape ask SUMO for no more than they need.
+//! The first episode that a simulator of a [`crate::Traffic`] with a [`Tape`] plays goes on the tape. It comes off as a
+//! [`Recording`]. [`super::replay`] turns it into files for SUMO, and [`super::trace`] into data for pictures.
 
 use std::sync::{Arc, Mutex, PoisonError};
 
@@ -22,7 +21,6 @@ impl Tape {
         self.with(Option::take)
     }
 
-    /// Puts a recording back on the tape from which it was taken.
     pub fn put_back(&self, recording: Recording) {
         self.with(|tape| *tape = Some(recording));
     }

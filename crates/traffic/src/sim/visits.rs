@@ -17,7 +17,6 @@ pub struct Visits {
     pub seconds: usize,
 }
 
-/// A stay of a car on a region, from its arrival on.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Visit {
     /// Second of the episode after which the car was first seen; the first one is 0.
@@ -35,7 +34,6 @@ pub struct Visit {
     pub way: Vec<String>,
     /// Road behind the region. `None`: its trip ends here.
     pub next_road: Option<String>,
-    /// Index into [`Visits::drivers`].
     pub driver: usize,
 }
 
@@ -49,12 +47,10 @@ impl Visits {
     }
 }
 
-/// What is known of a car since it departed.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Driver {
     pub name: String,
     pub(crate) vehicle_type: String,
-    /// SUMO's class of this type.
     pub(crate) vehicle_class: String,
     /// Desired speed as a share of the limit.
     pub(crate) speed_factor: f64,
@@ -88,7 +84,6 @@ impl VisitRecorder {
         }
     }
 
-    /// Begins a second, in which these cars departed.
     pub(crate) fn second(&mut self, departures: &[Departure]) {
         self.visits.seconds += 1;
         for Departure { id, name, vehicle_type, vehicle_class, speed_factor, .. } in departures {

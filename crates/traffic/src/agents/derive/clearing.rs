@@ -12,7 +12,6 @@ use libsumo::SignalState;
 /// Yellow of a light whose program shows none.
 const YELLOW_S: u32 = 3;
 
-/// Durations of the states between the greens of a light.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(crate) struct Times {
     yellow: Seconds,

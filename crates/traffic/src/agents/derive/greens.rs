@@ -63,7 +63,6 @@ impl<'a> Greens<'a> {
         Greens { program, cars, states, of_phase }
     }
 
-    /// Returns the greens, in the order of the program.
     pub(crate) fn states(&self) -> &[SignalState] {
         &self.states
     }
@@ -107,10 +106,8 @@ impl<'a> Greens<'a> {
     }
 }
 
-/// Returns whether a phase is all red but for links that have green before, during and after the change.
-///
-/// It is short, follows yellow, and gives green to no car that did not have it. netconvert writes such phases with
-/// `--tls.allred.time`.
+/// Returns whether a phase is all red but for links that keep green: it is short, follows yellow, and gives green to no
+/// car that did not have it. netconvert writes such phases with `--tls.allred.time`.
 fn is_clearing(program: &Program, phase: usize, cars: &BTreeSet<usize>) -> bool {
     let phases = &program.phases;
     let count = phases.len();

@@ -7,7 +7,6 @@ use dials_core::base::counted;
 
 const MOST_NAMES: usize = 5;
 
-/// A light that does not learn. It shows its own program.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Keeping {
     pub light: String,
@@ -17,7 +16,6 @@ pub struct Keeping {
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Why {
     Excluded,
-    /// Its program is of this type.
     Kind(String),
     NoLink,
     /// Neither passenger cars nor buses can come to it.

@@ -11,8 +11,6 @@ use crate::agents::sensor::{CarColumns, LightColumns, Sensor};
 use crate::config::{DSet, Observation};
 use crate::network::roads::{Connection, EdgeNo, LaneNo, Roads};
 
-/// Makes the lanes of a light's region.
-///
 /// Approaches: first the edges at the stop line in the order of the light's letters, then the others by distance; the
 /// lanes of an edge from the right to the left. Links are in the order of the letters, exits in that of the links.
 pub(crate) fn region_plan(roads: &Roads, light: &str, region: &Region) -> RegionPlan {

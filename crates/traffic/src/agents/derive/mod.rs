@@ -68,8 +68,6 @@ impl Derived {
         self.agents.iter().map(|agent| agent.plan.clone()).collect()
     }
 
-    /// Makes the borders of the agents' regions, with what their AIPs see.
-    ///
     /// `departs_on`: roads on which cars depart. `approach_m`: how far before the stop lines cars are seen.
     pub fn borders(
         &self,
@@ -87,10 +85,8 @@ impl Derived {
     }
 }
 
-/// Makes the agents of a net.
-///
-/// Errors: the net has no light; no light can learn; the overrides name what the net does not have, or greens that are
-/// not safe.
+/// Makes the agents of a net. Errors: the net has no light; no light can learn; the overrides name what the net does
+/// not have, or greens that are not safe.
 pub fn derive(roads: &Roads, rules: &Rules, overrides: &Overrides) -> Result<Derived> {
     let programs = programs(roads);
     let lit = region::lit_junctions(roads);

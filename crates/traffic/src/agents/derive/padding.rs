@@ -23,7 +23,6 @@ impl Padding {
     }
 }
 
-/// The common shape of what influences their regions from outside.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct InfluencePadding {
     pub columns: usize,

@@ -11,7 +11,6 @@ const MOST_JUNCTIONS: usize = 8;
 
 #[derive(Clone, Debug, PartialEq)]
 pub struct Region {
-    /// Junctions of the light itself.
     pub own: BTreeSet<JunctionNo>,
     /// Uncontrolled junctions that cars pass on their way to the light, the nearest first.
     pub passed: Vec<JunctionNo>,
@@ -21,13 +20,9 @@ pub struct Region {
 }
 
 impl Region {
-    /// Makes the region of a light that controls cars.
-    ///
-    /// It goes backwards through uncontrolled junctions until `approach_m` is covered. It never goes through a light or
-    /// a turn-around. `lit`: what [`lit_junctions`] returns. `only`: names of the edges that it may go to; without it
-    /// any.
-    ///
-    /// Errors: one of these edges is not in the net or does not lead to the light.
+    /// Goes backwards from a light through uncontrolled junctions until `approach_m` is covered, but never through a
+    /// light or a turn-around. `lit`: what [`lit_junctions`] returns. `only`: names of the edges that it may go to; one
+    /// that is not in the net or does not lead to the light is an error.
     pub(crate) fn of(
         roads: &Roads,
         lit: &BTreeSet<JunctionNo>,

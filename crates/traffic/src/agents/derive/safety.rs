@@ -10,10 +10,8 @@ use crate::network::roads::Roads;
 use crate::network::roads::program::Program;
 use libsumo::SignalState;
 
-/// Checks all states that a light can show under its agent, greens and what is between them.
-///
-/// Errors: two links that cross have `G` at once, and no phase of the program gives it to both. Derived states are safe
-/// because they are made of the program's; greens that a person wrote may not be.
+/// Checks greens and what is between them. Derived states are safe because they are made of the program's; greens that
+/// a person wrote may not be.
 pub(crate) fn check(roads: &Roads, program: &Program, phases: &PhasePlan) -> Result<()> {
     let crossing = roads.crossing_letters(&program.light)?;
     let own: Vec<&SignalState> = program.phases.iter().map(|phase| &phase.state).collect();

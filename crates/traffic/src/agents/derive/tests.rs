@@ -76,11 +76,7 @@ fn a_region_ends_at_another_light_and_so_does_the_way_out() {
 #[test]
 fn a_region_has_at_most_eight_junctions() {
     // `far` as a chain of ten edges of 10 m, with junctions between them.
-    let junction = |number: usize| match number {
-        0 => "U".to_owned(),
-        10 => "W".to_owned(),
-        _ => format!("C{number}"),
-    };
+    let junction = |number: usize| if number == 0 { "U".to_owned() } else { format!("C{number}") };
     let (mut edges, mut junctions, mut ways) = (String::new(), String::new(), String::new());
     for number in 1..=10 {
         let (begin, end) = (junction(number), junction(number - 1));
@@ -88,10 +84,8 @@ fn a_region_has_at_most_eight_junctions() {
         edges += &format!("<edge id='c{number}' from='{begin}' to='{end}'>{lane}</edge>");
         let next = if number == 1 { "near".to_owned() } else { format!("c{}", number - 1) };
         ways += &format!("<connection from='c{number}' fromLane='0' to='{next}' toLane='0'/>");
-        if number < 10 {
-            let lane = format!("c{}_0", number + 1);
-            junctions += &format!("<junction id='{begin}' type='priority' x='-{number}' y='0' incLanes='{lane}'/>");
-        }
+        let lane = if number < 10 { format!("c{}_0", number + 1) } else { String::new() };
+        junctions += &format!("<junction id='{begin}' type='priority' x='-{number}' y='0' incLanes='{lane}'/>");
     }
     edges += "<edge id='far'";
     junctions += "<junction id='W'";

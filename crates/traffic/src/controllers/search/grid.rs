@@ -17,7 +17,6 @@ use dials_core::base::statistics::mean;
 /// Bump when the space of the search or the choice of the best changes: then timings are searched again.
 pub(crate) const VERSION: u32 = 1;
 
-/// Greens of the first grid, in steps.
 const GREENS: [u32; 8] = [4, 6, 8, 10, 12, 15, 19, 24];
 /// Number of candidates of the first grid that play all episodes.
 const FINALISTS: usize = 6;

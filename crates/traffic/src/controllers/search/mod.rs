@@ -1,7 +1,5 @@
-//! Searches for the best lights that go by the clock, on the same episodes for every candidate.
-//!
-//! Pure: the caller says what a candidate earns in an episode. A candidate is judged against another one on common
-//! random numbers, so small gains show.
+//! Searches for the best lights that go by the clock. Pure: the caller says what a candidate earns in an episode. All
+//! candidates play the same episodes, so small gains show.
 
 pub(crate) mod grid;
 pub(crate) mod net;
@@ -97,7 +95,6 @@ impl<'a> Judge<'a> {
     }
 }
 
-/// Sorts by the mean. Of equals, the first stays first.
 fn best_first<T>(played: &mut [Played<T>]) {
     played.sort_by(|(_, one), (_, other)| mean(other).total_cmp(&mean(one)));
 }

@@ -57,7 +57,6 @@ pub(crate) fn search(
     walk(plans, best, earned, judge)
 }
 
-/// Changes a candidate as long as that earns more.
 fn walk(
     plans: &[AgentPlan],
     mut best: Candidate,
@@ -120,7 +119,6 @@ enum Change {
         light: usize,
         by: i64,
     },
-    /// Changes the steps of leeway, early and late.
     Leeway(i32, i32),
 }
 
@@ -150,7 +148,6 @@ impl Candidate {
         ClockPlan { timings: self.timings.clone(), leeway: self.leeway.unwrap_or(Leeway::NONE) }
     }
 
-    /// Returns all changes that the walk tries, one of each light in turn.
     fn changes(&self) -> Vec<Change> {
         let mut found: Vec<Change> = CYCLE_CHANGES.into_iter().map(Change::Cycle).collect();
         found.extend(self.leeway.iter().flat_map(|_| LEEWAY_CHANGES).map(|(early, late)| Change::Leeway(early, late)));
@@ -236,12 +233,12 @@ mod tests {
         (0..3).map(|light| AgentPlan { place_m: [100.0 * f64::from(light), 7.0], ..crossing() }).collect()
     }
 
-    fn ratios() -> FlowRatios {
-        FlowRatios { greens: vec![(0, 0.3), (1, 0.1), (3, 0.1)], lost_s: 12.0 }
+    fn ratios(left_turn: f64) -> FlowRatios {
+        FlowRatios { greens: vec![(0, 0.3), (1, left_turn), (3, 0.1)], lost_s: 12.0 }
     }
 
     fn find(plans: &[AgentPlan], score: &mut dyn FnMut(&ClockPlan) -> f64) -> (ClockPlan, usize) {
-        find_with(4, score, |judge| search(plans, &vec![ratios(); plans.len()], None, judge))
+        find_with(4, score, |judge| search(plans, &vec![ratios(0.1); plans.len()], None, judge))
     }
 
     #[test]
@@ -249,25 +246,6 @@ mod tests {
         let lag = |plan: &ClockPlan, light: usize| f64::from(plan.timings[light].offset().abs_diff(10 * light as u32));
         let (found, _) = find(&plans(), &mut |plan| -(0..3).map(|light| lag(plan, light)).sum::<f64>());
         assert_eq!(found.timings.iter().map(|timing| timing.offset()).collect::<Vec<_>>(), [0, 10, 20]);
-    }
-
-    #[test]
-    fn splits_and_offsets_of_single_lights_are_changed() {
-        // The second light is best with two steps more of its second green, and three steps later.
-        let start = Candidate::of_cycle(&plans(), &vec![ratios(); 3], 60, None).timings;
-        let mut score = |plan: &ClockPlan| {
-            let error = |light: usize| {
-                let (greens, offset) =
-                    if light == 1 { (start[1].greens()[1] + 2, 3) } else { (start[0].greens()[1], 0) };
-                let found = &plan.timings[light];
-                f64::from(
-                    found.greens()[1].abs_diff(greens) + found.offset().abs_diff(offset) + found.cycle().abs_diff(60),
-                )
-            };
-            -(0..3).map(error).sum::<f64>()
-        };
-        let (found, _) = find(&plans(), &mut score);
-        assert_eq!(score(&found), 0.0, "{found:?}");
     }
 
     #[test]
@@ -282,14 +260,10 @@ mod tests {
         assert!(alone <= 20 + 2 * changes, "{alone}");
     }
 
-    fn few_turn_left() -> FlowRatios {
-        FlowRatios { greens: vec![(0, 0.3), (1, 0.0), (3, 0.1)], lost_s: 12.0 }
-    }
-
     #[test]
     fn lights_share_a_cycle_if_their_greens_fit() {
         let plans = [crossing(), crossing()];
-        let ratios = [few_turn_left(), few_turn_left()];
+        let ratios = [ratios(0.0), ratios(0.0)];
         let of_cycle = |cycle| Candidate::of_cycle(&plans, &ratios, cycle, None).timings;
         // 54 - 12 = 42 steps of green: 30 : 2 : 10, but 5 at least.
         let greens = of_cycle(54)[0].greens().to_vec();
@@ -302,8 +276,8 @@ mod tests {
     #[test]
     fn changes_keep_the_least_greens_and_the_shares() {
         let plans = [crossing(), crossing()];
-        let candidate =
-            Candidate::of_cycle(&plans, &[few_turn_left(), few_turn_left()], 54, Some(Leeway { early: 0, late: 1 }));
+        let leeway = Some(Leeway { early: 0, late: 1 });
+        let candidate = Candidate::of_cycle(&plans, &[ratios(0.0), ratios(0.0)], 54, leeway);
         let candidate = candidate.with_offsets(|light| 27.0 * light as f64);
         let changed = |change| candidate.changed(&plans, change);
         assert_eq!(changed(Change::Move { light: 0, from: 1, to: 3, steps: 2 }), None, "5 steps are the least");

@@ -14,7 +14,6 @@ const ON_ROADS: &str = "passenger bus bicycle moped motorcycle private emergency
 /// Class of vehicles that no lane keeps out.
 const EVERYWHERE: &str = "ignoring";
 
-/// The vehicle classes that may use a lane.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(crate) struct Classes {
     listed: Vec<String>,

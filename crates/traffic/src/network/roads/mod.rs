@@ -1,7 +1,5 @@
-//! What a net is: junctions, edges with their lanes, connections, and the programs of its lights.
-//!
-//! Made of the elements of a `.net.xml` by `read`. Numbers and names are checked once there, so that everything else may
-//! rely on them.
+//! What a net is: junctions, edges with their lanes, connections, and the programs of its lights. `read` checks all
+//! numbers and names once, so that everything else may rely on them.
 
 pub(crate) mod attributes;
 pub(crate) mod carries;
@@ -80,7 +78,6 @@ pub struct Request {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Function {
     Road,
-    /// The inside of a junction.
     Internal,
     /// Way of pedestrians over a road.
     Crossing,
@@ -118,10 +115,8 @@ pub struct Lane {
 pub struct Connection {
     pub(crate) from: LaneNo,
     pub(crate) to: LaneNo,
-    /// First lane within the junction.
     pub(crate) via: Option<LaneNo>,
     pub signal: Option<Signal>,
-    /// Whether it turns back into the opposite direction.
     pub(crate) turns_around: bool,
 }
 

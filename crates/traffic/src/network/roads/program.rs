@@ -15,7 +15,6 @@ pub struct Program {
     pub light: String,
     /// Name of the program among those of its light: SUMO's `programID`.
     pub(crate) id: String,
-    /// SUMO's type, such as `static` or `actuated`.
     pub kind: String,
     /// Time by which the program runs late, in seconds.
     pub(crate) offset_s: f64,

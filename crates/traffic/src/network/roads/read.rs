@@ -15,7 +15,6 @@ use crate::network::tree::Element;
 /// What is said of a name that leads nowhere. Only an editor or another program leaves such a net behind.
 const UNKNOWN: &str = "the net has none of this name; make the net again with netconvert";
 
-/// What is said of a crossing or a signal of trains.
 const TRAINS: &str = "this program does not simulate trains; remove the track from the net, for example with \
                       netconvert's --remove-edges.by-vclass";
 

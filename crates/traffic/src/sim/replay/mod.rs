@@ -1,7 +1,6 @@
 //! Replays: a recorded episode as a folder that plain `sumo` and `sumo-gui` play, car by car and to the last bit.
 //!
-//! The folder needs nothing outside of itself. Each light under control has a program that shows what was shown. No part
-//! of the folder makes decisions.
+//! The folder needs nothing outside of itself. Each light under control has a program that shows what was shown.
 //!
 //! - On a grid and of a local simulator, each car that entered is `listed`.
 //! - On a scenario, its own files play with the seed of the episode. So SUMO draws the same numbers, and cars of all types
@@ -31,7 +30,6 @@ const VIEW: &str = "view.xml";
 
 const WATCHING_DELAY_MS: u32 = 100;
 
-/// Returns the configuration for `sumo -c` and `sumo-gui -c` in the folder of a replay.
 pub fn config_in(dir: &Path) -> PathBuf {
     NetworkFiles::of(&dir.join(NAME)).config
 }

@@ -57,7 +57,6 @@ impl Route {
     }
 }
 
-/// Returns the connections that lead from an edge to the next one.
 pub(crate) fn ways(roads: &Roads, from: EdgeNo, to: EdgeNo) -> impl Iterator<Item = &Connection> {
     let lanes = roads.edge(from).lanes.iter();
     lanes.flat_map(|&lane| roads.links_from(lane)).filter(move |way| roads.lane(way.to).edge == to)
