@@ -369,3 +369,47 @@ impl GlobalSimulator for GlobalTraffic {
         self.watch.take()
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use std::collections::BTreeMap;
+    use std::path::Path;
+
+    use super::*;
+    use crate::Traffic;
+    use crate::config::TrafficConfig;
+    use crate::controllers::HandCoded;
+    use dials_core::base::AgentId;
+
+    /// Returns when every car wanted to enter, in seconds, in an episode with this action at every step.
+    fn wished_departures(control: SignalControl, action: Action) -> BTreeMap<String, i64> {
+        let nets = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../sumo_nets");
+        let traffic = Traffic::open(&TrafficConfig::new(nets.join("grid_2x2"), nets.join("local"))).unwrap();
+        let mut gs = traffic.global(control).unwrap();
+        gs.measure_in_full().unwrap();
+        gs.reset(Seed::new(21).for_episode(0)).unwrap();
+        (0..300).for_each(|_| drop(gs.step(&[action; 4]).unwrap().clone()));
+        gs.measures().unwrap();
+        let trips = gs.metrics.unwrap().trips_as_text().unwrap();
+        let trips = trips.lines().filter(|line| line.contains("<tripinfo "));
+        trips
+            .map(|line| {
+                let text = |name: &str| line.split(&format!(" {name}=\"")).nth(1).unwrap().split('"').next().unwrap();
+                let seconds = |name: &str| text(name).parse::<f64>().unwrap() as i64;
+                // A car that never entered departs at -1. Its delay is the whole time since it wanted to enter.
+                let departed = if seconds("depart") < 0 { 300 } else { seconds("depart") };
+                (text("id").to_owned(), departed - seconds("departDelay"))
+            })
+            .collect()
+    }
+
+    #[test]
+    fn the_same_cars_want_to_enter_at_the_same_seconds_whatever_the_lights_do() {
+        let never = wished_departures(SignalControl::Agents, 0);
+        // 8 edges x 300 steps x 0.1 = 240, standard deviation 14.7.
+        assert!((180..300).contains(&never.len()), "{}", never.len());
+        assert_eq!(never, wished_departures(SignalControl::Agents, 1));
+        let agents = AgentId::all(4);
+        assert_eq!(never, wished_departures(SignalControl::HandCoded { by: HandCoded::Actuated, agents }, 0));
+    }
+}
