@@ -20,7 +20,6 @@ use dials_core::base::Ragged;
 use dials_core::domain::Domain;
 use dials_learn::config::{AlgorithmName, Config, PolicyConfig, Simulator};
 use dials_learn::dials;
-use dials_learn::evaluation::Evaluation;
 use dials_learn::fleet::{Fleet, FleetLoad};
 use dials_learn::observer::{Observer, Recorder, Silent, Unrecorded};
 use dials_learn::progress::TrainingProgress;
@@ -38,19 +37,11 @@ impl Observer for Warnings {
     }
 }
 
-/// A journal that keeps the state after the first period, and counts evaluations.
+/// A recorder that keeps the state after the first period.
 #[derive(Clone, Default)]
-struct Keeper {
-    first: Option<(AgentsState, TrainingProgress)>,
-    evaluations: usize,
-}
+struct Keeper(Option<(AgentsState, TrainingProgress)>);
 
 impl Recorder for Keeper {
-    fn evaluated(&mut self, _agents: &AgentsState, _evaluation: &Evaluation) -> Result<()> {
-        self.evaluations += 1;
-        Ok(())
-    }
-
     fn period_done(
         &mut self,
         agents: &AgentsState,
@@ -58,7 +49,7 @@ impl Recorder for Keeper {
         _training: &PolicyTraining,
         _load: FleetLoad,
     ) -> Result<()> {
-        self.first.get_or_insert_with(|| (agents.clone(), *standing));
+        self.0.get_or_insert_with(|| (agents.clone(), *standing));
         Ok(())
     }
 }
@@ -137,7 +128,7 @@ fn same_for_any_fleet(domain: &Arc<dyn Domain>, config: &Config, deaths: [&[usiz
         let end = "died: it is this process\nstarted again from the last exchange";
         assert!(warnings.len() == deaths && warnings.iter().all(|warning| warning.ends_with(end)), "{warnings:?}");
     }
-    let (half, standing) = kept.first.unwrap();
+    let (half, standing) = kept.0.unwrap();
     // Workers that can be replaced are started again, others take the state.
     for can_replace in [true, false] {
         let options = Options { workers: 2, threads: 2, patience: PATIENCE, most_growth: NEVER };
@@ -180,18 +171,6 @@ fn the_loss_of_a_worker_that_cannot_be_replaced_ends_the_run_and_names_it_and_it
     // A worker without agents only plays episodes, but its loss counts as any other.
     let (outcome, _) = train(crew(false, [&[(1, Fate::Dies)], &[], &[]]));
     assert_eq!(outcome.unwrap_err(), format!("worker 0 (no agents of its own) died: it is this process{end}"));
-}
-
-#[test]
-fn an_evaluation_that_was_made_is_not_made_again_when_a_period_begins_after_the_same_update() {
-    let (agents, standing) = undisturbed().1.first.unwrap();
-    for (evaluated_at, evaluations) in [(Some(256), 1), (Some(0), 2)] {
-        let (standing, mut journal) = (TrainingProgress { evaluated_at, ..standing }, Keeper::default());
-        let mut fleet = in_process(coins(), config(), Rc::new(Silent)).unwrap();
-        fleet.restore(agents.clone()).unwrap();
-        dials::train(&config(), &mut fleet, standing, &mut journal, &Silent).unwrap();
-        assert_eq!(journal.evaluations, evaluations, "evaluated at {evaluated_at:?}, and once at the end");
-    }
 }
 
 /// Two kinds of agents that take turns.

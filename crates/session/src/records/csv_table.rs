@@ -167,16 +167,6 @@ mod tests {
     use super::*;
 
     #[test]
-    fn columns_are_found_by_name_and_may_be_missing_or_empty() {
-        let table = CsvTable::of("worker,steps,new\nall,10,\n");
-        let line = table.lines().next().unwrap();
-        assert_eq!((line.steps().unwrap(), line.text("worker"), line.text("new")), (10, Some("all"), None));
-        assert_eq!(line.number("elapsed_s").unwrap(), None);
-        let error = line.required("elapsed_s").unwrap_err().to_string();
-        assert_eq!(error, "t.csv: line 2: has no `elapsed_s`; the file is damaged: copy it again, or train again");
-    }
-
-    #[test]
     fn a_figure_is_finite_and_a_number_that_counts_is_whole_and_neither_is_absurd() {
         let read = |text: &str, whole: bool| {
             let table = CsvTable::of(&format!("steps,mean\n10,{text}\n"));
