@@ -150,18 +150,6 @@ mod tests {
     }
 
     #[test]
-    fn a_key_that_did_not_exist_yet_counts_as_its_default() {
-        let mut json = to_json(&config());
-        json.as_object_mut().unwrap().remove("numerics");
-        json["ppo"].as_object_mut().unwrap().remove("clip");
-        assert_eq!(differences(&from_json(json.clone()).unwrap(), &config()), []);
-        let mut now = config();
-        now.learning.ppo.clip = 0.2;
-        let [difference] = &differences(&from_json(json).unwrap(), &now)[..] else { panic!("one differs") };
-        assert_eq!((&difference.then, &difference.now), (&Some(json!(0.1)), &Some(json!(0.2))));
-    }
-
-    #[test]
     fn numbers_come_back_from_json_to_the_last_bit() {
         let mut config = config();
         for index in 1..2000_u64 {
