@@ -314,15 +314,10 @@ mod tests {
     }
 
     #[test]
-    fn many_lights_are_the_least_alike_and_the_text_says_so() {
+    fn many_lights_are_the_least_alike_and_on_a_grid_cars_without_room_are_counted_as_left_out() {
         let line = "\nthese are the 40 least alike of 41 lights; --json has all\n";
-        assert!(
-            shown(MOST_LINES + 1, false, 0).contains(line) && !shown(MOST_LINES, false, 0).contains("least alike of")
-        );
-    }
-
-    #[test]
-    fn on_a_grid_cars_without_room_are_counted_as_left_out() {
+        let [many, few] = [MOST_LINES + 1, MOST_LINES].map(|lights| shown(lights, false, 0));
+        assert!(many.contains(line) && !few.contains("least alike of"), "{many}");
         let text = shown(1, false, 7);
         assert!(text.contains("left out: cars") && text.contains("     7\n\nthis local simulator"), "{text}");
     }

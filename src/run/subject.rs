@@ -250,8 +250,6 @@ mod tests {
     fn a_label_says_how_policies_are_played() {
         let others = || Some(Background { controller: "gap-out".into(), policies_of: vec![AgentId(0), AgentId(3)] });
         for (greedy, background, label) in [
-            (false, None, "runs/a"),
-            (true, None, "runs/a (greedy)"),
             (false, others(), "runs/a (agents 0,3; others gap-out)"),
             (true, others(), "runs/a (greedy; agents 0,3; others gap-out)"),
         ] {
