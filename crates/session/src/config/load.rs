@@ -168,6 +168,7 @@ fn lay_over(table: &mut Table, setting: &str) -> Result<()> {
 mod tests {
     use super::*;
     use crate::domains::DomainConfig;
+    use dials_learn::config::{Predictor, Simulator};
     use dials_traffic::config::{EntryRule, TrafficConfig, TrafficTable};
 
     const SMALL: &str = "[traffic]\nnetwork = \"nets/grid_2x2\"\nlocal_network = \"nets/local\"\n";
@@ -235,6 +236,14 @@ mod tests {
 
     #[test]
     fn a_way_to_train_is_one_word_on_the_command_line_and_two_keys_in_a_file() {
+        for (word, simulator, predictor) in [
+            ("dials", Simulator::Local, Predictor::Network),
+            ("marginal-dials", Simulator::Local, Predictor::Marginals),
+            ("gs", Simulator::Global, Predictor::Network),
+        ] {
+            let config = load_text(SMALL, &[&format!("simulator={word}")]).unwrap().learning;
+            assert_eq!((config.simulator, config.predictor), (simulator, predictor), "{word}");
+        }
         let last = load_text(SMALL, &["simulator=marginal-dials", "predictor=untrained"]).unwrap().learning;
         assert_eq!(last.short_form().name, "untrained-dials");
         let error = error_of(&format!("simulator = \"marginal-dials\"\n{SMALL}"), &[]);
