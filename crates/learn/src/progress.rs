@@ -139,21 +139,4 @@ mod tests {
         drift.note(Moment::Evaluation, &losses([0.75, 0.75], 0.5));
         assert!((drift.percent() - 50.0).abs() < 1e-9);
     }
-
-    #[test]
-    fn a_checkpoint_ends_a_period_of_its_own_schedule() {
-        let mut config = Config { total_steps: 250, ..Config::default() };
-        (config.ppo.memory, config.evaluation.every_steps, config.aip.retrain_every_steps) = (128, 100, 1000);
-        let checked = |until: u64, steps: u64| {
-            let state = AgentsState { steps, ..AgentsState::nobody() };
-            let progress = TrainingProgress { until, ..TrainingProgress::default() };
-            progress.check(&state, 0.0, &config).map_err(|error| error.to_string())
-        };
-        // Training is at 256 from step 129 on, so nothing is left to train at step 200.
-        assert_eq!([checked(100, 128), checked(200, 256)], [const { Ok(()) }; 2]);
-        for none in [0, 150, 250] {
-            let error = checked(none, 256).unwrap_err();
-            assert!(error.ends_with(&format!("step {none}, where its own schedule has none")), "{error}");
-        }
-    }
 }

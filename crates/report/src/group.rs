@@ -208,7 +208,7 @@ fn keys_that_differ(methods: &[&Method]) -> BTreeMap<String, Option<String>> {
             let mut others = methods.iter().filter(|other| other.simulator == method.simulator);
             others.any(|other| other.keys.contains_key(key)) && method.has_off(key)
         };
-        if methods.iter().any(|method| left_out(method)) {
+        if methods.iter().any(left_out) {
             differing.insert(key.clone(), Some(OFF.to_owned()));
         } else if values.iter().any(|value| *value != values[0]) {
             let of_most =

@@ -85,7 +85,7 @@ impl Workload {
 
 /// Price of each kind of work. `T`: a number, or several numbers that are added up separately.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct Prices<T> {
+pub(crate) struct Prices<T> {
     /// A timestep of an agent in training.
     pub(crate) step: T,
     /// A timestep of an agent that is replayed to continue after a period.
@@ -98,7 +98,7 @@ pub struct Prices<T> {
 }
 
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct RunCost<T> {
+pub(crate) struct RunCost<T> {
     pub(crate) training: T,
     pub(crate) evaluation: T,
     pub(crate) collection: T,

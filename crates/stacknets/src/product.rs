@@ -237,14 +237,3 @@ pub(crate) fn resized(buffer: &mut Vec<f32>, length: usize) -> &mut [f32] {
     buffer.resize(length, 0.0);
     buffer
 }
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    #[should_panic(expected = "2 x 3 by 2 x 3")]
-    fn shapes_that_do_not_fit_are_refused() {
-        multiply(Matrix::new(&[0.0; 6], 3), Matrix::new(&[0.0; 6], 3), &mut [0.0; 6], Before::Overwrite);
-    }
-}

@@ -224,21 +224,6 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_second_tower_has_the_same_hidden_layers_and_follows_the_first_one() {
-        let shape = Shape { inputs: 3, recurrent: Some(2), hidden: vec![4], outputs: 3, apart: 1 };
-        let layout = shape.layout();
-        let blocks: Vec<(&str, Vec<usize>)> = layout.blocks(1).map(|(name, shape, _)| (name, shape)).collect();
-        assert_eq!(blocks.len(), 16);
-        assert_eq!(blocks[6], ("layers.1.weight", vec![1, 4, 2]));
-        assert_eq!(blocks[8], ("critic.gru.input_weight", vec![1, 3, 6]));
-        assert_eq!(blocks[14], ("critic.layers.1.weight", vec![1, 4, 1]));
-        assert_eq!(shape.state_width(), 4);
-        // A tower: GRU (3 + 2 + 2) * 6 = 42, layer 2 * 4 + 4 = 12, outputs 4 * 2 + 2 = 10 or 4 + 1 = 5.
-        assert_eq!(layout.width(), 64 + 59);
-        assert_eq!(shape.initial_bounds().iter().map(|(length, _)| length).sum::<usize>(), 123);
-    }
-
-    #[test]
     fn the_last_output_has_its_column_of_the_last_layer_or_a_tower_for_itself() {
         let shape = Shape { inputs: 1, recurrent: None, hidden: vec![2], outputs: 3, apart: 0 };
         // Weight and bias of the hidden layer: 4. Weight of the outputs [2, 3], bias [1, 3].

@@ -64,23 +64,4 @@ mod tests {
             }
         }
     }
-
-    #[test]
-    fn items_appear_with_probability_one_fiftieth_on_every_shelf_on_its_own() {
-        let steps = 100_000;
-        let streams = [(0, 1), (0, 2), (1, 0), (4, 3)].map(|(row, col)| {
-            let mut stream = Appearances::of_shelf(Seed::new(1), row, col);
-            (0..steps).map(|_| stream.draw()).collect::<Vec<bool>>()
-        });
-        for (i, stream) in streams.iter().enumerate() {
-            // 2000 expected, standard deviation sqrt(2000 * 0.98) = 44.
-            let count = stream.iter().filter(|&&appears| appears).count();
-            assert!(count.abs_diff(2000) < 180, "{count}");
-            for other in &streams[..i] {
-                // Together: 40 expected, standard deviation 6.3.
-                let both = stream.iter().zip(other).filter(|(a, b)| **a && **b).count();
-                assert!(both.abs_diff(40) < 30, "{both}");
-            }
-        }
-    }
 }

@@ -129,22 +129,6 @@ mod tests {
     }
 
     #[test]
-    fn on_the_floor_all_moves_work_and_on_a_shelf_only_the_one_back_inward() {
-        let moved = |cell: u8| [UP, DOWN, LEFT, RIGHT].map(|action| after_move(cell, action));
-        assert_eq!(moved(CENTRE), [cell(1, 2), cell(3, 2), cell(2, 1), cell(2, 3)]);
-        assert_eq!(moved(cell(1, 1)), [cell(0, 1), cell(2, 1), cell(1, 0), cell(1, 2)]);
-        for (shelf, inward, back) in [
-            (cell(0, 1), DOWN, cell(1, 1)),
-            (cell(4, 3), UP, cell(3, 3)),
-            (cell(2, 0), RIGHT, cell(2, 1)),
-            (cell(1, 4), LEFT, cell(1, 3)),
-        ] {
-            let expected = [UP, DOWN, LEFT, RIGHT].map(|action| if action == inward { back } else { shelf });
-            assert_eq!(moved(shelf), expected);
-        }
-    }
-
-    #[test]
     fn shelves_are_numbered_as_in_the_observation() {
         let order: Vec<(u8, u8)> = SHELF_CELLS.iter().map(|&cell| (cell / 5, cell % 5)).collect();
         let top_bottom = [(0, 1), (0, 2), (0, 3), (4, 1), (4, 2), (4, 3)];

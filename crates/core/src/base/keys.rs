@@ -58,31 +58,3 @@ impl<'de> MapAccess<'de> for Asked<'_> {
         seed.deserialize(Asked { path: &self.path[1..], keys: self.keys })
     }
 }
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use serde::Deserialize;
-
-    #[derive(Default, Deserialize)]
-    #[serde(default)]
-    struct Outer {
-        _first: u32,
-        _second: Inner,
-    }
-
-    #[derive(Default, Deserialize)]
-    #[serde(default, rename_all = "kebab-case")]
-    struct Inner {
-        _b: Option<String>,
-        _a: Vec<f32>,
-    }
-
-    #[test]
-    fn keys_come_in_the_order_of_the_fields_and_of_tables_within() {
-        assert_eq!(keys_of::<Outer>(&[]), ["_first", "_second"]);
-        assert_eq!(keys_of::<Outer>(&["_second"]), ["-b", "-a"]);
-        assert_eq!(keys_of::<Outer>(&["_first"]), [""; 0]);
-        assert_eq!(keys_of::<u32>(&[]), [""; 0]);
-    }
-}

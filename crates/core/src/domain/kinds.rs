@@ -22,7 +22,7 @@ pub struct Kind {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Place {
     pub kind: usize,
-    pub row: usize,
+    pub(crate) row: usize,
 }
 
 /// The kinds of a domain. Every agent belongs to exactly one of them; kinds may interleave.
@@ -141,16 +141,6 @@ mod tests {
         let (obs_dim, d_set_dim, n_actions, local_horizon) = (1, 1, 2, horizon);
         let spec = RegionSpec { obs_dim, d_set_dim, n_actions, masks: false, sources, horizon, local_horizon };
         Kind { name: name.to_owned(), spec, agents: agents.iter().map(|&agent| AgentId(agent)).collect() }
-    }
-
-    #[test]
-    fn kinds_may_interleave_and_every_agent_is_found() {
-        let kinds = Kinds::new(vec![kind("a", 5, &[0, 2]), kind("b", 5, &[1, 3, 4])]).unwrap();
-        let places = AgentId::all(5).into_iter().map(|agent| kinds.place(agent)).map(|place| (place.kind, place.row));
-        assert_eq!(places.collect::<Vec<_>>(), [(0, 0), (1, 0), (0, 1), (1, 1), (1, 2)]);
-        assert_eq!([kinds.prefix(&kinds[0]), kinds.prefix(&kinds[1])], ["a.", "b."]);
-        let one = Kinds::one(3, kind("x", 7, &[]).spec);
-        assert_eq!((one.agents(), one.count(), one.prefix(&one[0])), (3, 1, String::new()));
     }
 
     #[test]

@@ -106,19 +106,8 @@ mod tests {
         fs::write(&path, "four").unwrap();
         assert_eq!(read_text(&path, 4).unwrap(), "four");
         let error = read_bytes(&path, 3).unwrap_err();
-        assert_eq!((error.kind(), error.to_string()), (ErrorKind::FileTooLarge, limit(3)));
-        fs::write(&path, b"ab\xffc").unwrap();
-        assert_eq!(read_text(&path, 4).unwrap_err().to_string(), "it is not UTF-8 text from byte 2 on");
-        assert_eq!(read_bytes(&dir.path().join("none"), 4).unwrap_err().kind(), ErrorKind::NotFound);
-        let pipe = dir.path().join("pipe");
-        rustix::fs::mknodat(rustix::fs::CWD, &pipe, rustix::fs::FileType::Fifo, 0o600.into(), 0).unwrap();
-        for path in [&pipe, Path::new("/dev/zero"), dir.path()] {
-            assert_eq!(read_bytes(path, 4).unwrap_err().to_string(), "it is not a regular file", "{}", path.display());
-        }
-    }
-
-    fn limit(bytes: usize) -> String {
-        format!("it has more than {bytes} bytes, the limit")
+        assert_eq!(error.kind(), ErrorKind::FileTooLarge);
+        assert_eq!(error.to_string(), "it has more than 3 bytes, the limit");
     }
 
     fn packed(content: &[u8]) -> Vec<u8> {

@@ -87,7 +87,5 @@ mod tests {
             let written = serde_json::to_string(name).unwrap();
             assert_eq!(serde_json::from_str::<FileName>(&written).unwrap().to_string(), name);
         }
-        let error = serde_json::from_str::<FileName>("\"../a\"").unwrap_err().to_string();
-        assert!(error.contains("`../a` cannot be the name of a file"), "{error}");
     }
 }

@@ -65,15 +65,6 @@ mod tests {
     use super::*;
 
     #[test]
-    fn what_would_act_on_a_terminal_is_escaped_and_the_rest_stays() {
-        let shown = |text: &str| Printable(text).to_string();
-        assert_eq!(shown("a\u{1b}]0;owned\u{7}b"), "a\\u{1b}]0;owned\\u{7}b");
-        assert_eq!(shown("two\nlines\tand\r"), "two\\nlines\\tand\\r");
-        assert_eq!(shown("\u{202E}txt.exe"), "\\u{202e}txt.exe");
-        assert_eq!(shown("Kreuzung Süd 交差点 <b> = 1"), "Kreuzung Süd 交差点 <b> = 1");
-    }
-
-    #[test]
     fn an_error_quotes_the_beginning_of_a_long_text() {
         assert_eq!(excerpt("a\u{1b}b"), "a\\u{1b}b");
         assert_eq!(excerpt(&"ü".repeat(80)), "ü".repeat(80));

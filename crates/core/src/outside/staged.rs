@@ -49,7 +49,7 @@ impl StagedDirectory {
 
     /// Moves files of the directory into its parent, in the place of those of the same names, once all of them are on
     /// the disk.
-    pub fn replace(&self, names: &[impl AsRef<OsStr>]) -> Result<()> {
+    pub(crate) fn replace(&self, names: &[impl AsRef<OsStr>]) -> Result<()> {
         let path = |name: &OsStr| self.directory.path_of(name);
         names.iter().try_for_each(|name| File::open(path(name.as_ref()))?.sync_all())?;
         let parent = self.parent();

@@ -166,8 +166,6 @@ mod tests {
 
     #[test]
     fn what_takes_too_long_is_refused_at_once() {
-        let spaces: String = (0..100_000).map(|number| format!("<a xmlns:q{number}='u'>")).collect();
-        assert_eq!(error_of(&spaces), "x.xml: has more than 16 namespaces, the limit");
         let many = format!("<a>{}</a>", "<b/>".repeat(MOST_NODES as usize));
         assert_eq!(error_of(&many), "x.xml: has more than 8000000 elements, the limit");
     }

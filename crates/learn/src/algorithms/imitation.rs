@@ -295,8 +295,7 @@ mod tests {
     fn coins_learn_to_copy_and_dice_the_best_of_their_allowed_moves_with_and_without_a_memory() {
         let (coins, dice) = (Coins::new(50), CoinsAndDice::new(50));
         for (domain, controller, kind, recurrent, separate_critic) in [
-            (&coins as &dyn Domain, "copy", 0, None, false),
-            (&coins, "copy", 0, None, true),
+            (&coins as &dyn Domain, "copy", 0, None, true),
             (&coins, "copy", 0, Some(8), false),
             (&coins, "copy", 0, Some(8), true),
             (&dice, "best", 1, None, false),

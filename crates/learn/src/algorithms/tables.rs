@@ -94,7 +94,7 @@ impl Base {
 pub struct Layout {
     pub numbers: Vec<NumberTable>,
     /// Names of the dice, and how many an agent has.
-    pub dice: Vec<(&'static str, usize)>,
+    pub(crate) dice: Vec<(&'static str, usize)>,
     /// Names of the counts, and their values.
     pub(crate) counts: Vec<(&'static str, u64)>,
 }

@@ -187,7 +187,7 @@ pub struct CheckpointsConfig {
     /// Timesteps per agent between further checkpoints, besides those at every evaluation, every training of the AIPs and
     /// every mean of the policies; at least `ppo.memory`. Changes no number.
     #[serde(skip_serializing_if = "Option::is_none")]
-    pub every_steps: Option<u64>,
+    pub(crate) every_steps: Option<u64>,
 }
 
 impl Default for Config {

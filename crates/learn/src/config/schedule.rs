@@ -99,48 +99,17 @@ fn trains(config: &Config, start: u64, end: u64) -> bool {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::config::{Predictor, ShortForm};
+    use crate::config::Predictor;
 
-    fn config(simulator: &str, total: u64, retrain: u64, evaluate: u64) -> Config {
-        toml::from_str(&format!(
-            "{}total_steps = {total}\n\
-             aip.retrain_every_steps = {retrain}\nevaluation.every_steps = {evaluate}\nppo.memory = 10",
-            ShortForm::called(simulator).unwrap().keys()
-        ))
-        .unwrap()
-    }
-
-    fn bounds(config: &Config) -> Vec<(u64, u64, bool, bool)> {
-        let trains = |period: &Period| match period.train_aips {
-            AipTraining::No => false,
-            AipTraining::Yes => true,
-            AipTraining::IfDrifted => panic!("this config does not use drift"),
-        };
-        schedule(config).iter().map(|p| (p.start, p.end, trains(p), p.evaluate)).collect()
-    }
-
-    #[test]
-    fn periods_end_where_aips_are_retrained_or_policies_evaluated() {
-        assert_eq!(
-            bounds(&config("dials", 250, 100, 60)),
-            [
-                (0, 60, true, true),
-                (60, 100, false, true),
-                (100, 120, true, false),
-                (120, 180, false, true),
-                (180, 200, false, true),
-                (200, 240, true, false),
-                (240, 250, false, true),
-            ]
-        );
-        for simulator in ["gs", "untrained-dials"] {
-            assert_eq!(bounds(&config(simulator, 100, 10, 50)), [(0, 50, false, true), (50, 100, false, true)]);
-        }
+    fn config(total: u64, retrain: u64, evaluate: u64) -> Config {
+        let mut config = Config { total_steps: total, ..Config::default() };
+        (config.aip.retrain_every_steps, config.evaluation.every_steps, config.ppo.memory) = (retrain, evaluate, 10);
+        config
     }
 
     #[test]
     fn policies_are_evaluated_before_aips_are_trained_at_the_same_update() {
-        let mut config = config("dials", 400, 65, 70);
+        let mut config = config(400, 65, 70);
         config.ppo.memory = 64;
         // 65 and 70 are both at the update at 128, and 130 and 140 at 192. So are 195 and 210 at 256, 260 and 280 at 320.
         let due = work(&config, &schedule(&config));
@@ -164,7 +133,7 @@ mod tests {
             (64, 65, vec![128, 192, 256]),
             (64, 1000, vec![256]),
         ] {
-            let mut config = config("dials", 250, 1000, 1000);
+            let mut config = config(250, 1000, 1000);
             (config.ppo.memory, config.policy.average_every_steps) = (memory, Some(every));
             assert_eq!(averages(&config), expected, "every {every} with a memory of {memory}");
             for rhythm in [64, 90, 120] {
@@ -172,7 +141,7 @@ mod tests {
                 assert_eq!(averages(&config), expected, "every {every}, evaluated every {rhythm}");
             }
         }
-        assert!(averages(&config("dials", 250, 100, 60)).is_empty());
+        assert!(averages(&config(250, 100, 60)).is_empty());
     }
 
     /// Returns what a run does, each after which update in timesteps.
@@ -189,7 +158,7 @@ mod tests {
     #[test]
     fn a_run_that_was_stopped_anywhere_does_the_work_of_one_that_never_was() {
         for (memory, retrain, evaluate) in [(10, 100, 60), (64, 100, 60), (64, 60, 100), (128, 75, 90)] {
-            let mut config = config("dials", 500, retrain, evaluate);
+            let mut config = config(500, retrain, evaluate);
             (config.ppo.memory, config.policy.average_every_steps) = (memory, Some(130));
             let whole = work(&config, &schedule(&config));
             for stop in 1..500 {
@@ -205,7 +174,7 @@ mod tests {
     fn aips_of_one_training_or_on_drift_are_trained_first_and_checkpoints_begin_periods_without_any() {
         let no = AipTraining::No;
         for (retrain, later) in [(Retrain::Once, no), (Retrain::Drift, AipTraining::IfDrifted)] {
-            let mut config = config("dials", 100, 60, 50);
+            let mut config = config(100, 60, 50);
             (config.aip.retrain, config.checkpoints.every_steps) = (retrain, Some(40));
             let begin: Vec<_> = schedule(&config).iter().map(|p| (p.start, p.evaluate, p.train_aips)).collect();
             assert_eq!(begin, [(0, true, AipTraining::Yes), (40, false, no), (50, true, later), (80, false, no)]);

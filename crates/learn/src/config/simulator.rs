@@ -96,17 +96,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_four_short_forms_stand_for_the_two_keys() {
-        for (name, keys, learns) in [
-            ("gs", "simulator = \"gs\"\n", false),
-            ("dials", "simulator = \"local\"\npredictor = \"aip\"\n", true),
-            ("untrained-dials", "simulator = \"local\"\npredictor = \"untrained\"\n", false),
-            ("marginal-dials", "simulator = \"local\"\npredictor = \"marginals\"\n", true),
-        ] {
-            assert_eq!(ShortForm::called(name).unwrap().keys(), keys);
-            let config: Config = toml::from_str(keys).unwrap();
-            assert_eq!((config.short_form().name, config.trains_predictors()), (name, learns));
-        }
+    fn on_the_gs_no_predictor_is_read() {
         for predictor in ["aip", "marginals", "untrained"] {
             let config: Config = toml::from_str(&format!("simulator = 'gs'\npredictor = '{predictor}'")).unwrap();
             assert_eq!((config.short_form().name, config.predictor()), ("gs", Predictor::Network), "it is not read");

@@ -114,17 +114,13 @@ mod tests {
     }
 
     #[test]
-    fn the_columns_are_aligned_whatever_the_values() {
+    fn the_columns_are_aligned_whatever_the_values_and_of_many_agents_the_worst_are_shown() {
         let text = shown(8, Some(Selection::Greedy));
         assert!(text.starts_with("return 97.5 +- "), "{text}");
         assert!(text.contains("(+-: half of a 95 % interval over 2 episodes; greedy policies)"), "{text}");
         let lines: Vec<&str> = text.lines().skip_while(|line| !line.contains("stuck")).collect();
         assert_eq!(lines.len(), 9, "{text}");
         assert!(lines.iter().all(|line| line.len() == lines[0].len()), "{text}");
-    }
-
-    #[test]
-    fn of_many_agents_the_worst_are_shown() {
         let text = shown(20, None);
         assert!(
             text.contains("20 agents: returns from 82.0 to 101.0, 0 stuck\nthe 5 with the lowest return"),

@@ -64,27 +64,16 @@ mod tests {
     use dials_core::base::Seed;
 
     #[test]
-    fn log_probabilities_of_known_logits() {
-        // softmax(ln 1, ln 2, ln 5) = (1/8, 2/8, 5/8), and adding 100 to all changes nothing
-        for shift in [0.0, 100.0] {
-            let mut log_probs = [0.0; 3];
-            log_softmax(&[shift, 2_f32.ln() + shift, 5_f32.ln() + shift], &mut log_probs);
-            for (log_prob, expected) in log_probs.iter().zip([0.125_f32, 0.25, 0.625]) {
-                assert!((log_prob.exp() - expected).abs() < 1e-5);
-            }
-        }
-    }
-
-    #[test]
     fn what_is_forbidden_has_no_probability_and_the_rest_share_it() {
-        // softmax(ln 1, ln 2, ln 5) without the last: (1/3, 2/3); H = -(1/3 ln 1/3 + 2/3 ln 2/3) = 0.636514.
-        let mut logits = [0.0, 2_f32.ln(), 5_f32.ln()];
+        // softmax(ln 1, ln 2, ln 5) without the last: (1/3, 2/3); H = -(1/3 ln 1/3 + 2/3 ln 2/3) = 0.636514. Adding 100
+        // to all changes nothing.
+        let mut logits = [100.0, 2_f32.ln() + 100.0, 5_f32.ln() + 100.0];
         forbid(&mut logits, &[true, true, false]);
         let mut log_probs = [0.0; 3];
         log_softmax(&logits, &mut log_probs);
-        assert!((log_probs[0].exp() - 1.0 / 3.0).abs() < 1e-6 && (log_probs[1].exp() - 2.0 / 3.0).abs() < 1e-6);
+        assert!((log_probs[0].exp() - 1.0 / 3.0).abs() < 1e-5 && (log_probs[1].exp() - 2.0 / 3.0).abs() < 1e-5);
         assert_eq!(log_probs[2], f32::NEG_INFINITY);
-        assert!((entropy(&log_probs) - 0.636_514).abs() < 1e-6);
+        assert!((entropy(&log_probs) - 0.636_514).abs() < 1e-5);
         let mut dice = Seed::new(4).dice();
         assert!((0..10_000).all(|_| draw(&log_probs, &mut dice) < 2));
         // The largest number that dice give is below 1; these probabilities sum to less.

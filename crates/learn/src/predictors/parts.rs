@@ -103,34 +103,3 @@ impl PartFrequencies {
         self.cross_entropies(&self.shares)
     }
 }
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use crate::fixtures::region;
-
-    #[test]
-    fn constants_of_two_parts_are_worked_out_by_hand() {
-        // A source that is 1 in every second sample of part 0 and in every tenth of part 1, twenty samples each.
-        let sources = SourceSpec { parts: 2, ..SourceSpec::bits(1) };
-        let spec = region(1, 3, sources.clone(), 40);
-        let mut dataset = Dataset::new(&spec);
-        for sample in 0..40 {
-            let part = sample / 20;
-            let d_set = [f32::from(part == 0), f32::from(part == 1), 0.5];
-            dataset.push(&d_set, &[u8::from(sample % if part == 0 { 2 } else { 10 } == 0)]);
-        }
-        let found = PartFrequencies::of(&sources, &dataset, 0..40);
-        assert_eq!(found.shares, [[[0.5, 0.5]], [[0.9, 0.1]]]);
-        // (10 + 2) / 40
-        assert!((found.whole()[0][1] - 0.3).abs() < 1e-12);
-        // Twenty samples of its own and twenty of the whole: halfway.
-        let drawn = found.probabilities();
-        assert!((drawn[0][0][1] - 0.4).abs() < 1e-12 && (drawn[1][0][1] - 0.2).abs() < 1e-12);
-        // Half of ln 2 and half of H(0.1) = 0.325083.
-        assert!((found.entropies()[0] - 0.5 * (2_f64.ln() + 0.325_083)).abs() < 1e-6);
-        // Only the second part: -(0.9 ln 0.8 + 0.1 ln 0.2) = 0.361773.
-        let second = PartFrequencies::of(&sources, &dataset, 20..40);
-        assert!((second.cross_entropies(&drawn)[0] - 0.361_773).abs() < 1e-6);
-    }
-}

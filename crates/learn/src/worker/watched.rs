@@ -96,20 +96,13 @@ mod tests {
     }
 
     #[test]
-    fn a_long_episode_is_never_silent_and_its_phases_are_timed() {
+    fn a_long_episode_is_never_silent() {
         let mut coins = Coins::new(4).baseline("copy").unwrap();
         let shares = Shares(RefCell::default());
         let mut controller = Watched::new(&mut *coins.controller, &shares, Activity::Evaluation, 8);
         for episode in 0..2 {
             play(&mut *coins.simulator, &mut controller, Seed::new(3).for_episode(episode)).unwrap();
         }
-        let mut watch = Stopwatch::default();
-        controller.add_to(&mut watch, &mut *coins.simulator);
         assert_eq!(*shares.0.borrow(), [0.125, 0.25, 0.375, 0.5, 0.625, 0.75, 0.875, 1.0]);
-        let spent = [Phase::Reset, Phase::SimulatorStep, Phase::Acting].map(|phase| watch.spent(phase));
-        assert!(
-            spent.iter().all(|&time| time > Duration::ZERO) && watch.total() == spent.iter().sum::<Duration>(),
-            "{spent:?}"
-        );
     }
 }

@@ -31,7 +31,7 @@ pub struct Cost {
     /// Cost of the matrix products at the speed of large products.
     pub products: f64,
     /// Parts of `ours`, in the order of [`Phase::ALL`].
-    pub phases: [f64; Phase::ALL.len()],
+    pub(crate) phases: [f64; Phase::ALL.len()],
 }
 
 impl Cost {

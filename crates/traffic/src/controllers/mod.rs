@@ -111,7 +111,7 @@ const SWITCH_EVERY: &str = "switch-every-";
 const FILE: &str = "file";
 
 /// A function that makes a controller. It first measures what the controller needs to know, on simulators of its own.
-pub type Recipe = Box<dyn Fn(&Traffic) -> Result<HandCoded>>;
+pub(crate) type Recipe = Box<dyn Fn(&Traffic) -> Result<HandCoded>>;
 
 /// Returns the controller of these lights that a text names, with parameters: `max-pressure:min-green=5`. Errors: an
 /// unknown name (the error lists the known ones) and an unknown parameter (it lists those of the controller).

@@ -133,7 +133,7 @@ impl<'a> Beyond<'a> {
     fn next_edges(&self, from: EdgeNo) -> Vec<EdgeNo> {
         let roads = self.source.roads;
         let mut next = Vec::new();
-        for lane in roads.edge(from).lanes.iter().flat_map(|&lane| roads.from_lane(lane)).map(|link| link.to) {
+        for lane in roads.edge(from).lanes.iter().flat_map(|&lane| roads.links_from(lane)).map(|link| link.to) {
             let edge = roads.lane(lane).edge;
             if roads.is_road(lane) && !next.contains(&edge) {
                 next.push(edge);

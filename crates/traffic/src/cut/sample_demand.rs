@@ -84,7 +84,7 @@ fn search(roads: &Roads, from: EdgeNo, class: &str) -> HashMap<EdgeNo, EdgeNo> {
     let mut before = HashMap::from([(from, from)]);
     let mut waiting = VecDeque::from([from]);
     while let Some(edge) = waiting.pop_front() {
-        let links = roads.edge(edge).lanes.iter().flat_map(|&lane| roads.from_lane(lane));
+        let links = roads.edge(edge).lanes.iter().flat_map(|&lane| roads.links_from(lane));
         for link in links.filter(|link| roads.is_road(link.to) && open(link.from) && open(link.to)) {
             let next = roads.lane(link.to).edge;
             before.entry(next).or_insert_with(|| {

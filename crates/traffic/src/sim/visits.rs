@@ -13,7 +13,7 @@ pub struct Visits {
     /// Visits to the region of each agent, in the order of arrival.
     pub of_agents: Vec<Vec<Visit>>,
     /// Cars that departed. Most visit several regions.
-    pub drivers: Vec<Driver>,
+    pub(crate) drivers: Vec<Driver>,
     pub seconds: usize,
 }
 

@@ -133,6 +133,10 @@ mod tests {
         assert_near(Interval::of(&values).half_width.unwrap(), 4.3027 * 1.527_525);
         assert_eq!(median(&[1.0, 2.0, 4.0, 100.0]), 3.0);
         assert_eq!(std_error(&[5.0]), None);
+        assert_eq!(Interval::of(&[7.0]), Interval { mean: 7.0, half_width: None });
+        // The differences are all 1, although the values spread widely.
+        let interval = Interval::of_differences(&[11.0, 101.0, 51.0], &[10.0, 100.0, 50.0]);
+        assert_eq!(interval, Interval { mean: 1.0, half_width: Some(0.0) });
     }
 
     #[test]
@@ -140,14 +144,6 @@ mod tests {
         for (freedom, quantile) in [(1.0, 12.706), (2.0, 4.303), (4.0, 2.776), (10.0, 2.228), (120.0, 1.980)] {
             assert_near(student_t(freedom), quantile);
         }
-    }
-
-    #[test]
-    fn one_episode_has_no_interval_and_equal_differences_an_interval_of_nothing() {
-        assert_eq!(Interval::of(&[7.0]), Interval { mean: 7.0, half_width: None });
-        // The differences are all 1, although the values spread widely.
-        let interval = Interval::of_differences(&[11.0, 101.0, 51.0], &[10.0, 100.0, 50.0]);
-        assert_eq!(interval, Interval { mean: 1.0, half_width: Some(0.0) });
     }
 
     #[test]

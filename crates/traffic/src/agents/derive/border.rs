@@ -36,8 +36,8 @@ pub(crate) fn border(roads: &Roads, region: &Region, departs_on: &BTreeSet<EdgeN
     let of_roads = || order.iter().copied().filter(|&lane| roads.is_road(lane));
     let begins_outside = |lane: LaneNo| roads.begin_of(lane).is_some_and(|begin| !within(begin));
     let ends_outside = |lane: LaneNo| roads.end_of(lane).is_some_and(|end| !within(end));
-    let is_reached = |lane: LaneNo| roads.to_lane(lane).any(|link| roads.carries_cars(link));
-    let leads_on = |lane: LaneNo| roads.from_lane(lane).any(|link| roads.carries_cars(link));
+    let is_reached = |lane: LaneNo| roads.links_to(lane).any(|link| roads.carries_cars(link));
+    let leads_on = |lane: LaneNo| roads.links_from(lane).any(|link| roads.carries_cars(link));
     let entry_lanes: Vec<LaneNo> = of_roads().filter(|&lane| begins_outside(lane) && is_reached(lane)).collect();
     // Nobody sees a car depart where there are no lanes for cars, such as on a cycle track.
     let has_cars = |edge: &EdgeNo| roads.edge(*edge).lanes.iter().any(|&lane| roads.lane(lane).carries_cars);
@@ -92,7 +92,7 @@ fn lanes(roads: &Roads, edges: &BTreeSet<EdgeNo>, within: impl Fn(JunctionNo) ->
     let ends_within = |lane: &&LaneNo| roads.end_of(**lane).is_some_and(&within);
     let mut open: Vec<LaneNo> = of_roads.iter().filter(ends_within).copied().collect();
     while let Some(lane) = open.pop() {
-        let next = roads.from_lane(lane).filter_map(|link| link.via);
+        let next = roads.links_from(lane).filter_map(|link| link.via);
         open.extend(next.filter(|&via| inside.insert(via)).collect::<Vec<_>>());
     }
     of_roads.into_iter().chain(inside).collect()
@@ -116,7 +116,7 @@ fn entries_passed(roads: &Roads, places: &HashMap<LaneNo, usize>, entry_lanes: &
         let entry = entry_of[&lane];
         let beside = roads.edge(roads.lane(lane).edge).lanes.iter().map(|&lane| (distance, lane));
         let end_m = f64::from_bits(distance) + roads.lane(lane).length_m;
-        let ahead = roads.from_lane(lane).map(|link| (end_m.to_bits(), link.via.unwrap_or(link.to)));
+        let ahead = roads.links_from(lane).map(|link| (end_m.to_bits(), link.via.unwrap_or(link.to)));
         let ahead = ahead.filter(|_| end_m <= FIRST_SEEN_M);
         open.extend(
             beside.chain(ahead).filter(|(_, lane)| places.contains_key(lane)).map(|(at, lane)| (at, entry, lane)),
@@ -131,7 +131,7 @@ fn default_way(roads: &Roads, ends_outside: impl Fn(LaneNo) -> bool, lane: LaneN
     let mut is_over = false;
     while !is_over && way.len() < MOST_ROADS {
         let lane = *way.last().expect("it begins with a lane");
-        let links = || roads.from_lane(lane).filter(|link| roads.carries_cars(link));
+        let links = || roads.links_from(lane).filter(|link| roads.carries_cars(link));
         let Some(link) = links().find(|link| !link.turns_around).or_else(|| links().next()) else { break };
         is_over = ends_outside(lane);
         way.push(link.to);

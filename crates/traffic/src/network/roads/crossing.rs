@@ -18,7 +18,7 @@ impl Roads {
             let [from, to] = [link.from, link.to].map(|lane| is(lane, Function::WalkingArea));
             to || (from && !is(link.to, Function::Crossing))
         };
-        let links = incoming.iter().flat_map(|&lane| self.from_lane(lane));
+        let links = incoming.iter().flat_map(|&lane| self.links_from(lane));
         links.filter(|link| !on_foot(link)).collect()
     }
 

@@ -188,11 +188,11 @@ impl Roads {
         numbered.filter(|(_, edge)| edge.ends.is_some())
     }
 
-    pub(crate) fn from_lane(&self, lane: LaneNo) -> impl Iterator<Item = &Connection> {
+    pub(crate) fn links_from(&self, lane: LaneNo) -> impl Iterator<Item = &Connection> {
         self.from_lane[lane.0].iter().map(|&number| &self.connections[number])
     }
 
-    pub(crate) fn to_lane(&self, lane: LaneNo) -> impl Iterator<Item = &Connection> {
+    pub(crate) fn links_to(&self, lane: LaneNo) -> impl Iterator<Item = &Connection> {
         self.to_lane[lane.0].iter().map(|&number| &self.connections[number])
     }
 
@@ -236,7 +236,7 @@ impl Roads {
 
     /// Returns the lanes of a connection within its junction, in the direction of driving.
     pub(crate) fn lanes_within_junction(&self, connection: &Connection) -> impl Iterator<Item = LaneNo> {
-        let next = |&lane: &LaneNo| self.from_lane(lane).find_map(|connection| connection.via);
+        let next = |&lane: &LaneNo| self.links_from(lane).find_map(|connection| connection.via);
         // A way within a junction has one piece, or a few if cars wait on it. The bound ends rings in broken nets.
         std::iter::successors(connection.via, next).take(8)
     }

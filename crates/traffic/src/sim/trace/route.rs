@@ -60,7 +60,7 @@ impl Route {
 /// Returns the connections that lead from an edge to the next one.
 pub(crate) fn ways(roads: &Roads, from: EdgeNo, to: EdgeNo) -> impl Iterator<Item = &Connection> {
     let lanes = roads.edge(from).lanes.iter();
-    lanes.flat_map(|&lane| roads.from_lane(lane)).filter(move |way| roads.lane(way.to).edge == to)
+    lanes.flat_map(|&lane| roads.links_from(lane)).filter(move |way| roads.lane(way.to).edge == to)
 }
 
 pub(crate) fn light_between(roads: &Roads, from: EdgeNo, to: EdgeNo) -> Option<&str> {
@@ -70,7 +70,7 @@ pub(crate) fn light_between(roads: &Roads, from: EdgeNo, to: EdgeNo) -> Option<&
 /// Returns the error about an edge that does not follow another one, with those that do.
 fn no_way(roads: &Roads, before: EdgeNo, name: &str) -> String {
     let lanes = roads.edge(before).lanes.iter();
-    let next = lanes.flat_map(|&lane| roads.from_lane(lane)).map(|way| roads.edge(roads.lane(way.to).edge));
+    let next = lanes.flat_map(|&lane| roads.links_from(lane)).map(|way| roads.edge(roads.lane(way.to).edge));
     // Walking areas are no edges for cars.
     let mut next: Vec<&str> = next.map(|edge| edge.id.as_str()).filter(|id| !id.starts_with(':')).collect();
     next.sort_unstable();
