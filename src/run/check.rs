@@ -325,12 +325,10 @@ mod tests {
     #[test]
     fn only_without_random_numbers_a_local_simulator_can_be_trusted() {
         for (lights, these) in [(1, "\nthis local simulator"), (2, "\nall 2 local simulators")] {
+            let trusted = format!("{these} can be trusted");
             let (sure, random) = (shown(lights, false, 0), shown(lights, true, 0));
-            assert!(sure.ends_with(&format!("{these} can be trusted")), "{sure}");
-            assert!(
-                !random.contains(&format!("{these} can be trusted")) && random.contains("at least 80 %"),
-                "{random}"
-            );
+            assert!(sure.ends_with(&trusted), "{sure}");
+            assert!(!random.contains(&trusted) && random.contains("at least 80 %"), "{random}");
         }
     }
 }

@@ -227,7 +227,6 @@ mod tests {
             ("b.toml", "b.toml: is an experiment file, not a config; use: dials-traffic experiment"),
             ("run", "run: is a run directory, not a config; its config is "),
             ("folder", "folder: is a folder, not a config"),
-            ("none.toml", "none.toml: cannot be read: No such file"),
         ] {
             let error = format!("{:#}", load(&place(name), &[]).unwrap_err());
             assert!(error.contains(message), "{error}");
@@ -305,20 +304,11 @@ mod tests {
             ("policy.hidden=[1,1,1,1,1,1,1,1,1,1,1,1,1,1,1,1,1]", hidden),
             (&format!("{average}0"), "must be at least ppo.memory = 128"),
             (&format!("{average}5_000_000"), "policy.average_every_steps = 5000000: is larger than total_steps = "),
-            (
-                &format!("{average}10_000 gs.shared_policy=true simulator=gs"),
-                "does not go with gs.shared_policy = true",
-            ),
+            (&format!("{average}10_000 gs.shared_policy=true simulator=gs"), "does not go with gs.shared_policy"),
             ("traffic.until_first_switch=sumo", "allowed: `agent` or `program`"),
-            (
-                "traffic.clock_offsets=checkerboard",
-                "traffic.clock_offsets needs a clock: add traffic.clock, such as 26",
-            ),
+            ("traffic.clock_offsets=checkerboard", "traffic.clock_offsets needs a clock: add traffic.clock"),
             // 10^15 / 128 = 7.8 * 10^12 periods.
-            (
-                "total_steps=1000000000000000 evaluation.every_steps=128",
-                "into 7812500000000 periods, but at most 1000000",
-            ),
+            ("total_steps=1000000000000000 evaluation.every_steps=128", "into 7812500000000 periods, but at most"),
         ] {
             let error = error_of(SMALL, &settings.split(' ').collect::<Vec<_>>());
             assert!(error.contains(message), "{error}");

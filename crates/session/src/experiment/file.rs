@@ -396,7 +396,6 @@ pub(super) mod tests {
             ("", "", "a [[grid]] without seeds has no runs; add `seeds = [1]`"),
             ("seeds = []", "", "without seeds"),
             ("seeds = [1]", "seeds = []", "without seeds"),
-            ("seeds = [1]\nseed = 2", "", "unknown field `seed`"),
             ("seeds = [1]\ncontroller_episodes = 0", "", "controller_episodes = 0: must be from 1 to 100000"),
             ("seeds = [1]\ncontroller_episodes = 100001", "", "= 100001: must be from 1 to 100000"),
             ("seeds = [1]", &long, "bytes, and at most 200 are allowed"),

@@ -16,7 +16,6 @@ use anyhow::Result;
 use self::crew::{Fate, FateAt, TestCrew};
 use super::{Coordinator, MostGrowth, Options, in_process};
 use crate::config::RunConfig;
-use dials_core::base::Ragged;
 use dials_core::domain::Domain;
 use dials_learn::config::{AlgorithmName, Config, PolicyConfig, Simulator};
 use dials_learn::dials;
@@ -69,10 +68,6 @@ fn config() -> Config {
          evaluation = { every_steps = 250, episodes = 3, aip_loss_episodes = 2 }",
     )
     .unwrap()
-}
-
-fn moments(agents: &AgentsState) -> &Ragged<f32> {
-    &agents.learners.numbers["second_moments"]
 }
 
 fn coins() -> Arc<dyn Domain> {
@@ -207,9 +202,10 @@ fn an_imitation_is_the_same_for_any_fleet_and_is_not_made_again_on_a_resume() {
 }
 
 fn assert_that_kinds_have_one_policy(agents: &AgentsState) {
+    let moments = &agents.learners.numbers["second_moments"];
     for [one, other] in [[0, 2], [1, 3]] {
         assert_eq!(agents.policies.row(one), agents.policies.row(other));
-        assert_eq!(moments(agents).row(one), moments(agents).row(other));
+        assert_eq!(moments.row(one), moments.row(other));
     }
 }
 
