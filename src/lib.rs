@@ -39,20 +39,3 @@ fn with_negative_numbers(command: Command) -> Command {
     });
     command.mut_subcommands(with_negative_numbers)
 }
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn a_negative_number_is_refused_as_the_value_that_it_is() {
-        let message = |line: &str| {
-            let words = ["dials-traffic"].into_iter().chain(line.split(' '));
-            let error = with_negative_numbers(Cli::command()).try_get_matches_from(words).unwrap_err();
-            error.to_string().lines().next().unwrap_or_default().to_owned()
-        };
-        for line in ["train a.toml --steps -5", "evaluate a --episodes -1", "train a.toml --seed -1"] {
-            assert!(message(line).starts_with("error: invalid value '-"), "{line}: {}", message(line));
-        }
-    }
-}

@@ -314,15 +314,10 @@ mod tests {
     }
 
     #[test]
-    fn many_lights_are_the_least_alike_and_the_text_says_so() {
+    fn many_lights_are_the_least_alike_and_on_a_grid_cars_without_room_are_counted_as_left_out() {
         let line = "\nthese are the 40 least alike of 41 lights; --json has all\n";
-        assert!(
-            shown(MOST_LINES + 1, false, 0).contains(line) && !shown(MOST_LINES, false, 0).contains("least alike of")
-        );
-    }
-
-    #[test]
-    fn on_a_grid_cars_without_room_are_counted_as_left_out() {
+        let [many, few] = [MOST_LINES + 1, MOST_LINES].map(|lights| shown(lights, false, 0));
+        assert!(many.contains(line) && !few.contains("least alike of"), "{many}");
         let text = shown(1, false, 7);
         assert!(text.contains("left out: cars") && text.contains("     7\n\nthis local simulator"), "{text}");
     }
@@ -330,12 +325,10 @@ mod tests {
     #[test]
     fn only_without_random_numbers_a_local_simulator_can_be_trusted() {
         for (lights, these) in [(1, "\nthis local simulator"), (2, "\nall 2 local simulators")] {
+            let trusted = format!("{these} can be trusted");
             let (sure, random) = (shown(lights, false, 0), shown(lights, true, 0));
-            assert!(sure.ends_with(&format!("{these} can be trusted")), "{sure}");
-            assert!(
-                !random.contains(&format!("{these} can be trusted")) && random.contains("at least 80 %"),
-                "{random}"
-            );
+            assert!(sure.ends_with(&trusted), "{sure}");
+            assert!(!random.contains(&trusted) && random.contains("at least 80 %"), "{random}");
         }
     }
 }

@@ -6,6 +6,7 @@
 mod bench;
 mod builds;
 mod command_line;
+mod configuration_page;
 mod crates;
 mod docs;
 mod documented_commands;

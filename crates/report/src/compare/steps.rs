@@ -56,8 +56,6 @@ mod tests {
     fn the_last_step_that_both_have_counts_or_else_the_closest_ones() {
         for (a, b, expected) in [
             (&[0, 100, 200, 300][..], &[0, 100, 200][..], Some([200, 200])),
-            // A shorter run that ended between two evaluations of the longer one.
-            (&[0, 100, 200, 300], &[0, 100, 150], Some([100, 100])),
             // 1.6 % at the end are too much.
             (&[0, 1000, 4064], &[0, 1008, 4128], Some([1000, 1008])),
             (&[0, 400_064], &[0, 400_000, 400_128], Some([400_064, 400_128])),

@@ -104,7 +104,6 @@ mod tests {
             // It cannot have passed its last step.
             (run(&[(100, 10.0), (900, 90.0)]), true, 600, (State::Running, 900, 1000, seconds(0))),
             (run(&[(100, 10.0), (300, 30.0)]), false, 20, (State::Stopped, 300, 300, None)),
-            (run(&[(1000, 30.0)]), false, 20, (State::Finished, 1000, 1000, None)),
             (between, false, 20, (State::Stopped, 300, 300, None)),
             (run(&[]), true, 20, (State::Running, 0, 0, None)),
         ] {

@@ -227,7 +227,6 @@ mod tests {
             ("b.toml", "b.toml: is an experiment file, not a config; use: dials-traffic experiment"),
             ("run", "run: is a run directory, not a config; its config is "),
             ("folder", "folder: is a folder, not a config"),
-            ("none.toml", "none.toml: cannot be read: No such file"),
         ] {
             let error = format!("{:#}", load(&place(name), &[]).unwrap_err());
             assert!(error.contains(message), "{error}");
@@ -280,8 +279,6 @@ mod tests {
     #[test]
     fn bad_input_names_the_key_and_what_is_allowed() {
         let in_file = |line: &str| error_of(&format!("{line}\n{SMALL}"), &[]);
-        let unknown = in_file("aip.retrian = 3");
-        assert!(unknown.contains("unknown field `retrian`") && unknown.contains("line 1"), "{unknown}");
         let word = in_file("simulator = \"ials\"");
         assert!(word.contains("line 1") && word.contains("`ials` is no allowed value; allowed: `"), "{word}");
         assert!(error_of("", &[]).contains("no domain: add a table [traffic] or [warehouse]"));
@@ -294,7 +291,6 @@ mod tests {
             ("ppo.max_gradient_norm=nan", "for no limit"),
             ("ppo.max_gradient_norm=-0.5", "ppo.max_gradient_norm = -0.5"),
             ("ppo.minibatch=9000000000000000000", "must be a multiple of ppo.minibatch"),
-            ("simulator=ials", "simulator: `ials` is no allowed value; allowed: `"),
             ("aip.retrain_every_steps=0", "must be at least 1 (the paper uses 100000"),
             ("aip.retrain_every_steps=100", "must be at least ppo.memory = 128"),
             ("aip.batch=9000000000000000000", "must not exceed the"),
@@ -308,20 +304,11 @@ mod tests {
             ("policy.hidden=[1,1,1,1,1,1,1,1,1,1,1,1,1,1,1,1,1]", hidden),
             (&format!("{average}0"), "must be at least ppo.memory = 128"),
             (&format!("{average}5_000_000"), "policy.average_every_steps = 5000000: is larger than total_steps = "),
-            (
-                &format!("{average}10_000 gs.shared_policy=true simulator=gs"),
-                "does not go with gs.shared_policy = true",
-            ),
+            (&format!("{average}10_000 gs.shared_policy=true simulator=gs"), "does not go with gs.shared_policy"),
             ("traffic.until_first_switch=sumo", "allowed: `agent` or `program`"),
-            (
-                "traffic.clock_offsets=checkerboard",
-                "traffic.clock_offsets needs a clock: add traffic.clock, such as 26",
-            ),
+            ("traffic.clock_offsets=checkerboard", "traffic.clock_offsets needs a clock: add traffic.clock"),
             // 10^15 / 128 = 7.8 * 10^12 periods.
-            (
-                "total_steps=1000000000000000 evaluation.every_steps=128",
-                "into 7812500000000 periods, but at most 1000000",
-            ),
+            ("total_steps=1000000000000000 evaluation.every_steps=128", "into 7812500000000 periods, but at most"),
         ] {
             let error = error_of(SMALL, &settings.split(' ').collect::<Vec<_>>());
             assert!(error.contains(message), "{error}");

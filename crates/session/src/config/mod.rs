@@ -4,14 +4,12 @@
 //! They share one file. No other room reads files or flags for settings.
 //!
 //! - `load`: from a file and `--set` to a [`RunConfig`], and back. `split`: which of the owners reads which key.
-//! - `schema`: the JSON schema of a config, for editors; `page`: docs/configuration.md, made from it.
+//! - [`mod@schema`]: the JSON schema of a config, for editors. docs/configuration.md is made from it, too.
 //! - [`resume`]: what may change when a run is resumed.
 
 mod load;
-#[cfg(test)]
-mod page;
 pub mod resume;
-mod schema;
+pub mod schema;
 mod split;
 
 use anyhow::{Result, ensure};

@@ -22,7 +22,7 @@ pub fn schema() -> Value {
 }
 
 /// Returns the schema with the comments as they are written.
-pub(super) fn with_comments() -> Schema {
+pub fn with_comments() -> Schema {
     let mut generator =
         SchemaGenerator::new(SchemaSettings::draft07().with(|settings| settings.inline_subschemas = true));
     let mut schema = generator.root_schema_for::<Config>();

@@ -167,12 +167,8 @@ mod tests {
     use super::*;
     use crate::config::{RunConfig, to_toml};
     use crate::experiment::file;
-    use crate::records::files::RETURNS;
     use dials_core::domain::Scenario;
     use dials_learn::config::Simulator;
-
-    const FIRST: &str = "0,all,1,1,0,1\n0,0,1,1,0,1\n0,1,1,1,0,1\n0,2,1,1,0,1\n0,3,1,1,0,1\n";
-    const RETURNS_HEADER: &str = "steps,agent,mean,median,std_error,episodes\n";
 
     /// Returns a planned run of 1000 timesteps with four agents, in the folder of a run whose files it is compared with.
     fn planned(folder: &Path) -> PlannedRun {
@@ -188,19 +184,6 @@ mod tests {
 
     fn write(folder: &Path, run: &PlannedRun, file: &str, text: &str) {
         std::fs::write(directory(folder, run).join(file), text).unwrap();
-    }
-
-    #[test]
-    fn a_run_that_was_stopped_while_it_wrote_its_first_evaluation_is_resumed() {
-        let folder = tempfile::tempdir().unwrap();
-        let run = planned(folder.path());
-        let block = format!("{RETURNS_HEADER}{FIRST}");
-        for cut in 0..=block.len() {
-            write(folder.path(), &run, RETURNS, &block[..cut]);
-            assert_eq!(stage(folder.path(), &run).unwrap(), Stage::Begun { steps: 0 }, "{}", &block[..cut]);
-        }
-        let _training = Directory::lock(&directory(folder.path(), &run)).unwrap();
-        assert_eq!(stage(folder.path(), &run).unwrap(), Stage::Running { steps: 0 });
     }
 
     #[test]

@@ -16,11 +16,9 @@ use anyhow::Result;
 use self::crew::{Fate, FateAt, TestCrew};
 use super::{Coordinator, MostGrowth, Options, in_process};
 use crate::config::RunConfig;
-use dials_core::base::Ragged;
 use dials_core::domain::Domain;
 use dials_learn::config::{AlgorithmName, Config, PolicyConfig, Simulator};
 use dials_learn::dials;
-use dials_learn::evaluation::Evaluation;
 use dials_learn::fleet::{Fleet, FleetLoad};
 use dials_learn::observer::{Observer, Recorder, Silent, Unrecorded};
 use dials_learn::progress::TrainingProgress;
@@ -38,19 +36,11 @@ impl Observer for Warnings {
     }
 }
 
-/// A journal that keeps the state after the first period, and counts evaluations.
+/// A recorder that keeps the state after the first period.
 #[derive(Clone, Default)]
-struct Keeper {
-    first: Option<(AgentsState, TrainingProgress)>,
-    evaluations: usize,
-}
+struct Keeper(Option<(AgentsState, TrainingProgress)>);
 
 impl Recorder for Keeper {
-    fn evaluated(&mut self, _agents: &AgentsState, _evaluation: &Evaluation) -> Result<()> {
-        self.evaluations += 1;
-        Ok(())
-    }
-
     fn period_done(
         &mut self,
         agents: &AgentsState,
@@ -58,7 +48,7 @@ impl Recorder for Keeper {
         _training: &PolicyTraining,
         _load: FleetLoad,
     ) -> Result<()> {
-        self.first.get_or_insert_with(|| (agents.clone(), *standing));
+        self.0.get_or_insert_with(|| (agents.clone(), *standing));
         Ok(())
     }
 }
@@ -78,10 +68,6 @@ fn config() -> Config {
          evaluation = { every_steps = 250, episodes = 3, aip_loss_episodes = 2 }",
     )
     .unwrap()
-}
-
-fn moments(agents: &AgentsState) -> &Ragged<f32> {
-    &agents.learners.numbers["second_moments"]
 }
 
 fn coins() -> Arc<dyn Domain> {
@@ -137,7 +123,7 @@ fn same_for_any_fleet(domain: &Arc<dyn Domain>, config: &Config, deaths: [&[usiz
         let end = "died: it is this process\nstarted again from the last exchange";
         assert!(warnings.len() == deaths && warnings.iter().all(|warning| warning.ends_with(end)), "{warnings:?}");
     }
-    let (half, standing) = kept.first.unwrap();
+    let (half, standing) = kept.0.unwrap();
     // Workers that can be replaced are started again, others take the state.
     for can_replace in [true, false] {
         let options = Options { workers: 2, threads: 2, patience: PATIENCE, most_growth: NEVER };
@@ -182,18 +168,6 @@ fn the_loss_of_a_worker_that_cannot_be_replaced_ends_the_run_and_names_it_and_it
     assert_eq!(outcome.unwrap_err(), format!("worker 0 (no agents of its own) died: it is this process{end}"));
 }
 
-#[test]
-fn an_evaluation_that_was_made_is_not_made_again_when_a_period_begins_after_the_same_update() {
-    let (agents, standing) = undisturbed().1.first.unwrap();
-    for (evaluated_at, evaluations) in [(Some(256), 1), (Some(0), 2)] {
-        let (standing, mut journal) = (TrainingProgress { evaluated_at, ..standing }, Keeper::default());
-        let mut fleet = in_process(coins(), config(), Rc::new(Silent)).unwrap();
-        fleet.restore(agents.clone()).unwrap();
-        dials::train(&config(), &mut fleet, standing, &mut journal, &Silent).unwrap();
-        assert_eq!(journal.evaluations, evaluations, "evaluated at {evaluated_at:?}, and once at the end");
-    }
-}
-
 /// Two kinds of agents that take turns.
 fn coins_and_dice() -> Arc<dyn Domain> {
     Arc::new(CoinsAndDice::new(20))
@@ -228,9 +202,10 @@ fn an_imitation_is_the_same_for_any_fleet_and_is_not_made_again_on_a_resume() {
 }
 
 fn assert_that_kinds_have_one_policy(agents: &AgentsState) {
+    let moments = &agents.learners.numbers["second_moments"];
     for [one, other] in [[0, 2], [1, 3]] {
         assert_eq!(agents.policies.row(one), agents.policies.row(other));
-        assert_eq!(moments(agents).row(one), moments(agents).row(other));
+        assert_eq!(moments.row(one), moments.row(other));
     }
 }
 

@@ -234,20 +234,6 @@ mod tests {
     }
 
     #[test]
-    fn an_evaluation_that_was_cut_short_is_none_and_a_hole_in_the_middle_is_an_error() {
-        let block = |steps: u64, agents: usize| {
-            let names = std::iter::once("all".to_owned()).chain((0..agents).map(|agent| agent.to_string()));
-            names.map(|name| format!("{steps},{name},1,1,0\n")).collect::<String>()
-        };
-        assert_eq!(evaluations(&(block(0, 2) + &block(100, 1))).unwrap(), [(0, 2)]);
-        assert_eq!(evaluations(&block(0, 0)).unwrap(), [], "without agents there is no evaluation");
-        for (text, found) in [(block(0, 1) + &block(200, 2), 1), (block(0, 3), 3)] {
-            let error = evaluations(&text).unwrap_err().to_string();
-            assert_eq!(error, format!("returns.csv: has {found} of 2 agents at step 0"));
-        }
-    }
-
-    #[test]
     fn episodes_belong_to_the_evaluation_of_their_step() {
         let blocks = "0,all,1,1,0,1\n0,0,1,1,0,1\n100,all,2,2,0,2\n100,0,2,2,0,2\n";
         let returns = CsvTable::of(&format!("steps,agent,mean,median,std_error,episodes\n{blocks}"));
@@ -267,12 +253,12 @@ mod tests {
     fn lines_that_this_program_never_writes_are_refused() {
         let block = "100,all,1,1,0\n100,0,1,1,0\n100,1,1,1,0\n";
         for (text, message) in [
-            ("100,all,1,1,0\n", "line 5: `steps` holds \"100\", which is not later than 100 before it"),
             ("200,all,,1,0\n", "line 5: has no `mean`"),
             ("200,all,1,1,0\n99,0,1,1,0\n", "line 6: `steps` holds \"99\", which is not the 200 of `all`"),
             ("200,all,1,1,0\n200,,1,1,0\n", "line 6: has no `agent`"),
             ("200,all,1,1,0\n200,x,1,1,0\n", "line 6: `agent` holds \"x\", which is not a whole number"),
             ("200,all,1,1,0\n200,0,1,1,0\n200,0,1,1,0\n", "`agent` holds \"0\", which is not the number of the next"),
+            ("200,all,1,1,0\n200,0,1,1,0\n200,1,1,1,0\n200,2,1,1,0\n", "has 3 of 2 agents at step 200"),
         ] {
             let error = evaluations(&format!("{block}{text}")).unwrap_err().to_string();
             assert!(error.contains(message), "{error}");

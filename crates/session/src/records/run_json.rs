@@ -275,19 +275,7 @@ mod tests {
     }
 
     #[test]
-    fn every_word_comes_back_from_json_as_it_was() {
-        let words: [(&[u8], &str); 5] = [
-            (b"a b", r#""a b""#),
-            (b"a\nb\x1b", r#""a\nb\u001b""#),
-            (r"$'a\377'".as_bytes(), r#""$'a\\377'""#),
-            (b"a\xff", r#"{"latin1":"aÿ"}"#),
-            (b"", r#""""#),
-        ];
-        for (bytes, json) in words {
-            let word = Word::from(OsStr::from_bytes(bytes));
-            assert_eq!(serde_json::to_string(&word).unwrap(), json);
-            assert_eq!(serde_json::from_str::<Word>(json).unwrap().as_it_was().as_bytes(), bytes);
-        }
+    fn a_word_that_is_not_latin1_is_read_with_question_marks() {
         let strange: Word = serde_json::from_str(r#"{"latin1":"a交"}"#).unwrap();
         assert_eq!(strange.as_it_was(), "a?");
     }

@@ -52,14 +52,3 @@ fn duration(duration: Duration) -> String {
         (hours, minutes, _) => format!("{hours} h {minutes} min"),
     }
 }
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn durations_have_two_units() {
-        let texts = [42, 200, 7500].map(|seconds| duration(Duration::from_secs(seconds)));
-        assert_eq!(texts, ["42 s", "3 min 20 s", "2 h 5 min"]);
-    }
-}

@@ -325,6 +325,12 @@ mod tests {
     }
 
     #[test]
+    fn durations_have_two_units() {
+        let texts = [42, 200, 7500].map(|seconds| duration(Duration::from_secs(seconds)));
+        assert_eq!(texts, ["42 s", "3 min 20 s", "2 h 5 min"]);
+    }
+
+    #[test]
     fn an_aip_loss_is_compared_with_constants_and_not_blamed() {
         assert_eq!(judged(0.3, 0.316), "better than constants, which have 0.316");
         assert_eq!(judged(0.4, 0.316), "no better than constants, which have 0.316");

@@ -33,7 +33,7 @@ pub(super) fn lies() -> Vec<WorkerReport> {
     let wide = Ragged::from_vec(vec![0.0; 3], [3]).unwrap();
     // Agent 1 after the first period. Each of these has the right sizes.
     let trained = |change: fn(&mut AgentsState)| {
-        let mut state = undisturbed().1.first.expect("there is a first period").0.share([1]);
+        let mut state = undisturbed().1.0.expect("there is a first period").0.share([1]);
         change(&mut state);
         said(Reply::TrainPolicies((training(vec![agent]), state)))
     };

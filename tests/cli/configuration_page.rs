@@ -3,12 +3,10 @@
 use std::fs;
 use std::path::Path;
 
-use serde_json::{Map, Value};
-
-use super::RunConfig;
-use super::schema::with_comments;
-use crate::domains::DomainConfig;
 use dials_core::base::keys_of;
+use dials_session::config::RunConfig;
+use dials_session::config::schema::with_comments;
+use serde_json::{Map, Value};
 
 /// First heading of the part that is made.
 const FIRST: &str = "## The run";
@@ -16,7 +14,9 @@ const FIRST: &str = "## The run";
 fn page() -> String {
     let schema = with_comments().to_value();
     let tables = keys_of::<RunConfig>(&[]).iter().copied().filter(|key| is_table(&schema["properties"][key]));
-    let (domains, others): (Vec<&str>, Vec<&str>) = tables.partition(|key| DomainConfig::NAMES.contains(key));
+    let one_of = schema["oneOf"].as_array().expect("a config has one domain");
+    let is_domain = |key: &str| one_of.iter().any(|domain| domain["required"][0] == key);
+    let (domains, others): (Vec<&str>, Vec<&str>) = tables.partition(|key| is_domain(key));
     let mut page = format!("{FIRST}\n{}", rows("", &schema, keys_of::<RunConfig>(&[])));
     for name in domains.into_iter().chain(others) {
         let table = &schema["properties"][name];
@@ -104,7 +104,7 @@ fn words_of(schema: &Value) -> impl Iterator<Item = &Map<String, Value>> {
 
 #[test]
 fn the_page_is_the_one_that_the_code_makes() {
-    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../docs/configuration.md");
+    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("docs/configuration.md");
     let committed = fs::read_to_string(&path).unwrap();
     let (head, _) = committed.split_once(FIRST).expect("the head ends there");
     let made = format!("{head}{}", page());
