@@ -9,7 +9,10 @@ use dials_core::domain::Action;
 pub enum SignalControl {
     Agents,
     /// Hand-coded control runs the lights of these agents, whatever the actions say; the actions run the others.
-    HandCoded { by: HandCoded, agents: Vec<AgentId> },
+    HandCoded {
+        by: HandCoded,
+        agents: Vec<AgentId>,
+    },
 }
 
 impl SignalControl {
