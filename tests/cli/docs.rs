@@ -314,7 +314,7 @@ fn the_glossary_and_the_help_say_when_an_agent_is_stuck_as_the_domains_count_it(
     let row = page.lines().find_map(|line| line.strip_prefix("| stuck | ")?.strip_suffix(" |")).unwrap();
     assert_eq!(row, cli::STUCK);
     for (file, limit, words) in [
-        ("traffic/src/road_network/grid.rs", "const STUCK_ABOVE: f64 = 0.75;", "over 75 % of green steps (grids)"),
+        ("traffic/src/road_network/mod.rs", "const STUCK_ABOVE: f64 = 0.75;", "over 75 % of green steps (grids)"),
         (
             "traffic/src/road_network/scenario.rs",
             "const STUCK_BELOW: f64 = 1.0 / 300.0;",
