@@ -9,12 +9,19 @@ use std::time::Duration;
 
 use anyhow::{Context, Result, bail, ensure};
 
+use crate::program::command_for_feature;
+
 /// Its name; it is built and installed together with this one.
 const PROGRAM: &str = "dials-traffic-torch";
 
 /// Returns an error if this build cannot write TorchScript: that takes the feature `torch`.
 pub(crate) fn check() -> Result<()> {
-    ensure!(cfg!(feature = "torch"), "TorchScript is written by libtorch, and this program was built without it");
+    ensure!(
+        cfg!(feature = "torch"),
+        "TorchScript is written by libtorch, and this program was built without it; build it with libtorch: {}\n  \
+         policies.safetensors of every run has the same weights, and needs no libtorch: docs/files.md",
+        command_for_feature("torch")
+    );
     Ok(())
 }
 

@@ -110,13 +110,13 @@ pub fn open(path: &Path) -> Result<TrainedRun> {
 pub fn open_with(path: &Path, open: fn(&RunConfig) -> Result<Arc<dyn Domain>>) -> Result<TrainedRun> {
     check(path)?;
     let directory = Directory::open(path)?;
-    let (config, domain) = open_unchanged(path, open)?;
     let saved = path.join(files::POLICIES);
     ensure!(
         saved.is_file() || has_checkpoint(path),
         "{}: has no policies yet; they are written at the end of the first period",
         path.display()
     );
+    let (config, domain) = open_unchanged(path, open)?;
     let layout = JointLayout::of_policies(domain.kinds(), &config.learning.policy);
     let (policies, steps) = layout.read_with_steps(&saved).map_err(|error| with_way_out(error, path))?;
     ensure!(
