@@ -19,5 +19,5 @@ mod limits;
 mod live;
 mod report;
 
-#[path = "../shared/place.rs"]
+#[path = "../common/place.rs"]
 mod place;

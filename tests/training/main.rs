@@ -11,5 +11,5 @@ mod mpi;
 mod run_directory;
 mod warehouse;
 
-#[path = "../shared/place.rs"]
+#[path = "../common/place.rs"]
 mod place;

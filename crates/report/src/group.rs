@@ -196,9 +196,8 @@ fn plain_slug(scenario: &ScenarioId, name: Option<&str>) -> String {
 
 /// Returns the keys that distinguish these methods, each with the value that goes without saying, if there is one.
 ///
-/// Of a key with more than one value it is that of more than half of the methods, or else "off" of a key that labels name
-/// when it is on. A key that one method has and another one of the same simulator does not set, which turns it off, goes
-/// without saying when it is off.
+/// That value is "off" if some methods leave the key out and so turn it off. Otherwise it is the value of more than half
+/// of the methods. If there is none, it is "off" for a key that labels name only when it is on.
 fn keys_that_differ(methods: &[&Method]) -> BTreeMap<String, Option<String>> {
     let keys: BTreeSet<&String> = methods.iter().flat_map(|method| method.keys.keys()).collect();
     let mut differing = BTreeMap::new();
