@@ -3,7 +3,6 @@
 //! A build without the feature `torch` has no such program. Then every call returns the same error.
 
 use std::io::Write;
-use std::path::PathBuf;
 use std::process::{Command, Stdio};
 use std::time::Duration;
 
@@ -45,9 +44,9 @@ pub(crate) fn peak(time: Duration) -> Result<Option<f64>> {
     Ok(Some(String::from_utf8_lossy(&said).parse()?))
 }
 
-pub(crate) fn libraries() -> Result<Vec<PathBuf>> {
-    let said = call(&["libraries"], &[])?;
-    Ok(String::from_utf8_lossy(&said).lines().map(PathBuf::from).collect())
+/// Returns what /proc says of the memory of a process with libtorch.
+pub(crate) fn maps() -> Result<String> {
+    Ok(String::from_utf8_lossy(&call(&["maps"], &[])?).into_owned())
 }
 
 fn call(words: &[&str], input: &[u8]) -> Result<Vec<u8>> {

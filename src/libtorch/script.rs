@@ -33,9 +33,9 @@ pub(crate) fn script(networks: &[u8], name: &str) -> Result<Vec<u8>> {
             let before = states.chunk(towers.len() as i64, 2);
             let states: Vec<Tensor> =
                 towers.iter().zip(&before).map(|(tower, state)| tower.gru_step(inputs, state)).collect();
-            let outputs = towers.iter().zip(&states).map(|(tower, state)| tower.layers(state));
-            let both: Vec<Tensor> = outputs.collect();
-            vec![side_by_side(both.into_iter().chain(states).collect())]
+            let mut both: Vec<Tensor> = towers.iter().zip(&states).map(|(tower, state)| tower.layers(state)).collect();
+            both.extend(states);
+            vec![side_by_side(both)]
         }
         _ => unreachable!("the arguments are inputs and perhaps states"),
     };

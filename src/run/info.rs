@@ -28,8 +28,8 @@ fn about_libtorch(build: &Versions) -> Result<String> {
     if libtorch::check().is_err() {
         return Ok("no libtorch: built without the feature `torch`".to_owned());
     }
-    let libraries = libtorch::libraries().map_err(Error::Run)?;
-    let [torch, blas] = ["libtorch_cpu.so", "blas"].map(|name| place(named(&libraries, name)));
+    let maps = libtorch::maps().map_err(Error::Run)?;
+    let [torch, blas] = ["libtorch_cpu.so", "blas"].map(|name| place(file_in(&maps, name)));
     Ok(format!("libtorch {} at {torch}\nBLAS at {blas}", build.libtorch))
 }
 
@@ -39,13 +39,11 @@ pub(super) fn place(found: Option<PathBuf>) -> String {
 
 /// Finds the file of a shared library that this process has loaded. `name`: part of its file name.
 pub(super) fn loaded_library(name: &str) -> Option<PathBuf> {
-    let maps = std::fs::read_to_string("/proc/self/maps").ok()?;
-    let files: Vec<PathBuf> =
-        maps.lines().filter_map(|line| line.split_whitespace().nth(5)).map(PathBuf::from).collect();
-    named(&files, name)
+    file_in(&std::fs::read_to_string("/proc/self/maps").ok()?, name)
 }
 
-fn named(files: &[PathBuf], name: &str) -> Option<PathBuf> {
-    let is_it = |path: &&PathBuf| path.file_name().is_some_and(|file| file.to_string_lossy().contains(name));
-    files.iter().find(is_it).cloned()
+/// `maps`: what /proc says of the memory of a process.
+fn file_in(maps: &str, name: &str) -> Option<PathBuf> {
+    let is_it = |path: &PathBuf| path.file_name().is_some_and(|file| file.to_string_lossy().contains(name));
+    maps.lines().filter_map(|line| line.split_whitespace().nth(5)).map(PathBuf::from).find(is_it)
 }

@@ -90,9 +90,9 @@ pub(crate) fn head_start(copy: usize, copies: usize, horizon: usize) -> usize {
 /// is not the state that was written: lights begin anew, and in the middle of an episode cars drive on with other bits.
 /// A run that was resumed would then differ from one that was not.
 ///
-/// **Why not keep the simulators from period to period?** One process could. But a worker that died has none, and a run
-/// that is resumed with more workers gives the agents to others. Then results would depend on who was killed, and when.
-/// So every period begins in the same way, also where nothing happened.
+/// **Why not keep the simulators from period to period?** libsumo holds one simulation per process, and between two
+/// periods a worker may play episodes of the GS. A worker that died has no simulators either, and a resumed run may
+/// share the agents otherwise. So there is one way, and every period tests it.
 ///
 /// **Why not end all episodes with the period?** That is simple. But a period need not be a multiple of the horizon,
 /// and staggered copies never end together. No episode would be longer than a period, and its end would mean nothing.

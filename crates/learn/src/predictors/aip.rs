@@ -6,16 +6,15 @@
 //!
 //! # Why not otherwise
 //!
-//! **Why not a longer training of the network alone?** It was tried: where a source happens once in a thousand steps,
-//! the training episodes hold few events. A network learns when they happened, and not how often. Constants cannot.
+//! **Why not a network alone?** Where a source happens once in a thousand steps, the training episodes hold few events.
+//! A network learns when they happened there. Constants only learn how often.
 //!
 //! **Why add logits, and not mix probabilities?** A mixture needs a weight, and a weight per source is one more thing
 //! to learn from few events. Added to logits, a network whose output is zero *is* the constants. So the first step of
 //! learning begins where constants end, and the loss can only show what the network adds.
 //!
-//! **Why do the held-out episodes decide, and not a test of significance?** Either choice is safe: the constants are as
-//! good as before, and a correction that was better on unseen episodes is no worse than noise. A test would need a
-//! level, that is, one more setting that nobody can choose.
+//! **Why do the held-out episodes decide, and not a test of significance?** Either choice is safe: the constants stay, or a
+//! correction that was better on unseen episodes. A test would need a level, that is, one more setting.
 
 use std::ops::Range;
 

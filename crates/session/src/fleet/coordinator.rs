@@ -4,8 +4,7 @@
 //!
 //! **Why does each worker own a block of agents, and not take the next free one from a queue?** A queue keeps all
 //! workers busy. But the local simulators of a worker are one SUMO net, made for its agents, and loading another one
-//! costs more than an idle core saves. All agents cost about the same, so blocks of equal length end at about the same
-//! time.
+//! takes time, too. On a grid all agents cost about the same, so blocks of equal length end at about the same time.
 //!
 //! **Why does a result not depend on the number of workers?** Every agent has random streams of its own, which come and
 //! go with its state. Sums are taken agent by agent, and replies are put together in the order of the agents, whoever

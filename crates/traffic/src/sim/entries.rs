@@ -2,10 +2,14 @@
 //!
 //! # Why not otherwise
 //!
-//! Cars do not wait in SUMO's own queue: it has one order for all cars of the process, so a region would depend on its
-//! company. A car without room is not dropped, or a policy would be rewarded for a queue that keeps cars out. On the
-//! paper's grid it is dropped all the same, as in the authors' simulator. At most one car per lane and second tries to
-//! enter, because which of two goes first is up to SUMO.
+//! **Why do cars not wait in SUMO's own queue?** SUMO tries all waiting cars of the process in one order, and a car that
+//! enters changes what the next one finds. So a region would depend on its company.
+//!
+//! **Why is a car without room not dropped?** On the GS it would stand on the road before. A policy that lets its queue
+//! grow to the border would be rewarded, because the cars that it keeps out would count nowhere. On the paper's grid it
+//! is dropped all the same, as in the authors' simulator.
+//!
+//! **Why at most one car per lane and second?** Which of two goes first is up to SUMO.
 
 use std::collections::{HashSet, VecDeque};
 use std::sync::Arc;
@@ -182,8 +186,8 @@ impl Entries {
             return Ok(entered);
         }
         let departed: HashSet<CarId> = forest.simulation.departed()?.into_iter().collect();
+        let drops = self.is_grid();
         for (insertion, &(row, entry)) in tried.insertions.iter().zip(&tried.places) {
-            let drops = self.is_grid();
             let queue = &mut self.rows[row].queues[entry];
             if departed.contains(&CarId(insertion.car)) {
                 queue.pop_front();
