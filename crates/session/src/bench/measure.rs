@@ -124,21 +124,17 @@ pub fn measure<F: Fleet>(plan: &MeasurePlan<'_>, fleet: &mut F, journal: &mut dy
     if learning.trains_predictors() {
         // A single worker plays two episodes, because one of a dataset is held out.
         let rounds = learning.dataset_episodes(kinds.horizon()) as f64 / plan.workers as f64;
-        let mut collected = Vec::new();
+        let (mut last, mut seen) = (Vec::new(), Dataset::of_all(kinds));
         collection = repeat(part(COLLECTION), Activity::Collection, rounds, |order| {
             let begun = Instant::now();
             // Different episodes each time: the traffic of one varies by several percent, and the marginals come from them.
-            collected.push(collect_datasets(fleet, Purpose::Training { steps: order })?);
-            let load = fleet.take_load();
-            Ok((begun.elapsed(), load))
+            last = collect_datasets(fleet, Purpose::Training { steps: order })?;
+            let (load, wall) = (fleet.take_load(), begun.elapsed());
+            seen.iter_mut().zip(&last).for_each(|(seen, dataset)| seen.extend(dataset));
+            Ok((wall, load))
         })?;
-        let mut seen = Dataset::of_all(kinds);
-        for datasets in &collected {
-            seen.iter_mut().zip(datasets).for_each(|(seen, dataset)| seen.extend(dataset));
-        }
         let flops = part(AIP_TRAINING).as_secs_f64() * plan.peak_flops * OF_PEAK * plan.workers as f64;
         let enough = episodes_for(plan, flops);
-        let last = collected.pop().expect("at least one order was given");
         let datasets: Vec<Dataset> = last.iter().map(|dataset| repeated(dataset, enough)).collect();
         let flops = aip_trainings_flops(plan.config, kinds, datasets[0].episodes());
         aip_training = repeat(part(AIP_TRAINING), Activity::AipTraining, flops, |_| {
