@@ -23,10 +23,14 @@ use anyhow::{Context, Result, ensure};
 use captions::SpeedColour;
 use dials_core::outside::quoted;
 use dials_session::terminal::on_the_path;
+use dials_traffic::sumo_program;
 
 pub(crate) use pictures::{join, take};
 
-const SUMO_GUI: &str = "sumo-gui";
+/// Returns the file of sumo-gui.
+fn sumo_gui() -> Result<PathBuf> {
+    sumo_program("sumo-gui").context("sumo-gui was not found: pip install eclipse-sumo, or on Debian apt install sumo")
+}
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Format {
@@ -46,7 +50,8 @@ impl Format {
 
     /// Checks that all programs for such a film are installed.
     pub(crate) fn check_tools(self) -> Result<()> {
-        let mut tools = vec![(SUMO_GUI, "sumo"), (programs::XVFB, "xvfb"), (programs::SETPRIV, "util-linux")];
+        sumo_gui().context("--video")?;
+        let mut tools = vec![(programs::XVFB, "xvfb"), (programs::SETPRIV, "util-linux")];
         if self == Format::Mp4 {
             tools.push(("ffmpeg", "ffmpeg, or make a .gif, which does not need it"));
         }
@@ -85,7 +90,7 @@ pub(crate) enum Shape {
 
 /// Checks that sumo-gui can be opened for a person. The error says what to do.
 pub(crate) fn check_screen() -> Result<()> {
-    ensure!(on_the_path(SUMO_GUI).is_some(), "--gui: sumo-gui is not on the PATH: install Debian's package sumo");
+    sumo_gui().context("--gui")?;
     ensure!(
         std::env::var_os("DISPLAY").is_some_and(|display| !display.is_empty()),
         "--gui: there is no screen here (DISPLAY is not set); make a film with --video, or leave --gui \
@@ -95,7 +100,7 @@ pub(crate) fn check_screen() -> Result<()> {
 }
 
 pub(crate) fn watch(config: &Path) -> Result<()> {
-    let status = Command::new(SUMO_GUI).arg("-c").arg(config).arg("--start").status();
+    let status = Command::new(sumo_gui()?).arg("-c").arg(config).arg("--start").status();
     let status = status.context("sumo-gui could not be started")?;
     ensure!(
         status.success(),

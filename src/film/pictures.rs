@@ -12,7 +12,7 @@ use anyhow::{Context, Result, ensure};
 use super::captions::{PAPER, caption};
 use super::picture_file::Picture;
 use super::programs::{Program, Screen, log_file, logged, tied};
-use super::{Format, Replay, SUMO_GUI, Shape};
+use super::{Format, Replay, Shape, sumo_gui};
 use dials_session::terminal::check_stop;
 use dials_session::terminal::counting::EpisodeBar;
 
@@ -39,7 +39,7 @@ pub(crate) fn take(replay: &Replay, folder: &Path, stop: &AtomicBool) -> Result<
     let (width, height) = (width + FRAME.0, height + FRAME.1);
     let screen = Screen::open(width, height, folder)?;
     let log = folder.join("sumo-gui.txt");
-    let mut gui = tied(SUMO_GUI);
+    let mut gui = tied(sumo_gui()?);
     gui.arg("-c").arg(replay.config).arg("--gui-settings-file").arg(&settings);
     let end_s = replay.begin_s + (replay.steps.end + REST_STEPS) as u64;
     gui.args(["--end", &end_s.to_string(), "--start", "--quit-on-end"]);

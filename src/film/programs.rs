@@ -1,5 +1,6 @@
 //! Other programs, which end together with this one.
 
+use std::ffi::OsStr;
 use std::fs::{self, File};
 use std::io::{BufRead, BufReader};
 use std::os::unix::process::CommandExt;
@@ -16,10 +17,10 @@ pub(super) const XVFB: &str = "Xvfb";
 pub(super) const SETPRIV: &str = "setpriv";
 
 /// Returns a command for a program that ends together with this one, by setpriv, however this one ends.
-pub(super) fn tied(program: &str) -> Command {
+pub(super) fn tied(program: impl AsRef<OsStr>) -> Command {
     let mut command = Command::new(SETPRIV);
     // Ctrl-C at the terminal goes to this program alone, which then ends the others.
-    command.args(["--pdeathsig", "TERM", "--", program]).process_group(0).stdin(Stdio::null());
+    command.args(["--pdeathsig", "TERM", "--"]).arg(program).process_group(0).stdin(Stdio::null());
     command
 }
 

@@ -170,7 +170,7 @@ fn as_json(
         "cores": cores(),
         "peak_gflops_of_a_core": peak.ours / 1e9,
         "peak_gflops_by_libtorch": peak.libtorch.map(|libtorch| libtorch / 1e9),
-        "versions": build::here(PROGRAM, config.numerics.vector_width)?,
+        "versions": build::here(PROGRAM, config)?,
         "fleets": table::json(costs),
     });
     Ok(in_json(object))

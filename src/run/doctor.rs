@@ -8,7 +8,7 @@ use std::time::Duration;
 
 use anyhow::{Context, anyhow, ensure};
 
-use super::info::{loaded_library, place};
+use super::info::{about_place, about_sumo};
 use super::train::cores;
 use crate::program::{PROGRAM, command_for_feature};
 use dials_core::base::counted;
@@ -22,9 +22,9 @@ use dials_session::terminal::{answer, on_the_path};
 use dials_session::trial::{End, watch};
 use dials_traffic::paper_grid::grid::Grid;
 use dials_traffic::paper_grid::make::{write_grid, write_local};
+use dials_traffic::sumo_program;
 use stacknets::VectorWidth;
 
-const TRIED_SUMO: &str = "SUMO 1.15.";
 /// Memory that a worker and this program need at least, in MiB.
 const MEMORY_MIB: u64 = 300;
 /// Room on a disk below which even a short run may not fit, in MiB.
@@ -32,11 +32,13 @@ const DISK_MIB: u64 = 50;
 /// Room on a disk below which long runs may not fit, in MiB.
 const ROOMY_DISK_MIB: u64 = 1024;
 
+const SUMO: &str = "sumo";
+
 /// Programs that some commands start: name, Debian's package, and what needs it.
 const PROGRAMS: [(&str, &str, &str); 7] = [
-    ("netconvert", "sumo", "`nets grid` and the test of training on SUMO below"),
-    ("sumo", "sumo", "playing the folders of `replay`"),
-    ("sumo-gui", "sumo", "`replay --gui` and films"),
+    ("netconvert", SUMO, "`nets grid` and the test of training on SUMO below"),
+    ("sumo", SUMO, "playing the folders of `replay`"),
+    ("sumo-gui", SUMO, "`replay --gui` and films"),
     ("Xvfb", "xvfb", "films"),
     ("setpriv", "util-linux", "films"),
     ("ffmpeg", "ffmpeg", "films as .mp4"),
@@ -89,6 +91,8 @@ pub(super) fn doctor() -> Result<()> {
 /// What was found, and what to do about it: a command if there is one.
 enum Finding {
     Good(String),
+    /// More about the line before.
+    Note(String),
     /// Some commands do not work, but training does.
     Missing(String, String),
     Error(String, String),
@@ -99,6 +103,7 @@ impl fmt::Display for Finding {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let (state, what, cure) = match self {
             Finding::Good(what) => return write!(f, "{:9}{what}", "ok"),
+            Finding::Note(what) => return write!(f, "{:9}{what}", ""),
             Finding::Missing(what, cure) => ("missing", what, cure),
             Finding::Error(what, cure) => ("error", what, cure),
         };
@@ -107,7 +112,9 @@ impl fmt::Display for Finding {
 }
 
 fn parts() -> Vec<Finding> {
-    let mut findings = vec![build_here(), sumo(), libtorch(), mpi()];
+    let mut findings = vec![build_here()];
+    findings.extend(sumo());
+    findings.extend([libtorch(), mpi()]);
     findings.extend(PROGRAMS.map(program));
     findings.push(Finding::Good(counted(cores(), "core")));
     findings.push(memory());
@@ -118,7 +125,7 @@ fn parts() -> Vec<Finding> {
 }
 
 fn build_here() -> Finding {
-    match build::here(PROGRAM, VectorWidth::Widest) {
+    match build::without_sumo(PROGRAM, VectorWidth::Widest) {
         Ok(here) => Finding::Good(format!(
             "dials-traffic {} (commit {}), {} with {}",
             here.dials_traffic, here.git_commit, here.cpu, here.vector_instructions
@@ -130,18 +137,15 @@ fn build_here() -> Finding {
     }
 }
 
-fn sumo() -> Finding {
-    let version = dials_traffic::sumo_version();
-    // The library is there since the line above.
-    let at = place(loaded_library("libsumocpp.so"));
-    match version {
-        Ok(version) if version.starts_with(TRIED_SUMO) => Finding::Good(format!("{version} as a library, at {at}")),
-        Ok(version) => Finding::Missing(
-            format!("{version} as a library, at {at}: only {TRIED_SUMO}0 was tried, and others may give other numbers"),
-            "install SUMO 1.15 (Debian 12 has it), and build again".to_owned(),
-        ),
-        Err(error) => Finding::Error(format!("{error:#}"), "run ./setup.sh, and build again".to_owned()),
-    }
+/// The SUMO that is taken, and every place that was looked at.
+fn sumo() -> Vec<Finding> {
+    let found = match dials_traffic::sumo() {
+        Ok(sumo) => Finding::Good(about_sumo(sumo)),
+        Err(error) => Finding::Error(format!("{error:#}"), "install SUMO: pip install eclipse-sumo".to_owned()),
+    };
+    let places = dials_traffic::sumo_places();
+    let looked = places.iter().map(|place| Finding::Note(about_place(place)));
+    [found].into_iter().chain(looked).collect()
 }
 
 fn libtorch() -> Finding {
@@ -161,11 +165,15 @@ fn mpi() -> Finding {
 }
 
 fn program((name, package, needed): (&str, &str, &str)) -> Finding {
-    match on_the_path(name) {
+    let found = if package == SUMO { sumo_program(name) } else { on_the_path(name) };
+    match found {
         Some(path) => Finding::Good(format!("{name} at {}", path.display())),
         None => Finding::Missing(
-            format!("{name} is not on the PATH: needed for {needed}"),
-            format!("apt-get install {package}"),
+            format!("{name} was not found: needed for {needed}"),
+            match package {
+                SUMO => "pip install eclipse-sumo, or apt-get install sumo".to_owned(),
+                _ => format!("apt-get install {package}"),
+            },
         ),
     }
 }

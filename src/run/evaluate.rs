@@ -27,7 +27,7 @@ use dials_session::terminal::{answer, json as in_json, note};
 use dials_session::{directory, domains, outputs};
 use dials_traffic::controllers::timing_file::{TimingFile, TunedOn};
 use dials_traffic::controllers::{COORDINATED, FIXED_TIME};
-use dials_traffic::tuning;
+use dials_traffic::{Sumo, tuning};
 
 pub(super) fn evaluate(args: &cli::EvaluateArgs) -> Result<()> {
     let (config, domain) = directory::open_unchanged(&args.run_dir, domains::open).map_err(Error::Usage)?;
@@ -79,6 +79,8 @@ struct Session<'a> {
     seed: u64,
     /// Scenario in the words of `report`.
     scenario: String,
+    /// SUMO, if the domain needs it.
+    sumo: Option<&'static Sumo>,
     output: &'a cli::OutputArgs,
 }
 
@@ -95,7 +97,8 @@ impl<'a> Session<'a> {
         let scenario = domain.scenario().map_err(Error::Run)?.id.word();
         domains::note_left_out(domain);
         let seed = episodes.seed.unwrap_or(config.learning.evaluation.seed);
-        Ok(Session { domain, episodes: count, seed, scenario, output })
+        let sumo = domains::sumo(config).map_err(Error::Run)?;
+        Ok(Session { domain, episodes: count, seed, scenario, sumo, output })
     }
 
     /// Checks all subjects and all output places before anything plays. Makes the files of `--csv`.
@@ -148,7 +151,9 @@ impl<'a> Session<'a> {
             object.extend(about.iter().map(|(key, value)| ((*key).to_owned(), value.clone())));
             object.insert("scenario".into(), json!(self.scenario));
             object.insert("seed".into(), json!(self.seed));
-            object.insert("sumo_version".into(), json!(dials_traffic::sumo_version().map_err(Error::Run)?));
+            if let Some(sumo) = self.sumo {
+                object.insert("sumo_version".into(), json!(sumo.name));
+            }
             in_json(Value::Object(object))
         } else if compares {
             comparison(findings)

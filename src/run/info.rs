@@ -7,21 +7,47 @@ use crate::program::PROGRAM;
 use dials_session::build;
 use dials_session::error::{Error, Result};
 use dials_session::records::run_json::Versions;
-use dials_session::terminal::{answer, on_the_path};
+use dials_session::terminal::answer;
+use dials_traffic::{Sumo, SumoPlace, sumo_program};
 use stacknets::VectorWidth;
 
 pub(super) fn info() -> Result<()> {
-    let build = build::here(PROGRAM, VectorWidth::Widest).map_err(Error::Run)?;
+    let build = build::without_sumo(PROGRAM, VectorWidth::Widest).map_err(Error::Run)?;
     let mut lines = vec![
         format!("dials-traffic {} (commit {})", build.dials_traffic, build.git_commit),
-        format!("{} at {}", build.sumo, place(loaded_library("libsumocpp.so"))),
+        dials_traffic::sumo().map_or_else(|error| format!("no SUMO: {error:#}"), about_sumo),
+    ];
+    lines.extend(dials_traffic::sumo_places().iter().map(|place| format!("  {}", about_place(place))));
+    lines.extend([
         about_libtorch(&build)?,
         format!("{} at {}", build.libm, place(loaded_library("libm.so"))),
         format!("{}, with {}", build.cpu, build.vector_instructions),
-    ];
+    ]);
     let programs = ["netconvert", "sumo", "sumo-gui"];
-    lines.extend(programs.map(|program| format!("{program} at {}", place(on_the_path(program)))));
+    lines.extend(programs.map(|program| format!("{program} at {}", place(sumo_program(program)))));
     answer(lines.join("\n")).map_err(Error::Run)
+}
+
+/// Returns version, file and builder of the SUMO that is taken, and what its numbers stand for.
+pub(super) fn about_sumo(sumo: &Sumo) -> String {
+    let file = loaded_library("libsumocpp.so").unwrap_or(sumo.file.clone());
+    let strings = if sumo.has_strings_of_cpp11() { "of C++11" } else { "from before C++11" };
+    let numbers = match sumo.version.is_tried() {
+        _ if sumo.version.is_reference() => "the version of the published numbers",
+        true => "its numbers differ a little from the published ones, which are of 1.15",
+        false => "newer than what was tried; its numbers may differ from the published ones, which are of 1.15",
+    };
+    format!("{} ({}, strings {strings}) at {}: {numbers}", sumo.name, sumo.builder(), file.display())
+}
+
+/// Returns a place where SUMO is looked for, and whether it is there.
+pub(super) fn about_place(place: &SumoPlace) -> String {
+    let there = match place.is_there {
+        Some(true) => "there",
+        Some(false) => "not there",
+        None => "asked if nothing above is there",
+    };
+    format!("looked at: {} ({}): {there}", place.library.display(), place.source)
 }
 
 fn about_libtorch(build: &Versions) -> Result<String> {

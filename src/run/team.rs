@@ -128,7 +128,7 @@ fn serve(relay: Relay) -> Result<()> {
     leave_signals_to_another().map_err(Error::Run)?;
     let describe = |config_json: &str| {
         let config: RunConfig = serde_json::from_str(config_json)?;
-        Ok(serde_json::to_string(&build::here(PROGRAM, config.numerics.vector_width)?)?)
+        Ok(serde_json::to_string(&build::here(PROGRAM, &config)?)?)
     };
     match relay.serve(describe) {
         End::Ordered => Ok(()),
@@ -141,7 +141,7 @@ fn serve(relay: Relay) -> Result<()> {
 #[cfg(feature = "mpi")]
 fn prepare(ranks: &mut Ranks, plan: &Plan) -> anyhow::Result<RunConfig> {
     let Plan { domain, config, directory, workers, patience } = *plan;
-    let here = build::here(PROGRAM, config.numerics.vector_width)?;
+    let here = build::here(PROGRAM, config)?;
     let agents = fleet::agents_of_workers(&config.learning, domain.agents(), workers);
     let (prepared, config) = ranks.prepare(Job { config, directory, networks: files::NETWORKS, agents, patience })?;
     prepared.iter().try_for_each(|rank| check_build(rank, &here))?;

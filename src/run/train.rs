@@ -139,8 +139,7 @@ fn resume(args: &cli::TrainArgs, dir: &Path, wanted: Option<usize>) -> Result<Ru
 fn resume_locked(args: &cli::TrainArgs, dir: &Path, directory: Directory, wanted: Option<usize>) -> Result<Run> {
     let run = open(directory, domains::open)?;
     allow_workers(workers(wanted, &run.config, run.domain.agents()))?;
-    let width = run.config.numerics.vector_width;
-    let other_build = other_build(PROGRAM, dir, width, args.accept_other_build).map_err(Error::Usage)?;
+    let other_build = other_build(PROGRAM, dir, &run.config, args.accept_other_build).map_err(Error::Usage)?;
     let point = ResumePoint::find(&run.directory, &run.owner).map_err(|error| {
         if error.is::<NotOfThisRun>() {
             return Error::Usage(error);

@@ -100,7 +100,8 @@ fn a_run_leaves_a_directory_that_can_be_evaluated_anywhere() {
     let run: Value = serde_json::from_slice(&fs::read(out.join("run.json")).unwrap()).unwrap();
     assert_eq!(run["seed"], 5);
     assert_eq!(run["command"][1], "train");
-    assert!(run["versions"]["sumo"].as_str().unwrap().contains("1.15"));
+    assert!(run["versions"]["sumo"].as_str().unwrap().starts_with("SUMO 1."));
+    assert!(!run["versions"]["sumo_builder"].as_str().unwrap().is_empty());
 
     // A run directory has its own networks, so it can be moved anywhere.
     let elsewhere = dir.path().join("elsewhere");
@@ -968,7 +969,7 @@ fn nets_are_written_where_asked_and_a_missing_netconvert_is_told() {
 
     let elsewhere = dir.path().join("elsewhere");
     let args = ["nets", "local", "--out", elsewhere.to_str().unwrap()];
-    assert_refused(dials_traffic(&args).env("PATH", ""), &["netconvert is not on the PATH", "setup.sh"]);
+    assert_refused(dials_traffic(&args).env("PATH", ""), &["netconvert was not found", "apt install sumo"]);
     assert!(!elsewhere.exists() || fs::read_dir(&elsewhere).unwrap().next().is_none());
     assert_refused(
         &mut dials_traffic(&["nets", "grid", "--rows", "1000", "--cols", "1000", "--out", "x"]),
@@ -980,7 +981,8 @@ fn nets_are_written_where_asked_and_a_missing_netconvert_is_told() {
 fn info_tells_versions_and_places() {
     let said = text(&dials_traffic(&["info"]).assert().success().get_output().stdout);
     let torch = if cfg!(feature = "torch") { ["libtorch 1.13", "libtorch_cpu"] } else { ["no libtorch", "`torch`"] };
-    for part in ["dials-traffic 0.", "SUMO 1.15", "libsumocpp", "netconvert at /"].into_iter().chain(torch) {
+    let sumo = ["SUMO 1.", "libsumocpp", "looked at: libsumocpp.so (the system)", "netconvert at /"];
+    for part in ["dials-traffic 0."].into_iter().chain(sumo).chain(torch) {
         assert!(said.contains(part), "`{part}`: {said}");
     }
 }

@@ -140,10 +140,10 @@ fn the_doctor_trains_and_says_what_is_missing_and_how_to_get_it() {
     // Without netconvert there is no net to train on.
     let [out, err] = said(program(&["doctor"]).env("PATH", "").assert().code(1).get_output());
     for part in [
-        "missing  sumo-gui is not on the PATH: needed for `replay --gui` and films\n         cure: apt-get install sumo",
+        "missing  sumo-gui was not found: needed for `replay --gui` and films\n         cure: pip install eclipse-sumo",
         "ok       a short training without SUMO",
         "error    a short training on SUMO: ",
-        "netconvert is not on the PATH",
+        "netconvert was not found",
     ] {
         assert!(out.contains(part), "`{part}` is not in:\n{out}");
     }
@@ -167,24 +167,96 @@ fn only_what_simulates_needs_sumo_and_a_missing_sumo_is_one_error_with_its_cure(
     }
     let [_, err] = said(without_sumo(&["trian"]).assert().code(2).get_output());
     assert!(err.contains("unrecognized subcommand 'trian'"), "{err}");
-    let out = room.path().join("run");
-    let train = ["train", "configs/smoke_traffic.toml", "--out", out.to_str().unwrap()];
-    for args in [&["info"][..], &train] {
-        let [_, err] = said(without_sumo(args).assert().failure().get_output());
-        assert!(
-            err.starts_with("error: ") && err.lines().filter(|line| line.starts_with("error")).count() == 1,
-            "{err}"
-        );
-        for part in [
-            "SUMO's library cannot be loaded: ",
-            "libsumocpp.so: ",
-            "install SUMO 1.15 (on Debian 12: apt install sumo)",
-        ] {
-            assert!(err.contains(part), "`{part}` is not in: {err}");
-        }
-    }
+    let run = |name: &str| room.path().join(name).to_str().unwrap().to_owned();
+    without_sumo(&["train", "configs/smoke_warehouse.toml", "--steps", "4096", "--out", &run("robots")])
+        .assert()
+        .success();
+    let [out, _] = said(without_sumo(&["info"]).assert().success().get_output());
+    assert!(out.contains("no SUMO: SUMO's library cannot be loaded: libsumocpp.so (the system): "), "{out}");
+    let train = ["train", "configs/smoke_traffic.toml", "--out", &run("lights")];
+    let [_, err] = said(without_sumo(&train).assert().code(2).get_output());
+    assert_one_error(
+        &err,
+        &["SUMO's library cannot be loaded: libsumocpp.so (the system): ", "install SUMO (pip install"],
+    );
     let [out, _] = said(without_sumo(&["doctor"]).assert().code(1).get_output());
     assert!(out.contains("error    SUMO's library cannot be loaded: "), "{out}");
+}
+
+#[test]
+fn each_fault_of_the_library_that_is_named_is_one_error_of_its_own() {
+    let room = clone();
+    let text = room.path().join("text.so");
+    fs::write(&text, "no library").unwrap();
+    let damaged = room.path().join("damaged.so");
+    let other = loaded_c_library();
+    fs::write(&damaged, &fs::read(&other).unwrap()[..100_000]).unwrap();
+    let run = room.path().join("run");
+    let train = ["train", "configs/smoke_traffic.toml", "--out", run.to_str().unwrap()];
+    for (library, fault) in [
+        (room.path(), "is a folder; let DIALS_SUMO_LIBRARY name the file libsumocpp.so in it"),
+        (Path::new("none.so"), "no such file; let DIALS_SUMO_LIBRARY name a file"),
+        (&text, "file too short; install SUMO again"),
+        (&damaged, "is damaged: its end is missing; install SUMO again"),
+        (&other, "is no libsumo: it has none of SUMO's functions"),
+    ] {
+        let mut command = program(&train);
+        let output =
+            command.env("DIALS_SUMO_LIBRARY", library).current_dir(room.path()).assert().code(2).get_output().clone();
+        let place = format!("SUMO's library cannot be loaded: {} (DIALS_SUMO_LIBRARY): ", library.display());
+        assert_one_error(&said(&output)[1], &[&place, fault]);
+    }
+    assert!(!run.exists());
+}
+
+#[test]
+fn the_first_place_that_has_sumo_is_taken_and_all_are_named() {
+    let room = clone();
+    let info = |variables: &[(&str, &str)]| {
+        let mut command = program(&["info"]);
+        // Of the machine: it may have a SUMO there.
+        for name in ["DIALS_SUMO_LIBRARY", "SUMO_HOME", "VIRTUAL_ENV", "CONDA_PREFIX"] {
+            command.env_remove(name);
+        }
+        variables.iter().for_each(|(name, folder)| _ = command.env(name, room.path().join(folder)));
+        said(command.assert().success().get_output())[0].clone()
+    };
+    let usual = info(&[]);
+    let library = usual.lines().find_map(|line| line.strip_prefix("SUMO ")?.split(" at ").nth(1)?.split(": ").next());
+    for (environment, file) in [
+        ("home", "lib64/libsumocpp.so"),
+        ("virtual", "lib/python3.9/site-packages/sumo/lib64/libsumocpp.so"),
+        ("conda", "lib/libsumocpp.so"),
+    ] {
+        let file = room.path().join(environment).join(file);
+        fs::create_dir_all(file.parent().unwrap()).unwrap();
+        symlink(library.unwrap(), file).unwrap();
+    }
+    let all = [("CONDA_PREFIX", "conda"), ("VIRTUAL_ENV", "virtual"), ("SUMO_HOME", "home")];
+    for count in 1..=all.len() {
+        let text = info(&all[..count]);
+        let there: Vec<&str> = text.lines().filter(|line| line.ends_with("): there")).collect();
+        let sources: Vec<&str> = there.iter().map(|line| line.split(" (").nth(1).unwrap()).collect();
+        let expected: Vec<String> = all[..count].iter().rev().map(|(name, _)| format!("{name}): there")).collect();
+        assert_eq!(sources, expected, "{text}");
+        assert!(text.contains("SUMO 1.") && text.contains("looked at: libsumocpp.so (the system): "), "{text}");
+    }
+    let named = info(&[("DIALS_SUMO_LIBRARY", "conda/lib/libsumocpp.so"), ("SUMO_HOME", "home")]);
+    assert_eq!(named.matches("looked at: ").count(), 1, "{named}");
+}
+
+/// Returns the file of the C library that this process uses.
+fn loaded_c_library() -> PathBuf {
+    let maps = fs::read_to_string("/proc/self/maps").unwrap();
+    let path = maps.lines().find_map(|line| line.split_whitespace().nth(5).filter(|path| path.ends_with("/libc.so.6")));
+    path.unwrap().into()
+}
+
+fn assert_one_error(err: &str, parts: &[&str]) {
+    assert!(err.starts_with("error: ") && err.lines().filter(|line| line.starts_with("error")).count() == 1, "{err}");
+    for part in parts {
+        assert!(err.contains(part), "`{part}` is not in: {err}");
+    }
 }
 
 /// Returns the subcommands that `--help` lists.

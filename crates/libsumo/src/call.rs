@@ -4,6 +4,7 @@
 
 use std::cell::Cell;
 use std::ffi::{CStr, CString, c_char, c_int};
+use std::io::Write;
 use std::marker::PhantomData;
 use std::mem::MaybeUninit;
 use std::ptr;
@@ -41,9 +42,20 @@ pub(crate) enum IdKind {
 /// inside).
 #[derive(Debug)]
 pub(crate) struct Crossing {
+    shim: &'static ffi::ds_shim,
     not_sync: PhantomData<*const ()>,
     _turn: MutexGuard<'static, ()>,
 }
+
+/// Calls a function of the shim.
+macro_rules! call {
+    ($crossing:ident.$function:ident($($argument:expr),*)) => {
+        ($crossing.shim.$function.expect(WHOLE))($($argument),*)
+    };
+}
+
+/// The shim has all functions of its table.
+const WHOLE: &str = "shim.cpp fills its table";
 
 impl Crossing {
     /// Waits until no other thread has the turn. Loads libsumo, if that has not happened yet.
@@ -51,18 +63,18 @@ impl Crossing {
         if HAS_TURN.get() {
             return Err(Error::AlreadyHeld);
         }
-        library::load()?;
+        let shim = library::load()?.shim;
         // A panic elsewhere poisons the lock but leaves no call half-done: unwinding closed its simulation.
         let turn = TURN.lock().unwrap_or_else(PoisonError::into_inner);
         HAS_TURN.set(true);
-        Ok(Crossing { not_sync: PhantomData, _turn: turn })
+        Ok(Crossing { shim, not_sync: PhantomData, _turn: turn })
     }
 
     pub(crate) fn load(&mut self, options: &[impl AsRef<str>]) -> Result<()> {
         let options: Vec<&str> = options.iter().map(AsRef::as_ref).collect();
         let texts = Texts::new(&with_silence(&options))?;
         // SAFETY: we have the turn; the pointers are `len` strings that end in zero and outlive the call.
-        let code = unsafe { ffi::ds_load(texts.pointers.as_ptr(), texts.pointers.len()) };
+        let code = unsafe { call!(self.load(texts.pointers.as_ptr(), texts.pointers.len())) };
         ask(code).map_err(|text| Error::Load { options: options.join(" "), text })
     }
 
@@ -77,27 +89,28 @@ impl Crossing {
         };
         let mut first = 0;
         // SAFETY: as in `load`; `first` outlives the call.
-        let code = unsafe { ffi::ds_register(kind, texts.pointers.as_ptr(), texts.pointers.len(), &mut first) };
+        let code =
+            unsafe { call!(self.register_names(kind, texts.pointers.as_ptr(), texts.pointers.len(), &mut first)) };
         check(code, action)?;
         Ok(first)
     }
 
     pub(crate) fn step(&mut self) -> Result<()> {
         // SAFETY: we have the turn.
-        check(unsafe { ffi::ds_step() }, "make a step")
+        check(unsafe { call!(self.step()) }, "make a step")
     }
 
     pub(crate) fn time_s(&self) -> Result<f64> {
         let mut seconds = 0.0;
         // SAFETY: we have the turn, and `Crossing` is not `Sync`, so a shared reference is as good as an exclusive one.
-        check(unsafe { ffi::ds_time(&mut seconds) }, "return the time")?;
+        check(unsafe { call!(self.time(&mut seconds)) }, "return the time")?;
         Ok(seconds)
     }
 
     pub(crate) fn read_lanes(&mut self, lanes: &[LaneId], table: &mut CarTable) -> Result<()> {
         let mut read = MaybeUninit::uninit();
         // SAFETY: we have the turn; a `LaneId` is laid out as a `u32`; `read` is only written to.
-        let code = unsafe { ffi::ds_read_lanes(lanes.as_ptr().cast(), lanes.len(), read.as_mut_ptr()) };
+        let code = unsafe { call!(self.read_lanes(lanes.as_ptr().cast(), lanes.len(), read.as_mut_ptr())) };
         check(code, "read the lanes")?;
         // SAFETY: the call succeeded, so `read` is written. Its arrays are valid until the next call, which needs
         // `&mut self`. `starts` has an entry per lane and a last one, which is the length of the other three.
@@ -114,7 +127,7 @@ impl Crossing {
     pub(crate) fn read_lights(&mut self, lights: &[LightId], mut each: impl FnMut(&str) -> Result<()>) -> Result<()> {
         let mut read = MaybeUninit::uninit();
         // SAFETY: as in `read_lanes`.
-        let code = unsafe { ffi::ds_read_lights(lights.as_ptr().cast(), lights.len(), read.as_mut_ptr()) };
+        let code = unsafe { call!(self.read_lights(lights.as_ptr().cast(), lights.len(), read.as_mut_ptr())) };
         check(code, "read the lights")?;
         // SAFETY: as in `read_lanes`; the last entry of `starts` is the length of `letters`.
         let (starts, letters) = unsafe {
@@ -139,14 +152,14 @@ impl Crossing {
         let states = ffi::ds_states { starts: starts.as_ptr(), letters: letters.as_ptr().cast() };
         // SAFETY: we have the turn; a `LightId` is laid out as a `u32`; `starts` has an entry per light and a last one,
         // none of them beyond `letters`.
-        let code = unsafe { ffi::ds_set_lights(lights.as_ptr().cast(), lights.len(), &states) };
+        let code = unsafe { call!(self.set_lights(lights.as_ptr().cast(), lights.len(), &states)) };
         check(code, "set the lights")
     }
 
     pub(crate) fn set_programs(&mut self, lights: &[LightId], program: &str) -> Result<()> {
         let program = terminated(program)?;
         // SAFETY: we have the turn; a `LightId` is laid out as a `u32`; `program` ends in zero and outlives the call.
-        let code = unsafe { ffi::ds_set_programs(lights.as_ptr().cast(), lights.len(), program.as_ptr()) };
+        let code = unsafe { call!(self.set_programs(lights.as_ptr().cast(), lights.len(), program.as_ptr())) };
         check(code, "set the lights' programs")
     }
 
@@ -157,7 +170,7 @@ impl Crossing {
             speed: speed_of(car.speed),
             route: car.route.0,
         };
-        self.pass(ffi::ds_insert, cars.iter().map(insertion), "add a car")
+        self.pass(self.shim.insert, cars.iter().map(insertion), "add a car")
     }
 
     pub(crate) fn enter(&mut self, cars: &[Entering]) -> Result<()> {
@@ -171,7 +184,7 @@ impl Crossing {
             type_: car.vehicle_type.0,
             lane: car.lane.unwrap_or(u32::MAX),
         };
-        self.pass(ffi::ds_enter, cars.iter().map(entering), "add a car")
+        self.pass(self.shim.enter, cars.iter().map(entering), "add a car")
     }
 
     pub(crate) fn place(&mut self, cars: &[Placing]) -> Result<()> {
@@ -181,40 +194,40 @@ impl Crossing {
             speed: car.speed_mps,
             lane: car.lane.0,
         };
-        self.pass(ffi::ds_place, cars.iter().map(placing), "place a car")
+        self.pass(self.shim.place, cars.iter().map(placing), "place a car")
     }
 
     pub(crate) fn remove_cars(&mut self, lanes: &[LaneId]) -> Result<()> {
-        self.pass(ffi::ds_remove_cars, lanes.iter().map(|lane| lane.0), "remove the cars")
+        self.pass(self.shim.remove_cars, lanes.iter().map(|lane| lane.0), "remove the cars")
     }
 
     /// Passes values to a function of the shim that reads an array and its length.
     fn pass<T>(
         &mut self,
-        function: unsafe extern "C" fn(*const T, usize) -> c_int,
+        function: Option<unsafe extern "C" fn(*const T, usize) -> c_int>,
         values: impl Iterator<Item = T>,
         action: &'static str,
     ) -> Result<()> {
         let values: Vec<T> = values.collect();
         // SAFETY: we have the turn; pointer and length are those of one vector.
-        check(unsafe { function(values.as_ptr(), values.len()) }, action)
+        check(unsafe { function.expect(WHOLE)(values.as_ptr(), values.len()) }, action)
     }
 
     pub(crate) fn seed_generators(&mut self, first: u32, seeds: &[u32]) -> Result<()> {
         // SAFETY: we have the turn; pointer and length are those of one slice.
-        let code = unsafe { ffi::ds_seed_generators(first, seeds.as_ptr(), seeds.len()) };
+        let code = unsafe { call!(self.seed_generators(first, seeds.as_ptr(), seeds.len())) };
         check(code, "seed the lanes")
     }
 
     pub(crate) fn clear_pending(&mut self) -> Result<()> {
         // SAFETY: we have the turn.
-        check(unsafe { ffi::ds_clear_pending() }, "drop the waiting cars")
+        check(unsafe { call!(self.clear_pending()) }, "drop the waiting cars")
     }
 
     pub(crate) fn departures(&mut self) -> Result<Vec<Departure>> {
         let mut read = MaybeUninit::uninit();
         // SAFETY: as in `read_lanes`.
-        check(unsafe { ffi::ds_read_departures(read.as_mut_ptr()) }, "read the departures")?;
+        check(unsafe { call!(self.read_departures(read.as_mut_ptr())) }, "read the departures")?;
         // SAFETY: as in `read_lanes`. `starts` has five entries per car and a last one, which is the length of
         // `letters`. The other arrays have an entry per car.
         let (starts, letters, cars, lanes, positions, speeds, factors) = unsafe {
@@ -248,22 +261,22 @@ impl Crossing {
     }
 
     pub(crate) fn departed(&mut self) -> Result<Vec<CarId>> {
-        self.cars(ffi::ds_read_departed, "read which cars have departed")
+        self.cars(self.shim.read_departed, "read which cars have departed")
     }
 
     pub(crate) fn gone(&mut self) -> Result<Vec<CarId>> {
-        self.cars(ffi::ds_read_gone, "read which cars have left the road")
+        self.cars(self.shim.read_gone, "read which cars have left the road")
     }
 
     /// Returns the numbers of the cars that a function of the shim lists.
     fn cars(
         &mut self,
-        list: unsafe extern "C" fn(*mut usize, *mut *const u64) -> c_int,
+        list: Option<unsafe extern "C" fn(*mut usize, *mut *const u64) -> c_int>,
         what: &'static str,
     ) -> Result<Vec<CarId>> {
         let (mut count, mut cars) = (0, ptr::null());
         // SAFETY: we have the turn; both are only written to.
-        check(unsafe { list(&mut count, &mut cars) }, what)?;
+        check(unsafe { list.expect(WHOLE)(&mut count, &mut cars) }, what)?;
         // SAFETY: the call succeeded, so there are `count` numbers. They are valid until the next call, which needs
         // `&mut self`.
         let cars = unsafe { array(cars, count) };
@@ -274,7 +287,7 @@ impl Crossing {
         let car = terminated(car)?;
         let mut read = MaybeUninit::uninit();
         // SAFETY: we have the turn; `car` ends in zero and outlives the call; `read` is only written to.
-        check(unsafe { ffi::ds_read_route(car.as_ptr(), read.as_mut_ptr()) }, "read the route of a car")?;
+        check(unsafe { call!(self.read_route(car.as_ptr(), read.as_mut_ptr())) }, "read the route of a car")?;
         // SAFETY: the call succeeded, so `read` is written. Its text ends in zero and is valid until the next call, which
         // needs `&mut self`.
         let (text, at) = unsafe {
@@ -287,7 +300,7 @@ impl Crossing {
     pub(crate) fn counts(&mut self) -> Result<StepCounts> {
         let mut counts = MaybeUninit::uninit();
         // SAFETY: we have the turn; `counts` is only written to.
-        check(unsafe { ffi::ds_counts(counts.as_mut_ptr()) }, "count")?;
+        check(unsafe { call!(self.counts(counts.as_mut_ptr())) }, "count")?;
         // SAFETY: the call succeeded, so it is written.
         let counts: ffi::ds_counts = unsafe { counts.assume_init() };
         Ok(StepCounts {
@@ -305,27 +318,26 @@ impl Drop for Crossing {
     fn drop(&mut self) {
         // SAFETY: we still have the turn: the lock's guard is a field, and fields are dropped after this.
         // SUMO's message while it closes (for example, of a full disk) is lost, because no caller could receive it.
-        let _ = unsafe { ffi::ds_close() };
+        let _ = unsafe { call!(self.close()) };
         HAS_TURN.set(false);
     }
 }
 
-pub(crate) fn version() -> Result<String> {
-    library::load()?;
-    constant(ffi::ds_version, "return its version")
+pub(crate) fn c_library() -> String {
+    // SAFETY: the text ends in zero and lives as long as the process.
+    unsafe { CStr::from_ptr(ffi::ds_c_library()) }.to_string_lossy().into_owned()
 }
 
-pub(crate) fn c_library() -> Result<String> {
-    constant(ffi::ds_c_library, "return the version of the C library")
-}
-
-/// Returns a text that never changes, from a function of the shim that may be called without the turn.
-fn constant(function: unsafe extern "C" fn(*mut *const c_char) -> c_int, action: &'static str) -> Result<String> {
-    let mut text = ptr::null();
-    // SAFETY: the function may be called without the turn; `text` is only written to.
-    check(unsafe { function(&mut text) }, action)?;
-    // SAFETY: the call succeeded, so `text` is a string that ends in zero and lives as long as the process.
-    Ok(unsafe { CStr::from_ptr(text) }.to_string_lossy().into_owned())
+/// Writes the shortest decimal that reads back as the same number, and returns its length. The shim calls it.
+///
+/// # Safety
+/// `text` has room for `room` bytes.
+#[unsafe(no_mangle)]
+unsafe extern "C" fn ds_decimal(number: f64, text: *mut c_char, room: usize) -> usize {
+    // SAFETY: the caller's promise.
+    let mut text = unsafe { slice::from_raw_parts_mut(text.cast::<u8>(), room) };
+    write!(text, "{number}").expect("the shim has room for every number");
+    room - text.len()
 }
 
 /// Returns a speed as the shim takes it: a negative one means `max`.

@@ -11,13 +11,13 @@ pub enum Error {
     #[error("this thread already holds a simulation, but libsumo has room for one per process; drop the first one")]
     AlreadyHeld,
 
-    /// The shared library is missing, or it cannot be loaded.
+    /// The shared library is missing, or it cannot be used.
     #[error("SUMO's library cannot be loaded: {text}; {way_out}")]
     Library {
-        /// Message of the system's loader.
+        /// The library's file, who named it, and what is wrong with it.
         text: String,
         /// What to do.
-        way_out: &'static str,
+        way_out: String,
     },
 
     /// SUMO could not load. Its text names the file and, for XML, the line.

@@ -77,34 +77,61 @@ pub struct ds_counts {
     pub collisions: u32,
     pub emergency_stops: u32,
 }
+#[repr(C)]
+#[derive(Debug, Copy, Clone)]
+pub struct ds_shim {
+    pub strings_of_cpp11: std::ffi::c_int,
+    pub load: ::std::option::Option<
+        unsafe extern "C" fn(options: *const *const std::ffi::c_char, count: usize) -> std::ffi::c_int,
+    >,
+    pub close: ::std::option::Option<unsafe extern "C" fn() -> std::ffi::c_int>,
+    pub register_names: ::std::option::Option<
+        unsafe extern "C" fn(
+            kind: ds_kind,
+            names: *const *const std::ffi::c_char,
+            count: usize,
+            first: *mut u32,
+        ) -> std::ffi::c_int,
+    >,
+    pub step: ::std::option::Option<unsafe extern "C" fn() -> std::ffi::c_int>,
+    pub time: ::std::option::Option<unsafe extern "C" fn(seconds: *mut f64) -> std::ffi::c_int>,
+    pub read_lanes: ::std::option::Option<
+        unsafe extern "C" fn(lanes: *const u32, count: usize, cars: *mut ds_cars) -> std::ffi::c_int,
+    >,
+    pub read_lights: ::std::option::Option<
+        unsafe extern "C" fn(lights: *const u32, count: usize, states: *mut ds_states) -> std::ffi::c_int,
+    >,
+    pub set_lights: ::std::option::Option<
+        unsafe extern "C" fn(lights: *const u32, count: usize, states: *const ds_states) -> std::ffi::c_int,
+    >,
+    pub set_programs: ::std::option::Option<
+        unsafe extern "C" fn(lights: *const u32, count: usize, program: *const std::ffi::c_char) -> std::ffi::c_int,
+    >,
+    pub insert: ::std::option::Option<unsafe extern "C" fn(cars: *const ds_insertion, count: usize) -> std::ffi::c_int>,
+    pub enter: ::std::option::Option<unsafe extern "C" fn(cars: *const ds_entering, count: usize) -> std::ffi::c_int>,
+    pub place: ::std::option::Option<unsafe extern "C" fn(cars: *const ds_placing, count: usize) -> std::ffi::c_int>,
+    pub seed_generators:
+        ::std::option::Option<unsafe extern "C" fn(first: u32, seeds: *const u32, count: usize) -> std::ffi::c_int>,
+    pub clear_pending: ::std::option::Option<unsafe extern "C" fn() -> std::ffi::c_int>,
+    pub remove_cars: ::std::option::Option<unsafe extern "C" fn(lanes: *const u32, count: usize) -> std::ffi::c_int>,
+    pub read_departures: ::std::option::Option<unsafe extern "C" fn(departures: *mut ds_departures) -> std::ffi::c_int>,
+    pub read_departed:
+        ::std::option::Option<unsafe extern "C" fn(count: *mut usize, cars: *mut *const u64) -> std::ffi::c_int>,
+    pub read_gone:
+        ::std::option::Option<unsafe extern "C" fn(count: *mut usize, cars: *mut *const u64) -> std::ffi::c_int>,
+    pub read_route: ::std::option::Option<
+        unsafe extern "C" fn(car: *const std::ffi::c_char, route: *mut ds_route) -> std::ffi::c_int,
+    >,
+    pub counts: ::std::option::Option<unsafe extern "C" fn(counts: *mut ds_counts) -> std::ffi::c_int>,
+}
 unsafe extern "C" {
-    pub fn ds_last_error() -> *const std::ffi::c_char;
-    pub fn ds_open(library: *const std::ffi::c_char) -> std::ffi::c_int;
-    pub fn ds_version(text: *mut *const std::ffi::c_char) -> std::ffi::c_int;
-    pub fn ds_c_library(version: *mut *const std::ffi::c_char) -> std::ffi::c_int;
-    pub fn ds_load(options: *const *const std::ffi::c_char, count: usize) -> std::ffi::c_int;
-    pub fn ds_close() -> std::ffi::c_int;
-    pub fn ds_register(
-        kind: ds_kind,
-        names: *const *const std::ffi::c_char,
-        count: usize,
-        first: *mut u32,
+    pub fn ds_open(
+        library: *const std::ffi::c_char,
+        shim: *mut *const ds_shim,
+        version: *mut *const std::ffi::c_char,
     ) -> std::ffi::c_int;
-    pub fn ds_step() -> std::ffi::c_int;
-    pub fn ds_time(seconds: *mut f64) -> std::ffi::c_int;
-    pub fn ds_read_lanes(lanes: *const u32, count: usize, cars: *mut ds_cars) -> std::ffi::c_int;
-    pub fn ds_read_lights(lights: *const u32, count: usize, states: *mut ds_states) -> std::ffi::c_int;
-    pub fn ds_set_lights(lights: *const u32, count: usize, states: *const ds_states) -> std::ffi::c_int;
-    pub fn ds_set_programs(lights: *const u32, count: usize, program: *const std::ffi::c_char) -> std::ffi::c_int;
-    pub fn ds_insert(cars: *const ds_insertion, count: usize) -> std::ffi::c_int;
-    pub fn ds_enter(cars: *const ds_entering, count: usize) -> std::ffi::c_int;
-    pub fn ds_place(cars: *const ds_placing, count: usize) -> std::ffi::c_int;
-    pub fn ds_seed_generators(first: u32, seeds: *const u32, count: usize) -> std::ffi::c_int;
-    pub fn ds_clear_pending() -> std::ffi::c_int;
-    pub fn ds_remove_cars(lanes: *const u32, count: usize) -> std::ffi::c_int;
-    pub fn ds_read_departures(departures: *mut ds_departures) -> std::ffi::c_int;
-    pub fn ds_read_departed(count: *mut usize, cars: *mut *const u64) -> std::ffi::c_int;
-    pub fn ds_read_gone(count: *mut usize, cars: *mut *const u64) -> std::ffi::c_int;
-    pub fn ds_read_route(car: *const std::ffi::c_char, route: *mut ds_route) -> std::ffi::c_int;
-    pub fn ds_counts(counts: *mut ds_counts) -> std::ffi::c_int;
+    pub fn ds_open_bytes(bytes: *const std::ffi::c_void, size: usize) -> std::ffi::c_int;
+    pub fn ds_last_error() -> *const std::ffi::c_char;
+    pub fn ds_own_file() -> *const std::ffi::c_char;
+    pub fn ds_c_library() -> *const std::ffi::c_char;
 }

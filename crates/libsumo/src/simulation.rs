@@ -4,6 +4,7 @@ use super::call::{self, Crossing, IdKind};
 use super::error::{Error, Result};
 use super::events::{DepartSpeed, Departure, Entering, Insertion, Placing, RouteNow, StepCounts};
 use super::ids::{CarId, LaneId, LightId, RouteId, TypeId};
+use super::library;
 use super::signal::SignalState;
 use super::table::CarTable;
 
@@ -241,19 +242,19 @@ impl Simulation {
         self.whole()?.counts()
     }
 
-    /// Returns the version of the library, such as `SUMO 1.15.0`. Needs no simulation and waits for none.
+    /// Returns the version of the library in SUMO's words, such as `SUMO 1.15.0`. Needs no simulation and waits for none.
     ///
     /// # Errors
     /// [`Error::Library`] if there is no libsumo.
-    pub fn version() -> Result<String> {
-        call::version()
+    pub fn version() -> Result<&'static str> {
+        Ok(&library::load()?.name)
     }
 
     /// Returns the library whose `exp`, `ln` and so on SUMO and this program use, such as `glibc 2.36`; `unknown` if it is
     /// not GNU's. Versions of it differ in last bits, and so do simulations. Needs no libsumo.
-    pub fn libm() -> Result<String> {
-        let version = call::c_library()?;
-        Ok(if version.is_empty() { "unknown".to_owned() } else { format!("glibc {version}") })
+    pub fn libm() -> String {
+        let version = call::c_library();
+        if version.is_empty() { "unknown".to_owned() } else { format!("glibc {version}") }
     }
 
     /// Returns the way to SUMO, unless the simulation is broken.

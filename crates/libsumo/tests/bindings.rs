@@ -1,10 +1,11 @@
-//! The bindings of the shim over SUMO, `src/ffi.rs`, are those that bindgen makes of its header.
+//! What is written down here of C and C++ is what the headers say.
 //!
-//! They are kept, so that a build needs neither bindgen nor libclang. After a change of the header, make them again with
+//! The bindings of the shim over SUMO, `src/ffi.rs`, are those that bindgen makes of its header. They are kept, so that a build needs neither bindgen nor libclang. After a change of the header, make them again with
 //! `UPDATE_BINDINGS=1 cargo test -p libsumo`. This test needs libclang, which `./setup.sh all` installs.
 
 use std::fs;
 use std::path::Path;
+use std::process::Command;
 
 const ABOUT: &str = "//! Bindings of `shim/shim.h`, made by bindgen: `UPDATE_BINDINGS=1 cargo test -p libsumo`.\n\n\
                      #![allow(dead_code, non_camel_case_types, unreachable_pub, clippy::all, reason = \"bindgen writes it\")]";
@@ -32,4 +33,17 @@ fn the_bindings_are_those_of_the_header() {
         fs::write(&file, &made).unwrap();
     }
     assert!(fs::read_to_string(&file).unwrap() == made, "src/ffi.rs is old; it must be:\n{made}");
+}
+
+#[test]
+fn the_functions_and_constants_are_those_of_sumos_own_headers() {
+    let includes = ["/usr/include", "/usr/local/include"].map(Path::new);
+    let Some(include) = includes.into_iter().find(|folder| folder.join("libsumo/libsumo.h").exists()) else {
+        return eprintln!("no headers of SUMO are installed: nothing to compare with");
+    };
+    let root = Path::new(env!("CARGO_MANIFEST_DIR"));
+    let mut compiler = Command::new("g++");
+    compiler.args(["-std=c++17", "-fsyntax-only", "-Isrc/shim", "-idirafter"]).arg(include).arg("tests/headers.cpp");
+    let output = compiler.current_dir(root).output().unwrap();
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
 }

@@ -8,10 +8,14 @@ use std::path::Path;
 
 use anyhow::{Context, Result, bail};
 
-use super::domains::NO_SUCH_VECTORS;
+use super::domains::{self, NO_SUCH_VECTORS};
+use crate::config::RunConfig;
 use crate::records::run_json::{Resumed, RunJson, Versions};
 use dials_core::outside::Directory;
 use stacknets::{VectorWidth, vector_instructions};
+
+/// What stands in the place of SUMO's version, for a domain that does not need it.
+const NO_SUMO: &str = "none";
 
 /// The program that stands on this crate, as its own build knows it.
 #[derive(Clone, Copy, Debug)]
@@ -23,22 +27,32 @@ pub struct Program {
     pub libtorch: &'static str,
 }
 
-/// Returns the build of this process. `width`: width of the vector registers that its networks use.
-pub fn here(program: Program, width: VectorWidth) -> Result<Versions> {
+/// Returns the build of this process for a run with this config. Only a config of traffic needs SUMO.
+pub fn here(program: Program, config: &RunConfig) -> Result<Versions> {
+    let versions = without_sumo(program, config.numerics.vector_width)?;
+    Ok(match domains::sumo(config)? {
+        Some(sumo) => Versions { sumo: sumo.name.clone(), sumo_builder: sumo.builder(), ..versions },
+        None => versions,
+    })
+}
+
+/// Returns the build of this process but for SUMO. `width`: width of the vector registers that its networks use.
+pub fn without_sumo(program: Program, width: VectorWidth) -> Result<Versions> {
     Ok(Versions {
         dials_traffic: program.version.to_owned(),
         git_commit: program.git_commit.to_owned(),
-        sumo: dials_traffic::sumo_version()?,
+        sumo: NO_SUMO.to_owned(),
+        sumo_builder: NO_SUMO.to_owned(),
         libtorch: program.libtorch.to_owned(),
-        libm: dials_traffic::libm()?,
+        libm: dials_traffic::libm(),
         vector_instructions: vector_instructions(width).context(NO_SUCH_VECTORS)?,
         cpu: cpu(),
     })
 }
 
 /// Returns this build if another one wrote the run in `dir` last. Unless `accepted`, that is an error that says why.
-pub fn other_build(program: Program, dir: &Path, width: VectorWidth, accepted: bool) -> Result<Option<Versions>> {
-    let here = here(program, width)?;
+pub fn other_build(program: Program, dir: &Path, config: &RunConfig, accepted: bool) -> Result<Option<Versions>> {
+    let here = here(program, config)?;
     let run = RunJson::read(dir)?;
     let differences = here.differences(run.resumed_with.last().map_or(&run.versions, |last| &last.versions));
     if differences.is_empty() {

@@ -40,7 +40,7 @@ fn describe(dir: &Directory, config: &RunConfig, program: Program) -> Result<()>
     let run = RunJson {
         command: command_line(),
         kept: Kept::of(dir.path(), &kept)?,
-        versions: build::here(program, config.numerics.vector_width)?,
+        versions: build::here(program, config)?,
         ..RunJson::new(domain.scenario()?, domain.names(), config.learning.seed)
     };
     run.write(dir)

@@ -106,11 +106,11 @@ fn domain(config: &RunConfig) -> &DomainConfig {
     config.domain.as_ref().expect("a config that was loaded has a domain")
 }
 
-/// Returns the version of SUMO if the domain of a config needs it. If it does not, or SUMO cannot be loaded: `None`.
-pub fn sumo_version(config: &RunConfig) -> Option<String> {
+/// Loads SUMO if the domain of a config needs it. If not: `None`.
+pub fn sumo(config: &RunConfig) -> Result<Option<&'static dials_traffic::Sumo>> {
     match domain(config) {
-        DomainConfig::Traffic(_) => dials_traffic::sumo_version().ok(),
-        _ => None,
+        DomainConfig::Traffic(_) => dials_traffic::sumo().map(Some),
+        _ => Ok(None),
     }
 }
 

@@ -60,6 +60,7 @@ use dials_core::domain::{
     RoughCosts, Scenario, Task,
 };
 use libsumo::Simulation;
+pub use libsumo::{Library as Sumo, Place as SumoPlace};
 use network::way_out::{Role, cannot_be_simulated};
 use paper_grid::grid::Grid;
 use road_network::{Files, RoadNetwork, open_grid, scenario as of_scenario};
@@ -78,14 +79,24 @@ use sim::visits::Visits;
 /// Longest time in which SUMO reads the demand of a scenario for a trial. The first episode tries what comes later.
 const DEMAND_PATIENCE: Duration = Duration::from_secs(10);
 
-/// Returns the version of the linked SUMO, such as `SUMO 1.15.0`.
-pub fn sumo_version() -> Result<String> {
-    Ok(Simulation::version()?)
+/// Returns the SUMO that this process simulates with.
+pub fn sumo() -> Result<&'static Sumo> {
+    Ok(libsumo::load()?)
+}
+
+/// Returns the places where SUMO is looked for, in order.
+pub fn sumo_places() -> Vec<SumoPlace> {
+    libsumo::places()
+}
+
+/// Returns the file of a program of the same SUMO, such as `netconvert`.
+pub fn sumo_program(name: &str) -> Option<PathBuf> {
+    libsumo::program(name)
 }
 
 /// Returns the library whose `exp`, `ln` and so on SUMO and this program use, such as `glibc 2.36`.
-pub fn libm() -> Result<String> {
-    Ok(Simulation::libm()?)
+pub fn libm() -> String {
+    Simulation::libm()
 }
 
 #[derive(Clone)]

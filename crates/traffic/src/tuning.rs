@@ -24,7 +24,7 @@ impl TunedOn {
             episodes,
             seed: seed.to_string(),
             search_version: if traffic.grid().is_some() { grid::VERSION } else { net::VERSION },
-            sumo_version: Simulation::version()?,
+            sumo_version: Simulation::version()?.to_owned(),
         })
     }
 }

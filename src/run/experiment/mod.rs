@@ -55,7 +55,8 @@ pub(super) fn experiment(args: &cli::ExperimentArgs) -> Result<()> {
             let domain = domains::find(config)?;
             domain.check_baseline(name)?;
             let controller_file_crc32 = controller_file(&*domain, name)?;
-            Ok(MeasuredWith { controller_file_crc32, sumo_version: domains::sumo_version(config) })
+            let sumo_version = domains::sumo(config)?.map(|sumo| sumo.name.clone());
+            Ok(MeasuredWith { controller_file_crc32, sumo_version })
         },
     };
     let experiment = Experiment::read(&args.file, &knowledge).map_err(Error::Usage)?;
@@ -122,7 +123,7 @@ fn check_nobody_trains(experiment: &Experiment, folder: &Path) -> anyhow::Result
 fn check_builds(experiment: &Experiment, folder: &Path) -> anyhow::Result<()> {
     for run in &experiment.runs {
         if matches!(stage(folder, run)?, Stage::Begun { .. } | Stage::Running { .. }) {
-            other_build(PROGRAM, &directory(folder, run), run.config.numerics.vector_width, false)?;
+            other_build(PROGRAM, &directory(folder, run), &run.config, false)?;
         }
     }
     Ok(())

@@ -1,6 +1,11 @@
 // The plain-C side of libsumo. See shim.h for the rules of every function.
+//
+// This file is compiled twice: for std::string as it was before C++11, and as it is since. A libsumo has one of them. open.cpp
+// chooses.
 
+#include "open.h"
 #include "shim.h"
+#include "sumo.h"
 
 #include <algorithm>
 #include <charconv>
@@ -12,35 +17,7 @@
 #include <string>
 #include <vector>
 
-#include <dlfcn.h>
-#ifdef __GLIBC__
-#include <gnu/libc-version.h>
-#endif
-
-#include <libsumo/libsumo.h>
-
-using libsumo::Lane;
-using libsumo::Route;
-using libsumo::Simulation;
-using libsumo::TrafficLight;
-using libsumo::Vehicle;
-using libsumo::VehicleType;
-
-// Of SUMO's class of lanes the one function that libsumo's interface lacks. SUMO installs no header for it, but its
-// library exports it (tried with SUMO 1.15). With a library that does not, the build fails, because nothing else seeds
-// the generators of some lanes in the middle of a simulation.
-class __attribute__((visibility("default"))) MSLane {
-public:
-    static void loadRNGState(int index, const std::string &state);
-};
-
-// late.S: names of libsumo's functions, with a null at the end, and their addresses, in the same order.
-extern "C" const char *const sumo_late_names[];
-extern "C" void *sumo_late_addresses[];
-
 namespace {
-
-thread_local std::string last_error;
 
 // Registered names, by kind and index, as std::string so that no call has to make one.
 std::vector<std::string> names_of[4];
@@ -93,15 +70,6 @@ private:
 };
 Ear Hush::ear;
 
-int failed(const char *what) noexcept {
-    try {
-        last_error.assign(what).append("\n").append(Hush::ear.heard);
-    } catch (...) {
-        last_error.clear(); // Out of memory.
-    }
-    return 1;
-}
-
 // Runs `work` in silence and turns any exception into a code. TraCIException, FatalTraCIError, ProcessError and IOError
 // all occur, and all are std::exceptions.
 template <typename Work> int guarded(Work work) noexcept {
@@ -110,9 +78,9 @@ template <typename Work> int guarded(Work work) noexcept {
         work();
         return 0;
     } catch (const std::exception &error) {
-        return failed(error.what());
+        return ds_failed(error.what(), Hush::ear.heard.c_str());
     } catch (...) {
-        return failed("an exception of unknown type");
+        return ds_failed("an exception of unknown type", Hush::ear.heard.c_str());
     }
 }
 
@@ -143,11 +111,14 @@ void must_exist(ds_kind kind, const std::string &name) {
 }
 
 // Returns the shortest text that reads back as the same number, whatever the locale.
-template <typename Number> std::string decimal(Number number) {
-    char digits[32];
-    const auto end = std::to_chars(digits, digits + sizeof digits, number).ptr;
-    return std::string(digits, end);
+std::string decimal(double number) {
+    char digits[400]; // The longest has 327.
+    return std::string(digits, ds_decimal(number, digits, sizeof digits));
 }
+
+std::string decimal(uint64_t number) { return std::to_string(number); }
+
+std::string decimal(uint32_t number) { return std::to_string(number); }
 
 // Returns a car's name as a number: its value if it is decimal without leading zeros and fits 63 bits, else FNV-1a 64 with the
 // top bit set. So the cars 7 and 07 differ.
@@ -181,50 +152,11 @@ void forget_step() {
     removed = 0;
 }
 
-} // namespace
-
-const char *ds_last_error(void) { return last_error.c_str(); }
-
-int ds_open(const char *library) {
-    // Not guarded, because this may be called before SUMO is there to be silenced.
-    try {
-        // Functions of other libraries are looked for when they are first called, as in a program that links libsumo.
-        void *const opened = dlopen(library, RTLD_LAZY | RTLD_LOCAL);
-        if (opened == nullptr) {
-            throw std::runtime_error(dlerror());
-        }
-        for (size_t i = 0; sumo_late_names[i] != nullptr; ++i) {
-            sumo_late_addresses[i] = dlsym(opened, sumo_late_names[i]);
-            if (sumo_late_addresses[i] == nullptr) {
-                throw std::runtime_error(dlerror());
-            }
-        }
-        return 0;
-    } catch (const std::exception &error) {
-        return failed(error.what());
-    }
-}
-
-int ds_version(const char **text) {
-    // Not guarded, because this may be called while another thread is inside, and the streams are shared by the
-    // process.
-    try {
-        static const std::string version = Simulation::getVersion().second;
-        *text = version.c_str();
-        return 0;
-    } catch (...) {
-        last_error.clear();
-        return 1;
-    }
-}
-
-int ds_c_library(const char **version) {
-#ifdef __GLIBC__
-    *version = gnu_get_libc_version();
-#else
-    *version = "";
-#endif
-    return 0;
+// Adds a car that departs in the next step.
+void add(Text serial, Text route, Text type, Text lane, Text position, Text speed, Text end) {
+    static const std::string now = "now", current = "current", none;
+    Vehicle::add(serial, route, type, now, lane, position, speed, current, end, current, none, none, none, 4, 0);
+    fresh.push_back(serial);
 }
 
 int ds_load(const char *const *options, size_t count) {
@@ -248,11 +180,11 @@ int ds_close(void) {
         for (auto &names : names_of) {
             names.clear();
         }
-        Simulation::close();
+        Simulation::close("Libsumo requested termination.");
     });
 }
 
-int ds_register(enum ds_kind kind, const char *const *names, size_t count, uint32_t *first) {
+int ds_register_names(enum ds_kind kind, const char *const *names, size_t count, uint32_t *first) {
     return guarded([&] {
         const std::vector<std::string> wanted(names, names + count);
         for (const auto &name : wanted) {
@@ -267,7 +199,7 @@ int ds_register(enum ds_kind kind, const char *const *names, size_t count, uint3
 int ds_step(void) {
     return guarded([] {
         forget_step();
-        Simulation::step();
+        Simulation::step(0);
     });
 }
 
@@ -329,28 +261,24 @@ int ds_set_programs(const uint32_t *lights, size_t count, const char *program) {
 }
 
 int ds_insert(const struct ds_insertion *cars, size_t count) {
-    static const std::string type = "car", depart = "now", lane = "first", max = "max";
+    static const std::string type = "car", lane = "first", max = "max";
     return guarded([&] {
         for (size_t i = 0; i < count; ++i) {
             const auto &car = cars[i];
             const std::string serial = decimal(car.car);
-            Vehicle::add(serial, name(DS_ROUTE, car.route), type, depart, lane, decimal(car.position),
-                         car.speed < 0 ? max : decimal(car.speed));
-            fresh.push_back(serial);
+            add(serial, name(DS_ROUTE, car.route), type, lane, decimal(car.position), car.speed < 0 ? max : decimal(car.speed), max);
         }
     });
 }
 
 int ds_enter(const struct ds_entering *cars, size_t count) {
-    static const std::string depart = "now", max = "max", first = "first";
+    static const std::string max = "max", first = "first";
     return guarded([&] {
         for (size_t i = 0; i < count; ++i) {
             const auto &car = cars[i];
             const std::string serial = decimal(car.car);
-            Vehicle::add(serial, name(DS_ROUTE, car.route), name(DS_TYPE, car.type), depart,
-                         car.lane == UINT32_MAX ? first : decimal(car.lane), decimal(car.position), car.speed < 0 ? max : decimal(car.speed), "current",
-                         car.end < 0 ? max : decimal(car.end));
-            fresh.push_back(serial);
+            add(serial, name(DS_ROUTE, car.route), name(DS_TYPE, car.type), car.lane == UINT32_MAX ? first : decimal(car.lane),
+                decimal(car.position), car.speed < 0 ? max : decimal(car.speed), car.end < 0 ? max : decimal(car.end));
             // SUMO has drawn one from a generator that all cars share.
             Vehicle::setSpeedFactor(serial, car.speed_factor);
         }
@@ -362,8 +290,8 @@ int ds_place(const struct ds_placing *cars, size_t count) {
         for (size_t i = 0; i < count; ++i) {
             const auto &car = cars[i];
             const std::string serial = decimal(car.car);
-            Vehicle::moveTo(serial, name(DS_LANE, car.lane), car.position);
-            Vehicle::setPreviousSpeed(serial, car.speed);
+            Vehicle::moveTo(serial, name(DS_LANE, car.lane), car.position, move_automatic);
+            Vehicle::setPreviousSpeed(serial, car.speed, invalid_double);
             // It is on the road, and no longer one of those that wait.
             fresh.erase(std::remove(fresh.begin(), fresh.end(), serial), fresh.end());
         }
@@ -372,10 +300,13 @@ int ds_place(const struct ds_placing *cars, size_t count) {
 
 int ds_seed_generators(uint32_t first, const uint32_t *seeds, size_t count) {
     return guarded([&] {
+        if (!load_generator.is_found()) {
+            throw std::runtime_error("this SUMO has no " + load_generator.words());
+        }
         for (size_t i = 0; i < count; ++i) {
             std::ostringstream state;
             state << std::mt19937(seeds[i]);
-            MSLane::loadRNGState(static_cast<int>(first + i), state.str());
+            load_generator(static_cast<int>(first + i), state.str());
         }
     });
 }
@@ -385,9 +316,9 @@ int ds_clear_pending(void) {
         // clearPending drops only cars that a step has already tried to insert. A car that was added after the last
         // step survives it and would enter in the next one (measured on SUMO 1.15). Unlike a car on the road, such a
         // car disappears at once when it is removed, and is not listed as arrived.
-        Simulation::clearPending();
+        Simulation::clearPending("");
         for (const auto &car : fresh) {
-            Vehicle::remove(car);
+            Vehicle::remove(car, remove_vaporized);
         }
         fresh.clear();
     });
@@ -397,7 +328,7 @@ int ds_remove_cars(const uint32_t *lanes, size_t count) {
     return guarded([&] {
         for (size_t i = 0; i < count; ++i) {
             for (const auto &car : Lane::getLastStepVehicleIDs(name(DS_LANE, lanes[i]))) {
-                Vehicle::remove(car);
+                Vehicle::remove(car, remove_vaporized);
                 ++removed;
             }
         }
@@ -479,4 +410,34 @@ int ds_counts(struct ds_counts *counts) {
         counts->collisions = static_cast<uint32_t>(Simulation::getCollidingVehiclesNumber()) / 2;
         counts->emergency_stops = static_cast<uint32_t>(Simulation::getEmergencyStoppingVehiclesNumber());
     });
+}
+
+// In the order of shim.h.
+const struct ds_shim functions = {
+    _GLIBCXX_USE_CXX11_ABI,
+    ds_load, ds_close, ds_register_names, ds_step, ds_time, ds_read_lanes, ds_read_lights, ds_set_lights, ds_set_programs,
+    ds_insert, ds_enter, ds_place, ds_seed_generators, ds_clear_pending, ds_remove_cars, ds_read_departures,
+    ds_read_departed, ds_read_gone, ds_read_route, ds_counts,
+};
+
+} // namespace
+
+struct found DS_BIND(void *library) noexcept {
+    static std::string missing, version;
+    try {
+        int count = 0;
+        missing.clear();
+        for (const Function *function = Function::all(); function != nullptr; function = function->next()) {
+            if (!function->find(library) && function != &load_generator) {
+                missing.append(count++ == 0 ? "" : " ").append(function->words());
+            }
+        }
+        // Not guarded, because no other thread may be inside, but other code may write to the streams.
+        if (count == 0) {
+            version = Simulation::getVersion().second;
+        }
+        return {&functions, version.c_str(), missing.c_str(), count};
+    } catch (...) {
+        return {&functions, "", "", -1};
+    }
 }

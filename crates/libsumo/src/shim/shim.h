@@ -1,9 +1,7 @@
-/* The few calls of libsumo that this crate needs, in plain C; `bindgen` reads this file. `ds_` is the shim's own prefix.
+/* The few calls of SUMO that this crate needs, in plain C; `bindgen` reads this file. `ds_` is the shim's own prefix.
  *
- * Every function returns 0, or 1 with a text in ds_last_error(). No exception leaves, and nothing reaches the terminal.
- * Only ds_last_error, ds_version and ds_c_library may be called while another thread is inside, because there is one
- * simulation per process. Lanes, lights, routes and types are registered once by name and are passed as indices. Arrays that a
- * function returns belong to the shim and are valid until the next call. */
+ * Every function that returns an int returns 0, or another number with a text in ds_last_error(). No exception leaves. Arrays
+ * that a function returns belong to the shim and are valid until the next call. */
 #ifndef SUMO_SHIM_H
 #define SUMO_SHIM_H
 
@@ -14,32 +12,7 @@
 extern "C" {
 #endif
 
-/* Returns why the last call of this thread failed. */
-const char *ds_last_error(void);
-
-/* Loads libsumo from a file, or from where the system looks if the name has no slash. Must succeed, once, before any
- * function below but ds_c_library is called. Nothing unloads it. */
-int ds_open(const char *library);
-
-/* Returns SUMO's version, such as "SUMO 1.15.0". Needs no simulation. */
-int ds_version(const char **text);
-
-/* Returns the version of the loaded GNU C library with its libm, such as "2.36"; empty for another one. Never fails. */
-int ds_c_library(const char **version);
-
-/* Loads, or loads again in place. Also fails if a registered name is unknown to the new net. */
-int ds_load(const char *const *options, size_t count);
-
-/* Ends the simulation and forgets all registered names. */
-int ds_close(void);
-
 enum ds_kind { DS_LANE, DS_LIGHT, DS_ROUTE, DS_TYPE };
-
-/* Registers all or none: names[i] becomes index *first + i of its kind. */
-int ds_register(enum ds_kind kind, const char *const *names, size_t count, uint32_t *first);
-
-int ds_step(void);
-int ds_time(double *seconds);
 
 /* The cars of the i-th lane of the call are starts[i] .. starts[i + 1] in the other arrays. */
 struct ds_cars {
@@ -48,16 +21,12 @@ struct ds_cars {
     const double *positions;
     const double *speeds;
 };
-int ds_read_lanes(const uint32_t *lanes, size_t count, struct ds_cars *cars);
 
 /* The state of the i-th light of the call is starts[i] .. starts[i + 1] in letters. */
 struct ds_states {
     const uint32_t *starts;
     const char *letters;
 };
-int ds_read_lights(const uint32_t *lights, size_t count, struct ds_states *states);
-int ds_set_lights(const uint32_t *lights, size_t count, const struct ds_states *states);
-int ds_set_programs(const uint32_t *lights, size_t count, const char *program);
 
 struct ds_insertion {
     uint64_t car;
@@ -65,7 +34,6 @@ struct ds_insertion {
     double speed; /* Negative: "max". */
     uint32_t route;
 };
-int ds_insert(const struct ds_insertion *cars, size_t count);
 
 /* A car of any type, on any lane. */
 struct ds_entering {
@@ -78,7 +46,6 @@ struct ds_entering {
     uint32_t type;
     uint32_t lane; /* Index on the route's first edge. UINT32_MAX: the first one that it may use. */
 };
-int ds_enter(const struct ds_entering *cars, size_t count);
 
 /* The place and speed that a car gets. */
 struct ds_placing {
@@ -87,15 +54,6 @@ struct ds_placing {
     double speed;
     uint32_t lane;
 };
-/* Puts cars that were added at their places on their routes at once, whoever is there. */
-int ds_place(const struct ds_placing *cars, size_t count);
-
-/* Seeds the random generators number first, first + 1 and so on with seeds[0], seeds[1] and so on. With the option
- * --thread-rngs of at least the number of lanes, generator n is that of the lane that SUMO has loaded as number n. */
-int ds_seed_generators(uint32_t first, const uint32_t *seeds, size_t count);
-
-int ds_clear_pending(void);
-int ds_remove_cars(const uint32_t *lanes, size_t count);
 
 /* The cars that entered in the last step. The five texts of car i are starts[5 * i] .. starts[5 * i + 5] in letters:
  * its name, its type, its class, its route, and the edges of the route with \x1f between. Numbers are those after the
@@ -110,13 +68,6 @@ struct ds_departures {
     const double *speeds;
     const double *speed_factors;
 };
-int ds_read_departures(struct ds_departures *departures);
-
-/* Only the numbers of these cars. */
-int ds_read_departed(size_t *count, const uint64_t **cars);
-
-/* The numbers of the cars that ended their trip or began to teleport in the last step. */
-int ds_read_gone(size_t *count, const uint64_t **cars);
 
 /* The route of a car that has entered, as it is now: its edges with \x1f between, and the index of the edge on which the
  * car is. In a junction it is that of the edge before. */
@@ -124,7 +75,6 @@ struct ds_route {
     const char *edges;
     uint32_t at;
 };
-int ds_read_route(const char *car, struct ds_route *route);
 
 struct ds_counts {
     uint32_t departed;
@@ -134,7 +84,58 @@ struct ds_counts {
     uint32_t collisions;
     uint32_t emergency_stops;
 };
-int ds_counts(struct ds_counts *counts);
+
+/* The calls of a library that is open. Nothing reaches the terminal. One thread may be inside at a time, because there is one
+ * simulation per process. Lanes, lights, routes and types are registered once by name and are passed as indices. */
+struct ds_shim {
+    /* Whether the library's std::string is that of C++11, and not the older one. */
+    int strings_of_cpp11;
+    /* Loads, or loads again in place. Also fails if a registered name is unknown to the new net. */
+    int (*load)(const char *const *options, size_t count);
+    /* Ends the simulation and forgets all registered names. */
+    int (*close)(void);
+    /* Registers all or none: names[i] becomes index *first + i of its kind. */
+    int (*register_names)(enum ds_kind kind, const char *const *names, size_t count, uint32_t *first);
+    int (*step)(void);
+    int (*time)(double *seconds);
+    int (*read_lanes)(const uint32_t *lanes, size_t count, struct ds_cars *cars);
+    int (*read_lights)(const uint32_t *lights, size_t count, struct ds_states *states);
+    int (*set_lights)(const uint32_t *lights, size_t count, const struct ds_states *states);
+    int (*set_programs)(const uint32_t *lights, size_t count, const char *program);
+    int (*insert)(const struct ds_insertion *cars, size_t count);
+    int (*enter)(const struct ds_entering *cars, size_t count);
+    /* Puts cars that were added at their places on their routes at once, whoever is there. */
+    int (*place)(const struct ds_placing *cars, size_t count);
+    /* Seeds the random generators number first, first + 1 and so on with seeds[0], seeds[1] and so on. With the option
+     * --thread-rngs of at least the number of lanes, generator n is that of the lane that SUMO has loaded as number n. */
+    int (*seed_generators)(uint32_t first, const uint32_t *seeds, size_t count);
+    int (*clear_pending)(void);
+    int (*remove_cars)(const uint32_t *lanes, size_t count);
+    int (*read_departures)(struct ds_departures *departures);
+    /* Only the numbers of these cars. */
+    int (*read_departed)(size_t *count, const uint64_t **cars);
+    /* The numbers of the cars that ended their trip or began to teleport in the last step. */
+    int (*read_gone)(size_t *count, const uint64_t **cars);
+    int (*read_route)(const char *car, struct ds_route *route);
+    int (*counts)(struct ds_counts *counts);
+};
+
+/* Opens libsumo from a file, or from where the system looks if the name has no slash. Returns 1 if it cannot be loaded; 2 if it
+ * lacks functions, whose names are then the text, with blanks between. Must succeed once at most. Nothing closes it.
+ * `version`: SUMO's, such as "SUMO 1.15.0". */
+int ds_open(const char *library, const struct ds_shim **shim, const char **version);
+
+/* Loads a shared library from memory. */
+int ds_open_bytes(const void *bytes, size_t size);
+
+/* Returns why the last call of this thread failed. */
+const char *ds_last_error(void);
+
+/* Returns the file of the program or library that this code is in; empty if nobody knows. */
+const char *ds_own_file(void);
+
+/* Returns the version of the loaded GNU C library with its libm, such as "2.36"; empty for another one. */
+const char *ds_c_library(void);
 
 #ifdef __cplusplus
 }

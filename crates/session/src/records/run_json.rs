@@ -149,6 +149,8 @@ pub struct Versions {
     pub libm: String,
     pub libtorch: String,
     pub sumo: String,
+    /// Who built SUMO's library: `wheel`, `debian 12`. Versions of one number can differ in options of their compilers.
+    pub sumo_builder: String,
     /// Instructions that multiply matrices.
     pub vector_instructions: String,
 }

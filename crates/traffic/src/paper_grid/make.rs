@@ -1,16 +1,16 @@
 //! A grid written as the files of a network. Debian's `netconvert` makes roads and lights from our plain XML.
 
 use std::fs;
-use std::io::ErrorKind;
 use std::path::Path;
 use std::process::{Command, Stdio};
 
-use anyhow::{Context, Result, bail, ensure};
+use anyhow::{Context, Result, ensure};
 
 use super::content;
 use super::grid::Grid;
 use super::inflow::Inflow;
 use crate::network::files::{NetworkFiles, config};
+use crate::sumo_program;
 use dials_core::outside::{cannot_write_temporary, temporary_dir, write_together};
 
 /// Writes the network `grid_{rows}x{cols}` into `dir`. `inflow` is 0.1 in the authors' setup.
@@ -47,7 +47,9 @@ fn convert(grid: Grid) -> Result<String> {
         ("--connection-files", "con.xml", content::connections(grid)),
         ("--tllogic-files", "tll.xml", content::lights(grid)),
     ];
-    let mut command = Command::new("netconvert");
+    let program = sumo_program("netconvert")
+        .context("netconvert was not found: install SUMO (pip install eclipse-sumo, or on Debian apt install sumo)")?;
+    let mut command = Command::new(program);
     command.current_dir(room.path()).stdin(Stdio::null());
     for (option, file, text) in inputs {
         fs::write(room.path().join(file), text).map_err(|error| cannot_write_temporary(&error))?;
@@ -56,12 +58,7 @@ fn convert(grid: Grid) -> Result<String> {
     // Normalisation would move the south-west corner of the bounding box, which is that of a dead end, to (0, 0).
     command.args(["--offset.disable-normalization", "--no-turnarounds", "--xml-validation", "never"]);
     command.args(["--output-file", "net.xml"]);
-    let output = match command.output() {
-        Err(error) if error.kind() == ErrorKind::NotFound => {
-            bail!("netconvert is not on the PATH: install Debian's package sumo (./setup.sh)")
-        }
-        output => output.context("netconvert could not be started")?,
-    };
+    let output = command.output().context("netconvert could not be started")?;
     let said = String::from_utf8_lossy(&output.stderr);
     ensure!(output.status.success(), "netconvert failed ({}): {}", output.status, said.trim());
     let net = fs::read_to_string(room.path().join("net.xml")).context("netconvert wrote no net")?;
