@@ -116,7 +116,8 @@ impl Subject {
                     domain.check_baseline(controller)?;
                 }
                 fitting(dir, domain)?;
-                check_rules(dir, domain)
+                check_rules(dir, domain)?;
+                warn_of_other_sumo(dir)
             }
         }
     }
@@ -162,6 +163,20 @@ fn check_rules(dir: &Path, domain: &dyn Domain) -> Result<()> {
             "warning: {path}: learned by other rules than those of this command\n  {}\n  \
              all returns below are by the rules of this command; compare another figure, too",
             differences.join("\n  ")
+        ));
+    }
+    Ok(())
+}
+
+/// Warns if the run was trained with another SUMO than the one here.
+fn warn_of_other_sumo(dir: &Path) -> Result<()> {
+    let run = RunJson::read(dir)?;
+    let Some(theirs) = run.sumo() else { return Ok(()) };
+    let ours = &dials_traffic::sumo()?.name;
+    if theirs != ours {
+        let path = dir.display();
+        warn(format_args!(
+            "warning: {path}: was trained with {theirs}, and is evaluated with {ours}, which has other numbers"
         ));
     }
     Ok(())

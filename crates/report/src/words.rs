@@ -1,13 +1,13 @@
 //! Formats of numbers, and warnings about runs that are missing, unfinished or not comparable.
 
-use std::collections::BTreeSet;
+use std::collections::{BTreeMap, BTreeSet};
 
 use super::group::{Comparison, Sorted};
 use dials_core::base::statistics::difference::{Difference, Pairing};
 use dials_core::base::statistics::{Bounds, ENOUGH_SEEDS, Spread};
 use dials_core::base::{counted, decimals};
 use dials_core::outside::Printable;
-use dials_session::records::find::LeftOut;
+use dials_session::records::find::{BaselineRecord, LeftOut};
 use dials_session::records::method::steps_text;
 use dials_session::records::run_record::Status;
 
@@ -135,8 +135,22 @@ pub(crate) fn warnings(Sorted { comparisons, missing, left_out }: &Sorted) -> Ve
             }
         }
         warnings.extend(of_episodes(comparison));
+        let of_runs = comparison.runs().filter_map(|run| run.about.sumo());
+        let versions = of_runs.chain(comparison.baselines.iter().filter_map(BaselineRecord::sumo));
+        warnings.extend(of_versions(versions).map(|warning| format!("{}: {warning}", comparison.title)));
     }
     warnings
+}
+
+/// Returns a warning if there are several versions of SUMO among these, one per run or controller.
+pub(crate) fn of_versions<'a>(versions: impl Iterator<Item = &'a str>) -> Option<String> {
+    let mut counts = BTreeMap::new();
+    versions.for_each(|version| *counts.entry(version).or_insert(0) += 1);
+    let list: Vec<String> = counts.iter().map(|(version, count)| format!("{count} with {version}")).collect();
+    (list.len() > 1).then(|| {
+        let list = list.join(", ");
+        format!("computed with several versions of SUMO ({list}); the same lights have other returns on each of them")
+    })
 }
 
 /// Lists groups whose runs played different episodes, or other episodes than their opponents.
@@ -197,6 +211,13 @@ mod tests {
         let reasons: Vec<String> = (1..=5).map(|run| format!("{run}: not evaluated yet")).collect();
         let error = no_run("runs", &reasons);
         assert!(error.ends_with("\n  3: not evaluated yet\n  and 2 more"), "{error}");
+    }
+
+    #[test]
+    fn several_versions_of_sumo_are_one_warning_with_their_counts() {
+        assert_eq!(of_versions(["SUMO 1.15.0"; 3].into_iter()), None);
+        let warning = of_versions(["SUMO 1.28.0", "SUMO 1.15.0", "SUMO 1.28.0"].into_iter()).unwrap();
+        assert!(warning.contains("(1 with SUMO 1.15.0, 2 with SUMO 1.28.0)"), "{warning}");
     }
 
     #[test]

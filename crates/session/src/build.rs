@@ -10,12 +10,9 @@ use anyhow::{Context, Result, bail};
 
 use super::domains::{self, NO_SUCH_VECTORS};
 use crate::config::RunConfig;
-use crate::records::run_json::{Resumed, RunJson, Versions};
+use crate::records::run_json::{NO_SUMO, Resumed, RunJson, Versions};
 use dials_core::outside::Directory;
 use stacknets::{VectorWidth, vector_instructions};
-
-/// What stands in the place of SUMO's version, for a domain that does not need it.
-const NO_SUMO: &str = "none";
 
 /// The program that stands on this crate, as its own build knows it.
 #[derive(Clone, Copy, Debug)]

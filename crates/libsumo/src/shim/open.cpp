@@ -14,7 +14,9 @@
 
 // The headers of libstdc++ ask whether there is one thread, to count without locks. glibc says so from 2.32 on. This one is
 // for the shim alone, says no, and so the shim needs no newer glibc.
-extern "C" __attribute__((visibility("hidden"))) char __libc_single_threaded = 0;
+extern "C" {
+__attribute__((visibility("hidden"))) char __libc_single_threaded = 0;
+}
 
 namespace {
 

@@ -16,7 +16,7 @@ use anyhow::{Context, Result, bail, ensure};
 use self::steps::{are_alike, both_in_words, compared_at};
 use super::finals::{agents_at, mean_cpu, played};
 use super::group::{Comparison, Group, Sorted, evaluated_together, sort};
-use super::words::{no_run, warnings};
+use super::words::{no_run, of_versions, warnings};
 use dials_core::base::statistics::difference::{BySeed, Difference, between, on_shared, shared_episodes};
 use dials_core::base::statistics::{ENOUGH_SEEDS, Spread, mean, median};
 use dials_core::domain::ScenarioId;
@@ -127,6 +127,8 @@ pub struct Verdict {
 pub fn compare(a: &ComparedSide, b: &ComparedSide, target: Option<f64>) -> Result<Verdict> {
     let mut warnings: Vec<String> = check_rules(a, b)?.into_iter().collect();
     let sides = [a, b];
+    let runs = sides.iter().flat_map(|side| &side.group.runs);
+    warnings.extend(of_versions(runs.filter_map(|run| run.about.sumo())));
     let [(end_a, runs_a), (end_b, runs_b)] = sides.map(|side| side.group.finals().expect("a side was evaluated"));
     let (ends, runs) = ([end_a, end_b], [runs_a, runs_b]);
     let steps = compared_at(&evaluated_together(&runs[0]), &evaluated_together(&runs[1]));

@@ -10,7 +10,7 @@ use super::status::{RunStatus, State};
 use crate::compared_figures;
 use crate::document::{Block, Figure, Table, to_html};
 use crate::drawing::Svg;
-use crate::words::{duration, figure};
+use crate::words::{duration, figure, of_versions};
 use dials_core::outside::Printable;
 use dials_session::records::files::{AIP_LOSS, RETURNS, RUN, TIMING};
 use dials_session::records::find::{DEPTH, Found, LeftOut, find};
@@ -53,8 +53,10 @@ impl Page {
             self.look().unwrap_or_else(|error| self.figures = to_html(&[Block::Paragraph(format!("{error:#}"))]));
         }
         let mut blocks = vec![Block::Table(progress(&self.runs))];
-        if !self.left_out.is_empty() {
-            blocks.push(Block::List(self.left_out.iter().map(ToString::to_string).collect()));
+        let mut warnings: Vec<String> = self.left_out.iter().map(ToString::to_string).collect();
+        warnings.extend(of_versions(self.runs.iter().filter_map(|run| run.about.sumo())));
+        if !warnings.is_empty() {
+            blocks.push(Block::List(warnings));
         }
         to_html(&blocks) + &self.figures
     }

@@ -104,6 +104,13 @@ pub struct MeasuredWith {
     pub sumo_version: Option<String>,
 }
 
+impl BaselineRecord {
+    /// Returns the version of SUMO on which it was measured; `None` if it needs none.
+    pub fn sumo(&self) -> Option<&str> {
+        self.measured_with.sumo_version.as_deref()
+    }
+}
+
 /// A run, a baseline, a plan or a folder that is not used, and why.
 #[derive(Clone, Debug)]
 pub struct LeftOut {

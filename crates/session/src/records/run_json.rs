@@ -21,6 +21,8 @@ const LARGEST_FILE: u64 = 8 << 20;
 /// Longest word of a scenario in bytes. Files and headings of a report are named after them.
 const LONGEST_WORD: usize = 50;
 const MOST_AGENTS: usize = 1_000_000;
+/// What stands in the place of SUMO's version, for a domain that does not need it.
+pub(crate) const NO_SUMO: &str = "none";
 
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct RunJson {
@@ -183,6 +185,12 @@ impl RunJson {
     pub fn write(&self, directory: &Directory) -> Result<()> {
         let text = serde_json::to_string_pretty(self).context("run.json in memory")?;
         directory.write(files::RUN, format!("{text}\n").as_bytes())
+    }
+
+    /// Returns the version of SUMO that the run was last computed with; `None` if it needs none, or if that was not recorded.
+    pub fn sumo(&self) -> Option<&str> {
+        let versions = self.resumed_with.last().map_or(&self.versions, |last| &last.versions);
+        (!["", NO_SUMO].contains(&versions.sumo.as_str())).then_some(&versions.sumo)
     }
 
     /// Returns the name of an agent for a reader: printable and short; its number if it has none.

@@ -20,7 +20,6 @@ use crate::network::loadable::Loadable;
 use crate::scenario::SumoScenario;
 use crate::sim::local_forest::{LocalParts, driving_options};
 use dials_core::domain::{DomainTable, Kinds, RegionSpec, Result, RoughCosts, SourceSpec};
-use dials_core::outside::quoted;
 
 /// Share of switches per second of green below which an agent is stuck: its greens last for more than five minutes on
 /// average, so others wait for longer than any program makes them. Own programs and trained agents are at 0.02 to 0.1.
@@ -70,11 +69,7 @@ pub(crate) fn open(files: SumoScenario, config: &ScenarioConfig) -> Result<(Road
     let network = RoadNetwork {
         horizon: config.horizon(),
         refuses_actuated,
-        cannot_be_simulated: format!(
-            "{}: SUMO cannot simulate this scenario; try it with: sumo -c {}",
-            place(),
-            quoted(files.path())
-        ),
+        cannot_be_simulated: format!("{}: SUMO cannot simulate this scenario; {}", place(), files.way_out()),
         rough_costs: rough_costs(f64::from(config.decision_s)),
         unusual_reward: (config.reward != Reward::default()).then(|| config.reward.name()),
         strange_files: vec![files.path().to_owned()],

@@ -8,6 +8,7 @@ pub(crate) mod dawdling;
 mod demand;
 mod elements;
 pub(crate) mod kept;
+mod newer;
 
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
@@ -22,7 +23,7 @@ use super::network::tree::Element;
 use crate::config::ScenarioConfig;
 use crate::config::sumocfg::Sumocfg;
 use demand::{Demand, Departures, Order};
-use dials_core::outside::{excerpt, read_text};
+use dials_core::outside::{excerpt, quoted, read_text};
 use elements::Left;
 
 const NET_FILE: &str = "net-file";
@@ -56,6 +57,8 @@ impl SumoScenario {
     pub fn read(config: &ScenarioConfig) -> Result<SumoScenario> {
         let sumocfg = Sumocfg::read(&config.scenario)?;
         let mut left = Left::default();
+        let here = || libsumo::load().ok().map(|sumo| sumo.version);
+        let mut newer = Vec::new();
         let mut read = |option: &str, path: &PathBuf| -> Result<File> {
             ensure!(
                 path.exists(),
@@ -63,7 +66,12 @@ impl SumoScenario {
                 config.scenario.display(),
                 path.display()
             );
-            let content = Content::read_cleaned(path, |root| elements::clean(option, path, root, &mut left))?;
+            let content = Content::read_cleaned(path, |root| {
+                let note = if root.name == "net" { newer::forget_classes(root, here) } else { None };
+                let forgets = note.is_some();
+                newer.extend(note.map(|note| format!("{}: {note}", path.display())));
+                Ok(elements::clean(option, path, root, &mut left)? || forgets)
+            })?;
             ensure!(
                 option == NET_FILE || content.root.name != "net",
                 "{}: is a net, and <{option}> of {} names it; correct the path",
@@ -76,6 +84,7 @@ impl SumoScenario {
         let additional = sumocfg.additional.iter().map(|path| read("additional-files", path)).collect::<Result<_>>()?;
         let routes = sumocfg.routes.iter().map(|path| read(ROUTE_FILES, path)).collect::<Result<_>>()?;
         let mut left_out = sumocfg.left_out;
+        left_out.extend(newer);
         left_out.extend(left.sentences());
         let mut scenario = SumoScenario {
             path: config.scenario.clone(),
@@ -190,6 +199,12 @@ impl SumoScenario {
         let at = |junction| self.departures.junctions.contains(&roads.junction(junction).id);
         let from_junctions = roads.roads().filter(|(_, edge)| edge.ends.is_some_and(|[begin, _]| at(begin)));
         named.chain(from_junctions.map(|(number, _)| number)).collect()
+    }
+
+    /// Returns what to do if SUMO cannot load the scenario.
+    pub(crate) fn way_out(&self) -> String {
+        let newer = libsumo::load().ok().and_then(|sumo| newer::way_out(self.net(), sumo.version));
+        newer.unwrap_or_else(|| format!("try it with: sumo -c {}", quoted(&self.path)))
     }
 
     pub fn left_out(&self) -> &[String] {
