@@ -10,8 +10,8 @@
 set -euo pipefail
 
 packages=(
-  sumo     # simulator, netconvert, sumo-gui, libsumo with its headers
-  g++      # the shim over libsumo needs a C++17 compiler, and nm
+  sumo     # simulator, netconvert, sumo-gui, libsumo; its headers for a test
+  g++      # the shim over libsumo needs a C++17 compiler
   python3  # sumo_nets/make.py makes the shipped scenarios again
 )
 torch=(

@@ -88,7 +88,7 @@ static FOLDER: LazyLock<PathBuf> = LazyLock::new(|| {
             .into(),
     );
     write("broken.net.xml", "<net version=\"1.9\">\n  <edge id=\"e\" from=\"a\">\n</net>\n".into());
-    let made = Command::new("netconvert")
+    let made = Command::new(libsumo::program("netconvert").unwrap())
         .current_dir(&folder)
         .args(["-n", "road.nod.xml", "-e", "road.edg.xml", "-x", "road.con.xml", "-o", "road.net.xml"])
         .args(["--no-turnarounds", "true"])

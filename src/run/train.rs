@@ -111,6 +111,11 @@ fn begin(args: &cli::TrainArgs, config_path: &Path, wanted: Option<usize>) -> Re
     let config = load(config_path, &settings(args)).map_err(Error::Usage)?;
     let domain = domains::check_for_training(&config).map_err(Error::Usage)?;
     domains::note_left_out(&*domain);
+    if let Some(sumo) = domains::sumo(&config).map_err(Error::Usage)?
+        && !sumo.version.is_tried()
+    {
+        warn(format_args!("warning: nobody has tried {} with this program, only SUMO 1.15 to 1.28", sumo.name));
+    }
     allow_workers(workers(wanted, &config, domain.agents()))?;
     let existing = match (args.force, &args.out) {
         (true, _) => Existing::MoveAside,

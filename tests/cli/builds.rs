@@ -105,6 +105,28 @@ fn a_run_of_another_build_goes_on_only_where_that_is_asked_for_and_records_it() 
 }
 
 #[test]
+fn where_versions_of_sumo_mix_evaluate_compare_and_report_say_so() {
+    let place = Place::new(CONFIG);
+    let [a, b] = ["a", "b"].map(|name| place.train(name, &[]));
+    for (run, version) in [(&a, "SUMO 1.15.0"), (&b, "SUMO 1.0.0")] {
+        let mut about = run_json(run);
+        about["versions"]["sumo"] = json!(version);
+        fs::write(run.join("run.json"), about.to_string()).unwrap();
+    }
+    let said = |args: &[&str]| {
+        let mut command = assert_cmd::cargo::cargo_bin_cmd!("dials-traffic");
+        let output = command.current_dir(place.dir.path()).args(args).assert().success().get_output().clone();
+        [output.stdout, output.stderr].map(|bytes| String::from_utf8(bytes).unwrap()).concat()
+    };
+    let evaluated = said(&["evaluate", "b", "--episodes", "2"]);
+    assert!(evaluated.contains("warning: b: was trained with SUMO 1.0.0, and is evaluated with SUMO 1."), "{evaluated}");
+    for args in [&["compare", "a", "b"][..], &["report", "a", "b", "--out", "r"]] {
+        let text = said(args).replace("\n  ", " ");
+        assert!(text.contains("several versions of SUMO (1 with SUMO 1.0.0, 1 with SUMO 1.15.0)"), "{text}");
+    }
+}
+
+#[test]
 fn an_experiment_resumes_runs_of_another_build_only_where_that_is_asked_for() {
     let place = Place::new(CONFIG);
     fs::write(place.dir.path().join("e.toml"), "seeds = [1, 2]\n[[grid]]\nconfigs = ['c.toml']\n").unwrap();

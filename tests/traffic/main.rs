@@ -13,3 +13,13 @@ mod reference_figures;
 mod replay;
 mod scenarios;
 mod simulators;
+
+/// Returns the program `sumo` of the SUMO that this program simulates with.
+fn plain_sumo() -> std::path::PathBuf {
+    libsumo::program("sumo").expect("SUMO has its program beside its library, or on the PATH")
+}
+
+/// Returns whether this is the SUMO of the numbers in this repository.
+fn is_reference() -> bool {
+    libsumo::load().unwrap().version.is_reference()
+}

@@ -6,6 +6,7 @@ use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
+use crate::plain_sumo;
 use dials_core::base::Seed;
 use dials_core::domain::{Baseline, Domain};
 use dials_learn::evaluation::{EpisodeReport, play};
@@ -62,7 +63,7 @@ struct Output {
 
 fn run_sumo(dir: &Path, lights: &Path, episode: Seed) -> Output {
     let [fcd, trips] = ["fcd.xml", "trips.xml"].map(|name| dir.join(name));
-    let status = Command::new("sumo")
+    let status = Command::new(plain_sumo())
         .args(["--no-step-log", "true", "--no-warnings", "true", "--xml-validation", "never", "--precision", "9"])
         .args(["--time-to-teleport", "-1", "--step-length", "1", "--end", &STEPS.to_string()])
         .args(["--seed", &episode.for_sumo().to_string(), "--tripinfo-output.write-unfinished", "true"])

@@ -15,9 +15,10 @@ use super::error::{Error, Result};
 use super::events::{DepartSpeed, Departure, Entering, Insertion, Placing, RouteNow, StepCounts};
 use super::ffi;
 use super::ids::{CarId, LaneId, LightId};
-use super::library;
+use super::library::{self, Library};
 use super::signal::SignalState;
 use super::table::CarTable;
+use super::version::Version;
 
 /// Lock of the right to cross, because libsumo keeps its one simulation in globals without any lock.
 static TURN: Mutex<()> = Mutex::new(());
@@ -42,7 +43,7 @@ pub(crate) enum IdKind {
 /// inside).
 #[derive(Debug)]
 pub(crate) struct Crossing {
-    shim: &'static ffi::ds_shim,
+    library: &'static Library,
     not_sync: PhantomData<*const ()>,
     _turn: MutexGuard<'static, ()>,
 }
@@ -50,9 +51,12 @@ pub(crate) struct Crossing {
 /// Calls a function of the shim.
 macro_rules! call {
     ($crossing:ident.$function:ident($($argument:expr),*)) => {
-        ($crossing.shim.$function.expect(WHOLE))($($argument),*)
+        ($crossing.library.shim.$function.expect(WHOLE))($($argument),*)
     };
 }
+
+/// The version from which on SUMO writes the number of draws before the state of a generator (tried with all from 1.15 to 1.28).
+const STATES_WITH_COUNTS: Version = Version { major: 1, minor: 24, patch: 0 };
 
 /// The shim has all functions of its table.
 const WHOLE: &str = "shim.cpp fills its table";
@@ -63,11 +67,11 @@ impl Crossing {
         if HAS_TURN.get() {
             return Err(Error::AlreadyHeld);
         }
-        let shim = library::load()?.shim;
+        let library = library::load()?;
         // A panic elsewhere poisons the lock but leaves no call half-done: unwinding closed its simulation.
         let turn = TURN.lock().unwrap_or_else(PoisonError::into_inner);
         HAS_TURN.set(true);
-        Ok(Crossing { shim, not_sync: PhantomData, _turn: turn })
+        Ok(Crossing { library, not_sync: PhantomData, _turn: turn })
     }
 
     pub(crate) fn load(&mut self, options: &[impl AsRef<str>]) -> Result<()> {
@@ -170,7 +174,7 @@ impl Crossing {
             speed: speed_of(car.speed),
             route: car.route.0,
         };
-        self.pass(self.shim.insert, cars.iter().map(insertion), "add a car")
+        self.pass(self.library.shim.insert, cars.iter().map(insertion), "add a car")
     }
 
     pub(crate) fn enter(&mut self, cars: &[Entering]) -> Result<()> {
@@ -184,7 +188,7 @@ impl Crossing {
             type_: car.vehicle_type.0,
             lane: car.lane.unwrap_or(u32::MAX),
         };
-        self.pass(self.shim.enter, cars.iter().map(entering), "add a car")
+        self.pass(self.library.shim.enter, cars.iter().map(entering), "add a car")
     }
 
     pub(crate) fn place(&mut self, cars: &[Placing]) -> Result<()> {
@@ -194,11 +198,11 @@ impl Crossing {
             speed: car.speed_mps,
             lane: car.lane.0,
         };
-        self.pass(self.shim.place, cars.iter().map(placing), "place a car")
+        self.pass(self.library.shim.place, cars.iter().map(placing), "place a car")
     }
 
     pub(crate) fn remove_cars(&mut self, lanes: &[LaneId]) -> Result<()> {
-        self.pass(self.shim.remove_cars, lanes.iter().map(|lane| lane.0), "remove the cars")
+        self.pass(self.library.shim.remove_cars, lanes.iter().map(|lane| lane.0), "remove the cars")
     }
 
     /// Passes values to a function of the shim that reads an array and its length.
@@ -215,7 +219,8 @@ impl Crossing {
 
     pub(crate) fn seed_generators(&mut self, first: u32, seeds: &[u32]) -> Result<()> {
         // SAFETY: we have the turn; pointer and length are those of one slice.
-        let code = unsafe { call!(self.seed_generators(first, seeds.as_ptr(), seeds.len())) };
+        let counted = self.library.version >= STATES_WITH_COUNTS;
+        let code = unsafe { call!(self.seed_generators(first, seeds.as_ptr(), seeds.len(), counted.into())) };
         check(code, "seed the lanes")
     }
 
@@ -261,11 +266,11 @@ impl Crossing {
     }
 
     pub(crate) fn departed(&mut self) -> Result<Vec<CarId>> {
-        self.cars(self.shim.read_departed, "read which cars have departed")
+        self.cars(self.library.shim.read_departed, "read which cars have departed")
     }
 
     pub(crate) fn gone(&mut self) -> Result<Vec<CarId>> {
-        self.cars(self.shim.read_gone, "read which cars have left the road")
+        self.cars(self.library.shim.read_gone, "read which cars have left the road")
     }
 
     /// Returns the numbers of the cars that a function of the shim lists.

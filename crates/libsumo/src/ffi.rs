@@ -110,8 +110,9 @@ pub struct ds_shim {
     pub insert: ::std::option::Option<unsafe extern "C" fn(cars: *const ds_insertion, count: usize) -> std::ffi::c_int>,
     pub enter: ::std::option::Option<unsafe extern "C" fn(cars: *const ds_entering, count: usize) -> std::ffi::c_int>,
     pub place: ::std::option::Option<unsafe extern "C" fn(cars: *const ds_placing, count: usize) -> std::ffi::c_int>,
-    pub seed_generators:
-        ::std::option::Option<unsafe extern "C" fn(first: u32, seeds: *const u32, count: usize) -> std::ffi::c_int>,
+    pub seed_generators: ::std::option::Option<
+        unsafe extern "C" fn(first: u32, seeds: *const u32, count: usize, counted: std::ffi::c_int) -> std::ffi::c_int,
+    >,
     pub clear_pending: ::std::option::Option<unsafe extern "C" fn() -> std::ffi::c_int>,
     pub remove_cars: ::std::option::Option<unsafe extern "C" fn(lanes: *const u32, count: usize) -> std::ffi::c_int>,
     pub read_departures: ::std::option::Option<unsafe extern "C" fn(departures: *mut ds_departures) -> std::ffi::c_int>,

@@ -195,7 +195,8 @@ impl Simulation {
     /// seeded again while the rest goes on.
     ///
     /// **This touches SUMO's internals.** libsumo has no such function. The generator of a lane is set by
-    /// `MSLane::loadRNGState`, which SUMO uses to load a saved state, and which its library exports (tried with SUMO 1.15).
+    /// `MSLane::loadRNGState`, which SUMO uses to load a saved state, and which its library exports (1.15 to 1.28). A library
+    /// without it is taken all the same, and refuses this call.
     pub fn seed_lanes(&mut self, first: u32, seeds: &[u32]) -> Result<()> {
         self.whole()?.seed_generators(first, seeds)
     }

@@ -25,6 +25,7 @@ use quick_xml::events::Event;
 use tempfile::TempDir;
 
 use crate::free_car::FREE_CAR;
+use crate::plain_sumo;
 
 /// Inflow of the saved grids: the authors' setup.
 const INFLOW: f64 = 0.1;
@@ -84,7 +85,7 @@ fn elements_of(text: &str, kind: &str) -> Vec<Attributes> {
 
 /// Runs `sumo` and returns its standard error. SUMO_HOME is removed, because not everyone has it.
 fn sumo(arguments: &[&str]) -> String {
-    let output = Command::new("sumo")
+    let output = Command::new(plain_sumo())
         .args(arguments)
         .env_remove("SUMO_HOME")
         .output()
@@ -100,6 +101,9 @@ fn text(path: &Path) -> &str {
 
 #[test]
 fn remaking_the_saved_networks_gives_the_same_files_byte_for_byte() {
+    if !crate::is_reference() {
+        return eprintln!("not tested: the saved networks were made by netconvert 1.15, and others write other nets");
+    }
     let room = room();
     for (saved, shape) in all_saved() {
         let remade = match shape {
@@ -108,11 +112,7 @@ fn remaking_the_saved_networks_gives_the_same_files_byte_for_byte() {
         };
         for (old, new) in all_files(&saved).into_iter().zip(all_files(&remade)) {
             let same = fs::read(old).expect("a saved file") == fs::read(new).expect("a remade file");
-            assert!(
-                same,
-                "{} differs from the remade one (the saved ones were made by netconvert 1.15)",
-                old.display()
-            );
+            assert!(same, "{} differs from the remade one", old.display());
         }
     }
     assert_eq!(fs::read_dir(room.path()).expect("readable").count(), 5 * 4, "nothing else is left there");

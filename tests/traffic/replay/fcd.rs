@@ -11,6 +11,7 @@ use quick_xml::Reader;
 use quick_xml::events::{BytesStart, Event};
 
 use super::text;
+use crate::plain_sumo;
 
 pub(super) fn attribute(tag: &BytesStart, name: &str) -> String {
     tag.try_get_attribute(name).unwrap().unwrap_or_else(|| panic!("no {name}")).unescape_value().unwrap().into_owned()
@@ -24,7 +25,7 @@ pub(super) type Places = BTreeSet<(String, String, String)>;
 pub(super) fn sumo_plays(dir: &Path) -> Vec<Places> {
     let room = tempfile::tempdir().unwrap();
     let fcd = room.path().join("fcd.xml");
-    let output = Program::new("sumo")
+    let output = Program::new(plain_sumo())
         .args(["-c", "replay.sumocfg", "--no-step-log", "--precision", "15", "--fcd-output", text(&fcd)])
         .current_dir(dir)
         .env_remove("SUMO_HOME")

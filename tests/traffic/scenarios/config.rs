@@ -9,6 +9,7 @@ use dials_session::config::load;
 use dials_traffic::scenario::SumoScenario;
 
 use super::room::{Room, SUMOCFG, table};
+use crate::plain_sumo;
 
 #[test]
 fn a_sumocfg_stands_for_a_config_with_default_settings() {
@@ -116,7 +117,7 @@ fn a_file_of_overrides_that_is_not_there_is_refused() {
 /// SUMO lists its options itself. A .sumocfg may set any of them, and this program has an answer to each.
 #[test]
 fn every_option_of_sumo_is_known() {
-    let help = Command::new("sumo").arg("--help").output().unwrap();
+    let help = Command::new(plain_sumo()).arg("--help").output().unwrap();
     let help = String::from_utf8(help.stdout).unwrap();
     let long = |line: &str| {
         let (_, rest) = line.split_at_checked(2)?;

@@ -17,6 +17,7 @@ use dials_traffic::controllers::HandCoded;
 use rand::Rng;
 
 use super::play::{opened, shipped};
+use crate::plain_sumo;
 
 /// Chooses one of the allowed greens of every light.
 struct RandomGreens(dials_core::base::Dice);
@@ -48,7 +49,7 @@ type Seen = BTreeMap<String, (String, f64, f64)>;
 fn seconds_of_plain_sumo(scenario: &Path, seconds: u64, seed: u32) -> Vec<Seen> {
     let dir = tempfile::tempdir().unwrap();
     let cars = dir.path().join("cars.xml");
-    let status = Command::new("sumo")
+    let status = Command::new(plain_sumo())
         .args(["-c", scenario.to_str().unwrap(), "--fcd-output", cars.to_str().unwrap(), "--precision", "6"])
         .args(["--no-step-log", "true", "--seed", &seed.to_string(), "--end", &seconds.to_string()])
         .status()

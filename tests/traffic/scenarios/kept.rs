@@ -9,6 +9,7 @@ use dials_traffic::scenario::SumoScenario;
 use libsumo::Simulation;
 
 use super::room::{BUSES, CARS, MORE, NET, Room, SUMOCFG, names, table};
+use crate::plain_sumo;
 
 #[test]
 fn a_copy_holds_plain_names_and_is_the_same_scenario() {
@@ -122,7 +123,7 @@ fn sumo_loads_what_was_read_and_plain_sumo_the_copy() {
     }
     drop(simulation);
 
-    let output = Command::new("sumo")
+    let output = Command::new(plain_sumo())
         .args(["-c", "scenario.sumocfg", "--seed", "42", "--no-step-log", "true", "--duration-log.statistics", "true"])
         .current_dir(room.path("run"))
         .output()

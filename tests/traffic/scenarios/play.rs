@@ -16,6 +16,7 @@ use rand::Rng;
 use serde_json::Value;
 
 use super::room::{BUSES, CARS, Room, SUMOCFG, table};
+use crate::plain_sumo;
 
 const SHIPPED: [&str; 3] = ["arterial", "grid_4x4_turns", "town"];
 const REAL: [&str; 5] = ["cologne1", "cologne3", "ingolstadt1", "ingolstadt7", "grid4x4"];
@@ -136,7 +137,7 @@ fn the_delay_of_own_programs_is_that_of_plain_sumo() {
     let dir = tempfile::tempdir().unwrap();
     let trips = dir.path().join("trips.xml");
     let seed = episode_seed(Seed::new(0), 0).for_sumo();
-    let status = Program::new("sumo")
+    let status = Program::new(plain_sumo())
         .args(["-c", shipped("arterial").to_str().unwrap(), "--tripinfo-output", trips.to_str().unwrap()])
         .args(["--tripinfo-output.write-unfinished", "true", "--tripinfo-output.write-undeparted", "true"])
         .args(["--no-step-log", "true", "--precision", "6", "--seed", &seed.to_string()])

@@ -298,14 +298,15 @@ int ds_place(const struct ds_placing *cars, size_t count) {
     });
 }
 
-int ds_seed_generators(uint32_t first, const uint32_t *seeds, size_t count) {
+int ds_seed_generators(uint32_t first, const uint32_t *seeds, size_t count, int counted) {
     return guarded([&] {
         if (!load_generator.is_found()) {
             throw std::runtime_error("this SUMO has no " + load_generator.words());
         }
         for (size_t i = 0; i < count; ++i) {
             std::ostringstream state;
-            state << std::mt19937(seeds[i]);
+            // With fewer draws SUMO would read no more, and draw that often.
+            state << (counted ? "1000000 " : "") << std::mt19937(seeds[i]);
             load_generator(static_cast<int>(first + i), state.str());
         }
     });

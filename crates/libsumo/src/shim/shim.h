@@ -107,8 +107,9 @@ struct ds_shim {
     /* Puts cars that were added at their places on their routes at once, whoever is there. */
     int (*place)(const struct ds_placing *cars, size_t count);
     /* Seeds the random generators number first, first + 1 and so on with seeds[0], seeds[1] and so on. With the option
-     * --thread-rngs of at least the number of lanes, generator n is that of the lane that SUMO has loaded as number n. */
-    int (*seed_generators)(uint32_t first, const uint32_t *seeds, size_t count);
+     * --thread-rngs of at least the number of lanes, generator n is that of the lane that SUMO has loaded as number n.
+     * `counted`: whether the text of a generator's state begins with the number of draws. */
+    int (*seed_generators)(uint32_t first, const uint32_t *seeds, size_t count, int counted);
     int (*clear_pending)(void);
     int (*remove_cars)(const uint32_t *lanes, size_t count);
     int (*read_departures)(struct ds_departures *departures);
