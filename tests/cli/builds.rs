@@ -119,7 +119,10 @@ fn where_versions_of_sumo_mix_evaluate_compare_and_report_say_so() {
         [output.stdout, output.stderr].map(|bytes| String::from_utf8(bytes).unwrap()).concat()
     };
     let evaluated = said(&["evaluate", "b", "--episodes", "2"]);
-    assert!(evaluated.contains("warning: b: was trained with SUMO 1.0.0, and is evaluated with SUMO 1."), "{evaluated}");
+    assert!(
+        evaluated.contains("warning: b: was trained with SUMO 1.0.0, and is evaluated with SUMO 1."),
+        "{evaluated}"
+    );
     for args in [&["compare", "a", "b"][..], &["report", "a", "b", "--out", "r"]] {
         let text = said(args).replace("\n  ", " ");
         assert!(text.contains("several versions of SUMO (1 with SUMO 1.0.0, 1 with SUMO 1.15.0)"), "{text}");

@@ -68,8 +68,6 @@ const NOT_TYPED: &[(&str, &str)] = &[
     ("dials-traffic watch runs", "serves until Ctrl-C; tests/cli/live.rs watches a run"),
     ("python3 -m venv", "installs packages from the network"),
     ("dials-env/bin/", ".ci/run trains with the installed package"),
-    ("python/wheel.sh", "makes a wheel for other machines"),
-    ("python3 docs/sumo_versions.py", ".ci/run measures two versions"),
     ("python-env/bin/", "python/tests hold what the Python package does"),
     ("target/sumo_rl/bin/", "a benchmark"),
     ("python3 sumo_nets/make.py", "tests/traffic/networks holds that it gives the same files"),
