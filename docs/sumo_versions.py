@@ -29,8 +29,8 @@ def installed(version: str) -> Path:
     folder = ROOT / "target" / "sumo" / version
     library = folder / "sumo" / "lib64" / "libsumocpp.so"
     if not library.exists():
-        pip = [sys.executable, "-m", "pip", "install", "-q", "--no-deps", "--target", folder, f"eclipse-sumo=={version}"]
-        subprocess.run(pip, check=True)
+        options = ["-q", "--no-deps", "--root-user-action", "ignore", "--target", folder]
+        subprocess.run([sys.executable, "-m", "pip", "install", *options, f"eclipse-sumo=={version}"], check=True)
     return library
 
 

@@ -1,4 +1,4 @@
-//! Compiles the shim over libsumo, and stand-ins for four libraries. It needs a C++ compiler, and no SUMO: that is looked for at run
+//! Compiles the shim over libsumo, and stand-ins for five libraries. It needs a C++ compiler, and no SUMO: that is looked for at run
 //! time.
 
 use std::env;

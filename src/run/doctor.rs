@@ -20,8 +20,6 @@ use dials_session::machine::{allow_open_files, free_disk_mib, free_memory_mib};
 use dials_session::parent::END_WITH;
 use dials_session::terminal::{answer, on_the_path};
 use dials_session::trial::{End, watch};
-use dials_traffic::paper_grid::grid::Grid;
-use dials_traffic::paper_grid::make::{write_grid, write_local};
 use dials_traffic::sumo_program;
 use stacknets::VectorWidth;
 
@@ -36,7 +34,7 @@ const SUMO: &str = "sumo";
 
 /// Programs that some commands start: name, Debian's package, and what needs it.
 const PROGRAMS: [(&str, &str, &str); 7] = [
-    ("netconvert", SUMO, "`nets grid` and the test of training on SUMO below"),
+    ("netconvert", SUMO, "`nets grid` and `nets local`"),
     ("sumo", SUMO, "playing the folders of `replay`"),
     ("sumo-gui", SUMO, "`replay --gui` and films"),
     ("Xvfb", "xvfb", "films"),
@@ -47,6 +45,18 @@ const PROGRAMS: [(&str, &str, &str); 7] = [
 
 /// Longest time of a short training. It takes about a second.
 const PATIENCE: Duration = Duration::from_secs(120);
+
+/// The smallest shipped networks. Training on them does not need netconvert.
+const NETWORKS: [(&str, &str); 8] = [
+    ("grid_2x2.net.xml", include_str!("../../sumo_nets/grid_2x2.net.xml")),
+    ("grid_2x2.rou.xml", include_str!("../../sumo_nets/grid_2x2.rou.xml")),
+    ("grid_2x2.actuated.add.xml", include_str!("../../sumo_nets/grid_2x2.actuated.add.xml")),
+    ("grid_2x2.sumocfg", include_str!("../../sumo_nets/grid_2x2.sumocfg")),
+    ("local.net.xml", include_str!("../../sumo_nets/local.net.xml")),
+    ("local.rou.xml", include_str!("../../sumo_nets/local.rou.xml")),
+    ("local.actuated.add.xml", include_str!("../../sumo_nets/local.actuated.add.xml")),
+    ("local.sumocfg", include_str!("../../sumo_nets/local.sumocfg")),
+];
 
 /// Settings that make a training short, besides the table of its domain.
 const SHORT: &str = "\
@@ -220,8 +230,12 @@ fn trials() -> Vec<Finding> {
     let traffic = "[traffic]\nnetwork = 'grid_2x2'\nlocal_network = 'local'\nhorizon = 40\n";
     vec![
         judged("without SUMO", train(warehouse, |_| Ok(()))),
-        judged("on SUMO", train(traffic, |dir| write_local(dir).and(write_grid(Grid::new(2, 2)?, 0.1, dir)).map(drop))),
+        judged("on SUMO", train(traffic, |dir| write_networks(dir).context("the networks of the test"))),
     ]
+}
+
+fn write_networks(dir: &Path) -> std::io::Result<()> {
+    NETWORKS.iter().try_for_each(|(name, text)| fs::write(dir.join(name), text))
 }
 
 fn judged(how: &str, trained: anyhow::Result<()>) -> Finding {

@@ -137,17 +137,15 @@ fn the_doctor_trains_and_says_what_is_missing_and_how_to_get_it() {
     };
     assert!(out.contains(libtorch), "{out}");
 
-    // Without netconvert there is no net to train on.
-    let [out, err] = said(program(&["doctor"]).env("PATH", "").assert().code(1).get_output());
+    // Programs are for some commands. Training needs SUMO's library alone.
+    let [out, _] = said(program(&["doctor"]).env("PATH", "").assert().success().get_output());
     for part in [
         "missing  sumo-gui was not found: needed for `replay --gui` and films\n         cure: pip install eclipse-sumo",
-        "ok       a short training without SUMO",
-        "error    a short training on SUMO: ",
-        "netconvert was not found",
+        "missing  netconvert was not found: ",
+        "ok       a short training on SUMO",
     ] {
         assert!(out.contains(part), "`{part}` is not in:\n{out}");
     }
-    assert!(err.starts_with("error: training cannot work here: 1 error"), "{err}");
 
     let nowhere = program(&["doctor"]).env("TMPDIR", "/no/such/folder").assert().code(1).get_output().clone();
     assert!(said(&nowhere)[0].contains("/no/such/folder"), "{:?}", said(&nowhere));

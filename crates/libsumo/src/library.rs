@@ -55,9 +55,6 @@ const FUNCTIONS: usize = 38;
 const INSTALL: &str = "install a SUMO that has: pip install eclipse-sumo, or on Debian apt install sumo";
 const AGAIN: &str = "install SUMO again; DIALS_SUMO_LIBRARY can name another libsumocpp.so";
 
-/// The library that SUMO's wheels need from 1.26 on.
-const ATOMIC: &str = "libatomic.so.1";
-
 /// Libraries of the system that SUMO's wheels need, and Debian's packages of them.
 const PACKAGES: [(&str, &str); 14] = [
     ("libGL.so.1", "libgl1"),
@@ -70,7 +67,7 @@ const PACKAGES: [(&str, &str); 14] = [
     ("libXi.so.6", "libxi6"),
     ("libXrandr.so.2", "libxrandr2"),
     ("libXrender.so.1", "libxrender1"),
-    (ATOMIC, "libatomic1"),
+    ("libatomic.so.1", "libatomic1"),
     ("libexpat.so.1", "libexpat1"),
     ("libfontconfig.so.1", "libfontconfig1"),
     ("libz.so.1", "zlib1g"),
@@ -232,9 +229,8 @@ fn not_loaded(text: &str, file: &Path) -> (String, String) {
             .iter()
             .find(|(library, _)| *library == missing)
             .map(|(_, package)| format!("apt install {package}"));
-        let or_older = if missing == ATOMIC { ", or take an older SUMO: pip install 'eclipse-sumo<1.26'" } else { "" };
         format!(
-            "SUMO needs {missing} of the system: on Debian, {}{or_older}",
+            "SUMO needs {missing} of the system: on Debian, {}",
             package.unwrap_or("install its package".into())
         )
     } else if file.components().count() == 1 {

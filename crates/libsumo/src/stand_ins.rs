@@ -1,8 +1,8 @@
 //! Stand-ins for libraries of the system that are missing and that no simulation needs.
 //!
 //! SUMO's library holds its window, too. So the wheels of SUMO need X11 and OpenGL from the system, which many machines do not have:
-//! containers, servers, clusters without root. Without these four libraries, the loader refuses SUMO. A simulation never calls
-//! them.
+//! containers, servers, clusters without root. Two of the libraries in the wheels from 1.26 on also name libatomic, and call nothing
+//! in it. Without these five libraries, the loader refuses SUMO. A simulation never calls them.
 //!
 //! So, only after the loader has missed one of them, a library with its name and empty functions takes its place in this
 //! process. It lies in memory and in no file. A real one that is there is never shadowed.
@@ -15,7 +15,7 @@
 use super::ffi;
 
 /// Number of libraries with a stand-in.
-pub(crate) const COUNT: usize = 4;
+pub(crate) const COUNT: usize = 5;
 
 /// The libraries, each with the bytes of its stand-in.
 const STAND_INS: [(&str, &[u8]); COUNT] = include!(concat!(env!("OUT_DIR"), "/stand_ins.in"));
