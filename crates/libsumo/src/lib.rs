@@ -7,6 +7,7 @@
 mod call;
 mod error;
 mod events;
+mod faults;
 mod ffi;
 mod ids;
 mod library;
