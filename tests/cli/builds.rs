@@ -107,7 +107,7 @@ fn a_run_of_another_build_goes_on_only_where_that_is_asked_for_and_records_it() 
 #[test]
 fn where_versions_of_sumo_mix_evaluate_compare_and_report_say_so() {
     let place = Place::new(CONFIG);
-    let [a, b] = ["a", "b"].map(|name| place.train(name, &[]));
+    let [a, b] = [("a", "1"), ("b", "2")].map(|(name, seed)| place.train(name, &["--seed", seed]));
     for (run, version) in [(&a, "SUMO 1.15.0"), (&b, "SUMO 1.0.0")] {
         let mut about = run_json(run);
         about["versions"]["sumo"] = json!(version);
