@@ -24,6 +24,15 @@ def prepare_metadata_for_build_wheel(metadata_directory, config_settings=None):
     return maturin.prepare_metadata_for_build_wheel(metadata_directory, config_settings)
 
 
+def prepare_metadata_for_build_editable(metadata_directory, config_settings=None):
+    _SCRIPTS.mkdir(parents=True, exist_ok=True)
+    return maturin.prepare_metadata_for_build_editable(metadata_directory, config_settings)
+
+
+def build_sdist(sdist_directory, config_settings=None):
+    raise SystemExit("the program is not in a source distribution: build a wheel from a clone, with python/wheel.sh")
+
+
 def build_wheel(wheel_directory, config_settings=None, metadata_directory=None):
     _pack_program()
     return maturin.build_wheel(wheel_directory, config_settings, metadata_directory)

@@ -23,5 +23,8 @@ cargo zigbuild --release --locked --target "$target.$glibc" --bin dials-traffic
 rm -rf target/wheels
 DIALS_PROGRAM=$CARGO_TARGET_DIR/$target/release/dials-traffic pip wheel --no-build-isolation --no-deps -w target/wheels \
   --config-settings=build-args="--zig --target $target --compatibility manylinux_${glibc/./_}" ./python
-auditwheel show target/wheels/*.whl
+said=$(auditwheel show target/wheels/*.whl)
+echo "$said"
+grep -q "manylinux_${glibc/./_}_x86_64" <<< "$said" || { echo "the wheel needs a newer glibc than $glibc" >&2; exit 1; }
+find target/wheels -name '*.whl' -size +12M -exec sh -c 'echo "$1 has over 12 MB" >&2; exit 1' sh {} +
 ls -lh target/wheels

@@ -3,7 +3,7 @@
 use std::fmt;
 use std::fs;
 use std::path::Path;
-use std::process::Command;
+use std::process::{Command, Stdio};
 use std::time::Duration;
 
 use anyhow::{Context, anyhow, ensure};
@@ -12,7 +12,7 @@ use super::info::{about_place, about_sumo};
 use super::train::cores;
 use crate::program::{PROGRAM, command_for_feature};
 use dials_core::base::counted;
-use dials_core::outside::temporary_dir;
+use dials_core::outside::{quoted, temporary_dir};
 use dials_session::build;
 use dials_session::error::{Error, Result};
 use dials_session::fleet::children::FILES_PER_WORKER;
@@ -20,7 +20,7 @@ use dials_session::machine::{allow_open_files, free_disk_mib, free_memory_mib};
 use dials_session::parent::END_WITH;
 use dials_session::terminal::{answer, on_the_path};
 use dials_session::trial::{End, watch};
-use dials_traffic::sumo_program;
+use dials_traffic::{SumoError, sumo_program};
 use stacknets::VectorWidth;
 
 /// Memory that a worker and this program need at least, in MiB.
@@ -31,6 +31,7 @@ const DISK_MIB: u64 = 50;
 const ROOMY_DISK_MIB: u64 = 1024;
 
 const SUMO: &str = "sumo";
+const INSTALL_SUMO: &str = "pip install eclipse-sumo, or apt-get install sumo";
 
 /// Programs that some commands start: name, Debian's package, and what needs it.
 const PROGRAMS: [(&str, &str, &str); 7] = [
@@ -151,7 +152,13 @@ fn build_here() -> Finding {
 fn sumo() -> Vec<Finding> {
     let found = match dials_traffic::sumo() {
         Ok(sumo) => Finding::Good(about_sumo(sumo)),
-        Err(error) => Finding::Error(format!("{error:#}"), "install SUMO: pip install eclipse-sumo".to_owned()),
+        Err(error) => match error.downcast::<SumoError>() {
+            Ok(SumoError::Library { text, way_out }) => {
+                Finding::Error(format!("SUMO's library cannot be loaded: {text}"), way_out)
+            }
+            Ok(error) => Finding::Error(error.to_string(), INSTALL_SUMO.to_owned()),
+            Err(error) => Finding::Error(format!("{error:#}"), INSTALL_SUMO.to_owned()),
+        },
     };
     let places = dials_traffic::sumo_places();
     let looked = places.iter().map(|place| Finding::Note(about_place(place)));
@@ -177,15 +184,25 @@ fn mpi() -> Finding {
 fn program((name, package, needed): (&str, &str, &str)) -> Finding {
     let found = if package == SUMO { sumo_program(name) } else { on_the_path(name) };
     match found {
+        Some(path) if package == SUMO && !starts(&path) => Finding::Missing(
+            format!("{name} at {} does not start: needed for {needed}", path.display()),
+            format!("run it, and install the libraries that it asks for: {} --version", quoted(&path)),
+        ),
         Some(path) => Finding::Good(format!("{name} at {}", path.display())),
         None => Finding::Missing(
             format!("{name} was not found: needed for {needed}"),
             match package {
-                SUMO => "pip install eclipse-sumo, or apt-get install sumo".to_owned(),
+                SUMO => INSTALL_SUMO.to_owned(),
                 _ => format!("apt-get install {package}"),
             },
         ),
     }
+}
+
+/// Returns whether the system can load a program of SUMO, which needs libraries for its window.
+fn starts(program: &Path) -> bool {
+    let output = Command::new(program).arg("--version").stdin(Stdio::null()).output();
+    output.is_ok_and(|output| output.status.success())
 }
 
 fn memory() -> Finding {

@@ -34,7 +34,7 @@ pub(super) fn about_sumo(sumo: &Sumo) -> String {
     let strings = if sumo.has_strings_of_cpp11() { "of C++11" } else { "from before C++11" };
     let numbers = match sumo.version.is_tried() {
         _ if sumo.version.is_reference() => "the version of the published numbers",
-        true => "its numbers differ a little from the published ones, which are of 1.15",
+        true => "its numbers may differ a little from the published ones, which are of 1.15",
         false => "newer than what was tried; its numbers may differ from the published ones, which are of 1.15",
     };
     format!("{} ({}, strings {strings}) at {}: {numbers}", sumo.name, sumo.builder(), file.display())

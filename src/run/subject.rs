@@ -171,12 +171,16 @@ fn check_rules(dir: &Path, domain: &dyn Domain) -> Result<()> {
 /// Warns if the run was trained with another SUMO than the one here.
 fn warn_of_other_sumo(dir: &Path) -> Result<()> {
     let run = RunJson::read(dir)?;
-    let Some(theirs) = run.sumo() else { return Ok(()) };
+    let theirs = run.sumo();
+    if theirs.is_empty() {
+        return Ok(());
+    }
     let ours = &dials_traffic::sumo()?.name;
-    if theirs != ours {
+    if theirs.iter().any(|theirs| theirs != ours) {
+        let theirs = theirs.into_iter().collect::<Vec<_>>().join(" and ");
         let path = dir.display();
         warn(format_args!(
-            "warning: {path}: was trained with {theirs}, and is evaluated with {ours}, which has other numbers"
+            "warning: {path}: was trained with {theirs}, and is evaluated with {ours}, which may have other numbers"
         ));
     }
     Ok(())

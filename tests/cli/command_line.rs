@@ -969,7 +969,11 @@ fn nets_are_written_where_asked_and_a_missing_netconvert_is_told() {
 
     let elsewhere = dir.path().join("elsewhere");
     let args = ["nets", "local", "--out", elsewhere.to_str().unwrap()];
-    assert_refused(dials_traffic(&args).env("PATH", ""), &["netconvert was not found", "apt install sumo"]);
+    let library = dir.path().join("libsumocpp.so");
+    std::os::unix::fs::symlink(&libsumo::load().unwrap().file, &library).unwrap();
+    let mut without_programs = dials_traffic(&args);
+    without_programs.env("PATH", "").env("DIALS_SUMO_LIBRARY", library);
+    assert_refused(&mut without_programs, &["netconvert was not found", "apt install sumo"]);
     assert!(!elsewhere.exists() || fs::read_dir(&elsewhere).unwrap().next().is_none());
     assert_refused(
         &mut dials_traffic(&["nets", "grid", "--rows", "1000", "--cols", "1000", "--out", "x"]),

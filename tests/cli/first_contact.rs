@@ -138,7 +138,12 @@ fn the_doctor_trains_and_says_what_is_missing_and_how_to_get_it() {
     assert!(out.contains(libtorch), "{out}");
 
     // Programs are for some commands. Training needs SUMO's library alone.
-    let [out, _] = said(program(&["doctor"]).env("PATH", "").assert().success().get_output());
+    let room = tempfile::tempdir().unwrap();
+    let library = room.path().join("libsumocpp.so");
+    symlink(&libsumo::load().unwrap().file, &library).unwrap();
+    let mut without_programs = program(&["doctor"]);
+    without_programs.env("PATH", "").env("DIALS_SUMO_LIBRARY", library);
+    let [out, _] = said(without_programs.assert().success().get_output());
     for part in [
         "missing  sumo-gui was not found: needed for `replay --gui` and films\n         cure: pip install eclipse-sumo",
         "missing  netconvert was not found: ",

@@ -218,8 +218,8 @@ impl Crossing {
     }
 
     pub(crate) fn seed_generators(&mut self, first: u32, seeds: &[u32]) -> Result<()> {
-        // SAFETY: we have the turn; pointer and length are those of one slice.
         let counted = self.library.version >= STATES_WITH_COUNTS;
+        // SAFETY: we have the turn; pointer and length are those of one slice.
         let code = unsafe { call!(self.seed_generators(first, seeds.as_ptr(), seeds.len(), counted.into())) };
         check(code, "seed the lanes")
     }

@@ -7,7 +7,8 @@ use std::path::Path;
 use super::places::{LIBRARY, VARIABLE};
 use super::version::OLDEST;
 
-pub(crate) const INSTALL: &str = "install a SUMO that has: pip install eclipse-sumo, or on Debian apt install sumo";
+pub(crate) const INSTALL: &str = "install another SUMO (pip install eclipse-sumo, or on Debian apt install sumo), and let no variable \
+                                  name this one: DIALS_SUMO_LIBRARY, SUMO_HOME";
 pub(crate) const AGAIN: &str = "install SUMO again; DIALS_SUMO_LIBRARY can name another libsumocpp.so";
 
 /// The functions that the shim looks for.
@@ -40,9 +41,12 @@ pub(crate) fn is_whole(file: &Path) -> Option<bool> {
         bytes[at..at + size].iter().rev().fold(0, |number, &byte| number << 8 | u64::from(byte))
     };
     let (begin, size, count) = (number(&head, 32, 8), number(&head, 54, 2), number(&head, 56, 2));
+    if size != 56 {
+        return Some(false);
+    }
     open.seek(SeekFrom::Start(begin)).ok()?;
     let mut segments = vec![0; (size * count) as usize];
-    if size < 56 || open.read_exact(&mut segments).is_err() {
+    if open.read_exact(&mut segments).is_err() {
         return Some(false);
     }
     let ends =
@@ -66,7 +70,9 @@ pub(crate) fn lacking(lacks: &str) -> (String, &'static str) {
 /// Returns what the loader's words about a library mean, and the way out.
 pub(crate) fn not_loaded(text: &str, file: &Path) -> (String, String) {
     let has = |words: &str| text.contains(words);
-    let way_out = if has("failed to map segment") || has("Cannot allocate memory") {
+    let way_out = if has("Operation not permitted") {
+        "the system runs no code in its folder (mount option noexec): install SUMO in another one".to_owned()
+    } else if has("failed to map segment") || has("Cannot allocate memory") {
         "allow this process more memory (ulimit -v)".to_owned()
     } else if has("version `GLIBC") {
         "this SUMO needs a newer system: pip install 'eclipse-sumo<1.26' has one for older systems".to_owned()

@@ -130,6 +130,7 @@ unsafe extern "C" {
         library: *const std::ffi::c_char,
         shim: *mut *const ds_shim,
         version: *mut *const std::ffi::c_char,
+        file: *mut *const std::ffi::c_char,
     ) -> std::ffi::c_int;
     pub fn ds_open_bytes(bytes: *const std::ffi::c_void, size: usize) -> std::ffi::c_int;
     pub fn ds_last_error() -> *const std::ffi::c_char;

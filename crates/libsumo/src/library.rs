@@ -32,10 +32,10 @@
 //! **Why is it never unloaded?** Libraries below it register destructors and thread-local data, which would be called
 //! after their code is gone.
 
-use std::ffi::{CStr, CString};
+use std::ffi::{CStr, CString, OsStr};
 use std::fs;
 use std::os::unix::ffi::OsStrExt;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::ptr;
 use std::sync::OnceLock;
 
@@ -43,7 +43,7 @@ use super::call;
 use super::error::{Error, Result};
 use super::faults::{self, AGAIN, INSTALL};
 use super::ffi;
-use super::places::{LIBRARY, PACKAGE, Place, SYSTEM, VARIABLE, places, taken};
+use super::places::{LIBRARY, PACKAGE, Place, VARIABLE, places, taken};
 use super::stand_ins;
 use super::version::{OLDEST, Version};
 
@@ -57,20 +57,21 @@ pub struct Library {
     pub name: String,
     /// The number in them.
     pub version: Version,
-    /// Its file. Of the system only the name, because the system's loader found it.
+    /// Its file.
     pub file: PathBuf,
-    /// Who named the file: [`Place::source`].
+    /// Who named it: [`Place::source`].
     pub source: &'static str,
     pub(crate) shim: &'static ffi::ds_shim,
 }
 
 impl Library {
     /// Returns who built it: `wheel` for Python's package `eclipse-sumo`; the name of the system, such as `debian 12`, for a library
-    /// of the system; else `another`.
+    /// in its folders; else `another`.
     ///
     /// Debian's has its assertions on, for example, and the wheel's has them off.
     pub fn builder(&self) -> String {
-        if self.source == SYSTEM {
+        let is_systems = ["/usr/lib", "/lib"].iter().any(|folder| self.file.starts_with(folder));
+        if is_systems {
             let text = fs::read_to_string("/etc/os-release").unwrap_or_default();
             let value = |key: &str| {
                 let value = text.lines().find_map(|line| line.strip_prefix(key)?.strip_prefix('='));
@@ -88,6 +89,14 @@ impl Library {
     }
 }
 
+static LOADED: OnceLock<std::result::Result<Library, (String, String)>> = OnceLock::new();
+
+/// Returns a variable of the environment that lets a child of this process load the same library. `None`: none is loaded.
+pub fn variable_for_children() -> Option<(&'static str, &'static Path)> {
+    let library = LOADED.get()?.as_ref().ok()?;
+    Some((VARIABLE, &library.file))
+}
+
 /// Loads libsumo, if this process has not done so yet, from the first of the [`places`] that has it. Every other function of this
 /// crate that needs it does so by itself: call this to learn early whether SUMO is there, or to take the time of loading out of a
 /// measurement.
@@ -95,7 +104,6 @@ impl Library {
 /// # Errors
 /// [`Error::Library`] if there is none, or one that cannot be used. The outcome is remembered: later calls return the same.
 pub fn load() -> Result<&'static Library> {
-    static LOADED: OnceLock<std::result::Result<Library, (String, String)>> = OnceLock::new();
     let loaded = LOADED.get_or_init(|| open(&places()));
     loaded.as_ref().map_err(|(text, way_out)| Error::Library { text: text.clone(), way_out: way_out.clone() })
 }
@@ -120,11 +128,11 @@ fn open(places: &[Place]) -> std::result::Result<Library, (String, String)> {
         return fail("is damaged: its end is missing".into(), AGAIN);
     }
     let name = CString::new(file.as_os_str().as_bytes()).expect("a path that was looked at has no zero");
-    let (mut shim, mut version) = (ptr::null(), ptr::null());
+    let (mut shim, mut version, mut whole) = (ptr::null(), ptr::null(), ptr::null());
     let mut open_it = || {
         // SAFETY: the name is a string that ends in zero; the others are only written to. Nobody is inside libsumo, because nobody
         // has loaded it.
-        let code = unsafe { ffi::ds_open(name.as_ptr(), &mut shim, &mut version) };
+        let code = unsafe { ffi::ds_open(name.as_ptr(), &mut shim, &mut version, &mut whole) };
         call::ask(code).map_err(|text| (code, text))
     };
     let mut opened = open_it();
@@ -145,12 +153,11 @@ fn open(places: &[Place]) -> std::result::Result<Library, (String, String)> {
             return fail(text, &way_out);
         }
     }
-    // SAFETY: the call succeeded, so both are written, and hold as long as the process.
-    let (shim, name) = unsafe { (&*shim, CStr::from_ptr(version).to_string_lossy().into_owned()) };
+    // SAFETY: the call succeeded, so all are written, and hold as long as the process.
+    let (shim, name, whole) = unsafe { (&*shim, CStr::from_ptr(version), CStr::from_ptr(whole)) };
+    let (name, loaded) = (name.to_string_lossy().into_owned(), OsStr::from_bytes(whole.to_bytes()).into());
     match Version::parse(&name) {
-        Some(version) if version >= OLDEST => {
-            Ok(Library { name, version, file: file.clone(), source: place.source, shim })
-        }
+        Some(version) if version >= OLDEST => Ok(Library { name, version, file: loaded, source: place.source, shim }),
         _ => fail(format!("is {name}, but {OLDEST} or a newer one is needed"), INSTALL),
     }
 }

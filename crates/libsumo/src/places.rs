@@ -3,9 +3,9 @@
 use std::env;
 use std::ffi::CStr;
 use std::fs;
-use std::path::{Path, PathBuf};
+use std::path::{self, Path, PathBuf};
 
-use super::ffi;
+use super::{ffi, library};
 
 /// The file name of SUMO's library.
 pub(crate) const LIBRARY: &str = "libsumocpp.so";
@@ -13,7 +13,7 @@ pub(crate) const LIBRARY: &str = "libsumocpp.so";
 pub(crate) const VARIABLE: &str = "DIALS_SUMO_LIBRARY";
 
 /// The source of the library that the system's loader finds.
-pub(crate) const SYSTEM: &str = "the system";
+const SYSTEM: &str = "the system";
 
 /// Folders of an installed SUMO that may hold its library.
 const LIBRARY_FOLDERS: [&str; 3] = ["lib64", "lib", "bin"];
@@ -60,17 +60,19 @@ pub fn places() -> Vec<Place> {
     places
 }
 
-/// Returns the file of a program of the SUMO whose library is taken, such as `netconvert`. For a library of the system it is the
-/// first of that name on the `PATH`. `None` if there is none.
+/// Returns the file of a program of the SUMO that is loaded, such as `netconvert`. Where none lies beside the library, or without a
+/// library, it is the first of that name on the `PATH`. `None` if there is none.
 pub fn program(name: &str) -> Option<PathBuf> {
-    let folders = match taken(&places()) {
-        Some(place) => {
-            let library = place.library.canonicalize().ok()?;
-            library.ancestors().skip(2).take(2).map(|folder| folder.join("bin")).collect()
-        }
-        None => env::split_paths(&env::var_os("PATH")?).collect::<Vec<_>>(),
-    };
-    folders.into_iter().map(|folder| folder.join(name)).find(|file| file.is_file())
+    let library = library::load().ok().map(|library| library.file.clone());
+    // Debian's lies in a folder below `lib`.
+    let folder = library
+        .iter()
+        .flat_map(|file| file.ancestors().skip(1).take(2))
+        .find(|folder| LIBRARY_FOLDERS.iter().any(|name| folder.ends_with(name)));
+    let beside = folder.and_then(Path::parent).map(|prefix| prefix.join("bin"));
+    let path = env::var_os("PATH").unwrap_or_default();
+    let mut folders = beside.into_iter().chain(env::split_paths(&path));
+    folders.find_map(|folder| Some(folder.join(name)).filter(|file| file.is_file()))
 }
 
 /// Returns the first place that has the library, unless only the system can say.
@@ -97,21 +99,24 @@ fn in_packages(folder: &Path) -> PathBuf {
     folder.join("sumo").join("lib64").join(LIBRARY)
 }
 
-/// Looks from where pip puts files: a program into the folder `bin` of an environment, and a library that Python loads into a
-/// package beside the package `sumo`.
+/// Looks from where pip puts files. A library that Python loads lies in a package beside the package `sumo`. A program lies in the
+/// folder `bin` of an environment.
 fn beside_own_files() -> Vec<PathBuf> {
-    let program = env::current_exe().ok();
-    let environment = program.as_deref().and_then(Path::parent).filter(|folder| folder.ends_with("bin"));
-    let mut libraries = environment.and_then(Path::parent).map(in_environment).unwrap_or_default();
     // SAFETY: the text ends in zero and lives as long as this code.
     let own = unsafe { CStr::from_ptr(ffi::ds_own_file()) }.to_string_lossy();
     let own = Path::new(own.as_ref()).canonicalize().ok();
     let package = own.as_deref().and_then(Path::parent).filter(|folder| folder.join(PACKAGE).is_file());
-    libraries.extend(package.and_then(Path::parent).map(in_packages));
-    libraries
+    if let Some(packages) = package.and_then(Path::parent) {
+        // The program is then Python, perhaps that of another environment.
+        return vec![in_packages(packages)];
+    }
+    let program = env::current_exe().ok();
+    let environment = program.as_deref().and_then(Path::parent).filter(|folder| folder.ends_with("bin"));
+    environment.and_then(Path::parent).map(in_environment).unwrap_or_default()
 }
 
-/// Returns the path that a variable holds. An empty variable counts as unset.
+/// Returns the absolute path that a variable holds: workers run in other folders. An empty variable counts as unset.
 fn variable(name: &str) -> Option<PathBuf> {
-    env::var_os(name).filter(|value| !value.is_empty()).map(PathBuf::from)
+    let path = env::var_os(name).filter(|value| !value.is_empty())?;
+    Some(path::absolute(&path).unwrap_or(path.into()))
 }

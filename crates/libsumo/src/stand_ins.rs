@@ -5,7 +5,7 @@
 //! in it. Without these five libraries, the loader refuses SUMO. A simulation never calls them.
 //!
 //! So, only after the loader has missed one of them, a library with its name and empty functions takes its place in this
-//! process. It lies in memory and in no file. A real one that is there is never shadowed.
+//! process. It lies in memory and in no file. One that the loader finds is never shadowed.
 //!
 //! # Why not otherwise
 //!

@@ -1,7 +1,8 @@
 //! What is written down here of C and C++ is what the headers say.
 //!
-//! The bindings of the shim over SUMO, `src/ffi.rs`, are those that bindgen makes of its header. They are kept, so that a build needs neither bindgen nor libclang. After a change of the header, make them again with
-//! `UPDATE_BINDINGS=1 cargo test -p libsumo`. This test needs libclang, which `./setup.sh all` installs.
+//! The bindings of the shim over SUMO, `src/ffi.rs`, are those that bindgen makes of its header. They are kept, so that a build
+//! needs neither bindgen nor libclang. After a change of the header, empty `src/lib.rs` for a moment, and make them again with
+//! `UPDATE_BINDINGS=1 cargo test -p libsumo --test bindings`. This test needs libclang, which `./setup.sh all` installs.
 
 use std::fs;
 use std::path::Path;

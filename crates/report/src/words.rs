@@ -135,7 +135,7 @@ pub(crate) fn warnings(Sorted { comparisons, missing, left_out }: &Sorted) -> Ve
             }
         }
         warnings.extend(of_episodes(comparison));
-        let of_runs = comparison.runs().filter_map(|run| run.about.sumo());
+        let of_runs = comparison.runs().flat_map(|run| run.about.sumo());
         let versions = of_runs.chain(comparison.baselines.iter().filter_map(BaselineRecord::sumo));
         warnings.extend(of_versions(versions).map(|warning| format!("{}: {warning}", comparison.title)));
     }
@@ -149,7 +149,9 @@ pub(crate) fn of_versions<'a>(versions: impl Iterator<Item = &'a str>) -> Option
     let list: Vec<String> = counts.iter().map(|(version, count)| format!("{count} with {version}")).collect();
     (list.len() > 1).then(|| {
         let list = list.join(", ");
-        format!("computed with several versions of SUMO ({list}); the same lights have other returns on each of them")
+        format!(
+            "computed with several versions of SUMO ({list}); the same lights may have other returns on each of them"
+        )
     })
 }
 

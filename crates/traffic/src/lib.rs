@@ -60,7 +60,7 @@ use dials_core::domain::{
     RoughCosts, Scenario, Task,
 };
 use libsumo::Simulation;
-pub use libsumo::{Library as Sumo, Place as SumoPlace};
+pub use libsumo::{Error as SumoError, Library as Sumo, Place as SumoPlace};
 use network::way_out::{Role, cannot_be_simulated};
 use paper_grid::grid::Grid;
 use road_network::{Files, RoadNetwork, open_grid, scenario as of_scenario};
@@ -92,6 +92,11 @@ pub fn sumo_places() -> Vec<SumoPlace> {
 /// Returns the file of a program of the same SUMO, such as `netconvert`.
 pub fn sumo_program(name: &str) -> Option<PathBuf> {
     libsumo::program(name)
+}
+
+/// Returns a variable of the environment that lets a worker use the SUMO of this process. `None`: it has not used any yet.
+pub fn sumo_for_children() -> Option<(&'static str, &'static Path)> {
+    libsumo::variable_for_children()
 }
 
 /// Returns the library whose `exp`, `ln` and so on SUMO and this program use, such as `glibc 2.36`.
@@ -324,7 +329,7 @@ impl Domain for Traffic {
         // That SUMO's library is missing, or too large for this process, is no fault of the network.
         libsumo::load()?;
         let tried = self.try_global().and_then(|()| self.network.source()?.try_demand(DEMAND_PATIENCE));
-        tried.with_context(|| self.network.cannot_be_simulated.clone())?;
+        tried.with_context(|| self.network.cannot_be_simulated())?;
         let Files::Grid(files) = &self.network.files else { return Ok(()) };
         self.try_local_step(&[AgentId(0)], 1)
             .with_context(|| cannot_be_simulated(&files.local_network.files.net, Role::Local))

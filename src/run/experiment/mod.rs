@@ -55,7 +55,8 @@ pub(super) fn experiment(args: &cli::ExperimentArgs) -> Result<()> {
             let domain = domains::find(config)?;
             domain.check_baseline(name)?;
             let controller_file_crc32 = controller_file(&*domain, name)?;
-            let sumo_version = domains::sumo(config)?.map(|sumo| sumo.name.clone());
+            // A plan needs no SUMO.
+            let sumo_version = domains::sumo(config).ok().flatten().map(|sumo| sumo.name.clone());
             Ok(MeasuredWith { controller_file_crc32, sumo_version })
         },
     };

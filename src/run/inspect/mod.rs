@@ -26,6 +26,7 @@ use dials_traffic::agents::phase_plan::{Interval, PhasePlan};
 use dials_traffic::agents::plan::Border;
 use dials_traffic::agents::region::spec;
 use dials_traffic::agents::region_plan::RegionPlan;
+use dials_traffic::config::sumocfg::Sumocfg;
 use dials_traffic::config::{ScenarioConfig, TrafficConfig};
 use dials_traffic::network::files::NetworkFiles;
 use dials_traffic::network::roads::{LaneNo, Roads};
@@ -73,8 +74,7 @@ impl Inspected {
             "{}: is a config of this program; inspect the .sumocfg or the net that it names",
             path.display()
         );
-        let is_scenario = path.extension().is_some_and(|extension| extension == "sumocfg");
-        let (net, roads, departs_on, seconds, left_out) = if is_scenario {
+        let (net, roads, departs_on, seconds, left_out) = if Sumocfg::is_one(path) {
             let config = ScenarioConfig::of_file(path)?;
             let scenario = SumoScenario::read(&config)?;
             let roads = scenario.roads()?;

@@ -20,6 +20,9 @@ impl StandIns {
             fs::write(folder.join(name), script).unwrap();
             fs::set_permissions(folder.join(name), fs::Permissions::from_mode(0o755)).unwrap();
         }
+        let lib = folder.with_file_name("lib");
+        fs::create_dir_all(&lib).unwrap();
+        std::os::unix::fs::symlink(&libsumo::load().unwrap().file, lib.join("libsumocpp.so")).unwrap();
         StandIns(folder)
     }
 
@@ -31,6 +34,8 @@ impl StandIns {
             .args(["replay", text(config), "--controller", "never", "--out", text(out), "--video", text(film)])
             .args(["--seconds", "0,3"])
             .envs([("PATH", path.as_str()), ("TMPDIR", text(room))])
+            // sumo-gui is taken from the SUMO of the library.
+            .env("DIALS_SUMO_LIBRARY", self.0.with_file_name("lib").join("libsumocpp.so"))
             .stdout(Stdio::null())
             .stderr(Stdio::null())
             .spawn()

@@ -46,16 +46,6 @@ const BROKEN_CONFIGURATIONS: &[[&str; 3]] = &[
         "DIR/x.sumocfg: <end>: `noon` is no time: it must be seconds, such as 3600, or 01:00:00",
     ],
     [
-        "<end value=\"400\"/>",
-        "",
-        "DIR/x.sumocfg: traffic.end_s: is missing here and in the .sumocfg; set it to a second",
-    ],
-    [
-        "<end value=\"400\"/>",
-        "<end value=\"9000000000\"/>",
-        "DIR/x.sumocfg: traffic.decision_s = 5: from 100 to 9000000000 s there are 1799999980 decisions, but there must be from 1 to 1000000",
-    ],
-    [
         "<time>",
         "<time><step-length value=\"0.5\"/>",
         "DIR/x.sumocfg: <step-length>: is 0.5, and this program simulates steps of 1 s; remove it or set it to 1",

@@ -22,6 +22,27 @@ fn a_sumocfg_stands_for_a_config_with_default_settings() {
 }
 
 #[test]
+fn an_end_that_is_missing_or_absurd_follows_from_the_departures() {
+    for end in ["", "<end value=\"99999999\"/>"] {
+        let room = Room::new();
+        room.change(SUMOCFG, "<end value=\"400\"/>", end);
+        let scenario = room.read().unwrap();
+        let (begin, end) = scenario.window_s();
+        assert!(end % 60 == 0 && (begin + 600..begin + 7200).contains(&end), "{begin} to {end}");
+        let note = format!("x.sumocfg: what comes after {end} s: it names no end");
+        assert!(scenario.left_out().iter().any(|left| left.contains(&note)), "{:?}", scenario.left_out());
+    }
+}
+
+#[test]
+fn a_configuration_is_known_by_its_root_whatever_its_name_ends_in() {
+    let room = Room::new();
+    let other = room.path("x.sumo.cfg");
+    fs::copy(room.path(SUMOCFG), &other).unwrap();
+    assert_eq!(table(load(&other, &[]).unwrap()).scenario, other);
+}
+
+#[test]
 fn a_config_names_a_scenario_beside_it_and_may_narrow_its_time() {
     let room = Room::new();
     fs::write(room.path("c.toml"), "[traffic]\nscenario = 'x.sumocfg'\nend_s = 200\nreward = { queue = 0.5 }\n")

@@ -13,7 +13,8 @@
 
 namespace {
 
-// Returns the parameters of a function as they stand in its symbol, from the name of its type: `FvRKSsS1_E` has `RKSsS1_`.
+// Returns the parameters of a function as they stand in its symbol, from the name of its type. That of two texts is `FvRKSsS0_E`, and
+// a function in two scopes has `RKSsS2_`. The type of the result is not in a symbol: headers.cpp compares it.
 //
 // Source: Itanium C++ ABI, 5.1 "Mangling". `S_`, `S0_` and so on repeat the first, the second and so on of the parts before. In a
 // symbol the scopes of the function are the first parts; so these numbers grow by that many. Digits are lengths of names.
@@ -69,6 +70,7 @@ public:
     }
 
     bool is_found() const { return address_ != nullptr; }
+    const void *address() const { return address_; }
     std::string words() const { return std::string(owner_) + "::" + name_; }
 
 protected:

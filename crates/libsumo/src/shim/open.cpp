@@ -45,11 +45,11 @@ int ds_open_bytes(const void *bytes, size_t size) {
     }
     char path[64];
     std::snprintf(path, sizeof path, "/proc/self/fd/%d", file);
-    // The file stays open: the loader takes the next one of the same path for this one.
+    // It stays open: the loader would take another file with the same path for this one.
     return opened(path) == nullptr ? ds_failed(dlerror(), "") : 0;
 }
 
-int ds_open(const char *library, const struct ds_shim **shim, const char **version) {
+int ds_open(const char *library, const struct ds_shim **shim, const char **version, const char **file) {
     void *const handle = opened(library);
     if (handle == nullptr) {
         return ds_failed(dlerror(), "");
@@ -62,6 +62,8 @@ int ds_open(const char *library, const struct ds_shim **shim, const char **versi
     }
     *shim = best.shim;
     *version = best.version;
+    Dl_info info;
+    *file = best.code != nullptr && dladdr(best.code, &info) != 0 && info.dli_fname != nullptr ? info.dli_fname : library;
     return best.count == 0 ? 0 : ds_failed("out of memory", "");
 }
 

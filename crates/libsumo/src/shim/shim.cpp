@@ -437,8 +437,8 @@ struct found DS_BIND(void *library) noexcept {
         if (count == 0) {
             version = Simulation::getVersion().second;
         }
-        return {&functions, version.c_str(), missing.c_str(), count};
+        return {&functions, version.c_str(), Simulation::getVersion.address(), missing.c_str(), count};
     } catch (...) {
-        return {&functions, "", "", -1};
+        return {&functions, "", nullptr, "", -1};
     }
 }

@@ -123,8 +123,8 @@ struct ds_shim {
 
 /* Opens libsumo from a file, or from where the system looks if the name has no slash. Returns 1 if it cannot be loaded; 2 if it
  * lacks functions, whose names are then the text, with blanks between. Must succeed once at most. Nothing closes it.
- * `version`: SUMO's, such as "SUMO 1.15.0". */
-int ds_open(const char *library, const struct ds_shim **shim, const char **version);
+ * `version`: SUMO's, such as "SUMO 1.15.0". `file`: the library's. */
+int ds_open(const char *library, const struct ds_shim **shim, const char **version, const char **file);
 
 /* Loads a shared library from memory. */
 int ds_open_bytes(const void *bytes, size_t size);

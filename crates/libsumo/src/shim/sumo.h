@@ -20,7 +20,7 @@ using Texts = std::vector<std::string>;
 #include "sumo.inc"
 #undef SUMO
 
-// Of SUMO's class of lanes, the one function that libsumo's interface lacks: nothing else seeds the generators of some lanes in the
+// A function of SUMO's class of lanes. libsumo's interface lacks it, and nothing else seeds the generators of some lanes in the
 // middle of a simulation. SUMO 1.15 to 1.28 export it.
 const Late<void(int index, Text state)> load_generator("", "MSLane", "loadRNGState");
 

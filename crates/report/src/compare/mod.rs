@@ -128,7 +128,7 @@ pub fn compare(a: &ComparedSide, b: &ComparedSide, target: Option<f64>) -> Resul
     let mut warnings: Vec<String> = check_rules(a, b)?.into_iter().collect();
     let sides = [a, b];
     let runs = sides.iter().flat_map(|side| &side.group.runs);
-    warnings.extend(of_versions(runs.filter_map(|run| run.about.sumo())));
+    warnings.extend(of_versions(runs.flat_map(|run| run.about.sumo())));
     let [(end_a, runs_a), (end_b, runs_b)] = sides.map(|side| side.group.finals().expect("a side was evaluated"));
     let (ends, runs) = ([end_a, end_b], [runs_a, runs_b]);
     let steps = compared_at(&evaluated_together(&runs[0]), &evaluated_together(&runs[1]));

@@ -54,7 +54,7 @@ impl Page {
         }
         let mut blocks = vec![Block::Table(progress(&self.runs))];
         let mut warnings: Vec<String> = self.left_out.iter().map(ToString::to_string).collect();
-        warnings.extend(of_versions(self.runs.iter().filter_map(|run| run.about.sumo())));
+        warnings.extend(of_versions(self.runs.iter().flat_map(|run| run.about.sumo())));
         if !warnings.is_empty() {
             blocks.push(Block::List(warnings));
         }

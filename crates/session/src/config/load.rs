@@ -8,6 +8,7 @@ use toml::{Table, Value};
 use super::RunConfig;
 use dials_core::outside::{in_plain_words, read_text};
 use dials_learn::config::ShortForm;
+use dials_traffic::config::sumocfg::Sumocfg;
 
 /// Largest config file. One with every key has three kibibytes.
 pub const LARGEST_FILE: u64 = 1 << 20;
@@ -30,8 +31,7 @@ pub fn load_kept(path: &Path) -> Result<RunConfig> {
 }
 
 fn read(path: &Path, settings: &[String]) -> Result<RunConfig> {
-    let is_scenario = path.extension().is_some_and(|extension| extension == "sumocfg");
-    let mut table = if is_scenario { naming(path)? } else { table_in(path)? };
+    let mut table = if Sumocfg::is_one(path) { naming(path)? } else { table_in(path)? };
     let mut given = Table::new();
     settings.iter().try_for_each(|setting| lay_over(&mut given, setting))?;
     // Only a first reading says which domain it is, whose defaults stand for what the file leaves out.

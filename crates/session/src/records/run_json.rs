@@ -1,6 +1,6 @@
 //! `run.json`: how a run was called, and what it was computed with.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::ffi::{OsStr, OsString};
 use std::os::unix::ffi::{OsStrExt, OsStringExt};
 use std::path::Path;
@@ -187,10 +187,10 @@ impl RunJson {
         directory.write(files::RUN, format!("{text}\n").as_bytes())
     }
 
-    /// Returns the version of SUMO that the run was last computed with; `None` if it needs none, or if that was not recorded.
-    pub fn sumo(&self) -> Option<&str> {
-        let versions = self.resumed_with.last().map_or(&self.versions, |last| &last.versions);
-        (!["", NO_SUMO].contains(&versions.sumo.as_str())).then_some(&versions.sumo)
+    /// Returns the versions of SUMO that the run was computed with; none if it needs none, or if that was not recorded.
+    pub fn sumo(&self) -> BTreeSet<&str> {
+        let all = [&self.versions].into_iter().chain(self.resumed_with.iter().map(|resumed| &resumed.versions));
+        all.map(|versions| versions.sumo.as_str()).filter(|sumo| !["", NO_SUMO].contains(sumo)).collect()
     }
 
     /// Returns the name of an agent for a reader: printable and short; its number if it has none.

@@ -14,6 +14,7 @@ use toml::Value;
 use super::reward::Reward;
 use super::sumocfg::{MOST_SECONDS, Sumocfg};
 use crate::Traffic;
+use crate::scenario::end;
 use dials_core::domain::{Domain, DomainTable};
 
 /// A scenario of yours: a .sumocfg of SUMO with its net, route files and additional files. Every light of it that has
@@ -41,9 +42,14 @@ pub struct ScenarioConfig {
     /// Second at which an episode begins. If left out, `<begin>` of the .sumocfg, or 0.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub begin_s: Option<u64>,
-    /// Second at which an episode ends. If left out, `<end>` of the .sumocfg, which must then name one.
+    /// Second at which an episode ends. If left out, `<end>` of the .sumocfg. If that names none either, ten minutes after the
+    /// last departure, or later if the last vehicle needs longer on free roads; in whole minutes.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub end_s: Option<u64>,
+    /// Whether `end_s` follows from the departures.
+    #[serde(skip)]
+    #[schemars(skip)]
+    pub end_is_derived: bool,
     /// Number of seconds of a decision, which is a step of the domain. The horizon is the number of whole decisions from
     /// begin to end. Hand-coded controllers decide every second.
     pub decision_s: u32,
@@ -96,6 +102,7 @@ impl ScenarioConfig {
             agents: None,
             begin_s: None,
             end_s: None,
+            end_is_derived: false,
             decision_s: 5,
             min_green_s: 5,
             yellow_s: Yellow::Program,
@@ -118,6 +125,15 @@ impl ScenarioConfig {
     pub(crate) fn window_s(&self) -> Result<(u64, u64)> {
         let missing = |key: &str| format!("traffic.{key}: is missing here and in the .sumocfg; set it to a second");
         Ok((self.begin_s.with_context(|| missing("begin_s"))?, self.end_s.with_context(|| missing("end_s"))?))
+    }
+
+    /// Returns a note about an end that the .sumocfg does not name.
+    pub(crate) fn about_the_end(&self) -> Option<String> {
+        let end = self.end_s.filter(|_| self.end_is_derived)?;
+        Some(format!(
+            "{}: what comes after {end} s: it names no end, and the last vehicle departs before; traffic.end_s sets another one",
+            self.scenario.display()
+        ))
     }
 
     /// Returns a note about the seconds after the last whole decision, if there are any.
@@ -187,9 +203,22 @@ impl DomainTable for ScenarioConfig {
         if self.begin_s.is_some() && self.end_s.is_some() {
             return Ok(());
         }
-        let file = Sumocfg::read(&self.scenario)?;
-        self.begin_s = self.begin_s.or(Some(file.begin_s));
-        self.end_s = self.end_s.or(file.end_s);
+        let mut file = Sumocfg::read(&self.scenario)?;
+        file.begin_s = *self.begin_s.get_or_insert(file.begin_s);
+        // SUMO's tools write an end after many years where they mean none.
+        let longest_s = MOST_DECISIONS * u64::from(self.decision_s);
+        let named = file.end_s.filter(|end| end.saturating_sub(file.begin_s) <= longest_s);
+        self.end_is_derived = self.end_s.is_none() && named.is_none();
+        self.end_s = self.end_s.or(named);
+        if self.end_is_derived {
+            let end = end::of(&file).with_context(|| self.scenario.display().to_string())?;
+            self.end_s = Some(end.with_context(|| {
+                format!(
+                    "{}: names no <end>, and no vehicle departs; set traffic.end_s to a second",
+                    self.scenario.display()
+                )
+            })?);
+        }
         Ok(())
     }
 

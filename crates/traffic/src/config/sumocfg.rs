@@ -2,6 +2,8 @@
 //!
 //! SUMO takes every element with a `value` for an option, whatever it stands in. So does this program.
 
+use std::fs::File;
+use std::io::Read;
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result, anyhow, bail, ensure};
@@ -12,6 +14,10 @@ use dials_core::outside::excerpt;
 use dials_core::outside::tree::{Element, parse_file, read_whole};
 
 const MOST_FILES: usize = 1000;
+/// Names of the root element.
+const ROOTS: [&str; 2] = ["configuration", "sumoConfiguration"];
+/// Number of bytes in which the root element begins.
+const MOST_PROLOG: u64 = 64 << 10;
 /// Latest second: 10 billion, some 300 years.
 pub(crate) const MOST_SECONDS: u64 = 10_000_000_000;
 
@@ -36,6 +42,17 @@ pub struct Sumocfg {
 }
 
 impl Sumocfg {
+    /// Returns whether a file is a configuration of SUMO: by the ending of its name, or by its root element. Some end in
+    /// `.sumo.cfg` or `.xml`.
+    pub fn is_one(path: &Path) -> bool {
+        if path.extension().is_some_and(|extension| extension == "sumocfg") {
+            return true;
+        }
+        let mut begin = Vec::new();
+        let read = File::open(path).and_then(|file| file.take(MOST_PROLOG).read_to_end(&mut begin));
+        read.is_ok() && root_name(&String::from_utf8_lossy(&begin)).is_some_and(|root| ROOTS.contains(&root))
+    }
+
     /// Reads the file. Its own paths are relative to its folder.
     pub fn read(path: &Path) -> Result<Sumocfg> {
         let root = parse_file(path, &read_whole(path)?)?;
@@ -45,7 +62,7 @@ impl Sumocfg {
 
     fn of(root: &Element, folder: &Path) -> Result<Sumocfg> {
         ensure!(
-            ["configuration", "sumoConfiguration"].contains(&&*root.name),
+            ROOTS.contains(&&*root.name),
             "is no configuration of SUMO: its root is <{}>, not <configuration>",
             excerpt(&root.name)
         );
@@ -100,6 +117,19 @@ impl Sumocfg {
             },
         }
         Ok(())
+    }
+}
+
+/// Returns the name of the first element of a text, after comments and declarations.
+fn root_name(text: &str) -> Option<&str> {
+    let mut rest = text;
+    loop {
+        rest = &rest[rest.find('<')? + 1..];
+        if let Some(comment) = rest.strip_prefix("!--") {
+            rest = &comment[comment.find("-->")?..];
+        } else if !rest.starts_with(['?', '!']) {
+            return rest.split(|letter: char| letter.is_whitespace() || "/>".contains(letter)).next();
+        }
     }
 }
 
@@ -173,6 +203,18 @@ mod tests {
     fn read(options: &str) -> Result<Sumocfg> {
         let root = parse(&format!("<configuration>{options}</configuration>")).unwrap();
         Sumocfg::of(&root, Path::new("dir"))
+    }
+
+    #[test]
+    fn the_root_element_says_what_a_file_is() {
+        for (text, root) in [
+            ("<?xml version='1.0'?>\n<!-- <net> -->\n<configuration>", Some("configuration")),
+            ("<net version='1.9'>", Some("net")),
+            ("<a/>", Some("a")),
+            ("total_steps = 5", None),
+        ] {
+            assert_eq!(root_name(text), root, "{text}");
+        }
     }
 
     #[test]

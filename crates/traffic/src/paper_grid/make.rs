@@ -1,4 +1,4 @@
-//! A grid written as the files of a network. Debian's `netconvert` makes roads and lights from our plain XML.
+//! A grid written as the files of a network. SUMO's `netconvert` makes roads and lights from our plain XML.
 
 use std::fs;
 use std::path::Path;

@@ -57,8 +57,6 @@ pub(crate) struct RoadNetwork {
     /// Why SUMO cannot load the actuated programs of the lights, if it cannot. SUMO's own error would come after it has
     /// taken all memory.
     pub(crate) refuses_actuated: Option<String>,
-    /// Message about files that SUMO cannot simulate, with the way out.
-    pub(crate) cannot_be_simulated: String,
     pub(crate) rough_costs: RoughCosts,
     /// Name of the reward, if it is another one than the usual.
     pub(crate) unusual_reward: Option<String>,
@@ -83,6 +81,14 @@ impl RoadNetwork {
         match &self.files {
             Files::Grid(files) => Some(files.grid),
             Files::Scenario(_) => None,
+        }
+    }
+
+    /// Returns the message about files that SUMO cannot simulate, with the way out.
+    pub(crate) fn cannot_be_simulated(&self) -> String {
+        match &self.files {
+            Files::Grid(files) => cannot_be_simulated(&files.network.files.net, Role::Global),
+            Files::Scenario(scenario) => scenario.files.cannot_be_simulated(),
         }
     }
 
@@ -180,7 +186,6 @@ pub(crate) fn open_grid(config: &TrafficConfig) -> Result<(RoadNetwork, JointPla
     let network = RoadNetwork {
         horizon: config.horizon,
         refuses_actuated: None,
-        cannot_be_simulated: cannot_be_simulated(&network.files.net, Role::Global),
         rough_costs: ROUGH_COSTS_OF_A_GRID,
         unusual_reward: (*reward != Reward::from(RewardTerm::MeanSpeed)).then(|| reward.name()),
         strange_files: [&network, &local_network].map(|network| network.files.net.clone()).to_vec(),

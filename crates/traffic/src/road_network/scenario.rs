@@ -69,7 +69,6 @@ pub(crate) fn open(files: SumoScenario, config: &ScenarioConfig) -> Result<(Road
     let network = RoadNetwork {
         horizon: config.horizon(),
         refuses_actuated,
-        cannot_be_simulated: format!("{}: SUMO cannot simulate this scenario; {}", place(), files.way_out()),
         rough_costs: rough_costs(f64::from(config.decision_s)),
         unusual_reward: (config.reward != Reward::default()).then(|| config.reward.name()),
         strange_files: vec![files.path().to_owned()],

@@ -7,6 +7,7 @@
 pub(crate) mod dawdling;
 mod demand;
 mod elements;
+pub(crate) mod end;
 pub(crate) mod kept;
 mod newer;
 
@@ -101,6 +102,7 @@ impl SumoScenario {
         let (departures, notes) = scenario.check(&left)?;
         scenario.departures = departures;
         scenario.left_out.extend(notes);
+        scenario.left_out.extend(config.about_the_end());
         scenario.left_out.extend(config.unplayed());
         Ok(scenario)
     }
@@ -201,10 +203,11 @@ impl SumoScenario {
         named.chain(from_junctions.map(|(number, _)| number)).collect()
     }
 
-    /// Returns what to do if SUMO cannot load the scenario.
-    pub(crate) fn way_out(&self) -> String {
+    /// Returns the message about a scenario that SUMO cannot load, with the way out.
+    pub(crate) fn cannot_be_simulated(&self) -> String {
         let newer = libsumo::load().ok().and_then(|sumo| newer::way_out(self.net(), sumo.version));
-        newer.unwrap_or_else(|| format!("try it with: sumo -c {}", quoted(&self.path)))
+        let way_out = newer.unwrap_or_else(|| format!("try it with: sumo -c {}", quoted(&self.path)));
+        format!("{}: SUMO cannot simulate this scenario; {way_out}", self.path.display())
     }
 
     pub fn left_out(&self) -> &[String] {

@@ -10,8 +10,10 @@ use libsumo::Version;
 const CLASSES: [&str; 7] = ["aircraft", "cable_car", "container", "drone", "scooter", "subway", "wheelchair"];
 const CLASSES_SINCE: Version = Version { major: 1, minor: 20, patch: 0 };
 
-/// Attributes of lanes, connections and types of roads that list classes.
-const LISTS: [&str; 4] = ["allow", "disallow", "changeLeft", "changeRight"];
+/// Attributes of lanes, connections, types of roads and stops that list classes.
+const LISTS: [&str; 6] = ["allow", "disallow", "changeLeft", "changeRight", "vClasses", "exceptions"];
+/// An attribute that names one class. Its element is about this class alone.
+const ONE: &str = "vClass";
 /// A class of no vehicle that a scenario has. A list must not become empty, because an empty one stands for all classes.
 const NOBODY: &str = "ignoring";
 
@@ -31,7 +33,8 @@ pub(super) fn forget_classes(net: &mut Element, here: impl FnOnce() -> Option<Ve
 /// Returns which of the new classes are listed.
 fn named_below(element: &Element) -> BTreeSet<&str> {
     let lists = element.attributes.iter().filter(|(name, _)| LISTS.contains(&&**name));
-    let own = lists.flat_map(|(_, list)| list.split_whitespace()).filter(|class| CLASSES.contains(class));
+    let own = lists.flat_map(|(_, list)| list.split_whitespace()).chain(element.attribute(ONE));
+    let own = own.filter(|class| CLASSES.contains(class));
     own.chain(element.children.iter().flat_map(named_below)).collect()
 }
 
@@ -41,6 +44,7 @@ fn forget_below(element: &mut Element) {
         let all_are_new = known.is_empty() && !list.trim().is_empty();
         *list = if all_are_new { NOBODY.to_owned() } else { known.join(" ") };
     }
+    element.children.retain(|child| child.attribute(ONE).is_none_or(|class| !CLASSES.contains(&class)));
     element.children.iter_mut().for_each(forget_below);
 }
 
@@ -65,14 +69,21 @@ mod tests {
     #[test]
     fn an_old_sumo_gets_a_net_without_the_classes_of_new_ones() {
         let text = "<net version=\"1.20\"><edge id=\"a\"><lane id=\"a_0\" allow=\"bus drone\"/><lane id=\"a_1\" \
-                    allow=\"container scooter\"/><lane id=\"drone\" disallow=\"tram subway\"/></edge></net>";
+                    allow=\"container scooter\"/><lane id=\"drone\" disallow=\"tram subway\"><stopOffset vClasses=\"scooter\"/></lane></edge>\
+                    <type id=\"t\"><restriction vClass=\"aircraft\" speed=\"9\"/></type></net>";
         let [old, new] = ["1.15.0", "1.20.0"].map(|version| Version::parse(version).unwrap());
         let mut net = parse(text).unwrap();
         assert_eq!(forget_classes(&mut net, || Some(new)), None);
         let note = forget_classes(&mut net, || Some(old)).unwrap();
-        assert!(note.starts_with("vehicle classes container, drone, scooter, subway: SUMO 1.15.0 does not"), "{note}");
+        assert!(
+            note.starts_with("vehicle classes aircraft, container, drone, scooter, subway: SUMO 1.15.0 does not"),
+            "{note}"
+        );
         let text = xml::text(&net);
-        for part in ["allow=\"bus\"", "allow=\"ignoring\"", "disallow=\"tram\"", "id=\"drone\""] {
+        assert!(!text.contains("restriction"), "{text}");
+        for part in
+            ["vClasses=\"ignoring\"", "allow=\"bus\"", "allow=\"ignoring\"", "disallow=\"tram\"", "id=\"drone\""]
+        {
             assert!(text.contains(part), "{part}: {text}");
         }
         assert_eq!(way_out(&net, new), None);
