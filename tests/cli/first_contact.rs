@@ -198,7 +198,7 @@ fn each_fault_of_the_library_that_is_named_is_one_error_of_its_own() {
     let train = ["train", "configs/smoke_traffic.toml", "--out", run.to_str().unwrap()];
     for (library, fault) in [
         (room.path(), "is a folder; let DIALS_SUMO_LIBRARY name the file libsumocpp.so in it"),
-        (Path::new("none.so"), "no such file; let DIALS_SUMO_LIBRARY name a file"),
+        (&room.path().join("none.so"), "no such file; let DIALS_SUMO_LIBRARY name a file"),
         (&text, "file too short; install SUMO again"),
         (&damaged, "is damaged: its end is missing; install SUMO again"),
         (&other, "is no libsumo: it has none of SUMO's functions"),

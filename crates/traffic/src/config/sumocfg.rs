@@ -48,6 +48,10 @@ impl Sumocfg {
         if path.extension().is_some_and(|extension| extension == "sumocfg") {
             return true;
         }
+        // Opening a pipe would wait for a writer.
+        if !path.is_file() {
+            return false;
+        }
         let mut begin = Vec::new();
         let read = File::open(path).and_then(|file| file.take(MOST_PROLOG).read_to_end(&mut begin));
         read.is_ok() && root_name(&String::from_utf8_lossy(&begin)).is_some_and(|root| ROOTS.contains(&root))
