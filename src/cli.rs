@@ -108,7 +108,7 @@ pub struct TrainArgs {
     pub config: Option<PathBuf>,
     /// Resume the run in this directory from its newest checkpoint; with --steps also a run that has ended
     #[arg(long, value_name = "RUN_DIR",
-          conflicts_with_all = ["config", "seed", "simulator", "tensorboard", "out", "settings", "force"])]
+          conflicts_with_all = ["config", "seed", "simulator", "tensorboard", "out", "settings", "begin", "end", "force"])]
     pub resume: Option<PathBuf>,
     /// Resume although this program, SUMO, libm or the vector instructions have changed since. Numbers may then change;
     /// run.json records it
@@ -144,9 +144,8 @@ pub struct TrainArgs {
     /// Run directory [default: runs/[FOLDER-]CONFIG-SIMULATOR[-KEY=VALUE...]-seedN, numbered if it exists]
     #[arg(long)]
     pub out: Option<PathBuf>,
-    /// Override a key of the config, such as ppo.clip=0.2; can be repeated
-    #[arg(long = "set", value_name = "KEY=VALUE")]
-    pub settings: Vec<String>,
+    #[command(flatten)]
+    pub settings: SettingsArgs,
     /// If the run directory exists, move it aside instead of refusing
     #[arg(long)]
     pub force: bool,
@@ -189,6 +188,8 @@ pub struct ExportArgs {
 pub struct BaselineArgs {
     /// Config file, or a .sumocfg; its network and horizon are used
     pub config: PathBuf,
+    #[command(flatten)]
+    pub settings: SettingsArgs,
     /// Hand-coded controller; an unknown name lists all names
     #[arg(long, value_name = "NAME", required_unless_present = "compare", conflicts_with = "compare")]
     pub controller: Option<String>,
@@ -216,6 +217,8 @@ pub struct BaselineArgs {
 pub struct CheckArgs {
     /// Config file of traffic, or a .sumocfg
     pub config: PathBuf,
+    #[command(flatten)]
+    pub settings: SettingsArgs,
     /// Light to measure; can be repeated [default: all]
     #[arg(long = "light", value_name = "ID", allow_hyphen_values = true)]
     pub lights: Vec<String>,
@@ -224,7 +227,7 @@ pub struct CheckArgs {
     pub sigma: Option<f64>,
     /// Second of the episode from which cells are compared [default: 600, or a third of a shorter episode]
     #[arg(long, value_name = "SECOND", value_parser = values::whole::<usize>(0..=A_YEAR_S))]
-    pub begin: Option<usize>,
+    pub from: Option<usize>,
     /// Number of seconds that are compared [default: 1200, or as many as the episode has]
     #[arg(long, value_name = "SECONDS", value_parser = values::whole::<usize>(1..=A_YEAR_S))]
     pub seconds: Option<usize>,
@@ -249,9 +252,8 @@ pub struct BenchArgs {
     /// Simulator and predictor that the policies train with; overrides the config
     #[arg(long, value_parser = values::short_form())]
     pub simulator: Option<String>,
-    /// Override a key of the config, such as local_simulators.copies=4; can be repeated
-    #[arg(long = "set", value_name = "KEY=VALUE")]
-    pub settings: Vec<String>,
+    #[command(flatten)]
+    pub settings: SettingsArgs,
     /// Print one JSON object instead of a table
     #[arg(long)]
     pub json: bool,
@@ -267,12 +269,34 @@ pub struct DescribeArgs {
     /// Simulator and predictor that the policies train with; overrides the config
     #[arg(long, value_parser = values::short_form())]
     pub simulator: Option<String>,
-    /// Override a key of the config, such as traffic.clock=26; can be repeated
-    #[arg(long = "set", value_name = "KEY=VALUE")]
-    pub settings: Vec<String>,
+    #[command(flatten)]
+    pub settings: SettingsArgs,
     /// Print one JSON object instead of text, with all agents
     #[arg(long)]
     pub json: bool,
+}
+
+/// Changes to a config, wherever one is taken.
+#[derive(Debug, Args)]
+pub struct SettingsArgs {
+    /// Override a key of the config, such as ppo.clip=0.2; can be repeated
+    #[arg(long = "set", value_name = "KEY=VALUE")]
+    pub settings: Vec<String>,
+    /// Second at which an episode of a scenario begins, such as 25200 or 07:00:00; stands for traffic.begin_s
+    #[arg(long, value_name = "TIME", value_parser = values::time)]
+    pub begin: Option<u64>,
+    /// Second at which an episode of a scenario ends; stands for traffic.end_s
+    #[arg(long, value_name = "TIME", value_parser = values::time)]
+    pub end: Option<u64>,
+}
+
+impl SettingsArgs {
+    /// Returns all of them as `KEY=VALUE`.
+    pub fn all(&self) -> Vec<String> {
+        let begin = self.begin.map(|second| format!("traffic.begin_s={second}"));
+        let end = self.end.map(|second| format!("traffic.end_s={second}"));
+        self.settings.iter().cloned().chain(begin).chain(end).collect()
+    }
 }
 
 #[derive(Debug, Args)]
@@ -320,6 +344,8 @@ pub struct ReplayArgs {
     /// Replay a hand-coded controller of `baseline` instead of the trained policies
     #[arg(long, value_name = "NAME")]
     pub controller: Option<String>,
+    #[command(flatten)]
+    pub settings: SettingsArgs,
     /// Output directory
     #[arg(long, value_name = "DIR")]
     pub out: PathBuf,
@@ -432,6 +458,8 @@ pub enum NetsCommand {
         /// Scenario of SUMO
         #[arg(value_name = "FILE.sumocfg")]
         file: PathBuf,
+        #[command(flatten)]
+        settings: SettingsArgs,
         /// Light to cut out
         #[arg(long, value_name = "ID", allow_hyphen_values = true)]
         light: String,
@@ -464,6 +492,8 @@ pub struct InspectArgs {
     /// Scenario or net of SUMO
     #[arg(value_name = "FILE.sumocfg|FILE.net.xml")]
     pub file: PathBuf,
+    #[command(flatten)]
+    pub settings: SettingsArgs,
     /// Show this light in full: greens, yellows, approaches, exits, observation columns
     #[arg(long, value_name = "ID", conflicts_with_all = ["all", "json"], allow_hyphen_values = true)]
     pub light: Option<String>,

@@ -17,6 +17,18 @@ pub(super) fn seconds(text: &str) -> Result<Range<usize>, String> {
     if ends.start < ends.end { Ok(ends) } else { Err("must begin before it ends, such as 600,1200".to_owned()) }
 }
 
+/// Reads a second of the day, as a number or as a clock.
+pub(super) fn time(text: &str) -> Result<u64, String> {
+    let parts: Option<Vec<u64>> = text.split(':').map(whole_number).collect();
+    match parts.as_deref() {
+        Some([second]) => Ok(*second),
+        Some([hours, minutes, seconds]) if *hours < 10_000 && *minutes < 60 && *seconds < 60 => {
+            Ok(hours * 3600 + minutes * 60 + seconds)
+        }
+        _ => Err("must be a whole second, such as 25200 or 07:00:00".to_owned()),
+    }
+}
+
 /// Returns a reader of whole numbers of this range, written as `--set` has them: `1000000`, `1_000_000` or `1e6`.
 pub(super) fn whole<T: TryFrom<u64>>(range: RangeInclusive<u64>) -> impl Fn(&str) -> Result<T, String> + Clone {
     move |text| {

@@ -45,7 +45,8 @@ struct Peak {
 }
 
 pub(super) fn bench(args: &cli::BenchArgs) -> Result<()> {
-    let config = load(&args.config, &settings_with(&args.settings, args.simulator.as_deref())).map_err(Error::Usage)?;
+    let config =
+        load(&args.config, &settings_with(&args.settings.all(), args.simulator.as_deref())).map_err(Error::Usage)?;
     if config.learning.predictor_in_use() == Some(Predictor::Marginals) {
         let reason = "marginal-dials costs the same as dials without the training of AIPs; measure dials instead";
         return Err(Error::Usage(anyhow!("{}: {reason}", args.config.display())));

@@ -38,7 +38,7 @@ struct Checked {
 }
 
 pub(super) fn check(args: &CheckArgs) -> CommandResult<()> {
-    let config = load(&args.config, &[]).map_err(Error::Usage)?;
+    let config = load(&args.config, &args.settings.all()).map_err(Error::Usage)?;
     if args.config.ends_with(CONFIG) {
         // It may be the config of a run. --sigma does not count as a change.
         directory::open_unchanged(folder_of(&args.config), domains::find).map_err(Error::Usage)?;
@@ -85,13 +85,13 @@ fn agents(traffic: &Traffic, args: &CheckArgs) -> Result<Vec<AgentId>> {
 }
 
 fn window(episode_s: usize, args: &CheckArgs) -> Result<Range<usize>> {
-    let begin = args.begin.unwrap_or(BEGIN_S.min(episode_s / 3));
-    ensure!(begin < episode_s, "--begin {begin}: an episode has {episode_s} s; begin earlier");
+    let begin = args.from.unwrap_or(BEGIN_S.min(episode_s / 3));
+    ensure!(begin < episode_s, "--from {begin}: an episode has {episode_s} s; begin earlier");
     let left = episode_s - begin;
     let seconds = args.seconds.unwrap_or(SECONDS.min(left));
     ensure!(
         seconds <= left,
-        "--seconds {seconds}: from second {begin} on an episode has {left} s; ask for fewer or set --begin"
+        "--seconds {seconds}: from second {begin} on an episode has {left} s; ask for fewer or set --from"
     );
     Ok(begin..begin + seconds)
 }

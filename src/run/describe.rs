@@ -55,7 +55,7 @@ pub(super) fn describe(args: &cli::DescribeArgs) -> Result<()> {
 
 impl Described {
     fn of(args: &cli::DescribeArgs) -> anyhow::Result<Described> {
-        let config = load(&args.config, &settings_with(&args.settings, args.simulator.as_deref()))?;
+        let config = load(&args.config, &settings_with(&args.settings.all(), args.simulator.as_deref()))?;
         let domain = domains::find(&config)?;
         let tasks = AgentId::all(domain.agents()).into_iter().map(|agent| AgentTask {
             agent,

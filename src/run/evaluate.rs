@@ -50,7 +50,7 @@ pub(super) fn evaluate(args: &cli::EvaluateArgs) -> Result<()> {
 }
 
 pub(super) fn baseline(args: &cli::BaselineArgs) -> Result<()> {
-    let config = load(&args.config, &[]).map_err(Error::Usage)?;
+    let config = load(&args.config, &args.settings.all()).map_err(Error::Usage)?;
     let domain = domains::open(&config).map_err(Error::Usage)?;
     domains::check(&config).map_err(Error::Usage)?;
     let about = [("config", json!(path_as_text(&args.config)))];

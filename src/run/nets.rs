@@ -9,12 +9,14 @@ use super::inspect::inspect;
 use crate::cli::NetsCommand;
 use dials_core::base::repeated;
 use dials_core::outside::{quoted, temporary_dir, write_together};
+use dials_session::config::load;
+use dials_session::domains::DomainConfig;
 use dials_session::error::{Error, Result as CommandResult};
 use dials_session::outputs::{check_free, check_not_of_a_run};
 use dials_session::places::{Existing, clear};
 use dials_session::terminal::answer;
 use dials_traffic::agents::derive::Rules;
-use dials_traffic::config::ScenarioConfig;
+use dials_traffic::config::{ScenarioConfig, TrafficTable};
 use dials_traffic::cut::beyond::Reach;
 use dials_traffic::cut::of_scenario::{cut_light, write};
 use dials_traffic::network::files::NetworkFiles;
@@ -34,8 +36,8 @@ pub(super) fn nets(args: &NetsCommand) -> CommandResult<()> {
             put(out, *force, &format!("grid_{grid}"), |room| write_grid(grid, inflow, room))
         }),
         NetsCommand::Local { out, force } => put(out, *force, "local", write_local),
-        NetsCommand::Cut { file, light, hops, out, force } => {
-            put(out, *force, "cut", |room| cut(file, light, usize::from(*hops), room))
+        NetsCommand::Cut { file, settings, light, hops, out, force } => {
+            put(out, *force, "cut", |room| cut(file, &settings.all(), light, usize::from(*hops), room))
         }
         NetsCommand::Inspect(args) => return inspect(args),
     };
@@ -44,8 +46,19 @@ pub(super) fn nets(args: &NetsCommand) -> CommandResult<()> {
     answer(format_args!("wrote {net}\nwatch it with: sumo-gui -c {config}")).map_err(Error::Run)
 }
 
-fn cut(file: &Path, light: &str, hops: usize, out: &Path) -> Result<NetworkFiles> {
-    let scenario = SumoScenario::read(&ScenarioConfig::of_file(file)?)?;
+/// Reads a .sumocfg as a config, with settings laid over it.
+pub(super) fn scenario_with(file: &Path, settings: &[String]) -> Result<ScenarioConfig> {
+    if settings.is_empty() {
+        return ScenarioConfig::of_file(file);
+    }
+    match load(file, settings)?.domain {
+        Some(DomainConfig::Traffic(TrafficTable::Scenario(scenario))) => Ok(scenario),
+        _ => bail!("{}: is no scenario with these settings; leave --set out", file.display()),
+    }
+}
+
+fn cut(file: &Path, settings: &[String], light: &str, hops: usize, out: &Path) -> Result<NetworkFiles> {
+    let scenario = SumoScenario::read(&scenario_with(file, settings)?)?;
     let net = cut_light(&scenario, light, Rules::default().approach_m, Reach { hops, ..Reach::default() })?;
     write(&net, &scenario, out)
 }

@@ -145,7 +145,7 @@ impl ReplayedEpisode {
             let config = if subject.is_dir() {
                 directory::open_unchanged(subject, domains::open)?.0
             } else {
-                load(subject, &[])?
+                load(subject, &args.settings.all())?
             };
             domains::check(&config)?;
             let episode = with(&config, Cast::Baseline(controller.clone()))?;

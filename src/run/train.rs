@@ -122,7 +122,7 @@ fn begin(args: &cli::TrainArgs, config_path: &Path, wanted: Option<usize>) -> Re
         (false, Some(_)) => Existing::Refuse,
         (false, None) => Existing::Number,
     };
-    let dir = args.out.clone().unwrap_or_else(|| default_dir(config_path, &config, &args.settings));
+    let dir = args.out.clone().unwrap_or_else(|| default_dir(config_path, &config, &args.settings.all()));
     let directory = directory::create(&dir, existing, &config, PROGRAM).map_err(Error::Usage)?;
     // Use the networks of the run directory from here on, because the original ones may just have been moved aside.
     open(directory, domains::open_tried)
@@ -306,7 +306,7 @@ fn allow_workers(workers: usize) -> Result<()> {
 
 /// Returns the flags that override keys of the config, as `KEY=VALUE` settings.
 fn settings(args: &cli::TrainArgs) -> Vec<String> {
-    let mut settings = settings_with(&args.settings, args.simulator.as_deref());
+    let mut settings = settings_with(&args.settings.all(), args.simulator.as_deref());
     settings.extend(args.seed.map(|seed| format!("seed={seed}")));
     settings.extend(args.steps.map(|steps| format!("stop_at_steps={steps}")));
     settings.extend(args.tensorboard.then(|| "logging.tensorboard=true".to_owned()));

@@ -982,6 +982,25 @@ fn nets_are_written_where_asked_and_a_missing_netconvert_is_told() {
 }
 
 #[test]
+fn the_time_of_a_scenario_can_be_set_wherever_one_is_taken() {
+    let town = "sumo_nets/town/town.sumocfg";
+    let times = ["--begin", "600", "--end", "00:15:00"];
+    let settings = ["--set", "traffic.begin_s=600", "--set", "traffic.end_s=900"];
+    for command in [
+        &["baseline", town, "--controller", "program", "--episodes", "1", "--json"][..],
+        &["describe", town, "--json"],
+        &["nets", "inspect", town, "--json"],
+    ] {
+        let [by_option, by_setting] = [times, settings]
+            .map(|more| text(&dials_traffic(&[command, &more].concat()).assert().success().get_output().stdout));
+        assert_eq!(by_option, by_setting, "{command:?}");
+        let whole = text(&dials_traffic(command).assert().success().get_output().stdout);
+        assert!(command[0] == "nets" || whole != by_option, "{command:?}");
+    }
+    assert_refused(&mut dials_traffic(&["nets", "inspect", town, "--end", "noon"]), &["--end", "07:00:00"]);
+}
+
+#[test]
 fn info_tells_versions_and_places() {
     let said = text(&dials_traffic(&["info"]).assert().success().get_output().stdout);
     let torch = if cfg!(feature = "torch") { ["libtorch 1.13", "libtorch_cpu"] } else { ["no libtorch", "`torch`"] };

@@ -143,7 +143,7 @@ fn a_number_outside_its_range_is_refused_with_the_range() {
         (&["bench", config, "--seconds", "0"], "from 1 to 86400"),
         (&["bench", config, "--seconds", &most], "from 1 to 86400"),
         (&["check", config, "--seconds", "0"], "from 1 to 31536000"),
-        (&["check", config, "--begin", &most], "from 0 to 31536000"),
+        (&["check", config, "--from", &most], "from 0 to 31536000"),
         (&["check", config, "--sigma", "nan"], "must be from 0 to 1"),
         (&["check", config, "--sigma", "much"], "must be a number such as 0.5"),
         (&["experiment", config, "--cores", "0"], "from 1 to 4096"),

@@ -8,6 +8,7 @@ use std::path::{Path, PathBuf};
 use anyhow::{Context, Result, anyhow, ensure};
 use serde_json::{Value, json};
 
+use super::nets::scenario_with;
 use crate::cli::InspectArgs;
 use dials_core::base::for_terminal;
 use dials_core::domain::road_trace::Line;
@@ -75,7 +76,7 @@ impl Inspected {
             path.display()
         );
         let (net, roads, departs_on, seconds, left_out) = if Sumocfg::is_one(path) {
-            let config = ScenarioConfig::of_file(path)?;
+            let config = scenario_with(path, &args.settings.all())?;
             let scenario = SumoScenario::read(&config)?;
             let roads = scenario.roads()?;
             let departs_on = scenario.departs_on(&roads);

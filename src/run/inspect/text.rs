@@ -171,7 +171,7 @@ fn describe_lanes(text: &mut Listing, plan: &AgentPlan) {
     text.table([head].into_iter().chain(rows).collect());
     text.line(format_args!("  {}:", counted(region.exits.len(), "exit lane")));
     let rows = region.exits.iter().map(|exit| {
-        let leads = if exit.leaves_the_net { "leaves the net" } else { "leads to another light" };
+        let leads = if exit.leaves_the_net { "leaves the net" } else { "leads to a light" };
         [exit.lane.clone(), format!("{:.1} m", exit.length_m), leads.to_owned()]
     });
     text.table(rows.collect());

@@ -35,6 +35,18 @@ fn an_end_that_is_missing_or_absurd_follows_from_the_departures() {
 }
 
 #[test]
+fn a_parameter_that_only_names_an_output_is_left_out_with_a_note() {
+    let room = Room::new();
+    let light = "<tlLogic id=\"r0c0\" type=\"actuated\" programID=\"1\"><phase duration=\"9\" state=\"GGGG\"/>\
+                 <param key=\"file\" value=\"NULL\"/></tlLogic></additional>";
+    room.change(super::room::MORE, "</additional>", light);
+    let scenario = room.read().unwrap();
+    let note = "1 x <param key=\"file\">: this program measures and writes by itself";
+    assert!(scenario.left_out().iter().any(|left| left.contains(note)), "{:?}", scenario.left_out());
+    assert!(!scenario.additional().any(|root| format!("{root:?}").contains("NULL")));
+}
+
+#[test]
 fn a_configuration_is_known_by_its_root_whatever_its_name_ends_in() {
     let room = Room::new();
     let other = room.path("x.sumo.cfg");

@@ -83,7 +83,7 @@ fn where_no_jam_reaches_the_border_both_simulators_are_the_same() {
 
 #[test]
 fn a_second_without_cars_is_no_reason_to_trust_a_light() {
-    let options = ["--sigma", "0", "--light", "b2", "--begin", "0", "--seconds", "1"];
+    let options = ["--sigma", "0", "--light", "b2", "--from", "0", "--seconds", "1"];
     let output = check(&shipped("town")).args(options).assert().success();
     let text = String::from_utf8(output.get_output().stdout.clone()).unwrap();
     assert!(text.contains("it cannot be judged") && !text.contains("can be trusted"), "{text}");
@@ -109,7 +109,7 @@ fn grids_of_the_paper_are_checked_too() {
 
 #[test]
 fn the_table_fits_a_terminal_and_names_the_worst_lights() {
-    let output = check(&shipped("arterial")).args(["--seconds", "120", "--begin", "300"]).assert().success();
+    let output = check(&shipped("arterial")).args(["--seconds", "120", "--from", "300"]).assert().success();
     let text = String::from_utf8(output.get_output().stdout.clone()).unwrap();
     let table: Vec<&str> = text.lines().collect();
     assert!(table.iter().all(|line| line.chars().count() <= 80), "{text}");
@@ -127,8 +127,8 @@ fn what_cannot_be_checked_is_refused_with_the_way_out() {
     let grid = repository("configs/traffic_4.toml");
     for (config, options, told) in [
         (&grid, &["--light", "r0c9"][..], "--light: no light `r0c9` learns here (did you mean `r0c0`"),
-        (&grid, &["--begin", "300"], "--begin 300: an episode has 300 s; begin earlier"),
-        (&grid, &["--seconds", "400"], "from second 100 on an episode has 200 s; ask for fewer or set --begin"),
+        (&grid, &["--from", "300"], "--from 300: an episode has 300 s; begin earlier"),
+        (&grid, &["--seconds", "400"], "from second 100 on an episode has 200 s; ask for fewer or set --from"),
         (&grid, &["--sigma", "0.5"], "--sigma 0.5: the cars of the paper's grids never dawdle"),
         (&grid, &["--sigma", "2"], "must be from 0 to 1"),
         (&repository("configs/smoke_warehouse.toml"), &[], "only traffic has lights to check"),

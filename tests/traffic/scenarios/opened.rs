@@ -58,7 +58,7 @@ fn everything_that_opens_a_run_notices_a_scenario_that_was_changed_since() {
     evaluate().assert().success();
     let check = || {
         let mut command = dials_traffic();
-        command.arg("check").arg(run.join("config.toml")).args(["--begin", "0", "--seconds", "30", "--sigma", "0"]);
+        command.arg("check").arg(run.join("config.toml")).args(["--from", "0", "--seconds", "30", "--sigma", "0"]);
         command
     };
     check().assert().success();

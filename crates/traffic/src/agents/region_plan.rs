@@ -25,7 +25,7 @@ pub struct Exit {
     pub lane: String,
     pub length_m: f64,
     pub(crate) speed_limit_mps: f64,
-    /// Whether cars on it leave the net without coming to another light.
+    /// Whether cars on it leave the net without coming to another light or, at once, to this one again.
     pub leaves_the_net: bool,
 }
 

@@ -73,6 +73,11 @@ fn names_a_file(key: &str) -> bool {
     words.iter().any(|word| key.contains(word)) || DEVICES.iter().any(|device| key.starts_with(device))
 }
 
+/// Returns whether a parameter with this key only says where its light or detector writes.
+pub(crate) fn names_an_output(key: &str) -> bool {
+    matches!(key, "file" | "output") || key.ends_with("-output")
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

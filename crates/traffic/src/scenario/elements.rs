@@ -9,9 +9,10 @@ use std::path::Path;
 use anyhow::{Result, bail, ensure};
 
 use super::ROUTE_FILES;
+use crate::network::other_files::names_an_output;
 use crate::network::roads::attributes::tag;
 use crate::network::tree::Element;
-use dials_core::outside::Printable;
+use dials_core::outside::{Printable, excerpt};
 
 const MEASURES: &str = "edgeData laneData inductionLoop e1Detector instantInductionLoop laneAreaDetector e2Detector \
                         entryExitDetector e3Detector vTypeProbe routeProbe timedEvent";
@@ -83,9 +84,11 @@ pub(super) fn clean(option: &str, file: &Path, root: &mut Element, left: &mut Le
         }
         !measures
     });
+    let writes = leave_outputs_out(file, root, left);
+    let is_changed = writes || root.children.len() < before;
     if root.name == "net" {
         check_known(file, root, IN_A_NET)?;
-        return Ok(root.children.len() < before);
+        return Ok(is_changed);
     }
     check_known(file, root, IN_OTHERS)?;
     root.children.iter().try_for_each(|child| check_within(file, child))?;
@@ -93,7 +96,22 @@ pub(super) fn clean(option: &str, file: &Path, root: &mut Element, left: &mut Le
     if let Some(child) = root.children.iter().find(is_skipped) {
         bail!("{}: {}: SUMO skips it in a route file; move it to an additional file", file.display(), tag(child));
     }
-    Ok(root.children.len() < before)
+    Ok(is_changed)
+}
+
+/// Takes out parameters that only say where something is written. Returns whether there were some.
+fn leave_outputs_out(file: &Path, element: &mut Element, left: &mut Left) -> bool {
+    let before = element.children.len();
+    element.children.retain(|child| {
+        let key = child.attribute("key").filter(|key| child.name == "param" && names_an_output(key));
+        if let Some(key) = key {
+            let kind = format!("param key=\"{}\"", excerpt(key));
+            *left.counts.entry((file.display().to_string(), kind)).or_default() += 1;
+        }
+        key.is_none()
+    });
+    let is_shorter = element.children.len() < before;
+    element.children.iter_mut().fold(is_shorter, |changed, child| leave_outputs_out(file, child, left) || changed)
 }
 
 fn check_within(file: &Path, element: &Element) -> Result<()> {

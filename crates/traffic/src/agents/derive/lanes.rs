@@ -92,7 +92,8 @@ fn links_reached(
     }
 }
 
-/// Returns whether cars on an edge leave the net without coming to another light. They do not turn around.
+/// Returns whether cars on an edge leave the net without coming to another light, or at once to another junction of this one. They
+/// do not turn around.
 fn leaves_the_net(roads: &Roads, light: &str, exit: EdgeNo) -> bool {
     let mut seen = BTreeSet::from([exit]);
     let mut open = vec![exit];
@@ -100,7 +101,7 @@ fn leaves_the_net(roads: &Roads, light: &str, exit: EdgeNo) -> bool {
         let ways = roads.edge(edge).lanes.iter().flat_map(|&lane| roads.links_from(lane));
         for way in ways.filter(|way| roads.carries_cars(way) && !way.turns_around) {
             match &way.signal {
-                Some(signal) if signal.light != light => return false,
+                Some(signal) if signal.light != light || edge == exit => return false,
                 Some(_) => {}
                 None => {
                     let next = roads.lane(way.to).edge;

@@ -74,6 +74,17 @@ fn a_region_ends_at_another_light_and_so_does_the_way_out() {
 }
 
 #[test]
+fn a_road_between_two_junctions_of_one_light_does_not_leave_the_net() {
+    let joined = (r#"via=":U_1_0" dir="r"/>"#, r#"via=":U_1_0" tl="J" linkIndex="4" dir="r"/>"#);
+    let states = ["GGrr", "yyrr", "rrrr", "rrGG", "rryy"]
+        .map(|state| (format!("state=\"{state}\""), format!("state=\"{state}G\"")));
+    let states = states.iter().map(|(old, new)| (old.as_str(), new.as_str()));
+    let plan = plan(&[joined].into_iter().chain(states).collect::<Vec<_>>(), Rules::default(), "");
+    let exits: Vec<_> = plan.region.exits.iter().map(|exit| (exit.lane.as_str(), exit.leaves_the_net)).collect();
+    assert!(exits.contains(&("near_0", false)) && exits.contains(&("out_0", true)), "{exits:?}");
+}
+
+#[test]
 fn a_region_has_at_most_eight_junctions() {
     // `far` as a chain of ten edges of 10 m, with junctions between them.
     let junction = |number: usize| if number == 0 { "U".to_owned() } else { format!("C{number}") };
