@@ -41,21 +41,13 @@ fn compile(file: &str, defines: &[(&str, &str)]) {
 /// Makes a shared library of empty functions for each one in the list, and `stand_ins.in`: a Rust array of their names and bytes.
 fn make_stand_ins(out: &Path, only_names: bool) {
     let list = fs::read_to_string(STAND_INS).expect("it lies beside build.rs");
-    let libraries = list.lines().filter(|line| !line.starts_with('#')).fold(Vec::new(), |mut libraries, line| {
-        match line.strip_suffix(':') {
-            Some(library) => libraries.push((library, Vec::new())),
-            None => libraries
-                .last_mut()
-                .into_iter()
-                .for_each(|(_, names): &mut (_, Vec<_>)| names.extend(line.split_whitespace())),
-        }
-        libraries
-    });
+    // The first block is a comment.
+    let libraries = list.split("\n\n").skip(1).filter_map(|block| block.split_once(':'));
     let mut array = String::from("[\n");
     for (library, names) in libraries {
         // Not under its name: cargo lets the loader look in this folder.
         let [source, made] = ["c", "stand_in"].map(|ending| out.join(format!("{library}.{ending}")));
-        let functions: String = names.iter().map(|name| format!("void {name}(void) {{}}\n")).collect();
+        let functions: String = names.split_whitespace().map(|name| format!("void {name}(void) {{}}\n")).collect();
         fs::write(&source, functions).expect("the folder for outputs can be written to");
         if only_names {
             fs::write(&made, "").expect("as above");

@@ -4,6 +4,7 @@ use std::ops::{Range, RangeInclusive};
 
 use clap::builder::{PossibleValue, PossibleValuesParser};
 use dials_learn::config::short_forms;
+use dials_traffic::config::sumo_time::seconds as seconds_of;
 
 pub(super) fn short_form() -> PossibleValuesParser {
     let capital = |text: &str| format!("{}{}", text[..1].to_uppercase(), &text[1..]);
@@ -17,16 +18,10 @@ pub(super) fn seconds(text: &str) -> Result<Range<usize>, String> {
     if ends.start < ends.end { Ok(ends) } else { Err("must begin before it ends, such as 600,1200".to_owned()) }
 }
 
-/// Reads a second of the day, as a number or as a clock.
+/// Reads a second as SUMO's files write it: as a number or as a clock.
 pub(super) fn time(text: &str) -> Result<u64, String> {
-    let parts: Option<Vec<u64>> = text.split(':').map(whole_number).collect();
-    match parts.as_deref() {
-        Some([second]) => Ok(*second),
-        Some([hours, minutes, seconds]) if *hours < 10_000 && *minutes < 60 && *seconds < 60 => {
-            Ok(hours * 3600 + minutes * 60 + seconds)
-        }
-        _ => Err("must be a whole second, such as 25200 or 07:00:00".to_owned()),
-    }
+    let second = seconds_of(text).ok().filter(|second| second.fract() == 0.0 && (0.0..2_f64.powi(53)).contains(second));
+    second.map(|second| second as u64).ok_or_else(|| "must be a whole second, such as 25200 or 07:00:00".to_owned())
 }
 
 /// Returns a reader of whole numbers of this range, written as `--set` has them: `1000000`, `1_000_000` or `1e6`.

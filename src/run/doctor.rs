@@ -152,13 +152,10 @@ fn build_here() -> Finding {
 fn sumo() -> Vec<Finding> {
     let found = match dials_traffic::sumo() {
         Ok(sumo) => Finding::Good(about_sumo(sumo)),
-        Err(error) => match error.downcast::<SumoError>() {
-            Ok(SumoError::Library { text, way_out }) => {
-                Finding::Error(format!("SUMO's library cannot be loaded: {text}"), way_out)
-            }
-            Ok(error) => Finding::Error(error.to_string(), INSTALL_SUMO.to_owned()),
-            Err(error) => Finding::Error(format!("{error:#}"), INSTALL_SUMO.to_owned()),
-        },
+        Err(SumoError::Library { text, way_out }) => {
+            Finding::Error(format!("SUMO's library cannot be loaded: {text}"), way_out)
+        }
+        Err(error) => Finding::Error(error.to_string(), INSTALL_SUMO.to_owned()),
     };
     let places = dials_traffic::sumo_places();
     let looked = places.iter().map(|place| Finding::Note(about_place(place)));

@@ -15,7 +15,7 @@ pub(super) fn info() -> Result<()> {
     let build = build::without_sumo(PROGRAM, VectorWidth::Widest).map_err(Error::Run)?;
     let mut lines = vec![
         format!("dials-traffic {} (commit {})", build.dials_traffic, build.git_commit),
-        dials_traffic::sumo().map_or_else(|error| format!("no SUMO: {error:#}"), about_sumo),
+        dials_traffic::sumo().map_or_else(|error| format!("no SUMO: {error}"), about_sumo),
     ];
     lines.extend(dials_traffic::sumo_places().iter().map(|place| format!("  {}", about_place(place))));
     lines.extend([
@@ -30,14 +30,13 @@ pub(super) fn info() -> Result<()> {
 
 /// Returns version, file and builder of the SUMO that is taken, and what its numbers stand for.
 pub(super) fn about_sumo(sumo: &Sumo) -> String {
-    let file = loaded_library("libsumocpp.so").unwrap_or(sumo.file.clone());
     let strings = if sumo.has_strings_of_cpp11() { "of C++11" } else { "from before C++11" };
     let numbers = match sumo.version.is_tried() {
         _ if sumo.version.is_reference() => "the version of the published numbers",
         true => "its numbers may differ a little from the published ones, which are of 1.15",
         false => "newer than what was tried; its numbers may differ from the published ones, which are of 1.15",
     };
-    format!("{} ({}, strings {strings}) at {}: {numbers}", sumo.name, sumo.builder(), file.display())
+    format!("{} ({}, strings {strings}) at {}: {numbers}", sumo.name, sumo.builder(), sumo.file.display())
 }
 
 /// Returns a place where SUMO is looked for, and whether it is there.
@@ -59,12 +58,12 @@ fn about_libtorch(build: &Versions) -> Result<String> {
     Ok(format!("libtorch {} at {torch}\nBLAS at {blas}", build.libtorch))
 }
 
-pub(super) fn place(found: Option<PathBuf>) -> String {
+fn place(found: Option<PathBuf>) -> String {
     found.map_or("(not found)".to_owned(), |path| path.display().to_string())
 }
 
 /// Finds the file of a shared library that this process has loaded. `name`: part of its file name.
-pub(super) fn loaded_library(name: &str) -> Option<PathBuf> {
+fn loaded_library(name: &str) -> Option<PathBuf> {
     file_in(&std::fs::read_to_string("/proc/self/maps").ok()?, name)
 }
 

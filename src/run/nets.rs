@@ -48,6 +48,7 @@ pub(super) fn nets(args: &NetsCommand) -> CommandResult<()> {
 
 /// Reads a .sumocfg as a config, with settings laid over it.
 pub(super) fn scenario_with(file: &Path, settings: &[String]) -> Result<ScenarioConfig> {
+    // Its errors are about the scenario, and not about a config.
     if settings.is_empty() {
         return ScenarioConfig::of_file(file);
     }

@@ -114,7 +114,7 @@ fn begin(args: &cli::TrainArgs, config_path: &Path, wanted: Option<usize>) -> Re
     if let Some(sumo) = domains::sumo(&config).map_err(Error::Usage)?
         && !sumo.version.is_tried()
     {
-        warn(format_args!("warning: nobody has tried {} with this program, only SUMO 1.15 to 1.28", sumo.name));
+        warn(format_args!("warning: {} is newer than all that was tried with this program", sumo.name));
     }
     allow_workers(workers(wanted, &config, domain.agents()))?;
     let existing = match (args.force, &args.out) {

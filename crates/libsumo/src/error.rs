@@ -3,7 +3,7 @@
 /// The reason why SUMO, or this crate before it, refused a call.
 ///
 /// SUMO's own words are in the field `text`, in one line, without prefixes such as `Error:`.
-#[derive(Debug, thiserror::Error)]
+#[derive(Clone, Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum Error {
     /// The thread already holds a simulation. Waiting for it would never end, because the same thread would have to

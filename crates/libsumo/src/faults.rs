@@ -120,6 +120,7 @@ mod tests {
         assert!(not_loaded(nothing, Path::new(LIBRARY)).1.starts_with("install SUMO (pip"));
         assert!(lacking("Vehicle::add Lane::getLength").0.starts_with("lacks 2 of SUMO's functions: Vehicle::add, "));
     }
+
     #[test]
     fn a_library_without_its_end_is_found_before_the_loader_dies_of_it() {
         let whole = fs::read("/proc/self/exe").unwrap();

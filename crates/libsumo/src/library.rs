@@ -14,7 +14,7 @@
 //!
 //! **Why are names made at run time?** libsumo's interface is C++, so a symbol's name holds the types of the parameters. There are
 //! two types of std::string: that of C++11, and an older one, which the wheels of SUMO up to 1.25 have. So each function has two
-//! names, and a third where a version takes a text by value. Written down, they would be 100 names of 150 letters. The compiler
+//! names, and more where a version takes a text by value. Written down, they would be some eighty long names. The compiler
 //! knows them: `shim/late.h` takes a function's type as the compiler names it, and makes the symbol's name of it.
 //!
 //! **Why is the shim compiled twice?** A std::string made with one of the two types cannot be read as the other.
@@ -23,8 +23,7 @@
 //!
 //! **What else was considered.** *Assembler*: one jump per function, in place of the function itself, fits every signature. So it
 //! was here once, with SUMO's headers; but only on x86-64, and for one type of string. *The shim as a shared library of its own*
-//! would be a second file beside every program, which must be found, and must be of the same build. *TraCI*, over a
-//! socket, takes ten times as long per step.
+//! would be a second file beside every program, which must be found, and must be of the same build.
 //!
 //! **Why `RTLD_LAZY | RTLD_LOCAL`?** Lazily, because libsumo's own libraries are bound as in any program that links them: at the
 //! first call of a function. Most are never called. Locally, so that no symbol of theirs replaces one of the program's.
@@ -49,6 +48,7 @@ use super::version::{OLDEST, Version};
 
 /// Code of [`ffi::ds_open`] for a library that lacks functions.
 const LACKS: i32 = 2;
+
 /// The library of SUMO that this process has loaded.
 #[derive(Clone, Debug)]
 #[non_exhaustive]
@@ -89,7 +89,7 @@ impl Library {
     }
 }
 
-static LOADED: OnceLock<std::result::Result<Library, (String, String)>> = OnceLock::new();
+static LOADED: OnceLock<Result<Library>> = OnceLock::new();
 
 /// Returns a variable of the environment that lets a child of this process load the same library. `None`: none is loaded.
 pub fn variable_for_children() -> Option<(&'static str, &'static Path)> {
@@ -104,16 +104,16 @@ pub fn variable_for_children() -> Option<(&'static str, &'static Path)> {
 /// # Errors
 /// [`Error::Library`] if there is none, or one that cannot be used. The outcome is remembered: later calls return the same.
 pub fn load() -> Result<&'static Library> {
-    let loaded = LOADED.get_or_init(|| open(&places()));
-    loaded.as_ref().map_err(|(text, way_out)| Error::Library { text: text.clone(), way_out: way_out.clone() })
+    LOADED.get_or_init(|| open(&places())).as_ref().map_err(Error::clone)
 }
 
-/// Opens the library in the first place that has it. An error is what is wrong, and the way out.
-fn open(places: &[Place]) -> std::result::Result<Library, (String, String)> {
+/// Opens the library in the first place that has it.
+fn open(places: &[Place]) -> Result<Library> {
     let place = taken(places).or(places.last()).expect("there is always a place");
     let file = &place.library;
     let fail = |text: String, way_out: &str| {
-        Err((format!("{} ({}): {text}", file.display(), place.source), way_out.to_owned()))
+        let text = format!("{} ({}): {text}", file.display(), place.source);
+        Err(Error::Library { text, way_out: way_out.to_owned() })
     };
     if place.is_there == Some(false) {
         return fail(

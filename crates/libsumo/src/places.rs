@@ -39,17 +39,13 @@ pub struct Place {
 /// These are: the file that `DIALS_SUMO_LIBRARY` names, and then no other; `SUMO_HOME`; the Python packages beside this program or
 /// library, as `pip install eclipse-sumo` makes them; the environments `VIRTUAL_ENV` and `CONDA_PREFIX`; the system.
 pub fn places() -> Vec<Place> {
+    let at = |source, library: PathBuf| Place { source, is_there: Some(library.exists()), library };
     if let Some(library) = variable(VARIABLE) {
-        let is_there = Some(library.exists());
-        return vec![Place { source: VARIABLE, library, is_there }];
+        return vec![at(VARIABLE, library)];
     }
     let mut places = Vec::new();
-    let mut add = |source, libraries: Vec<PathBuf>| {
-        places.extend(libraries.into_iter().map(|library| {
-            let is_there = Some(library.exists());
-            Place { source, library, is_there }
-        }));
-    };
+    let mut add =
+        |source, libraries: Vec<PathBuf>| places.extend(libraries.into_iter().map(|library| at(source, library)));
     add("SUMO_HOME", variable("SUMO_HOME").map(|home| in_home(&home)).unwrap_or_default());
     add("beside this program", beside_own_files());
     add("VIRTUAL_ENV", variable("VIRTUAL_ENV").map(|folder| in_environment(&folder)).unwrap_or_default());

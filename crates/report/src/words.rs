@@ -142,7 +142,7 @@ pub(crate) fn warnings(Sorted { comparisons, missing, left_out }: &Sorted) -> Ve
     warnings
 }
 
-/// Returns a warning if there are several versions of SUMO among these, one per run or controller.
+/// Returns a warning if there are several versions of SUMO among these: those of each run and of each controller.
 pub(crate) fn of_versions<'a>(versions: impl Iterator<Item = &'a str>) -> Option<String> {
     let mut counts = BTreeMap::new();
     versions.for_each(|version| *counts.entry(version).or_insert(0) += 1);

@@ -109,7 +109,7 @@ fn domain(config: &RunConfig) -> &DomainConfig {
 /// Loads SUMO if the domain of a config needs it. If not: `None`.
 pub fn sumo(config: &RunConfig) -> Result<Option<&'static dials_traffic::Sumo>> {
     match domain(config) {
-        DomainConfig::Traffic(_) => dials_traffic::sumo().map(Some),
+        DomainConfig::Traffic(_) => Ok(Some(dials_traffic::sumo()?)),
         _ => Ok(None),
     }
 }

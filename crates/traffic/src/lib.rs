@@ -80,8 +80,8 @@ use sim::visits::Visits;
 const DEMAND_PATIENCE: Duration = Duration::from_secs(10);
 
 /// Returns the SUMO that this process simulates with.
-pub fn sumo() -> Result<&'static Sumo> {
-    Ok(libsumo::load()?)
+pub fn sumo() -> std::result::Result<&'static Sumo, SumoError> {
+    libsumo::load()
 }
 
 /// Returns the places where SUMO is looked for, in order.

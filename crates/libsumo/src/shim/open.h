@@ -10,7 +10,7 @@ extern "C" {
 struct found {
     const struct ds_shim *shim;
     const char *version;
-    const void *code; // Where one of SUMO's functions is.
+    const void *code;    // Where one of SUMO's functions is.
     const char *missing; // Names of functions that the library lacks, with blanks between.
     int count;           // Their number; negative without memory.
 };

@@ -116,10 +116,6 @@ std::string decimal(double number) {
     return std::string(digits, ds_decimal(number, digits, sizeof digits));
 }
 
-std::string decimal(uint64_t number) { return std::to_string(number); }
-
-std::string decimal(uint32_t number) { return std::to_string(number); }
-
 // Returns a car's name as a number: its value if it is decimal without leading zeros and fits 63 bits, else FNV-1a 64 with the
 // top bit set. So the cars 7 and 07 differ.
 uint64_t identity(const std::string &name) {
@@ -265,7 +261,7 @@ int ds_insert(const struct ds_insertion *cars, size_t count) {
     return guarded([&] {
         for (size_t i = 0; i < count; ++i) {
             const auto &car = cars[i];
-            const std::string serial = decimal(car.car);
+            const std::string serial = std::to_string(car.car);
             add(serial, name(DS_ROUTE, car.route), type, lane, decimal(car.position), car.speed < 0 ? max : decimal(car.speed), max);
         }
     });
@@ -276,8 +272,8 @@ int ds_enter(const struct ds_entering *cars, size_t count) {
     return guarded([&] {
         for (size_t i = 0; i < count; ++i) {
             const auto &car = cars[i];
-            const std::string serial = decimal(car.car);
-            add(serial, name(DS_ROUTE, car.route), name(DS_TYPE, car.type), car.lane == UINT32_MAX ? first : decimal(car.lane),
+            const std::string serial = std::to_string(car.car);
+            add(serial, name(DS_ROUTE, car.route), name(DS_TYPE, car.type), car.lane == UINT32_MAX ? first : std::to_string(car.lane),
                 decimal(car.position), car.speed < 0 ? max : decimal(car.speed), car.end < 0 ? max : decimal(car.end));
             // SUMO has drawn one from a generator that all cars share.
             Vehicle::setSpeedFactor(serial, car.speed_factor);
@@ -289,7 +285,7 @@ int ds_place(const struct ds_placing *cars, size_t count) {
     return guarded([&] {
         for (size_t i = 0; i < count; ++i) {
             const auto &car = cars[i];
-            const std::string serial = decimal(car.car);
+            const std::string serial = std::to_string(car.car);
             Vehicle::moveTo(serial, name(DS_LANE, car.lane), car.position, move_automatic);
             Vehicle::setPreviousSpeed(serial, car.speed, invalid_double);
             // It is on the road, and no longer one of those that wait.
@@ -433,7 +429,6 @@ struct found DS_BIND(void *library) noexcept {
                 missing.append(count++ == 0 ? "" : " ").append(function->words());
             }
         }
-        // Not guarded, because no other thread may be inside, but other code may write to the streams.
         if (count == 0) {
             version = Simulation::getVersion().second;
         }

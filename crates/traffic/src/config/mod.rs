@@ -4,7 +4,7 @@ mod grid;
 mod reward;
 mod scenario;
 pub(crate) mod sumo_options;
-pub(crate) mod sumo_time;
+pub mod sumo_time;
 pub mod sumocfg;
 
 use std::fmt::{self, Formatter};

@@ -7,7 +7,7 @@ use dials_core::outside::excerpt;
 /// Returns a time in seconds.
 ///
 /// Source: SUMO 1.15, `string2time` in `src/utils/common/SUMOTime.cpp`.
-pub(crate) fn seconds(text: &str) -> Result<f64> {
+pub fn seconds(text: &str) -> Result<f64> {
     let wrong = || format!("`{}` is no time: it must be seconds, such as 3600, or 01:00:00", excerpt(text));
     let parts: Vec<&str> = text.split(':').collect();
     let numbers =

@@ -239,16 +239,21 @@ fn vehicles_of(flow: &Element, begins: f64, (begin, end): (f64, f64)) -> f64 {
     let ends = flow.attribute("end").and_then(|text| seconds(text).ok()).unwrap_or(end);
     let shared = (ends.min(end) - begins.max(begin)).max(0.0);
     let number = |key: &str| flow.attribute(key)?.trim().parse::<f64>().ok();
-    // The number of a random period is its rate, in vehicles per second.
-    let random = || flow.attribute("period")?.trim().strip_prefix("exp(")?.strip_suffix(')')?.trim().parse().ok();
-    let per_hour = number("vehsPerHour").or_else(|| number("perHour")).map(|rate| rate / 3600.0);
-    let rate = per_hour.or_else(|| number("period").map(|period| 1.0 / period)).or_else(random);
-    match (number("number"), rate.or_else(|| number("probability"))) {
+    match (number("number"), vehicles_per_s(flow).or_else(|| number("probability"))) {
         (None, None) => 1.0,
         (Some(number), None) if ends > begins => number * shared / (ends - begins),
         (Some(number), None) => number * f64::from((begin..end).contains(&begins)),
         (number, Some(rate)) => (rate * shared).min(number.unwrap_or(f64::INFINITY)),
     }
+}
+
+/// Returns the rate of a flow that names one, or a period.
+pub(super) fn vehicles_per_s(flow: &Element) -> Option<f64> {
+    let number = |key: &str| flow.attribute(key)?.trim().parse::<f64>().ok();
+    let per_hour = ["vehsPerHour", "perHour", "personsPerHour"].into_iter().find_map(number);
+    // The number of a random period is its rate.
+    let random = || flow.attribute("period")?.trim().strip_prefix("exp(")?.strip_suffix(')')?.trim().parse().ok();
+    per_hour.map(|rate| rate / 3600.0).or_else(|| number("period").map(|period| 1.0 / period)).or_else(random)
 }
 
 /// Returns an error if a parameter of a type, vehicle or flow gives it a device that is refused as an option, too.

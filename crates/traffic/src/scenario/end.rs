@@ -9,8 +9,10 @@ use std::collections::{BinaryHeap, HashMap};
 
 use anyhow::Result;
 
+use super::demand::vehicles_per_s;
 use crate::config::sumo_time::seconds;
 use crate::config::sumocfg::Sumocfg;
+use crate::network::roads::{EdgeNo, Roads};
 use crate::network::tree::{Element, parse_file, read_whole};
 
 const AFTER_LAST_S: f64 = 600.0;
@@ -39,8 +41,8 @@ pub(crate) fn of(scenario: &Sumocfg) -> Result<Option<u64>> {
         }
     }
     let Some((departs_s, vehicle)) = last else { return Ok(None) };
-    let net = parse_file(&scenario.net, &read_whole(&scenario.net)?)?;
-    let drives_s = Roads::of(&net).way_s(&vehicle, &routes).unwrap_or(0.0);
+    // Whoever opens the scenario says what is wrong with its net.
+    let drives_s = Roads::of_file(&scenario.net).ok().and_then(|roads| way_s(&roads, &vehicle, &routes)).unwrap_or(0.0);
     let end_s = departs_s.max(scenario.begin_s as f64) + AFTER_LAST_S.max(drives_s);
     Ok(Some(((end_s / MINUTE_S).ceil() * MINUTE_S) as u64))
 }
@@ -55,73 +57,55 @@ fn last_departure(element: &Element, begin_s: f64) -> Option<f64> {
         return None;
     }
     let begins_s = time("begin").unwrap_or(begin_s);
-    let number = |key: &str| element.attribute(key)?.trim().parse::<f64>().ok();
-    let per_hour = number("vehsPerHour").or(number("perHour")).or(number("personsPerHour"));
-    let period_s = number("period").or(per_hour.map(|rate| 3600.0 / rate));
-    let of_number = || Some(begins_s + number("number")? * period_s?);
+    let number = || element.attribute("number")?.trim().parse::<f64>().ok();
+    let of_number = || Some(begins_s + number()? / vehicles_per_s(element)?);
     let last_s = time("end").or_else(of_number).unwrap_or(begins_s + ENDLESS_FLOW_S);
     last_s.is_finite().then_some(last_s)
 }
 
-/// Roads as a graph: seconds on each at the speed limit, and where they lead.
-struct Roads<'a> {
-    seconds: HashMap<&'a str, f64>,
-    next: HashMap<&'a str, Vec<&'a str>>,
+/// Returns how long a vehicle drives on free roads. `None` if its way is not known here, as between zones. `routes`: edges of the
+/// routes that have a name.
+fn way_s(roads: &Roads, vehicle: &Element, routes: &HashMap<String, String>) -> Option<f64> {
+    let inner = || vehicle.all("route").next()?.attribute("edges");
+    let named = || routes.get(vehicle.attribute("route")?).map(String::as_str);
+    let edge = |name: &str| roads.edge_named(name);
+    match inner().or_else(named) {
+        Some(edges) => edges.split_whitespace().map(|name| on_edge_s(roads, edge(name)?)).sum(),
+        None => fastest_s(roads, edge(vehicle.attribute("from")?)?, edge(vehicle.attribute("to")?)?),
+    }
 }
 
-impl<'a> Roads<'a> {
-    fn of(net: &'a Element) -> Roads<'a> {
-        let number = |element: &Element, key: &str| element.attribute(key)?.parse::<f64>().ok();
-        let on_lane = |lane: &Element| Some(number(lane, "length")? / number(lane, "speed")?);
-        let on_edge = |edge: &'a Element| Some((edge.attribute("id")?, edge.all("lane").next().and_then(on_lane)?));
-        let mut next: HashMap<&str, Vec<&str>> = HashMap::new();
-        for connection in net.all("connection") {
-            if let (Some(from), Some(to)) = (connection.attribute("from"), connection.attribute("to")) {
-                next.entry(from).or_default().push(to);
-            }
-        }
-        Roads { seconds: net.all("edge").filter_map(on_edge).collect(), next }
-    }
+fn on_edge_s(roads: &Roads, edge: EdgeNo) -> Option<f64> {
+    let lane = roads.lane(*roads.edge(edge).lanes.first()?);
+    Some(lane.length_m / lane.speed_limit_mps)
+}
 
-    /// Returns how long a vehicle drives on free roads. `None` if its way is not known here, as between zones.
-    fn way_s(&self, vehicle: &Element, routes: &HashMap<String, String>) -> Option<f64> {
-        let inner = || vehicle.all("route").next()?.attribute("edges");
-        let named = || routes.get(vehicle.attribute("route")?).map(String::as_str);
-        match inner().or_else(named) {
-            Some(edges) => edges.split_whitespace().map(|edge| self.seconds.get(edge)).sum(),
-            None => self.fastest_s(vehicle.attribute("from")?, vehicle.attribute("to")?),
+/// Dijkstra's algorithm. Keys are milliseconds, because those of a heap must be in order.
+fn fastest_s(roads: &Roads, from: EdgeNo, to: EdgeNo) -> Option<f64> {
+    let millis_on = |edge| Some((on_edge_s(roads, edge)? * 1000.0).ceil() as u64);
+    let mut queue = BinaryHeap::from([Reverse((millis_on(from)?, from))]);
+    let mut done = vec![false; roads.edges.len()];
+    while let Some(Reverse((millis, edge))) = queue.pop() {
+        if edge == to {
+            return Some(millis as f64 / 1000.0);
         }
-    }
-
-    /// Dijkstra's algorithm. Keys are milliseconds, because those of a heap must be in order.
-    fn fastest_s(&self, from: &str, to: &str) -> Option<f64> {
-        let cost = |edge: &str| Some((self.seconds.get(edge)? * 1000.0).ceil() as u64);
-        let (from, _) = self.seconds.get_key_value(from)?;
-        let mut queue = BinaryHeap::from([Reverse((cost(from)?, *from))]);
-        let mut known: HashMap<&str, u64> = HashMap::new();
-        while let Some(Reverse((millis, edge))) = queue.pop() {
-            if edge == to {
-                return Some(millis as f64 / 1000.0);
-            }
-            if known.get(edge).is_some_and(|best| *best <= millis) {
-                continue;
-            }
-            known.insert(edge, millis);
-            let onward = self.next.get(edge).into_iter().flatten();
-            queue.extend(onward.filter_map(|next| Some(Reverse((millis + cost(next)?, *next)))));
+        if std::mem::replace(&mut done[edge.0], true) {
+            continue;
         }
-        None
+        let links = roads.edge(edge).lanes.iter().flat_map(|&lane| roads.links_from(lane));
+        let onward = links.map(|link| roads.lane(link.to).edge);
+        queue.extend(onward.filter_map(|next| Some(Reverse((millis + millis_on(next)?, next)))));
     }
+    None
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::network::tree::parse;
+    use crate::network::roads::example::{changed, roads};
 
-    const NET: &str = "<net><edge id='a'><lane length='100' speed='10'/></edge><edge id='b'><lane length='9000' speed='10'/>\
-                       </edge><edge id='c'><lane length='50' speed='10'/></edge><connection from='a' to='b'/>\
-                       <connection from='a' to='c'/><connection from='c' to='b'/></net>";
+    /// The way from `far` to `near` takes 904 s, that to `out` 14 s longer.
+    const LONG: (&str, &str) = ("length='240'", "length='12510'");
 
     fn end(demand: &str) -> Option<u64> {
         let dir = tempfile::tempdir().unwrap();
@@ -129,7 +113,7 @@ mod tests {
             std::fs::write(dir.path().join(name), text).unwrap();
             dir.path().join(name)
         };
-        let net = file("a.net.xml", NET);
+        let net = file("a.net.xml", &changed(&[LONG]));
         let routes = vec![file("a.rou.xml", &format!("<routes>{demand}</routes>"))];
         of(&Sumocfg { net, routes, begin_s: 100, ..Sumocfg::default() }).unwrap()
     }
@@ -138,19 +122,22 @@ mod tests {
     fn an_episode_without_an_end_goes_on_after_the_last_departure() {
         for (demand, expected) in [
             ("", None),
-            ("<vType id='t'/><route id='r' edges='a b'/>", None),
-            ("<trip id='v' depart='0' from='a' to='c'/>", Some(720)),
-            ("<trip id='v' depart='121' from='a' to='c'/>", Some(780)),
-            ("<person id='p' depart='01:00:00'><walk edges='a'/></person>", Some(4200)),
-            ("<trip id='v' depart='triggered' from='a' to='c'/><trip id='w' depart='200' from='a' to='c'/>", Some(840)),
-            // The last one drives for 910 s.
-            ("<trip id='v' depart='100' from='a' to='b'/>", Some(1020)),
-            ("<route id='r' edges='a b'/><vehicle id='v' depart='100' route='r'/>", Some(1020)),
-            ("<vehicle id='v' depart='100'><route edges='a b'/></vehicle>", Some(1020)),
-            ("<flow id='f' begin='100' end='1000' period='5' from='a' to='c'/>", Some(1620)),
-            ("<flow id='f' begin='100' number='10' period='50' from='a' to='c'/>", Some(1200)),
-            ("<flow id='f' number='36' vehsPerHour='360' from='a' to='c'/>", Some(1080)),
-            ("<flow id='f' begin='100' period='5' from='a' to='c'/>", Some(4320)),
+            ("<vType id='t'/><route id='r' edges='far near'/>", None),
+            ("<trip id='v' depart='0' from='north' to='out'/>", Some(720)),
+            ("<trip id='v' depart='121' from='north' to='out'/>", Some(780)),
+            ("<person id='p' depart='01:00:00'><walk edges='north'/></person>", Some(4200)),
+            (
+                "<trip id='v' depart='triggered' from='north' to='out'/><trip id='w' depart='200' from='north' to='out'/>",
+                Some(840),
+            ),
+            // The last one drives for 904 s.
+            ("<trip id='v' depart='100' from='far' to='near'/>", Some(1020)),
+            ("<route id='r' edges='far near'/><vehicle id='v' depart='100' route='r'/>", Some(1020)),
+            ("<vehicle id='v' depart='100'><route edges='far near'/></vehicle>", Some(1020)),
+            ("<flow id='f' begin='100' end='1000' period='5' from='north' to='out'/>", Some(1620)),
+            ("<flow id='f' begin='100' number='10' period='50' from='north' to='out'/>", Some(1200)),
+            ("<flow id='f' number='36' vehsPerHour='360' from='north' to='out'/>", Some(1080)),
+            ("<flow id='f' begin='100' period='5' from='north' to='out'/>", Some(4320)),
         ] {
             assert_eq!(end(demand), expected, "{demand}");
         }
@@ -158,8 +145,10 @@ mod tests {
 
     #[test]
     fn the_fastest_way_is_found_and_none_where_there_is_none() {
-        let net = parse(NET).unwrap();
-        let roads = Roads::of(&net);
-        assert_eq!([roads.fastest_s("a", "b"), roads.fastest_s("b", "a")], [Some(910.0), None]);
+        let roads = roads(&[LONG]);
+        let [far, near, out] = ["far", "near", "out"].map(|name| roads.edge_named(name).unwrap());
+        let [to_near, to_out] = [near, out].map(|to| fastest_s(&roads, far, to).unwrap().round());
+        assert_eq!([to_near, to_out], [904.0, 917.0]);
+        assert_eq!(fastest_s(&roads, out, far), None);
     }
 }

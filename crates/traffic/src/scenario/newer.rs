@@ -69,8 +69,9 @@ mod tests {
     #[test]
     fn an_old_sumo_gets_a_net_without_the_classes_of_new_ones() {
         let text = "<net version=\"1.20\"><edge id=\"a\"><lane id=\"a_0\" allow=\"bus drone\"/><lane id=\"a_1\" \
-                    allow=\"container scooter\"/><lane id=\"drone\" disallow=\"tram subway\"><stopOffset vClasses=\"scooter\"/></lane></edge>\
-                    <type id=\"t\"><restriction vClass=\"aircraft\" speed=\"9\"/></type></net>";
+                    allow=\"container scooter\"/><lane id=\"drone\" disallow=\"tram subway\">\
+                    <stopOffset vClasses=\"scooter\"/></lane></edge><type id=\"t\"><restriction \
+                    vClass=\"aircraft\" speed=\"9\"/></type></net>";
         let [old, new] = ["1.15.0", "1.20.0"].map(|version| Version::parse(version).unwrap());
         let mut net = parse(text).unwrap();
         assert_eq!(forget_classes(&mut net, || Some(new)), None);
