@@ -88,6 +88,14 @@ fn a_page_shows_the_runs_of_a_folder_and_those_that_come_later() {
     assert!(!now.contains("<td>second</td>"));
     train(folder.path(), "runs/second");
     assert!(view.get("now").contains("<td>second</td>"));
+    for (run, version) in [("first", "SUMO 1.15.0"), ("second", "SUMO 1.28.0")] {
+        let file = folder.path().join("runs").join(run).join("run.json");
+        let text = fs::read_to_string(&file).unwrap();
+        assert!(text.contains("\"sumo\": \"none\""), "{text}");
+        fs::write(file, text.replace("\"sumo\": \"none\"", &format!("\"sumo\": \"{version}\""))).unwrap();
+    }
+    let now = view.get("now");
+    assert!(now.contains("several versions of SUMO (1 with SUMO 1.15.0, 1 with SUMO 1.28.0)"), "{now}");
 }
 
 #[test]
