@@ -288,6 +288,9 @@ pub struct SettingsArgs {
     /// Second at which an episode of a scenario ends; stands for traffic.end_s
     #[arg(long, value_name = "TIME", value_parser = values::time)]
     pub end: Option<u64>,
+    /// Program (programID) that counts for lights with several; stands for traffic.program
+    #[arg(long, value_name = "ID")]
+    pub program: Option<String>,
 }
 
 impl SettingsArgs {
@@ -295,7 +298,9 @@ impl SettingsArgs {
     pub fn all(&self) -> Vec<String> {
         let begin = self.begin.map(|second| format!("traffic.begin_s={second}"));
         let end = self.end.map(|second| format!("traffic.end_s={second}"));
-        self.settings.iter().cloned().chain(begin).chain(end).collect()
+        // As a string of TOML, because a name may be a number.
+        let program = self.program.as_ref().map(|name| format!("traffic.program={}", toml::Value::from(&**name)));
+        self.settings.iter().cloned().chain(begin).chain(end).chain(program).collect()
     }
 }
 

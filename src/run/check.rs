@@ -47,6 +47,7 @@ pub(super) fn check(args: &CheckArgs) -> CommandResult<()> {
     let agents = agents(&traffic, args).map_err(Error::Usage)?;
     let window = window(traffic.seconds(), args).map_err(Error::Usage)?;
     domains::note_left_out(&traffic);
+    domains::note_without_locally(&traffic);
     let lights = measured(&traffic, &agents, &window, Seed::new(args.seed)).map_err(Error::Run)?;
     let on_grid = traffic.grid().is_some();
     let all = together(&lights);

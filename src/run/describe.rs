@@ -101,7 +101,9 @@ fn as_json(described: &Described) -> Value {
         "config": path_as_text(path),
         "simulator": config.learning.short_form().name,
         "episode_steps": domain.kinds().horizon(),
+        "warnings": domain.warnings(),
         "not_simulated": domain.left_out(),
+        "not_in_local_simulators": domain.without_locally(),
         "kinds": kinds.collect::<Vec<_>>(),
         "agents": agents.collect::<Vec<_>>(),
         "run": {
@@ -144,8 +146,14 @@ fn agents(text: &mut Listing, Described { path, config, domain, tasks, .. }: &De
         names.push(format!("and {} more", tasks.len() - MOST_NAMES));
     }
     text.paragraph(format_args!("agents: {}", names.join(", ")));
+    for what in domain.warnings() {
+        text.paragraph(format_args!("warning: {what}"));
+    }
     for what in domain.left_out() {
         text.paragraph(format_args!("note: {what}"));
+    }
+    for what in domain.without_locally() {
+        text.paragraph(format_args!("note: local simulators: {what}"));
     }
 }
 

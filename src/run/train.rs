@@ -15,7 +15,7 @@ use crate::program::PROGRAM;
 use dials_core::base::{counted, for_terminal};
 use dials_core::domain::Domain;
 use dials_core::outside::{Directory, Whereabouts, folder_of, quoted, read_text};
-use dials_learn::config::rest_of_schedule;
+use dials_learn::config::{Simulator, rest_of_schedule};
 use dials_learn::dials;
 use dials_learn::fleet::Fleet;
 use dials_learn::observer::Interrupted;
@@ -111,6 +111,9 @@ fn begin(args: &cli::TrainArgs, config_path: &Path, wanted: Option<usize>) -> Re
     let config = load(config_path, &settings(args)).map_err(Error::Usage)?;
     let domain = domains::check_for_training(&config).map_err(Error::Usage)?;
     domains::note_left_out(&*domain);
+    if config.learning.simulator != Simulator::Global {
+        domains::note_without_locally(&*domain);
+    }
     if let Some(sumo) = domains::sumo(&config).map_err(Error::Usage)?
         && !sumo.version.is_tried()
     {

@@ -190,7 +190,7 @@ fn no_two_cars_that_cross_get_green_at_once_unless_the_own_program_does_so() {
                 assert!(bad.is_empty(), "{}, light {}, state {state}: {bad:?}", known.name, plan.light);
             }
             // The check sees something: with green for all, those who cross have it at once.
-            let all: SignalState = "G".repeat(program.letters()).parse().unwrap();
+            let all: SignalState = "G".repeat(program.letters().unwrap()).parse().unwrap();
             assert!(!safety::conflicts(&crossing, &own, &all).is_empty(), "{}, light {}", known.name, plan.light);
         }
         println!("{}: {states} states", known.name);

@@ -82,6 +82,12 @@ impl Crossing {
         ask(code).map_err(|text| Error::Load { options: options.join(" "), text })
     }
 
+    /// Returns what SUMO wrote to the terminal in the last call.
+    pub(crate) fn heard(&self) -> String {
+        // SAFETY: we have the turn, so no call changes the string, which ends in zero.
+        unsafe { CStr::from_ptr(call!(self.heard())) }.to_string_lossy().into_owned()
+    }
+
     /// Registers all or none. Returns the number of the first one; the others follow.
     pub(crate) fn register(&mut self, kind: IdKind, names: &[impl AsRef<str>]) -> Result<u32> {
         let texts = Texts::new(names)?;
@@ -99,9 +105,9 @@ impl Crossing {
         Ok(first)
     }
 
-    pub(crate) fn step(&mut self) -> Result<()> {
+    pub(crate) fn step(&mut self, until_s: f64) -> Result<()> {
         // SAFETY: we have the turn.
-        check(unsafe { call!(self.step()) }, "make a step")
+        check(unsafe { call!(self.step(until_s)) }, "make a step")
     }
 
     pub(crate) fn time_s(&self) -> Result<f64> {

@@ -93,7 +93,7 @@ pub struct ds_shim {
             first: *mut u32,
         ) -> std::ffi::c_int,
     >,
-    pub step: ::std::option::Option<unsafe extern "C" fn() -> std::ffi::c_int>,
+    pub step: ::std::option::Option<unsafe extern "C" fn(until: f64) -> std::ffi::c_int>,
     pub time: ::std::option::Option<unsafe extern "C" fn(seconds: *mut f64) -> std::ffi::c_int>,
     pub read_lanes: ::std::option::Option<
         unsafe extern "C" fn(lanes: *const u32, count: usize, cars: *mut ds_cars) -> std::ffi::c_int,
@@ -124,6 +124,7 @@ pub struct ds_shim {
         unsafe extern "C" fn(car: *const std::ffi::c_char, route: *mut ds_route) -> std::ffi::c_int,
     >,
     pub counts: ::std::option::Option<unsafe extern "C" fn(counts: *mut ds_counts) -> std::ffi::c_int>,
+    pub heard: ::std::option::Option<unsafe extern "C" fn() -> *const std::ffi::c_char>,
 }
 unsafe extern "C" {
     pub fn ds_open(

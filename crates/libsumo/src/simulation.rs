@@ -21,6 +21,7 @@ pub struct Simulation {
     lights: Vec<LoadedLight>,
     /// Reason why only a reload is allowed.
     broken: Option<String>,
+    steps_per_s: u32,
     crossing: Crossing,
 }
 
@@ -43,7 +44,7 @@ impl Simulation {
     pub fn load(options: &[impl AsRef<str>]) -> Result<Simulation> {
         let mut crossing = Crossing::wait()?;
         crossing.load(options)?;
-        Ok(Simulation { lights: Vec::new(), broken: None, crossing })
+        Ok(Simulation { lights: Vec::new(), broken: None, steps_per_s: 1, crossing })
     }
 
     /// Loads again in place, to begin again or with another net. It takes less time than a drop and a [`load`](Self::load).
@@ -85,13 +86,57 @@ impl Simulation {
         self.register(IdKind::Type, names, TypeId)
     }
 
+    /// Returns what SUMO wrote to the terminal in the last call, such as its warnings of a load. It is silent unless the options
+    /// say otherwise: `["--no-warnings", "false"]`.
+    pub fn heard(&self) -> String {
+        self.crossing.heard()
+    }
+
     /// Simulates one step, of SUMO's option `--step-length`: 1 s unless it is given.
     ///
     /// # Errors
     /// An error leaves the step half-done, so every later call but [`reload`](Self::reload) is an error too. The usual
     /// reason is a car with an impossible route, which SUMO notices only when it inserts the car.
     pub fn step(&mut self) -> Result<()> {
-        let outcome = self.whole()?.step();
+        self.step_until(0.0)
+    }
+
+    /// Says how many steps a second has, for [`second`](Self::second). It must be what SUMO's option `--step-length` says; 1
+    /// unless this is called.
+    ///
+    /// # Panics
+    /// If it is 0.
+    pub fn set_steps_per_second(&mut self, steps: u32) {
+        assert!(steps > 0, "a second has at least a step");
+        self.steps_per_s = steps;
+    }
+
+    /// Simulates a whole second. What is said of the last step elsewhere is then said of all its steps together.
+    ///
+    /// # Errors
+    /// Like [`step`](Self::step).
+    pub fn second(&mut self) -> Result<()> {
+        match self.steps_per_s {
+            1 => self.step(),
+            _ => self.step_until(self.time_s()? + 1.0),
+        }
+    }
+
+    /// Simulates a second but for its last step; nothing if it has one. Cars that enter in that step have not moved at the end
+    /// of the second.
+    ///
+    /// # Errors
+    /// Like [`step`](Self::step).
+    pub fn begin_second(&mut self) -> Result<()> {
+        match self.steps_per_s {
+            1 => Ok(()),
+            steps => self.step_until(self.time_s()? + 1.0 - 1.0 / f64::from(steps)),
+        }
+    }
+
+    /// Simulates steps until this second, or one step if it is 0.
+    fn step_until(&mut self, second: f64) -> Result<()> {
+        let outcome = self.whole()?.step(second);
         if let Err(error) = &outcome {
             self.broken = Some(error.to_string());
         }

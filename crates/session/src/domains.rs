@@ -8,7 +8,7 @@ use anyhow::{Context, Result, bail, ensure};
 use super::trial;
 use crate::config::RunConfig;
 use crate::records::files;
-use crate::terminal::note;
+use crate::terminal::{note, warn};
 use schemars::{Schema, SchemaGenerator};
 use serde::Serialize;
 use serde::de::MapAccess;
@@ -185,7 +185,13 @@ pub(crate) fn keep_files(config: &RunConfig, domain: &dyn Domain, dir: &Path) ->
     Ok(kept)
 }
 
-/// Says what of the domain's files is not simulated.
+/// Says what is odd about the domain's files, and what of them is not simulated.
 pub fn note_left_out(domain: &dyn Domain) {
+    domain.warnings().iter().for_each(|what| warn(for_terminal(&format!("warning: {what}"))));
     domain.left_out().iter().for_each(|what| note(for_terminal(&format!("note: {what}"))));
+}
+
+/// Says what of the domain's files only the global simulator has.
+pub fn note_without_locally(domain: &dyn Domain) {
+    domain.without_locally().iter().for_each(|what| note(for_terminal(&format!("note: local simulators: {what}"))));
 }

@@ -33,6 +33,8 @@ use super::parent::END_WITH;
 use crate::config::RunConfig;
 use crate::error;
 use crate::machine::{limit_cpu, limit_memory, ran_out_of_memory};
+use crate::terminal::warn;
+use dials_core::base::for_terminal;
 use dials_core::domain::Domain;
 use dials_core::outside::Printable;
 
@@ -49,6 +51,9 @@ const LOOK_EVERY: Duration = Duration::from_millis(5);
 /// Bytes of the child's words that are kept, from the end.
 const LAST_WORDS: usize = 2000;
 
+/// Beginning of the lines in which the child passes on what the simulator warns of.
+const WARNING: &str = "warning: ";
+
 /// Configs whose files were tried, as JSON. A command opens the same files several times and tries them once.
 static SURVIVED: Mutex<BTreeSet<String>> = Mutex::new(BTreeSet::new());
 
@@ -61,7 +66,9 @@ pub fn try_out() -> error::Result<()> {
         serde_json::from_str(&json).context("this command is for the program itself, not for people")
     };
     let config = config().map_err(error::Error::Usage)?;
-    domains::find(&config).and_then(|domain| domain.try_out()).map_err(error::Error::Usage)
+    let tried = domains::find(&config).and_then(|domain| domain.try_out()).map_err(error::Error::Usage)?;
+    tried.iter().for_each(|warning| warn(format_args!("{WARNING}{}", warning.replace('\n', " "))));
+    Ok(())
 }
 
 /// Lets a child try the files of a domain, once per config. The error names them, and how the child ended.
@@ -81,8 +88,11 @@ pub(crate) fn survive(config: &RunConfig, domain: &dyn Domain) -> Result<()> {
     command.process_group(0);
     let simulator = domain.foreign_simulator().unwrap_or("the simulator");
     let end = watch(command, config.clone(), PATIENCE)?;
+    let said = end.said.clone();
     let names: Vec<String> = files.iter().map(|file: &PathBuf| file.display().to_string()).collect();
     judge(end, &names.join(" or "), simulator)?;
+    let warnings = said.lines().filter_map(|line| line.strip_prefix(WARNING));
+    warnings.for_each(|warning| warn(for_terminal(&format!("{WARNING}{simulator}: {warning}"))));
     survived().insert(config);
     Ok(())
 }

@@ -325,14 +325,16 @@ impl Domain for Traffic {
     }
 
     /// For a grid it takes tens of milliseconds; SUMO is closed again.
-    fn try_out(&self) -> Result<()> {
+    fn try_out(&self) -> Result<Vec<String>> {
         // That SUMO's library is missing, or too large for this process, is no fault of the network.
         libsumo::load()?;
         let tried = self.try_global().and_then(|()| self.network.source()?.try_demand(DEMAND_PATIENCE));
-        tried.with_context(|| self.network.cannot_be_simulated())?;
-        let Files::Grid(files) = &self.network.files else { return Ok(()) };
-        self.try_local_step(&[AgentId(0)], 1)
-            .with_context(|| cannot_be_simulated(&files.local_network.files.net, Role::Local))
+        let warnings = tried.with_context(|| self.network.cannot_be_simulated())?;
+        if let Files::Grid(files) = &self.network.files {
+            self.try_local_step(&[AgentId(0)], 1)
+                .with_context(|| cannot_be_simulated(&files.local_network.files.net, Role::Local))?;
+        }
+        Ok(warnings)
     }
 
     fn try_local(&self) -> Result<()> {
@@ -353,6 +355,17 @@ impl Domain for Traffic {
 
     fn left_out(&self) -> Vec<String> {
         self.network.left_out.clone()
+    }
+
+    fn warnings(&self) -> Vec<String> {
+        self.network.warnings.clone()
+    }
+
+    fn without_locally(&self) -> Vec<String> {
+        match &self.network.files {
+            Files::Grid(_) => Vec::new(),
+            Files::Scenario(files) => files.files.notes().without_locally.clone(),
+        }
     }
 
     fn check_place(&self, folder: &Path) -> Result<()> {

@@ -26,7 +26,7 @@ impl Signal {
     /// DEVIATION 2: every episode begins with vertical green under the agent's control. In the authors' code a light
     /// runs its program until the agent's first switch; the plan may ask for that.
     pub(crate) fn at_the_beginning(plan: &PhasePlan) -> Self {
-        Signal { shown: Shown::Green(0), steps: plan.min_green_steps(), switched: false }
+        Signal { shown: Shown::Green(0), steps: plan.min_green_steps()[0], switched: false }
     }
 
     pub(crate) fn shown(self) -> Shown {
@@ -46,7 +46,7 @@ impl Signal {
     }
 
     pub(crate) fn may_leave(self, plan: &PhasePlan) -> bool {
-        self.shown.is_green() && self.steps >= plan.min_green_steps()
+        self.shown.green().is_some_and(|green| self.steps >= plan.min_green_steps()[green])
     }
 
     /// Sets what the light shows in the step that follows the action. Between two greens, and while a green is too
@@ -57,7 +57,7 @@ impl Signal {
         match self.shown {
             Shown::Green(green) => {
                 let to = plan.asked_for(self.shown, action);
-                let obeys = to != green && to < plan.greens().len() && self.steps > plan.min_green_steps();
+                let obeys = to != green && to < plan.greens().len() && self.steps > plan.min_green_steps()[green];
                 if obeys {
                     self.switched = true;
                     self.leave(plan, green, to);

@@ -22,15 +22,16 @@ use dials_session::terminal::{self, answer, note, program};
 use dials_traffic::agents::derive::border::Seconds;
 use dials_traffic::agents::derive::overrides::Overrides;
 use dials_traffic::agents::derive::padding::{InfluencePadding, Padding};
+use dials_traffic::agents::derive::warnings::warnings;
 use dials_traffic::agents::derive::{Agent, Derived, Rules, derive};
 use dials_traffic::agents::phase_plan::{Interval, PhasePlan};
 use dials_traffic::agents::plan::Border;
 use dials_traffic::agents::region::spec;
 use dials_traffic::agents::region_plan::RegionPlan;
-use dials_traffic::config::sumocfg::Sumocfg;
+use dials_traffic::config::sumocfg::{Notes, Sumocfg};
 use dials_traffic::config::{ScenarioConfig, TrafficConfig};
 use dials_traffic::network::files::NetworkFiles;
-use dials_traffic::network::roads::{LaneNo, Roads};
+use dials_traffic::network::roads::{EdgeNo, LaneNo, Roads};
 use dials_traffic::paper_grid::recognise::recognise_grid;
 use dials_traffic::scenario::SumoScenario;
 
@@ -45,8 +46,7 @@ struct Inspected {
     borders: Vec<Border>,
     influence: InfluencePadding,
     rules: Rules,
-    /// What of the scenario is not simulated, a sentence each.
-    left_out: Vec<String>,
+    notes: Notes,
     /// Number of columns that agents see on this net if it is taken as a grid of the paper. `None`: it is none.
     columns_of_grid: Option<usize>,
 }
@@ -75,17 +75,7 @@ impl Inspected {
             "{}: is a config of this program; inspect the .sumocfg or the net that it names",
             path.display()
         );
-        let (net, roads, departs_on, seconds, left_out) = if Sumocfg::is_one(path) {
-            let config = scenario_with(path, &args.settings.all())?;
-            let scenario = SumoScenario::read(&config)?;
-            let roads = scenario.roads()?;
-            let departs_on = scenario.departs_on(&roads);
-            (scenario.net_path().to_owned(), roads, departs_on, Seconds::of(&config), scenario.left_out().to_vec())
-        } else {
-            // Nobody departs on a net alone, and an episode would be an hour of decisions of the usual length.
-            let decision = ScenarioConfig::new(path).decision_s as usize;
-            (path.clone(), Roads::of_file(path)?, BTreeSet::new(), Seconds { decision, episode: 3600 }, Vec::new())
-        };
+        let Subject { net, roads, departs_on, seconds, notes } = Subject::of(path, &args.settings.all())?;
         let overrides = args.agents.as_deref().map_or(Ok(Overrides::default()), read_overrides)?;
         let rules = Rules::default();
         let derived = derive(&roads, &rules, &overrides).map_err(|error| anyhow!("{}: {error:#}", net.display()));
@@ -97,7 +87,7 @@ impl Inspected {
         let borders = derived.borders(&roads, &departs_on, rules.approach_m, seconds);
         let influence = InfluencePadding::of(borders.iter());
         let columns_of_grid = columns_of_grid(&net);
-        Ok(Inspected { net, roads, derived, padding, borders, influence, rules, left_out, columns_of_grid })
+        Ok(Inspected { net, roads, derived, padding, borders, influence, rules, notes, columns_of_grid })
     }
 
     fn text(&self, args: &InspectArgs) -> Result<String> {
@@ -110,6 +100,44 @@ impl Inspected {
             None if args.all => Ok(text::all(self)),
             None => Ok(text::overview(self)),
         }
+    }
+}
+
+/// What a file describes: a net, and the scenario around it.
+struct Subject {
+    net: PathBuf,
+    roads: Roads,
+    departs_on: BTreeSet<EdgeNo>,
+    seconds: Seconds,
+    notes: Notes,
+}
+
+impl Subject {
+    /// Reads a scenario or a net. A scenario that cannot be played has a net all the same: then a note says why.
+    fn of(path: &Path, settings: &[String]) -> Result<Subject> {
+        if !Sumocfg::is_one(path) {
+            return Subject::of_net(path.to_owned(), Notes::default());
+        }
+        let scenario = scenario_with(path, settings).and_then(|config| Ok((SumoScenario::read(&config)?, config)));
+        let (scenario, config) = match scenario {
+            Ok(found) => found,
+            Err(error) => {
+                let net = Sumocfg::read(path)?.net;
+                let left_out = vec![format!("the whole scenario, but for its net: {error:#}")];
+                return Subject::of_net(net, Notes { left_out, ..Notes::default() });
+            }
+        };
+        let roads = scenario.roads()?;
+        let departs_on = scenario.departs_on(&roads);
+        let (net, notes) = (scenario.net_path().to_owned(), scenario.notes().clone());
+        Ok(Subject { net, roads, departs_on, seconds: Seconds::of(&config), notes })
+    }
+
+    /// Nobody departs on a net alone, and an episode would be an hour of decisions of the usual length.
+    fn of_net(net: PathBuf, notes: Notes) -> Result<Subject> {
+        let decision = ScenarioConfig::new(&net).decision_s as usize;
+        let (roads, departs_on) = (Roads::of_file(&net)?, BTreeSet::new());
+        Ok(Subject { net, roads, departs_on, seconds: Seconds { decision, episode: 3600 }, notes })
     }
 }
 
@@ -168,7 +196,7 @@ fn map(inspected: &Inspected) -> Result<Svg> {
 
 /// Returns the whole object. Indices (`links` of an approach, `from`, `to`) count the other lists of the same light.
 fn as_json(inspected: &Inspected) -> Value {
-    let Inspected { net, derived, padding, rules, left_out, .. } = inspected;
+    let Inspected { net, derived, padding, rules, notes, .. } = inspected;
     let agents = derived.agents.iter().zip(&inspected.borders).map(|(agent, border)| light(inspected, agent, border));
     let keeping = derived
         .keeping
@@ -181,7 +209,10 @@ fn as_json(inspected: &Inspected) -> Value {
         "min_green_s": rules.min_green_s,
         "kind": { "columns": padding.columns, "actions": padding.actions, "padded_share": padding.padded },
         "influence": { "d_set_columns": inspected.influence.columns, "sources": inspected.influence.sources },
-        "left_out": left_out,
+        "warnings": warnings(&inspected.roads),
+        "left_out": notes.left_out,
+        "not_in_local_simulators": notes.without_locally,
+        "no_local_simulators": notes.not_local,
         "learning": agents.collect::<Vec<_>>(),
         "keeping": keeping.collect::<Vec<_>>(),
     })

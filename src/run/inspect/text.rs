@@ -5,6 +5,7 @@ use crate::run::listing::Listing;
 use dials_core::base::counted;
 use dials_traffic::agents::derive::keeping::{Keeping, sentences};
 use dials_traffic::agents::derive::safety;
+use dials_traffic::agents::derive::warnings::warnings;
 use dials_traffic::agents::derive::{Agent, Derived};
 use dials_traffic::agents::phase_plan::{Interval, PhasePlan};
 use dials_traffic::agents::plan::{AgentPlan, Border};
@@ -64,7 +65,7 @@ pub(super) fn one(inspected: &Inspected, light: &str) -> Option<String> {
 }
 
 fn summary(text: &mut Listing, inspected: &Inspected) {
-    let Inspected { net, derived, padding, influence, rules, left_out, .. } = inspected;
+    let Inspected { net, derived, padding, influence, rules, notes, .. } = inspected;
     let (learning, keeping) = (derived.agents.len(), derived.keeping.len());
     let lights = counted(learning + keeping, "light");
     text.line(format_args!("{}: {lights}; {learning} learn, {keeping} keep their program", net.display()));
@@ -87,7 +88,10 @@ fn summary(text: &mut Listing, inspected: &Inspected) {
         "{states} states checked: where links cross, at most one has G, but for those to which the light's own program \
          gives it together"
     ));
-    left_out.iter().for_each(|what| text.paragraph(format_args!("not simulated: {what}")));
+    warnings(&inspected.roads).iter().for_each(|what| text.paragraph(format_args!("warning: {what}")));
+    notes.left_out.iter().for_each(|what| text.paragraph(format_args!("not simulated: {what}")));
+    notes.without_locally.iter().for_each(|what| text.paragraph(format_args!("local simulators: {what}")));
+    notes.not_local.iter().for_each(|why| text.paragraph(format_args!("no local simulators: {why}")));
 }
 
 fn describe_keeping(text: &mut Listing, Keeping { light, why }: &Keeping) {

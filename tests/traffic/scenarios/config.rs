@@ -30,7 +30,7 @@ fn an_end_that_is_missing_or_absurd_follows_from_the_departures() {
         let (begin, end) = scenario.window_s();
         assert!(end % 60 == 0 && (begin + 600..begin + 7200).contains(&end), "{begin} to {end}");
         let note = format!("x.sumocfg: what comes after {end} s: it names no end");
-        assert!(scenario.left_out().iter().any(|left| left.contains(&note)), "{:?}", scenario.left_out());
+        assert!(scenario.notes().left_out.iter().any(|left| left.contains(&note)), "{:?}", scenario.notes().left_out);
     }
 }
 
@@ -42,7 +42,7 @@ fn a_parameter_that_only_names_an_output_is_left_out_with_a_note() {
     room.change(super::room::MORE, "</additional>", light);
     let scenario = room.read().unwrap();
     let note = "1 x <param key=\"file\">: this program measures and writes by itself";
-    assert!(scenario.left_out().iter().any(|left| left.contains(note)), "{:?}", scenario.left_out());
+    assert!(scenario.notes().left_out.iter().any(|left| left.contains(note)), "{:?}", scenario.notes().left_out);
     assert!(!scenario.additional().any(|root| format!("{root:?}").contains("NULL")));
 }
 
@@ -129,7 +129,7 @@ fn what_is_not_simulated_is_listed() {
     let room = Room::new();
     let dir = room.dir.path().display();
     assert_eq!(
-        room.read().unwrap().left_out(),
+        room.read().unwrap().notes().left_out,
         [
             "option tripinfo-output: this program writes its own measurements".to_owned(),
             format!("{dir}/more.add.xml: 1 x <edgeData>: this program measures and writes by itself"),

@@ -43,7 +43,7 @@ fn a_copy_holds_plain_names_and_is_the_same_scenario() {
     };
     let copy = SumoScenario::read(&of_the_copy).unwrap();
     assert_eq!(copy.checksum(), scenario.checksum());
-    assert_eq!(copy.left_out().len(), 1, "a vehicle departs too early: {:?}", copy.left_out());
+    assert_eq!(copy.notes().left_out.len(), 1, "a vehicle departs too early: {:?}", copy.notes().left_out);
     copy.keep_in(&room.path("again")).unwrap();
     for name in expected {
         let [first, second] = ["run", "again"].map(|dir| fs::read(room.path(dir).join(name)).unwrap());
@@ -64,7 +64,7 @@ fn a_packed_scenario_is_the_same_and_is_kept_unpacked() {
     }
     let packed = room.read().unwrap();
     assert!(packed.net_path().ends_with(format!("{NET}.gz")));
-    assert_eq!((packed.checksum(), packed.left_out().len()), (plain.checksum(), plain.left_out().len()));
+    assert_eq!((packed.checksum(), packed.notes().left_out.len()), (plain.checksum(), plain.notes().left_out.len()));
     packed.keep_in(&room.path("packed")).unwrap();
     assert_eq!(names(&room.path("packed")), names(&room.path("plain")));
     for name in names(&room.path("plain")) {

@@ -5,6 +5,7 @@
 //!   `local`: local simulators, and training on them; `fidelity`: how far they are like the global one;
 //!   `opened`: what is said when a command begins.
 
+mod admitted;
 mod broken;
 mod config;
 mod fidelity;

@@ -327,8 +327,9 @@ pub trait Domain: Send + Sync {
     }
 
     /// Tries the domain's files in its simulator. Called in a process of its own, before any other simulator loads them.
-    fn try_out(&self) -> Result<()> {
-        Ok(())
+    /// Returns what the simulator warns of.
+    fn try_out(&self) -> Result<Vec<String>> {
+        Ok(Vec::new())
     }
 
     /// Makes the local simulators of all agents once, if each differs from the others, so that an error about
@@ -344,6 +345,16 @@ pub trait Domain: Send + Sync {
 
     /// Lists what of the domain's files is not simulated, a sentence each.
     fn left_out(&self) -> Vec<String> {
+        Vec::new()
+    }
+
+    /// Lists what somebody should know of the domain's files before he compares figures, a sentence each.
+    fn warnings(&self) -> Vec<String> {
+        Vec::new()
+    }
+
+    /// Lists what of the domain's files the global simulator has and local simulators do without, a sentence each.
+    fn without_locally(&self) -> Vec<String> {
         Vec::new()
     }
 

@@ -4,11 +4,13 @@
 //! namespace are skipped too: they name the place of a schema.
 //!
 //! The files may come from a stranger. Whatever another reader of XML might understand differently is refused: a
-//! document type, other encodings, names with a prefix. So is everything that has no end.
+//! document type, unknown encodings, names with a prefix. So is everything that has no end.
 
+use std::borrow::Cow;
 use std::path::Path;
 
 use anyhow::{Context, Result, anyhow, bail, ensure};
+use encoding_rs::{Encoding, UTF_8};
 use roxmltree::{Document, Node, ParsingOptions};
 
 use super::file::unpacked;
@@ -20,6 +22,8 @@ const MOST_NODES: u32 = 8_000_000;
 const DEEPEST: usize = 32;
 /// Largest number of attributes of an element. Finding doubles among them takes quadratic time.
 const MOST_ATTRIBUTES: usize = 256;
+/// Longest declaration of a version and an encoding that is looked at, in bytes.
+const LONGEST_DECLARATION: usize = 256;
 /// Largest number of declared namespaces in a file. Each is copied into every element inside.
 const MOST_NAMESPACES: usize = 16;
 
@@ -49,11 +53,41 @@ pub fn read_whole(path: &Path) -> Result<Vec<u8>> {
 
 /// Returns the root element of a file with these bytes. An error says where the file is not XML.
 pub fn parse_file(path: &Path, bytes: &[u8]) -> Result<Element> {
-    let place = path.display();
-    let text = std::str::from_utf8(bytes).map_err(|error| {
-        anyhow!("{place}: is not UTF-8 text from byte {} on; save it as UTF-8", error.valid_up_to())
-    })?;
-    parse(text).map_err(|error| anyhow!("{place}: {error:#}"))
+    decoded(bytes).and_then(|text| parse(&text)).map_err(|error| anyhow!("{}: {error:#}", path.display()))
+}
+
+/// Returns the text of a file. Its encoding is that of its byte order mark, or the one that it declares, or UTF-8.
+fn decoded(bytes: &[u8]) -> Result<Cow<'_, str>> {
+    let marked = Encoding::for_bom(bytes).map(|(encoding, _)| encoding);
+    let encoding = match marked {
+        Some(encoding) => encoding,
+        None => declared_encoding(bytes)?,
+    };
+    let (text, _, is_wrong) = encoding.decode(bytes);
+    if is_wrong && encoding == UTF_8 {
+        let error = std::str::from_utf8(bytes).err().context("is not UTF-8 text")?;
+        bail!("is not UTF-8 text from byte {} on; save it as UTF-8", error.valid_up_to());
+    }
+    ensure!(!is_wrong, "is no text in {}, which it declares; save it as UTF-8", encoding.name());
+    Ok(text)
+}
+
+/// Returns the encoding that the first line of a file declares. Its letters are ASCII in all of them.
+fn declared_encoding(bytes: &[u8]) -> Result<&'static Encoding> {
+    let line = &bytes[..bytes.len().min(LONGEST_DECLARATION)];
+    let line = String::from_utf8_lossy(line);
+    let named = declaration(&line)
+        .find_map(|word| word.strip_prefix("encoding=").map(|name| name[1..].trim_end_matches(['"', '\''])));
+    let Some(name) = named else { return Ok(UTF_8) };
+    Encoding::for_label(name.as_bytes())
+        .with_context(|| format!("declares encoding=\"{name}\", which this program does not know; save it as UTF-8"))
+}
+
+/// Returns the words of the declaration `<?xml ...?>` at the beginning of a text.
+fn declaration(text: &str) -> impl Iterator<Item = &str> {
+    let declared =
+        text.strip_prefix("<?xml").and_then(|rest| rest.split_once("?>")).map_or("", |(declared, _)| declared);
+    declared.split_ascii_whitespace()
 }
 
 pub fn parse(text: &str) -> Result<Element> {
@@ -70,16 +104,14 @@ pub fn parse(text: &str) -> Result<Element> {
     element(document.root_element(), text, 1)
 }
 
-/// Returns an error if the text declares another encoding than its own. SUMO would then read other characters.
+/// Returns an error if the text declares what another reader might understand differently.
 fn check_declaration(text: &str) -> Result<()> {
-    let text = text.strip_prefix('\u{FEFF}').unwrap_or(text);
-    let Some((declared, _)) = text.strip_prefix("<?xml").and_then(|rest| rest.split_once("?>")) else { return Ok(()) };
-    for word in declared.split_ascii_whitespace() {
-        let plain = word.replace('\'', "\"").to_ascii_lowercase();
-        let known = ["version=\"1.0\"", "encoding=\"utf-8\"", "encoding=\"us-ascii\"", "encoding=\"ascii\""];
+    for word in declaration(text.strip_prefix('\u{FEFF}').unwrap_or(text)) {
+        let plain = word.replace('\'', "\"");
+        let is_encoding = plain.strip_prefix("encoding=\"").is_some_and(|name| name.len() > 1 && name.ends_with('"'));
         ensure!(
-            known.contains(&plain.as_str()) || plain.starts_with("standalone="),
-            "declares {word}, and this program reads version=\"1.0\" and encoding=\"UTF-8\" only; save it as UTF-8"
+            plain == "version=\"1.0\"" || is_encoding || plain.starts_with("standalone="),
+            "declares {word}, and this program reads version=\"1.0\" and an encoding only; save it as UTF-8"
         );
     }
     Ok(())
@@ -149,19 +181,35 @@ mod tests {
     }
 
     #[test]
-    fn text_that_another_reader_would_decode_otherwise_is_refused() {
+    fn text_that_another_reader_would_read_otherwise_is_refused() {
         for declared in [r#"version="1.0" encoding="UTF-8""#, "version='1.0'  encoding='utf-8' standalone=\"yes\""] {
             parse(&format!("\u{FEFF}<?xml {declared} ?><a/>")).expect(declared);
         }
         for (declared, word) in [
-            (r#"version="1.0" encoding="UTF-7""#, r#"encoding="UTF-7""#),
-            (r#"version="encoding='UTF-8'" encoding="UTF-7""#, r#"version="encoding='UTF-8'""#),
+            (r#"version="encoding='UTF-8'" encoding="UTF-8""#, r#"version="encoding='UTF-8'""#),
             (r#"version="1.1""#, r#"version="1.1""#),
-            (r#"version="1.0" encoding = "UTF-7""#, "encoding"),
+            (r#"version="1.0" encoding = "UTF-8""#, "encoding"),
         ] {
             let error = error_of(&format!("<?xml {declared}?><a/>"));
             assert!(error.starts_with(&format!("x.xml: declares {word}, and this program reads")), "{error}");
         }
+        let error = error_of(r#"<?xml version="1.0" encoding="UTF-7"?><a/>"#);
+        assert!(error.starts_with("x.xml: declares encoding=\"UTF-7\", which this program does not know"), "{error}");
+    }
+
+    #[test]
+    fn a_file_is_read_in_the_encoding_that_it_declares() {
+        let name = |bytes: &[u8]| parse_file(Path::new("x.xml"), bytes).unwrap().attribute("id").unwrap().to_owned();
+        let text = |encoding: &str| format!("<?xml version='1.0' encoding='{encoding}'?><a id='M\u{fc}nz\u{20ac}'/>");
+        assert_eq!(name(text("utf-8").as_bytes()), "M\u{fc}nz\u{20ac}");
+        let western: Vec<u8> =
+            text("windows-1252").chars().map(|letter| if letter == '\u{20ac}' { 0x80 } else { letter as u8 }).collect();
+        assert_eq!(name(&western), "M\u{fc}nz\u{20ac}");
+        let wide: Vec<u8> = format!("\u{FEFF}{}", text("UTF-16")).encode_utf16().flat_map(u16::to_le_bytes).collect();
+        assert_eq!(name(&wide), "M\u{fc}nz\u{20ac}");
+        let broken = [text("UTF-8").as_bytes(), &[0xff]].concat();
+        let error = parse_file(Path::new("x.xml"), &broken).unwrap_err().to_string();
+        assert_eq!(error, "x.xml: is not UTF-8 text from byte 56 on; save it as UTF-8");
     }
 
     #[test]

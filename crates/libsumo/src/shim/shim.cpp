@@ -192,10 +192,10 @@ int ds_register_names(enum ds_kind kind, const char *const *names, size_t count,
     });
 }
 
-int ds_step(void) {
-    return guarded([] {
+int ds_step(double until) {
+    return guarded([=] {
         forget_step();
-        Simulation::step(0);
+        Simulation::step(until);
     });
 }
 
@@ -345,7 +345,12 @@ int ds_read_departures(struct ds_departures *out) {
         positions.clear();
         speeds.clear();
         speed_factors.clear();
+        // In a second of several steps a car may be gone again.
+        const auto gone = Simulation::getArrivedIDList();
         for (const auto &car : Simulation::getDepartedIDList()) {
+            if (std::find(gone.begin(), gone.end(), car) != gone.end()) {
+                continue;
+            }
             for (const auto &text : {car, Vehicle::getTypeID(car), Vehicle::getVehicleClass(car), Vehicle::getRouteID(car),
                                      edges_of(car)}) {
                 letters += text;
@@ -409,12 +414,15 @@ int ds_counts(struct ds_counts *counts) {
     });
 }
 
+const char *ds_heard(void) { return Hush::ear.heard.c_str(); }
+
 // In the order of shim.h.
 const struct ds_shim functions = {
     _GLIBCXX_USE_CXX11_ABI,
     ds_load, ds_close, ds_register_names, ds_step, ds_time, ds_read_lanes, ds_read_lights, ds_set_lights, ds_set_programs,
     ds_insert, ds_enter, ds_place, ds_seed_generators, ds_clear_pending, ds_remove_cars, ds_read_departures,
     ds_read_departed, ds_read_gone, ds_read_route, ds_counts,
+    ds_heard,
 };
 
 } // namespace

@@ -96,7 +96,8 @@ struct ds_shim {
     int (*close)(void);
     /* Registers all or none: names[i] becomes index *first + i of its kind. */
     int (*register_names)(enum ds_kind kind, const char *const *names, size_t count, uint32_t *first);
-    int (*step)(void);
+    /* One step, or as many as there are until this second; 0 is one. */
+    int (*step)(double until);
     int (*time)(double *seconds);
     int (*read_lanes)(const uint32_t *lanes, size_t count, struct ds_cars *cars);
     int (*read_lights)(const uint32_t *lights, size_t count, struct ds_states *states);
@@ -119,6 +120,8 @@ struct ds_shim {
     int (*read_gone)(size_t *count, const uint64_t **cars);
     int (*read_route)(const char *car, struct ds_route *route);
     int (*counts)(struct ds_counts *counts);
+    /* What SUMO wrote to the terminal in the last call. Valid until the next one. */
+    const char *(*heard)(void);
 };
 
 /* Opens libsumo from a file, or from where the system looks if the name has no slash. Returns 1 if it cannot be loaded; 2 if it

@@ -14,7 +14,8 @@ pub struct PhasePlan {
     clearings: Vec<Vec<Vec<Interval>>>,
     /// Ways of its program from green to green. Without any, a green is followed by the next one.
     pub(crate) program: Vec<ProgramChange>,
-    min_green_steps: u32,
+    /// Least number of steps of each green.
+    min_green_steps: Vec<u32>,
     /// Number of steps after which the light leaves a green by itself, until it is switched in an episode.
     pub(crate) own_green_steps: Option<u32>,
     choice: Choice,
@@ -81,12 +82,19 @@ impl PhasePlan {
         let between = |from: usize, to: usize| if from == to { Vec::new() } else { clearing(from, to) };
         let clearings = (0..greens.len()).map(|from| (0..greens.len()).map(|to| between(from, to)).collect()).collect();
         let cars = (0..greens[0].links()).collect();
+        let min_green_steps = vec![min_green_steps; greens.len()];
         PhasePlan { greens, cars, clearings, program: Vec::new(), min_green_steps, own_green_steps: None, choice }
     }
 
     /// Lets the plan recognise states of other programs by these letters, those that cars obey. Without it all count.
     pub(crate) fn for_cars(self, cars: BTreeSet<usize>) -> PhasePlan {
         PhasePlan { cars, ..self }
+    }
+
+    /// Makes each green last at least so many steps, if that is longer than what it has.
+    pub(crate) fn with_min_greens(mut self, steps: impl IntoIterator<Item = u32>) -> PhasePlan {
+        self.min_green_steps.iter_mut().zip(steps).for_each(|(known, least)| *known = least.max(*known));
+        self
     }
 
     pub(crate) fn cars(&self) -> &BTreeSet<usize> {
@@ -102,8 +110,9 @@ impl PhasePlan {
         &self.clearings[from][to]
     }
 
-    pub(crate) fn min_green_steps(&self) -> u32 {
-        self.min_green_steps
+    /// Returns the least number of steps of each green.
+    pub fn min_green_steps(&self) -> &[u32] {
+        &self.min_green_steps
     }
 
     pub(crate) fn choice(&self) -> Choice {

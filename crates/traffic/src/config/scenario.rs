@@ -55,6 +55,12 @@ pub struct ScenarioConfig {
     pub decision_s: u32,
     /// Least number of seconds of a green.
     pub min_green_s: u32,
+    /// Whether greens also last at least as long as the phases of the light's own program say (`minDur`).
+    pub program_min_green: bool,
+    /// Program that counts for lights that have one of this name (`programID`), such as that of the night. If left out, the last
+    /// one counts, which SUMO runs. `program` in the file of `agents` chooses for one light.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub program: Option<String>,
     /// Number of seconds of yellow between two greens, for what loses green. `"program"`: as many as in the light's own
     /// program, so that no controller gains time by a shorter yellow; 3 if it shows none.
     pub yellow_s: Yellow,
@@ -105,6 +111,8 @@ impl ScenarioConfig {
             end_is_derived: false,
             decision_s: 5,
             min_green_s: 5,
+            program_min_green: true,
+            program: None,
             yellow_s: Yellow::Program,
             approach_m: 150.0,
             observation: Observation::default(),
@@ -211,13 +219,7 @@ impl DomainTable for ScenarioConfig {
         self.end_is_derived = self.end_s.is_none() && named.is_none();
         self.end_s = self.end_s.or(named);
         if self.end_is_derived {
-            let end = end::of(&file).with_context(|| self.scenario.display().to_string())?;
-            self.end_s = Some(end.with_context(|| {
-                format!(
-                    "{}: names no <end>, and no vehicle departs; set traffic.end_s to a second",
-                    self.scenario.display()
-                )
-            })?);
+            self.end_s = Some(end::of(&file).with_context(|| self.scenario.display().to_string())?);
         }
         Ok(())
     }

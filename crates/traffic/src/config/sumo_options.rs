@@ -3,12 +3,16 @@
 //! An option that changes traffic is carried over or refused, never dropped in silence. The rest is left out: this
 //! program seeds, measures and writes by itself.
 //!
-//! Source: `sumo --help` of SUMO 1.15.
+//! Source: `sumo --help` of SUMO 1.15 and 1.28.
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Fate {
     /// Carried over: SUMO gets it in every simulation, and so does the copy in a run directory.
     Carried,
+    /// Carried over, but local simulators do without it. The user gets what is different there.
+    WithoutLocally(&'static str),
+    /// Carried over, but there can be no local simulators. The user gets the reason.
+    NotLocal(&'static str),
     /// Left out. The user gets the reason.
     LeftOut(&'static str),
     /// Left out in silence: it changes no traffic here and writes nothing of use.
@@ -16,48 +20,48 @@ pub(super) enum Fate {
     Refused(&'static str),
 }
 
-use Fate::{Carried, LeftOut, Refused, Silent};
-
-const REMOVES: &str = "cars that SUMO takes off the road would count as cars that arrived";
+use Fate::{Carried, LeftOut, NotLocal, Refused, Silent, WithoutLocally};
 
 /// Names of options by their fate. A `*` stands for any text. If several fit, the longest counts.
 const OPTIONS: &[(Fate, &str)] = &[
     // Input and processing.
     (
         Refused("it reads a file that this program does not copy into a run directory"),
-        "load-state weight-files astar.*",
+        "load-state weight-files astar.* alternative-net-file selection-file device.fcd-replay.*",
     ),
-    (Silent, "load-state.* weight-attribute threads"),
-    (Carried, "junction-taz step-method.ballistic extrapolate-departpos route-steps scale scale-suffix"),
-    (Carried, "ignore-junction-blocker ignore-route-errors ignore-accidents collision.* max-num-vehicles"),
+    (Silent, "load-state.* weight-attribute threads keep-after-arrival slope-centered"),
+    (Carried, "junction-taz mapmatch.* step-method.ballistic extrapolate-departpos route-steps scale scale-suffix"),
+    (Carried, "ignore-junction-blocker ignore-route-errors ignore-accidents collision.* intermodal-collision.*"),
     (Carried, "time-to-teleport time-to-teleport.* waiting-time-memory startup-wait-threshold time-to-impatience"),
-    (Carried, "max-depart-delay sloppy-insert eager-insert emergency-insert random-depart-offset"),
-    (Carried, "lanechange.overtake-right tls.* default.* routing-algorithm weights.*"),
-    (Silent, "time-to-teleport.ride tls.actuated.show-detectors emergencydecel.warning-threshold"),
+    (Carried, "max-num-vehicles max-num-persons max-depart-delay sloppy-insert eager-insert emergency-insert"),
+    (Carried, "insertion-checks random-depart-offset lanechange.overtake-right tls.* default.*"),
+    (Carried, "routing-algorithm weights.*"),
+    (Silent, "tls.actuated.show-detectors emergencydecel.warning-threshold"),
     (LeftOut("an episode ends at its end only"), "max-num-teleports"),
-    (Refused("this program does not know the sublane model, in which cars share a lane"), "lateral-resolution"),
-    (Refused("without internal lanes cars jump over intersections"), "no-internal-links"),
-    (Refused("this program cannot replay a car between two lanes"), "lanechange.duration"),
+    (LeftOut("this program simulates single cars on lanes"), "mesosim"),
+    (Silent, "meso-*"),
+    (NotLocal("cars share a lane (the sublane model)"), "lateral-resolution"),
+    (NotLocal("cars jump over intersections"), "no-internal-links"),
+    (NotLocal("cars can be between two lanes"), "lanechange.duration"),
     (Refused("the agents run the lights"), "tls.all-off"),
     (Refused("routes of another run cannot be replayed here"), "replay-rerouting"),
-    (Refused("this program simulates single cars and lanes"), "mesosim"),
-    (Silent, "meso-*"),
-    // What there is only with stops, persons and trains, which are refused where they stand.
-    (Silent, "parking.maneuver use-stop-ended pedestrian.* ride.* persontrip.* person-device.*"),
-    (Silent, "railway.* railsignal-moving-block overhead-wire.*"),
+    // Stops, persons and trains.
+    (Carried, "parking.maneuver use-stop-ended use-stop-started pedestrian.* ride.* persontrip.* person-device.*"),
+    (Carried, "railway.* railsignal-moving-block railsignal.* overhead-wire.*"),
+    (LeftOut(MEASURED), "pedestrian.jupedsim.wkt"),
     // Devices that change how cars drive, and others that only measure.
     (Carried, "device.rerouting.*"),
     (
-        Refused("cars with this device drive in a way that this program cannot replay"),
-        "device.toc.* device.driverstate.* device.bluelight.* device.taxi.* device.glosa.*",
+        WithoutLocally("its cars drive like all others"),
+        "device.toc.* device.driverstate.* device.bluelight.* device.taxi.* device.glosa.* device.friction.* \
+         device.stationfinder.*",
     ),
+    (LeftOut(MEASURED), "device.toc.file device.taxi.dispatch-algorithm.output"),
     (Silent, "device.* device.rerouting.threads emissions.* phemlight-*"),
     // Output and reports.
-    (
-        LeftOut("this program writes its own measurements"),
-        "*-output device.rerouting.output netstate-dump save-state.* log message-log error-log",
-    ),
-    (Silent, "*-output.* netstate-dump.* output-prefix precision precision.geo human-readable-time write-license"),
+    (LeftOut(MEASURED), "*-output device.rerouting.output netstate-dump save-state.* log message-log error-log"),
+    (Silent, "*-output.* netstate-dump.* output-prefix output-suffix output.* write-metadata write-license"),
+    (Silent, "precision precision.geo human-readable-time language log.*"),
     (Silent, "verbose print-options xml-validation xml-validation.* no-warnings aggregate-warnings"),
     (Silent, "duration-log.* no-step-log step-log.period"),
     // TraCI, random numbers, the window.
@@ -66,6 +70,8 @@ const OPTIONS: &[(Fate, &str)] = &[
     (Silent, "gui-* g quit-on-end game game.mode start delay breakpoints edgedata-files demo disable-textures"),
     (Silent, "registry-viewport window-size window-pos tracker-interval osg-view"),
 ];
+
+const MEASURED: &str = "this program writes its own measurements";
 
 /// Whole names of options, and their short and older ones.
 const OTHER_NAMES: [(&str, &str); 12] = [
@@ -90,27 +96,19 @@ pub(super) fn whole_name(name: &str) -> &str {
 
 /// Returns what becomes of an option, or `None` if SUMO has none of this name. What is off is never refused.
 pub(super) fn fate_of(name: &str, value: &str) -> Option<Fate> {
-    let patterns = OPTIONS.iter().flat_map(|(fate, names)| names.split(' ').map(move |pattern| (pattern, *fate)));
+    let patterns =
+        OPTIONS.iter().flat_map(|(fate, names)| names.split_whitespace().map(move |pattern| (pattern, *fate)));
     let (_, fate) = patterns.filter(|(pattern, _)| fits(name, pattern)).max_by_key(|(pattern, _)| pattern.len())?;
-    match name {
-        "collision.action" if value == "remove" => Some(Refused(REMOVES)),
-        "time-to-teleport.remove" if !is_off(value) => Some(Refused(REMOVES)),
-        // Below 0, SUMO's default, cars wait until there is room.
-        "max-depart-delay" if !value.starts_with('-') => {
-            Some(Refused("cars that SUMO no longer lets wait would be missing from all figures"))
-        }
-        _ if is_off(value) && matches!(fate, LeftOut(_) | Refused(_)) => Some(Silent),
-        _ => Some(fate),
-    }
+    Some(if is_off(value) && !matches!(fate, Carried | WithoutLocally(_)) { Silent } else { fate })
 }
 
-/// Returns why a parameter such as `has.glosa.device` is refused: it gives a vehicle a device that is refused, too.
-pub(crate) fn refused_parameter(key: &str, value: &str) -> Option<&'static str> {
+/// Returns what is different in a local simulator for cars with this parameter, such as `has.glosa.device`.
+pub(crate) fn without_locally(key: &str, value: &str) -> Option<&'static str> {
     let key = key.to_ascii_lowercase();
     let device = key.strip_prefix("has.").and_then(|rest| rest.strip_suffix(".device"));
     let option = device.map_or(key.clone(), |device| format!("device.{device}.probability"));
     match fate_of(&option, value) {
-        Some(Refused(why)) if option.starts_with("device.") => Some(why),
+        Some(WithoutLocally(what)) if !is_off(value) => Some(what),
         _ => None,
     }
 }
@@ -136,38 +134,36 @@ mod tests {
 
     #[test]
     fn the_longest_pattern_that_fits_decides() {
-        assert_eq!(fate_of("time-to-teleport.ride", "1"), Some(Silent));
+        assert_eq!(fate_of("railsignal-block-output", "1"), Some(LeftOut(MEASURED)));
         assert_eq!(fate_of("time-to-teleport.highways", "1"), Some(Carried));
         assert!(matches!(fate_of("fcd-output", "a"), Some(LeftOut(_))));
         assert_eq!(fate_of("fcd-output.geo", "1"), Some(Silent));
         assert_eq!(fate_of("device.ssm.probability", "1"), Some(Silent));
-        assert!(matches!(fate_of("device.toc.probability", "1"), Some(Refused(_))));
+        assert!(matches!(fate_of("device.toc.probability", "1"), Some(WithoutLocally(_))));
+        assert!(matches!(fate_of("device.toc.file", "a"), Some(LeftOut(_))));
         assert_eq!(fate_of("no-such-option", "1"), None);
         assert_eq!((whole_name("b"), whole_name("begin")), ("begin", "begin"));
     }
 
     #[test]
-    fn options_by_which_cars_vanish_are_refused_with_some_values_only() {
-        for (name, refused, carried) in [
-            ("time-to-teleport.remove", "true", "false"),
-            ("collision.action", "remove", "teleport"),
-            ("max-depart-delay", "0", "-1"),
-        ] {
-            assert!(matches!(fate_of(name, refused), Some(Refused(_))), "{name}");
-            assert_eq!(fate_of(name, carried), Some(Carried), "{name}");
-        }
+    fn what_is_off_is_neither_refused_nor_against_local_simulators() {
+        assert!(matches!(fate_of("lateral-resolution", "0.8"), Some(NotLocal(_))));
+        assert_eq!(fate_of("lateral-resolution", "0"), Some(Silent));
+        assert!(matches!(fate_of("tls.all-off", "true"), Some(Refused(_))));
+        assert_eq!(fate_of("tls.all-off", "false"), Some(Silent));
+        assert_eq!(fate_of("max-depart-delay", "-1"), Some(Carried));
     }
 
     #[test]
-    fn a_vehicle_gets_no_device_that_is_refused_as_an_option() {
-        for (key, value, is_refused) in [
+    fn some_devices_are_missing_in_a_local_simulator() {
+        for (key, value, is_missing) in [
             ("has.GLOSA.device", "1", true),
             ("has.glosa.device", "false", false),
             ("device.driverstate.initialAwareness", "0.5", true),
             ("has.rerouting.device", "true", false),
             ("lcStrategic", "1", false),
         ] {
-            assert_eq!(refused_parameter(key, value).is_some(), is_refused, "{key} = {value}");
+            assert_eq!(without_locally(key, value).is_some(), is_missing, "{key} = {value}");
         }
     }
 }

@@ -35,10 +35,31 @@ pub struct Sumocfg {
     pub(crate) additional: Vec<PathBuf>,
     pub begin_s: u64,
     pub(crate) end_s: Option<u64>,
+    /// SUMO's steps in a second.
+    pub(crate) steps_per_s: u32,
     /// Options that change traffic, without `--`, in the order of the file. [`TELEPORT`] is always among them.
     pub(crate) options: Vec<(String, String)>,
-    /// What of the file this program leaves out, a sentence each.
-    pub(crate) left_out: Vec<String>,
+    /// What this program makes of the rest, a sentence each.
+    pub(crate) notes: Notes,
+}
+
+/// What is not simulated as SUMO would: a sentence each.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Notes {
+    /// What no simulator has.
+    pub left_out: Vec<String>,
+    /// What local simulators do without.
+    pub without_locally: Vec<String>,
+    /// Why there can be no local simulators.
+    pub not_local: Vec<String>,
+}
+
+impl Notes {
+    pub(crate) fn extend(&mut self, more: Notes) {
+        self.left_out.extend(more.left_out);
+        self.without_locally.extend(more.without_locally);
+        self.not_local.extend(more.not_local);
+    }
 }
 
 impl Sumocfg {
@@ -70,7 +91,7 @@ impl Sumocfg {
             "is no configuration of SUMO: its root is <{}>, not <configuration>",
             excerpt(&root.name)
         );
-        let mut found = Sumocfg::default();
+        let mut found = Sumocfg { steps_per_s: 1, ..Sumocfg::default() };
         let mut given = Vec::new();
         collect(root, &mut given)?;
         for (number, (name, value)) in given.iter().enumerate() {
@@ -107,19 +128,28 @@ impl Sumocfg {
             "begin" => self.begin_s = whole_second(value)?.context("must not be negative")?,
             // SUMO takes a negative end for none.
             "end" => self.end_s = whole_second(value)?,
-            "step-length" => ensure!(
-                seconds(value)? == 1.0,
-                "is {}, and this program simulates steps of 1 s; remove it or set it to 1",
-                excerpt(value)
-            ),
+            "step-length" => self.steps_per_s = steps_per_s(value)?,
             _ => match fate_of(name, value) {
                 None => bail!("is no option of SUMO that this program knows; remove it"),
-                Some(Fate::Carried) => self.options.push((name.to_owned(), plain(value)?.to_owned())),
-                Some(Fate::LeftOut(why)) => self.left_out.push(format!("option {name}: {why}")),
+                Some(Fate::Carried) => self.carry(name, value)?,
+                Some(Fate::WithoutLocally(what)) => {
+                    self.notes.without_locally.push(format!("option {name}: {what}"));
+                    self.carry(name, value)?;
+                }
+                Some(Fate::NotLocal(why)) => {
+                    self.notes.not_local.push(format!("option {name}: {why}"));
+                    self.carry(name, value)?;
+                }
+                Some(Fate::LeftOut(why)) => self.notes.left_out.push(format!("option {name}: {why}")),
                 Some(Fate::Refused(why)) => bail!("is {}, and {why}; remove it", excerpt(value)),
                 Some(Fate::Silent) => {}
             },
         }
+        Ok(())
+    }
+
+    fn carry(&mut self, name: &str, value: &str) -> Result<()> {
+        self.options.push((name.to_owned(), plain(value)?.to_owned()));
         Ok(())
     }
 }
@@ -162,10 +192,21 @@ fn plain(value: &str) -> Result<&str> {
     Ok(value)
 }
 
+/// Returns how many steps of this length a second has. SUMO counts in milliseconds.
+fn steps_per_s(length: &str) -> Result<u32> {
+    let millis = (seconds(length)? * 1000.0).round();
+    ensure!(
+        millis >= 1.0 && 1000.0 % millis == 0.0,
+        "is {}, and lights change at whole seconds; set it to a step of which a second has a whole number, such as 0.5 or 0.1",
+        excerpt(length)
+    );
+    Ok((1000.0 / millis) as u32)
+}
+
 /// Returns a time as a whole second, or `None` if it is negative.
 fn whole_second(value: &str) -> Result<Option<u64>> {
     let time = seconds(value)?;
-    ensure!(time.fract() == 0.0, "is {time}, and this program simulates steps of 1 s; set it to a whole second");
+    ensure!(time.fract() == 0.0, "is {time}, and lights change at whole seconds; set it to one");
     ensure!(time <= MOST_SECONDS as f64, "is {time}: must be at most {MOST_SECONDS}");
     Ok((time >= 0.0).then_some(time as u64))
 }
@@ -237,9 +278,26 @@ mod tests {
             begin_s: 25_200,
             end_s: Some(28_800),
             options: options.map(|(name, value)| (name.to_owned(), value.to_owned())).to_vec(),
-            left_out: vec!["option tripinfo-output: this program writes its own measurements".to_owned()],
+            steps_per_s: 1,
+            notes: Notes {
+                left_out: vec!["option tripinfo-output: this program writes its own measurements".to_owned()],
+                ..Notes::default()
+            },
         };
         assert_eq!(found.unwrap(), expected);
+    }
+
+    #[test]
+    fn steps_are_parts_of_a_second_and_some_options_are_not_for_local_simulators() {
+        for (length, steps) in [("1", 1), ("0.5", 2), (".1", 10), ("0.001", 1000), ("1.0000001", 1)] {
+            let found = read(&format!("<net-file value='a'/><step-length value='{length}'/>")).unwrap();
+            assert_eq!(found.steps_per_s, steps, "{length}");
+        }
+        let found = read("<net-file value='a'/><lateral-resolution value='0.8'/><device.glosa.range value='9'/>");
+        let found = found.unwrap();
+        assert_eq!(found.notes.not_local, ["option lateral-resolution: cars share a lane (the sublane model)"]);
+        assert_eq!(found.notes.without_locally, ["option device.glosa.range: its cars drive like all others"]);
+        assert_eq!(found.options.len(), 3);
     }
 
     #[test]
@@ -253,7 +311,16 @@ mod tests {
     fn what_this_program_cannot_carry_over_is_refused_by_its_name() {
         for (options, message) in [
             ("<begin value='-5'/>", "<begin>: must not be negative"),
-            ("<end value='5.5'/>", "<end>: is 5.5, and this program simulates steps of 1 s; set it to a whole second"),
+            ("<end value='5.5'/>", "<end>: is 5.5, and lights change at whole seconds; set it to one"),
+            (
+                "<step-length value='2'/>",
+                "<step-length>: is 2, and lights change at whole seconds; set it to a step of",
+            ),
+            (
+                "<step-length value='0.3'/>",
+                "<step-length>: is 0.3, and lights change at whole seconds; set it to a step of",
+            ),
+            ("<step-length value='nan'/>", "<step-length>: `nan` is no time"),
             ("<end value='1e11'/>", "<end>: is 100000000000: must be at most 10000000000"),
             ("<scale>5</scale>", "<scale>: has no attribute `value`; write <scale value=\"...\"/>"),
             ("<r value='b,,c'/>", "<route-files>: names a file without a name; remove a comma"),

@@ -159,11 +159,12 @@ fn steps(text: &str) -> Option<Vec<u32>> {
 fn of_cycle(arguments: &Arguments<'_>, plan: &AgentPlan, timing: &Timing, cycle: u32) -> Result<Timing> {
     let lost = timing.cycle() - timing.greens().iter().sum::<u32>();
     let shares: Vec<f64> = timing.greens().iter().map(|&steps| f64::from(steps)).collect();
-    let greens = cycle.checked_sub(lost).and_then(|green| split(green, &shares, 1)).ok_or_else(|| {
-        let least = lost as usize + shares.iter().filter(|&&share| share > 0.0).count();
-        let light = Printable(&plan.light);
-        arguments.refuse(format!("cycle = {cycle}: light {light} needs {least} steps at least"))
-    })?;
+    let greens =
+        cycle.checked_sub(lost).and_then(|green| split(green, &shares, &vec![1; shares.len()])).ok_or_else(|| {
+            let least = lost as usize + shares.iter().filter(|&&share| share > 0.0).count();
+            let light = Printable(&plan.light);
+            arguments.refuse(format!("cycle = {cycle}: light {light} needs {least} steps at least"))
+        })?;
     Ok(Timing::new(&plan.phases, &greens, timing.offset()))
 }
 
@@ -186,14 +187,14 @@ fn offsets(arguments: &mut Arguments<'_>, plans: &[AgentPlan], timings: &[Timing
     }
 }
 
-/// Divides steps in proportion to `weights`, which are not negative. Every weight above 0 gets `least` steps at least,
+/// Divides steps in proportion to `weights`, which are not negative. Every weight above 0 gets its `least` steps at least,
 /// and a weight of 0 gets none. Returns `None` if there are too few steps.
-pub(super) fn split(steps: u32, weights: &[f64], least: u32) -> Option<Vec<u32>> {
-    let shown = weights.iter().filter(|&&weight| weight > 0.0).count() as u32;
-    let free = steps.checked_sub(shown * least).filter(|_| shown > 0)?;
+pub(super) fn split(steps: u32, weights: &[f64], least: &[u32]) -> Option<Vec<u32>> {
+    let mut parts: Vec<u32> =
+        weights.iter().zip(least).map(|(&weight, &least)| if weight > 0.0 { least } else { 0 }).collect();
+    let free = steps.checked_sub(parts.iter().sum()).filter(|_| weights.iter().any(|&weight| weight > 0.0))?;
     let sum: f64 = weights.iter().sum();
     let exact: Vec<f64> = weights.iter().map(|weight| f64::from(steps) * weight / sum).collect();
-    let mut parts: Vec<u32> = weights.iter().map(|&weight| if weight > 0.0 { least } else { 0 }).collect();
     // Each step goes where most is missing.
     for _ in 0..free {
         let lack = |part: usize| exact[part] - f64::from(parts[part]);
@@ -300,13 +301,13 @@ mod tests {
 
     #[test]
     fn parts_sum_up_and_follow_the_weights() {
-        assert_eq!(split(10, &[1.0, 1.0], 1), Some(vec![5, 5]));
-        assert_eq!(split(11, &[1.0, 1.0], 1), Some(vec![6, 5]));
-        assert_eq!(split(70, &[4.0, 0.0, 2.0, 1.0], 1), Some(vec![40, 0, 20, 10]));
-        assert_eq!(split(10, &[1000.0, 1.0], 1), Some(vec![9, 1]), "one step at least");
-        assert_eq!(split(20, &[8.0, 1.0, 1.0], 5), Some(vec![10, 5, 5]));
-        assert_eq!(split(2, &[3.0, 0.0, 1.0], 1), Some(vec![1, 0, 1]));
-        assert_eq!(split(9, &[3.0, 1.0], 5), None);
-        assert_eq!(split(5, &[0.0], 1), None);
+        assert_eq!(split(10, &[1.0, 1.0], &[1; 4]), Some(vec![5, 5]));
+        assert_eq!(split(11, &[1.0, 1.0], &[1; 4]), Some(vec![6, 5]));
+        assert_eq!(split(70, &[4.0, 0.0, 2.0, 1.0], &[1; 4]), Some(vec![40, 0, 20, 10]));
+        assert_eq!(split(10, &[1000.0, 1.0], &[1; 4]), Some(vec![9, 1]), "one step at least");
+        assert_eq!(split(20, &[8.0, 1.0, 1.0], &[5; 4]), Some(vec![10, 5, 5]));
+        assert_eq!(split(2, &[3.0, 0.0, 1.0], &[1; 4]), Some(vec![1, 0, 1]));
+        assert_eq!(split(9, &[3.0, 1.0], &[5; 4]), None);
+        assert_eq!(split(5, &[0.0], &[1; 4]), None);
     }
 }

@@ -79,7 +79,6 @@ pub(super) fn timing(plan: &AgentPlan, ratios: &FlowRatios) -> Timing {
     let (sum, lost_s) = (ratios.sum(), ratios.lost_s);
     let cycle_s = if sum < 1.0 { ((1.5 * lost_s + 5.0) / (1.0 - sum)).min(LONGEST_CYCLE_S) } else { LONGEST_CYCLE_S };
     let green_s = (cycle_s - lost_s).max(0.0);
-    let least = plan.phases.min_green_steps().max(1);
     let mut greens = vec![0; plan.greens()];
     // The last share is what is left, so that the shares sum up to 1.
     let mut left = 1.0;
@@ -87,7 +86,7 @@ pub(super) fn timing(plan: &AgentPlan, ratios: &FlowRatios) -> Timing {
         // Without cars, the greens have equal shares.
         let share = if sum > 0.0 { ratio / sum } else { 1.0 / ratios.greens.len() as f64 };
         let share = if place + 1 == ratios.greens.len() { left } else { share };
-        greens[green] = ((green_s * share).round() as u32).max(least);
+        greens[green] = ((green_s * share).round() as u32).max(plan.phases.min_green_steps()[green]);
         left -= share;
     }
     Timing::new(&plan.phases, &greens, 0)

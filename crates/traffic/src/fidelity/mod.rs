@@ -153,12 +153,13 @@ impl<'a> Fidelity<'a> {
                                 car => entries.come(0, entry, car),
                             }
                         }
+                        forest.simulation.begin_second()?;
                         let tried = entries.let_in(&mut forest)?;
                         forest.simulation.step()?;
                         entries.note_entered(&mut forest, &tried)?;
                     }
                     Entering::Truly => {
-                        forest.simulation.step()?;
+                        forest.simulation.second()?;
                         for visit in come {
                             let driver = recorded.driver(visit);
                             lost += u64::from(!put(&mut forest, &mut entries, visit, driver)?);

@@ -27,18 +27,21 @@ pub(crate) struct Content {
 impl Content {
     /// Reads a file. If SUMO, given this file, would open another one: an error.
     pub(crate) fn read(path: &Path) -> Result<Content> {
-        Content::read_cleaned(path, |_| Ok(false))
+        let content = Content::parse(path)?;
+        other_files::refuse(path, &content.root)?;
+        Ok(content)
     }
 
-    /// Reads a file like [`Content::read`]. `clean` returns whether it changed anything; then copies have the changes.
-    pub(crate) fn read_cleaned(path: &Path, clean: impl FnOnce(&mut Element) -> Result<bool>) -> Result<Content> {
-        let mut bytes = read_whole(path)?;
-        let mut root = parse_file(path, &bytes)?;
-        if clean(&mut root)? {
-            bytes = xml::text(&root).into_bytes();
-        }
-        other_files::refuse(path, &root)?;
+    /// Reads a file that SUMO will not get.
+    pub(crate) fn parse(path: &Path) -> Result<Content> {
+        let bytes = read_whole(path)?;
+        let root = parse_file(path, &bytes)?;
         Ok(Content { bytes, root })
+    }
+
+    /// Takes the bytes of copies from the elements.
+    pub(crate) fn rewrite(&mut self) {
+        self.bytes = xml::text(&self.root).into_bytes();
     }
 
     pub(crate) fn changed(&self, change: impl FnOnce(&mut Element)) -> Content {

@@ -13,10 +13,15 @@ use libsumo::Simulation;
 const EMPTY_ROADS: [(&str, &str); 2] = [("max-num-vehicles", "0"), ("max-depart-delay", "1")];
 
 const MOST_LETTERS: usize = 400;
+/// Largest number of kinds of SUMO's warnings that are shown.
+const MOST_WARNINGS: usize = 5;
+/// Option with which SUMO says what it warns of.
+const LOUD: [&str; 2] = ["--no-warnings", "false"];
 
 /// A network in memory that SUMO of this process can load, any number of times.
 pub struct Loadable {
     files: Vec<(MemoryFile, PathBuf)>,
+    steps_per_s: u32,
     /// Options of SUMO without `--`, but for the seed and the additional files.
     options: Vec<(String, String)>,
     additional: Vec<String>,
@@ -45,6 +50,7 @@ impl Loadable {
         let options = [("net-file", net), ("route-files", routes?.join(","))];
         let options = options.into_iter().filter(|(_, files)| !files.is_empty());
         Ok(Loadable {
+            steps_per_s: 1,
             options: options.map(|(name, value)| (name.to_owned(), value)).collect(),
             additional: additional?,
             actuated: put(actuated)?,
@@ -59,6 +65,18 @@ impl Loadable {
     ) -> Loadable {
         self.options.extend(options.into_iter().map(|(name, value)| (name.into(), value.into())));
         self
+    }
+
+    /// `steps`: SUMO's steps in a second, as its option says.
+    pub(crate) fn with_steps_per_s(self, steps: u32) -> Loadable {
+        Loadable { steps_per_s: steps, ..self }
+    }
+
+    /// Loads it into SUMO with these options: those of [`Loadable::options`], and further ones.
+    pub(crate) fn load(&self, options: &[String]) -> Result<Simulation> {
+        let mut simulation = Simulation::load(options).map_err(|error| self.explain(&error))?;
+        simulation.set_steps_per_second(self.steps_per_s);
+        Ok(simulation)
     }
 
     /// Returns the options that make SUMO load it. `actuated`: also the actuated programs.
@@ -76,12 +94,12 @@ impl Loadable {
         &self.program
     }
 
-    /// Lets SUMO read all demand until the option `end`, for at most about `patience`; without an end it does nothing.
+    /// Returns what SUMO warns of when it reads all demand. Lets SUMO read it until the option `end`, for at most about `patience`; without an end it does nothing.
     /// SUMO reads demand piece by piece and finds ways when cars depart, so otherwise it would complain in the middle of
     /// an episode. On empty roads an hour takes a fraction of a second.
-    pub(crate) fn try_demand(&self, patience: Duration) -> Result<()> {
+    pub(crate) fn try_demand(&self, patience: Duration) -> Result<Vec<String>> {
         let end_s = self.options.iter().find(|(name, _)| name == "end").and_then(|(_, end)| end.parse::<f64>().ok());
-        let Some(end_s) = end_s else { return Ok(()) };
+        let Some(end_s) = end_s else { return Ok(Vec::new()) };
         let mut options = self.options(false, 0);
         for (name, value) in EMPTY_ROADS {
             let name = format!("--{name}");
@@ -91,12 +109,18 @@ impl Loadable {
             }
             options.extend([name, value.to_owned()]);
         }
-        let mut simulation = Simulation::load(&options).map_err(|error| self.explain(&error))?;
+        options.extend(LOUD.map(str::to_owned));
+        let mut simulation = self.load(&options)?;
+        let heard = simulation.heard();
         let begun = Instant::now();
         while simulation.time_s()? < end_s && begun.elapsed() < patience {
-            simulation.step().map_err(|error| self.explain(&error))?;
+            simulation.second().map_err(|error| self.explain(&error))?;
         }
-        Ok(())
+        Ok(warnings(&self.in_words_of_user(&heard)))
+    }
+
+    fn in_words_of_user(&self, said: &str) -> String {
+        with_names(said.to_owned(), self.files.iter().map(|(file, path)| (file, &**path)))
     }
 
     pub fn explain(&self, error: &libsumo::Error) -> Error {
@@ -113,10 +137,32 @@ pub(crate) fn explain<'a>(
         libsumo::Error::Load { text, .. } | libsumo::Error::Refused { text, .. } => format!("SUMO: {text}"),
         error => error.to_string(),
     };
-    let named = names
-        .into_iter()
-        .fold(said, |said, (memory, path)| renamed(&said, &memory.path(), &path.display().to_string()));
-    anyhow!(beginning(&named, MOST_LETTERS))
+    anyhow!(beginning(&with_names(said, names), MOST_LETTERS))
+}
+
+fn with_names<'a>(said: String, names: impl IntoIterator<Item = (&'a MemoryFile, &'a Path)>) -> String {
+    names.into_iter().fold(said, |said, (memory, path)| renamed(&said, &memory.path(), &path.display().to_string()))
+}
+
+/// Returns SUMO's warnings in a text, the first one of each kind with the number of others like it.
+fn warnings(said: &str) -> Vec<String> {
+    let mut kinds: Vec<(String, &str, usize)> = Vec::new();
+    for warning in said.lines().filter_map(|line| line.trim().strip_prefix("Warning: ")) {
+        // Names are in quotes, and numbers tell no kinds apart.
+        let kind: String = warning.split('\'').step_by(2).collect();
+        let kind = kind.replace(|letter: char| letter.is_ascii_digit(), "");
+        match kinds.iter_mut().find(|(other, ..)| *other == kind) {
+            Some((.., count)) => *count += 1,
+            None => kinds.push((kind, warning, 0)),
+        }
+    }
+    let more = kinds.len().saturating_sub(MOST_WARNINGS);
+    let in_words = |(_, first, others): &(String, &str, usize)| match others {
+        0 => beginning(first, MOST_LETTERS),
+        others => format!("{} (and {others} like it)", beginning(first, MOST_LETTERS)),
+    };
+    let shown = kinds.iter().take(MOST_WARNINGS).map(in_words);
+    shown.chain((more > 0).then(|| format!("{more} further kinds of warnings"))).collect()
 }
 
 /// Returns a text with one path replaced by another, but not where it is the beginning of a longer one.
@@ -133,6 +179,17 @@ fn renamed(text: &str, path: &str, name: &str) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn warnings_of_one_kind_share_a_line() {
+        let said = "Loading... done\nWarning: Missing yellow in 'c' for 7\nWarning: Missing yellow in 'd' for 12\nWarning: No.";
+        assert_eq!(warnings(said), ["Missing yellow in 'c' for 7 (and 1 like it)", "No."]);
+        assert_eq!(
+            warnings(&format!("{}Warning: {}", "", ["a", "b", "c", "d", "e", "f"].join("\nWarning: "))).len(),
+            6
+        );
+        assert!(warnings("").is_empty());
+    }
 
     #[test]
     fn an_error_of_sumo_names_the_files_of_the_user() {

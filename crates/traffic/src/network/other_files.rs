@@ -19,21 +19,19 @@ const ATTRIBUTES: [(&str, &str); 4] =
 
 /// Beginnings of the keys of `<param>` that give a vehicle a device which writes. The surrogate safety device writes
 /// into the working directory even without a file name.
-const DEVICES: [&str; 4] = ["has.ssm.", "device.ssm.", "has.toc.", "device.toc."];
+const DEVICES: [&str; 2] = ["has.ssm.", "device.ssm."];
 
 /// Programs of lights that write no file but that of their parameter `file`. Swarm lights also write to `SWARMLOG`.
-const PROGRAMS: [&str; 6] = ["static", "actuated", "delay_based", "NEMA", "rail_signal", "rail_crossing"];
+const PROGRAMS: [&str; 7] = ["static", "actuated", "delay_based", "NEMA", "rail_signal", "rail_crossing", "off"];
 
 /// Emission models that read their data from files.
 const EMISSIONS: &str = "PHEMlight";
 
+/// What SUMO takes for a file that keeps nothing.
+pub(crate) const NOWHERE: &str = "NUL";
+
 /// Returns an error if SUMO, given this file, would write or read another one. It names the element and the file.
-pub(super) fn refuse(path: &Path, element: &Element) -> Result<()> {
-    // Also refused, as an agent cannot run this light; but it writes nothing.
-    let is_off = element.name == "tlLogic" && element.attribute("type") == Some("off");
-    if is_off {
-        bail!("{}: has {}, which switches this light off; remove it", path.display(), Printable(in_the_tag(element)));
-    }
+pub(crate) fn refuse(path: &Path, element: &Element) -> Result<()> {
     if let Some((what, does)) = found(element) {
         bail!("{}: has {}, by which SUMO {does} another file; remove it", path.display(), Printable(what));
     }
@@ -44,7 +42,7 @@ pub(super) fn refuse(path: &Path, element: &Element) -> Result<()> {
 fn found(element: &Element) -> Option<(String, &'static str)> {
     let Element { name, attributes, .. } = element;
     let attribute = attributes.iter().find_map(|(key, value)| {
-        let (_, does) = ATTRIBUTES.iter().find(|(other, _)| other == key)?;
+        let (_, does) = ATTRIBUTES.iter().find(|(other, _)| other == key && value != NOWHERE)?;
         Some((format!("{key}=\"{}\" in <{name}>", excerpt(value)), *does))
     });
     attribute.or_else(|| match name.as_str() {
@@ -54,7 +52,7 @@ fn found(element: &Element) -> Option<(String, &'static str)> {
             Some((format!("a light of type=\"{}\"", excerpt(kind)), "may write"))
         }
         _ => {
-            let class = element.attribute("emissionClass").filter(|class| class.starts_with(EMISSIONS))?;
+            let class = element.attribute("emissionClass").filter(|class| reads_emissions(class))?;
             Some((format!("emissionClass=\"{}\" in <{name}>", excerpt(class)), "reads"))
         }
     })
@@ -66,16 +64,15 @@ fn in_the_tag(element: &Element) -> String {
     format!("<{}{}>", element.name, shown.collect::<String>())
 }
 
-/// Returns whether a parameter with this key names a file, or gives a vehicle a device that does.
-fn names_a_file(key: &str) -> bool {
+/// Returns whether a parameter with this key names a file, or gives a vehicle a device that writes one.
+pub(crate) fn names_a_file(key: &str) -> bool {
     let key = key.to_ascii_lowercase();
     let words = ["file", "output", "swarmlog"];
     words.iter().any(|word| key.contains(word)) || DEVICES.iter().any(|device| key.starts_with(device))
 }
 
-/// Returns whether a parameter with this key only says where its light or detector writes.
-pub(crate) fn names_an_output(key: &str) -> bool {
-    matches!(key, "file" | "output") || key.ends_with("-output")
+pub(crate) fn reads_emissions(class: &str) -> bool {
+    class.starts_with(EMISSIONS)
 }
 
 #[cfg(test)]
@@ -89,10 +86,11 @@ mod tests {
     }
 
     #[test]
-    fn a_light_that_is_off_is_refused_and_what_opens_no_file_is_not() {
-        let off = refusal("<tlLogic id='B' type='off'/>").unwrap();
-        assert_eq!(off, "a.add.xml: has <tlLogic id=\"B\">, which switches this light off; remove it");
+    fn what_opens_no_file_is_allowed() {
         for allowed in [
+            "<tlLogic id='B' type='off'/>",
+            "<e1Detector id='a' file='NUL'/>",
+            "<param key='has.toc.device' value='true'/>",
             "<param key='max-gap' value='3.0'/>",
             "<tlLogic id='a' type='actuated'/>",
             "<vType id='a' emissionClass='HBEFA4/PC'/>",

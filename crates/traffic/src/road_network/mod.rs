@@ -62,6 +62,7 @@ pub(crate) struct RoadNetwork {
     pub(crate) unusual_reward: Option<String>,
     pub(crate) strange_files: Vec<PathBuf>,
     pub(crate) left_out: Vec<String>,
+    pub(crate) warnings: Vec<String>,
     /// Number to add to the output bias of action 1 of a new policy.
     pub(crate) switch_bias: f32,
     /// Whether cars dawdle at random. The speed factors of cars do not count.
@@ -190,6 +191,7 @@ pub(crate) fn open_grid(config: &TrafficConfig) -> Result<(RoadNetwork, JointPla
         unusual_reward: (*reward != Reward::from(RewardTerm::MeanSpeed)).then(|| reward.name()),
         strange_files: [&network, &local_network].map(|network| network.files.net.clone()).to_vec(),
         left_out: Vec::new(),
+        warnings: Vec::new(),
         // DEVIATION 11: our configs begin with a bias against switching, so that fewer agents get stuck in switching
         // always.
         switch_bias: config.initial_switch_bias,

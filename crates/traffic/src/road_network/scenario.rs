@@ -3,13 +3,13 @@
 use std::collections::HashSet;
 use std::sync::{Arc, OnceLock};
 
-use anyhow::{Context, anyhow};
+use anyhow::Context;
 
 use super::{Files, RoadNetwork};
 use crate::agents::derive::border::Seconds;
 use crate::agents::derive::keeping::sentences;
-use crate::agents::derive::overrides::Overrides;
 use crate::agents::derive::padding::{InfluencePadding, Padding};
+use crate::agents::derive::warnings::warnings;
 use crate::agents::derive::{Agent, Derived, Rules, derive};
 use crate::agents::plan::{AgentPlan, Border, JointPlan};
 use crate::config::{Reward, ScenarioConfig};
@@ -37,13 +37,11 @@ pub(crate) struct ScenarioFiles {
 pub(crate) fn open(files: SumoScenario, config: &ScenarioConfig) -> Result<(RoadNetwork, JointPlan)> {
     let place = || files.path().display().to_string();
     let roads = files.roads()?;
-    let overrides = match files.agents() {
-        None => Overrides::default(),
-        Some((path, text)) => Overrides::parse(text).map_err(|error| anyhow!("{}: {error:#}", path.display()))?,
-    };
-    let &ScenarioConfig { approach_m, yellow_s, min_green_s, observation, .. } = config;
-    let rules = Rules { approach_m, yellow: yellow_s, min_green_s, cars: observation };
+    let overrides = files.overrides()?;
+    let &ScenarioConfig { approach_m, yellow_s, min_green_s, program_min_green, observation, .. } = config;
+    let rules = Rules { approach_m, yellow: yellow_s, min_green_s, program_min_green, cars: observation };
     let derived = derive(&roads, &rules, &overrides).with_context(place)?;
+    derived.check_learning(&roads).with_context(place)?;
     let borders = derived.borders(&roads, &files.departs_on(&roads), approach_m, Seconds::of(config));
     let refuses_actuated = derived.agents.iter().find_map(|Agent { program, .. }| {
         let states: Vec<_> = program.phases.iter().map(|phase| &phase.state).collect();
@@ -72,7 +70,8 @@ pub(crate) fn open(files: SumoScenario, config: &ScenarioConfig) -> Result<(Road
         rough_costs: rough_costs(f64::from(config.decision_s)),
         unusual_reward: (config.reward != Reward::default()).then(|| config.reward.name()),
         strange_files: vec![files.path().to_owned()],
-        left_out: files.left_out().iter().cloned().chain(keeps).collect(),
+        left_out: files.notes().left_out.iter().cloned().chain(keeps).collect(),
+        warnings: warnings(&roads),
         switch_bias: 0.0,
         is_random: files.dawdles(),
         is_stuck: |p_switch| p_switch < STUCK_BELOW,
@@ -130,9 +129,11 @@ impl ScenarioFiles {
         if let Some(known) = self.local.get() {
             return Ok(known.clone());
         }
+        self.files.check_local()?;
         let parts = Arc::new(LocalParts {
             nets: cut_all(&self.files, &self.derived)?,
             types: types_of(&self.files),
+            steps_per_s: self.files.steps_per_s(),
             options: driving_options(self.files.options()),
             name: self.files.path().display().to_string(),
         });

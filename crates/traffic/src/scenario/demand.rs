@@ -1,13 +1,13 @@
-//! Where vehicles depart, and how many. SUMO judges the rest of the demand. But it says nothing when vehicles depart
-//! too late in a file, when none departs at all, or when a type has a length of NaN, so these are errors here.
+//! Where vehicles depart, and how many. SUMO judges the rest of the demand. But it says nothing when all depart at other times,
+//! or when a type has a length of NaN, so these are errors here.
 
 use std::collections::{BTreeMap, BTreeSet, HashMap};
 use std::path::Path;
 
-use anyhow::{Result, anyhow, bail, ensure};
+use anyhow::{Result, anyhow, ensure};
 
-use crate::config::sumo_options::refused_parameter;
-use crate::config::sumo_time::seconds;
+use super::departing::{Departing, VEHICLES, each};
+use crate::config::sumocfg::Notes;
 use crate::network::roads::attributes::{tag, wrong};
 use crate::network::tree::Element;
 use dials_core::outside::excerpt;
@@ -15,15 +15,11 @@ use dials_core::outside::excerpt;
 /// Largest number of vehicles of an episode.
 const MOST_VEHICLES: f64 = 10_000_000.0;
 
-/// Classes of what does not drive on roads.
-const NOT_ON_ROADS: &str = "tram rail_urban rail rail_electric rail_fast ship pedestrian container";
+/// Classes of vehicles that are often in lanes of their own, where no agent sees them.
+const APART: &str = "bicycle tram rail_urban rail rail_electric rail_fast subway cable_car ship pedestrian";
 
 /// Types that SUMO has by itself for them, with their classes.
-const OWN_TYPES: [(&str, &str); 3] =
-    [("DEFAULT_PEDTYPE", "pedestrian"), ("DEFAULT_RAILTYPE", "rail"), ("DEFAULT_CONTAINERTYPE", "container")];
-
-/// Times of departure that wait for something else.
-const TRIGGERED: [&str; 3] = ["triggered", "containerTriggered", "split"];
+const OWN_TYPES: [(&str, &str); 2] = [("DEFAULT_BIKETYPE", "bicycle"), ("DEFAULT_RAILTYPE", "rail")];
 
 /// Speeds of departure with which a car waits until there is room for it, and is slowed down to fit. Cars with all others
 /// are removed if the road does not let them drive so fast. How many that are depends on the lights.
@@ -49,12 +45,21 @@ pub(super) struct Departures {
 /// What was read so far, in SUMO's order.
 pub(crate) struct Demand<'a> {
     window_s: (f64, f64),
-    strange: HashMap<&'a str, &'a str>,
-    /// First edges of each route; a distribution has several.
+    /// Types whose vehicles are often in lanes of their own, with their classes.
+    apart: HashMap<&'a str, &'a str>,
+    /// Edges of each route, as their text; a distribution has several routes.
     routes: HashMap<&'a str, Vec<&'a str>>,
     zones: HashMap<&'a str, Vec<&'a str>>,
     departures: Departures,
+    /// Whether there are vehicles or persons, at whatever time.
+    has_some: bool,
+    /// Numbers of vehicles and persons of an episode.
     expected: f64,
+    persons: f64,
+    /// Numbers of vehicles that are often in lanes of their own, by class.
+    apart_counts: BTreeMap<&'a str, f64>,
+    /// Vehicles and flows that SUMO leaves out because they come too late in their file: their number, and the first.
+    late: BTreeMap<&'a Path, (usize, &'a Element)>,
     /// Numbers of vehicles and flows that depart at other times, by file.
     outside: BTreeMap<&'a Path, usize>,
     /// Vehicles and flows that SUMO may remove instead of letting them wait: their number in each file, and the first.
@@ -66,11 +71,15 @@ impl<'a> Demand<'a> {
     pub(super) fn new(window_s: (u64, u64)) -> Demand<'a> {
         Demand {
             window_s: (window_s.0 as f64, window_s.1 as f64),
-            strange: OWN_TYPES.into(),
+            apart: OWN_TYPES.into(),
             routes: HashMap::new(),
             zones: HashMap::new(),
             departures: Departures::default(),
+            has_some: false,
             expected: 0.0,
+            persons: 0.0,
+            apart_counts: BTreeMap::new(),
+            late: BTreeMap::new(),
             outside: BTreeMap::new(),
             impatient: BTreeMap::new(),
         }
@@ -78,21 +87,22 @@ impl<'a> Demand<'a> {
 
     pub(super) fn read(&mut self, file: &'a Path, root: &'a Element, order: Order) -> Result<()> {
         let mut last_s = f64::NEG_INFINITY;
-        let mut read = |element| self.read_element(file, element, order, &mut last_s);
-        root.children
-            .iter()
-            .try_for_each(|element| read(element).map_err(|error| anyhow!("{}: {error}", file.display())))
+        each(root).try_for_each(|departing| {
+            self.read_element(file, departing, order, &mut last_s)
+                .map_err(|error| anyhow!("{}: {error}", file.display()))
+        })
     }
 
-    fn read_element(&mut self, file: &'a Path, element: &'a Element, order: Order, last_s: &mut f64) -> Result<()> {
+    fn read_element(&mut self, file: &'a Path, departing: Departing<'a>, order: Order, last_s: &mut f64) -> Result<()> {
+        let element = departing.element;
         match &*element.name {
             "vType" => self.add_type(element)?,
             "vTypeDistribution" => {
                 element.all("vType").try_for_each(|kind| self.add_type(kind))?;
                 let inner = element.all("vType").filter_map(|kind| kind.attribute("id"));
                 let mut all = inner.chain(words(element, "vTypes"));
-                if let Some(class) = all.find_map(|kind| self.strange.get(kind)) {
-                    self.strange.insert(id(element), class);
+                if let Some(class) = all.find_map(|kind| self.apart.get(kind)) {
+                    self.apart.insert(id(element), class);
                 }
             }
             "route" | "routeDistribution" => drop(self.routes_in(element)),
@@ -100,21 +110,24 @@ impl<'a> Demand<'a> {
                 let sources = element.all("tazSource").map(id);
                 self.zones.insert(id(element), words(element, "edges").chain(sources).collect());
             }
-            "vehicle" | "trip" | "flow" => {
-                let key = if element.name == "flow" { "begin" } else { "depart" };
-                let departs_s = match element.attribute(key) {
-                    Some(text) => seconds(text).ok(),
-                    None => Some(self.window_s.0),
-                };
-                self.add_driver(file, element, departs_s.unwrap_or(self.window_s.0))?;
-                let why = || {
-                    format!(
-                        "comes after one that departs at {last_s} s, and SUMO would leave it out; sort the file by departure"
-                    )
-                };
-                let is_late = departs_s.is_some_and(|departs_s| departs_s < *last_s);
-                ensure!(order == Order::Free || !is_late, wrong(element, key, &why()));
-                *last_s = departs_s.unwrap_or(*last_s);
+            _ if departing.departs() => {
+                self.has_some = true;
+                let (begin, _) = self.window_s;
+                let departs_s = departing.first_s(begin);
+                let is_late = order == Order::Sorted && departs_s.is_some_and(|departs_s| departs_s < *last_s);
+                *last_s = departs_s.unwrap_or(*last_s).max(*last_s);
+                if is_late {
+                    self.late.entry(file).or_insert((0, element)).0 += 1;
+                    return Ok(());
+                }
+                let count = departing.number(departs_s.unwrap_or(begin), self.window_s);
+                if count == 0.0 {
+                    *self.outside.entry(file).or_default() += 1;
+                } else if VEHICLES.contains(&&*element.name) {
+                    self.add_driver(file, element, count);
+                } else {
+                    self.persons += count;
+                }
             }
             _ => {}
         }
@@ -122,22 +135,32 @@ impl<'a> Demand<'a> {
     }
 
     /// Checks the whole. Returns where vehicles depart, and what will not be simulated. `scenario`: its path.
-    pub(super) fn finish(self, scenario: &Path) -> Result<(Departures, Vec<String>)> {
+    pub(super) fn finish(self, scenario: &Path) -> Result<(Departures, Notes)> {
         let (begin, end) = self.window_s;
+        let travellers = self.expected + self.persons;
         ensure!(
-            self.expected > 0.0,
+            travellers > 0.0 || !self.has_some,
             "{}: no vehicle departs from {begin} to {end} s; add a route file, or correct begin and end",
             scenario.display()
         );
         ensure!(
-            self.expected <= MOST_VEHICLES,
-            "{}: {:.0} vehicles depart from {begin} to {end} s, and at most {MOST_VEHICLES} are allowed; correct the \
+            travellers <= MOST_VEHICLES,
+            "{}: {travellers:.0} vehicles depart from {begin} to {end} s, and at most {MOST_VEHICLES} are allowed; correct the \
              flows",
             scenario.display(),
-            self.expected
         );
+        let nobody =
+            (!self.has_some).then(|| format!("{}: it names no vehicles, so the roads are empty", scenario.display()));
         let elsewhere = |(file, count): (&Path, usize)| {
             format!("{}: {count} of its vehicles and flows depart before {begin} s or from {end} s on", file.display())
+        };
+        let too_late = |(file, (count, first)): (&Path, (usize, &Element))| {
+            format!(
+                "{}: {count} of its vehicles and flows come after one that departs later, such as {}: SUMO leaves them out; sort \
+                 the file by departure",
+                file.display(),
+                tag(first)
+            )
         };
         let may_vanish = |(file, (count, first)): (&Path, (usize, &Element))| {
             let speed = excerpt(first.attribute("departSpeed").unwrap_or_default());
@@ -148,8 +171,14 @@ impl<'a> Demand<'a> {
                 tag(first)
             )
         };
-        let outside = self.outside.into_iter().map(elsewhere);
-        Ok((self.departures, outside.chain(self.impatient.into_iter().map(may_vanish)).collect()))
+        let left_out = nobody.into_iter().chain(self.outside.into_iter().map(elsewhere));
+        let left_out = left_out.chain(self.late.into_iter().map(too_late));
+        let left_out = left_out.chain(self.impatient.into_iter().map(may_vanish)).collect();
+        let apart = |(class, count): (&str, f64)| {
+            format!("vehicles of class {class} ({count:.0}): only those in lanes for cars are there")
+        };
+        let without_locally = self.apart_counts.into_iter().map(apart).collect();
+        Ok((self.departures, Notes { left_out, without_locally, not_local: Vec::new() }))
     }
 
     fn add_type(&mut self, kind: &'a Element) -> Result<()> {
@@ -161,63 +190,41 @@ impl<'a> Demand<'a> {
                 ensure!(!is_bad, wrong(element, key, "must be a finite number; correct it"));
             }
         }
-        refuse_devices(kind)?;
-        match kind.attribute("vClass").filter(|class| NOT_ON_ROADS.split(' ').any(|other| other == *class)) {
-            Some(class) => self.strange.insert(id(kind), class),
-            None => self.strange.remove(id(kind)),
+        match kind.attribute("vClass").filter(|class| APART.split(' ').any(|other| other == *class)) {
+            Some(class) => self.apart.insert(id(kind), class),
+            None => self.apart.remove(id(kind)),
         };
         Ok(())
     }
 
-    /// Returns the first edges of a route or a distribution, and remembers them and those of routes within by their ids.
+    /// Returns the edges of a route or a distribution, each as a text, and remembers them and those of routes within by their
+    /// ids.
     fn routes_in(&mut self, element: &'a Element) -> Vec<&'a str> {
-        let mut first: Vec<&str> = words(element, "edges").take(1).collect();
+        let mut all: Vec<&str> = element.attribute("edges").into_iter().collect();
         for known in words(element, "refId").chain(words(element, "routes")) {
-            first.extend(self.routes.get(known).into_iter().flatten());
+            all.extend(self.routes.get(known).into_iter().flatten());
         }
         for inner in element.all("route") {
-            first.extend(self.routes_in(inner));
+            all.extend(self.routes_in(inner));
         }
         if let Some(id) = element.attribute("id") {
-            self.routes.insert(id, first.clone());
+            self.routes.insert(id, all.clone());
         }
-        first
+        all
     }
 
-    /// Adds a trip, a vehicle or a flow. `departs_s`: the second of its first departure.
-    fn add_driver(&mut self, file: &'a Path, driver: &'a Element, departs_s: f64) -> Result<()> {
+    /// Adds a trip, a vehicle or a flow of this many vehicles.
+    fn add_driver(&mut self, file: &'a Path, driver: &'a Element, vehicles: f64) {
         let given = |key: &str| driver.attribute(key);
-        for (key, why) in [
-            ("personNumber", "this program does not simulate persons and containers; remove it"),
-            ("containerNumber", "this program does not simulate persons and containers; remove it"),
-            ("departEdge", "this program lets cars begin on the first edge of their route; remove it"),
-        ] {
-            ensure!(given(key).is_none_or(|value| value == "0"), wrong(driver, key, why));
-        }
-        ensure!(
-            given("depart").is_none_or(|depart| !TRIGGERED.contains(&depart)),
-            wrong(driver, "depart", "this program does not simulate persons and trains; set a second")
-        );
-        if let Some(class) = given("type").and_then(|kind| self.strange.get(kind)) {
-            let why = format!("its class is {class}, and this program simulates roads; remove it");
-            bail!(wrong(driver, "type", &why));
-        }
-        refuse_devices(driver)?;
-        let (begin, end) = self.window_s;
-        let vehicles = match driver.name == "flow" {
-            true => vehicles_of(driver, departs_s, self.window_s),
-            false => f64::from((begin..end).contains(&departs_s)),
-        };
-        if vehicles == 0.0 {
-            *self.outside.entry(file).or_default() += 1;
-            return Ok(());
-        }
         self.expected += vehicles;
+        if let Some(class) = given("type").and_then(|kind| self.apart.get(kind)) {
+            *self.apart_counts.entry(class).or_default() += vehicles;
+        }
         if given("departSpeed").is_some_and(|speed| !PATIENT.contains(&speed) && speed.parse() != Ok(0.0)) {
             self.impatient.entry(file).or_insert((0, driver)).0 += 1;
         }
-        let inner = driver.children.iter().find(|child| child.name != "param");
-        let edges = match (given("route"), inner) {
+        let inner = driver.children.iter().find(|child| child.name.starts_with("route"));
+        let routes = match (given("route"), inner) {
             (Some(route), _) => self.routes.get(route).cloned().unwrap_or_default(),
             (None, Some(inner)) => self.routes_in(inner),
             (None, None) => match (given("from"), given("fromTaz")) {
@@ -229,42 +236,11 @@ impl<'a> Demand<'a> {
                 }
             },
         };
-        self.departures.edges.extend(edges.into_iter().map(str::to_owned));
-        Ok(())
+        // Vehicles depart on the first edge, unless they name another one.
+        let edges = if given("departEdge").is_some() { usize::MAX } else { 1 };
+        let edges = routes.into_iter().flat_map(|route| route.split_whitespace().take(edges));
+        self.departures.edges.extend(edges.map(str::to_owned));
     }
-}
-
-/// Returns the expected number of vehicles of a flow in an episode; 1 if it cannot be read, which SUMO will say.
-fn vehicles_of(flow: &Element, begins: f64, (begin, end): (f64, f64)) -> f64 {
-    let ends = flow.attribute("end").and_then(|text| seconds(text).ok()).unwrap_or(end);
-    let shared = (ends.min(end) - begins.max(begin)).max(0.0);
-    let number = |key: &str| flow.attribute(key)?.trim().parse::<f64>().ok();
-    match (number("number"), vehicles_per_s(flow).or_else(|| number("probability"))) {
-        (None, None) => 1.0,
-        (Some(number), None) if ends > begins => number * shared / (ends - begins),
-        (Some(number), None) => number * f64::from((begin..end).contains(&begins)),
-        (number, Some(rate)) => (rate * shared).min(number.unwrap_or(f64::INFINITY)),
-    }
-}
-
-/// Returns the rate of a flow that names one, or a period.
-pub(super) fn vehicles_per_s(flow: &Element) -> Option<f64> {
-    let number = |key: &str| flow.attribute(key)?.trim().parse::<f64>().ok();
-    let per_hour = ["vehsPerHour", "perHour", "personsPerHour"].into_iter().find_map(number);
-    // The number of a random period is its rate.
-    let random = || flow.attribute("period")?.trim().strip_prefix("exp(")?.strip_suffix(')')?.trim().parse().ok();
-    per_hour.map(|rate| rate / 3600.0).or_else(|| number("period").map(|period| 1.0 / period)).or_else(random)
-}
-
-/// Returns an error if a parameter of a type, vehicle or flow gives it a device that is refused as an option, too.
-fn refuse_devices(element: &Element) -> Result<()> {
-    for parameter in element.all("param") {
-        let [key, value] = ["key", "value"].map(|name| parameter.attribute(name).unwrap_or_default());
-        if let Some(why) = refused_parameter(key, value) {
-            bail!("{}: <param key=\"{}\">: {why}; remove it", tag(element), excerpt(key));
-        }
-    }
-    Ok(())
 }
 
 fn id(element: &Element) -> &str {
@@ -285,7 +261,7 @@ mod tests {
                          <taz id='z' edges='a b'/><taz id='y'><tazSource id='a'/></taz>";
 
     /// Reads elements after the types. Returns where cars depart and the notes, or the error.
-    fn read_whole(elements: &str) -> Result<(Departures, Vec<String>), String> {
+    fn read_whole(elements: &str) -> Result<(Departures, Notes), String> {
         let root = parse(&format!("<routes>{TYPES}{elements}</routes>")).unwrap();
         let mut demand = Demand::new((100, 200));
         let read = demand.read(Path::new("rou"), &root, Order::Sorted);
@@ -293,7 +269,7 @@ mod tests {
     }
 
     fn read(elements: &str) -> Result<Vec<String>, String> {
-        read_whole(elements).map(|(_, notes)| notes)
+        read_whole(elements).map(|(_, notes)| notes.left_out)
     }
 
     #[test]
@@ -320,6 +296,9 @@ mod tests {
             ("<flow id='w' begin='150' period='9' fromTaz='z' toTaz='z'/>", "a b"),
             ("<flow id='w' begin='150' period='9' fromTaz='y' to='b'/>", "a"),
             ("<trip id='w' depart='150' from='c' toTaz='z'/>", "a c"),
+            ("<vehicle id='w' depart='150' departEdge='1'><route edges='b c'/></vehicle>", "a b c"),
+            ("<interval begin='150' end='160'><flow id='w' number='9' from='c' to='b'/></interval>", "a c"),
+            ("<interval begin='50' end='100'><flow id='w' number='9' from='c' to='b'/></interval>", "a"),
             ("<trip id='w' depart='150' fromJunction='j' toJunction='j'/>", "a j"),
         ] {
             assert_eq!(departures(&format!("{other}{element}")), places, "{element}");
@@ -327,9 +306,31 @@ mod tests {
     }
 
     #[test]
-    fn a_distribution_with_a_train_is_refused() {
-        let error = read("<trip id='v' depart='100' type='odd' from='a' to='b'/>").unwrap_err();
-        assert!(error.contains("type=\"odd\": its class is rail"), "{error}");
+    fn vehicles_in_lanes_of_their_own_are_counted() {
+        let (_, notes) =
+            read_whole("<flow id='v' number='7' type='odd' from='a' to='b'/><person id='p' depart='300'/>").unwrap();
+        assert_eq!(notes.without_locally, ["vehicles of class rail (7): only those in lanes for cars are there"]);
+        assert_eq!(notes.left_out, ["rou: 1 of its vehicles and flows depart before 100 s or from 200 s on"]);
+    }
+
+    #[test]
+    fn vehicles_that_come_too_late_in_a_file_are_left_out() {
+        let trip = |id: &str, depart: u32| format!("<trip id='{id}' depart='{depart}' from='{id}' to='b'/>");
+        let (departures, notes) = read_whole(&[trip("v", 120), trip("w", 110), trip("x", 120)].concat()).unwrap();
+        assert_eq!(departures.edges.into_iter().collect::<Vec<_>>(), ["v", "x"]);
+        assert!(
+            notes.left_out[0].starts_with("rou: 1 of its vehicles and flows come after one"),
+            "{:?}",
+            notes.left_out
+        );
+    }
+
+    #[test]
+    fn empty_roads_are_said_and_a_time_without_anybody_is_an_error() {
+        assert_eq!(read("").unwrap(), ["cfg: it names no vehicles, so the roads are empty"]);
+        let error = read("<trip id='v' depart='200' from='a' to='b'/>").unwrap_err();
+        assert!(error.starts_with("cfg: no vehicle departs from 100 to 200 s"), "{error}");
+        assert_eq!(read("<personFlow id='p' begin='100' number='3'/>"), Ok(vec![]));
     }
 
     #[test]

@@ -1,135 +1,133 @@
-//! Which elements the files of a scenario may hold.
-//!
-//! What only measures is left out, with a note. Everything else that this program does not know is refused: it may change
-//! traffic in a way that local simulators do not have, or SUMO skips it, as a typing error.
+//! What becomes of the elements of a scenario's files. What only measures, writes or decorates is left out, with a note. All
+//! else goes to SUMO as it stands.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
 
-use anyhow::{Result, bail, ensure};
-
-use super::ROUTE_FILES;
-use crate::network::other_files::names_an_output;
-use crate::network::roads::attributes::tag;
+use super::reading::ROUTE_FILES;
+use crate::network::other_files::{NOWHERE, names_a_file, reads_emissions};
 use crate::network::tree::Element;
-use dials_core::outside::{Printable, excerpt};
+use dials_core::outside::excerpt;
 
 const MEASURES: &str = "edgeData laneData inductionLoop e1Detector instantInductionLoop laneAreaDetector e2Detector \
-                        entryExitDetector e3Detector vTypeProbe routeProbe timedEvent";
+                        entryExitDetector e3Detector vTypeProbe routeProbe timedEvent edgeProbe laneProbe";
 
-/// Elements that may stand in the root of a net. The last one is an area in the picture.
-const IN_A_NET: &str = "location type edge tlLogic junction connection roundabout prohibition param poly";
-
-const IN_OTHERS: &str =
-    "vType vTypeDistribution route routeDistribution vehicle trip flow taz tlLogic param location poly poi";
+/// Attributes that name a picture, or a file that is written.
+const DECORATES: [&str; 3] = ["imgFile", "osgFile", "output"];
 
 /// Elements that SUMO reads in additional files, and skips in route files without a word.
-const SKIPPED_IN_ROUTES: &str = "taz tlLogic";
+const SKIPPED_IN_ROUTES: &str = "taz tlLogic WAUT wautJunction rerouter calibrator variableSpeedSign busStop trainStop \
+                                 containerStop chargingStation parkingArea";
 
-fn known_in(element: &str) -> &'static str {
-    match element {
-        "vTypeDistribution" => "vType param",
-        "routeDistribution" => "route param",
-        "vehicle" | "flow" => "route routeDistribution param",
-        "taz" => "tazSource tazSink param",
-        "tlLogic" => "phase param",
-        _ => "param",
+/// All elements that SUMO 1.28 reads in nets, additional files and route files, and those that editors leave there.
+const KNOWN: &str = "location type restriction edge lane neigh stopOffset tlLogic phase condition assignment function junction request \
+     connection crossing roundabout prohibition param poly poi vType vTypeDistribution route routeDistribution vehicle trip \
+     flow interval person personFlow container containerFlow walk ride personTrip tranship transport stop taz tazSource \
+     tazSink busStop trainStop containerStop chargingStation parkingArea parkingSpace space access overheadWireSegment \
+     overheadWireClamp overheadWire tractionSubstation rerouter closingReroute closingLaneReroute routeProbReroute \
+     destProbReroute parkingAreaReroute stationReroute viaProbReroute variableSpeedSign step calibrator WAUT wautSwitch \
+     wautJunction railSignalConstraints predecessor insertionPredecessor foeInsertion insertionOrder bidiPredecessor split \
+     detEntry detExit e3Detector via delay viewport include transition cell jupedsim deadlock ride";
+
+fn is_one_of(names: &str, element: &Element) -> bool {
+    names.split_whitespace().any(|name| name == element.name)
+}
+
+/// Returns the names that lights and calibrators ask for, among which may be detectors.
+pub(super) fn asked_for(root: &Element, found: &mut BTreeSet<String>) {
+    for element in &root.children {
+        if element.name == "tlLogic" {
+            found.extend(element.all("param").filter_map(|param| param.attribute("value")).map(str::to_owned));
+            let conditions =
+                element.children.iter().filter(|child| ["condition", "assignment"].contains(&&*child.name));
+            let words = conditions
+                .flat_map(|child| &child.attributes)
+                .flat_map(|(_, text)| text.split(|letter: char| !is_of_name(letter)));
+            found.extend(words.map(str::to_owned));
+        }
+        found.extend(element.attribute("routeProbe").or_else(|| element.attribute("probe")).map(str::to_owned));
     }
 }
 
-fn is_one_of(names: &str, element: &Element) -> bool {
-    names.split(' ').any(|name| name == element.name)
+fn is_of_name(letter: char) -> bool {
+    letter.is_alphanumeric() || "_-#.:".contains(letter)
 }
 
+/// What was taken out, counted by file and kind.
 #[derive(Debug, Default)]
 pub(super) struct Left {
-    counts: BTreeMap<(String, String), usize>,
-    ids: BTreeSet<String>,
+    counts: BTreeMap<(String, String, &'static str), usize>,
 }
+
+const BY_ITSELF: &str = "this program measures and writes by itself";
+const PICTURE: &str = "it is only for pictures, or for outputs";
+const NOT_MEASURED: &str = "emissions are not measured";
+const SKIPPED: &str = "SUMO skips it in a route file; move it to an additional file";
+const UNKNOWN: &str = "SUMO does not know this element";
 
 impl Left {
     pub(super) fn sentences(&self) -> impl Iterator<Item = String> {
-        self.counts.iter().map(|((file, kind), count)| {
-            format!("{file}: {count} x <{kind}>: this program measures and writes by itself")
-        })
+        self.counts.iter().map(|((file, kind, why), count)| format!("{file}: {count} x {kind}: {why}"))
     }
 
-    /// Returns an error if a light in this file asks a detector that was left out.
-    pub(super) fn check_not_needed(&self, file: &Path, root: &Element) -> Result<()> {
-        for light in root.all("tlLogic") {
-            let mut asked = light.all("param").filter_map(|param| param.attribute("value"));
-            if let Some(detector) = asked.find(|id| self.ids.contains(*id)) {
-                bail!(
-                    "{}: {}: asks the detector {}, and this program leaves detectors out; remove the parameter, and \
-                     SUMO places detectors of its own",
-                    file.display(),
-                    tag(light),
-                    Printable(detector)
-                );
-            }
-        }
-        Ok(())
+    fn count(&mut self, file: &Path, kind: String, why: &'static str) {
+        *self.counts.entry((file.display().to_string(), kind, why)).or_default() += 1;
     }
 }
 
-/// Takes out what only measures, and refuses what must not be there. Returns whether anything was taken out. `option`:
-/// the one of SUMO's that names the file.
-pub(super) fn clean(option: &str, file: &Path, root: &mut Element, left: &mut Left) -> Result<bool> {
+/// Takes out what is not needed, and notes what SUMO would skip. Returns whether anything was taken out. `option`: the one of
+/// SUMO's that names the file. `asked`: names of detectors that must stay; they write nowhere.
+pub(super) fn clean(option: &str, file: &Path, root: &mut Element, asked: &BTreeSet<String>, left: &mut Left) -> bool {
     let before = root.children.len();
-    root.children.retain(|child| {
-        let measures = is_one_of(MEASURES, child);
-        if measures {
-            *left.counts.entry((file.display().to_string(), child.name.clone())).or_default() += 1;
-            left.ids.extend(child.attribute("id").map(str::to_owned));
+    let mut is_changed = false;
+    root.children.retain_mut(|child| {
+        if !is_one_of(MEASURES, child) {
+            return true;
         }
-        !measures
+        let is_asked = child.attribute("id").is_some_and(|id| asked.contains(id));
+        if is_asked {
+            is_changed = true;
+            child.attributes.retain(|(key, _)| key != "file" && key != "output");
+            child.attributes.push(("file".to_owned(), NOWHERE.to_owned()));
+        } else {
+            left.count(file, format!("<{}>", child.name), BY_ITSELF);
+        }
+        is_asked
     });
-    let writes = leave_outputs_out(file, root, left);
-    let is_changed = writes || root.children.len() < before;
-    if root.name == "net" {
-        check_known(file, root, IN_A_NET)?;
-        return Ok(is_changed);
+    for child in &root.children {
+        if option == ROUTE_FILES && is_one_of(SKIPPED_IN_ROUTES, child) {
+            left.count(file, format!("<{}>", excerpt(&child.name)), SKIPPED);
+        }
     }
-    check_known(file, root, IN_OTHERS)?;
-    root.children.iter().try_for_each(|child| check_within(file, child))?;
-    let is_skipped = |child: &&Element| option == ROUTE_FILES && is_one_of(SKIPPED_IN_ROUTES, child);
-    if let Some(child) = root.children.iter().find(is_skipped) {
-        bail!("{}: {}: SUMO skips it in a route file; move it to an additional file", file.display(), tag(child));
-    }
-    Ok(is_changed)
+    is_changed |= root.children.len() < before;
+    clean_below(file, root, left) || is_changed
 }
 
-/// Takes out parameters that only say where something is written. Returns whether there were some.
-fn leave_outputs_out(file: &Path, element: &mut Element, left: &mut Left) -> bool {
-    let before = element.children.len();
+/// Takes out parameters and attributes that say where something is written, or how it looks. Returns whether there were some.
+fn clean_below(file: &Path, element: &mut Element, left: &mut Left) -> bool {
+    let before = (element.children.len(), element.attributes.len());
     element.children.retain(|child| {
-        let key = child.attribute("key").filter(|key| child.name == "param" && names_an_output(key));
+        let key = child.attribute("key").filter(|key| child.name == "param" && names_a_file(key));
         if let Some(key) = key {
-            let kind = format!("param key=\"{}\"", excerpt(key));
-            *left.counts.entry((file.display().to_string(), kind)).or_default() += 1;
+            left.count(file, format!("<param key=\"{}\">", excerpt(key)), BY_ITSELF);
         }
         key.is_none()
     });
-    let is_shorter = element.children.len() < before;
-    element.children.iter_mut().fold(is_shorter, |changed, child| leave_outputs_out(file, child, left) || changed)
-}
-
-fn check_within(file: &Path, element: &Element) -> Result<()> {
-    check_known(file, element, known_in(&element.name))?;
-    element.children.iter().try_for_each(|child| check_within(file, child))
-}
-
-fn check_known(file: &Path, element: &Element, known: &str) -> Result<()> {
-    // Parameters of a car-following model may stand in an element of their own.
-    let of_a_model = |child: &Element| element.name == "vType" && child.name.starts_with("carFollowing-");
-    for child in &element.children {
-        ensure!(
-            is_one_of(known, child) || of_a_model(child),
-            "{}: {} in {}: this program does not simulate it; remove it",
-            file.display(),
-            tag(child),
-            tag(element)
-        );
-    }
-    Ok(())
+    let name = &element.name;
+    element.attributes.retain(|(key, value)| {
+        let why = match &**key {
+            key if DECORATES.contains(&key) => PICTURE,
+            "emissionClass" if reads_emissions(value) => NOT_MEASURED,
+            _ => return true,
+        };
+        left.count(file, format!("{key} of <{}>", excerpt(name)), why);
+        false
+    });
+    let is_changed = (element.children.len(), element.attributes.len()) != before;
+    element.children.iter_mut().fold(is_changed, |changed, child| {
+        if !is_one_of(KNOWN, child) && !child.name.starts_with("carFollowing-") {
+            left.count(file, format!("<{}>", excerpt(&child.name)), UNKNOWN);
+        }
+        clean_below(file, child, left) || changed
+    })
 }

@@ -9,58 +9,42 @@ use std::collections::{BinaryHeap, HashMap};
 
 use anyhow::Result;
 
-use super::demand::vehicles_per_s;
-use crate::config::sumo_time::seconds;
+use super::departing::each;
+use super::include;
 use crate::config::sumocfg::Sumocfg;
 use crate::network::roads::{EdgeNo, Roads};
 use crate::network::tree::{Element, parse_file, read_whole};
 
 const AFTER_LAST_S: f64 = 600.0;
-/// How long a flow goes on that has neither an end nor a number. SUMO lets it go on for ever.
-const ENDLESS_FLOW_S: f64 = 3600.0;
+/// How long an episode is in which nobody departs.
+const EMPTY_S: u64 = 3600;
 /// An episode ends at a whole minute.
 const MINUTE_S: f64 = 60.0;
 
-const DEPART: [&str; 4] = ["vehicle", "trip", "person", "container"];
-const FLOWS: [&str; 3] = ["flow", "personFlow", "containerFlow"];
-
-/// Returns the second at which an episode ends; `None` if nobody departs.
-pub(crate) fn of(scenario: &Sumocfg) -> Result<Option<u64>> {
+/// Returns the second at which an episode ends.
+pub(crate) fn of(scenario: &Sumocfg) -> Result<u64> {
     let mut last: Option<(f64, Element)> = None;
     let mut routes = HashMap::new();
     for path in scenario.additional.iter().chain(&scenario.routes) {
-        let root = parse_file(path, &read_whole(path)?)?;
-        for element in root.children {
-            if let Some(departs_s) = last_departure(&element, scenario.begin_s as f64)
+        let mut root = parse_file(path, &read_whole(path)?)?;
+        include::put_in_place(path, &mut root)?;
+        for departing in each(&root) {
+            let element = departing.element;
+            let departs_s = departing.departs().then(|| departing.last_s(scenario.begin_s as f64)).flatten();
+            if let Some(departs_s) = departs_s
                 && last.as_ref().is_none_or(|(latest_s, _)| departs_s > *latest_s)
             {
-                last = Some((departs_s, element));
+                last = Some((departs_s, element.clone()));
             } else if let (Some(id), Some(edges)) = (element.attribute("id"), element.attribute("edges")) {
                 routes.insert(id.to_owned(), edges.to_owned());
             }
         }
     }
-    let Some((departs_s, vehicle)) = last else { return Ok(None) };
+    let Some((departs_s, vehicle)) = last else { return Ok(scenario.begin_s + EMPTY_S) };
     // Whoever opens the scenario says what is wrong with its net.
     let drives_s = Roads::of_file(&scenario.net).ok().and_then(|roads| way_s(&roads, &vehicle, &routes)).unwrap_or(0.0);
     let end_s = departs_s.max(scenario.begin_s as f64) + AFTER_LAST_S.max(drives_s);
-    Ok(Some(((end_s / MINUTE_S).ceil() * MINUTE_S) as u64))
-}
-
-/// Returns when the last vehicle of an element departs. `None`: it is none, or departs when something else happens.
-fn last_departure(element: &Element, begin_s: f64) -> Option<f64> {
-    let time = |key: &str| seconds(element.attribute(key)?).ok();
-    if DEPART.contains(&&*element.name) {
-        return time("depart");
-    }
-    if !FLOWS.contains(&&*element.name) {
-        return None;
-    }
-    let begins_s = time("begin").unwrap_or(begin_s);
-    let number = || element.attribute("number")?.trim().parse::<f64>().ok();
-    let of_number = || Some(begins_s + number()? / vehicles_per_s(element)?);
-    let last_s = time("end").or_else(of_number).unwrap_or(begins_s + ENDLESS_FLOW_S);
-    last_s.is_finite().then_some(last_s)
+    Ok(((end_s / MINUTE_S).ceil() * MINUTE_S) as u64)
 }
 
 /// Returns how long a vehicle drives on free roads. `None` if its way is not known here, as between zones. `routes`: edges of the
@@ -107,7 +91,7 @@ mod tests {
     /// The way from `far` to `near` takes 904 s, that to `out` 14 s longer.
     const LONG: (&str, &str) = ("length='240'", "length='12510'");
 
-    fn end(demand: &str) -> Option<u64> {
+    fn end(demand: &str) -> u64 {
         let dir = tempfile::tempdir().unwrap();
         let file = |name: &str, text: &str| {
             std::fs::write(dir.path().join(name), text).unwrap();
@@ -121,23 +105,24 @@ mod tests {
     #[test]
     fn an_episode_without_an_end_goes_on_after_the_last_departure() {
         for (demand, expected) in [
-            ("", None),
-            ("<vType id='t'/><route id='r' edges='far near'/>", None),
-            ("<trip id='v' depart='0' from='north' to='out'/>", Some(720)),
-            ("<trip id='v' depart='121' from='north' to='out'/>", Some(780)),
-            ("<person id='p' depart='01:00:00'><walk edges='north'/></person>", Some(4200)),
+            ("", 3700),
+            ("<vType id='t'/><route id='r' edges='far near'/>", 3700),
+            ("<trip id='v' depart='0' from='north' to='out'/>", 720),
+            ("<trip id='v' depart='121' from='north' to='out'/>", 780),
+            ("<person id='p' depart='01:00:00'><walk edges='north'/></person>", 4200),
             (
                 "<trip id='v' depart='triggered' from='north' to='out'/><trip id='w' depart='200' from='north' to='out'/>",
-                Some(840),
+                840,
             ),
             // The last one drives for 904 s.
-            ("<trip id='v' depart='100' from='far' to='near'/>", Some(1020)),
-            ("<route id='r' edges='far near'/><vehicle id='v' depart='100' route='r'/>", Some(1020)),
-            ("<vehicle id='v' depart='100'><route edges='far near'/></vehicle>", Some(1020)),
-            ("<flow id='f' begin='100' end='1000' period='5' from='north' to='out'/>", Some(1620)),
-            ("<flow id='f' begin='100' number='10' period='50' from='north' to='out'/>", Some(1200)),
-            ("<flow id='f' number='36' vehsPerHour='360' from='north' to='out'/>", Some(1080)),
-            ("<flow id='f' begin='100' period='5' from='north' to='out'/>", Some(4320)),
+            ("<trip id='v' depart='100' from='far' to='near'/>", 1020),
+            ("<route id='r' edges='far near'/><vehicle id='v' depart='100' route='r'/>", 1020),
+            ("<vehicle id='v' depart='100'><route edges='far near'/></vehicle>", 1020),
+            ("<flow id='f' begin='100' end='1000' period='5' from='north' to='out'/>", 1620),
+            ("<flow id='f' begin='100' number='10' period='50' from='north' to='out'/>", 1200),
+            ("<flow id='f' number='36' vehsPerHour='360' from='north' to='out'/>", 1080),
+            ("<flow id='f' begin='100' period='5' from='north' to='out'/>", 4320),
+            ("<interval begin='100' end='1000'><flow id='f' number='9' from='north' to='out'/></interval>", 1620),
         ] {
             assert_eq!(end(demand), expected, "{demand}");
         }

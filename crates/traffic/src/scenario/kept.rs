@@ -90,10 +90,11 @@ impl SumoScenario {
         let (begin, end) = self.window_s;
         let end = episode.map_or(end, |episode| episode.end_s);
         let [begin, end] = [begin, end].map(|second| second.to_string());
+        let step = self.step_length();
         let options: Vec<(&str, &str)> = self.options.iter().map(|(name, value)| (&**name, &**value)).collect();
         document("configuration", |xml| {
             section(xml, "input", &input)?;
-            section(xml, "time", &[("begin", &begin), ("end", &end), ("step-length", "1")])?;
+            section(xml, "time", &[("begin", &begin), ("end", &end), (step.0, &step.1)])?;
             section(xml, "processing", &options)?;
             // Without it, SUMO warns of a missing SUMO_HOME, where it would look for the schemas.
             let validation = ("xml-validation", "never");

@@ -6,29 +6,34 @@
 
 pub(crate) mod dawdling;
 mod demand;
+mod departing;
 mod elements;
 pub(crate) mod end;
+mod include;
 pub(crate) mod kept;
+mod locally;
 mod newer;
+mod programs;
+mod reading;
 
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-use anyhow::{Context, Result, ensure};
+use anyhow::{Context, Result, anyhow, bail, ensure};
 
 use super::network::contents::Content;
 use super::network::loadable::Loadable;
 use super::network::roads::{EdgeNo, Roads};
 use super::network::tree::Element;
+use crate::agents::derive::overrides::Overrides;
 use crate::config::ScenarioConfig;
-use crate::config::sumocfg::Sumocfg;
+use crate::config::sumocfg::{Notes, Sumocfg};
 use demand::{Demand, Departures, Order};
 use dials_core::outside::{excerpt, quoted, read_text};
-use elements::Left;
+use programs::Choice;
+use reading::Files;
 
-const NET_FILE: &str = "net-file";
-const ROUTE_FILES: &str = "route-files";
 const MOST_OVERRIDES: u64 = 1 << 20;
 
 #[derive(Clone, Debug)]
@@ -40,8 +45,9 @@ pub struct SumoScenario {
     /// Text of the file of overrides and its path, if the config names one.
     agents: Option<(PathBuf, Arc<str>)>,
     window_s: (u64, u64),
+    steps_per_s: u32,
     options: Vec<(String, String)>,
-    left_out: Vec<String>,
+    notes: Notes,
     departures: Departures,
     /// Values of the config that decide what returns mean.
     rules: String,
@@ -57,58 +63,36 @@ impl SumoScenario {
     /// Reads and checks the scenario that a config names. An error names the file, the element and the way out.
     pub fn read(config: &ScenarioConfig) -> Result<SumoScenario> {
         let sumocfg = Sumocfg::read(&config.scenario)?;
-        let mut left = Left::default();
-        let here = || libsumo::load().ok().map(|sumo| sumo.version);
-        let mut newer = Vec::new();
-        let mut read = |option: &str, path: &PathBuf| -> Result<File> {
-            ensure!(
-                path.exists(),
-                "{}: <{option}> names {}, and there is no such file; correct the path",
-                config.scenario.display(),
-                path.display()
-            );
-            let content = Content::read_cleaned(path, |root| {
-                let note = if root.name == "net" { newer::forget_classes(root, here) } else { None };
-                let forgets = note.is_some();
-                newer.extend(note.map(|note| format!("{}: {note}", path.display())));
-                Ok(elements::clean(option, path, root, &mut left)? || forgets)
-            })?;
-            ensure!(
-                option == NET_FILE || content.root.name != "net",
-                "{}: is a net, and <{option}> of {} names it; correct the path",
-                path.display(),
-                config.scenario.display()
-            );
-            Ok(File { path: path.clone(), content: Arc::new(content) })
-        };
-        let net = read(NET_FILE, &sumocfg.net)?;
-        let additional = sumocfg.additional.iter().map(|path| read("additional-files", path)).collect::<Result<_>>()?;
-        let routes = sumocfg.routes.iter().map(|path| read(ROUTE_FILES, path)).collect::<Result<_>>()?;
-        let mut left_out = sumocfg.left_out;
-        left_out.extend(newer);
-        left_out.extend(left.sentences());
+        let agents = config.agents.as_deref().map(overrides).transpose()?;
+        let parsed = agents.as_ref().map_or(Ok(Overrides::default()), |(path, text)| parsed(path, text))?;
+        let programs = Choice::of(config.program.clone(), &parsed);
+        let Files { net, additional, routes, left_out } = Files::read(&config.scenario, &sumocfg, &programs)?;
+        let mut notes = sumocfg.notes;
+        notes.left_out.extend(left_out);
         let mut scenario = SumoScenario {
             path: config.scenario.clone(),
             net,
             additional,
             routes,
-            agents: config.agents.as_deref().map(overrides).transpose()?,
+            agents,
             window_s: config.window_s()?,
+            steps_per_s: sumocfg.steps_per_s,
             options: sumocfg.options,
-            left_out,
+            notes,
             departures: Departures::default(),
             rules: rules(config)?,
         };
-        let (departures, notes) = scenario.check(&left)?;
+        let (departures, notes) = scenario.check()?;
         scenario.departures = departures;
-        scenario.left_out.extend(notes);
-        scenario.left_out.extend(config.about_the_end());
-        scenario.left_out.extend(config.unplayed());
+        scenario.notes.extend(notes);
+        scenario.notes.extend(locally::notes(&scenario));
+        scenario.notes.left_out.extend(config.about_the_end());
+        scenario.notes.left_out.extend(config.unplayed());
         Ok(scenario)
     }
 
     /// Checks what SUMO does not. Returns where vehicles depart, and what will not be simulated.
-    fn check(&self, left: &Left) -> Result<(Departures, Vec<String>)> {
+    fn check(&self) -> Result<(Departures, Notes)> {
         let (net, file) = (self.net(), self.net.path.display());
         ensure!(net.name == "net", "{file}: is no net of SUMO: its root is <{}>, not <net>", excerpt(&net.name));
         ensure!(
@@ -116,17 +100,6 @@ impl SumoScenario {
             "{file}: has no traffic light (<tlLogic>); make some with: netconvert -s {file} --tls.set JUNCTION,... -o \
              NEW.net.xml"
         );
-        // Cars that never cross a junction need none.
-        let has_connections = net.all("connection").next().is_some();
-        ensure!(
-            !has_connections || net.all("edge").any(|edge| edge.attribute("function") == Some("internal")),
-            "{file}: has no internal lanes, so cars would jump over intersections; make the net without \
-             --no-internal-links"
-        );
-        [&self.net]
-            .into_iter()
-            .chain(&self.additional)
-            .try_for_each(|file| left.check_not_needed(&file.path, &file.content.root))?;
         let mut demand = Demand::new(self.window_s);
         for file in &self.additional {
             demand.read(&file.path, &file.content.root, Order::Free)?;
@@ -137,13 +110,25 @@ impl SumoScenario {
         let (departures, mut notes) = demand.finish(&self.path)?;
         let is_on = |value: &str| ["true", "1", "yes", "on", "t", "x"].contains(&value);
         if self.option("ignore-route-errors").is_some_and(is_on) {
-            notes.push(
+            notes.left_out.push(
                 "cars that have no way: SUMO goes on with them (ignore-route-errors); such a car stands at the end of a \
                  road and blocks the lane until it is moved (time-to-teleport)"
                     .to_owned(),
             );
         }
         Ok((departures, notes))
+    }
+
+    /// Returns an error with all reasons why there can be no local simulators, if there are some.
+    pub(crate) fn check_local(&self) -> Result<()> {
+        if self.notes.not_local.is_empty() {
+            return Ok(());
+        }
+        bail!(
+            "{}: has no local simulators:\n  {}\n  train on the whole network (--simulator gs), or change that",
+            self.path.display(),
+            self.notes.not_local.join("\n  ")
+        )
     }
 
     pub fn path(&self) -> &Path {
@@ -166,6 +151,10 @@ impl SumoScenario {
                 roads.load_program(program).with_context(|| file.path.display().to_string())?;
             }
         }
+        let roots = [self.net()].into_iter().chain(self.additional());
+        let switched =
+            roots.flat_map(|root| root.all("wautJunction")).filter_map(|light| light.attribute("junctionID"));
+        roads.switched = switched.map(str::to_owned).collect();
         Ok(roads)
     }
 
@@ -178,8 +167,12 @@ impl SumoScenario {
         self.routes.iter().map(|file| &file.content.root)
     }
 
-    pub(crate) fn agents(&self) -> Option<(&Path, &str)> {
+    fn agents(&self) -> Option<(&Path, &str)> {
         self.agents.as_ref().map(|(path, text)| (path.as_path(), &**text))
+    }
+
+    pub(crate) fn overrides(&self) -> Result<Overrides> {
+        self.agents().map_or(Ok(Overrides::default()), |(path, text)| parsed(path, text))
     }
 
     pub fn window_s(&self) -> (u64, u64) {
@@ -210,8 +203,18 @@ impl SumoScenario {
         format!("{}: SUMO cannot simulate this scenario; {way_out}", self.path.display())
     }
 
-    pub fn left_out(&self) -> &[String] {
-        &self.left_out
+    pub fn notes(&self) -> &Notes {
+        &self.notes
+    }
+
+    /// Returns SUMO's steps in a second.
+    pub(crate) fn steps_per_s(&self) -> u32 {
+        self.steps_per_s
+    }
+
+    /// Returns the option that says how long a step of SUMO is, without `--`.
+    pub(crate) fn step_length(&self) -> (&'static str, String) {
+        ("step-length", (1.0 / f64::from(self.steps_per_s)).to_string())
     }
 
     /// Puts the scenario where SUMO of this process can load it, with a file of actuated programs of this name.
@@ -221,11 +224,11 @@ impl SumoScenario {
         };
         let net = self.net.content.text();
         let (begin, end) = self.window_s;
-        let time = [("begin", begin.to_string()), ("end", end.to_string()), ("step-length", "1".to_owned())];
+        let time = [("begin", begin.to_string()), ("end", end.to_string()), self.step_length()];
         let actuated = (actuated, Path::new("ACTUATED-PROGRAMS"));
         let loadable =
             Loadable::new(program, (&net, &self.net.path), &texts(&self.routes), &texts(&self.additional), actuated)?;
-        Ok(loadable.with(time).with(self.options.iter().cloned()))
+        Ok(loadable.with_steps_per_s(self.steps_per_s).with(time).with(self.options.iter().cloned()))
     }
 
     /// Returns the CRC-32 of everything that decides what returns mean: the files as SUMO loads them, times, options,
@@ -238,6 +241,9 @@ impl SumoScenario {
         };
         self.all().for_each(|file| add(&file.content.text()));
         add(&format!("{:?} {:?}", self.window_s, self.options));
+        if self.steps_per_s != 1 {
+            add(&format!("{} steps per second", self.steps_per_s));
+        }
         add(self.agents().map_or("", |(_, text)| text));
         add(&self.rules);
         hasher.finalize()
@@ -254,8 +260,14 @@ fn overrides(path: &Path) -> Result<(PathBuf, Arc<str>)> {
     Ok((path.to_owned(), text.into()))
 }
 
+fn parsed(path: &Path, text: &str) -> Result<Overrides> {
+    Overrides::parse(text).map_err(|error| anyhow!("{}: {error:#}", path.display()))
+}
+
 /// Returns the keys of the config that change what an agent may do or is rewarded for, as text.
 fn rules(config: &ScenarioConfig) -> Result<String> {
     let ScenarioConfig { decision_s, min_green_s, yellow_s, approach_m, reward, .. } = config;
-    Ok(serde_json::to_string(&(decision_s, min_green_s, yellow_s, approach_m, reward))?)
+    let rules = serde_json::to_string(&(decision_s, min_green_s, yellow_s, approach_m, reward))?;
+    // By default a checksum is what it was before this key.
+    Ok(if config.program_min_green { rules } else { format!("{rules} greens as short as min_green_s") })
 }

@@ -71,7 +71,7 @@ impl GlobalTraffic {
         let last = JointTransition::new(&plan.kinds);
         let source = network.source()?;
         let options = source.options(control.is_actuated(), Seed::new(0).for_sumo());
-        let mut simulation = Simulation::load(&options).map_err(|error| source.explain(&error))?;
+        let mut simulation = source.load(&options)?;
         let agents = plan.agents.iter();
         let lights = agents.clone().map(|agent| (agent.light.clone(), agent.phases.clone()));
         let lights = Lights::register(&mut simulation, lights)?;
@@ -158,7 +158,7 @@ impl GlobalTraffic {
         std::mem::swap(&mut self.approaches.cars, &mut self.cars_before);
         self.lights.act(&mut self.simulation, &self.decisions.obeyed)?;
         self.watch.note(Phase::Insertion, begun.elapsed());
-        self.watch.time(Phase::SimulatorStep, || self.simulation.step())?;
+        self.watch.time(Phase::SimulatorStep, || self.simulation.second())?;
         let begun = Instant::now();
         self.read_cars()?;
         self.shown.second(&mut self.lights, &mut self.simulation)?;

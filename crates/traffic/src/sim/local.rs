@@ -212,6 +212,7 @@ impl LocalTraffic {
         let begun = Instant::now();
         let before: Vec<Shown> = (0..self.rows.len()).map(|row| self.forest.lights.signal(row).shown()).collect();
         self.forest.lights.act(&mut self.forest.simulation, actions)?;
+        self.forest.simulation.begin_second()?;
         let tried = self.entries.let_in(&mut self.forest)?;
         self.watch.note(Phase::Insertion, begun.elapsed());
         self.watch.time(Phase::SimulatorStep, || self.forest.simulation.step())?;

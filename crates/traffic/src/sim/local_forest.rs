@@ -28,6 +28,7 @@ use libsumo::{DepartSpeed, Entering, Insertion, LaneId, LightId, RouteId, Simula
 pub(crate) struct LocalParts {
     pub(crate) nets: Vec<LocalNet>,
     pub(crate) types: String,
+    pub(crate) steps_per_s: u32,
     /// Options of SUMO that say how cars drive, without `--`.
     pub(crate) options: Vec<(String, String)>,
     pub(crate) name: String,
@@ -80,7 +81,7 @@ impl LocalForest {
     pub(crate) fn of_grid(local: &Network, plan: &JointPlan, rows: &[Row]) -> Result<LocalForest> {
         let forest = Forest::of(local, rows.len());
         let (net, routes) = (MemoryFile::new(&forest.net)?, MemoryFile::new(&forest.routes)?);
-        let mut options = options::common(&net, &routes);
+        let mut options = options::common(&net, &routes, "1");
         // On one lane without overtaking there are no collisions, and looking for them takes 3 % of a step. A test checks
         // that this option changes nothing, however dense the traffic.
         options.extend(["--collision.action".to_owned(), "none".to_owned()]);
@@ -135,7 +136,8 @@ impl LocalForest {
             [&forest.net, &routes(&local_routes), &parts.types].map(|text| MemoryFile::new(text));
         let (net, routes, types) = (net?, routes?, types?);
         // Every reset seeds the lanes.
-        let mut options = options::common(&net, &routes);
+        let step_length = 1.0 / f64::from(parts.steps_per_s);
+        let mut options = options::common(&net, &routes, &step_length.to_string());
         options.extend(["--additional-files".to_owned(), types.path()]);
         options.extend(forest.option());
         options.extend(local_options(parts).into_iter().flat_map(|(name, value)| [format!("--{name}"), value]));
@@ -143,6 +145,7 @@ impl LocalForest {
         let mut simulation = Simulation::load(&options)
             .map_err(|error| explain(&error, made_of.map(|(file, name)| (file, Path::new(name)))))
             .with_context(|| format!("{}: SUMO could not load the surroundings of its lights", parts.name))?;
+        simulation.set_steps_per_second(parts.steps_per_s);
         let lights = rows.iter().enumerate().map(|(row, (agent, _))| {
             let plan = &plan.agents[agent.0];
             (prefixed(&prefix(row), &plan.light), plan.phases.clone())
@@ -216,7 +219,7 @@ fn send_extremes(simulation: &mut Simulation, types: &[TypeId], tables: &VisitTa
     for (car, &vehicle_type) in (0..).zip(types) {
         let insertion = Insertion { car, route, position_m: 500.0, speed: DepartSpeed::Fixed(0.0) };
         simulation.enter(&[Entering { insertion, vehicle_type, lane: Some(0), speed_factor, end_m: None }])?;
-        simulation.step()?;
+        simulation.second()?;
         simulation.remove_cars(&road)?;
     }
     Ok(speed_factor)

@@ -45,6 +45,7 @@ pub struct GridFiles {
 pub struct LocalFiles {
     pub(crate) net: LocalNet,
     pub(crate) types: String,
+    pub(crate) steps_per_s: u32,
     /// Options of SUMO that say how cars drive, without `--`.
     pub(crate) options: Vec<(String, String)>,
     /// Positions at which cars have arrived, by route. Cars on other routes drive to the end.
@@ -83,6 +84,7 @@ impl RecordedRoads {
         let files = LocalFiles {
             net: net.clone(),
             types: parts.types.clone(),
+            steps_per_s: parts.steps_per_s,
             options: local_options(parts),
             ends_m: routes.filter_map(|(number, route)| Some((name(number), route.end_m?))).collect(),
             first: forest.first.clone(),
@@ -119,6 +121,15 @@ impl RecordedRoads {
             RecordedFiles::Grid(_) => 0,
             RecordedFiles::Whole(files) => files.window_s().0,
             RecordedFiles::Local(files) => files.begin_s(),
+        }
+    }
+
+    /// Returns SUMO's steps in a second.
+    pub(crate) fn steps_per_s(&self) -> u32 {
+        match &self.files {
+            RecordedFiles::Grid(_) => 1,
+            RecordedFiles::Whole(files) => files.steps_per_s(),
+            RecordedFiles::Local(files) => files.steps_per_s,
         }
     }
 

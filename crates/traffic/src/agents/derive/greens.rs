@@ -17,8 +17,17 @@ pub struct Change<'a> {
     pub between: Vec<&'a Phase>,
 }
 
+/// Returns whether cars pass. `O` and `o` are signals that are off: cars go by the right of way.
 pub(crate) fn goes(letter: char) -> bool {
+    is_green(letter) || is_off(letter)
+}
+
+pub(crate) fn is_green(letter: char) -> bool {
     matches!(letter, 'G' | 'g')
+}
+
+fn is_off(letter: char) -> bool {
+    matches!(letter, 'O' | 'o')
 }
 
 /// Returns whether a state is one of a change from green to green: yellow, or red and yellow.
@@ -28,7 +37,7 @@ pub fn is_yellow(state: &SignalState) -> bool {
 
 /// Returns whether a state shows no yellow, and green for cars. `cars`: letters that cars obey.
 fn shows_green(state: &SignalState, cars: &BTreeSet<usize>) -> bool {
-    !is_yellow(state) && cars.iter().any(|&letter| goes(state.as_str().as_bytes()[letter].into()))
+    !is_yellow(state) && cars.iter().any(|&letter| is_green(state.as_str().as_bytes()[letter].into()))
 }
 
 #[derive(Clone, Debug, PartialEq)]
@@ -71,10 +80,21 @@ impl<'a> Greens<'a> {
         self.of_phase[phase].is_some()
     }
 
-    /// Returns whether cars that lose green wait in a phase of a change: it has no yellow, and no green for people on foot.
+    /// Returns whether cars that lose green wait in a phase of a change: it has no yellow, no green for people on foot, and the
+    /// light is not off.
     pub(crate) fn is_all_red(&self, phase: &Phase) -> bool {
+        let letter = |number: &usize| phase.state.as_str().as_bytes()[*number].into();
         let mut letters = phase.state.as_str().chars().enumerate();
-        letters.all(|(number, letter)| !matches!(letter, 'y' | 'Y') && (self.cars.contains(&number) || !goes(letter)))
+        !self.cars.iter().all(|number| is_off(letter(number)))
+            && letters
+                .all(|(number, letter)| !matches!(letter, 'y' | 'Y') && (self.cars.contains(&number) || !goes(letter)))
+    }
+
+    /// Returns the least seconds of a green that the program gives it, if it does.
+    pub(crate) fn least_s(&self, green: &SignalState) -> Option<f64> {
+        let phases = self.program.phases.iter().zip(&self.of_phase);
+        let its = phases.filter(|(_, known)| known.is_some_and(|known| self.states[known] == *green));
+        its.filter_map(|(phase, _)| phase.limits_s[0]).reduce(f64::max)
     }
 
     /// Returns the shortest ways of the program from each phase with green to the next greens.

@@ -17,6 +17,8 @@ pub struct Keeping {
 pub enum Why {
     Excluded,
     Kind(String),
+    /// A `<WAUT>` switches its programs at set times, whatever an agent does.
+    Switched,
     NoLink,
     /// Neither passenger cars nor buses can come to it.
     NoCars,
@@ -40,7 +42,7 @@ pub fn sentences(keeping: &[Keeping]) -> Vec<(String, &Why)> {
     groups.into_iter().map(sentence).collect()
 }
 
-fn names(lights: &[&str]) -> String {
+pub(super) fn names(lights: &[&str]) -> String {
     let named: Vec<String> = lights.iter().take(MOST_NAMES).map(|light| format!("`{light}`")).collect();
     let more = match lights.len().saturating_sub(MOST_NAMES) {
         0 => String::new(),
@@ -55,6 +57,7 @@ impl Why {
         match self {
             Why::Excluded => "agents.toml".to_owned(),
             Why::Kind(_) => "type of program".to_owned(),
+            Why::Switched => "WAUT".to_owned(),
             Why::NoLink => "no connection".to_owned(),
             Why::NoCars => "no cars".to_owned(),
             Why::Greens(greens) => counted(*greens, "green"),
@@ -65,6 +68,7 @@ impl Why {
         match self {
             Why::Excluded => "let it learn in agents.toml",
             Why::Kind(_) => "make its program static, with netconvert --tls.default-type static --tls.rebuild",
+            Why::Switched => "choose one of its programs with --program, or remove its <wautJunction>",
             Why::NoLink => "control its connections in netedit",
             Why::NoCars => "allow cars on its lanes in netedit",
             Why::Greens(greens) if *greens > MOST_GREENS => "name its greens in agents.toml",
@@ -81,8 +85,9 @@ impl fmt::Display for Why {
         match self {
             Why::Excluded => f.write_str("agents.toml says so"),
             Why::Kind(kind) => {
-                write!(f, "its program is of type `{kind}`, and agents replace static and actuated ones")
+                write!(f, "its program is of type `{kind}`, which no agent can replace")
             }
+            Why::Switched => f.write_str("a <WAUT> switches its programs at set times"),
             Why::NoLink => f.write_str("it controls no connection"),
             Why::NoCars => f.write_str("no lane for passenger cars or buses leads to it"),
             Why::Greens(0) => f.write_str("its program has no green"),

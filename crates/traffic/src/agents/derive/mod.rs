@@ -13,11 +13,12 @@ pub(crate) mod region;
 pub mod safety;
 #[cfg(test)]
 mod tests;
+pub mod warnings;
 
 use std::collections::{BTreeSet, HashMap};
 use std::sync::Arc;
 
-use anyhow::{Result, bail};
+use anyhow::{Result, bail, ensure};
 
 use super::phase_plan::{Choice, PhasePlan, ProgramChange};
 use super::plan::{AgentPlan, Border};
@@ -39,18 +40,29 @@ pub struct Rules {
     pub yellow: Yellow,
     /// Least number of seconds of a green; at least 1.
     pub min_green_s: u32,
+    /// Whether the shortest durations of the phases of a program hold, too.
+    pub program_min_green: bool,
     pub(crate) cars: Observation,
 }
 
 impl Default for Rules {
     fn default() -> Rules {
-        Rules { approach_m: 150.0, yellow: Yellow::default(), min_green_s: 5, cars: Observation::Cells }
+        Rules {
+            approach_m: 150.0,
+            yellow: Yellow::default(),
+            min_green_s: 5,
+            program_min_green: true,
+            cars: Observation::Cells,
+        }
     }
 }
 
+/// Types of programs that agents replace.
+const LEARN: [&str; 4] = ["static", "actuated", "delay_based", "NEMA"];
+
 #[derive(Clone, Debug)]
 pub struct Derived {
-    /// Lights that learn, in the order of their elements `<tlLogic>`; at least one.
+    /// Lights that learn, in the order of their elements `<tlLogic>`.
     pub agents: Vec<Agent>,
     /// Lights that keep their program, in the same order.
     pub keeping: Vec<Keeping>,
@@ -64,6 +76,19 @@ pub struct Agent {
 }
 
 impl Derived {
+    /// Returns an error if no light can learn. `roads`: those that it was derived from.
+    pub fn check_learning(&self, roads: &Roads) -> Result<()> {
+        let [Keeping { light, why }, others @ ..] = &self.keeping[..] else { return Ok(()) };
+        let others = if others.is_empty() { String::new() } else { format!(" (and {} more lights)", others.len()) };
+        let several = warnings::of_several(roads, light).map_or(String::new(), |several| format!("; {several}"));
+        ensure!(
+            !self.agents.is_empty(),
+            "has no light that can learn: light `{light}`{others}: {why}; {}{several}",
+            why.way_out()
+        );
+        Ok(())
+    }
+
     pub(crate) fn plans(&self) -> Vec<AgentPlan> {
         self.agents.iter().map(|agent| agent.plan.clone()).collect()
     }
@@ -85,8 +110,8 @@ impl Derived {
     }
 }
 
-/// Makes the agents of a net. Errors: the net has no light; no light can learn; the overrides name what the net does
-/// not have, or greens that are not safe.
+/// Makes the agents of a net. Errors: the net has no light; the overrides name what the net does not have, or greens that are
+/// not safe.
 pub fn derive(roads: &Roads, rules: &Rules, overrides: &Overrides) -> Result<Derived> {
     let programs = programs(roads);
     let lit = region::lit_junctions(roads);
@@ -105,12 +130,6 @@ pub fn derive(roads: &Roads, rules: &Rules, overrides: &Overrides) -> Result<Der
                 derived.keeping.push(Keeping { light: program.light.clone(), why });
             }
         }
-    }
-    if derived.agents.is_empty() {
-        let Keeping { light, why } = &derived.keeping[0];
-        let others = derived.keeping.len() - 1;
-        let others = if others == 0 { String::new() } else { format!(" (and {others} more lights)") };
-        bail!("has no light that can learn: light `{light}`{others}: {why}; {}", why.way_out());
     }
     Ok(derived)
 }
@@ -146,8 +165,11 @@ fn agent(
     if !overrides.learns(light) {
         return Ok(Err(Why::Excluded));
     }
-    if !["static", "actuated"].contains(&program.kind.as_str()) {
+    if !LEARN.contains(&program.kind.as_str()) {
         return Ok(Err(Why::Kind(program.kind.clone())));
+    }
+    if roads.switched.contains(light) {
+        return Ok(Err(Why::Switched));
     }
     if roads.of_light(light).next().is_none() {
         return Ok(Err(Why::NoLink));
@@ -169,6 +191,10 @@ fn agent(
     let clearing = |from: usize, to: usize| clearing::between(&greens[from], &greens[to], &times);
     let mut phases =
         PhasePlan::new(greens.to_vec(), Choice::Target, rules.min_green_s, clearing).for_cars(cars.clone());
+    if rules.program_min_green {
+        let least = |green: &SignalState| of_program.least_s(green).unwrap_or(0.0).ceil() as u32;
+        phases = phases.with_min_greens(greens.iter().map(least));
+    }
     phases.program = program_changes(&of_program, greens);
     safety::check(roads, program, &phases)?;
     let region = Region::of(roads, lit, light, rules.approach_m, own.approaches.as_deref())?;

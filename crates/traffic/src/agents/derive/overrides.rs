@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 use anyhow::{Context, Result, anyhow, ensure};
 use serde::Deserialize;
 
-use super::greens::{MOST_GREENS, goes, is_yellow};
+use super::greens::{MOST_GREENS, is_green, is_yellow};
 use super::keeping::Why;
 use crate::network::roads::program::Program;
 use libsumo::SignalState;
@@ -31,6 +31,8 @@ pub(crate) struct LightOverride {
     /// Edges on which its agent sees cars, instead of those that the derivation finds.
     pub(crate) approaches: Option<Vec<String>>,
     pub(crate) yellow_s: Option<u32>,
+    /// Its program that counts, if it has several.
+    pub(crate) program: Option<String>,
     /// Seconds in which links that lose green show red after yellow.
     pub(crate) all_red_s: Option<u32>,
 }
@@ -52,8 +54,13 @@ impl Overrides {
     /// Returns what the file says of a light; nothing if it does not name it.
     pub(crate) fn of(&self, light: &str) -> &LightOverride {
         const NOTHING: &LightOverride =
-            &LightOverride { greens: None, approaches: None, yellow_s: None, all_red_s: None };
+            &LightOverride { greens: None, approaches: None, yellow_s: None, program: None, all_red_s: None };
         self.lights.get(light).unwrap_or(NOTHING)
+    }
+
+    /// Returns the lights for which the file chooses a program, with its name.
+    pub(crate) fn programs(&self) -> impl Iterator<Item = (&str, &str)> {
+        self.lights.iter().filter_map(|(light, its)| Some((&**light, its.program.as_deref()?)))
     }
 
     pub(crate) fn learns(&self, light: &str) -> bool {
@@ -70,12 +77,12 @@ impl Overrides {
             let program =
                 known(name).with_context(|| format!("agents.toml: {key}: the net has no light `{name}`; remove it"))?;
             for green in self.of(name).greens().iter().flatten() {
+                let letters = program.letters().unwrap_or(0);
                 ensure!(
-                    green.links() == program.letters(),
-                    "agents.toml: light `{name}`: greens: `{green}` has {} letters, but its program has {}; give one \
+                    green.links() == letters,
+                    "agents.toml: light `{name}`: greens: `{green}` has {} letters, but its program has {letters}; give one \
                      letter per link",
-                    green.links(),
-                    program.letters()
+                    green.links()
                 );
             }
         }
@@ -97,7 +104,7 @@ impl LightOverride {
     }
 
     fn check(&self) -> Result<()> {
-        let LightOverride { greens, approaches, yellow_s, all_red_s } = self;
+        let LightOverride { greens, approaches, yellow_s, all_red_s, program: _ } = self;
         ensure!(
             yellow_s.is_none_or(|seconds| (1..=LONGEST_S).contains(&seconds)),
             "yellow_s: must be from 1 to {LONGEST_S}"
@@ -109,8 +116,8 @@ impl LightOverride {
         ensure!(greens.len() <= MOST_GREENS, "greens: must be at most {MOST_GREENS}");
         for (number, letters) in greens.iter().enumerate() {
             let green = SignalState::new(letters.clone()).context("greens")?;
-            let is_green = !is_yellow(&green) && letters.contains(goes);
-            ensure!(is_green, "greens: `{green}` must have a G or g, and neither y, Y nor u");
+            let goes = !is_yellow(&green) && letters.contains(is_green);
+            ensure!(goes, "greens: `{green}` must have a G or g, and neither y, Y nor u");
             ensure!(!greens[..number].contains(letters), "greens: `{green}` is there twice");
         }
         Ok(())

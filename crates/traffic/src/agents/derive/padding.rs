@@ -12,13 +12,14 @@ pub struct Padding {
 }
 
 impl Padding {
-    /// Returns the shape of these agents; at least one.
+    /// Returns the shape of these agents; zeros if there is none.
     pub fn of<'a>(plans: impl Iterator<Item = &'a AgentPlan> + Clone) -> Padding {
         let agents = plans.clone().count();
         let widths = plans.clone().map(|plan| plan.sensor.width());
-        let columns = widths.clone().max().expect("a net has agents");
-        let actions = plans.map(|plan| plan.phases.actions()).max().expect("a net has agents");
-        let padded = 1.0 - widths.sum::<usize>() as f64 / (agents * columns) as f64;
+        let columns = widths.clone().max().unwrap_or(0);
+        let actions = plans.map(|plan| plan.phases.actions()).max().unwrap_or(0);
+        let cells = agents * columns;
+        let padded = (cells - widths.sum::<usize>()) as f64 / cells.max(1) as f64;
         Padding { columns, actions, padded }
     }
 }
@@ -33,7 +34,7 @@ pub struct InfluencePadding {
 
 impl InfluencePadding {
     pub fn of<'a>(borders: impl Iterator<Item = &'a Border> + Clone) -> InfluencePadding {
-        let largest = |of_border: fn(&Border) -> usize| borders.clone().map(of_border).max().expect("a net has agents");
+        let largest = |of_border: fn(&Border) -> usize| borders.clone().map(of_border).max().unwrap_or(0);
         InfluencePadding {
             columns: largest(|border| border.d_set.width(&border.plan)),
             sources: largest(|border| border.plan.sources()),

@@ -116,7 +116,10 @@ fn lights_without_a_choice_keep_their_program() {
     let on_foot = r#"<connection from="side" fromLane="0" to="near" toLane="0" tl="U" linkIndex="0"/></net>"#;
     for (changes, why) in [
         (links(&[(r#"state="Grr""#, r#"state="rGG""#)]), Why::Greens(1)),
-        (links(&[(r#"<tlLogic id="U">"#, r#"<tlLogic id="U" type="NEMA">"#)]), Why::Kind("NEMA".to_owned())),
+        (
+            links(&[(r#"<tlLogic id="U">"#, r#"<tlLogic id="U" type="rail_crossing">"#)]),
+            Why::Kind("rail_crossing".to_owned()),
+        ),
         (vec![UNUSED], Why::NoLink),
         (vec![UNUSED, ("</net>", on_foot)], Why::NoCars),
     ] {
@@ -186,9 +189,10 @@ fn a_light_with_too_many_greens_keeps_its_program() {
 
 #[test]
 fn a_net_without_a_light_that_can_learn_is_refused() {
-    let message = error(&[("state=\"GGrr\"", "state=\"rrGG\"")], "");
+    let one_green = [("state=\"GGrr\"", "state=\"rrGG\"")];
+    let derived = derived(&one_green, Rules::default(), "").unwrap();
     assert_eq!(
-        message,
+        derived.check_learning(&roads(&one_green)).unwrap_err().to_string(),
         "has no light that can learn: light `J`: its program has one green only, so there is nothing to choose; give \
          its program a second green in netedit, or name its greens in agents.toml; a dead end needs none"
     );

@@ -129,7 +129,8 @@ impl Candidate {
             let mut weights = vec![0.0; plan.greens()];
             ratios.greens.iter().for_each(|&(green, ratio)| weights[green] = ratio.max(LEAST_RATIO));
             let least = plan.phases.min_green_steps();
-            let steps = cycle.saturating_sub(ratios.lost_s as u32).max(ratios.greens.len() as u32 * least);
+            let shortest: u32 = ratios.greens.iter().map(|&(green, _)| least[green]).sum();
+            let steps = cycle.saturating_sub(ratios.lost_s as u32).max(shortest);
             let greens = split(steps, &weights, least).expect("there are steps for the least greens");
             Timing::new(&plan.phases, &greens, 0)
         };
@@ -191,7 +192,7 @@ impl Candidate {
                 let mut greens = timing.greens().to_vec();
                 greens[from] = greens[from].checked_sub(steps)?;
                 greens[to] += steps;
-                if greens[from] < plans[light].phases.min_green_steps() {
+                if greens[from] < plans[light].phases.min_green_steps()[from] {
                     return None;
                 }
                 *timing = Timing::new(&plans[light].phases, &greens, timing.offset());

@@ -43,6 +43,8 @@ pub struct Roads {
     pub(crate) connections: Vec<Connection>,
     /// Programs of the lights. A light may have several, in the order in which SUMO loads them. It runs the last one.
     pub programs: Vec<Program>,
+    /// Lights whose programs are switched at set times, by a `<WAUT>` of another file.
+    pub(crate) switched: BTreeSet<String>,
     edge_numbers: HashMap<String, EdgeNo>,
     lane_numbers: HashMap<String, LaneNo>,
     /// Connections that begin at each lane, as indices into [`Roads::connections`].
@@ -133,7 +135,7 @@ impl Roads {
     ///
     /// Errors: a state has fewer letters than its light has links.
     pub(crate) fn load_program(&mut self, element: &Element) -> Result<()> {
-        if element.all("phase").next().is_none() {
+        if element.all("phase").next().is_none() && !program::needs_none(element) {
             let (light, id) = (text(element, "id")?, program::name(element));
             let known = self.programs.iter_mut().find(|program| program.light == light && program.id == id);
             if let Some(program) = known {
@@ -144,11 +146,11 @@ impl Roads {
         let program = Program::read(element)?;
         let signals = self.of_light(&program.light).filter_map(|link| link.signal.as_ref());
         let links = signals.map(|signal| signal.letter + 1).max().unwrap_or(0);
+        let letters = program.letters().unwrap_or(links);
         ensure!(
-            program.letters() >= links,
-            "{}: its states have {} letters, but light `{}` has {links} links; give it one letter per link",
+            letters >= links,
+            "{}: its states have {letters} letters, but light `{}` has {links} links; give it one letter per link",
             tag(element),
-            program.letters(),
             excerpt(&program.light)
         );
         if self.programs.iter().any(|earlier| earlier.light == program.light) {

@@ -6,6 +6,9 @@ use super::attributes::{tag, text, time, time_if_there, wrong};
 use crate::network::tree::Element;
 use libsumo::SignalState;
 
+/// Types of programs that may have no phases, because SUMO makes up what they show.
+const WITHOUT_PHASES: [&str; 3] = ["off", "rail_signal", "rail_crossing"];
+
 /// Largest number of phases of a program, and of letters of a state. Lights of real cities have a tenth of it.
 const MOST_PHASES: usize = 500;
 const MOST_LETTERS: usize = 1000;
@@ -20,7 +23,7 @@ pub struct Program {
     pub(crate) offset_s: f64,
     /// Names and values of its `<param>`, such as `max-gap`.
     pub(crate) parameters: Vec<(String, String)>,
-    /// Phases in their order, at least one. Their states have the same length.
+    /// Phases in their order, at least one unless SUMO makes up what the light shows. Their states have the same length.
     pub phases: Vec<Phase>,
 }
 
@@ -39,9 +42,13 @@ impl Program {
         let light = text(element, "id")?.to_owned();
         let phases = element.all("phase").map(|phase| read_phase(phase).with_context(|| tag(element)));
         let phases = phases.collect::<Result<Vec<_>>>()?;
-        ensure!(!phases.is_empty(), "{}: has no <phase>; a light shows at least one", tag(element));
+        ensure!(
+            !phases.is_empty() || needs_none(element),
+            "{}: has no <phase>; a light shows at least one",
+            tag(element)
+        );
         ensure!(phases.len() <= MOST_PHASES, "{}: has more than {MOST_PHASES} phases, the limit", tag(element));
-        let length = phases[0].state.links();
+        let length = phases.first().map_or(0, |phase| phase.state.links());
         ensure!(length <= MOST_LETTERS, "{}: has states of more than {MOST_LETTERS} letters, the limit", tag(element));
         for (number, phase) in phases.iter().enumerate() {
             let (links, place) = (phase.state.links(), format!("{}: phase {number}", tag(element)));
@@ -59,8 +66,9 @@ impl Program {
         Ok(Program { light, id: name(element).to_owned(), kind, offset_s, parameters, phases })
     }
 
-    pub fn letters(&self) -> usize {
-        self.phases[0].state.links()
+    /// Returns the number of letters of its states. `None`: it has no phases.
+    pub fn letters(&self) -> Option<usize> {
+        Some(self.phases.first()?.state.links())
     }
 
     pub(crate) fn after(&self, phase: usize) -> Vec<usize> {
@@ -69,6 +77,11 @@ impl Program {
             next => next.to_vec(),
         }
     }
+}
+
+/// Returns whether an element is a program although it has no phases.
+pub(super) fn needs_none(element: &Element) -> bool {
+    element.attribute("type").is_some_and(|kind| WITHOUT_PHASES.contains(&kind))
 }
 
 pub(crate) fn name(element: &Element) -> &str {

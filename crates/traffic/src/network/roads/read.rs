@@ -15,16 +15,13 @@ use crate::network::tree::Element;
 /// What is said of a name that leads nowhere. Only an editor or another program leaves such a net behind.
 const UNKNOWN: &str = "the net has none of this name; make the net again with netconvert";
 
-const TRAINS: &str = "this program does not simulate trains; remove the track from the net, for example with \
-                      netconvert's --remove-edges.by-vclass";
-
 /// Speed limit of a lane that has less, in m/s.
 const SLOWEST_MPS: f64 = 0.1;
 
 impl Roads {
     /// Reads a `.net.xml`. An error names file, element, id and attribute.
     pub fn of_file(net: &Path) -> Result<Roads> {
-        let content = Content::read(net)?;
+        let content = Content::parse(net)?;
         Roads::read(&content.root).map_err(|error| anyhow!("{}: {error:#}", net.display()))
     }
 
@@ -34,8 +31,6 @@ impl Roads {
         let mut junction_numbers = HashMap::new();
         for (number, element) in net.all("junction").enumerate() {
             junction_numbers.insert(text(element, "id")?, JunctionNo(number));
-            let is_of_trains = element.attribute("type").is_some_and(|kind| kind.starts_with("rail_"));
-            ensure!(!is_of_trains, wrong(element, "type", TRAINS));
         }
         for element in net.all("edge") {
             roads.read_edge(element, &junction_numbers)?;
@@ -50,10 +45,12 @@ impl Roads {
         let mut letters: HashMap<String, usize> = HashMap::new();
         for program in &roads.programs {
             let least = letters.entry(program.light.clone()).or_insert(usize::MAX);
-            *least = program.letters().min(*least);
+            *least = program.letters().unwrap_or(usize::MAX).min(*least);
         }
+        let has_rails =
+            net.all("junction").any(|it| it.attribute("type").is_some_and(|kind| kind.starts_with("rail_")));
         for element in net.all("connection") {
-            let connection = roads.read_connection(element, &letters)?;
+            let connection = roads.read_connection(element, &letters, has_rails)?;
             roads.from_lane[connection.from.0].push(roads.connections.len());
             roads.to_lane[connection.to.0].push(roads.connections.len());
             if let Some(signal) = &connection.signal {
@@ -119,7 +116,14 @@ impl Roads {
         })
     }
 
-    fn read_connection(&self, element: &Element, letters: &HashMap<String, usize>) -> Result<Connection> {
+    /// `letters`: the least number of letters in the states of each light. `has_rails`: signals of rails have no program in the
+    /// net, because SUMO makes up what they show.
+    fn read_connection(
+        &self,
+        element: &Element,
+        letters: &HashMap<String, usize>,
+        has_rails: bool,
+    ) -> Result<Connection> {
         let lane = |edge: &str, index: &str| {
             let edge = known(element, edge, self.edge_named(text(element, edge)?))?;
             known(element, index, self.edge(edge).lanes.get(count(element, index)?).copied())
@@ -128,7 +132,8 @@ impl Roads {
         let signal = |light: &str| -> Result<Signal> {
             Ok(Signal { light: light.to_owned(), letter: count(element, "linkIndex")? })
         };
-        let signal = element.attribute("tl").map(signal).transpose()?;
+        let light = element.attribute("tl").filter(|light| !has_rails || letters.contains_key(*light));
+        let signal = light.map(signal).transpose()?;
         if let Some(signal) = &signal {
             let length = known(element, "tl", letters.get(&signal.light).copied())?;
             let why = || format!("the states of light `{}` have {length} letters only", signal.light);

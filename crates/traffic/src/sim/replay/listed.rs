@@ -11,7 +11,7 @@ use super::{NAME, SIGNALS, VIEW};
 use crate::cut::mixed::Alone;
 use crate::network::files::NetworkFiles;
 use crate::network::xml::{Xml, document, element, leaf, section};
-use crate::sim::options::TIME;
+use crate::sim::options::NO_TELEPORTS;
 use crate::sim::recorded_roads::{GridFiles, LocalFiles};
 use crate::sim::recording::{Entry, Recording};
 use libsumo::DepartSpeed;
@@ -28,7 +28,7 @@ pub(super) fn of_grid(recording: &Recording, grid: &GridFiles) -> Contents {
     let cars = document("routes", |xml| {
         grid.vehicle_types.iter().try_for_each(|kind| element(xml, kind))?;
         write_routes(xml, recording)?;
-        recording.entries.iter().try_for_each(|entry| write_car(xml, entry, entry.step as u64, None))
+        recording.entries.iter().try_for_each(|entry| write_car(xml, entry, entry.step as f64, None))
     });
     files(recording, grid.net.clone(), cars, &[SIGNALS], &[])
 }
@@ -54,7 +54,9 @@ pub(super) fn of_local(recording: &Recording, local: &LocalFiles, place_m: [f64;
         }
         recording.entries.iter().try_for_each(|entry| {
             let end_m = local.ends_m.get(&entry.car.route).copied();
-            write_car(xml, entry, local.begin_s() + entry.step as u64, end_m)
+            // A car enters in the last step of a second.
+            let second = (local.begin_s() + entry.step as u64) as f64;
+            write_car(xml, entry, second + 1.0 - 1.0 / f64::from(local.steps_per_s), end_m)
         })
     });
     let generators = alone.lanes.to_string();
@@ -73,11 +75,11 @@ fn files(recording: &Recording, net: String, cars: String, additional: &[&str], 
     let end = (recording.roads.begin_s() + recording.steps.len() as u64).to_string();
     let additional = additional.join(",");
     let input = [("net-file", &*net_file), ("route-files", &routes_file), ("additional-files", &additional)];
-    let [step_length, time_to_teleport] = TIME;
-    let options = [&[time_to_teleport], options].concat();
+    let step_length = (1.0 / f64::from(recording.roads.steps_per_s())).to_string();
+    let options = [&[NO_TELEPORTS], options].concat();
     let config = document("configuration", |xml| {
         section(xml, "input", &input)?;
-        section(xml, "time", &[("begin", "0"), ("end", &end), step_length])?;
+        section(xml, "time", &[("begin", "0"), ("end", &end), ("step-length", &step_length)])?;
         section(xml, "processing", &options)?;
         section(xml, "random_number", &[("seed", &recording.seed.to_string())])?;
         section(xml, "report", &[("no-warnings", "true"), ("xml-validation", "never")])?;
@@ -95,7 +97,7 @@ fn write_routes(xml: &mut Xml, recording: &Recording) -> io::Result<()> {
 }
 
 /// Writes a car that enters at a second. `end_m`: position at which it has arrived; `None`: at the end of its route.
-fn write_car(xml: &mut Xml, Entry { car, speed, .. }: &Entry, depart_s: u64, end_m: Option<f64>) -> io::Result<()> {
+fn write_car(xml: &mut Xml, Entry { car, speed, .. }: &Entry, depart_s: f64, end_m: Option<f64>) -> io::Result<()> {
     let speed = match speed {
         DepartSpeed::Max => "max".to_owned(),
         DepartSpeed::Fixed(speed_mps) => speed_mps.to_string(),

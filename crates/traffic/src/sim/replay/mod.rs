@@ -68,15 +68,16 @@ pub fn write(recording: &Recording, dir: &Path) -> Result<()> {
 pub fn check(recording: &Recording, dir: &Path) -> Result<()> {
     let config = config_in(dir);
     let mut simulation = Simulation::load(&["-c".to_owned(), for_sumo(&config)?])?;
+    simulation.set_steps_per_second(recording.roads.steps_per_s());
     let lanes = simulation.register_lanes(&recording.roads.lanes)?;
     let lights = simulation.register_lights(&recording.roads.lights)?;
     let (mut signals, mut cars) = (Vec::new(), CarTable::new());
     // A local simulator has some seconds before its episode.
     while simulation.time_s()? < recording.roads.begin_s() as f64 {
-        simulation.step()?;
+        simulation.second()?;
     }
     for (number, recorded) in recording.steps.iter().enumerate() {
-        simulation.step()?;
+        simulation.second()?;
         simulation.read_lights(&lights, &mut signals)?;
         simulation.read_lanes(&lanes, &mut cars)?;
         if signals == recorded.signals && cars == recorded.cars {

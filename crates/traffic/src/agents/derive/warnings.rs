@@ -1,0 +1,108 @@
+//! What somebody should know of the programs of a net before he compares controllers.
+
+use std::collections::BTreeSet;
+
+use super::greens::{Greens, goes};
+use super::keeping::names;
+use super::programs;
+use crate::network::roads::Roads;
+use crate::network::roads::program::Program;
+use dials_core::base::counted;
+
+/// Largest number of links that are named.
+const MOST_LINKS: usize = 5;
+
+/// Returns a sentence for each thing that is odd about the programs that count.
+pub fn warnings(roads: &Roads) -> Vec<String> {
+    let counting: Vec<&Program> = programs(roads).into_iter().filter(|program| !program.phases.is_empty()).collect();
+    let several = counting.iter().filter_map(|program| of_several(roads, &program.light));
+    let jumping: Vec<&str> =
+        counting.iter().filter(|program| jumps(roads, program)).map(|program| &*program.light).collect();
+    let jumping = (!jumping.is_empty()).then(|| {
+        format!(
+            "{} without yellow somewhere ({}): `program` and `actuated` lose no time there, all other controllers and agents \
+             show yellow",
+            match jumping.len() {
+                1 => "a program goes from green to red".to_owned(),
+                count => format!("{count} programs go from green to red"),
+            },
+            names(&jumping)
+        )
+    });
+    let closed = counting.iter().filter_map(|program| never_green(roads, program));
+    several.chain(jumping).chain(closed).collect()
+}
+
+/// Returns a sentence about the programs of a light, if it has several.
+pub(super) fn of_several(roads: &Roads, light: &str) -> Option<String> {
+    let all: Vec<&str> =
+        roads.programs.iter().filter(|program| program.light == light).map(|program| &*program.id).collect();
+    let [_, .., last] = all[..] else { return None };
+    Some(format!(
+        "light `{light}` has {} ({}): `{last}` counts, because SUMO runs the last one; --program ID takes another",
+        counted(all.len(), "program"),
+        all.join(", ")
+    ))
+}
+
+/// Returns whether some link for cars loses green without yellow.
+fn jumps(roads: &Roads, program: &Program) -> bool {
+    let cars = roads.letters_of_vehicles(&program.light);
+    let greens = Greens::of(program, &cars);
+    greens.changes().iter().any(|change| {
+        let states =
+            [change.from].into_iter().chain(change.between.iter().map(|phase| &phase.state)).chain([change.to]);
+        let states: Vec<&[u8]> = states.map(|state| state.as_str().as_bytes()).collect();
+        let is_lost = |before: u8, after: u8| matches!(before, b'G' | b'g') && matches!(after, b'r' | b'R');
+        cars.iter().any(|&link| states.windows(2).any(|pair| is_lost(pair[0][link], pair[1][link])))
+    })
+}
+
+/// Returns a sentence about the links that cars can never use.
+fn never_green(roads: &Roads, program: &Program) -> Option<String> {
+    let opens = |letter: usize| program.phases.iter().any(|phase| goes(phase.state.as_str().as_bytes()[letter].into()));
+    let links = roads.under_light(&program.light).filter_map(|link| Some((link.signal.as_ref()?.letter, link)));
+    let closed: Vec<_> = links.filter(|(letter, _)| !opens(*letter)).collect();
+    let lanes: BTreeSet<&str> = closed.iter().map(|(_, link)| &*roads.lane(link.from).id).collect();
+    let lanes: Vec<&str> = lanes.into_iter().collect();
+    (!closed.is_empty()).then(|| {
+        let letters: BTreeSet<usize> = closed.iter().map(|(letter, _)| *letter).collect();
+        let letters: Vec<String> = letters.iter().take(MOST_LINKS).map(usize::to_string).collect();
+        format!(
+            "light `{}`: links of {} ({}) have green in no phase, so their cars never pass (letters {})",
+            program.light,
+            counted(lanes.len(), "lane"),
+            names(&lanes),
+            letters.join(", ")
+        )
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::network::roads::example::roads;
+    use crate::network::tree::parse;
+
+    #[test]
+    fn odd_programs_are_named() {
+        assert_eq!(warnings(&roads(&[])), [""; 0]);
+        let jumping = warnings(&roads(&[("yyrr", "rrrr")]));
+        assert!(
+            jumping[0].starts_with("a program goes from green to red without yellow somewhere (`J`)"),
+            "{jumping:?}"
+        );
+        let closed = warnings(&roads(&[("\"GGrr\"", "\"Grrr\""), ("\"yyrr\"", "\"yrrr\"")]));
+        assert!(closed[0].contains("have green in no phase, so their cars never pass (letters 1)"), "{closed:?}");
+        let mut several = roads(&[]);
+        let night = r#"<tlLogic id="J" programID="night"><phase duration="9" state="oooo"/></tlLogic>"#;
+        several.load_program(&parse(night).unwrap()).unwrap();
+        let several = warnings(&several);
+        assert_eq!(
+            several,
+            [
+                "light `J` has 2 programs (0, night): `night` counts, because SUMO runs the last one; --program ID takes another"
+            ]
+        );
+    }
+}

@@ -1,0 +1,252 @@
+//! What scenarios of others have, and what becomes of it: the whole network plays it as SUMO does, and local simulators do
+//! without, or are refused.
+
+use std::fs;
+
+use dials_core::base::Seed;
+use dials_core::domain::{Domain, GlobalSimulator, Measures};
+use dials_traffic::Traffic;
+use dials_traffic::controllers::HandCoded;
+use dials_traffic::sim::control::SignalControl;
+
+use super::room::{BUSES, CARS, MORE, NET, Room, SUMOCFG, names, table};
+
+/// A file, a text in it, and what takes its place.
+type Change = (&'static str, &'static str, &'static str);
+
+/// What a note is about.
+#[derive(Clone, Copy, Debug, PartialEq)]
+enum About {
+    LeftOut,
+    WithoutLocally,
+    NotLocal,
+    Nothing,
+}
+
+use About::{LeftOut, NotLocal, Nothing, WithoutLocally};
+
+const ADMITTED: &[(Change, About, &str)] = &[
+    ((SUMOCFG, "<time>", "<time><step-length value=\"0.25\"/>"), Nothing, ""),
+    ((SUMOCFG, "<processing>", "<processing><max-depart-delay value=\"5\"/>"), Nothing, ""),
+    ((SUMOCFG, "<processing>", "<processing><time-to-teleport.remove value=\"true\"/>"), Nothing, ""),
+    (
+        (SUMOCFG, "<processing>", "<processing><lateral-resolution value=\"0.8\"/>"),
+        NotLocal,
+        "option lateral-resolution: cars share a lane",
+    ),
+    (
+        (SUMOCFG, "<processing>", "<processing><lanechange.duration value=\"3\"/>"),
+        NotLocal,
+        "option lanechange.duration: cars can be between two lanes",
+    ),
+    (
+        (SUMOCFG, "<processing>", "<processing><mesosim value=\"true\"/>"),
+        LeftOut,
+        "option mesosim: this program simulates single cars on lanes",
+    ),
+    (
+        (SUMOCFG, "<processing>", "<processing><device.glosa.probability value=\"1\"/>"),
+        WithoutLocally,
+        "option device.glosa.probability: its cars drive like all others",
+    ),
+    ((NET, "</net>", "<busStop id=\"s\" lane=\"w0_r0c0_0\" startPos=\"20\" endPos=\"40\"/></net>"), Nothing, ""),
+    (
+        (CARS, "route=\"west\"/>", "route=\"west\"><stop lane=\"r0c0_w0_0\" duration=\"9\"/></vehicle>"),
+        WithoutLocally,
+        "stops of vehicles (1): vehicles do not stop on their way",
+    ),
+    (
+        (CARS, "</routes>", "<person id=\"p\" depart=\"395\"><walk edges=\"w0_r0c0\"/></person></routes>"),
+        WithoutLocally,
+        "persons (1): nobody is on foot",
+    ),
+    (
+        (
+            CARS,
+            "</routes>",
+            "<containerFlow id=\"p\" begin=\"395\" end=\"399\" number=\"2\"><tranship from=\"w0_r0c0\" to=\"w0_r0c0\" departPos=\"0\" arrivalPos=\"9\"/></containerFlow></routes>",
+        ),
+        WithoutLocally,
+        "flows of containers (1): nobody is on foot",
+    ),
+    (
+        (BUSES, "<vType id=\"bus\" vClass=\"bus\"", "<vType id=\"bus\" vClass=\"tram\""),
+        WithoutLocally,
+        "vehicles of class tram (10): only those in lanes for cars are there",
+    ),
+    (
+        (CARS, "depart=\"120.00\"", "depart=\"140.00\""),
+        LeftOut,
+        "cars.rou.xml: 1 of its vehicles and flows come after one that departs later, such as <vehicle id=\"v\">",
+    ),
+    (
+        (CARS, "</routes>", "<trp id=\"p\" depart=\"150\"/></routes>"),
+        LeftOut,
+        "1 x <trp>: SUMO does not know this element",
+    ),
+    (
+        (CARS, "</routes>", "<taz id=\"z\" edges=\"w0_r0c0\"/></routes>"),
+        LeftOut,
+        "1 x <taz>: SUMO skips it in a route file; move it to an additional file",
+    ),
+    (
+        (
+            MORE,
+            "length=\"4.3\" speedDev=\"0.1\"/>",
+            "length=\"4.3\"><param key=\"device.ssm.file\" value=\"VICTIM\"/></vType>",
+        ),
+        LeftOut,
+        "1 x <param key=\"device.ssm.file\">: this program measures and writes by itself",
+    ),
+    (
+        (MORE, "length=\"4.3\"", "length=\"4.3\" imgFile=\"VICTIM\" emissionClass=\"PHEMlight/PKW_G_EU4\""),
+        LeftOut,
+        "1 x imgFile of <vType>: it is only for pictures, or for outputs",
+    ),
+    (
+        (
+            MORE,
+            "</additional>",
+            "<tlLogic id=\"r0c0\" type=\"actuated\" programID=\"1\"><phase duration=\"9\" minDur=\"9\" maxDur=\"9\" state=\"GGGG\"/><phase duration=\"9\" minDur=\"9\" maxDur=\"9\" state=\"GrGr\"/><param key=\"w0_r0c0_0\" value=\"loop\"/></tlLogic></additional>",
+        ),
+        Nothing,
+        "",
+    ),
+    (
+        (
+            MORE,
+            "</additional>",
+            "<rerouter id=\"r\" edges=\"w0_r0c0\"><interval begin=\"0\" end=\"999\"><closingReroute id=\"r1c0_w1\"/></interval></rerouter></additional>",
+        ),
+        WithoutLocally,
+        "closed roads (1): no road is closed",
+    ),
+    (
+        (
+            MORE,
+            "</additional>",
+            "<variableSpeedSign id=\"s\" lanes=\"w0_r0c0_0\"><step time=\"200\" speed=\"3\"/></variableSpeedSign></additional>",
+        ),
+        WithoutLocally,
+        "signs of a speed limit (1): speed limits stay as they are",
+    ),
+    (
+        (
+            MORE,
+            "</additional>",
+            "<calibrator id=\"c\" edge=\"w0_r0c0\" pos=\"0\" output=\"VICTIM\"><flow begin=\"100\" end=\"400\" route=\"in\" vehsPerHour=\"600\" speed=\"9\"/><route id=\"in\" edges=\"w0_r0c0 r0c0_r0c1\"/></calibrator></additional>",
+        ),
+        LeftOut,
+        "1 x output of <calibrator>: it is only for pictures, or for outputs",
+    ),
+    ((CARS, "<vehicle id=\"v\"", "<vehicle id=\"v\" departEdge=\"1\""), Nothing, ""),
+    (
+        (
+            CARS,
+            "<flow id=\"f\" type=\"mixed\" begin=\"150\" end=\"390\" period=\"8\" from=\"n1_r1c1\" to=\"r0c1_s1\"/>",
+            "<interval begin=\"150\" end=\"390\"><flow id=\"f\" number=\"30\" from=\"n1_r1c1\" to=\"r0c1_s1\"/></interval>",
+        ),
+        Nothing,
+        "",
+    ),
+    (
+        (
+            BUSES,
+            "<vType id=\"bus\" vClass=\"bus\" length=\"12\"/>",
+            "<vType id=\"bus\" vClass=\"emergency\"><param key=\"has.bluelight.device\" value=\"true\"/></vType>",
+        ),
+        WithoutLocally,
+        "parameters has.bluelight.device (1): its cars drive like all others",
+    ),
+];
+
+fn opened(room: &Room) -> Traffic {
+    Traffic::open_scenario(&table(room.config(&[]).unwrap())).unwrap()
+}
+
+/// Plays a whole episode. Returns its measures.
+fn played(traffic: &Traffic) -> Measures {
+    let mut gs = traffic.global(traffic.everywhere(HandCoded::OwnProgram)).unwrap();
+    gs.measure_in_full().unwrap();
+    gs.reset(Seed::new(3)).unwrap();
+    for _ in 0..traffic.kinds().horizon() {
+        gs.step(&vec![0; traffic.agents()]).unwrap();
+    }
+    gs.measures().unwrap()
+}
+
+fn measure(measures: &Measures, name: &str) -> f64 {
+    measures.system.iter().find(|(other, _)| other == name).unwrap_or_else(|| panic!("no {name}")).1
+}
+
+#[test]
+fn the_whole_network_plays_what_sumo_plays_and_local_simulators_say_what_they_lack() {
+    for &((file, from, to), about, note) in ADMITTED {
+        let room = Room::new();
+        room.change(file, from, &to.replace("VICTIM", room.victim().to_str().unwrap()));
+        let before = names(room.dir.path());
+        let scenario = room.read().unwrap();
+        let notes = scenario.notes();
+        for (kind, list) in
+            [(LeftOut, &notes.left_out), (WithoutLocally, &notes.without_locally), (NotLocal, &notes.not_local)]
+        {
+            assert_eq!(list.iter().any(|has| !note.is_empty() && has.contains(note)), kind == about, "{to}: {list:?}");
+        }
+        let traffic = opened(&room);
+        assert!(measure(&played(&traffic), "departed") > 10.0, "{to}");
+        let local = traffic.try_local();
+        assert_eq!(local.is_err(), about == NotLocal, "{to}: {local:?}");
+        assert_eq!(names(room.dir.path()), before, "{to}");
+        assert_eq!(fs::read_to_string(room.victim()).unwrap(), "precious", "{to}");
+    }
+}
+
+#[test]
+fn a_step_of_sumo_may_be_a_part_of_a_second() {
+    let room = Room::new();
+    let whole = played(&opened(&room));
+    room.change(SUMOCFG, "<time>", "<time><step-length value=\"0.5\"/>");
+    let half = played(&opened(&room));
+    for name in ["departed", "arrived"] {
+        let [whole, half] = [&whole, &half].map(|measures| measure(measures, name));
+        assert!((whole - half).abs() <= 3.0, "{name}: {whole} and {half}");
+    }
+    let control = SignalControl::Agents;
+    let traffic = opened(&room);
+    let mut gs = traffic.global(control).unwrap();
+    gs.reset(Seed::new(3)).unwrap();
+    drop(gs);
+    traffic.try_local().unwrap();
+}
+
+#[test]
+fn a_net_without_internal_lanes_plays_and_has_no_local_simulators() {
+    let room = Room::new();
+    let net = fs::read_to_string(room.path(NET)).unwrap();
+    let lines: Vec<&str> = net.lines().collect();
+    // Without the edges within junctions, and without the names of their lanes.
+    let (mut kept, mut inside) = (String::new(), false);
+    for line in lines {
+        inside |= line.contains("function=\"internal\"");
+        if !inside && !line.contains("type=\"internal\"") && !line.contains("from=\":") {
+            let line = without(line, " via=\"");
+            kept += &without(&line, " intLanes=\"")
+                .replace(" type=\"traffic_light\"", " intLanes=\"\" type=\"traffic_light\"");
+            kept.push('\n');
+        }
+        inside &= !line.contains("</edge>");
+    }
+    fs::write(room.path(NET), kept).unwrap();
+    let traffic = opened(&room);
+    assert!(measure(&played(&traffic), "departed") > 10.0);
+    let error = traffic.try_local().unwrap_err().to_string();
+    assert!(error.contains("its net has no internal lanes, so cars jump over intersections"), "{error}");
+    assert!(error.contains("train on the whole network (--simulator gs)"), "{error}");
+}
+
+/// Returns a line without an attribute. `begin`: the beginning of the attribute up to its value.
+fn without(line: &str, begin: &str) -> String {
+    let Some((before, rest)) = line.split_once(begin) else { return line.to_owned() };
+    let (_, after) = rest.split_once('"').unwrap();
+    format!("{before}{after}")
+}
