@@ -14,7 +14,7 @@ use std::sync::{Mutex, MutexGuard, PoisonError};
 use super::error::{Error, Result};
 use super::events::{DepartSpeed, Departure, Entering, Insertion, Placing, RouteNow, StepCounts};
 use super::ffi;
-use super::ids::{CarId, LaneId, LightId};
+use super::ids::{CarId, EdgeId, LaneId, LightId};
 use super::library::{self, Library};
 use super::signal::SignalState;
 use super::table::CarTable;
@@ -35,6 +35,7 @@ pub(crate) enum IdKind {
     Light,
     Route,
     Type,
+    Edge,
 }
 
 /// The right to cross. While it lives, no other thread is inside libsumo. When it is dropped, so is the simulation.
@@ -96,6 +97,7 @@ impl Crossing {
             IdKind::Light => (ffi::DS_LIGHT, "register the lights"),
             IdKind::Route => (ffi::DS_ROUTE, "register the routes"),
             IdKind::Type => (ffi::DS_TYPE, "register the vehicle types"),
+            IdKind::Edge => (ffi::DS_EDGE, "register the edges"),
         };
         let mut first = 0;
         // SAFETY: as in `load`; `first` outlives the call.
@@ -108,6 +110,17 @@ impl Crossing {
     pub(crate) fn step(&mut self, until_s: f64) -> Result<()> {
         // SAFETY: we have the turn.
         check(unsafe { call!(self.step(until_s)) }, "make a step")
+    }
+
+    pub(crate) fn count_waiting(&mut self, ways: &[[EdgeId; 2]], waiting: &mut Vec<u32>) -> Result<()> {
+        let of = |side: usize| -> Vec<u32> { ways.iter().map(|way| way[side].0).collect() };
+        let [areas, crossings] = [0, 1].map(of);
+        waiting.clear();
+        waiting.resize(ways.len(), 0);
+        // SAFETY: we have the turn; all three have `len` elements and outlive the call.
+        let code =
+            unsafe { call!(self.count_waiting(areas.as_ptr(), crossings.as_ptr(), ways.len(), waiting.as_mut_ptr())) };
+        check(code, "count the persons that wait")
     }
 
     pub(crate) fn time_s(&self) -> Result<f64> {

@@ -6,6 +6,7 @@ pub const DS_LANE: ds_kind = 0;
 pub const DS_LIGHT: ds_kind = 1;
 pub const DS_ROUTE: ds_kind = 2;
 pub const DS_TYPE: ds_kind = 3;
+pub const DS_EDGE: ds_kind = 4;
 pub type ds_kind = std::ffi::c_uint;
 #[repr(C)]
 #[derive(Debug, Copy, Clone)]
@@ -124,6 +125,14 @@ pub struct ds_shim {
         unsafe extern "C" fn(car: *const std::ffi::c_char, route: *mut ds_route) -> std::ffi::c_int,
     >,
     pub counts: ::std::option::Option<unsafe extern "C" fn(counts: *mut ds_counts) -> std::ffi::c_int>,
+    pub count_waiting: ::std::option::Option<
+        unsafe extern "C" fn(
+            areas: *const u32,
+            crossings: *const u32,
+            count: usize,
+            waiting: *mut u32,
+        ) -> std::ffi::c_int,
+    >,
     pub heard: ::std::option::Option<unsafe extern "C" fn() -> *const std::ffi::c_char>,
 }
 unsafe extern "C" {

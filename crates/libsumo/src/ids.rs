@@ -20,6 +20,11 @@ pub struct RouteId(pub(crate) u32);
 #[repr(transparent)]
 pub struct TypeId(pub(crate) u32);
 
+/// A registered edge: [`Simulation::register_edges`](crate::Simulation::register_edges).
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
+#[repr(transparent)]
+pub struct EdgeId(pub(crate) u32);
+
 /// The number of a car.
 ///
 /// It is the number under which the car was inserted, or the value of its decimal name. For a car with any other name (SUMO's

@@ -20,7 +20,7 @@ mod version;
 
 pub use error::{Error, Result};
 pub use events::{DepartSpeed, Departure, Entering, Insertion, Placing, RouteNow, StepCounts};
-pub use ids::{CarId, LaneId, LightId, RouteId, TypeId};
+pub use ids::{CarId, EdgeId, LaneId, LightId, RouteId, TypeId};
 pub use library::{Library, load, variable_for_children};
 pub use places::{Place, places, program};
 pub use signal::SignalState;

@@ -3,7 +3,7 @@
 use super::call::{self, Crossing, IdKind};
 use super::error::{Error, Result};
 use super::events::{DepartSpeed, Departure, Entering, Insertion, Placing, RouteNow, StepCounts};
-use super::ids::{CarId, LaneId, LightId, RouteId, TypeId};
+use super::ids::{CarId, EdgeId, LaneId, LightId, RouteId, TypeId};
 use super::library;
 use super::signal::SignalState;
 use super::table::CarTable;
@@ -84,6 +84,17 @@ impl Simulation {
     /// Registers vehicle types, like [`register_lanes`](Self::register_lanes).
     pub fn register_types(&mut self, names: &[impl AsRef<str>]) -> Result<Vec<TypeId>> {
         self.register(IdKind::Type, names, TypeId)
+    }
+
+    /// Registers edges, like [`register_lanes`](Self::register_lanes).
+    pub fn register_edges(&mut self, names: &[impl AsRef<str>]) -> Result<Vec<EdgeId>> {
+        self.register(IdKind::Edge, names, EdgeId)
+    }
+
+    /// Counts for each pair of edges the persons who stand on the first one and go to the second one next, such as a crossing.
+    /// `waiting` becomes as long as `ways`.
+    pub fn count_waiting(&mut self, ways: &[[EdgeId; 2]], waiting: &mut Vec<u32>) -> Result<()> {
+        self.whole()?.count_waiting(ways, waiting)
     }
 
     /// Returns what SUMO wrote to the terminal in the last call, such as its warnings of a load. It is silent unless the options

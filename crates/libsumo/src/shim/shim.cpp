@@ -20,7 +20,7 @@
 namespace {
 
 // Registered names, by kind and index, as std::string so that no call has to make one.
-std::vector<std::string> names_of[4];
+std::vector<std::string> names_of[5];
 
 // Cars that were added since the last step: SUMO does not list them as pending yet.
 std::vector<std::string> fresh;
@@ -85,7 +85,7 @@ template <typename Work> int guarded(Work work) noexcept {
 }
 
 const std::string &name(ds_kind kind, uint32_t index) {
-    static const char *const words[] = {"lane", "light", "route", "type"};
+    static const char *const words[] = {"lane", "light", "route", "type", "edge"};
     if (index >= names_of[kind].size()) {
         throw std::out_of_range(std::string("no ") + words[kind] + " is registered under number " + std::to_string(index));
     }
@@ -106,6 +106,9 @@ void must_exist(ds_kind kind, const std::string &name) {
         break;
     case DS_TYPE:
         VehicleType::getLength(name);
+        break;
+    case DS_EDGE:
+        Edge::getLaneNumber(name);
         break;
     }
 }
@@ -162,7 +165,7 @@ int ds_load(const char *const *options, size_t count) {
         if (!Simulation::isLoaded()) {
             throw std::runtime_error("These options load no network."); // Such as --help.
         }
-        for (const auto kind : {DS_LANE, DS_LIGHT, DS_ROUTE, DS_TYPE}) {
+        for (const auto kind : {DS_LANE, DS_LIGHT, DS_ROUTE, DS_TYPE, DS_EDGE}) {
             for (const auto &name : names_of[kind]) {
                 must_exist(kind, name);
             }
@@ -414,6 +417,19 @@ int ds_counts(struct ds_counts *counts) {
     });
 }
 
+int ds_count_waiting(const uint32_t *areas, const uint32_t *crossings, size_t count, uint32_t *waiting) {
+    constexpr double standing = 0.1; // SUMO's limit for cars that halt, in metres per second.
+    return guarded([&] {
+        for (size_t i = 0; i < count; ++i) {
+            waiting[i] = 0;
+            for (const auto &person : Edge::getLastStepPersonIDs(name(DS_EDGE, areas[i]))) {
+                const bool stands = Person::getSpeed(person) < standing;
+                waiting[i] += stands && Person::getNextEdge(person) == name(DS_EDGE, crossings[i]);
+            }
+        }
+    });
+}
+
 const char *ds_heard(void) { return Hush::ear.heard.c_str(); }
 
 // In the order of shim.h.
@@ -422,7 +438,7 @@ const struct ds_shim functions = {
     ds_load, ds_close, ds_register_names, ds_step, ds_time, ds_read_lanes, ds_read_lights, ds_set_lights, ds_set_programs,
     ds_insert, ds_enter, ds_place, ds_seed_generators, ds_clear_pending, ds_remove_cars, ds_read_departures,
     ds_read_departed, ds_read_gone, ds_read_route, ds_counts,
-    ds_heard,
+    ds_count_waiting, ds_heard,
 };
 
 } // namespace

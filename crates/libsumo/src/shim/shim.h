@@ -12,7 +12,7 @@
 extern "C" {
 #endif
 
-enum ds_kind { DS_LANE, DS_LIGHT, DS_ROUTE, DS_TYPE };
+enum ds_kind { DS_LANE, DS_LIGHT, DS_ROUTE, DS_TYPE, DS_EDGE };
 
 /* The cars of the i-th lane of the call are starts[i] .. starts[i + 1] in the other arrays. */
 struct ds_cars {
@@ -120,6 +120,8 @@ struct ds_shim {
     int (*read_gone)(size_t *count, const uint64_t **cars);
     int (*read_route)(const char *car, struct ds_route *route);
     int (*counts)(struct ds_counts *counts);
+    /* waiting[i]: how many persons stand on the edge areas[i] and go to the edge crossings[i] next. */
+    int (*count_waiting)(const uint32_t *areas, const uint32_t *crossings, size_t count, uint32_t *waiting);
     /* What SUMO wrote to the terminal in the last call. Valid until the next one. */
     const char *(*heard)(void);
 };

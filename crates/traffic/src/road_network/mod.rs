@@ -18,6 +18,7 @@ use crate::paper_grid::grid::Grid;
 use crate::paper_grid::plans::{joint_plan, plans};
 use crate::paper_grid::recognise::{recognise_grid, recognise_local};
 use crate::scenario::kept::KEPT;
+use crate::scenario::travellers::Travellers;
 use crate::sim::local_forest::LocalForest;
 use crate::sim::recorded_roads::RecordedRoads;
 use dials_core::domain::{FirstRow, Map, Result, RoughCosts, Scenario};
@@ -97,6 +98,14 @@ impl RoadNetwork {
         match &self.files {
             Files::Grid(files) => files.network.for_sumo(),
             Files::Scenario(files) => files.source(),
+        }
+    }
+
+    /// Returns who travels. `None`: on a grid, where all are alike.
+    pub(crate) fn travellers(&self) -> Option<Travellers> {
+        match &self.files {
+            Files::Grid(_) => None,
+            Files::Scenario(scenario) => Some(scenario.files.travellers()),
         }
     }
 

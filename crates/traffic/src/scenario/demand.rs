@@ -40,6 +40,8 @@ pub(super) struct Departures {
     pub(crate) edges: BTreeSet<String>,
     /// Ids of junctions: on any edge that begins there.
     pub(crate) junctions: BTreeSet<String>,
+    /// Whether SUMO may remove some instead of letting them wait.
+    pub(crate) some_may_vanish: bool,
 }
 
 /// What was read so far, in SUMO's order.
@@ -222,6 +224,7 @@ impl<'a> Demand<'a> {
         }
         if given("departSpeed").is_some_and(|speed| !PATIENT.contains(&speed) && speed.parse() != Ok(0.0)) {
             self.impatient.entry(file).or_insert((0, driver)).0 += 1;
+            self.departures.some_may_vanish = true;
         }
         let inner = driver.children.iter().find(|child| child.name.starts_with("route"));
         let routes = match (given("route"), inner) {
@@ -275,7 +278,7 @@ mod tests {
     #[test]
     fn cars_depart_where_their_ways_begin_if_they_depart_in_the_episode() {
         let departures = |elements: &str| {
-            let (Departures { edges, junctions }, _) = read_whole(elements).unwrap();
+            let (Departures { edges, junctions, .. }, _) = read_whole(elements).unwrap();
             edges.into_iter().chain(junctions).collect::<Vec<_>>().join(" ")
         };
         let other = "<trip id='v' depart='100' from='a' to='b'/>";

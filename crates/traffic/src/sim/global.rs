@@ -7,6 +7,7 @@ use anyhow::ensure;
 
 use super::border::Borders;
 use super::control::{Decisions, SignalControl};
+use super::crossings::Crossings;
 use super::lights::{Lights, ShownLights};
 use super::metrics::TrafficMetrics;
 use super::picture::Camera;
@@ -59,6 +60,8 @@ pub struct GlobalTraffic {
     recorder: Option<Recorder>,
     camera: Option<Camera>,
     metrics: Option<TrafficMetrics>,
+    /// Crossings, if persons' waiting is measured.
+    crossings: Option<Crossings>,
 }
 
 impl GlobalTraffic {
@@ -104,6 +107,7 @@ impl GlobalTraffic {
             recorder,
             camera: None,
             metrics: None,
+            crossings: None,
             plan,
         })
     }
@@ -174,6 +178,9 @@ impl GlobalTraffic {
         self.tally.step(&mut self.simulation)?;
         if let Some(metrics) = &mut self.metrics {
             metrics.step(&self.approaches, &self.cars_before, &self.simulation.gone()?);
+            if let Some(crossings) = &mut self.crossings {
+                metrics.note_waiting(crossings.waiting(&mut self.simulation)?);
+            }
         }
         self.watch.note(Phase::Reading, begun.elapsed());
         if let Some(recorder) = &mut self.recorder {
@@ -346,7 +353,12 @@ impl GlobalSimulator for GlobalTraffic {
     fn measure_in_full(&mut self) -> Result<()> {
         let agents = self.plan.agents.iter().map(|agent| &agent.region.approaches);
         let at_stop_line = agents.map(|lanes| lanes.iter().map(|lane| lane.ahead_m == 0.0).collect()).collect();
-        self.metrics = Some(TrafficMetrics::new(at_stop_line)?);
+        let metrics = TrafficMetrics::new(at_stop_line, self.network.travellers())?;
+        if metrics.has_persons() {
+            let roads = self.network.recorded(&self.plan)?.roads;
+            self.crossings = Some(Crossings::register(&mut self.simulation, &roads)?);
+        }
+        self.metrics = Some(metrics);
         Ok(())
     }
 

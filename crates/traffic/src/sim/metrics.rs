@@ -1,6 +1,7 @@
 //! The traffic metrics other than the return: means of the cars' trips from SUMO's own tripinfo output, and queues, speeds
 //! and throughput per intersection. Only evaluations and baselines ask for them.
 
+use std::collections::BTreeMap;
 use std::fs::File;
 use std::io::{Read, Seek};
 use std::os::fd::AsRawFd;
@@ -9,17 +10,24 @@ use anyhow::{Context, Result};
 use roxmltree::{Document, Node};
 
 use crate::cars_at::{CarsAt, RowLanes};
+use crate::scenario::travellers::Travellers;
 use dials_core::outside::temporary_file;
 use libsumo::{CarId, CarTable};
 
 pub(crate) struct TrafficMetrics {
     /// The file to which SUMO writes the trips. It has no name, so a killed process leaves none behind.
     trip_file: File,
+    /// The file to which SUMO writes counts of every step, if it may remove vehicles that could not enter.
+    count_file: Option<File>,
     trips: Option<Trips>,
     steps: u64,
     intersections: Vec<Sums>,
     /// Whether each approach of each intersection ends at its stop line.
     at_stop_line: Vec<Vec<bool>>,
+    /// `None`: a grid of the paper, which has cars only.
+    travellers: Option<Travellers>,
+    /// Seconds that persons have stood at crossings with a signal.
+    person_waiting_s: u64,
 }
 
 #[derive(Clone, Copy, Debug, Default)]
@@ -31,7 +39,7 @@ struct Sums {
 }
 
 /// Means over the trips of an episode, in seconds.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[derive(Clone, Debug, Default, PartialEq)]
 struct Trips {
     /// From entering the net to leaving it or to the end of the episode, over all cars that entered.
     travel_time_s: f64,
@@ -41,30 +49,52 @@ struct Trips {
     delay_s: f64,
     /// Time below 0.1 m/s after entering. The mean is over all cars that entered.
     waiting_time_s: f64,
+    /// Delays of the cars of each class, as above.
+    delay_of_class_s: BTreeMap<String, f64>,
+    /// Number of cars that SUMO has taken out: because they could not enter, or out of a jam.
+    removed: u64,
+    persons: u64,
 }
 
 impl TrafficMetrics {
-    pub(super) fn new(at_stop_line: Vec<Vec<bool>>) -> Result<Self> {
+    pub(super) fn new(at_stop_line: Vec<Vec<bool>>, travellers: Option<Travellers>) -> Result<Self> {
+        let may_remove = travellers.as_ref().is_some_and(|travellers| travellers.removed_after_s.is_some());
         Ok(TrafficMetrics {
             trip_file: temporary_file().context("SUMO's trips have no place")?,
+            count_file: may_remove.then(temporary_file).transpose().context("SUMO's counts have no place")?,
             trips: None,
             steps: 0,
             intersections: vec![Sums::default(); at_stop_line.len()],
             at_stop_line,
+            travellers,
+            person_waiting_s: 0,
         })
+    }
+
+    /// Returns whether there are persons, whose waiting is to be noted.
+    pub(super) fn has_persons(&self) -> bool {
+        self.travellers.as_ref().is_some_and(|travellers| travellers.has_persons)
+    }
+
+    /// Notes how many persons stand at crossings in this second.
+    pub(super) fn note_waiting(&mut self, persons: u64) {
+        self.person_waiting_s += persons;
     }
 
     /// Returns the options that make SUMO write the trips, with the digits of a millisecond.
     pub(super) fn options(&self) -> Vec<String> {
-        let place = format!("/proc/self/fd/{}", self.trip_file.as_raw_fd());
-        let trips = ["--tripinfo-output", &place, "--precision", "6"];
+        let place = |file: &File| format!("/proc/self/fd/{}", file.as_raw_fd());
+        let trips = ["--tripinfo-output".to_owned(), place(&self.trip_file)];
         let of_all = ["--tripinfo-output.write-unfinished", "true", "--tripinfo-output.write-undeparted", "true"];
-        trips.into_iter().chain(of_all).map(str::to_owned).collect()
+        let counts = self.count_file.iter().flat_map(|file| ["--summary-output".to_owned(), place(file)]);
+        let others = ["--precision", "6"].into_iter().chain(of_all).map(str::to_owned);
+        trips.into_iter().chain(counts).chain(others).collect()
     }
 
     pub(super) fn begin(&mut self) {
         self.trips = None;
         self.steps = 0;
+        self.person_waiting_s = 0;
         self.intersections.fill(Sums::default());
     }
 
@@ -88,30 +118,46 @@ impl TrafficMetrics {
 
     /// Reads the trips. SUMO writes those of cars on the road when it closes the simulation, so call it after that.
     pub(super) fn finish(&mut self) -> Result<()> {
-        self.trips = Some(means(&self.trips_as_text()?)?);
+        let no_classes = BTreeMap::new();
+        let travellers = self.travellers.as_ref();
+        let class_of = travellers.map_or(&no_classes, |travellers| &travellers.class_of);
+        let not_entered = match (&mut self.count_file, travellers.and_then(|travellers| travellers.removed_after_s)) {
+            (Some(file), Some(waited_s)) => Removed { cars: never_entered(&text_of(file)?)?, waited_s },
+            _ => Removed::default(),
+        };
+        self.trips = Some(means(&text_of(&mut self.trip_file)?, class_of, not_entered)?);
         Ok(())
     }
 
+    #[cfg(test)]
     pub(super) fn trips_as_text(&mut self) -> Result<String> {
-        let mut text = String::new();
-        let read = self.trip_file.rewind().and_then(|()| self.trip_file.read_to_string(&mut text));
-        read.context("SUMO's trips could not be read")?;
-        Ok(text)
+        text_of(&mut self.trip_file)
     }
 
     /// Returns the metrics of the whole net; `arrived` cars left it.
-    pub(super) fn of_net(&self, arrived: u64) -> [(String, f64); 5] {
-        let Trips { travel_time_s, delay_s, waiting_time_s } = self.trips.expect("the episode is over");
+    pub(super) fn of_net(&self, arrived: u64) -> Vec<(String, f64)> {
+        let trips = self.trips.as_ref().expect("the episode is over");
         let halting = self.intersections.iter().map(|sums| sums.halting_car_steps).sum();
         let approaches = self.at_stop_line.iter().map(Vec::len).sum();
-        [
-            ("travel_time_s", travel_time_s),
-            ("delay_s", delay_s),
-            ("waiting_time_s", waiting_time_s),
+        let of_all = [
+            ("travel_time_s", trips.travel_time_s),
+            ("delay_s", trips.delay_s),
+            ("waiting_time_s", trips.waiting_time_s),
             ("queue_length", self.per_approach_step(halting, approaches)),
             ("throughput_per_h", 3600.0 * arrived as f64 / self.steps.max(1) as f64),
-        ]
-        .map(|(name, value)| (name.to_owned(), value))
+        ];
+        let mut all: Vec<(String, f64)> = of_all.map(|(name, value)| (name.to_owned(), value)).into();
+        let Some(travellers) = &self.travellers else { return all };
+        all.push(("removed".to_owned(), trips.removed as f64));
+        if let [_, _, ..] = travellers.classes[..] {
+            let delay_s = |class: &String| trips.delay_of_class_s.get(class).copied().unwrap_or(0.0);
+            all.extend(travellers.classes.iter().map(|class| (format!("delay_s_{class}"), delay_s(class))));
+        }
+        if travellers.has_persons {
+            let waited_s = self.person_waiting_s as f64 / trips.persons.max(1) as f64;
+            all.extend([("persons".to_owned(), trips.persons as f64), ("person_wait_s".to_owned(), waited_s)]);
+        }
+        all
     }
 
     pub(super) fn of_agents(&self) -> [(String, Vec<f64>); 3] {
@@ -143,13 +189,47 @@ pub(crate) fn passed(now: CarsAt<'_>, before: CarsAt<'_>, gone: &[CarId], at_sto
     at_stop_line.flat_map(|(lane, _)| lane.ids).filter(passed).count() as u64
 }
 
-/// Returns the means of the trips that SUMO wrote; 0 if there are no cars.
-fn means(text: &str) -> Result<Trips> {
+/// Cars that SUMO has removed because they could not enter for so long. SUMO writes no trips of them.
+#[derive(Clone, Copy, Debug, Default)]
+struct Removed {
+    cars: u64,
+    waited_s: f64,
+}
+
+fn text_of(file: &mut File) -> Result<String> {
+    let mut text = String::new();
+    let read = file.rewind().and_then(|()| file.read_to_string(&mut text));
+    read.context("what SUMO measured could not be read")?;
+    Ok(text)
+}
+
+/// Returns how many vehicles SUMO has removed before they entered, from its counts of all steps.
+fn never_entered(counts: &str) -> Result<u64> {
+    let document = Document::parse(counts).context("SUMO's counts are not XML")?;
+    let steps = document.root_element().children().filter(|node| node.has_tag_name("step"));
+    let Some(last) = steps.last() else { return Ok(0) };
+    Ok((number(last, "ended")? - number(last, "arrived")?) as u64)
+}
+
+/// Returns the means of the trips that SUMO wrote; 0 if there are no cars. A car that was removed before it entered counts as
+/// one that never entered.
+fn means(text: &str, class_of: &BTreeMap<String, String>, never_entered: Removed) -> Result<Trips> {
     let document = Document::parse(text).context("SUMO's trips are not XML")?;
-    let (mut sums, mut cars, mut entered) = (Trips::default(), 0_u32, 0_u32);
-    for trip in document.root_element().children().filter(|node| node.has_tag_name("tripinfo")) {
+    let (mut sums, mut cars, mut entered) = (Trips::default(), never_entered.cars, 0_u32);
+    sums.delay_s = never_entered.cars as f64 * never_entered.waited_s;
+    sums.removed = never_entered.cars;
+    let mut of_classes: BTreeMap<&str, (f64, u32)> = BTreeMap::new();
+    let is = |node: &Node<'_, '_>, name| node.has_tag_name(name);
+    for trip in document.root_element().children().filter(|node| is(node, "tripinfo")) {
         cars += 1;
-        sums.delay_s += number(trip, "timeLoss")? + number(trip, "departDelay")?;
+        let delay_s = number(trip, "timeLoss")? + number(trip, "departDelay")?;
+        sums.delay_s += delay_s;
+        if let Some(class) = trip.attribute("vType").and_then(|kind| class_of.get(kind)) {
+            let (sum_s, count) = of_classes.entry(class).or_default();
+            (*sum_s, *count) = (*sum_s + delay_s, *count + 1);
+        }
+        // Those that are on the road at the end are vaporized, too.
+        sums.removed += u64::from(trip.attribute("vaporized").is_some_and(|why| !["", "end"].contains(&why)));
         // A car that never entered departs at -1.
         if number(trip, "depart")? >= 0.0 {
             entered += 1;
@@ -157,11 +237,15 @@ fn means(text: &str) -> Result<Trips> {
             sums.waiting_time_s += number(trip, "waitingTime")?;
         }
     }
-    let [cars, entered] = [cars, entered].map(|count| f64::from(count.max(1)));
+    sums.persons = document.root_element().children().filter(|node| is(node, "personinfo")).count() as u64;
+    sums.delay_of_class_s =
+        of_classes.into_iter().map(|(class, (sum_s, count))| (class.to_owned(), sum_s / f64::from(count))).collect();
+    let (cars, entered) = (cars.max(1) as f64, f64::from(entered.max(1)));
     Ok(Trips {
         travel_time_s: sums.travel_time_s / entered,
         delay_s: sums.delay_s / cars,
         waiting_time_s: sums.waiting_time_s / entered,
+        ..sums
     })
 }
 
@@ -189,20 +273,51 @@ mod tests {
         assert_eq!(passed(CarsAt::all(&now), CarsAt::all(&before), &gone, &[true, true, false]), 1);
     }
 
+    fn of(text: &str) -> Result<Trips> {
+        let class_of =
+            BTreeMap::from([("car", "passenger"), ("bus", "bus")].map(|(id, class)| (id.to_owned(), class.to_owned())));
+        means(&format!("<tripinfos>{text}</tripinfos>"), &class_of, Removed { cars: 2, waited_s: 30.0 })
+    }
+
+    #[test]
+    fn cars_that_sumo_removed_count_as_such_that_never_entered_and_classes_have_delays_of_their_own() {
+        let trip = |kind: &str, depart: i32, loss: f64, vaporized: &str| {
+            format!(
+                "<tripinfo depart='{depart}' duration='100' waitingTime='5' timeLoss='{loss}' departDelay='10' vType='{kind}' \
+                 vaporized='{vaporized}'/>"
+            )
+        };
+        let text = [
+            trip("car", 1, 20.0, ""),
+            trip("bus", 2, 40.0, "teleport"),
+            trip("bus", -1, 0.0, "end"),
+            "<personinfo id='p'/>".to_owned(),
+        ];
+        let trips = of(&text.concat()).unwrap();
+        // 30 + 50 + 10 s of three cars, and 30 s of each that never entered.
+        assert_eq!((trips.delay_s, trips.removed, trips.persons), (30.0, 3, 1));
+        assert_eq!((trips.travel_time_s, trips.waiting_time_s), (100.0, 5.0));
+        assert_eq!(trips.delay_of_class_s, BTreeMap::from([("passenger".to_owned(), 30.0), ("bus".to_owned(), 30.0)]));
+        let counts = "<summary><step ended='1' arrived='1'/><step ended='9' arrived='6'/></summary>";
+        assert_eq!(never_entered(counts).unwrap(), 3);
+        assert_eq!(never_entered("<summary/>").unwrap(), 0);
+    }
+
     #[test]
     fn an_episode_without_cars_or_steps_has_figures_that_are_numbers() {
-        let mut metrics = TrafficMetrics::new(vec![vec![true; 4], vec![true; 3]]).unwrap();
-        metrics.trips = Some(means("<tripinfos/>").unwrap());
+        let mut metrics = TrafficMetrics::new(vec![vec![true; 4], vec![true; 3]], None).unwrap();
+        metrics.trips = Some(means("<tripinfos/>", &BTreeMap::new(), Removed::default()).unwrap());
         assert!(metrics.of_net(0).iter().all(|(_, value)| *value == 0.0));
         assert!(metrics.of_agents().iter().all(|(_, values)| values == &[0.0, 0.0]));
     }
 
     #[test]
     fn a_torn_file_or_a_number_that_is_none_is_an_error() {
-        assert_eq!(means("<tripinfos>").unwrap_err().to_string(), "SUMO's trips are not XML");
+        let torn = means("<tripinfos>", &BTreeMap::new(), Removed::default()).unwrap_err();
+        assert_eq!(torn.to_string(), "SUMO's trips are not XML");
         for odd in ["nan", "inf", "", "1e999"] {
-            let text = format!("<tripinfos><tripinfo depart=\"1\" timeLoss=\"{odd}\" departDelay=\"0\"/></tripinfos>");
-            assert_eq!(means(&text).unwrap_err().to_string(), "a trip of SUMO's has no number `timeLoss`", "{odd}");
+            let text = format!("<tripinfo depart=\"1\" timeLoss=\"{odd}\" departDelay=\"0\"/>");
+            assert_eq!(of(&text).unwrap_err().to_string(), "a trip of SUMO's has no number `timeLoss`", "{odd}");
         }
     }
 }

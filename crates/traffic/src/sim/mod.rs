@@ -13,6 +13,7 @@
 pub(super) mod arriving;
 mod border;
 pub mod control;
+mod crossings;
 pub(super) mod entries;
 pub mod global;
 mod lights;

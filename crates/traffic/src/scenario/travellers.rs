@@ -1,0 +1,72 @@
+//! Who travels in a scenario: the classes of its vehicles, whether there are persons, and whether SUMO may remove somebody.
+
+use std::collections::{BTreeMap, BTreeSet};
+
+use super::SumoScenario;
+use super::departing::{VEHICLES, each};
+use crate::config::sumo_time::seconds;
+use crate::network::tree::Element;
+
+/// Class of vehicles whose type names none.
+const USUAL: &str = "passenger";
+/// Types that SUMO has by itself, with their classes.
+const OWN: [(&str, &str); 5] = [
+    ("DEFAULT_VEHTYPE", USUAL),
+    ("DEFAULT_BIKETYPE", "bicycle"),
+    ("DEFAULT_TAXITYPE", "taxi"),
+    ("DEFAULT_RAILTYPE", "rail"),
+    ("DEFAULT_PEDTYPE", "pedestrian"),
+];
+
+#[derive(Clone, Debug, Default, PartialEq)]
+pub(crate) struct Travellers {
+    /// Class of each vehicle type.
+    pub(crate) class_of: BTreeMap<String, String>,
+    /// Classes of the vehicles, in their order.
+    pub(crate) classes: Vec<String>,
+    pub(crate) has_persons: bool,
+    /// Seconds after which SUMO removes a vehicle that could not enter. `None`: it removes none of these.
+    pub(crate) removed_after_s: Option<f64>,
+}
+
+impl SumoScenario {
+    pub(crate) fn travellers(&self) -> Travellers {
+        let mut found = Travellers::default();
+        let mut members: BTreeMap<&str, Vec<&str>> = BTreeMap::new();
+        let mut used: BTreeSet<&str> = BTreeSet::new();
+        found.class_of.extend(OWN.map(|(id, class)| (id.to_owned(), class.to_owned())));
+        for root in self.additional().chain(self.routes()) {
+            for departing in each(root) {
+                let element = departing.element;
+                match &*element.name {
+                    "vType" => found.add_type(element),
+                    "vTypeDistribution" => {
+                        element.all("vType").for_each(|kind| found.add_type(kind));
+                        let inner = element.all("vType").filter_map(|kind| kind.attribute("id"));
+                        let named = element.attribute("vTypes").unwrap_or_default().split_whitespace();
+                        members.insert(element.attribute("id").unwrap_or_default(), inner.chain(named).collect());
+                    }
+                    name if VEHICLES.contains(&name) => {
+                        used.insert(element.attribute("type").unwrap_or(OWN[0].0));
+                    }
+                    name => found.has_persons |= name.starts_with("person"),
+                }
+            }
+        }
+        let kinds = used.into_iter().flat_map(|kind| members.get(kind).cloned().unwrap_or_else(|| vec![kind]));
+        let classes: BTreeSet<&str> =
+            kinds.map(|kind| found.class_of.get(kind).map_or(USUAL, String::as_str)).collect();
+        found.classes = classes.into_iter().map(str::to_owned).collect();
+        let delay_s =
+            self.option("max-depart-delay").and_then(|text| seconds(text).ok()).filter(|delay_s| *delay_s >= 0.0);
+        found.removed_after_s = delay_s.or(self.departures.some_may_vanish.then_some(0.0));
+        found
+    }
+}
+
+impl Travellers {
+    fn add_type(&mut self, kind: &Element) {
+        let class = kind.attribute("vClass").unwrap_or(USUAL);
+        self.class_of.insert(kind.attribute("id").unwrap_or_default().to_owned(), class.to_owned());
+    }
+}
