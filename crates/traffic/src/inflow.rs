@@ -1,7 +1,7 @@
 //! Influence sources on the GS: arrivals at the approaches of a grid, and arrivals and blocked exits of a region of a
 //! scenario, remembered for the d-set on either simulator.
 
-use super::agents::border_plan::{BLOCK_M, BLOCK_MPS, BorderPlan};
+use super::agents::border_plan::{BLOCK_M, BLOCK_MPS, BorderPlan, PARTS};
 use libsumo::LaneCars;
 
 pub(crate) const REMEMBERED_S: usize = 60;
@@ -17,13 +17,13 @@ pub(crate) fn has_arrival(now: LaneCars<'_>, before: LaneCars<'_>) -> bool {
 pub(crate) struct SourceCounter {
     /// Cars per entry that have arrived and do not count yet, because one a second counts.
     pub(crate) arrived: Vec<u32>,
-    /// Number of seconds of this decision in which each exit was blocked.
-    pub(crate) blocked_s: Vec<usize>,
+    /// Number of seconds of each part of this decision in which each exit was blocked.
+    pub(crate) blocked_s: Vec<[usize; PARTS]>,
 }
 
 impl SourceCounter {
     pub(crate) fn new(plan: &BorderPlan) -> SourceCounter {
-        SourceCounter { arrived: vec![0; plan.entries.len()], blocked_s: vec![0; plan.exits.len()] }
+        SourceCounter { arrived: vec![0; plan.entries.len()], blocked_s: vec![[0; PARTS]; plan.exits.len()] }
     }
 
     /// Writes what counts in this second into the `sources` of its decision, which begin with zeros.
@@ -34,7 +34,10 @@ impl SourceCounter {
         }
         if second + 1 == plan.decision_s {
             for (exit, blocked_s) in self.blocked_s.iter_mut().enumerate() {
-                sources[plan.blocked(exit)] = u8::from(2 * std::mem::take(blocked_s) > plan.decision_s);
+                let [first, rest] = std::mem::take(blocked_s);
+                let first_s = plan.decision_s / 2;
+                sources[plan.blocked(exit, 0)] = u8::from(first == first_s && first_s > 0);
+                sources[plan.blocked(exit, 1)] = u8::from(rest > 0);
             }
         }
     }
@@ -66,7 +69,7 @@ impl History {
             }
         }
         for (exit, blocked) in self.blocked.iter_mut().enumerate() {
-            *blocked = sources[plan.blocked(exit)] == 1;
+            *blocked = sources[plan.blocked(exit, PARTS - 1)] == 1;
         }
     }
 
@@ -88,6 +91,7 @@ mod tests {
             lanes: Vec::new(),
             entries: (0..entries).map(entry).collect(),
             exits: (0..exits).collect(),
+            exit_signals: vec![Vec::new(); exits],
             decision_s: 3,
         }
     }

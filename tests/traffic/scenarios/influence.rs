@@ -45,12 +45,27 @@ impl Controller for RandomGreens {
 /// A car in a second, as SUMO writes it: lane, position and speed.
 type Seen = BTreeMap<String, (String, f64, f64)>;
 
-/// Plays a scenario in plain SUMO. Returns the cars of each second.
-fn seconds_of_plain_sumo(scenario: &Path, seconds: u64, seed: u32) -> Vec<Seen> {
+/// What each light shows in a second, by its name.
+type Shown = BTreeMap<String, String>;
+
+/// Plays a scenario in plain SUMO. Returns the cars of each second, and what the lights showed.
+fn seconds_of_plain_sumo(scenario: &Path, lights: &[String], seconds: u64, seed: u32) -> Vec<(Seen, Shown)> {
     let dir = tempfile::tempdir().unwrap();
-    let cars = dir.path().join("cars.xml");
+    let [cars, states, more] = ["cars.xml", "states.xml", "more.add.xml"].map(|name| dir.path().join(name));
+    let event =
+        |light: &String| format!("<timedEvent type='SaveTLSStates' source='{light}' dest='{}'/>", states.display());
+    fs::write(&more, format!("<additional>{}</additional>", lights.iter().map(event).collect::<String>())).unwrap();
     let status = Command::new(plain_sumo())
-        .args(["-c", scenario.to_str().unwrap(), "--fcd-output", cars.to_str().unwrap(), "--precision", "6"])
+        .args([
+            "--additional-files",
+            more.to_str().unwrap(),
+            "-c",
+            scenario.to_str().unwrap(),
+            "--fcd-output",
+            cars.to_str().unwrap(),
+            "--precision",
+            "6",
+        ])
         .args(["--no-step-log", "true", "--seed", &seed.to_string(), "--end", &seconds.to_string()])
         .status()
         .unwrap();
@@ -69,7 +84,13 @@ fn seconds_of_plain_sumo(scenario: &Path, seconds: u64, seed: u32) -> Vec<Seen> 
             found.last_mut().unwrap().insert(value(line, "id"), seen);
         }
     }
-    found
+    let mut shown = vec![Shown::new(); found.len()];
+    let states = fs::read_to_string(states).unwrap_or_default();
+    for line in states.lines().filter(|line| line.contains("<tlsState ")) {
+        let second = value(line, "time").parse::<f64>().unwrap() as usize;
+        shown[second].insert(value(line, "id"), value(line, "state"));
+    }
+    found.into_iter().zip(shown).collect()
 }
 
 /// Returns whether a car on a lane of the region has just come. `before`: its lane on the region a second ago. On a road
@@ -82,7 +103,7 @@ fn comes(border: &BorderPlan, before: Option<&str>, lane: &str) -> bool {
 }
 
 /// Works out the sources of a border from the cars of each second, by other code than the product's: `[decisions]`.
-fn expected_sources(border: &BorderPlan, seconds: &[Seen]) -> Vec<Vec<u8>> {
+fn expected_sources(border: &BorderPlan, seconds: &[(Seen, Shown)]) -> Vec<Vec<u8>> {
     let lane_numbers: BTreeMap<&str, usize> =
         border.lanes.iter().enumerate().map(|(number, lane)| (lane.lane.as_str(), number)).collect();
     let mut ever: BTreeSet<&String> = BTreeSet::new();
@@ -91,8 +112,8 @@ fn expected_sources(border: &BorderPlan, seconds: &[Seen]) -> Vec<Vec<u8>> {
     let mut decisions = Vec::new();
     for decision in seconds.chunks_exact(border.decision_s) {
         let mut sources = vec![0; border.sources()];
-        let mut blocked = vec![0; border.exits.len()];
-        for (second, cars) in decision.iter().enumerate() {
+        let mut blocked = vec![Vec::new(); border.exits.len()];
+        for (second, (cars, shown)) in decision.iter().enumerate() {
             let here: BTreeMap<&String, &str> = cars
                 .iter()
                 .map(|(car, (lane, ..))| (car, lane.as_str()))
@@ -115,11 +136,15 @@ fn expected_sources(border: &BorderPlan, seconds: &[Seen]) -> Vec<Vec<u8>> {
                 let on_it = cars.values().filter(|(other, ..)| *other == lane.lane);
                 let first = on_it.max_by(|one, other| one.1.total_cmp(&other.1));
                 let crawls = first.is_some_and(|(_, at, speed)| *speed < BLOCK_MPS && lane.length_m - at <= BLOCK_M);
-                *blocked += usize::from(crawls);
+                let signals = border.exit_signals(exit);
+                let red = |&(light, letter): &(&str, usize)| "rRu".contains(shown[light].as_bytes()[letter] as char);
+                blocked.push(crawls || (!signals.is_empty() && signals.iter().all(red)));
             }
         }
         for (exit, blocked) in blocked.into_iter().enumerate() {
-            sources[border.blocked(exit)] = u8::from(2 * blocked > border.decision_s);
+            // Decisions take 5 s here.
+            sources[border.blocked(exit, 0)] = u8::from(blocked[..2].iter().all(|&is| is));
+            sources[border.blocked(exit, 1)] = u8::from(blocked[2..].iter().any(|&is| is));
         }
         decisions.push(sources);
     }
@@ -131,7 +156,13 @@ fn arrivals_and_blocked_exits_are_those_of_plain_sumo() {
     for name in ["town", "grid_4x4_turns"] {
         let traffic = opened(&shipped(name), 400);
         let seed = Seed::new(3).for_episode(0);
-        let seconds = seconds_of_plain_sumo(&shipped(name), 400, seed.for_sumo());
+        let exits = |border: &Border| -> Vec<String> {
+            let signals = (0..border.plan.exits.len()).flat_map(|exit| border.plan.exit_signals(exit));
+            signals.map(|(light, _)| light.to_owned()).collect()
+        };
+        let lights: BTreeSet<String> = traffic.borders().iter().flat_map(exits).collect();
+        let lights: Vec<String> = lights.into_iter().collect();
+        let seconds = seconds_of_plain_sumo(&shipped(name), &lights, 400, seed.for_sumo());
         let mut gs = traffic.global(traffic.everywhere(HandCoded::OwnProgram)).unwrap();
         gs.observe_influence().unwrap();
         gs.reset(seed).unwrap();
@@ -147,7 +178,7 @@ fn arrivals_and_blocked_exits_are_those_of_plain_sumo() {
                 let (own, padding) = sample.sources.row(row).split_at(plan.sources());
                 assert_eq!(own, expected[row], "{name}: {} in decision {decision}", traffic.plans()[row].light);
                 assert!(padding.iter().all(|&bit| bit == 0));
-                let (arrivals, blocked) = own.split_at(plan.blocked(0));
+                let (arrivals, blocked) = own.split_at(plan.blocked(0, 0));
                 counts[0] += arrivals.iter().filter(|&&bit| bit == 1).count();
                 counts[1] += blocked.iter().filter(|&&bit| bit == 1).count();
             }
@@ -200,7 +231,7 @@ fn observing_the_influence_changes_nothing_else_and_without_it_there_is_none() {
         for (exit, &lane) in plan.exits.iter().enumerate() {
             let blocked = column(format!("blocked {}", plan.lanes[lane].lane));
             for (after, sources) in d_sets[1..].iter().zip(&sources) {
-                assert_eq!(after.row(row)[blocked], f32::from(sources.row(row)[plan.blocked(exit)]));
+                assert_eq!(after.row(row)[blocked], f32::from(sources.row(row)[plan.blocked(exit, 1)]));
             }
         }
         for entry in 0..plan.entries.len() {
@@ -248,7 +279,8 @@ fn road_of(lane: &str) -> Option<&str> {
 fn visits_are_those_of_plain_sumo_and_their_ways_are_driven() {
     let traffic = opened(&shipped("town"), 600);
     let seed = Seed::new(0).fork(RandomPurpose::Visits);
-    let seconds = seconds_of_plain_sumo(&shipped("town"), 600, seed.for_sumo());
+    let seconds: Vec<Seen> =
+        seconds_of_plain_sumo(&shipped("town"), &[], 600, seed.for_sumo()).into_iter().map(|(cars, _)| cars).collect();
     let tables = traffic.visits().unwrap();
     let visits = tables.visits();
     assert_eq!((visits.seconds, visits.of_agents.len()), (600, 20));

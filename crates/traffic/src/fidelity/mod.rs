@@ -135,8 +135,9 @@ impl<'a> Fidelity<'a> {
         let mut lost = 0;
         for (decision, (actions, sources)) in self.truth.actions.iter().zip(&self.truth.sources).enumerate() {
             let sources = sources.row(agent.0);
-            entries.set_gates(&mut forest, 0..1, Some(&Rows::from_vec(sources.to_vec(), sources.len())))?;
+            let sources = Rows::from_vec(sources.to_vec(), sources.len());
             for second in 0..joint.decision_steps {
+                entries.set_gates(&mut forest, 0..1, second, Some(&sources))?;
                 let second = decision * joint.decision_steps + second;
                 forest.lights.act(&mut forest.simulation, &actions[agent.0..=agent.0])?;
                 let mut come: Vec<&Visit> = Vec::new();

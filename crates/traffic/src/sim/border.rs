@@ -1,6 +1,6 @@
 //! What the GS sees of the borders of all regions: who arrives, which exits are blocked, and who visits.
 
-use std::collections::{HashMap, HashSet};
+use std::collections::{BTreeSet, HashMap, HashSet};
 use std::sync::Arc;
 
 use super::visits::{Arrival, VisitRecorder, Visits};
@@ -8,16 +8,27 @@ use crate::agents::border_plan::BorderPlan;
 use crate::agents::plan::{Border, JointPlan};
 use crate::cars_at::RowLanes;
 use crate::inflow::{History, SourceCounter, is_blocked};
+use crate::network::roads::Signal;
 use crate::observe::LightView;
 use dials_core::base::Ragged;
 use dials_core::domain::Result;
-use libsumo::{CarId, Simulation};
+use libsumo::{CarId, LightId, SignalState, Simulation};
 
 pub(crate) struct Borders {
     plan: Arc<JointPlan>,
     lanes: RowLanes,
+    /// Lights at the ends of exits, and what they show.
+    lights: Vec<LightId>,
+    states: Vec<SignalState>,
+    /// Places of the signals at the ends of exits, `[regions][exits]`: the light in the list above, and the letter.
+    signals: Vec<Vec<Vec<(usize, usize)>>>,
     regions: Vec<BorderNow>,
     visits: Option<VisitRecorder>,
+}
+
+/// Returns whether a signal lets cars on.
+fn is_open(letter: u8) -> bool {
+    !matches!(letter, b'r' | b'R' | b'u')
 }
 
 struct BorderNow {
@@ -37,8 +48,21 @@ impl Borders {
     /// Registers the lanes of all regions. A reset must follow.
     pub(super) fn register(simulation: &mut Simulation, plan: Arc<JointPlan>) -> Result<Borders> {
         let names = plan.borders.iter().map(|border| border.plan.lanes.iter().map(|lane| &lane.lane).collect());
+        let all = plan.borders.iter().flat_map(|border| border.plan.exit_signals.iter().flatten());
+        let names_of_lights: BTreeSet<&str> = all.map(|signal| &*signal.light).collect();
+        let lights: Vec<&str> = names_of_lights.into_iter().collect();
+        let place = |signal: &Signal| {
+            let light = lights.binary_search(&&*signal.light).expect("all lights of exits are listed");
+            (light, signal.letter)
+        };
+        let places = |signals: &Vec<Signal>| signals.iter().map(place).collect();
+        let of_region = |border: &Border| border.plan.exit_signals.iter().map(places).collect();
+        let signals = plan.borders.iter().map(of_region).collect();
         Ok(Borders {
             lanes: RowLanes::register(simulation, names)?,
+            lights: simulation.register_lights(&lights)?,
+            states: Vec::new(),
+            signals,
             regions: plan.borders.iter().map(|border| BorderNow::new(&border.plan)).collect(),
             visits: None,
             plan,
@@ -76,6 +100,7 @@ impl Borders {
         sources: &mut Ragged<u8>,
     ) -> Result<()> {
         self.lanes.read(simulation)?;
+        simulation.read_lights(&self.lights, &mut self.states)?;
         let departures = simulation.departures()?;
         let departed: HashSet<CarId> = departures.iter().map(|departure| departure.id).collect();
         self.visits.iter_mut().for_each(|visits| visits.second(&departures));
@@ -103,8 +128,12 @@ impl Borders {
                 }
             }
             for (exit, &lane) in plan.exits.iter().enumerate() {
-                if is_blocked(cars.lane(lane), plan.lanes[lane].length_m) {
-                    counter.blocked_s[exit] += 1;
+                let signals = &self.signals[row][exit];
+                let is_closed =
+                    |(light, letter): &(usize, usize)| !is_open(self.states[*light].as_str().as_bytes()[*letter]);
+                let is_held = !signals.is_empty() && signals.iter().all(is_closed);
+                if is_held || is_blocked(cars.lane(lane), plan.lanes[lane].length_m) {
+                    counter.blocked_s[exit][plan.part_of(second)] += 1;
                 }
             }
             let sources = sources.row_mut(row);

@@ -110,11 +110,13 @@ impl Entries {
         self.next_car - 1
     }
 
-    /// Shows red at the exits that are blocked in this decision, `[rows, sources]`, and green at the others; `None`: at all.
+    /// Shows red at the exits that are blocked in this second of a decision, `[rows, sources]`, and green at the others;
+    /// `None`: at all. Only where a part of the decision begins, there is something to do.
     pub(crate) fn set_gates(
         &mut self,
         forest: &mut LocalForest,
         rows: impl Iterator<Item = usize>,
+        second: usize,
         sources: Option<&Rows<u8>>,
     ) -> Result<()> {
         let mut changed: Vec<(LightId, usize)> = Vec::new();
@@ -122,11 +124,14 @@ impl Entries {
             let place = &forest.rows[row];
             let Some(gate) = &place.gate else { continue };
             let border = &self.plan.borders[place.agent.0].plan;
+            if second > 0 && border.part_of(second) == border.part_of(second - 1) {
+                continue;
+            }
             let mut letters = vec!['G'; gate.letters];
             if let Some(sources) = sources {
                 for (exit, letter) in gate.of_exit.iter().enumerate() {
                     if let Some(letter) = letter
-                        && sources.row(row)[border.blocked(exit)] == 1
+                        && sources.row(row)[border.blocked(exit, border.part_of(second))] == 1
                     {
                         letters[*letter] = 'r';
                     }

@@ -303,7 +303,7 @@ impl LocalSimulator for LocalTraffic {
         self.forest.simulation.remove_cars(&lanes)?;
         self.forest.lights.reset(&mut self.forest.simulation, &rows)?;
         begin.iter().try_for_each(|&beginning| self.begin(beginning))?;
-        self.entries.set_gates(&mut self.forest, rows.iter().copied(), None)?;
+        self.entries.set_gates(&mut self.forest, rows.iter().copied(), 0, None)?;
         for row in rows {
             let approaches = self.plan.agents[self.forest.rows[row].agent.0].region.approaches.len();
             let [cars, at_border] = [approaches, self.forest.rows[row].border.len()].map(no_cars);
@@ -319,9 +319,9 @@ impl LocalSimulator for LocalTraffic {
                 self.came_true.row_mut(row)[blocked.clone()].copy_from_slice(&sources.row(row)[blocked]);
             }
         }
-        self.entries.set_gates(&mut self.forest, 0..self.rows.len(), Some(sources))?;
         for second in 0..self.plan.decision_steps {
             let begun = Instant::now();
+            self.entries.set_gates(&mut self.forest, 0..self.rows.len(), second, Some(sources))?;
             self.arrive(second, sources);
             self.watch.note(Phase::Insertion, begun.elapsed());
             self.second(second, actions)?;

@@ -5,7 +5,7 @@ use std::collections::{BTreeMap, BTreeSet, HashMap};
 use super::region::Region;
 use crate::agents::border_plan::{BorderLane, BorderPlan, BorderRoad, Entry, EntryPlace};
 use crate::config::ScenarioConfig;
-use crate::network::roads::{EdgeNo, JunctionNo, LaneNo, Roads};
+use crate::network::roads::{EdgeNo, JunctionNo, LaneNo, Roads, Signal};
 use dials_core::domain::DomainTable;
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -72,10 +72,17 @@ pub(crate) fn border(roads: &Roads, region: &Region, departs_on: &BTreeSet<EdgeN
             default_way: default_way(roads, ends_outside, first.unwrap_or(lanes[0])),
         }
     });
+    let exits: Vec<LaneNo> = of_roads().filter(|&lane| ends_outside(lane) && leads_on(lane)).collect();
+    let signals = |&lane: &LaneNo| -> Vec<Signal> {
+        let ways = roads.links_from(lane).filter(|link| roads.carries_cars(link));
+        let signals: Option<Vec<Signal>> = ways.map(|link| link.signal.clone()).collect();
+        signals.unwrap_or_default()
+    };
     BorderPlan {
         roads: edges.iter().map(|&edge| border_road(edge)).collect(),
         entries: at_lanes.chain(on_roads).collect(),
-        exits: of_roads().filter(|&lane| ends_outside(lane) && leads_on(lane)).map(|lane| places[&lane]).collect(),
+        exit_signals: exits.iter().map(signals).collect(),
+        exits: exits.iter().map(|lane| places[lane]).collect(),
         lanes: order.iter().map(border_lane).collect(),
         decision_s,
     }
@@ -190,8 +197,8 @@ mod tests {
         assert_eq!(names(&plan, plan.exits.iter().copied()), ["back_0"]);
         let way = &plan.entries[1].default_way;
         assert_eq!(way, &["near", "back", "west"], "the first connection behind the region, too");
-        assert_eq!((plan.sources(), plan.arrival(1, 0), plan.blocked(0)), (5, 2, 4));
-        assert_eq!(plan.source_names()[3..], ["arrival near_1[1]", "blocked back_0"]);
+        assert_eq!((plan.sources(), plan.arrival(1, 0), plan.blocked(0, 0)), (6, 2, 4));
+        assert_eq!(plan.source_names()[3..], ["arrival near_1[1]", "blocked back_0[0]", "blocked back_0[1]"]);
     }
 
     #[test]
