@@ -470,7 +470,7 @@ pub enum NetsCommand {
         light: String,
         /// Number of edges that cars still see behind an exit, one behind the other; no edge begins farther than 150 m
         /// behind it
-        #[arg(long, default_value_t = 1, value_parser = values::whole::<u8>(0..=5))]
+        #[arg(long, default_value_t = 3, value_parser = values::whole::<u8>(0..=5))]
         hops: u8,
         /// Output directory
         #[arg(long)]

@@ -25,8 +25,9 @@ use dials_session::records::growing::{GrowingFile, Mark};
 use dials_session::terminal::counting::EpisodeBar;
 use dials_session::terminal::{answer, json as in_json, note};
 use dials_session::{directory, domains, outputs};
+use dials_traffic::config::sumocfg::Sumocfg;
 use dials_traffic::controllers::timing_file::{TimingFile, TunedOn};
-use dials_traffic::controllers::{COORDINATED, FIXED_TIME};
+use dials_traffic::controllers::{COORDINATED, FIXED_TIME, check_name};
 use dials_traffic::{Sumo, tuning};
 
 pub(super) fn evaluate(args: &cli::EvaluateArgs) -> Result<()> {
@@ -50,6 +51,12 @@ pub(super) fn evaluate(args: &cli::EvaluateArgs) -> Result<()> {
 }
 
 pub(super) fn baseline(args: &cli::BaselineArgs) -> Result<()> {
+    if Sumocfg::is_one(&args.config) {
+        let alone = args.controller.iter().filter(|name| !Path::new(name).is_dir());
+        let checked =
+            alone.map(|name| check_name(name)).chain(args.compare.iter().map(|list| Subject::check_names(list)));
+        checked.collect::<anyhow::Result<()>>().map_err(Error::Usage)?;
+    }
     let config = load(&args.config, &args.settings.all()).map_err(Error::Usage)?;
     let domain = domains::open(&config).map_err(Error::Usage)?;
     domains::check(&config).map_err(Error::Usage)?;

@@ -14,6 +14,7 @@ use dials_session::directory::{self, TrainedRun};
 use dials_session::records::files;
 use dials_session::records::run_json::RunJson;
 use dials_session::terminal::warn;
+use dials_traffic::controllers::check_name;
 
 /// Largest number of agents that an error names, from the first one on.
 const MOST_NAMES: usize = 8;
@@ -44,22 +45,28 @@ impl Background {
     }
 }
 
+/// Returns the words of a list of subjects. `key=value` belongs to the name before it.
+fn words(text: &str) -> Result<Vec<String>> {
+    let mut words: Vec<String> = Vec::new();
+    for word in text.split(',') {
+        let is_key = |key: &str| key.chars().all(|letter| letter.is_ascii_alphanumeric() || letter == '-');
+        let goes_on = word.split_once('=').is_some_and(|(key, _)| is_key(key));
+        match words.last_mut() {
+            Some(before) if goes_on && before.contains(':') => *before = format!("{before},{word}"),
+            _ => words.push(word.to_owned()),
+        }
+    }
+    ensure!(words.iter().all(|word| !word.is_empty()), "--compare `{text}`: a name is empty");
+    Ok(words)
+}
+
 impl Subject {
     /// Reads a list of subjects, separated by commas.
     ///
     /// A word with a `/` in its name is a run. So is a directory, unless a controller of `domain` has the same name.
     /// The parameters of a controller are separated by commas, too: `key=value` belongs to the name before it.
     pub(super) fn list(text: &str, greedy: bool, domain: &dyn Domain) -> Result<Vec<Subject>> {
-        let mut words: Vec<String> = Vec::new();
-        for word in text.split(',') {
-            let is_key = |key: &str| key.chars().all(|letter| letter.is_ascii_alphanumeric() || letter == '-');
-            let goes_on = word.split_once('=').is_some_and(|(key, _)| is_key(key));
-            match words.last_mut() {
-                Some(before) if goes_on && before.contains(':') => *before = format!("{before},{word}"),
-                _ => words.push(word.to_owned()),
-            }
-        }
-        ensure!(words.iter().all(|word| !word.is_empty()), "--compare `{text}`: a name is empty");
+        let words = words(text)?;
         let is_run = |word: &str| {
             let is_path = word.split(':').next().is_some_and(|name| name.contains('/'));
             is_path || Path::new(word).is_dir() && domain.check_baseline(word).is_err()
@@ -69,6 +76,20 @@ impl Subject {
             false => Subject::Controller(word),
         };
         Ok(words.into_iter().map(subject).collect())
+    }
+
+    /// Checks the names in a list for a scenario before anything of it is read, which may take long: each is that of a
+    /// controller or of a directory.
+    pub(super) fn check_names(text: &str) -> Result<()> {
+        for word in words(text)? {
+            let is_there = Path::new(&word).is_dir();
+            let is_path = word.split(':').next().is_some_and(|name| name.contains('/'));
+            ensure!(is_there || !is_path, "{word}: no such run directory; correct the path");
+            if !is_there {
+                check_name(&word)?;
+            }
+        }
+        Ok(())
     }
 
     pub(super) fn label(&self) -> String {

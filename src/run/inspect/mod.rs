@@ -230,6 +230,7 @@ fn light(inspected: &Inspected, Agent { plan, region, .. }: &Agent, border: &Bor
         "junctions": ids(&mut region.own.iter()),
         "uncontrolled_junctions": ids(&mut region.passed.iter()),
         "greens": plan.phases.greens().iter().map(|green| green.as_str()).collect::<Vec<_>>(),
+        "min_green_s": plan.phases.min_green_steps(),
         "changes": changes(&plan.phases),
         "approaches": approaches.iter().map(|approach| json!({
             "lane": approach.lane,

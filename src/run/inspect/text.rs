@@ -73,6 +73,11 @@ fn summary(text: &mut Listing, inspected: &Inspected) {
         "an agent sees {} m before its stop lines\nyellow: {}; green: {} s at least",
         rules.approach_m, rules.yellow, rules.min_green_s
     ));
+    let is_longer = |agent: &&Agent| agent.plan.phases.min_green_steps().iter().any(|&s| s > rules.min_green_s);
+    let longer = derived.agents.iter().filter(is_longer).count();
+    if longer > 0 {
+        text.line(format_args!("longer at {}, as their programs say (minDur)", counted(longer, "light")));
+    }
     text.line(format_args!(
         "all agents are of one kind: {} columns ({:.0} % of them padding), {} actions",
         padding.columns,
@@ -125,7 +130,7 @@ fn describe(text: &mut Listing, inspected: &Inspected, number: usize, agent: &Ag
 fn describe_phases(text: &mut Listing, phases: &PhasePlan) {
     text.line(format_args!("  {}, and what is shown before another one:", counted(phases.greens().len(), "green")));
     for (from, green) in phases.greens().iter().enumerate() {
-        text.line(format_args!("    {from}  {green}"));
+        text.line(format_args!("    {from}  {green}  at least {} s", phases.min_green_steps()[from]));
         // Often the way to several greens is the same.
         let mut ways: Vec<(&[Interval], Vec<String>)> = Vec::new();
         for to in (0..phases.greens().len()).filter(|&to| to != from) {

@@ -26,7 +26,7 @@ mod webster;
 
 use std::path::Path;
 
-use anyhow::{Result, bail};
+use anyhow::{Result, bail, ensure};
 use rand::Rng;
 
 use crate::Traffic;
@@ -139,6 +139,14 @@ pub fn recipe(text: &str, plans: &[AgentPlan]) -> Result<Recipe> {
     };
     arguments.all_taken()?;
     Ok(recipe)
+}
+
+/// Returns an error if a text names no controller. It needs no lights, so parameters are not checked.
+pub fn check_name(text: &str) -> Result<()> {
+    let Arguments { name, .. } = Arguments::of(text);
+    let is_known = NAMES.contains(&name) || name.starts_with(SWITCH_EVERY);
+    ensure!(is_known, "controller `{text}`: unknown; one of {}", NAMES.join(", "));
+    Ok(())
 }
 
 fn each(decide: fn(&Intersection<'_>, GreenLimits) -> usize, limits: GreenLimits) -> Recipe {

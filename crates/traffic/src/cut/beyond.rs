@@ -20,9 +20,10 @@ pub struct Reach {
 }
 
 impl Default for Reach {
-    /// Returns the reach with which fidelity was measured: the next edges.
+    /// Returns the reach with which fidelity was measured. Where edges are short, drivers choose their lanes by a turn that is
+    /// several edges away.
     fn default() -> Reach {
-        Reach { hops: 1, metres: 150.0 }
+        Reach { hops: 3, metres: 150.0 }
     }
 }
 

@@ -244,7 +244,7 @@ mod tests {
             (dropped(11), "Why: 11 % of the cars found no room at the border and were left out"),
             (by_rule, "Why: the entry rule: with true entries this LS is like the GS"),
             // 0.7 is more than 0.8 of 0.5, but two LSs that agree to 0.5 only show nothing.
-            (passed(9), "(at least 10 are needed); take others with --begin and --seconds"),
+            (passed(9), "(at least 10 are needed); take others with --from and --seconds"),
             (passed(10), "Why: no cause was found"),
             (other_seed(50), "(at least 0.60 is needed); take the random numbers out with --sigma 0"),
         ] {

@@ -20,6 +20,8 @@ pub(crate) struct Episode<'a> {
     pub(crate) end_s: u64,
     /// Name of the file with further programs of the lights, in the same folder.
     pub(crate) signals: &'a str,
+    /// Further programs that SUMO takes in the net only.
+    pub(crate) net_programs: Vec<Element>,
     /// Name of the file with the settings of sumo-gui, in the same folder.
     pub(crate) view: &'a str,
 }
@@ -41,7 +43,12 @@ impl SumoScenario {
 
     /// Returns the files of a folder in which plain SUMO plays an episode: names, which begin with `name`, and contents.
     pub(crate) fn episode_files(&self, name: &str, episode: &Episode<'_>) -> Vec<(String, Vec<u8>)> {
-        self.copied(name, Some(episode), |file| self.with_ends_of_flows(file))
+        self.copied(name, Some(episode), |file| {
+            match file.content.root.name == "net" && !episode.net_programs.is_empty() {
+                true => with_programs(&file.content.root, &episode.net_programs),
+                false => self.with_ends_of_flows(file),
+            }
+        })
     }
 
     /// Returns copies of all files: names, which begin with `name`, and contents.
@@ -104,4 +111,12 @@ impl SumoScenario {
             section(xml, "gui_only", &[("gui-settings-file", episode.view)])
         })
     }
+}
+
+/// Returns a net with further programs behind its own.
+fn with_programs(net: &Element, programs: &[Element]) -> Vec<u8> {
+    let mut root = net.clone();
+    let last = root.children.iter().rposition(|child| child.name == "tlLogic").map_or(0, |last| last + 1);
+    root.children.splice(last..last, programs.iter().cloned());
+    xml::text(&root).into_bytes()
 }

@@ -77,7 +77,7 @@ impl ArrivingCar {
         Some(ArrivingCar {
             lane,
             placement: Placement { position_m: on_lane(plan, lane, position_m), speed },
-            route: routes.number(&visit.way, visit.next_road.as_ref()),
+            route: routes.number(&visit.way, &visit.next_roads),
             vehicle_type: Some(driver.vehicle_type.clone()),
             speed_factor: driver.speed_factor,
         })

@@ -1,17 +1,17 @@
-//! Routes of cars through the local net of a light: their way through the region, and a copy of the next road behind its
+//! Routes of cars through the local net of a light: their way through the region, and copies of the next roads behind its
 //! exit.
 
 use std::collections::HashMap;
 
 use super::visit_tables::VisitTables;
 use crate::agents::border_plan::BorderPlan;
-use crate::cut::local_net::LocalNet;
+use crate::cut::local_net::{LocalNet, Way};
 
 #[derive(Clone, Debug, Default)]
 pub(crate) struct LocalRoutes {
     pub(crate) routes: Vec<LocalRoute>,
-    /// Number of each route, by its roads in the region and the road behind it.
-    numbers: HashMap<(Vec<String>, Option<String>), usize>,
+    /// Number of each route, by its roads in the region and those behind it.
+    numbers: HashMap<(Vec<String>, Vec<String>), usize>,
     /// Number of the route of a car of which nothing is known, by entry.
     pub(super) defaults: Vec<usize>,
 }
@@ -28,7 +28,7 @@ impl LocalRoutes {
         let mut routes = LocalRoutes::default();
         let recorded = tables.visits().of_agents[agent].iter().filter(|visit| !visit.way.is_empty());
         for visit in recorded {
-            routes.add(net, &visit.way, visit.next_road.as_ref());
+            routes.add(net, &visit.way, &visit.next_roads);
         }
         for entry in &border.entries {
             let ends_outside =
@@ -36,25 +36,27 @@ impl LocalRoutes {
             let last = entry.default_way.iter().position(ends_outside);
             let inside = last.map_or(entry.default_way.len(), |last| last + 1);
             let (way, behind) = entry.default_way.split_at(inside);
-            let number = routes.add(net, way, behind.first());
+            let number = routes.add(net, way, behind);
             routes.defaults.push(number);
         }
         routes
     }
 
-    pub(crate) fn number(&self, way: &[String], next_road: Option<&String>) -> usize {
-        self.numbers[&(way.to_vec(), next_road.cloned())]
+    pub(crate) fn number(&self, way: &[String], next_roads: &[String]) -> usize {
+        self.numbers[&(way.to_vec(), next_roads.to_vec())]
     }
 
-    fn add(&mut self, net: &LocalNet, way: &[String], next_road: Option<&String>) -> usize {
+    fn add(&mut self, net: &LocalNet, way: &[String], next_roads: &[String]) -> usize {
         let number = self.routes.len();
-        let known = *self.numbers.entry((way.to_vec(), next_road.cloned())).or_insert(number);
+        let known = *self.numbers.entry((way.to_vec(), next_roads.to_vec())).or_insert(number);
         if known < number {
             return known;
         }
         let exit = net.exits.iter().find(|exit| Some(&exit.edge) == way.last());
-        let behind =
-            exit.zip(next_road).and_then(|(exit, next)| exit.ways.iter().find(|way| way.edges.first() == Some(next)));
+        // The way behind the exit that goes along with the car longest.
+        let together = |way: &&Way| way.edges.iter().zip(next_roads).take_while(|(one, other)| one == other).count();
+        let ways = exit.iter().flat_map(|exit| &exit.ways).filter(|way| together(way) > 0);
+        let behind = ways.rev().max_by_key(together);
         let copies = behind.map_or(&[][..], |way| &way.copies);
         let mut edges = [way, copies].concat();
         if let [from, to] = &edges[..]

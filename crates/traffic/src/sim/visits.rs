@@ -8,6 +8,9 @@ use serde::{Deserialize, Serialize};
 use crate::agents::border_plan::BorderPlan;
 use libsumo::{Car, CarId, Departure, RouteNow};
 
+/// Number of roads behind a region that a visit knows.
+const MOST_BEHIND: usize = 5;
+
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Visits {
     /// Visits to the region of each agent, in the order of arrival.
@@ -32,8 +35,8 @@ pub struct Visit {
     /// Roads of the region that it comes by, in order, as it means to when it is first seen. Empty: SUMO has moved it, and
     /// an earlier visit has its way.
     pub way: Vec<String>,
-    /// Road behind the region. `None`: its trip ends here.
-    pub next_road: Option<String>,
+    /// The next roads behind the region, the nearest first. Empty: its trip ends here.
+    pub next_roads: Vec<String>,
     pub driver: usize,
 }
 
@@ -127,7 +130,7 @@ impl VisitRecorder {
             position_m: car.position_m,
             speed_mps: car.speed_mps,
             way: if is_moved { Vec::new() } else { edges[begin..end].to_vec() },
-            next_road: edges.get(end).cloned(),
+            next_roads: edges[end..].iter().take(MOST_BEHIND).cloned().collect(),
             driver,
         };
         self.visits.of_agents[agent].push(visit);
@@ -166,7 +169,7 @@ mod tests {
             recorder.arrived(0, &plan, Arrival { car, lane, entry, departed: false, route });
         }
         let visits = recorder.visits.of_agents[0].iter();
-        visits.map(|visit| (visit.entry, visit.way.join(" "), visit.next_road.clone())).collect()
+        visits.map(|visit| (visit.entry, visit.way.join(" "), visit.next_roads.first().cloned())).collect()
     }
 
     #[test]

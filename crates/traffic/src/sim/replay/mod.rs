@@ -19,7 +19,7 @@ use super::recording::Recording;
 use crate::cut::names::free_name;
 use crate::network::files::{NetworkFiles, for_sumo};
 use crate::network::tree::Element;
-use crate::network::xml::{Xml, document, leaf, nest};
+use crate::network::xml::{Xml, document, element, leaf, nest};
 use crate::scenario::kept::Episode;
 use dials_core::outside::{quoted, write_together};
 use libsumo::{CarTable, SignalState, Simulation};
@@ -42,18 +42,34 @@ pub fn check_place(dir: &Path) -> Result<()> {
 pub fn write(recording: &Recording, dir: &Path) -> Result<()> {
     let RecordedRoads { files, agents, lights, .. } = &*recording.roads;
     let (mut files, signals) = match files {
-        RecordedFiles::Grid(files) => (listed::of_grid(recording, files), signals(recording, lights.len(), [])),
+        RecordedFiles::Grid(files) => {
+            (listed::of_grid(recording, files), signals(&programs(recording, lights.len(), [])))
+        }
         RecordedFiles::Whole(files) => {
             // The lights that do not learn run the programs that they ran.
-            check_programs(recording, agents.len(), &quoted(files.net_path()))?;
-            let roots = [files.net()].into_iter().chain(files.additional());
+            let roots = || [files.net()].into_iter().chain(files.additional());
+            let mut programs = programs(recording, agents.len(), roots());
+            // SUMO refuses some programs in an additional file, but not in a net. There a program of another file would be later.
+            let is_refused = |light: usize| waiting_for_each_other(recording, light).is_some();
+            let others = || files.additional().flat_map(|root| root.all("tlLogic"));
+            let in_net = |light: &usize| {
+                let id = Some(&*recording.roads.lights[*light]);
+                is_refused(*light) && others().all(|program| program.attribute("id") != id)
+            };
+            let places: Vec<usize> = (0..agents.len()).filter(in_net).collect();
+            check_programs(
+                recording,
+                (0..agents.len()).filter(|light| !places.contains(light)),
+                &quoted(files.net_path()),
+            )?;
+            let net_programs = places.iter().rev().map(|&light| programs.remove(light)).collect();
             let end_s = recording.roads.begin_s() + recording.steps.len() as u64;
-            let episode = Episode { seed: recording.seed, end_s, signals: SIGNALS, view: VIEW };
-            (files.episode_files(NAME, &episode), signals(recording, agents.len(), roots))
+            let episode = Episode { seed: recording.seed, end_s, signals: SIGNALS, net_programs, view: VIEW };
+            (files.episode_files(NAME, &episode), signals(&programs))
         }
         RecordedFiles::Local(files) => {
-            check_programs(recording, lights.len(), "NET.net.xml")?;
-            let signals = signals(recording, lights.len(), [files.net.root()]);
+            check_programs(recording, 0..lights.len(), "NET.net.xml")?;
+            let signals = signals(&programs(recording, lights.len(), [files.net.root()]));
             (listed::of_local(recording, files, agents[0].place_m), signals)
         }
     };
@@ -100,10 +116,11 @@ pub fn check(recording: &Recording, dir: &Path) -> Result<()> {
     Ok(())
 }
 
-/// Returns an error if SUMO would refuse what one of the first `lights` lights showed as a program. `net`: for the way out.
-fn check_programs(recording: &Recording, lights: usize, net: &str) -> Result<()> {
-    for (number, light) in recording.roads.lights.iter().take(lights).enumerate() {
-        if let Some([one, two]) = recording.roads.roads.waiting_for_each_other(light, &shown(recording, number)) {
+/// Returns an error if SUMO would refuse what one of these lights showed as a program of another file. `net`: for the way out.
+fn check_programs(recording: &Recording, lights: impl IntoIterator<Item = usize>, net: &str) -> Result<()> {
+    for number in lights {
+        if let Some([one, two]) = waiting_for_each_other(recording, number) {
+            let light = &recording.roads.lights[number];
             bail!(
                 "SUMO cannot replay what the light {light} showed: `g` for the letters {one} and {two} at once, whose cars \
                  yield to each other; make the net anew with `netconvert -s {net} --tls.ignore-internal-junction-jam -o \
@@ -114,25 +131,38 @@ fn check_programs(recording: &Recording, lights: usize, net: &str) -> Result<()>
     Ok(())
 }
 
+fn waiting_for_each_other(recording: &Recording, number: usize) -> Option<[usize; 2]> {
+    let light = &recording.roads.lights[number];
+    recording.roads.roads.waiting_for_each_other(light, &shown(recording, number))
+}
+
 /// Returns a program for each of the first `lights` recorded lights. `roots`: of the files with their other programs.
-fn signals<'a>(recording: &Recording, lights: usize, roots: impl IntoIterator<Item = &'a Element>) -> String {
+fn programs<'a>(recording: &Recording, lights: usize, roots: impl IntoIterator<Item = &'a Element>) -> Vec<Element> {
     let programs = roots.into_iter().flat_map(|root| root.all("tlLogic"));
     let taken: HashSet<(&str, &str)> =
         programs.filter_map(|program| Some((program.attribute("id")?, program.attribute("programID")?))).collect();
     // With an offset of its first second, a program is at the beginning of its first phase then.
     let offset = recording.roads.begin_s().to_string();
-    document("additional", |xml| {
-        recording.roads.lights.iter().take(lights).enumerate().try_for_each(|(number, light)| {
-            // A scenario may be a replay itself.
-            let name = free_name("recorded", |name| taken.contains(&(light, name)));
-            let head = [("id", &**light), ("type", "static"), ("programID", &name), ("offset", &offset)];
-            nest(xml, "tlLogic", head, |xml| {
-                shown(recording, number).chunk_by(|a, b| a == b).try_for_each(|phase| {
-                    leaf(xml, "phase", [("duration", phase.len().to_string().as_str()), ("state", phase[0].as_str())])
-                })
-            })
-        })
-    })
+    let element = |name: &str, attributes: &[(&str, &str)], children: Vec<Element>| {
+        let attributes = attributes.iter().map(|(key, value)| (key.to_string(), value.to_string())).collect();
+        Element { name: name.to_owned(), attributes, children }
+    };
+    let program = |(number, light): (usize, &String)| {
+        // A scenario may be a replay itself.
+        let name = free_name("recorded", |name| taken.contains(&(light, name)));
+        let head = [("id", &**light), ("type", "static"), ("programID", &*name), ("offset", &*offset)];
+        let shown = shown(recording, number);
+        let phase = |phase: &[&SignalState]| {
+            let duration = phase.len().to_string();
+            element("phase", &[("duration", &*duration), ("state", phase[0].as_str())], Vec::new())
+        };
+        element("tlLogic", &head, shown.chunk_by(|a, b| a == b).map(phase).collect())
+    };
+    recording.roads.lights.iter().take(lights).enumerate().map(program).collect()
+}
+
+fn signals(programs: &[Element]) -> String {
+    document("additional", |xml| programs.iter().try_for_each(|program| element(xml, program)))
 }
 
 fn shown(recording: &Recording, light: usize) -> Vec<&SignalState> {
