@@ -44,14 +44,14 @@ fn a_scenario_and_its_net_are_told_alike_and_for_people() {
     };
     assert_eq!(others(&told).len(), 5);
     assert_eq!(others(&told), others(&of_the_net));
-    assert!(of_the_net.contains("sees 73 columns (the d-set) and predicts 14 sources\n"), "{of_the_net}");
+    assert!(of_the_net.contains("sees 73 columns (the d-set) and predicts 16 sources\n"), "{of_the_net}");
     for part in [
         "grid_2x2.net.xml: 4 lights; 4 learn, 0 keep their program\n",
         "all agents are of one kind: 44 columns (0 % of them padding), 2 actions\n",
         "learns, agent 3\n",
         "  2 greens, and what is shown before another one:\n    0  GrGr  at least 5 s\n       yryr 3 s  before 1\n    1  rGrG  at least 5 s\n",
         "  4 approach lanes, 4 of them at the stop line:\n",
-        "an influence predictor sees 81 columns (the d-set) and predicts 24 sources\n",
+        "an influence predictor sees 81 columns (the d-set) and predicts 26 sources\n",
         "\n    10-14  arrival departures on s0_r0c0[0] to [4]\n",
         "\n  81 d-set columns:\n    0-3    part of the episode[0] to [3]\n",
         "\n    40-41  green[0] to [1]\n    42     between greens\n    43     time since change\n",

@@ -191,7 +191,7 @@ pub(crate) mod tests {
         let mut sources = vec![0; plan.sources()];
         sources[plan.arrival(0, 4)] = 1;
         sources[plan.arrival(0, 1)] = 1;
-        sources[plan.blocked(0, 1)] = 1;
+        sources[plan.blocked(0, plan.parts() - 1)] = 1;
         history.note(&plan, &sources);
         let table = CarTable::of(cars);
         let light = LightView { shown: Shown::Between { from: 0, to: 1 }, shown_steps: 3, age: 900, clock: 900 };

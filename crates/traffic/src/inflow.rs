@@ -1,7 +1,7 @@
 //! Influence sources on the GS: arrivals at the approaches of a grid, and arrivals and blocked exits of a region of a
 //! scenario, remembered for the d-set on either simulator.
 
-use super::agents::border_plan::{BLOCK_M, BLOCK_MPS, BorderPlan, PARTS};
+use super::agents::border_plan::{BLOCK_M, BLOCK_MPS, BorderPlan};
 use libsumo::LaneCars;
 
 pub(crate) const REMEMBERED_S: usize = 60;
@@ -17,13 +17,13 @@ pub(crate) fn has_arrival(now: LaneCars<'_>, before: LaneCars<'_>) -> bool {
 pub(crate) struct SourceCounter {
     /// Cars per entry that have arrived and do not count yet, because one a second counts.
     pub(crate) arrived: Vec<u32>,
-    /// Number of seconds of each part of this decision in which each exit was blocked.
-    pub(crate) blocked_s: Vec<[usize; PARTS]>,
+    /// Whether each exit was blocked in each part of this decision, as the sources have it.
+    pub(crate) blocked: Vec<bool>,
 }
 
 impl SourceCounter {
     pub(crate) fn new(plan: &BorderPlan) -> SourceCounter {
-        SourceCounter { arrived: vec![0; plan.entries.len()], blocked_s: vec![[0; PARTS]; plan.exits.len()] }
+        SourceCounter { arrived: vec![0; plan.entries.len()], blocked: vec![false; plan.all_blocked().len()] }
     }
 
     /// Writes what counts in this second into the `sources` of its decision, which begin with zeros.
@@ -33,11 +33,8 @@ impl SourceCounter {
             sources[plan.arrival(entry, second)] = 1;
         }
         if second + 1 == plan.decision_s {
-            for (exit, blocked_s) in self.blocked_s.iter_mut().enumerate() {
-                let [first, rest] = std::mem::take(blocked_s);
-                let first_s = plan.decision_s / 2;
-                sources[plan.blocked(exit, 0)] = u8::from(first == first_s && first_s > 0);
-                sources[plan.blocked(exit, 1)] = u8::from(rest > 0);
+            for (source, blocked) in sources[plan.all_blocked()].iter_mut().zip(&mut self.blocked) {
+                *source = u8::from(std::mem::take(blocked));
             }
         }
     }
@@ -69,7 +66,7 @@ impl History {
             }
         }
         for (exit, blocked) in self.blocked.iter_mut().enumerate() {
-            *blocked = sources[plan.blocked(exit, PARTS - 1)] == 1;
+            *blocked = sources[plan.blocked(exit, plan.parts() - 1)] == 1;
         }
     }
 
@@ -117,12 +114,12 @@ mod tests {
     fn the_history_counts_seconds_back_from_now() {
         let plan = plan(1, 1);
         let mut history = History::new(&plan);
-        history.note(&plan, &[1, 0, 1, 1]);
-        history.note(&plan, &[0, 1, 0, 0]);
+        history.note(&plan, &[1, 0, 1, 1, 1]);
+        history.note(&plan, &[0, 1, 0, 1, 0]);
         let counts: Vec<u32> = [1, 2, 3, 4, 6, 60, 300].map(|seconds| history.arrivals(0, seconds)).into();
         assert_eq!(counts, [0, 1, 1, 2, 3, 3, 3]);
         assert!(!history.blocked[0]);
-        (0..19).for_each(|_| history.note(&plan, &[0, 0, 0, 1]));
+        (0..19).for_each(|_| history.note(&plan, &[0, 0, 0, 0, 1]));
         let now = (history.arrivals(0, 60), history.blocked[0]);
         assert_eq!(now, (1, true), "57 s later only the fifth second is left");
     }

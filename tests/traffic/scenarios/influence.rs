@@ -142,9 +142,9 @@ fn expected_sources(border: &BorderPlan, seconds: &[(Seen, Shown)]) -> Vec<Vec<u
             }
         }
         for (exit, blocked) in blocked.into_iter().enumerate() {
-            // Decisions take 5 s here.
-            sources[border.blocked(exit, 0)] = u8::from(blocked[..2].iter().all(|&is| is));
-            sources[border.blocked(exit, 1)] = u8::from(blocked[2..].iter().any(|&is| is));
+            for (part, seconds) in blocked.chunks(2).enumerate() {
+                sources[border.blocked(exit, part)] = u8::from(seconds.iter().any(|&is| is));
+            }
         }
         decisions.push(sources);
     }
@@ -231,7 +231,7 @@ fn observing_the_influence_changes_nothing_else_and_without_it_there_is_none() {
         for (exit, &lane) in plan.exits.iter().enumerate() {
             let blocked = column(format!("blocked {}", plan.lanes[lane].lane));
             for (after, sources) in d_sets[1..].iter().zip(&sources) {
-                assert_eq!(after.row(row)[blocked], f32::from(sources.row(row)[plan.blocked(exit, 1)]));
+                assert_eq!(after.row(row)[blocked], f32::from(sources.row(row)[plan.blocked(exit, 2)]));
             }
         }
         for entry in 0..plan.entries.len() {

@@ -9,18 +9,18 @@
 //! The influence sources of a decision are bits in this order:
 //! 1. for each entry, one bit per second of the decision: does a car arrive? There is at most one arrival per entry and
 //!    second: a second car counts in the next second.
-//! 2. for each exit, a bit for each part of the decision: is it blocked? The first part, half of the seconds, is so if all of
-//!    them are. The rest is so if any of them is.
+//! 2. for each exit, one bit per [`PART_S`] seconds: is it blocked in any of them?
 //!
 //! A local simulator lets a car in for each arrival, and shows red at the end of each blocked exit.
 //!
 //! # Why not otherwise
 //!
-//! **Why not a bit for each second?** A predictor draws bits one by one, so the light at an exit would flicker.
+//! **Why not a bit for each second?** A predictor draws bits one by one, so the light at an exit would flicker more. It is not
+//! more like the global simulator either.
 //!
-//! **Why not one for the whole decision?** Cars would leave a jam too early or too late by seconds, again and again. With two
-//! bits the local simulators of 72 of 79 lights could be trusted (`check --sigma 0`, on busy maps of others and the shipped
-//! ones), with one 66. With a bit for each second these were 72, too.
+//! **Why not one for the whole decision?** Cars would leave a jam too early or too late by seconds, again and again. Of 79
+//! lights on two busy maps of others and the shipped ones, the local simulators of 73 could be trusted (`check --sigma 0`). With
+//! a bit for each second these were 72, with one for the decision 66.
 
 use std::ops::Range;
 
@@ -31,8 +31,8 @@ use crate::network::roads::carries::Classes;
 pub const BLOCK_M: f64 = 20.0;
 /// Speed below which a car is slow, in metres per second. Before a full road cars crawl rather than stand.
 pub const BLOCK_MPS: f64 = 2.0;
-/// Parts of a decision in which an exit is blocked or not.
-pub const PARTS: usize = 2;
+/// Seconds of a part of a decision. In each part an exit is blocked or not.
+pub const PART_S: usize = 2;
 
 #[derive(Clone, Debug, PartialEq)]
 pub struct BorderPlan {
@@ -92,7 +92,7 @@ impl BorderPlan {
     }
 
     pub fn sources(&self) -> usize {
-        self.entries.len() * self.decision_s + self.exits.len() * PARTS
+        self.entries.len() * self.decision_s + self.exits.len() * self.parts()
     }
 
     pub fn arrival(&self, entry: usize, second: usize) -> usize {
@@ -101,11 +101,15 @@ impl BorderPlan {
 
     /// Returns the part of a decision in which a second of it lies.
     pub fn part_of(&self, second: usize) -> usize {
-        usize::from(second >= self.decision_s / 2)
+        second / PART_S
+    }
+
+    pub fn parts(&self) -> usize {
+        self.decision_s.div_ceil(PART_S)
     }
 
     pub fn blocked(&self, exit: usize, part: usize) -> usize {
-        self.entries.len() * self.decision_s + exit * PARTS + part
+        self.entries.len() * self.decision_s + exit * self.parts() + part
     }
 
     /// Returns the signals at the end of an exit: their lights and letters. None: a car may go on without one.
@@ -147,7 +151,7 @@ impl BorderPlan {
             (0..self.decision_s).map(move |second| format!("arrival {name}[{second}]"))
         });
         let exits = self.exits.iter().map(|&lane| &self.lanes[lane].lane);
-        let blocked = exits.flat_map(|exit| (0..PARTS).map(move |part| format!("blocked {exit}[{part}]")));
+        let blocked = exits.flat_map(|exit| (0..self.parts()).map(move |part| format!("blocked {exit}[{part}]")));
         arrivals.chain(blocked).collect()
     }
 }

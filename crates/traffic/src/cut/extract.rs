@@ -225,7 +225,7 @@ mod tests {
         let net = parse(&changed(changes)).unwrap();
         let roads = Roads::read(&net).unwrap();
         let region = Region::of(&roads, &lit_junctions(&roads), light, approach_m, None)?;
-        LocalNet::cut(&Source::new(&net, &roads, Vec::new()), light, &region, Reach::default())
+        LocalNet::cut(&Source::new(&net, &roads, Vec::new()), light, &region, Reach { hops: 1, ..Reach::default() })
     }
 
     /// Returns the edges of the continuations: copies behind the exits.

@@ -31,6 +31,8 @@ const PASSED: [f64; 2] = [0.9, 1.1];
 const LEAST_PASSED: u64 = 10;
 /// Largest share of the seconds in which cars stand at green because their exit is full.
 const MOST_SPILLBACK: f64 = 0.03;
+/// Mean speed on the approaches of the GS below which they are jammed, in metres per second.
+const JAMMED_APPROACH_MPS: f64 = 2.0;
 /// Largest share of the cars that come in by short roads.
 const MOST_SHORT: f64 = 0.25;
 /// Largest share of the cars that find no room at the border, and wait there or are left out.
@@ -42,7 +44,7 @@ pub fn doubt(found: &LightFidelity) -> Option<String> {
     if passed < LEAST_PASSED {
         return Some(format!(
             "it cannot be judged: {} passed in the GS in these seconds (at least {LEAST_PASSED} are needed); take others \
-             with --begin and --seconds",
+             with --from and --seconds",
             counted(passed as usize, "car")
         ));
     }
@@ -102,6 +104,10 @@ fn causes(found: &LightFidelity) -> String {
     }
     if dropped > MOST_WITHOUT_ROOM {
         causes.push(format!("{} of the cars found no room at the border and were left out", percent(dropped)));
+    }
+    let speed_mps = found.true_entries.sums[0].mean_speed_mps();
+    if speed_mps < JAMMED_APPROACH_MPS {
+        causes.push(format!("a jam: its cars drive at {speed_mps:.1} m/s, and in a jam small differences add up"));
     }
     let lost = found.true_entries.sums[1].lost;
     if lost > 0 {
@@ -187,7 +193,8 @@ mod tests {
     use super::*;
 
     fn comparison(first: u64, second: u64, both: u64) -> Comparison {
-        let sums = Sums { seconds: 600, passed: 100, came: 100, ..Sums::default() };
+        let cars = Sums { car_seconds: 1000, speed_sum_mps: 5000.0, ..Sums::default() };
+        let sums = Sums { seconds: 600, passed: 100, came: 100, ..cars };
         Comparison { cells: Agreement { first, second, both }, sums: [sums; 2] }
     }
 
@@ -238,8 +245,11 @@ mod tests {
             found.sampled_entries.sums[0].passed = passed;
             found
         };
+        let mut jammed = apart.clone();
+        jammed.true_entries.sums[0].speed_sum_mps = 1900.0;
         let by_rule = LightFidelity { sampled_entries: comparison(100, 100, 60), ..light() };
         for (found, why) in [
+            (jammed, "Why: a jam: its cars drive at 1.9 m/s, and in a jam small differences add up"),
             (dropped(10), "Why: no cause was found"),
             (dropped(11), "Why: 11 % of the cars found no room at the border and were left out"),
             (by_rule, "Why: the entry rule: with true entries this LS is like the GS"),

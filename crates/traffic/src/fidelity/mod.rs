@@ -191,7 +191,7 @@ fn placements(now: &CarTable, before: &CarTable) -> [Option<Placement>; EDGES] {
 fn put(forest: &mut LocalForest, entries: &mut Entries, visit: &Visit, driver: &Driver) -> Result<bool> {
     let car = entries.next_car();
     let place = &forest.rows[0];
-    let route = place.local_routes.number(&visit.way, &visit.next_roads);
+    let route = place.local_routes.number(visit);
     let entering = EnteringCar {
         insertion: Insertion { car, route: place.routes[route], position_m: 0.0, speed: DepartSpeed::Max },
         vehicle_type: forest.type_named(Some(&driver.vehicle_type)),

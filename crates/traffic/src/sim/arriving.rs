@@ -77,7 +77,7 @@ impl ArrivingCar {
         Some(ArrivingCar {
             lane,
             placement: Placement { position_m: on_lane(plan, lane, position_m), speed },
-            route: routes.number(&visit.way, &visit.next_roads),
+            route: routes.number(visit),
             vehicle_type: Some(driver.vehicle_type.clone()),
             speed_factor: driver.speed_factor,
         })

@@ -4,7 +4,7 @@ use std::collections::{BTreeSet, HashMap, HashSet};
 use std::sync::Arc;
 
 use super::visits::{Arrival, VisitRecorder, Visits};
-use crate::agents::border_plan::BorderPlan;
+use crate::agents::border_plan::{BorderLane, BorderPlan};
 use crate::agents::plan::{Border, JointPlan};
 use crate::cars_at::RowLanes;
 use crate::inflow::{History, SourceCounter, is_blocked};
@@ -26,14 +26,17 @@ pub(crate) struct Borders {
     visits: Option<VisitRecorder>,
 }
 
+/// A trip that ends nearer to the end of a lane goes to its end, as far as anybody can see.
+const NEAR_THE_END_M: f64 = 10.0;
+
 /// Returns whether a signal lets cars on.
 fn is_open(letter: u8) -> bool {
     !matches!(letter, b'r' | b'R' | b'u')
 }
 
 struct BorderNow {
-    /// Cars that were on the region a second ago, with their lanes as indices into the plan.
-    present: HashMap<CarId, usize>,
+    /// Cars that were on the region a second ago, with their lanes as indices into the plan, positions and speeds.
+    present: HashMap<CarId, (usize, f64, f64)>,
     counter: SourceCounter,
     history: History,
 }
@@ -83,7 +86,8 @@ impl Borders {
         for (row, Border { plan, .. }) in self.plan.borders.iter().enumerate() {
             self.regions[row] = BorderNow::new(plan);
             for (number, lane) in self.lanes.at(row).iter().enumerate() {
-                self.regions[row].present.extend(lane.ids.iter().map(|&car| (car, number)));
+                let cars = lane.iter().map(|car| (car.id, (number, car.position_m, car.speed_mps)));
+                self.regions[row].present.extend(cars);
             }
         }
         if self.visits.is_some() {
@@ -102,6 +106,7 @@ impl Borders {
         self.lanes.read(simulation)?;
         simulation.read_lights(&self.lights, &mut self.states)?;
         let departures = simulation.departures()?;
+        let gone = if self.visits.is_some() { simulation.gone()? } else { Vec::new() };
         let departed: HashSet<CarId> = departures.iter().map(|departure| departure.id).collect();
         self.visits.iter_mut().for_each(|visits| visits.second(&departures));
         for (row, Border { plan, .. }) in self.plan.borders.iter().enumerate() {
@@ -110,8 +115,8 @@ impl Borders {
             let before = std::mem::take(present);
             for (number, lane) in cars.iter().enumerate() {
                 for car in lane.iter() {
-                    present.insert(car.id, number);
-                    let stays = before.get(&car.id).is_some_and(|&from| !plan.is_over_the_border(from, number));
+                    present.insert(car.id, (number, car.position_m, car.speed_mps));
+                    let stays = before.get(&car.id).is_some_and(|&(from, ..)| !plan.is_over_the_border(from, number));
                     if stays {
                         continue;
                     }
@@ -127,13 +132,23 @@ impl Borders {
                     }
                 }
             }
+            if let Some(visits) = &mut self.visits {
+                let ended = gone.iter().filter(|car| !present.contains_key(car));
+                for (car, &(lane, position_m, speed_mps)) in ended.filter_map(|car| Some((car, before.get(car)?))) {
+                    let end_m = position_m + speed_mps;
+                    let BorderLane { road, length_m, .. } = &plan.lanes[lane];
+                    if let Some(road) = road.filter(|_| end_m < length_m - NEAR_THE_END_M) {
+                        visits.ended(row, *car, &plan.roads[road].road, end_m);
+                    }
+                }
+            }
             for (exit, &lane) in plan.exits.iter().enumerate() {
                 let signals = &self.signals[row][exit];
                 let is_closed =
                     |(light, letter): &(usize, usize)| !is_open(self.states[*light].as_str().as_bytes()[*letter]);
                 let is_held = !signals.is_empty() && signals.iter().all(is_closed);
                 if is_held || is_blocked(cars.lane(lane), plan.lanes[lane].length_m) {
-                    counter.blocked_s[exit][plan.part_of(second)] += 1;
+                    counter.blocked[exit * plan.parts() + plan.part_of(second)] = true;
                 }
             }
             let sources = sources.row_mut(row);

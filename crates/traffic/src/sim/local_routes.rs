@@ -4,14 +4,15 @@
 use std::collections::HashMap;
 
 use super::visit_tables::VisitTables;
+use super::visits::Visit;
 use crate::agents::border_plan::BorderPlan;
 use crate::cut::local_net::{LocalNet, Way};
 
 #[derive(Clone, Debug, Default)]
 pub(crate) struct LocalRoutes {
     pub(crate) routes: Vec<LocalRoute>,
-    /// Number of each route, by its roads in the region and those behind it.
-    numbers: HashMap<(Vec<String>, Vec<String>), usize>,
+    /// Number of each route, by its roads in the region, those behind it, and where it ends in metres.
+    numbers: HashMap<(Vec<String>, Vec<String>, Option<u32>), usize>,
     /// Number of the route of a car of which nothing is known, by entry.
     pub(super) defaults: Vec<usize>,
 }
@@ -28,7 +29,7 @@ impl LocalRoutes {
         let mut routes = LocalRoutes::default();
         let recorded = tables.visits().of_agents[agent].iter().filter(|visit| !visit.way.is_empty());
         for visit in recorded {
-            routes.add(net, &visit.way, &visit.next_roads);
+            routes.add(net, &visit.way, &visit.next_roads, visit.end_m);
         }
         for entry in &border.entries {
             let ends_outside =
@@ -36,19 +37,19 @@ impl LocalRoutes {
             let last = entry.default_way.iter().position(ends_outside);
             let inside = last.map_or(entry.default_way.len(), |last| last + 1);
             let (way, behind) = entry.default_way.split_at(inside);
-            let number = routes.add(net, way, behind);
+            let number = routes.add(net, way, behind, None);
             routes.defaults.push(number);
         }
         routes
     }
 
-    pub(crate) fn number(&self, way: &[String], next_roads: &[String]) -> usize {
-        self.numbers[&(way.to_vec(), next_roads.to_vec())]
+    pub(crate) fn number(&self, visit: &Visit) -> usize {
+        self.numbers[&(visit.way.clone(), visit.next_roads.clone(), visit.end_m)]
     }
 
-    fn add(&mut self, net: &LocalNet, way: &[String], next_roads: &[String]) -> usize {
+    fn add(&mut self, net: &LocalNet, way: &[String], next_roads: &[String], end_m: Option<u32>) -> usize {
         let number = self.routes.len();
-        let known = *self.numbers.entry((way.to_vec(), next_roads.to_vec())).or_insert(number);
+        let known = *self.numbers.entry((way.to_vec(), next_roads.to_vec(), end_m)).or_insert(number);
         if known < number {
             return known;
         }
@@ -67,7 +68,7 @@ impl LocalRoutes {
             // lane before any car enters, in all rows. So the company of such a row would change the others.
             edges.push(to.clone());
         }
-        self.routes.push(LocalRoute { edges, end_m: behind.map(|way| way.end_m) });
+        self.routes.push(LocalRoute { edges, end_m: end_m.map(f64::from).or(behind.map(|way| way.end_m)) });
         number
     }
 }

@@ -8,6 +8,9 @@ use serde::{Deserialize, Serialize};
 use crate::agents::border_plan::BorderPlan;
 use libsumo::{Car, CarId, Departure, RouteNow};
 
+/// Step in which ends of trips are told apart, in metres.
+const END_STEP_M: f64 = 5.0;
+
 /// Number of roads behind a region that a visit knows.
 const MOST_BEHIND: usize = 5;
 
@@ -37,6 +40,9 @@ pub struct Visit {
     pub way: Vec<String>,
     /// The next roads behind the region, the nearest first. Empty: its trip ends here.
     pub next_roads: Vec<String>,
+    /// Position on its last road at which its trip ends, in metres, in steps of [`END_STEP_M`]. `None`: at the road's end, or
+    /// elsewhere.
+    pub end_m: Option<u32>,
     pub driver: usize,
 }
 
@@ -76,6 +82,8 @@ pub(crate) struct VisitRecorder {
     /// Index of the road of a car's route at which its last visit began, by agent. SUMO never changes the part of a route
     /// that is behind a car.
     began: Vec<HashMap<CarId, usize>>,
+    /// Index of the last visit of a car, by agent.
+    latest: Vec<HashMap<CarId, usize>>,
 }
 
 impl VisitRecorder {
@@ -84,6 +92,7 @@ impl VisitRecorder {
             visits: Visits { of_agents: vec![Vec::new(); agents], ..Visits::default() },
             drivers: HashMap::new(),
             began: vec![HashMap::new(); agents],
+            latest: vec![HashMap::new(); agents],
         }
     }
 
@@ -131,9 +140,20 @@ impl VisitRecorder {
             speed_mps: car.speed_mps,
             way: if is_moved { Vec::new() } else { edges[begin..end].to_vec() },
             next_roads: edges[end..].iter().take(MOST_BEHIND).cloned().collect(),
+            end_m: None,
             driver,
         };
+        self.latest[agent].insert(car.id, self.visits.of_agents[agent].len());
         self.visits.of_agents[agent].push(visit);
+    }
+
+    /// Notes that a car ended its trip on a road, about there.
+    pub(crate) fn ended(&mut self, agent: usize, car: CarId, road: &str, position_m: f64) {
+        let Some(&latest) = self.latest[agent].get(&car) else { return };
+        let visit = &mut self.visits.of_agents[agent][latest];
+        if visit.next_roads.is_empty() && visit.way.last().is_some_and(|last| last == road) {
+            visit.end_m = Some(((position_m / END_STEP_M).round() * END_STEP_M) as u32);
+        }
     }
 }
 
