@@ -93,8 +93,8 @@ fn every_lane_that_an_agent_sees_leads_to_its_light() {
             let ends: BTreeSet<_> = region.ahead_m.keys().filter_map(|&lane| roads.end_of(lane)).collect();
             let within: BTreeSet<_> = region.own.iter().chain(&region.passed).copied().collect();
             assert!(ends.is_subset(&within), "{light}: a lane ends outside of the region");
-            let columns = plan.sensor.columns(&plan.region);
-            assert_eq!(columns.len(), plan.sensor.width(), "{light}");
+            let columns = plan.columns();
+            assert_eq!(columns.len(), plan.width(), "{light}");
             assert_eq!(
                 columns.iter().collect::<BTreeSet<_>>().len(),
                 columns.len(),
@@ -218,7 +218,7 @@ fn the_grids_of_this_program_have_agents_too() {
     for Agent { plan, .. } in &derived.agents {
         assert_eq!(plan.phases.greens().iter().map(SignalState::as_str).collect::<Vec<_>>(), ["GrGr", "rGrG"]);
         // Four lanes of 100 m, two greens, one bit and one clock.
-        assert_eq!((plan.region.approaches.len(), plan.sensor.width()), (4, 44), "{}", plan.light);
+        assert_eq!((plan.region.approaches.len(), plan.width()), (4, 44), "{}", plan.light);
     }
     assert_eq!((derived.agents.len(), derived.keeping.len()), (4, 0));
 }

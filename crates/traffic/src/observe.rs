@@ -6,8 +6,9 @@ use super::agents::region::{self, CELL_M};
 use super::agents::region_plan::RegionPlan;
 use super::agents::sensor::{CarColumns, LightColumns};
 use super::cars_at::CarsAt;
-use super::reward::Waiting;
+use super::reward::{PERSONS, Waiting};
 use crate::config::DSet;
+use crate::sim::others::OthersNow;
 use dials_core::domain::{ApproachView, CarView, RoadView};
 use libsumo::Car;
 
@@ -57,6 +58,17 @@ pub(crate) fn observe(plan: &AgentPlan, cars: CarsAt<'_>, light: LightView, obs:
     if plan.sensor.clock > 0 {
         others[light.clock % plan.sensor.clock] = 1.0;
     }
+}
+
+/// Writes buses, trams and persons into the columns behind all others, if the agent sees them.
+pub(crate) fn observe_others(plan: &AgentPlan, others: &OthersNow, obs: &mut [f32]) {
+    if !plan.sensor.sees_others {
+        return;
+    }
+    let columns = &mut obs[plan.sensor.clock_columns().end..];
+    let vehicles = others.buses.iter().chain(&others.trams).map(|&count| count as f32);
+    let persons = others.waiting.iter().map(|&count| count as f32 / PERSONS as f32);
+    columns.iter_mut().zip(vehicles.chain(persons)).for_each(|(column, value)| *column = value);
 }
 
 /// Length of road that a standing car of a usual type fills, in metres.

@@ -6,10 +6,13 @@ use super::agents::region_plan::RegionPlan;
 use super::cars_at::CarsAt;
 use super::observe;
 use crate::config::{Reward, RewardTerm};
+use crate::sim::others::OthersNow;
 use libsumo::CarId;
 
 /// Number of cars that count 1 in the terms `queue`, `lost-time` and `pressure`.
 const CARS: f64 = 10.0;
+/// Number of persons that count 1.
+pub(crate) const PERSONS: f64 = 10.0;
 /// Seconds of waiting that count 1 in the terms `wait` and `diff-waiting-time`.
 const WAITING_S: f64 = 100.0;
 /// Most that the term `wait` counts, so that one jam does not outweigh all else.
@@ -51,17 +54,23 @@ pub(crate) fn needs_waiting(reward: &Reward) -> bool {
     reward.terms().any(|(term, _)| matches!(term, RewardTerm::Wait | RewardTerm::DiffWaitingTime))
 }
 
+pub(crate) fn needs_others(reward: &Reward) -> bool {
+    reward.terms().any(|(term, _)| matches!(term, RewardTerm::BusDelay | RewardTerm::PersonWait))
+}
+
 pub(crate) fn needs_exits(reward: &Reward) -> bool {
     reward.terms().any(|(term, _)| matches!(term, RewardTerm::ExitSpeed | RewardTerm::Pressure))
 }
 
-/// Returns the reward of a step: the weighted sum of its terms after the step. `exits`: the cars on the exits.
+/// Returns the reward of a step: the weighted sum of its terms after the step. `exits`: the cars on the exits; `others`: buses and
+/// persons, if a term needs them.
 pub(crate) fn reward(
     reward: &Reward,
     region: &RegionPlan,
     cars: CarsAt<'_>,
     exits: CarsAt<'_>,
     waiting: &Waiting,
+    others: Option<&OthersNow>,
 ) -> f32 {
     let term = |term| match term {
         RewardTerm::MeanSpeed => f64::from(observe::mean_speed(region, cars)),
@@ -70,6 +79,8 @@ pub(crate) fn reward(
         RewardTerm::LostTime => -observe::cars_lost(region, cars) / CARS,
         RewardTerm::Pressure => (exits.cars() as f64 - cars.cars() as f64) / CARS,
         RewardTerm::Wait => -(waiting.sum as f64 / WAITING_S).min(MOST_WAIT),
+        RewardTerm::BusDelay => -others.map_or(0.0, |others| others.lost),
+        RewardTerm::PersonWait => -others.map_or(0.0, |others| f64::from(others.waiting.iter().sum::<u32>()) / PERSONS),
         RewardTerm::DiffWaitingTime => (waiting.sum_before as f64 - waiting.sum as f64) / WAITING_S,
     };
     reward.terms().map(|(name, weight)| weight * term(name)).sum::<f64>() as f32
@@ -95,8 +106,14 @@ mod tests {
         assert_eq!((waiting.sum_before, waiting.sum), (100, 50));
         (0..5000).for_each(|_| waiting.note(CarsAt::all(&west(&[(2, 0.0)]))));
         let cars = west(&[(2, 0.0)]);
-        let wait =
-            reward(&Reward::from(RewardTerm::Wait), &middle().region, CarsAt::all(&cars), CarsAt::all(&cars), &waiting);
+        let wait = reward(
+            &Reward::from(RewardTerm::Wait),
+            &middle().region,
+            CarsAt::all(&cars),
+            CarsAt::all(&cars),
+            &waiting,
+            None,
+        );
         assert_eq!(f64::from(wait), -MOST_WAIT);
     }
 }

@@ -14,13 +14,7 @@ pub(crate) fn task(plan: &JointPlan, agent: AgentId) -> Task {
         Some(Border { plan, d_set }) => (plan.source_names(), d_set.columns(plan)),
         None => of_grid(of_agent),
     };
-    Task {
-        observation: of_agent.sensor.columns(&of_agent.region),
-        actions: actions(of_agent),
-        reward: reward(&plan.reward),
-        sources,
-        d_set,
-    }
+    Task { observation: of_agent.columns(), actions: actions(of_agent), reward: reward(&plan.reward), sources, d_set }
 }
 
 /// Version of the environment. Counts up when the same actions give other observations, rewards or traffic.
@@ -32,6 +26,7 @@ pub(crate) fn rules(plan: &JointPlan) -> Rules {
         CarColumns::Cells(_) => "cells",
         CarColumns::QueueAndDensity(_) => "queues",
     };
+    let others = if sensor.sees_others { ", buses and persons" } else { "" };
     let light = match sensor.light {
         LightColumns::FourStates => "light of two directions",
         LightColumns::TargetAndAge(_) => "green and its age",
@@ -39,7 +34,11 @@ pub(crate) fn rules(plan: &JointPlan) -> Rules {
     let are_apart = plan.agents.iter().any(|agent| agent.sensor.clock_ahead > 0);
     let apart = if are_apart { ", neighbours half a cycle apart" } else { "" };
     let clock = if sensor.clock > 0 { format!(", clock of {} steps{apart}", sensor.clock) } else { String::new() };
-    Rules { environment: ENVIRONMENT, reward: reward(&plan.reward), observation: format!("{cars}, {light}{clock}") }
+    Rules {
+        environment: ENVIRONMENT,
+        reward: reward(&plan.reward),
+        observation: format!("{cars}, {light}{clock}{others}"),
+    }
 }
 
 fn actions(plan: &AgentPlan) -> Vec<String> {
@@ -54,13 +53,13 @@ fn of_grid(plan: &AgentPlan) -> (Vec<String>, Vec<String>) {
     let lanes = plan.region.approaches.iter().map(|approach| &approach.lane);
     let arrivals: Vec<String> = lanes.map(|lane| format!("arrival {lane}")).collect();
     let cells = Sensor { cars: CarColumns::Cells(vec![region::CELLS; region::EDGES]), ..plan.sensor.clone() };
-    let mut d_set = cells.columns(&plan.region)[..region::OCCUPANCY].to_vec();
+    let mut d_set = cells.columns(&plan.region, &plan.others)[..region::OCCUPANCY].to_vec();
     match plan.sensor.d_set {
         DSet::Cells => {}
         DSet::CellsAndArrivals => d_set.extend(arrivals.iter().map(|name| format!("{name}, last step"))),
         DSet::CellsAndLight => d_set.extend(plan.sensor.light.names()),
     }
-    d_set.extend_from_slice(&plan.sensor.columns(&plan.region)[plan.sensor.clock_columns()]);
+    d_set.extend_from_slice(&plan.columns()[plan.sensor.clock_columns()]);
     (arrivals, d_set)
 }
 

@@ -249,7 +249,7 @@ fn light(inspected: &Inspected, Agent { plan, region, .. }: &Agent, border: &Bor
             "from": link.from,
             "to": link.to,
         })).collect::<Vec<_>>(),
-        "columns": plan.sensor.columns(&plan.region),
+        "columns": plan.columns(),
         "sources": border.plan.source_names(),
         "d_set_columns": border.d_set.columns(&border.plan),
     })

@@ -26,8 +26,7 @@ fn lights(text: &mut Listing, Inspected { roads, derived, .. }: &Inspected) {
     let head = ["light", "program", "greens", "columns", "approaches", "in a run"].map(str::to_owned);
     let learning = derived.agents.iter().map(|Agent { plan, program, .. }| {
         let [greens, columns, approaches] =
-            [plan.phases.greens().len(), plan.sensor.width(), plan.region.approaches.len()]
-                .map(|count| count.to_string());
+            [plan.phases.greens().len(), plan.width(), plan.region.approaches.len()].map(|count| count.to_string());
         [plan.light.clone(), program.kind.clone(), greens, columns, approaches, "learns".to_owned()]
     });
     let keeping = derived.keeping.iter().map(|Keeping { light, why }| {
@@ -118,7 +117,7 @@ fn describe(text: &mut Listing, inspected: &Inspected, number: usize, agent: &Ag
     describe_lanes(text, plan);
     let Border { plan: border, d_set } = &inspected.borders[number];
     for (what, names) in [
-        ("observation column", plan.sensor.columns(&plan.region)),
+        ("observation column", plan.columns()),
         ("influence source", border.source_names()),
         ("d-set column", d_set.columns(border)),
     ] {

@@ -4,7 +4,7 @@
 use std::fs;
 
 use dials_core::base::Seed;
-use dials_core::domain::{Domain, GlobalSimulator, Measures};
+use dials_core::domain::{Domain, GlobalSimulator, LocalSimulator, Measures};
 use dials_traffic::Traffic;
 use dials_traffic::controllers::HandCoded;
 use dials_traffic::sim::control::SignalControl;
@@ -249,4 +249,80 @@ fn without(line: &str, begin: &str) -> String {
     let Some((before, rest)) = line.split_once(begin) else { return line.to_owned() };
     let (_, after) = rest.split_once('"').unwrap();
     format!("{before}{after}")
+}
+
+/// Writes a scenario with sidewalks, crossings, buses and persons into a folder.
+fn write_street(dir: &std::path::Path) -> std::path::PathBuf {
+    let net = dir.join("street.net.xml");
+    let netgenerate = dials_traffic::sumo_program("netgenerate").expect("it comes with SUMO");
+    let made = std::process::Command::new(netgenerate)
+        .args(["--grid", "--grid.x-number", "2", "--grid.y-number", "1", "--grid.length", "150"])
+        .args(["--grid.attach-length", "150", "-j", "traffic_light", "--sidewalks.guess", "--crossings.guess"])
+        .args(["--no-turnarounds", "-o", net.to_str().unwrap()])
+        .output()
+        .unwrap();
+    assert!(made.status.success(), "{}", String::from_utf8_lossy(&made.stderr));
+    let routes = r#"<routes>
+        <vType id="line" vClass="bus"/>
+        <flow id="bus" type="line" begin="0" end="300" period="20" from="left0A0" to="B0right0"/>
+        <flow id="car" begin="0" end="300" period="5" from="left0A0" to="B0right0"/>
+        <personFlow id="walk" begin="0" end="300" period="4"><personTrip from="top0A0" to="A0bottom0"/></personFlow>
+        <personFlow id="across" begin="0" end="300" period="4"><personTrip from="left0A0" to="B0right0"/></personFlow>
+    </routes>"#;
+    fs::write(dir.join("street.rou.xml"), routes).unwrap();
+    let sumocfg = "<configuration><net-file value='street.net.xml'/><route-files value='street.rou.xml'/><end value='300'/>\
+                   </configuration>";
+    fs::write(dir.join("street.sumocfg"), sumocfg).unwrap();
+    dir.join("street.sumocfg")
+}
+
+#[test]
+fn agents_see_buses_and_persons_and_are_paid_for_them() {
+    let dir = tempfile::tempdir().unwrap();
+    let scenario = write_street(dir.path());
+    let settings = ["observation='cells+buses'", "reward={'bus-delay'=1.0, 'person-wait'=1.0}"];
+    let settings: Vec<String> = settings.iter().map(|setting| format!("traffic.{setting}")).collect();
+    let table = table(dials_session::config::load(&scenario, &settings).unwrap());
+    let traffic = Traffic::open_scenario(&table).unwrap();
+    let names = traffic.plans()[0].columns();
+    let of = |what: &str| -> Vec<usize> {
+        names.iter().enumerate().filter(|(_, name)| name.starts_with(what)).map(|(column, _)| column).collect()
+    };
+    let (buses, persons) = (of("buses "), of("persons "));
+    assert_eq!((names.len(), persons.len()), (traffic.plans()[0].width(), 4), "{names:?}");
+    let mut gs = traffic.global(SignalControl::Agents).unwrap();
+    gs.measure_in_full().unwrap();
+    gs.reset(Seed::new(1)).unwrap();
+    let mut most = [0.0_f32; 3];
+    for _ in 0..60 {
+        let now = gs.step(&vec![0; traffic.agents()]).unwrap();
+        let seen = |columns: &[usize]| -> f32 { columns.iter().map(|&column| now.percept.obs.row(0)[column]).sum() };
+        let (buses, persons) = (seen(&buses), seen(&persons));
+        // A bus loses at most a second in a second.
+        assert!(
+            now.rewards[0] <= -persons && now.rewards[0] >= -persons - buses,
+            "{} {persons} {buses}",
+            now.rewards[0]
+        );
+        for (most, now) in most.iter_mut().zip([buses, persons, -now.rewards[0]]) {
+            *most = most.max(now);
+        }
+    }
+    assert!(most.iter().all(|most| *most > 0.2), "{most:?}");
+    let measures = gs.measures().unwrap();
+    drop(gs);
+    assert!(measure(&measures, "person_wait_s") > 1.0 && measure(&measures, "persons") > 100.0);
+    assert!(measure(&measures, "delay_s_bus") > 0.0 && measure(&measures, "delay_s_passenger") > 0.0);
+    // A local simulator has buses.
+    let mut ls = traffic.local(1).unwrap();
+    ls.reset(&dials_core::domain::Beginning::first([0])).unwrap();
+    let sources = ls.spec().sources.count();
+    let all = dials_core::base::Rows::from_vec(vec![1; sources], sources);
+    let mut seen = 0.0;
+    for _ in 0..20 {
+        let now = ls.step(&[0], &all).unwrap();
+        seen += buses.iter().map(|&column| now.percept.obs.row(0)[column]).sum::<f32>();
+        assert!(persons.iter().all(|&column| now.percept.obs.row(0)[column] == 0.0));
+    }
+    assert!(seen > 0.0);
 }

@@ -3,6 +3,7 @@
 use std::sync::Arc;
 
 use super::border_plan::BorderPlan;
+use super::others_plan::OthersPlan;
 use super::phase_plan::PhasePlan;
 use super::region_plan::RegionPlan;
 use super::sensor::Sensor;
@@ -38,11 +39,23 @@ pub struct AgentPlan {
     /// Place of the intersection in the net's coordinates, in metres.
     pub place_m: [f64; 2],
     pub region: RegionPlan,
+    /// Who else comes to the light. Nobody on a grid.
+    pub others: OthersPlan,
     pub phases: Arc<PhasePlan>,
     pub sensor: Sensor,
 }
 
 impl AgentPlan {
+    /// Returns the number of columns of its observation.
+    pub fn width(&self) -> usize {
+        self.sensor.width(&self.region, &self.others)
+    }
+
+    /// Returns the name of every column of its observation.
+    pub fn columns(&self) -> Vec<String> {
+        self.sensor.columns(&self.region, &self.others)
+    }
+
     /// Returns the share of an approach's links that have green: cars on a lane may want any of its links.
     pub(crate) fn share(&self, green: usize, approach: usize) -> f64 {
         let links = &self.region.approaches[approach].links;

@@ -22,7 +22,8 @@ pub fn spec(config: &TrafficConfig) -> RegionSpec {
     let &TrafficConfig { horizon, observation, d_set, clock, .. } = config;
     let clock = clock.unwrap_or(0);
     let cars = match observation {
-        Observation::Cells => OCCUPANCY,
+        // A grid has no buses; its config is checked for that.
+        Observation::Cells | Observation::CellsAndBuses => OCCUPANCY,
         Observation::Queues => 2 * EDGES,
     };
     let beside_cells = match d_set {

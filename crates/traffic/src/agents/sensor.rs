@@ -2,6 +2,7 @@
 
 use std::ops::Range;
 
+use super::others_plan::OthersPlan;
 use super::region_plan::RegionPlan;
 use crate::config::DSet;
 
@@ -14,6 +15,8 @@ pub struct Sensor {
     pub(crate) clock: usize,
     /// Number of steps by which the clock is ahead of the episode.
     pub(crate) clock_ahead: usize,
+    /// Whether it also sees buses, trams and persons: a column for each approach, track and crossing, behind all others.
+    pub(crate) sees_others: bool,
     /// What the AIP of a grid sees. That of a scenario sees its borders.
     pub(crate) d_set: DSet,
 }
@@ -37,7 +40,7 @@ pub(crate) enum LightColumns {
 
 impl Sensor {
     /// Returns the name of every column: what it shows, and of which lane. The lanes are those of the agent's region.
-    pub fn columns(&self, region: &RegionPlan) -> Vec<String> {
+    pub(crate) fn columns(&self, region: &RegionPlan, others: &OthersPlan) -> Vec<String> {
         let lanes = region.approaches.iter().map(|approach| &approach.lane);
         let mut names: Vec<String> = match &self.cars {
             CarColumns::Cells(cells) => {
@@ -50,11 +53,21 @@ impl Sensor {
         };
         names.extend(self.light.names());
         names.extend((0..self.clock).map(|column| format!("clock[{column}]")));
+        if self.sees_others {
+            names.extend(region.approaches.iter().map(|approach| format!("buses {}", approach.lane)));
+            names.extend(others.tracks.iter().map(|track| format!("trams {}", track.lane)));
+            names.extend(others.crossings.iter().map(|crossing| format!("persons {}", crossing.edge)));
+        }
         names
     }
 
-    pub fn width(&self) -> usize {
-        self.clock_columns().end
+    pub(crate) fn width(&self, region: &RegionPlan, others: &OthersPlan) -> usize {
+        self.clock_columns().end + self.other_columns(region, others)
+    }
+
+    fn other_columns(&self, region: &RegionPlan, others: &OthersPlan) -> usize {
+        let all = region.approaches.len() + others.tracks.len() + others.crossings.len();
+        if self.sees_others { all } else { 0 }
     }
 
     pub(crate) fn car_columns(&self) -> usize {

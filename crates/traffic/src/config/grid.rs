@@ -10,6 +10,7 @@ use serde::{Deserialize, Serialize};
 use super::reward::{Reward, RewardTerm};
 use super::scenario::Observation;
 use crate::Traffic;
+use crate::reward::needs_others;
 use dials_core::domain::{Domain, DomainTable, Result};
 
 /// A grid of the paper. All streets have one lane in each direction.
@@ -153,6 +154,10 @@ impl DomainTable for TrafficConfig {
 
     fn check(&self) -> Result<()> {
         self.reward.check()?;
+        ensure!(
+            self.observation != Observation::CellsAndBuses && !needs_others(&self.reward),
+            "traffic.observation and traffic.reward: a grid has neither buses nor persons; use a scenario for these"
+        );
         let bias = self.initial_switch_bias;
         ensure!(bias.is_finite(), "traffic.initial_switch_bias = {bias}: must be a finite number");
         if let Some(clock) = self.clock {

@@ -28,6 +28,10 @@ pub enum RewardTerm {
     Wait,
     /// That time before the decision minus the time after it, in units of 100 s.
     DiffWaitingTime,
+    /// Minus the time that buses and trams before the light lose against their limits: one that stands counts 1.
+    BusDelay,
+    /// Minus the number of persons who wait at the light's crossings, in tens. Local simulators have none.
+    PersonWait,
 }
 
 impl RewardTerm {
@@ -44,6 +48,8 @@ impl RewardTerm {
             RewardTerm::Wait => {
                 "minus the seconds that the cars on the approaches have stood there, in hundreds, at least -10"
             }
+            RewardTerm::BusDelay => "minus the seconds that buses and trams lose in a second against the limits",
+            RewardTerm::PersonWait => "minus the persons who wait at the crossings, in tens",
             RewardTerm::DiffWaitingTime => {
                 "the seconds of `wait` before the decision minus those after it, in hundreds"
             }

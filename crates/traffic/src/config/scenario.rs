@@ -88,6 +88,10 @@ pub enum Observation {
     Cells,
     /// The queue and the density of each lane.
     Queues,
+    /// Cells, and behind all else: buses on each approach, trams on each track of their own, and persons who wait at each
+    /// crossing, in tens. Local simulators have no trams and no persons.
+    #[serde(rename = "cells+buses")]
+    CellsAndBuses,
 }
 
 const LONGEST_S: u32 = 300;

@@ -40,6 +40,7 @@ pub(crate) fn crossing() -> AgentPlan {
     AgentPlan {
         light: "crossing".to_owned(),
         place_m: [0.0, 0.0],
+        others: Default::default(),
         region: RegionPlan {
             approaches: vec![
                 approach("west_0", 100.0, 0.0, &[0]),
@@ -57,6 +58,7 @@ pub(crate) fn crossing() -> AgentPlan {
             light: LightColumns::TargetAndAge(GREENS.len()),
             clock: 0,
             clock_ahead: 0,
+            sees_others: false,
             d_set: DSet::Cells,
         },
     }

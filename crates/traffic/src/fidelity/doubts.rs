@@ -33,6 +33,9 @@ const LEAST_PASSED: u64 = 10;
 const MOST_SPILLBACK: f64 = 0.03;
 /// Mean speed on the approaches of the GS below which they are jammed, in metres per second.
 const JAMMED_APPROACH_MPS: f64 = 2.0;
+/// Largest share of the cars whose trip ends on a road of the region. SUMO forgets where a car is to arrive when it is put
+/// somewhere.
+const MOST_ENDS: f64 = 0.05;
 /// Largest share of the cars that come in by short roads.
 const MOST_SHORT: f64 = 0.25;
 /// Largest share of the cars that find no room at the border, and wait there or are left out.
@@ -99,6 +102,12 @@ fn causes(found: &LightFidelity) -> String {
         let cars = percent(short_entries);
         causes.push(format!("short edges: {cars} of the cars came in by a road shorter than {SHORT_M} m"));
     }
+    if found.causes.ends > MOST_ENDS {
+        let cars = percent(found.causes.ends);
+        causes.push(format!(
+            "trips end on its roads, of {cars} of the cars: with true entries, and only there, these drive on to the road's end"
+        ));
+    }
     if waited > MOST_WITHOUT_ROOM {
         causes.push(format!("{} of the cars waited at the border for room", percent(waited)));
     }
@@ -143,6 +152,8 @@ pub struct Causes {
     pub spillback: f64,
     /// Share of the cars that come in by a road shorter than [`SHORT_M`].
     pub short_entries: f64,
+    /// Share of the cars whose trip ends before the end of a road of the region.
+    pub ends: f64,
 }
 
 impl Causes {
@@ -151,6 +162,7 @@ impl Causes {
         Ok(Causes {
             spillback: spillback(truth, traffic, agent, window)?,
             short_entries: border.map_or(0.0, |border| short_entries(truth, border, agent, window)),
+            ends: ends(truth, agent, window),
         })
     }
 }
@@ -173,6 +185,12 @@ fn spillback(truth: &Truth, traffic: &Traffic, agent: AgentId, window: &Range<us
         seconds += usize::from(green.into_iter().any(|link| is_held(link.from, link.to)));
     }
     Ok(seconds as f64 / window.len().max(1) as f64)
+}
+
+fn ends(truth: &Truth, agent: AgentId, window: &Range<usize>) -> f64 {
+    let Some(visits) = &truth.visits else { return 0.0 };
+    let visits: Vec<_> = visits.of_agents[agent.0].iter().filter(|visit| window.contains(&visit.second)).collect();
+    visits.iter().filter(|visit| visit.end_m.is_some()).count() as f64 / visits.len().max(1) as f64
 }
 
 fn short_entries(truth: &Truth, border: &BorderPlan, agent: AgentId, window: &Range<usize>) -> f64 {
@@ -211,13 +229,13 @@ mod tests {
 
     #[test]
     fn a_light_like_the_global_one_raises_no_doubt_whatever_might_spoil_it() {
-        let causes = Causes { spillback: 0.5, short_entries: 1.0 };
+        let causes = Causes { spillback: 0.5, short_entries: 1.0, ends: 1.0 };
         assert_eq!(doubt(&LightFidelity { causes, ..light() }), None);
     }
 
     #[test]
     fn a_light_that_differs_is_named_with_the_causes_beyond_their_limits() {
-        let mut found = LightFidelity { causes: Causes { spillback: 0.12, short_entries: 0.2 }, ..light() };
+        let mut found = LightFidelity { causes: Causes { spillback: 0.12, short_entries: 0.2, ends: 0.0 }, ..light() };
         found.true_entries = comparison(100, 80, 75);
         found.sampled_entries = comparison(100, 80, 75);
         found.sampled_entries.sums[1].passed = 130;

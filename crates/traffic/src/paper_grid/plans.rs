@@ -3,6 +3,7 @@
 use std::sync::Arc;
 
 use super::grid::{Grid, Node, lane};
+use crate::agents::others_plan::OthersPlan;
 use crate::agents::phase_plan::{Choice, Interval, PhasePlan};
 use crate::agents::phases::Light;
 use crate::agents::plan::{AgentPlan, JointPlan};
@@ -42,6 +43,7 @@ pub fn plans(grid: Grid, config: &TrafficConfig) -> Vec<AgentPlan> {
             light: grid.light(agent),
             place_m: [x, y],
             region: around(grid, agent),
+            others: OthersPlan::default(),
             phases: phases.clone(),
             sensor: sensor(grid, agent, config),
         }
@@ -59,7 +61,7 @@ fn phases(until_first_switch: UntilFirstSwitch) -> PhasePlan {
 
 fn sensor(grid: Grid, agent: AgentId, config: &TrafficConfig) -> Sensor {
     let cars = match config.observation {
-        Observation::Cells => CarColumns::Cells(vec![CELLS; EDGES]),
+        Observation::Cells | Observation::CellsAndBuses => CarColumns::Cells(vec![CELLS; EDGES]),
         Observation::Queues => CarColumns::QueueAndDensity(EDGES),
     };
     let clock = config.clock.unwrap_or(0);
@@ -71,6 +73,7 @@ fn sensor(grid: Grid, agent: AgentId, config: &TrafficConfig) -> Sensor {
         clock,
         // Half a cycle behind, as `coordinated` lights are.
         clock_ahead: if is_behind { clock - clock / 2 } else { 0 },
+        sees_others: false,
         d_set: config.d_set,
     }
 }

@@ -4,6 +4,7 @@ use super::local_routes::LocalRoutes;
 use super::visit_tables::VisitTables;
 use super::visits::{Driver, Visit};
 use crate::agents::border_plan::{BorderPlan, EntryPlace};
+use crate::agents::others_plan::PUBLIC;
 use crate::config::EntryRule;
 use dials_core::base::Dice;
 use libsumo::DepartSpeed;
@@ -30,11 +31,13 @@ pub(crate) struct ArrivingCar {
     /// Its vehicle type. `None`: the usual one.
     pub(crate) vehicle_type: Option<String>,
     pub(crate) speed_factor: f64,
+    /// Whether it is a bus, or another vehicle that carries many persons.
+    pub(crate) is_bus: bool,
 }
 
 impl ArrivingCar {
     pub(super) fn on_edge(edge: usize, placement: Placement) -> ArrivingCar {
-        ArrivingCar { lane: edge, placement, route: edge, vehicle_type: None, speed_factor: 1.0 }
+        ArrivingCar { lane: edge, placement, route: edge, vehicle_type: None, speed_factor: 1.0, is_bus: false }
     }
 
     /// Draws the car that arrives at an entry in a second of the episode: one that makes a recorded visit. If none fits,
@@ -80,6 +83,7 @@ impl ArrivingCar {
             route: routes.number(visit),
             vehicle_type: Some(driver.vehicle_type.clone()),
             speed_factor: driver.speed_factor,
+            is_bus: PUBLIC.contains(&&*driver.vehicle_class),
         })
     }
 
@@ -91,7 +95,14 @@ impl ArrivingCar {
             EntryPlace::Road(_) => on_lane(plan, lane, SOMEWHERE_M),
         };
         let placement = Placement { position_m, speed: DepartSpeed::Max };
-        Some(ArrivingCar { lane, placement, route: routes.defaults[entry], vehicle_type: None, speed_factor: 1.0 })
+        Some(ArrivingCar {
+            lane,
+            placement,
+            route: routes.defaults[entry],
+            vehicle_type: None,
+            speed_factor: 1.0,
+            is_bus: false,
+        })
     }
 }
 

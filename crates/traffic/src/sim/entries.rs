@@ -54,6 +54,8 @@ struct WaitingCar {
 pub(crate) struct Tried {
     places: Vec<(usize, usize)>,
     pub(crate) insertions: Vec<Insertion>,
+    /// Which of them are buses, or other vehicles that carry many persons.
+    pub(crate) buses: Vec<CarId>,
 }
 
 impl RowEntries {
@@ -149,7 +151,7 @@ impl Entries {
     }
 
     pub(crate) fn let_in(&mut self, forest: &mut LocalForest) -> Result<Tried> {
-        let mut tried = Tried { places: Vec::new(), insertions: Vec::new() };
+        let mut tried = Tried { places: Vec::new(), insertions: Vec::new(), buses: Vec::new() };
         let mut entering = Vec::new();
         for (row, entries) in self.rows.iter().enumerate() {
             let place = &forest.rows[row];
@@ -161,6 +163,7 @@ impl Entries {
                     speed: car.placement.speed,
                 };
                 tried.places.push((row, entry));
+                tried.buses.extend(car.is_bus.then_some(CarId(insertion.car)));
                 tried.insertions.push(insertion);
                 if let Some(border) = self.plan.borders.get(place.agent.0) {
                     entering.push(Entering {

@@ -10,6 +10,7 @@ use super::control::{Decisions, SignalControl};
 use super::crossings::Crossings;
 use super::lights::{Lights, ShownLights};
 use super::metrics::TrafficMetrics;
+use super::others::Others;
 use super::picture::Camera;
 use super::recording::{Recorder, Tape};
 use super::tally::Tally;
@@ -46,6 +47,8 @@ pub struct GlobalTraffic {
     cars_before: CarTable,
     /// Time that cars have waited, per row; noted only if the roads are watched, or for a reward that needs it.
     waiting: Vec<Waiting>,
+    /// Buses, trams and persons, if an agent needs them.
+    others: Option<Others>,
     watches_roads: bool,
     /// Read only for hand-coded control and for a reward that needs them.
     exits: RowLanes,
@@ -85,10 +88,13 @@ impl GlobalTraffic {
         let record = |tape| Recorder::new(tape, &mut simulation, network.recorded(&plan)?, String::new());
         let recorder = tape.map(record).transpose()?;
         let agents = agents.len();
+        let others = Others::of_rows(&plan, plan.agents.iter());
+        let others = others.map(|others| others.on_foot(&mut simulation, &plan.agents)).transpose()?;
         Ok(GlobalTraffic {
             source,
             network,
             waiting: vec![Waiting::default(); agents],
+            others,
             watches_roads: false,
             decisions: Decisions::new(control, agents),
             simulation,
@@ -168,6 +174,7 @@ impl GlobalTraffic {
         self.shown.second(&mut self.lights, &mut self.simulation)?;
         self.age += 1;
         self.note_sources(number)?;
+        self.others.as_mut().map_or(Ok(()), |others| others.second(&mut self.simulation))?;
         if self.watches_roads || reward::needs_waiting(&self.plan.reward) {
             for (row, waiting) in self.waiting.iter_mut().enumerate() {
                 waiting.note(self.approaches.at(row));
@@ -215,6 +222,11 @@ impl GlobalTraffic {
         Ok(())
     }
 
+    fn read_others(&mut self) -> Result<()> {
+        let Some(others) = &mut self.others else { return Ok(()) };
+        others.read(&mut self.simulation, self.plan.agents.iter(), |row| self.approaches.at(row))
+    }
+
     fn take_picture(&mut self) -> Result<()> {
         self.camera.as_mut().map_or(Ok(()), |camera| camera.look(&mut self.simulation))
     }
@@ -235,8 +247,9 @@ impl GlobalTraffic {
                 }
                 None => {}
             }
-            let waiting = &self.waiting[row];
-            *reward = reward::reward(&self.plan.reward, &plan.region, cars, self.exits.at(row), waiting);
+            let (waiting, others) = (&self.waiting[row], self.others.as_ref().map(|others| &others.now[row]));
+            others.iter().for_each(|others| observe::observe_others(plan, others, percept.obs.row_mut(row)));
+            *reward = reward::reward(&self.plan.reward, &plan.region, cars, self.exits.at(row), waiting, others);
             let may_leave = self.lights.signal(row).may_leave(&plan.phases);
             observe::mask(plan, shown, may_leave, percept.masks.row_mut(row));
         }
@@ -271,6 +284,8 @@ impl GlobalSimulator for GlobalTraffic {
         }
         self.tally = Tally::new(self.agents(), self.plan.emergency_decel_mps2);
         self.waiting.fill(Waiting::default());
+        self.others.iter_mut().for_each(Others::begin);
+        self.read_others()?;
         self.take_picture()?;
         self.perceive();
         if let Some(recorder) = &mut self.recorder {
@@ -291,6 +306,7 @@ impl GlobalSimulator for GlobalTraffic {
         }
         self.decisions.advised = false;
         let begun = Instant::now();
+        self.read_others()?;
         self.take_picture()?;
         self.perceive();
         self.watch.note(Phase::Reading, begun.elapsed());

@@ -17,6 +17,7 @@ use super::arriving::{ArrivingCar, by_rule};
 use super::entries::Entries;
 use super::local_forest::LocalForest;
 use super::options::LOCAL_SEED;
+use super::others::Others;
 use super::recording::Recorder;
 use super::visit_tables::VisitTables;
 use crate::agents::phase_plan::Shown;
@@ -58,6 +59,8 @@ pub struct LocalTraffic {
     exits: RowLanes,
     /// Influence sources of this decision as they came true, `[rows, sources]`: a car arrives when it gets in.
     came_true: Rows<u8>,
+    /// Buses, if an agent needs them.
+    others: Option<Others>,
     last: Transition,
     counts: Counts,
     watch: Stopwatch,
@@ -109,7 +112,10 @@ impl LocalTraffic {
     ) -> LocalTraffic {
         let spec = plan.kinds.of(forest.rows[0].agent).spec.clone();
         let rows = forest.rows.iter().map(|row| RowNow::new(row.seed.dice(), 0, plan.borders.get(row.agent.0)));
+        let agents = forest.rows.iter().map(|row| &plan.agents[row.agent.0]);
+        let others = Others::of_rows(&plan, agents);
         LocalTraffic {
+            others,
             rows: rows.collect(),
             border_lanes: RowLanes::new(forest.rows.iter().map(|row| &*row.border)),
             exits: RowLanes::new(forest.rows.iter().map(|row| &*row.exits)),
@@ -174,6 +180,7 @@ impl LocalTraffic {
         let begin = dice.random_range(0..=self.spec.horizon - self.spec.local_horizon);
         self.rows[row] = RowNow::new(dice, begin * self.plan.decision_steps, self.border(row));
         self.entries.begin(row, &self.forest.rows[row]);
+        self.others.iter_mut().for_each(|others| others.now[row].clear());
         self.came_true.row_mut(row).fill(0);
         Ok(())
     }
@@ -214,6 +221,9 @@ impl LocalTraffic {
         self.forest.lights.act(&mut self.forest.simulation, actions)?;
         self.forest.simulation.begin_second()?;
         let tried = self.entries.let_in(&mut self.forest)?;
+        if let Some(others) = &mut self.others {
+            tried.buses.iter().for_each(|&car| others.bus_enters(car));
+        }
         self.watch.note(Phase::Insertion, begun.elapsed());
         self.watch.time(Phase::SimulatorStep, || self.forest.simulation.step())?;
         let begun = Instant::now();
@@ -252,6 +262,9 @@ impl LocalTraffic {
         let Percept { obs, d_set, masks } = &mut self.last.percept;
         let (obs, d_set) = (obs.row_mut(row), d_set.row_mut(row));
         observe::observe(plan, cars, light, obs);
+        if let Some(others) = &self.others {
+            observe::observe_others(plan, &others.now[row], obs);
+        }
         match self.plan.borders.get(agent) {
             Some(border) => border.d_set.write(&border.plan, at_border, light, &now.history, d_set),
             None => observe::d_separate(plan, cars, obs, self.came_true.row(row), d_set),
@@ -268,12 +281,18 @@ impl LocalTraffic {
         if reward::needs_exits(&self.plan.reward) {
             self.exits.read(&mut self.forest.simulation)?;
         }
+        if let Some(others) = &mut self.others {
+            let plans = self.forest.rows.iter().map(|row| &self.plan.agents[row.agent.0]);
+            others.read(&mut self.forest.simulation, plans, |row| self.forest.approaches.at(row))?;
+        }
         let [approaches, border_lanes] = [&mut self.forest.approaches, &mut self.border_lanes].map(std::mem::take);
         for row in 0..self.rows.len() {
             let agent = self.forest.rows[row].agent.0;
             let (cars, now) = (approaches.at(row), &mut self.rows[row]);
             let region = &self.plan.agents[agent].region;
-            self.last.rewards[row] = reward::reward(&self.plan.reward, region, cars, self.exits.at(row), &now.waiting);
+            let others = self.others.as_ref().map(|others| &others.now[row]);
+            self.last.rewards[row] =
+                reward::reward(&self.plan.reward, region, cars, self.exits.at(row), &now.waiting, others);
             if let Some(border) = self.plan.borders.get(agent) {
                 now.history.note(&border.plan, self.came_true.row(row));
                 if now.second - now.begun > SETTLED_S {

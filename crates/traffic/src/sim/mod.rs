@@ -22,6 +22,7 @@ pub(super) mod local_forest;
 mod local_routes;
 pub(super) mod metrics;
 pub(super) mod options;
+pub(super) mod others;
 mod picture;
 pub mod recorded_roads;
 pub mod recording;

@@ -122,8 +122,15 @@ pub(super) fn sensor(region: &RegionPlan, rules: &Rules, greens: usize) -> Senso
         (seen_m / CELL_M).ceil() as usize
     });
     let cars = match rules.cars {
-        Observation::Cells => CarColumns::Cells(cells.collect()),
+        Observation::Cells | Observation::CellsAndBuses => CarColumns::Cells(cells.collect()),
         Observation::Queues => CarColumns::QueueAndDensity(region.approaches.len()),
     };
-    Sensor { cars, light: LightColumns::TargetAndAge(greens), clock: 0, clock_ahead: 0, d_set: DSet::Cells }
+    Sensor {
+        cars,
+        light: LightColumns::TargetAndAge(greens),
+        clock: 0,
+        clock_ahead: 0,
+        sees_others: rules.cars == Observation::CellsAndBuses,
+        d_set: DSet::Cells,
+    }
 }

@@ -20,6 +20,7 @@ use std::sync::Arc;
 
 use anyhow::{Result, bail, ensure};
 
+use super::others_plan::OthersPlan;
 use super::phase_plan::{Choice, PhasePlan, ProgramChange};
 use super::plan::{AgentPlan, Border};
 use crate::config::{Observation, Yellow};
@@ -204,6 +205,7 @@ fn agent(
         light: light.clone(),
         place_m: region.place_m(roads),
         region: lanes,
+        others: OthersPlan::of(roads, light),
         phases: Arc::new(phases),
         sensor,
     };

@@ -15,7 +15,7 @@ impl Padding {
     /// Returns the shape of these agents; zeros if there is none.
     pub fn of<'a>(plans: impl Iterator<Item = &'a AgentPlan> + Clone) -> Padding {
         let agents = plans.clone().count();
-        let widths = plans.clone().map(|plan| plan.sensor.width());
+        let widths = plans.clone().map(|plan| plan.width());
         let columns = widths.clone().max().unwrap_or(0);
         let actions = plans.map(|plan| plan.phases.actions()).max().unwrap_or(0);
         let cells = agents * columns;
@@ -55,7 +55,7 @@ mod tests {
         let overrides = Overrides::parse("[light.U]\ngreens = ['Grr', 'rGG', 'rrG']").unwrap();
         let plans = derive(&roads(&LIGHT_AT_U), &Rules::default(), &overrides).unwrap().plans();
         // J sees 10 + 5 + 5 cells and has two greens; U sees 15 + 8 + 5 cells and has three.
-        assert_eq!(plans.iter().map(|plan| plan.sensor.width()).collect::<Vec<_>>(), [24, 33]);
+        assert_eq!(plans.iter().map(|plan| plan.width()).collect::<Vec<_>>(), [24, 33]);
         let padding = Padding::of(plans.iter());
         assert_eq!((padding.columns, padding.actions), (33, 3));
         assert!((padding.padded - 9.0 / 66.0).abs() < 1e-12, "{}", padding.padded);

@@ -49,13 +49,13 @@ fn an_agent_sees_cells_or_queues_up_to_the_limit_of_sight() {
     let cells = plan_of(Rules::default());
     // 95 m; 50 m twice; 90 of 240 m, because 60 m are before them; 80 m, all within 150 - 69 = 81 m.
     assert_eq!(cells.sensor.cars, super::super::sensor::CarColumns::Cells(vec![10, 5, 5, 9, 8]));
-    let names = cells.sensor.columns(&cells.region);
-    assert_eq!((names.len(), cells.sensor.width()), (41, 41));
+    let names = cells.columns();
+    assert_eq!((names.len(), cells.width()), (41, 41));
     assert_eq!([&names[0], &names[9], &names[10], &names[36]], ["north_0[0]", "north_0[9]", "near_0[0]", "side_1[7]"]);
     assert_eq!(names[37..], ["green[0]", "green[1]", "between greens", "time since change"]);
     let queues = plan_of(Rules { cars: Observation::Queues, ..Rules::default() });
-    let names = queues.sensor.columns(&queues.region);
-    assert_eq!((names.len(), queues.sensor.width()), (14, 14));
+    let names = queues.columns();
+    assert_eq!((names.len(), queues.width()), (14, 14));
     assert_eq!(names[..3], ["queue north_0", "density north_0", "queue near_0"]);
     let near = plan_of(Rules { approach_m: 50.0, ..Rules::default() });
     assert_eq!(approaches(&near), [("north_0", 0.0), ("near_0", 0.0), ("near_1", 0.0)]);

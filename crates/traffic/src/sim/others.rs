@@ -1,0 +1,133 @@
+//! Buses, trams and persons at the lights of a simulator, for agents that see them or are rewarded for them.
+
+use std::collections::HashSet;
+
+use crate::agents::others_plan::{Crossing, PUBLIC};
+use crate::agents::plan::{AgentPlan, JointPlan};
+use crate::cars_at::{CarsAt, RowLanes};
+use crate::reward::needs_others;
+use dials_core::domain::Result;
+use libsumo::{CarId, EdgeId, Simulation};
+
+/// Who else is at a light now.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub(crate) struct OthersNow {
+    /// Number of buses on each approach, and of trams on each track.
+    pub(crate) buses: Vec<u32>,
+    pub(crate) trams: Vec<u32>,
+    /// Seconds that all of them lose in a second against their limits.
+    pub(crate) lost: f64,
+    /// Persons who stand at each crossing.
+    pub(crate) waiting: Vec<u32>,
+}
+
+impl OthersNow {
+    /// Nobody is there.
+    pub(crate) fn clear(&mut self) {
+        self.buses.fill(0);
+        self.trams.fill(0);
+        self.lost = 0.0;
+        self.waiting.fill(0);
+    }
+}
+
+/// Reads them. In a local simulator there are buses only.
+pub(crate) struct Others {
+    buses: HashSet<CarId>,
+    on_foot: Option<OnFoot>,
+    pub(crate) now: Vec<OthersNow>,
+}
+
+/// What only the whole net has.
+struct OnFoot {
+    tracks: RowLanes,
+    /// Pavements with the crossings to which they lead, of all rows in their order.
+    ways: Vec<[EdgeId; 2]>,
+    waiting: Vec<u32>,
+}
+
+impl Others {
+    /// Returns nothing if no agent needs them. `rows`: the agents of the rows.
+    pub(crate) fn of_rows<'a>(joint: &JointPlan, rows: impl Iterator<Item = &'a AgentPlan>) -> Option<Others> {
+        let is_needed = needs_others(&joint.reward) || joint.agents.iter().any(|agent| agent.sensor.sees_others);
+        let nobody = |plan: &AgentPlan| OthersNow {
+            buses: vec![0; plan.region.approaches.len()],
+            trams: vec![0; plan.others.tracks.len()],
+            lost: 0.0,
+            waiting: vec![0; plan.others.crossings.len()],
+        };
+        is_needed.then(|| Others { buses: HashSet::new(), on_foot: None, now: rows.map(nobody).collect() })
+    }
+
+    /// Adds what the whole net has.
+    pub(crate) fn on_foot(mut self, simulation: &mut Simulation, plans: &[AgentPlan]) -> Result<Others> {
+        let tracks = plans.iter().map(|plan| plan.others.tracks.iter().map(|track| &track.lane).collect());
+        let tracks = RowLanes::register(simulation, tracks)?;
+        let crossings = plans.iter().flat_map(|plan| &plan.others.crossings);
+        let ways = crossings.flat_map(|Crossing { edge, areas }| areas.iter().map(move |area| [area, edge]));
+        let ways: Vec<[&String; 2]> = ways.collect();
+        let [areas, edges] = [0, 1].map(|side| ways.iter().map(|way| way[side]).collect::<Vec<_>>());
+        let ways = simulation.register_edges(&areas)?.into_iter().zip(simulation.register_edges(&edges)?);
+        let ways = ways.map(|(area, crossing)| [area, crossing]).collect();
+        self.on_foot = Some(OnFoot { tracks, ways, waiting: Vec::new() });
+        Ok(self)
+    }
+
+    pub(crate) fn begin(&mut self) {
+        self.buses.clear();
+    }
+
+    /// Notes a bus that enters.
+    pub(crate) fn bus_enters(&mut self, car: CarId) {
+        self.buses.insert(car);
+    }
+
+    /// Notes the vehicles that entered in the last second.
+    pub(crate) fn second(&mut self, simulation: &mut Simulation) -> Result<()> {
+        for departure in simulation.departures()? {
+            if PUBLIC.contains(&&*departure.vehicle_class) {
+                self.bus_enters(departure.id);
+            }
+        }
+        Ok(())
+    }
+
+    /// Reads all rows after a decision. `approaches`: the cars there.
+    pub(crate) fn read<'a>(
+        &mut self,
+        simulation: &mut Simulation,
+        plans: impl Iterator<Item = &'a AgentPlan>,
+        approaches: impl Fn(usize) -> CarsAt<'a>,
+    ) -> Result<()> {
+        if let Some(OnFoot { tracks, ways, waiting }) = &mut self.on_foot {
+            tracks.read(simulation)?;
+            simulation.count_waiting(ways, waiting)?;
+        }
+        let mut next_way = 0;
+        for (row, plan) in plans.enumerate() {
+            let now = &mut self.now[row];
+            now.lost = 0.0;
+            for ((approach, lane), count) in
+                plan.region.approaches.iter().zip(approaches(row).iter()).zip(&mut now.buses)
+            {
+                let buses = lane.iter().filter(|car| self.buses.contains(&car.id));
+                *count = 0;
+                for bus in buses {
+                    *count += 1;
+                    now.lost += (1.0 - bus.speed_mps / approach.speed_limit_mps).max(0.0);
+                }
+            }
+            let Some(OnFoot { tracks, waiting, .. }) = &self.on_foot else { continue };
+            for ((track, lane), count) in plan.others.tracks.iter().zip(tracks.at(row).iter()).zip(&mut now.trams) {
+                *count = lane.len() as u32;
+                now.lost +=
+                    lane.speeds_mps.iter().map(|speed| (1.0 - speed / track.speed_limit_mps).max(0.0)).sum::<f64>();
+            }
+            for (crossing, count) in plan.others.crossings.iter().zip(&mut now.waiting) {
+                *count = waiting[next_way..next_way + crossing.areas.len()].iter().sum();
+                next_way += crossing.areas.len();
+            }
+        }
+        Ok(())
+    }
+}
