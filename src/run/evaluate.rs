@@ -10,7 +10,7 @@ use super::plot::Plots;
 use super::subject::{Background, Subject, agent_called};
 use crate::cli;
 use crate::film::scenes;
-use dials_core::base::{AgentId, Seed, counted, repeated};
+use dials_core::base::{AgentId, Seed, counted, for_terminal, repeated};
 use dials_core::domain::{Baseline, Controller, Domain, GlobalSimulator, Measures};
 use dials_core::outside::{Directory, FileName, path_as_text, write_together};
 use dials_learn::evaluation::csv::{by_agent, by_episode};
@@ -158,14 +158,16 @@ impl<'a> Session<'a> {
             object.extend(about.iter().map(|(key, value)| ((*key).to_owned(), value.clone())));
             object.insert("scenario".into(), json!(self.scenario));
             object.insert("seed".into(), json!(self.seed));
+            object.insert("warnings".into(), json!(self.domain.warnings()));
             if let Some(sumo) = self.sumo {
                 object.insert("sumo_version".into(), json!(sumo.name));
             }
             in_json(Value::Object(object))
-        } else if compares {
-            comparison(findings)
         } else {
-            table(self.domain, &findings[0])
+            let table = if compares { comparison(findings) } else { table(self.domain, &findings[0]) };
+            let warnings = self.domain.warnings();
+            let lines = warnings.iter().map(|what| for_terminal(&format!("\nwarning: {what}")));
+            table + &lines.collect::<String>()
         };
         answer(found).map_err(Error::Run)
     }

@@ -25,7 +25,7 @@ use dials_core::domain::{Domain, DomainTable};
 /// replace the defaults of this page, key by key. Only `aip.patience` stays out if the config names `aip.epochs`.
 ///
 /// A .sumocfg stands for a config that names nothing else, wherever the command line takes a config. `--set` works as for a
-/// config. What of a .sumocfg is simulated: see [environments](environments.md#what-of-a-sumocfg-is-simulated).
+/// config. What of a .sumocfg is simulated: see [networks](networks.md#what-of-a-sumocfg-is-simulated).
 ///
 /// `train` and `bench` first cut the local simulators of all lights, and load them once. Lights that cannot be cut are
 /// named, with the reasons. `--simulator gs` trains on the whole network and needs none; nor do `baseline` and `evaluate`.
