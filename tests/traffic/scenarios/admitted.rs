@@ -326,3 +326,64 @@ fn agents_see_buses_and_persons_and_are_paid_for_them() {
     }
     assert!(seen > 0.0);
 }
+
+#[test]
+fn a_program_can_be_chosen_and_the_others_are_named() {
+    let room = Room::new();
+    let night = |light: &str, state: &str| {
+        format!(
+            "<tlLogic id=\"{light}\" type=\"static\" programID=\"night\"><phase duration=\"60\" state=\"{state}\"/></tlLogic>"
+        )
+    };
+    let programs = night("r0c0", "oooo") + "</additional>";
+    room.change(MORE, "</additional>", &programs);
+    let greens = |settings: &[&str]| -> Vec<usize> {
+        let traffic = Traffic::open_scenario(&table(room.config(settings).unwrap())).unwrap();
+        traffic.plans().iter().map(|plan| plan.phases.greens().len()).collect()
+    };
+    // Without a green, the first light keeps its program.
+    assert_eq!(greens(&[]), [2; 3]);
+    assert_eq!(greens(&["traffic.program='0'"]), [2; 4]);
+    let warnings = opened(&room).warnings();
+    assert!(warnings[0].starts_with("light `r0c0` has 2 programs (0, night): `night` counts"), "{warnings:?}");
+    let unknown = table(room.config(&["traffic.program='noon'"]).unwrap());
+    let error = Traffic::open_scenario(&unknown).err().unwrap().to_string();
+    assert!(error.ends_with(
+        "no light has a program of the name `noon`; leave it out, and the last program of each light counts"
+    ));
+    fs::write(room.path("agents.toml"), "[light.r0c0]\nprogram = \"0\"\n").unwrap();
+    assert_eq!(greens(&[&format!("traffic.agents='{}'", room.path("agents.toml").display())]), [2; 4]);
+    // SUMO runs it, too.
+    let table = table(room.config(&["traffic.program='0'"]).unwrap());
+    let chosen = played(&Traffic::open_scenario(&table).unwrap());
+    assert_eq!(measure(&chosen, "delay_s"), measure(&played(&opened(&Room::new())), "delay_s"));
+}
+
+#[test]
+fn a_light_that_a_waut_switches_keeps_its_programs_and_one_that_is_off_stays_off() {
+    let room = Room::new();
+    let switched = "<tlLogic id=\"r0c0\" type=\"static\" programID=\"day\"><phase duration=\"30\" state=\"GrGr\"/><phase duration=\"30\" \
+                    state=\"rGrG\"/></tlLogic><WAUT id=\"w\" refTime=\"0\" startProg=\"0\"><wautSwitch time=\"200\" to=\"day\"/>\
+                    </WAUT><wautJunction wautID=\"w\" junctionID=\"r0c0\"/><tlLogic id=\"r1c1\" type=\"off\" programID=\"off\"/>\
+                    </additional>";
+    room.change(MORE, "</additional>", switched);
+    let traffic = opened(&room);
+    let lights: Vec<&str> = traffic.plans().iter().map(|plan| &*plan.light).collect();
+    assert_eq!(lights, ["r0c1", "r1c0"]);
+    let why = traffic.left_out().join("\n");
+    assert!(why.contains("light `r0c0` keeps its program: a <WAUT> switches its programs at set times"), "{why}");
+    assert!(why.contains("light `r1c1` keeps its program: its program is of type `off`"), "{why}");
+    assert!(measure(&played(&traffic), "departed") > 10.0);
+}
+
+#[test]
+fn greens_last_as_long_as_the_program_says_unless_somebody_says_otherwise() {
+    let room = Room::new();
+    room.change(NET, "state=\"GrGr\"", "minDur=\"11.5\" maxDur=\"40\" state=\"GrGr\"");
+    let least = |settings: &[&str]| {
+        let traffic = Traffic::open_scenario(&table(room.config(settings).unwrap())).unwrap();
+        traffic.plans()[0].phases.min_green_steps().to_vec()
+    };
+    assert_eq!(least(&[]), [12, 5]);
+    assert_eq!(least(&["traffic.program_min_green=false"]), [5, 5]);
+}
