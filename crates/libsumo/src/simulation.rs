@@ -22,6 +22,8 @@ pub struct Simulation {
     /// Reason why only a reload is allowed.
     broken: Option<String>,
     steps_per_s: u32,
+    /// Cars that left the road in this second before its last step.
+    gone_before: Vec<CarId>,
     crossing: Crossing,
 }
 
@@ -44,7 +46,7 @@ impl Simulation {
     pub fn load(options: &[impl AsRef<str>]) -> Result<Simulation> {
         let mut crossing = Crossing::wait()?;
         crossing.load(options)?;
-        Ok(Simulation { lights: Vec::new(), broken: None, steps_per_s: 1, crossing })
+        Ok(Simulation { lights: Vec::new(), broken: None, steps_per_s: 1, gone_before: Vec::new(), crossing })
     }
 
     /// Loads again in place, to begin again or with another net. It takes less time than a drop and a [`load`](Self::load).
@@ -54,6 +56,7 @@ impl Simulation {
     /// [`Error::Load`] if SUMO refuses the options or a file, or if a registered name is not in the net. The simulation
     /// is then broken until a reload succeeds.
     pub fn reload(&mut self, options: &[impl AsRef<str>]) -> Result<()> {
+        self.gone_before.clear();
         let outcome = self.load_again(options);
         self.broken = outcome.as_ref().err().map(|error| error.to_string());
         outcome
@@ -127,6 +130,7 @@ impl Simulation {
     /// # Errors
     /// Like [`step`](Self::step).
     pub fn second(&mut self) -> Result<()> {
+        self.gone_before.clear();
         match self.steps_per_s {
             1 => self.step(),
             _ => self.step_until(self.time_s()? + 1.0),
@@ -141,7 +145,11 @@ impl Simulation {
     pub fn begin_second(&mut self) -> Result<()> {
         match self.steps_per_s {
             1 => Ok(()),
-            steps => self.step_until(self.time_s()? + 1.0 - 1.0 / f64::from(steps)),
+            steps => {
+                self.step_until(self.time_s()? + 1.0 - 1.0 / f64::from(steps))?;
+                self.gone_before = self.whole()?.gone()?;
+                Ok(())
+            }
         }
     }
 
@@ -285,7 +293,9 @@ impl Simulation {
     /// Returns the numbers of the cars that ended their trip or began to teleport in the last step, and of those that were
     /// removed after it.
     pub fn gone(&mut self) -> Result<Vec<CarId>> {
-        self.whole()?.gone()
+        let mut gone = self.whole()?.gone()?;
+        gone.extend(&self.gone_before);
+        Ok(gone)
     }
 
     /// Returns the route of a car on the road as it is now: SUMO may have changed it since the car entered. `car`: its

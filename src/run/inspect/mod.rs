@@ -121,6 +121,7 @@ impl Subject {
         let scenario = scenario_with(path, settings).and_then(|config| Ok((SumoScenario::read(&config)?, config)));
         let (scenario, config) = match scenario {
             Ok(found) => found,
+            Err(error) if !settings.is_empty() => return Err(error),
             Err(error) => {
                 let net = Sumocfg::read(path)?.net;
                 let left_out = vec![format!("the whole scenario, but for its net: {error:#}")];

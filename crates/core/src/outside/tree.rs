@@ -10,7 +10,7 @@ use std::borrow::Cow;
 use std::path::Path;
 
 use anyhow::{Context, Result, anyhow, bail, ensure};
-use encoding_rs::{Encoding, UTF_8};
+use encoding_rs::{Encoding, UTF_8, UTF_16BE, UTF_16LE};
 use roxmltree::{Document, Node, ParsingOptions};
 
 use super::file::unpacked;
@@ -56,13 +56,14 @@ pub fn parse_file(path: &Path, bytes: &[u8]) -> Result<Element> {
     decoded(bytes).and_then(|text| parse(&text)).map_err(|error| anyhow!("{}: {error:#}", path.display()))
 }
 
-/// Returns the text of a file. Its encoding is that of its byte order mark, or the one that it declares, or UTF-8.
+/// Returns whether a file is UTF-8 and says nothing else.
+pub fn is_utf8(bytes: &[u8]) -> bool {
+    encoding_of(bytes).is_ok_and(|encoding| encoding == UTF_8)
+}
+
+/// Returns the text of a file.
 fn decoded(bytes: &[u8]) -> Result<Cow<'_, str>> {
-    let marked = Encoding::for_bom(bytes).map(|(encoding, _)| encoding);
-    let encoding = match marked {
-        Some(encoding) => encoding,
-        None => declared_encoding(bytes)?,
-    };
+    let encoding = encoding_of(bytes)?;
     let (text, _, is_wrong) = encoding.decode(bytes);
     if is_wrong && encoding == UTF_8 {
         let error = std::str::from_utf8(bytes).err().context("is not UTF-8 text")?;
@@ -72,14 +73,34 @@ fn decoded(bytes: &[u8]) -> Result<Cow<'_, str>> {
     Ok(text)
 }
 
+/// Returns the encoding of a file: that of its byte order mark, or the one that it declares, or UTF-8. If it has two: an error.
+fn encoding_of(bytes: &[u8]) -> Result<&'static Encoding> {
+    let Some((marked, length)) = Encoding::for_bom(bytes) else {
+        return Ok(declared_encoding(bytes)?.unwrap_or(UTF_8));
+    };
+    let (text, _) = marked.decode_without_bom_handling(&bytes[length..bytes.len().min(4 * LONGEST_DECLARATION)]);
+    let declared = declared_encoding(text.as_bytes())?;
+    // `UTF-16` alone stands for both orders of bytes.
+    let is_same = |declared: &'static Encoding| declared == marked || (declared == UTF_16LE && marked == UTF_16BE);
+    ensure!(
+        declared.is_none_or(is_same),
+        "has a byte order mark that is not of the encoding that it declares; save it as UTF-8"
+    );
+    Ok(marked)
+}
+
 /// Returns the encoding that the first line of a file declares. Its letters are ASCII in all of them.
-fn declared_encoding(bytes: &[u8]) -> Result<&'static Encoding> {
-    let line = &bytes[..bytes.len().min(LONGEST_DECLARATION)];
-    let line = String::from_utf8_lossy(line);
-    let named = declaration(&line)
-        .find_map(|word| word.strip_prefix("encoding=").map(|name| name[1..].trim_end_matches(['"', '\''])));
-    let Some(name) = named else { return Ok(UTF_8) };
-    Encoding::for_label(name.as_bytes())
+fn declared_encoding(bytes: &[u8]) -> Result<Option<&'static Encoding>> {
+    let line = String::from_utf8_lossy(&bytes[..bytes.len().min(LONGEST_DECLARATION)]);
+    ensure!(
+        !line.starts_with("<?xml") || line.contains("?>"),
+        "has a declaration of more than {LONGEST_DECLARATION} bytes; save it as UTF-8"
+    );
+    let Some(named) = declaration(&line).find_map(|word| word.strip_prefix("encoding=")) else { return Ok(None) };
+    let name = named.trim_matches(['"', '\'']);
+    let encoding = Encoding::for_label(name.as_bytes());
+    encoding
+        .map(Some)
         .with_context(|| format!("declares encoding=\"{name}\", which this program does not know; save it as UTF-8"))
 }
 
@@ -207,6 +228,15 @@ mod tests {
         assert_eq!(name(&western), "M\u{fc}nz\u{20ac}");
         let wide: Vec<u8> = format!("\u{FEFF}{}", text("UTF-16")).encode_utf16().flat_map(u16::to_le_bytes).collect();
         assert_eq!(name(&wide), "M\u{fc}nz\u{20ac}");
+        for odd in [
+            "<?xml version='1.0' encoding= 'UTF-8'?><a/>".to_owned(),
+            "<?xml version='1.0' encoding=\u{fc}?><a/>".to_owned(),
+            format!("<?xml version='1.0'{}encoding='UTF-7'?><a/>", " ".repeat(300)),
+            "\u{FEFF}<?xml version='1.0' encoding='windows-1252'?><a/>".to_owned(),
+        ] {
+            assert!(parse_file(Path::new("x.xml"), odd.as_bytes()).is_err(), "{odd}");
+        }
+        assert!(is_utf8(b"<a/>") && !is_utf8(text("windows-1252").as_bytes()));
         let broken = [text("UTF-8").as_bytes(), &[0xff]].concat();
         let error = parse_file(Path::new("x.xml"), &broken).unwrap_err().to_string();
         assert_eq!(error, "x.xml: is not UTF-8 text from byte 56 on; save it as UTF-8");

@@ -44,9 +44,10 @@ impl OthersPlan {
         let crossings = roads.of_light(light).map(|link| link.to).filter(|&lane| is(lane, Function::Crossing));
         let crossings: BTreeSet<_> = crossings.map(edge_of).collect();
         let crossing = |crossing| {
-            let from = roads.connections.iter().filter(|link| edge_of(link.to) == crossing).map(|link| link.from);
+            let lanes = &roads.edge(crossing).lanes;
+            let from = lanes.iter().flat_map(|&lane| roads.links_to(lane)).map(|link| link.from);
             // Persons walk both ways, so they come from the pavement at its end, too.
-            let to = roads.connections.iter().filter(|link| edge_of(link.from) == crossing).map(|link| link.to);
+            let to = lanes.iter().flat_map(|&lane| roads.links_from(lane)).map(|link| link.to);
             let areas = from.chain(to).filter(|&lane| is(lane, Function::WalkingArea));
             let areas: BTreeSet<_> = areas.map(edge_of).collect();
             let name = |edge| roads.edge(edge).id.clone();

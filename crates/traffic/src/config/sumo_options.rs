@@ -48,7 +48,7 @@ const OPTIONS: &[(Fate, &str)] = &[
     // Stops, persons and trains.
     (Carried, "parking.maneuver use-stop-ended use-stop-started pedestrian.* ride.* persontrip.* person-device.*"),
     (Carried, "railway.* railsignal-moving-block railsignal.* overhead-wire.*"),
-    (LeftOut(MEASURED), "pedestrian.jupedsim.wkt"),
+    (LeftOut(MEASURED), "pedestrian.jupedsim.wkt pedestrian.jupedsim.py"),
     // Devices that change how cars drive, and others that only measure.
     (Carried, "device.rerouting.*"),
     (
@@ -56,7 +56,7 @@ const OPTIONS: &[(Fate, &str)] = &[
         "device.toc.* device.driverstate.* device.bluelight.* device.taxi.* device.glosa.* device.friction.* \
          device.stationfinder.*",
     ),
-    (LeftOut(MEASURED), "device.toc.file device.taxi.dispatch-algorithm.output"),
+    (LeftOut(MEASURED), "device.toc.file device.taxi.dispatch-algorithm.output device.taxi.idle-algorithm.output"),
     (Silent, "device.* device.rerouting.threads emissions.* phemlight-*"),
     // Output and reports.
     (LeftOut(MEASURED), "*-output device.rerouting.output netstate-dump save-state.* log message-log error-log"),
@@ -152,6 +152,26 @@ mod tests {
         assert!(matches!(fate_of("tls.all-off", "true"), Some(Refused(_))));
         assert_eq!(fate_of("tls.all-off", "false"), Some(Silent));
         assert_eq!(fate_of("max-depart-delay", "-1"), Some(Carried));
+    }
+
+    #[test]
+    fn no_option_that_names_a_file_is_carried_over() {
+        // What `sumo --help` of SUMO 1.28 calls FILE, but for the three that are read here.
+        const FILES: &str = "configuration-file save-configuration save-template save-schema weight-files load-state \
+            netstate-dump emission-output battery-output elechybrid-output chargingstations-output \
+            overheadwiresegments-output substations-output fcd-output fcd-output.filter-edges.input-file person-fcd-output \
+            device.ssm.filter-edges.input-file full-output queue-output vtk-output amitran-output summary-output \
+            person-summary-output tripinfo-output personinfo-output vehroute-output personroute-output link-output \
+            railsignal-block-output railsignal-vehicle-output bt-output lanechange-output stop-output collision-output \
+            edgedata-output lanedata-output statistic-output deadlock-output save-state.prefix save-state.files \
+            pedestrian.jupedsim.wkt pedestrian.jupedsim.py astar.all-distances astar.landmark-distances \
+            device.rerouting.output log message-log error-log phemlight-path device.taxi.dispatch-algorithm.output \
+            device.taxi.idle-algorithm.output device.fcd-replay.files gui-settings-file edgedata-files \
+            alternative-net-file selection-file gui-testing.setting-output device.toc.file device.ssm.file";
+        for option in FILES.split_whitespace() {
+            let fate = fate_of(option, "a.xml");
+            assert!(matches!(fate, None | Some(LeftOut(_) | Silent | Refused(_))), "{option}: {fate:?}");
+        }
     }
 
     #[test]

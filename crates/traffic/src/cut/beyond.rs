@@ -19,11 +19,15 @@ pub struct Reach {
     pub metres: f64,
 }
 
+impl Reach {
+    pub(crate) const USUAL_HOPS: usize = 3;
+}
+
 impl Default for Reach {
     /// Returns the reach with which fidelity was measured. Where edges are short, drivers choose their lanes by a turn that is
     /// several edges away.
     fn default() -> Reach {
-        Reach { hops: 3, metres: 150.0 }
+        Reach { hops: Reach::USUAL_HOPS, metres: 150.0 }
     }
 }
 

@@ -11,7 +11,7 @@ use anyhow::{Context, Result, ensure};
 use super::files::{NetworkFiles, config};
 use super::loadable::Loadable;
 use super::roads::Roads;
-use super::tree::{Element, parse_file, read_whole};
+use super::tree::{Element, is_utf8, parse_file, read_whole};
 use super::way_out::{Role, cannot_be_simulated, no_such_network};
 use super::{other_files, xml};
 use crate::controllers::actuated;
@@ -35,8 +35,12 @@ impl Content {
     /// Reads a file that SUMO will not get.
     pub(crate) fn parse(path: &Path) -> Result<Content> {
         let bytes = read_whole(path)?;
-        let root = parse_file(path, &bytes)?;
-        Ok(Content { bytes, root })
+        let mut content = Content { root: parse_file(path, &bytes)?, bytes };
+        // SUMO might read other elements in another encoding than this program has read.
+        if !is_utf8(&content.bytes) {
+            content.rewrite();
+        }
+        Ok(content)
     }
 
     /// Takes the bytes of copies from the elements.

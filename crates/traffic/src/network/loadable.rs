@@ -15,6 +15,7 @@ const EMPTY_ROADS: [(&str, &str); 2] = [("max-num-vehicles", "0"), ("max-depart-
 const MOST_LETTERS: usize = 400;
 /// Largest number of kinds of SUMO's warnings that are shown.
 const MOST_WARNINGS: usize = 5;
+const WARNING_LETTERS: usize = 300;
 /// Option with which SUMO says what it warns of.
 const LOUD: [&str; 2] = ["--no-warnings", "false"];
 
@@ -94,7 +95,7 @@ impl Loadable {
         &self.program
     }
 
-    /// Returns what SUMO warns of when it reads all demand. Lets SUMO read it until the option `end`, for at most about `patience`; without an end it does nothing.
+    /// Returns what SUMO warns of when it loads the files. Lets it read all demand until the option `end`, for at most about `patience`; without an end it does nothing.
     /// SUMO reads demand piece by piece and finds ways when cars depart, so otherwise it would complain in the middle of
     /// an episode. On empty roads an hour takes a fraction of a second.
     pub(crate) fn try_demand(&self, patience: Duration) -> Result<Vec<String>> {
@@ -158,8 +159,8 @@ fn warnings(said: &str) -> Vec<String> {
     }
     let more = kinds.len().saturating_sub(MOST_WARNINGS);
     let in_words = |(_, first, others): &(String, &str, usize)| match others {
-        0 => beginning(first, MOST_LETTERS),
-        others => format!("{} (and {others} like it)", beginning(first, MOST_LETTERS)),
+        0 => beginning(first, WARNING_LETTERS),
+        others => format!("{} (and {others} like it)", beginning(first, WARNING_LETTERS)),
     };
     let shown = kinds.iter().take(MOST_WARNINGS).map(in_words);
     shown.chain((more > 0).then(|| format!("{more} further kinds of warnings"))).collect()

@@ -7,7 +7,7 @@ use crate::network::tree::Element;
 const ENDLESS_FLOW_S: f64 = 3600.0;
 
 const ONES: [&str; 4] = ["vehicle", "trip", "person", "container"];
-const FLOWS: [&str; 3] = ["flow", "personFlow", "containerFlow"];
+pub(super) const FLOWS: [&str; 3] = ["flow", "personFlow", "containerFlow"];
 pub(super) const VEHICLES: [&str; 3] = ["vehicle", "trip", "flow"];
 
 /// An element of a file. Those that depart know when.

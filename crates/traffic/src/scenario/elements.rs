@@ -1,8 +1,9 @@
 //! What becomes of the elements of a scenario's files. What only measures, writes or decorates is left out, with a note. All
 //! else goes to SUMO as it stands.
 
-use std::collections::{BTreeMap, BTreeSet};
+use std::collections::{BTreeMap, BTreeSet, HashSet};
 use std::path::Path;
+use std::sync::LazyLock;
 
 use super::reading::ROUTE_FILES;
 use crate::network::other_files::{NOWHERE, names_a_file, reads_emissions};
@@ -27,7 +28,9 @@ const KNOWN: &str = "location type restriction edge lane neigh stopOffset tlLogi
      overheadWireClamp overheadWire tractionSubstation rerouter closingReroute closingLaneReroute routeProbReroute \
      destProbReroute parkingAreaReroute stationReroute viaProbReroute variableSpeedSign step calibrator WAUT wautSwitch \
      wautJunction railSignalConstraints predecessor insertionPredecessor foeInsertion insertionOrder bidiPredecessor split \
-     detEntry detExit e3Detector via delay viewport include transition cell jupedsim deadlock ride";
+     detEntry detExit e3Detector via delay viewport include transition cell jupedsim deadlock";
+
+static KNOWN_NAMES: LazyLock<HashSet<&str>> = LazyLock::new(|| KNOWN.split_whitespace().collect());
 
 fn is_one_of(names: &str, element: &Element) -> bool {
     names.split_whitespace().any(|name| name == element.name)
@@ -125,7 +128,7 @@ fn clean_below(file: &Path, element: &mut Element, left: &mut Left) -> bool {
     });
     let is_changed = (element.children.len(), element.attributes.len()) != before;
     element.children.iter_mut().fold(is_changed, |changed, child| {
-        if !is_one_of(KNOWN, child) && !child.name.starts_with("carFollowing-") {
+        if !KNOWN_NAMES.contains(&*child.name) && !child.name.starts_with("carFollowing-") {
             left.count(file, format!("<{}>", excerpt(&child.name)), UNKNOWN);
         }
         clean_below(file, child, left) || changed

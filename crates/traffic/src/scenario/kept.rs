@@ -6,6 +6,7 @@ use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result};
 
+use super::departing::FLOWS;
 use super::{File, SumoScenario};
 use crate::network::tree::Element;
 use crate::network::xml::{self, document, section};
@@ -73,10 +74,11 @@ impl SumoScenario {
 
     /// Returns a copy in which every flow without an end has that of the scenario, so that an episode may end earlier.
     fn with_ends_of_flows(&self, file: &File) -> Vec<u8> {
-        const RATES: [&str; 4] = ["period", "vehsPerHour", "perHour", "probability"];
+        const RATES: [&str; 6] =
+            ["period", "vehsPerHour", "perHour", "personsPerHour", "containersPerHour", "probability"];
         let is_spread = |child: &Element| {
             let has = |key: &str| child.attribute(key).is_some();
-            child.name == "flow" && has("number") && !has("end") && !RATES.into_iter().any(has)
+            FLOWS.contains(&&*child.name) && has("number") && !has("end") && !RATES.into_iter().any(has)
         };
         if !file.content.root.children.iter().any(is_spread) {
             return file.content.bytes.clone();

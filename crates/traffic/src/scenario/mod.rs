@@ -47,6 +47,8 @@ pub struct SumoScenario {
     agents: Option<(PathBuf, Arc<str>)>,
     window_s: (u64, u64),
     steps_per_s: u32,
+    /// Whether greens last at least as long as programs say.
+    keeps_min_dur: bool,
     options: Vec<(String, String)>,
     notes: Notes,
     departures: Departures,
@@ -78,6 +80,7 @@ impl SumoScenario {
             agents,
             window_s: config.window_s()?,
             steps_per_s: sumocfg.steps_per_s,
+            keeps_min_dur: config.program_min_green,
             options: sumocfg.options,
             notes,
             departures: Departures::default(),
@@ -97,7 +100,7 @@ impl SumoScenario {
         let (net, file) = (self.net(), self.net.path.display());
         ensure!(net.name == "net", "{file}: is no net of SUMO: its root is <{}>, not <net>", excerpt(&net.name));
         ensure!(
-            net.all("tlLogic").chain(self.additional().flat_map(|root| root.all("tlLogic"))).next().is_some(),
+            self.lights().next().is_some(),
             "{file}: has no traffic light (<tlLogic>); make some with: netconvert -s {file} --tls.set JUNCTION,... -o \
              NEW.net.xml"
         );
@@ -118,6 +121,10 @@ impl SumoScenario {
             );
         }
         Ok((departures, notes))
+    }
+
+    fn lights(&self) -> impl Iterator<Item = &Element> {
+        [self.net()].into_iter().chain(self.additional()).flat_map(|root| root.all("tlLogic"))
     }
 
     /// Returns an error with all reasons why there can be no local simulators, if there are some.
@@ -242,6 +249,12 @@ impl SumoScenario {
         };
         self.all().for_each(|file| add(&file.content.text()));
         add(&format!("{:?} {:?}", self.window_s, self.options));
+        // Where no program says how long a green lasts at least, the checksum is what it was before that counted.
+        if self.keeps_min_dur
+            && self.lights().flat_map(|light| light.all("phase")).any(|phase| phase.attribute("minDur").is_some())
+        {
+            add("greens last as long as programs say");
+        }
         if self.steps_per_s != 1 {
             add(&format!("{} steps per second", self.steps_per_s));
         }
@@ -268,7 +281,5 @@ fn parsed(path: &Path, text: &str) -> Result<Overrides> {
 /// Returns the keys of the config that change what an agent may do or is rewarded for, as text.
 fn rules(config: &ScenarioConfig) -> Result<String> {
     let ScenarioConfig { decision_s, min_green_s, yellow_s, approach_m, reward, .. } = config;
-    let rules = serde_json::to_string(&(decision_s, min_green_s, yellow_s, approach_m, reward))?;
-    // By default a checksum is what it was before this key.
-    Ok(if config.program_min_green { rules } else { format!("{rules} greens as short as min_green_s") })
+    Ok(serde_json::to_string(&(decision_s, min_green_s, yellow_s, approach_m, reward))?)
 }

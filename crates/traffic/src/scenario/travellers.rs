@@ -25,7 +25,8 @@ pub(crate) struct Travellers {
     /// Classes of the vehicles, in their order.
     pub(crate) classes: Vec<String>,
     pub(crate) has_persons: bool,
-    /// Seconds after which SUMO removes a vehicle that could not enter. `None`: it removes none of these.
+    /// Seconds after which SUMO removes a vehicle that could not enter. `None`: it removes none of these, or they cannot be told
+    /// from others.
     pub(crate) removed_after_s: Option<f64>,
 }
 
@@ -59,7 +60,11 @@ impl SumoScenario {
         found.classes = classes.into_iter().map(str::to_owned).collect();
         let delay_s =
             self.option("max-depart-delay").and_then(|text| seconds(text).ok()).filter(|delay_s| *delay_s >= 0.0);
-        found.removed_after_s = delay_s.or(self.departures.some_may_vanish.then_some(0.0));
+        // SUMO counts vehicles that it leaves out for another reason together with these.
+        let has_others =
+            self.option("scale").is_some() || self.option("ignore-route-errors").is_some() || found.has_persons;
+        let removed_after_s = delay_s.or(self.departures.some_may_vanish.then_some(0.0));
+        found.removed_after_s = removed_after_s.filter(|_| !has_others);
         found
     }
 }

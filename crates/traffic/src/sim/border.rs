@@ -29,6 +29,8 @@ pub(crate) struct Borders {
 /// A trip that ends nearer to the end of a lane goes to its end, as far as anybody can see.
 const NEAR_THE_END_M: f64 = 10.0;
 
+const STANDING_MPS: f64 = 1.0;
+
 /// Returns whether a signal lets cars on.
 fn is_open(letter: u8) -> bool {
     !matches!(letter, b'r' | b'R' | b'u')
@@ -137,15 +139,17 @@ impl Borders {
                 for (car, &(lane, position_m, speed_mps)) in ended.filter_map(|car| Some((car, before.get(car)?))) {
                     let end_m = position_m + speed_mps;
                     let BorderLane { road, length_m, .. } = &plan.lanes[lane];
-                    if let Some(road) = road.filter(|_| end_m < length_m - NEAR_THE_END_M) {
+                    // A car that SUMO moves out of a jam stands.
+                    if let Some(road) = road.filter(|_| end_m < length_m - NEAR_THE_END_M && speed_mps > STANDING_MPS) {
                         visits.ended(row, *car, &plan.roads[road].road, end_m);
                     }
                 }
             }
             for (exit, &lane) in plan.exits.iter().enumerate() {
                 let signals = &self.signals[row][exit];
-                let is_closed =
-                    |(light, letter): &(usize, usize)| !is_open(self.states[*light].as_str().as_bytes()[*letter]);
+                let is_closed = |(light, letter): &(usize, usize)| {
+                    self.states[*light].as_str().as_bytes().get(*letter).is_some_and(|&letter| !is_open(letter))
+                };
                 let is_held = !signals.is_empty() && signals.iter().all(is_closed);
                 if is_held || is_blocked(cars.lane(lane), plan.lanes[lane].length_m) {
                     counter.blocked[exit * plan.parts() + plan.part_of(second)] = true;

@@ -54,8 +54,8 @@ struct WaitingCar {
 pub(crate) struct Tried {
     places: Vec<(usize, usize)>,
     pub(crate) insertions: Vec<Insertion>,
-    /// Which of them are buses, or other vehicles that carry many persons.
-    pub(crate) buses: Vec<CarId>,
+    /// Which of them are buses, or other vehicles that carry many persons, with their rows.
+    pub(crate) buses: Vec<(usize, CarId)>,
 }
 
 impl RowEntries {
@@ -163,7 +163,7 @@ impl Entries {
                     speed: car.placement.speed,
                 };
                 tried.places.push((row, entry));
-                tried.buses.extend(car.is_bus.then_some(CarId(insertion.car)));
+                tried.buses.extend(car.is_bus.then_some((row, CarId(insertion.car))));
                 tried.insertions.push(insertion);
                 if let Some(border) = self.plan.borders.get(place.agent.0) {
                     entering.push(Entering {

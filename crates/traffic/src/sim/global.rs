@@ -1,5 +1,6 @@
 //! The GS: the whole network in SUMO, with cars that flow in at its boundary.
 
+use std::collections::BTreeSet;
 use std::sync::Arc;
 use std::time::Instant;
 
@@ -15,6 +16,7 @@ use super::picture::Camera;
 use super::recording::{Recorder, Tape};
 use super::tally::Tally;
 use super::visits::Visits;
+use crate::agents::others_plan::OthersPlan;
 use crate::agents::plan::JointPlan;
 use crate::cars_at::{CarsAt, RowLanes};
 use crate::controllers::intersections::Intersections;
@@ -186,7 +188,7 @@ impl GlobalTraffic {
         if let Some(metrics) = &mut self.metrics {
             metrics.step(&self.approaches, &self.cars_before, &self.simulation.gone()?);
             if let Some(crossings) = &mut self.crossings {
-                metrics.note_waiting(crossings.waiting(&mut self.simulation)?);
+                metrics.note_waiting(crossings.waiting(&mut self.simulation)?.map(u64::from).sum());
             }
         }
         self.watch.note(Phase::Reading, begun.elapsed());
@@ -372,7 +374,10 @@ impl GlobalSimulator for GlobalTraffic {
         let metrics = TrafficMetrics::new(at_stop_line, self.network.travellers())?;
         if metrics.has_persons() {
             let roads = self.network.recorded(&self.plan)?.roads;
-            self.crossings = Some(Crossings::register(&mut self.simulation, &roads)?);
+            let lights: BTreeSet<&str> = roads.programs.iter().map(|program| &*program.light).collect();
+            let others: Vec<OthersPlan> = lights.into_iter().map(|light| OthersPlan::of(&roads, light)).collect();
+            let crossings = others.iter().flat_map(|others| &others.crossings);
+            self.crossings = Some(Crossings::register(&mut self.simulation, crossings)?);
         }
         self.metrics = Some(metrics);
         Ok(())

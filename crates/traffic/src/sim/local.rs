@@ -180,7 +180,7 @@ impl LocalTraffic {
         let begin = dice.random_range(0..=self.spec.horizon - self.spec.local_horizon);
         self.rows[row] = RowNow::new(dice, begin * self.plan.decision_steps, self.border(row));
         self.entries.begin(row, &self.forest.rows[row]);
-        self.others.iter_mut().for_each(|others| others.now[row].clear());
+        self.others.iter_mut().for_each(|others| others.begin_row(row));
         self.came_true.row_mut(row).fill(0);
         Ok(())
     }
@@ -222,7 +222,7 @@ impl LocalTraffic {
         self.forest.simulation.begin_second()?;
         let tried = self.entries.let_in(&mut self.forest)?;
         if let Some(others) = &mut self.others {
-            tried.buses.iter().for_each(|&car| others.bus_enters(car));
+            tried.buses.iter().for_each(|&(row, car)| others.bus_enters(row, car));
         }
         self.watch.note(Phase::Insertion, begun.elapsed());
         self.watch.time(Phase::SimulatorStep, || self.forest.simulation.step())?;

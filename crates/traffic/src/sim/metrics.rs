@@ -3,7 +3,7 @@
 
 use std::collections::BTreeMap;
 use std::fs::File;
-use std::io::{Read, Seek};
+use std::io::{Read, Seek, SeekFrom};
 use std::os::fd::AsRawFd;
 
 use anyhow::{Context, Result};
@@ -49,7 +49,7 @@ struct Trips {
     delay_s: f64,
     /// Time below 0.1 m/s after entering. The mean is over all cars that entered.
     waiting_time_s: f64,
-    /// Delays of the cars of each class, as above.
+    /// Delays of the cars of each class, but for those that SUMO removed before they entered.
     delay_of_class_s: BTreeMap<String, f64>,
     /// Number of cars that SUMO has taken out: because they could not enter, or out of a jam.
     removed: u64,
@@ -122,7 +122,7 @@ impl TrafficMetrics {
         let travellers = self.travellers.as_ref();
         let class_of = travellers.map_or(&no_classes, |travellers| &travellers.class_of);
         let not_entered = match (&mut self.count_file, travellers.and_then(|travellers| travellers.removed_after_s)) {
-            (Some(file), Some(waited_s)) => Removed { cars: never_entered(&text_of(file)?)?, waited_s },
+            (Some(file), Some(waited_s)) => Removed { cars: never_entered(&end_of(file)?)?, waited_s },
             _ => Removed::default(),
         };
         self.trips = Some(means(&text_of(&mut self.trip_file)?, class_of, not_entered)?);
@@ -203,11 +203,23 @@ fn text_of(file: &mut File) -> Result<String> {
     Ok(text)
 }
 
-/// Returns how many vehicles SUMO has removed before they entered, from its counts of all steps.
+/// Returns the end of a file. SUMO writes a line for each step, and only the last one matters.
+fn end_of(file: &mut File) -> Result<String> {
+    const LAST_BYTES: u64 = 4096;
+    let length = file.metadata().context("what SUMO counted could not be read")?.len();
+    let mut bytes = Vec::new();
+    let read = file.seek(SeekFrom::Start(length.saturating_sub(LAST_BYTES))).and_then(|_| file.read_to_end(&mut bytes));
+    read.context("what SUMO counted could not be read")?;
+    Ok(String::from_utf8_lossy(&bytes).into_owned())
+}
+
+/// Returns how many vehicles SUMO has removed before they entered. `counts`: the end of its counts of all steps.
 fn never_entered(counts: &str) -> Result<u64> {
-    let document = Document::parse(counts).context("SUMO's counts are not XML")?;
-    let steps = document.root_element().children().filter(|node| node.has_tag_name("step"));
-    let Some(last) = steps.last() else { return Ok(0) };
+    let Some(begin) = counts.rfind("<step ") else { return Ok(0) };
+    let line = &counts[begin..];
+    let end = line.find("/>").map_or(line.len(), |end| end + "/>".len());
+    let document = Document::parse(&line[..end]).context("SUMO's counts are not XML")?;
+    let last = document.root_element();
     Ok((number(last, "ended")? - number(last, "arrived")?) as u64)
 }
 

@@ -1,13 +1,14 @@
 //! Buses, trams and persons at the lights of a simulator, for agents that see them or are rewarded for them.
 
-use std::collections::HashSet;
+use std::collections::HashMap;
 
-use crate::agents::others_plan::{Crossing, PUBLIC};
+use super::crossings::Crossings;
+use crate::agents::others_plan::PUBLIC;
 use crate::agents::plan::{AgentPlan, JointPlan};
 use crate::cars_at::{CarsAt, RowLanes};
 use crate::reward::needs_others;
 use dials_core::domain::Result;
-use libsumo::{CarId, EdgeId, Simulation};
+use libsumo::{CarId, Simulation};
 
 /// Who else is at a light now.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -22,8 +23,7 @@ pub(crate) struct OthersNow {
 }
 
 impl OthersNow {
-    /// Nobody is there.
-    pub(crate) fn clear(&mut self) {
+    fn clear(&mut self) {
         self.buses.fill(0);
         self.trams.fill(0);
         self.lost = 0.0;
@@ -33,7 +33,8 @@ impl OthersNow {
 
 /// Reads them. In a local simulator there are buses only.
 pub(crate) struct Others {
-    buses: HashSet<CarId>,
+    /// Buses, with the row in which they entered.
+    buses: HashMap<CarId, usize>,
     on_foot: Option<OnFoot>,
     pub(crate) now: Vec<OthersNow>,
 }
@@ -41,9 +42,8 @@ pub(crate) struct Others {
 /// What only the whole net has.
 struct OnFoot {
     tracks: RowLanes,
-    /// Pavements with the crossings to which they lead, of all rows in their order.
-    ways: Vec<[EdgeId; 2]>,
-    waiting: Vec<u32>,
+    /// Those of all rows, in their order.
+    crossings: Crossings,
 }
 
 impl Others {
@@ -56,20 +56,15 @@ impl Others {
             lost: 0.0,
             waiting: vec![0; plan.others.crossings.len()],
         };
-        is_needed.then(|| Others { buses: HashSet::new(), on_foot: None, now: rows.map(nobody).collect() })
+        is_needed.then(|| Others { buses: HashMap::new(), on_foot: None, now: rows.map(nobody).collect() })
     }
 
     /// Adds what the whole net has.
     pub(crate) fn on_foot(mut self, simulation: &mut Simulation, plans: &[AgentPlan]) -> Result<Others> {
         let tracks = plans.iter().map(|plan| plan.others.tracks.iter().map(|track| &track.lane).collect());
         let tracks = RowLanes::register(simulation, tracks)?;
-        let crossings = plans.iter().flat_map(|plan| &plan.others.crossings);
-        let ways = crossings.flat_map(|Crossing { edge, areas }| areas.iter().map(move |area| [area, edge]));
-        let ways: Vec<[&String; 2]> = ways.collect();
-        let [areas, edges] = [0, 1].map(|side| ways.iter().map(|way| way[side]).collect::<Vec<_>>());
-        let ways = simulation.register_edges(&areas)?.into_iter().zip(simulation.register_edges(&edges)?);
-        let ways = ways.map(|(area, crossing)| [area, crossing]).collect();
-        self.on_foot = Some(OnFoot { tracks, ways, waiting: Vec::new() });
+        let crossings = Crossings::register(simulation, plans.iter().flat_map(|plan| &plan.others.crossings))?;
+        self.on_foot = Some(OnFoot { tracks, crossings });
         Ok(self)
     }
 
@@ -77,16 +72,22 @@ impl Others {
         self.buses.clear();
     }
 
+    /// Begins an episode of one row. Nobody is there.
+    pub(crate) fn begin_row(&mut self, row: usize) {
+        self.buses.retain(|_, of| *of != row);
+        self.now[row].clear();
+    }
+
     /// Notes a bus that enters.
-    pub(crate) fn bus_enters(&mut self, car: CarId) {
-        self.buses.insert(car);
+    pub(crate) fn bus_enters(&mut self, row: usize, car: CarId) {
+        self.buses.insert(car, row);
     }
 
     /// Notes the vehicles that entered in the last second.
     pub(crate) fn second(&mut self, simulation: &mut Simulation) -> Result<()> {
         for departure in simulation.departures()? {
             if PUBLIC.contains(&&*departure.vehicle_class) {
-                self.bus_enters(departure.id);
+                self.bus_enters(0, departure.id);
             }
         }
         Ok(())
@@ -99,34 +100,33 @@ impl Others {
         plans: impl Iterator<Item = &'a AgentPlan>,
         approaches: impl Fn(usize) -> CarsAt<'a>,
     ) -> Result<()> {
-        if let Some(OnFoot { tracks, ways, waiting }) = &mut self.on_foot {
-            tracks.read(simulation)?;
-            simulation.count_waiting(ways, waiting)?;
-        }
-        let mut next_way = 0;
+        let (tracks, mut waiting) = match &mut self.on_foot {
+            Some(OnFoot { tracks, crossings }) => {
+                tracks.read(simulation)?;
+                (Some(&*tracks), Some(crossings.waiting(simulation)?))
+            }
+            None => (None, None),
+        };
         for (row, plan) in plans.enumerate() {
             let now = &mut self.now[row];
             now.lost = 0.0;
             for ((approach, lane), count) in
                 plan.region.approaches.iter().zip(approaches(row).iter()).zip(&mut now.buses)
             {
-                let buses = lane.iter().filter(|car| self.buses.contains(&car.id));
+                let buses = lane.iter().filter(|car| self.buses.contains_key(&car.id));
                 *count = 0;
                 for bus in buses {
                     *count += 1;
                     now.lost += (1.0 - bus.speed_mps / approach.speed_limit_mps).max(0.0);
                 }
             }
-            let Some(OnFoot { tracks, waiting, .. }) = &self.on_foot else { continue };
+            let (Some(tracks), Some(waiting)) = (tracks, &mut waiting) else { continue };
             for ((track, lane), count) in plan.others.tracks.iter().zip(tracks.at(row).iter()).zip(&mut now.trams) {
                 *count = lane.len() as u32;
                 now.lost +=
                     lane.speeds_mps.iter().map(|speed| (1.0 - speed / track.speed_limit_mps).max(0.0)).sum::<f64>();
             }
-            for (crossing, count) in plan.others.crossings.iter().zip(&mut now.waiting) {
-                *count = waiting[next_way..next_way + crossing.areas.len()].iter().sum();
-                next_way += crossing.areas.len();
-            }
+            now.waiting.iter_mut().zip(waiting).for_each(|(count, persons)| *count = persons);
         }
         Ok(())
     }

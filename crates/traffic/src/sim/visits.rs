@@ -6,13 +6,14 @@ use std::collections::HashMap;
 use serde::{Deserialize, Serialize};
 
 use crate::agents::border_plan::BorderPlan;
+use crate::cut::beyond::Reach;
 use libsumo::{Car, CarId, Departure, RouteNow};
 
 /// Step in which ends of trips are told apart, in metres.
 const END_STEP_M: f64 = 5.0;
 
 /// Number of roads behind a region that a visit knows.
-const MOST_BEHIND: usize = 5;
+const MOST_BEHIND: usize = Reach::USUAL_HOPS;
 
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Visits {
@@ -152,7 +153,7 @@ impl VisitRecorder {
         let Some(&latest) = self.latest[agent].get(&car) else { return };
         let visit = &mut self.visits.of_agents[agent][latest];
         if visit.next_roads.is_empty() && visit.way.last().is_some_and(|last| last == road) {
-            visit.end_m = Some(((position_m / END_STEP_M).round() * END_STEP_M) as u32);
+            visit.end_m = Some(((position_m / END_STEP_M).ceil() * END_STEP_M) as u32);
         }
     }
 }

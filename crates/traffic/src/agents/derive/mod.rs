@@ -58,6 +58,9 @@ impl Default for Rules {
     }
 }
 
+/// Longest shortest green that a program may ask for, in seconds. More would be a light that never changes.
+const LONGEST_MIN_GREEN_S: f64 = 300.0;
+
 /// Types of programs that agents replace.
 const LEARN: [&str; 4] = ["static", "actuated", "delay_based", "NEMA"];
 
@@ -193,7 +196,8 @@ fn agent(
     let mut phases =
         PhasePlan::new(greens.to_vec(), Choice::Target, rules.min_green_s, clearing).for_cars(cars.clone());
     if rules.program_min_green {
-        let least = |green: &SignalState| of_program.least_s(green).unwrap_or(0.0).ceil() as u32;
+        let least =
+            |green: &SignalState| of_program.least_s(green).unwrap_or(0.0).ceil().min(LONGEST_MIN_GREEN_S) as u32;
         phases = phases.with_min_greens(greens.iter().map(least));
     }
     phases.program = program_changes(&of_program, greens);

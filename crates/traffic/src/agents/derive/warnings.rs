@@ -1,6 +1,6 @@
 //! What somebody should know of the programs of a net before he compares controllers.
 
-use std::collections::BTreeSet;
+use std::collections::{BTreeSet, HashMap};
 
 use super::greens::{Greens, goes};
 use super::keeping::names;
@@ -15,7 +15,10 @@ const MOST_LINKS: usize = 5;
 /// Returns a sentence for each thing that is odd about the programs that count.
 pub fn warnings(roads: &Roads) -> Vec<String> {
     let counting: Vec<&Program> = programs(roads).into_iter().filter(|program| !program.phases.is_empty()).collect();
-    let several = counting.iter().filter_map(|program| of_several(roads, &program.light));
+    let mut counts: HashMap<&str, usize> = HashMap::new();
+    roads.programs.iter().for_each(|program| *counts.entry(&program.light).or_default() += 1);
+    let several = counting.iter().filter(|program| counts[&*program.light] > 1);
+    let several = several.filter_map(|program| of_several(roads, &program.light));
     let jumping: Vec<&str> =
         counting.iter().filter(|program| jumps(roads, program)).map(|program| &*program.light).collect();
     let jumping = (!jumping.is_empty()).then(|| {
