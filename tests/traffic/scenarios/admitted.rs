@@ -139,6 +139,24 @@ const ADMITTED: &[(Change, About, &str)] = &[
         LeftOut,
         "1 x output of <calibrator>: it is only for pictures, or for outputs",
     ),
+    (
+        (
+            MORE,
+            "</additional>",
+            "<poly id=\"p\" shape=\"0,0 1,1 2,0\"><timedEvent type=\"SaveTLSStates\" source=\"r0c0\" dest=\"VICTIM\"/></poly></additional>",
+        ),
+        LeftOut,
+        "1 x <timedEvent>: this program measures and writes by itself",
+    ),
+    (
+        (
+            MORE,
+            "</additional>",
+            "<tlLogic id=\"r0c0\" type=\"actuated\" programID=\"1\"><condition id=\"C\" value=\"z:loop &gt; 3\"/><phase duration=\"9\" minDur=\"9\" maxDur=\"9\" state=\"GGGG\" finalTarget=\"C\"/><phase duration=\"9\" minDur=\"9\" maxDur=\"9\" state=\"GrGr\"/></tlLogic></additional>",
+        ),
+        Nothing,
+        "",
+    ),
     ((CARS, "<vehicle id=\"v\"", "<vehicle id=\"v\" departEdge=\"1\""), Nothing, ""),
     (
         (

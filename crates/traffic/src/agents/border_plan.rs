@@ -20,7 +20,7 @@
 //!
 //! **Why not one for the whole decision?** Cars would leave a jam too early or too late by seconds, again and again. Of 79
 //! lights on two busy maps of others and the shipped ones, the local simulators of 73 could be trusted (`check --sigma 0`). With
-//! a bit for each second these were 72, with one for the decision 66.
+//! a bit for each second these were 72. With one for the decision, and one road behind exits, 66.
 
 use std::ops::Range;
 

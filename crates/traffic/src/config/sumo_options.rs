@@ -63,7 +63,9 @@ const OPTIONS: &[(Fate, &str)] = &[
     (Silent, "*-output.* netstate-dump.* output-prefix output-suffix output.* write-metadata write-license"),
     (Silent, "precision precision.geo human-readable-time language log.*"),
     (Silent, "verbose print-options xml-validation xml-validation.* no-warnings aggregate-warnings"),
-    (Silent, "duration-log.* no-step-log step-log.period"),
+    (Silent, "duration-log.* no-duration-log no-step-log step-log.period netstate.* dump-empty-edges dump-precision"),
+    (Silent, "vehroutes.* data-files measure version help S Q G D T d t H X x V configuration-file c configuration"),
+    (LeftOut(MEASURED), "save-configuration* save-config* C save-template* save-schema save-commented"),
     // TraCI, random numbers, the window.
     (LeftOut("this program runs SUMO by itself"), "remote-port num-clients"),
     (LeftOut("this program seeds every episode by itself"), "random seed thread-rngs"),
@@ -74,14 +76,22 @@ const OPTIONS: &[(Fate, &str)] = &[
 const MEASURED: &str = "this program writes its own measurements";
 
 /// Whole names of options, and their short and older ones.
-const OTHER_NAMES: [(&str, &str); 12] = [
+const OTHER_NAMES: &[(&str, &str)] = &[
     ("net-file", "n net"),
     ("route-files", "r routes"),
     ("additional-files", "a additional"),
     ("begin", "b"),
     ("end", "e"),
     ("verbose", "v"),
-    ("no-warnings", "W"),
+    ("no-warnings", "W suppress-warnings"),
+    ("netstate-dump", "netstate ndump"),
+    ("vehroute-output", "vehroutes"),
+    ("personroute-output", "personroutes"),
+    ("weight-files", "w weights"),
+    ("random", "abs-rand"),
+    ("default.carfollowmodel", "carfollow.model"),
+    ("device.rerouting.with-taz", "with-taz"),
+    ("device.rerouting.threads", "routing-threads"),
     ("log", "l log-file"),
     ("route-steps", "s"),
     ("seed", "srand"),

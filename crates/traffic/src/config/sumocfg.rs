@@ -126,8 +126,7 @@ impl Sumocfg {
             "route-files" => self.routes = files(value, folder)?,
             "additional-files" => self.additional = files(value, folder)?,
             "begin" => self.begin_s = whole_second(value)?.context("must not be negative")?,
-            // SUMO takes a negative end for none.
-            "end" => self.end_s = whole_second(value)?,
+            "end" => self.end_s = last_second(value)?,
             "step-length" => self.steps_per_s = steps_per_s(value)?,
             _ => match fate_of(name, value) {
                 None => bail!("is no option of SUMO that this program knows; remove it"),
@@ -174,8 +173,9 @@ fn collect<'a>(element: &'a Element, given: &mut Vec<(&'a str, &'a str)>) -> Res
             given.push((name, value.trim()));
         } else if child.children.is_empty() {
             let read_here = ["net-file", "route-files", "additional-files", "begin", "end", "step-length"];
+            let counts = !matches!(fate_of(name, "true"), None | Some(Fate::Silent | Fate::LeftOut(_)));
             ensure!(
-                fate_of(name, "").is_none() && !read_here.contains(&name),
+                !counts && !read_here.contains(&name),
                 "<{}>: has no attribute `value`; write <{0} value=\"...\"/>",
                 excerpt(name)
             );
@@ -201,6 +201,12 @@ fn steps_per_s(length: &str) -> Result<u32> {
         excerpt(length)
     );
     Ok((1000.0 / millis) as u32)
+}
+
+/// Returns the last whole second before an end. SUMO takes a negative end for none, and tools write one after many years for none.
+fn last_second(value: &str) -> Result<Option<u64>> {
+    let time = seconds(value)?;
+    Ok((0.0..=MOST_SECONDS as f64).contains(&time).then_some(time as u64))
 }
 
 /// Returns a time as a whole second, or `None` if it is negative.
@@ -305,13 +311,16 @@ mod tests {
         let found = read("<net-file value='a'/><end value='-1'/>").unwrap();
         assert_eq!(found.options, [("time-to-teleport".to_owned(), "300".to_owned())]);
         assert_eq!((found.begin_s, found.end_s), (0, None));
+        let end =
+            |value: &str| read(&format!("<net-file value='a'/><end value='{value}'/><no-step-log/>")).unwrap().end_s;
+        assert_eq!(["300.5", "1e11", "00:10:00"].map(end), [Some(300), None, Some(600)]);
     }
 
     #[test]
     fn what_this_program_cannot_carry_over_is_refused_by_its_name() {
         for (options, message) in [
             ("<begin value='-5'/>", "<begin>: must not be negative"),
-            ("<end value='5.5'/>", "<end>: is 5.5, and lights change at whole seconds; set it to one"),
+            ("<begin value='5.5'/>", "<begin>: is 5.5, and lights change at whole seconds; set it to one"),
             (
                 "<step-length value='2'/>",
                 "<step-length>: is 2, and lights change at whole seconds; set it to a step of",
@@ -321,7 +330,7 @@ mod tests {
                 "<step-length>: is 0.3, and lights change at whole seconds; set it to a step of",
             ),
             ("<step-length value='nan'/>", "<step-length>: `nan` is no time"),
-            ("<end value='1e11'/>", "<end>: is 100000000000: must be at most 10000000000"),
+            ("<begin value='1e11'/>", "<begin>: is 100000000000: must be at most 10000000000"),
             ("<scale>5</scale>", "<scale>: has no attribute `value`; write <scale value=\"...\"/>"),
             ("<r value='b,,c'/>", "<route-files>: names a file without a name; remove a comma"),
             ("<r value='${HOME}/b'/>", "<route-files>: names `${HOME}/b`, in which SUMO would put a variable"),

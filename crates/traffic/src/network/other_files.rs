@@ -14,8 +14,8 @@ use anyhow::{Result, bail};
 use super::tree::Element;
 use dials_core::outside::{Printable, excerpt};
 
-const ATTRIBUTES: [(&str, &str); 4] =
-    [("file", "writes"), ("output", "writes"), ("href", "reads"), ("imgFile", "reads")];
+const ATTRIBUTES: [(&str, &str); 5] =
+    [("file", "writes"), ("output", "writes"), ("dest", "writes"), ("href", "reads"), ("imgFile", "reads")];
 
 /// Beginnings of the keys of `<param>` that give a vehicle a device which writes. The surrogate safety device writes
 /// into the working directory even without a file name.

@@ -188,7 +188,9 @@ impl<'a> Demand<'a> {
         for element in [kind].into_iter().chain(models) {
             for (key, value) in element.attributes.iter().filter(|(key, _)| key != "id") {
                 // SUMO takes `nan` for a number, and such a car never moves, or ends SUMO.
-                let is_bad = value.parse().is_ok_and(|number: f64| !number.is_finite());
+                let may_be_infinite = key == "maxSpeed";
+                let is_bad =
+                    value.parse().is_ok_and(|number: f64| number.is_nan() || number.is_infinite() && !may_be_infinite);
                 ensure!(!is_bad, wrong(element, key, "must be a finite number; correct it"));
             }
         }

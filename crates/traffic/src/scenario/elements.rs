@@ -16,6 +16,9 @@ const MEASURES: &str = "edgeData laneData inductionLoop e1Detector instantInduct
 /// Attributes that name a picture, or a file that is written.
 const DECORATES: [&str; 3] = ["imgFile", "osgFile", "output"];
 
+/// Root of a file with settings of sumo-gui.
+const VIEW: &str = "viewsettings";
+
 /// Elements that SUMO reads in additional files, and skips in route files without a word.
 const SKIPPED_IN_ROUTES: &str = "taz tlLogic WAUT wautJunction rerouter calibrator variableSpeedSign busStop trainStop \
                                  containerStop chargingStation parkingArea";
@@ -36,20 +39,26 @@ fn is_one_of(names: &str, element: &Element) -> bool {
     names.split_whitespace().any(|name| name == element.name)
 }
 
-/// Returns the names that lights and calibrators ask for, among which may be detectors.
+/// Adds the names that lights and calibrators ask for, among which may be detectors.
 pub(super) fn asked_for(root: &Element, found: &mut BTreeSet<String>) {
     for element in &root.children {
         if element.name == "tlLogic" {
-            found.extend(element.all("param").filter_map(|param| param.attribute("value")).map(str::to_owned));
-            let conditions =
-                element.children.iter().filter(|child| ["condition", "assignment"].contains(&&*child.name));
-            let words = conditions
-                .flat_map(|child| &child.attributes)
-                .flat_map(|(_, text)| text.split(|letter: char| !is_of_name(letter)));
-            found.extend(words.map(str::to_owned));
+            words_below(element, found);
         }
         found.extend(element.attribute("routeProbe").or_else(|| element.attribute("probe")).map(str::to_owned));
     }
+}
+
+/// Adds all words of an element's attributes: detectors stand in parameters, phases and expressions, such as `z:LOOP > 3`.
+fn words_below(element: &Element, found: &mut BTreeSet<String>) {
+    for (_, text) in &element.attributes {
+        found.insert(text.clone());
+        for word in text.split(|letter: char| !is_of_name(letter)) {
+            found.insert(word.to_owned());
+            found.extend(word.split_once(':').map(|(_, name)| name.to_owned()));
+        }
+    }
+    element.children.iter().for_each(|child| words_below(child, found));
 }
 
 fn is_of_name(letter: char) -> bool {
@@ -83,6 +92,10 @@ impl Left {
 pub(super) fn clean(option: &str, file: &Path, root: &mut Element, asked: &BTreeSet<String>, left: &mut Left) -> bool {
     let before = root.children.len();
     let mut is_changed = false;
+    if root.name == VIEW {
+        root.children.clear();
+        left.count(file, format!("<{VIEW}>"), PICTURE);
+    }
     root.children.retain_mut(|child| {
         if !is_one_of(MEASURES, child) {
             return true;
@@ -109,6 +122,14 @@ pub(super) fn clean(option: &str, file: &Path, root: &mut Element, asked: &BTree
 /// Takes out parameters and attributes that say where something is written, or how it looks. Returns whether there were some.
 fn clean_below(file: &Path, element: &mut Element, left: &mut Left) -> bool {
     let before = (element.children.len(), element.attributes.len());
+    element.children.retain(|child| {
+        // SUMO reads them wherever they stand. Those that must stay were seen before: they write nowhere.
+        let writes = is_one_of(MEASURES, child) && child.attribute("file") != Some(NOWHERE);
+        if writes {
+            left.count(file, format!("<{}>", child.name), BY_ITSELF);
+        }
+        !writes
+    });
     element.children.retain(|child| {
         let key = child.attribute("key").filter(|key| child.name == "param" && names_a_file(key));
         if let Some(key) = key {

@@ -3,7 +3,7 @@
 
 use std::path::Path;
 
-use anyhow::{Result, ensure};
+use anyhow::{Context, Result, ensure};
 
 use crate::network::tree::{Element, parse_file, read_whole};
 use dials_core::outside::excerpt;
@@ -58,7 +58,10 @@ fn within(file: &Path, element: &mut Element, depth: usize, budget: &mut Budget)
             && let Some(place) = child.attributes.iter().position(|(key, _)| key == "file")
         {
             let (_, name) = child.attributes.remove(place);
-            child.children.extend(content(file, &name, depth, budget)?);
+            // SUMO takes an empty name for none, and reads the other file first.
+            if !name.is_empty() {
+                child.children.splice(0..0, content(file, &name, depth, budget)?);
+            }
             is_changed = true;
         }
         children.push(child);
@@ -76,7 +79,7 @@ fn content(outer: &Path, name: &str, depth: usize, budget: &mut Budget) -> Resul
         excerpt(name)
     );
     let path = outer.parent().unwrap_or(Path::new("")).join(name);
-    let bytes = read_whole(&path)?;
+    let bytes = read_whole(&path).with_context(|| format!("{}: it includes {}", outer.display(), excerpt(name)))?;
     budget.files += 1;
     budget.bytes += bytes.len();
     ensure!(
@@ -123,6 +126,10 @@ mod tests {
         let mut root = parse(&format!("<routes>{}</routes>", "<include href='many.xml'/>".repeat(40))).unwrap();
         assert!(put_in_place(&place, &mut root).unwrap_err().to_string().contains("includes more than 1000 files"));
         let mut root = parse("<routes><include href='no.xml'/></routes>").unwrap();
-        assert!(put_in_place(&place, &mut root).unwrap_err().to_string().contains("no.xml: could not be read"));
+        let error = format!("{:#}", put_in_place(&place, &mut root).unwrap_err());
+        assert!(
+            error.contains("x.xml: it includes no.xml: ") && error.contains("no.xml: could not be read"),
+            "{error}"
+        );
     }
 }
