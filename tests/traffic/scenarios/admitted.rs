@@ -3,10 +3,12 @@
 
 use std::fs;
 
-use dials_core::base::Seed;
+use dials_core::base::{AgentId, Seed};
 use dials_core::domain::{Domain, GlobalSimulator, LocalSimulator, Measures};
 use dials_traffic::Traffic;
 use dials_traffic::controllers::HandCoded;
+use dials_traffic::fidelity::Fidelity;
+use dials_traffic::fidelity::truth::Truth;
 use dials_traffic::sim::control::SignalControl;
 
 use super::room::{BUSES, CARS, MORE, NET, Room, SUMOCFG, names, table};
@@ -50,10 +52,11 @@ const ADMITTED: &[(Change, About, &str)] = &[
         "option device.glosa.probability: its cars drive like all others",
     ),
     ((NET, "</net>", "<busStop id=\"s\" lane=\"w0_r0c0_0\" startPos=\"20\" endPos=\"40\"/></net>"), Nothing, ""),
+    ((CARS, "route=\"west\"/>", "route=\"west\"><stop lane=\"r0c0_w0_0\" duration=\"9\"/></vehicle>"), Nothing, ""),
     (
-        (CARS, "route=\"west\"/>", "route=\"west\"><stop lane=\"r0c0_w0_0\" duration=\"9\"/></vehicle>"),
+        (CARS, "route=\"west\"/>", "route=\"west\"><stop lane=\"r0c0_w0_0\" until=\"200\"/></vehicle>"),
         WithoutLocally,
-        "stops of vehicles (1): vehicles do not stop on their way",
+        "stops without a duration (1): vehicles do not stop there",
     ),
     (
         (CARS, "</routes>", "<person id=\"p\" depart=\"395\"><walk edges=\"w0_r0c0\"/></person></routes>"),
@@ -404,4 +407,21 @@ fn greens_last_as_long_as_the_program_says_unless_somebody_says_otherwise() {
     };
     assert_eq!(least(&[]), [12, 5]);
     assert_eq!(least(&["traffic.program_min_green=false"]), [5, 5]);
+}
+
+#[test]
+fn vehicles_stop_in_a_local_simulator_as_in_the_whole_network() {
+    let room = Room::new();
+    let stop = "<stop lane=\"w1_r1c0_0\" endPos=\"60\" duration=\"25\"/></route>";
+    room.change(BUSES, "<route edges=\"w1_r1c0 r1c0_r1c1\"/>", &format!("<route edges=\"w1_r1c0 r1c0_r1c1\">{stop}"));
+    let traffic = Traffic::open_dawdling(&table(room.config(&[]).unwrap()), 0.0).unwrap();
+    let light = traffic.plans().iter().position(|plan| plan.light == "r1c0").unwrap();
+    let truth = Truth::play(&traffic, 300, Seed::new(2)).unwrap();
+    let found = Fidelity::new(&traffic, &truth, 100..300).unwrap().measure(AgentId(light)).unwrap();
+    let [gs, ls] = found.true_entries.sums;
+    // Every 30 s a bus stands for 25 s.
+    assert!(gs.mean_speed_mps() < 5.0, "{}", gs.mean_speed_mps());
+    assert!((gs.mean_speed_mps() - ls.mean_speed_mps()).abs() < 0.3, "{} {}", gs.mean_speed_mps(), ls.mean_speed_mps());
+    let cells = found.sampled_entries.cells;
+    assert!(cells.precision() > 0.8 && cells.recall() > 0.8, "{cells:?}");
 }

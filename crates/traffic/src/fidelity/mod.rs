@@ -15,10 +15,11 @@ use std::sync::Arc;
 
 use super::Traffic;
 use super::road_network::Files;
+use crate::agents::border_plan::BorderPlan;
 use crate::agents::region::EDGES;
 use crate::inflow::has_arrival;
 use crate::sim::arriving::ArrivingCar;
-use crate::sim::entries::Entries;
+use crate::sim::entries::{Entries, index_of};
 use crate::sim::local::Placement;
 use crate::sim::local_forest::{LocalForest, LocalParts, rows_of};
 use crate::sim::visit_tables::VisitTables;
@@ -163,7 +164,7 @@ impl<'a> Fidelity<'a> {
                         forest.simulation.second()?;
                         for visit in come {
                             let driver = recorded.driver(visit);
-                            lost += u64::from(!put(&mut forest, &mut entries, visit, driver)?);
+                            lost += u64::from(!put(&mut forest, &mut entries, border, visit, driver)?);
                         }
                     }
                 }
@@ -188,7 +189,15 @@ fn placements(now: &CarTable, before: &CarTable) -> [Option<Placement>; EDGES] {
 }
 
 /// Puts a car exactly where it was seen first. Returns whether SUMO can: one that SUMO moved may stand beside its way.
-fn put(forest: &mut LocalForest, entries: &mut Entries, visit: &Visit, driver: &Driver) -> Result<bool> {
+///
+/// SUMO 1.15 crashes when it puts a car somewhere that has a stop. Such a car enters in the next second instead, if there is room.
+fn put(
+    forest: &mut LocalForest,
+    entries: &mut Entries,
+    border: &BorderPlan,
+    visit: &Visit,
+    driver: &Driver,
+) -> Result<bool> {
     let car = entries.next_car();
     let place = &forest.rows[0];
     let route = place.local_routes.number(visit);
@@ -199,6 +208,15 @@ fn put(forest: &mut LocalForest, entries: &mut Entries, visit: &Visit, driver: &
         speed_factor: driver.speed_factor,
         end_m: place.local_routes.routes[route].end_m,
     };
+    if !visit.stops.is_empty() {
+        let lane = &border.lanes[visit.lane];
+        let is_at_begin = visit.way.first().is_some_and(|road| border.is_on_road(visit.lane, road));
+        let ahead_m = (visit.position_m + visit.speed_mps).min(lane.length_m - 0.1).max(0.0);
+        let insertion = Insertion { position_m: if is_at_begin { ahead_m } else { 0.0 }, ..entering.insertion };
+        let lane = is_at_begin.then(|| index_of(&lane.lane));
+        forest.simulation.enter(&[EnteringCar { insertion, lane, ..entering }])?;
+        return Ok(true);
+    }
     let placing =
         Placing { car, lane: place.border[visit.lane], position_m: visit.position_m, speed_mps: visit.speed_mps };
     forest.simulation.enter(&[entering])?;

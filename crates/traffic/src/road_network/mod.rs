@@ -18,6 +18,7 @@ use crate::paper_grid::grid::Grid;
 use crate::paper_grid::plans::{joint_plan, plans};
 use crate::paper_grid::recognise::{recognise_grid, recognise_local};
 use crate::scenario::kept::KEPT;
+use crate::scenario::stops::Stops;
 use crate::scenario::travellers::Travellers;
 use crate::sim::local_forest::LocalForest;
 use crate::sim::recorded_roads::RecordedRoads;
@@ -106,6 +107,14 @@ impl RoadNetwork {
         match &self.files {
             Files::Grid(_) => None,
             Files::Scenario(scenario) => Some(scenario.files.travellers()),
+        }
+    }
+
+    /// Returns where vehicles stop on their way. On a grid nobody does.
+    pub(crate) fn stops(&self) -> Result<Stops> {
+        match &self.files {
+            Files::Grid(_) => Ok(Stops::default()),
+            Files::Scenario(scenario) => Ok(scenario.files.stops(&scenario.files.roads()?)),
         }
     }
 

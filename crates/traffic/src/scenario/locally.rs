@@ -8,7 +8,7 @@ use crate::config::sumocfg::Notes;
 use crate::network::tree::Element;
 
 const PERSONS: &str = "nobody is on foot, so cars yield to nobody at crossings";
-const STOPS: &str = "vehicles do not stop on their way";
+const STOPS: &str = "vehicles do not stop there";
 const SPEEDS: &str = "speed limits stay as they are";
 const ROADS: &str = "no road is closed";
 
@@ -18,7 +18,7 @@ const MISSING: [(&str, &str, &str); 8] = [
     ("personFlow", "flows of persons", PERSONS),
     ("container", "containers", PERSONS),
     ("containerFlow", "flows of containers", PERSONS),
-    ("stop", "stops of vehicles", STOPS),
+    ("stop", "stops without a duration", STOPS),
     ("variableSpeedSign", "signs of a speed limit", SPEEDS),
     ("closingReroute", "closed roads", ROADS),
     ("closingLaneReroute", "closed lanes", ROADS),
@@ -39,9 +39,10 @@ pub(super) fn notes(scenario: &SumoScenario) -> Notes {
 
 fn count<'a>(element: &'a Element, counts: &mut BTreeMap<(String, &'a str), usize>) {
     for child in &element.children {
-        // Persons stop, too, and cars are not held up by that.
+        // Stops with a duration are carried over. Persons stop, too, and cars are not held up by that.
+        let is_carried = child.name == "stop" && child.attribute("duration").is_some();
         let is_of_person = element.name.starts_with("person") || element.name.starts_with("container");
-        let known = MISSING.into_iter().find(|(name, ..)| child.name == *name && !is_of_person);
+        let known = MISSING.into_iter().find(|(name, ..)| child.name == *name && !is_of_person && !is_carried);
         let device = || {
             let (key, value) = (child.attribute("key")?, child.attribute("value")?);
             Some((format!("parameters {key}"), without_locally(key, value)?))

@@ -15,6 +15,7 @@ mod locally;
 mod newer;
 mod programs;
 mod reading;
+pub(crate) mod stops;
 pub(crate) mod travellers;
 
 use std::collections::BTreeSet;

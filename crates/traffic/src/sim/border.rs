@@ -10,6 +10,7 @@ use crate::cars_at::RowLanes;
 use crate::inflow::{History, SourceCounter, is_blocked};
 use crate::network::roads::Signal;
 use crate::observe::LightView;
+use crate::scenario::stops::Stops;
 use dials_core::base::Ragged;
 use dials_core::domain::Result;
 use libsumo::{CarId, LightId, SignalState, Simulation};
@@ -74,8 +75,9 @@ impl Borders {
         })
     }
 
-    pub(crate) fn record_visits(&mut self) {
-        self.visits = Some(VisitRecorder::new(self.regions.len()));
+    /// `stops`: where vehicles stop on their way.
+    pub(crate) fn record_visits(&mut self, stops: Arc<Stops>) {
+        self.visits = Some(VisitRecorder::new(self.regions.len(), stops));
     }
 
     pub(super) fn visits(&self) -> Option<&Visits> {
@@ -92,8 +94,8 @@ impl Borders {
                 self.regions[row].present.extend(cars);
             }
         }
-        if self.visits.is_some() {
-            self.record_visits();
+        if let Some(visits) = &self.visits {
+            self.record_visits(visits.stops.clone());
         }
         Ok(())
     }

@@ -219,6 +219,6 @@ impl Entries {
     }
 }
 
-fn index_of(lane: &str) -> u32 {
+pub(crate) fn index_of(lane: &str) -> u32 {
     lane.rsplit_once('_').and_then(|(_, index)| index.parse().ok()).expect("SUMO's name of a lane ends with its index")
 }

@@ -138,7 +138,8 @@ impl GlobalTraffic {
     /// Records all visits to the regions of a scenario from the next reset on, and observes their influence.
     pub(crate) fn record_visits(&mut self) -> Result<()> {
         self.observe_influence()?;
-        self.borders.iter_mut().for_each(Borders::record_visits);
+        let stops = Arc::new(self.network.stops()?);
+        self.borders.iter_mut().for_each(|borders| borders.record_visits(stops.clone()));
         Ok(())
     }
 

@@ -1,6 +1,7 @@
 //! Loads many local nets side by side into SUMO: copies of the one of a grid, or those of the lights of a scenario.
 
 use std::collections::{BTreeSet, HashMap};
+use std::io;
 use std::path::Path;
 use std::sync::Arc;
 
@@ -20,7 +21,8 @@ use crate::cut::names::prefixed;
 use crate::network::contents::Network;
 use crate::network::loadable::explain;
 use crate::network::memory_file::MemoryFile;
-use crate::network::xml::{document, leaf};
+use crate::network::xml::{Xml, document, leaf, nest};
+use crate::scenario::stops::Stop;
 use dials_core::base::{AgentId, Dice, Seed};
 use dials_core::domain::Result;
 use libsumo::{DepartSpeed, Entering, Insertion, LaneId, LightId, RouteId, Simulation, TypeId};
@@ -264,8 +266,28 @@ fn routes(of_rows: &[Arc<LocalRoutes>]) -> String {
             let prefix = prefix(row);
             routes.routes.iter().enumerate().try_for_each(|(number, route)| {
                 let edges: Vec<String> = route.edges.iter().map(|edge| prefixed(&prefix, edge)).collect();
-                leaf(xml, "route", [("id", &*route_name(row, number)), ("edges", &edges.join(" "))])
+                write_route(xml, &route_name(row, number), &edges.join(" "), &route.stops, &prefix)
             })
+        })
+    })
+}
+
+/// Writes a route with its stops. `prefix`: before the names of lanes.
+pub(super) fn write_route(xml: &mut Xml, id: &str, edges: &str, stops: &[Stop], prefix: &str) -> io::Result<()> {
+    let route = [("id", id), ("edges", edges)];
+    if stops.is_empty() {
+        return leaf(xml, "route", route);
+    }
+    nest(xml, "route", route, |xml| {
+        stops.iter().try_for_each(|Stop { lane, end_cm, duration_s, parks }| {
+            let attributes = [
+                ("lane", prefixed(prefix, lane)),
+                ("endPos", (f64::from(*end_cm) / 100.0).to_string()),
+                ("duration", duration_s.to_string()),
+                ("parking", parks.to_string()),
+                ("friendlyPos", "true".to_owned()),
+            ];
+            leaf(xml, "stop", attributes)
         })
     })
 }

@@ -7,21 +7,26 @@ use super::visit_tables::VisitTables;
 use super::visits::Visit;
 use crate::agents::border_plan::BorderPlan;
 use crate::cut::local_net::{LocalNet, Way};
+use crate::scenario::stops::Stop;
 
 #[derive(Clone, Debug, Default)]
 pub(crate) struct LocalRoutes {
     pub(crate) routes: Vec<LocalRoute>,
-    /// Number of each route, by its roads in the region, those behind it, and where it ends in metres.
-    numbers: HashMap<(Vec<String>, Vec<String>, Option<u32>), usize>,
+    /// Number of each route.
+    numbers: HashMap<Key, usize>,
     /// Number of the route of a car of which nothing is known, by entry.
     pub(super) defaults: Vec<usize>,
 }
+
+/// Roads in the region and behind it, where the trip ends in metres, and stops.
+type Key = (Vec<String>, Vec<String>, Option<u32>, Vec<Stop>);
 
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct LocalRoute {
     pub(crate) edges: Vec<String>,
     /// Position on the last edge at which a car has arrived. `None`: its end.
     pub(crate) end_m: Option<f64>,
+    pub(crate) stops: Vec<Stop>,
 }
 
 impl LocalRoutes {
@@ -29,7 +34,7 @@ impl LocalRoutes {
         let mut routes = LocalRoutes::default();
         let recorded = tables.visits().of_agents[agent].iter().filter(|visit| !visit.way.is_empty());
         for visit in recorded {
-            routes.add(net, &visit.way, &visit.next_roads, visit.end_m);
+            routes.add(net, key(visit));
         }
         for entry in &border.entries {
             let ends_outside =
@@ -37,29 +42,30 @@ impl LocalRoutes {
             let last = entry.default_way.iter().position(ends_outside);
             let inside = last.map_or(entry.default_way.len(), |last| last + 1);
             let (way, behind) = entry.default_way.split_at(inside);
-            let number = routes.add(net, way, behind, None);
+            let number = routes.add(net, (way.to_vec(), behind.to_vec(), None, Vec::new()));
             routes.defaults.push(number);
         }
         routes
     }
 
     pub(crate) fn number(&self, visit: &Visit) -> usize {
-        self.numbers[&(visit.way.clone(), visit.next_roads.clone(), visit.end_m)]
+        self.numbers[&key(visit)]
     }
 
-    fn add(&mut self, net: &LocalNet, way: &[String], next_roads: &[String], end_m: Option<u32>) -> usize {
+    fn add(&mut self, net: &LocalNet, key: Key) -> usize {
         let number = self.routes.len();
-        let known = *self.numbers.entry((way.to_vec(), next_roads.to_vec(), end_m)).or_insert(number);
+        let known = *self.numbers.entry(key.clone()).or_insert(number);
         if known < number {
             return known;
         }
+        let (way, next_roads, end_m, stops) = &key;
         let exit = net.exits.iter().find(|exit| Some(&exit.edge) == way.last());
         // The way behind the exit that goes along with the car longest.
         let together = |way: &&Way| way.edges.iter().zip(next_roads).take_while(|(one, other)| one == other).count();
         let ways = exit.iter().flat_map(|exit| &exit.ways).filter(|way| together(way) > 0);
         let behind = ways.rev().max_by_key(together);
         let copies = behind.map_or(&[][..], |way| &way.copies);
-        let mut edges = [way, copies].concat();
+        let mut edges = [&way[..], copies].concat();
         if let [from, to] = &edges[..]
             && !net.leads(from, to)
         {
@@ -68,7 +74,15 @@ impl LocalRoutes {
             // lane before any car enters, in all rows. So the company of such a row would change the others.
             edges.push(to.clone());
         }
-        self.routes.push(LocalRoute { edges, end_m: end_m.map(f64::from).or(behind.map(|way| way.end_m)) });
+        self.routes.push(LocalRoute {
+            edges,
+            end_m: end_m.map(f64::from).or(behind.map(|way| way.end_m)),
+            stops: stops.clone(),
+        });
         number
     }
+}
+
+fn key(visit: &Visit) -> Key {
+    (visit.way.clone(), visit.next_roads.clone(), visit.end_m, visit.stops.clone())
 }

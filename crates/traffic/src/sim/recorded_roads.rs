@@ -13,6 +13,7 @@ use crate::network::roads::{Function, Roads};
 use crate::network::tree::Element;
 use crate::paper_grid::grid::Grid;
 use crate::scenario::SumoScenario;
+use crate::scenario::stops::Stop;
 
 #[derive(Clone, Debug)]
 pub struct RecordedRoads {
@@ -50,6 +51,8 @@ pub struct LocalFiles {
     pub(crate) options: Vec<(String, String)>,
     /// Positions at which cars have arrived, by route. Cars on other routes drive to the end.
     pub(crate) ends_m: HashMap<String, f64>,
+    /// Stops on the way, by route.
+    pub(crate) stops: HashMap<String, Vec<Stop>>,
     /// Types and speed factors of the cars that entered on the road apart, one in each second before the episode.
     pub(crate) first: Vec<(String, f64)>,
 }
@@ -86,6 +89,7 @@ impl RecordedRoads {
             types: parts.types.clone(),
             steps_per_s: parts.steps_per_s,
             options: local_options(parts),
+            stops: routes.clone().map(|(number, route)| (name(number), route.stops.clone())).collect(),
             ends_m: routes.filter_map(|(number, route)| Some((name(number), route.end_m?))).collect(),
             first: forest.first.clone(),
         };

@@ -2,11 +2,13 @@
 //! where it went.
 
 use std::collections::HashMap;
+use std::sync::Arc;
 
 use serde::{Deserialize, Serialize};
 
 use crate::agents::border_plan::BorderPlan;
 use crate::cut::beyond::Reach;
+use crate::scenario::stops::{Stop, Stops};
 use libsumo::{Car, CarId, Departure, RouteNow};
 
 /// Step in which ends of trips are told apart, in metres.
@@ -44,6 +46,8 @@ pub struct Visit {
     /// Position on its last road at which its trip ends, in metres, in steps of [`END_STEP_M`]. `None`: at the road's end, or
     /// elsewhere.
     pub end_m: Option<u32>,
+    /// Stops on its way through the region.
+    pub(crate) stops: Vec<Stop>,
     pub driver: usize,
 }
 
@@ -85,15 +89,17 @@ pub(crate) struct VisitRecorder {
     began: Vec<HashMap<CarId, usize>>,
     /// Index of the last visit of a car, by agent.
     latest: Vec<HashMap<CarId, usize>>,
+    pub(super) stops: Arc<Stops>,
 }
 
 impl VisitRecorder {
-    pub(crate) fn new(agents: usize) -> VisitRecorder {
+    pub(crate) fn new(agents: usize, stops: Arc<Stops>) -> VisitRecorder {
         VisitRecorder {
             visits: Visits { of_agents: vec![Vec::new(); agents], ..Visits::default() },
             drivers: HashMap::new(),
             began: vec![HashMap::new(); agents],
             latest: vec![HashMap::new(); agents],
+            stops,
         }
     }
 
@@ -142,8 +148,13 @@ impl VisitRecorder {
             way: if is_moved { Vec::new() } else { edges[begin..end].to_vec() },
             next_roads: edges[end..].iter().take(MOST_BEHIND).cloned().collect(),
             end_m: None,
+            stops: Vec::new(),
             driver,
         };
+        let on_way =
+            |stop: &&Stop| stop.lane.rsplit_once('_').is_some_and(|(road, _)| visit.way.iter().any(|on| on == road));
+        let stops = self.stops.of(&self.visits.drivers[driver].name).iter().filter(on_way).cloned().collect();
+        let visit = Visit { stops, ..visit };
         self.latest[agent].insert(car.id, self.visits.of_agents[agent].len());
         self.visits.of_agents[agent].push(visit);
     }
@@ -180,7 +191,7 @@ mod tests {
             speed_mps: 0.0,
             speed_factor: 1.0,
         };
-        let mut recorder = VisitRecorder::new(1);
+        let mut recorder = VisitRecorder::new(1, Arc::default());
         recorder.second(&[departure]);
         for (lane, edges, at) in seen {
             recorder.second(&[]);

@@ -4,6 +4,7 @@
 //! seed plus n. The recorded episode had these seeds, so cars dawdle as they did. The road apart is there, too: see
 //! [`crate::cut::mixed`].
 
+use std::collections::HashMap;
 use std::io;
 use std::path::Path;
 
@@ -11,6 +12,8 @@ use super::{NAME, SIGNALS, VIEW};
 use crate::cut::mixed::Alone;
 use crate::network::files::NetworkFiles;
 use crate::network::xml::{Xml, document, element, leaf, section};
+use crate::scenario::stops::Stop;
+use crate::sim::local_forest::write_route;
 use crate::sim::options::NO_TELEPORTS;
 use crate::sim::recorded_roads::{GridFiles, LocalFiles};
 use crate::sim::recording::{Entry, Recording};
@@ -27,7 +30,7 @@ pub(super) fn of_grid(recording: &Recording, grid: &GridFiles) -> Contents {
     // SUMO wants the cars in the order of their departures.
     let cars = document("routes", |xml| {
         grid.vehicle_types.iter().try_for_each(|kind| element(xml, kind))?;
-        write_routes(xml, recording)?;
+        write_routes(xml, recording, &HashMap::new())?;
         recording.entries.iter().try_for_each(|entry| write_car(xml, entry, entry.step as f64, None))
     });
     files(recording, grid.net.clone(), cars, &[SIGNALS], &[])
@@ -38,7 +41,7 @@ pub(super) fn of_local(recording: &Recording, local: &LocalFiles, place_m: [f64;
     let alone = Alone::of(&local.net, place_m);
     let cars = document("routes", |xml| {
         leaf(xml, "route", [("id", &*alone.apart), ("edges", &*alone.apart)])?;
-        write_routes(xml, recording)?;
+        write_routes(xml, recording, &local.stops)?;
         for (number, (vehicle_type, speed_factor)) in local.first.iter().enumerate() {
             let place_m = number % PLACES.0 * PLACES.1 + 10;
             let attributes = [
@@ -88,12 +91,14 @@ fn files(recording: &Recording, net: String, cars: String, additional: &[&str], 
     vec![(net_file, net.into_bytes()), (routes_file, cars.into_bytes()), (config_file, config.into_bytes())]
 }
 
-fn write_routes(xml: &mut Xml, recording: &Recording) -> io::Result<()> {
+fn write_routes(xml: &mut Xml, recording: &Recording, stops: &HashMap<String, Vec<Stop>>) -> io::Result<()> {
     let mut routes: Vec<(&str, &[String])> =
         recording.entries.iter().map(|entry| (entry.car.route.as_str(), entry.car.edges.as_slice())).collect();
     routes.sort_unstable();
     routes.dedup();
-    routes.iter().try_for_each(|(id, edges)| leaf(xml, "route", [("id", *id), ("edges", &edges.join(" "))]))
+    routes.iter().try_for_each(|(id, edges)| {
+        write_route(xml, id, &edges.join(" "), stops.get(*id).map_or(&[], Vec::as_slice), "")
+    })
 }
 
 /// Writes a car that enters at a second. `end_m`: position at which it has arrived; `None`: at the end of its route.
