@@ -27,6 +27,10 @@ Reward = Callable[[Intersection, Intersection], float]
 Steps = Tuple[Observations, Dict[str, float], Dict[str, bool], Dict[str, bool], Infos]
 
 
+def _made(kind: "type[GlobalEnv]", made_of: Dict[str, Any]) -> "GlobalEnv":
+    return kind(**made_of)
+
+
 class GlobalEnv(ParallelEnv):  # type: ignore[misc]
     """All agents on the global simulator. Make one with :func:`dials_traffic.parallel_env`.
 
@@ -53,6 +57,18 @@ class GlobalEnv(ParallelEnv):  # type: ignore[misc]
             raise ValueError(f"render_mode {render_mode!r}: this environment has {RENDER_MODES}")
         first_seed = fresh_seed(seed)
         self._observe, self._reward = observation, reward
+        self._made_of: Dict[str, Any] = {
+            "config": config,
+            "seed": first_seed,
+            "controller_for": controller_for,
+            "full_metrics": full_metrics,
+            "observation": observation,
+            "reward": reward,
+            "settings": settings,
+            "render_mode": render_mode,
+            "record": record,
+            "in_process": in_process,
+        }
         # What is on the roads now, by agent, if a function asks for it.
         self._roads: Dict[str, Intersection] = {}
         joint = {
@@ -78,6 +94,10 @@ class GlobalEnv(ParallelEnv):  # type: ignore[misc]
         #: the same episodes.
         self.seed, self.episode = first_seed, -1
         self._lay_out(about["agents"])
+
+    def __reduce__(self) -> Tuple[Any, ...]:
+        """Pickle and copy it as what it was made of: a copy is a new environment, before its first episode."""
+        return _made, (type(self), self._made_of)
 
     def _lay_out(self, agents: List[Dict[str, Any]]) -> None:
         """Work out the place of every agent in the shared memory."""

@@ -1,8 +1,10 @@
 """All agents on the global simulator."""
 
 import os
+import pickle
 import signal
 import warnings
+from copy import deepcopy
 
 import numpy as np
 import pytest
@@ -56,6 +58,17 @@ def test_two_environments_of_a_seed_show_the_same(warehouse, grid):
         parallel_seed_test(make)
         for env in made:
             env.close()
+
+
+def test_a_copy_is_made_of_the_same_and_plays_the_same(env):
+    shown, rewards, _ = played(env)
+    for copy in [pickle.loads(pickle.dumps(env)), deepcopy(env)]:
+        try:
+            again, of_copy, _ = played(copy)
+        finally:
+            copy.close()
+        assert rewards == of_copy
+        assert all(np.array_equal(shown[-1][agent], again[-1][agent]) for agent in env.possible_agents)
 
 
 def test_an_episode_follows_from_its_seed_and_number(env):
