@@ -91,7 +91,7 @@ impl PhasePlan {
         PhasePlan { cars, ..self }
     }
 
-    /// Makes each green last at least so many steps, if that is longer than what it has.
+    /// Raises the least duration of each green, in steps, to these numbers where they are larger.
     pub(crate) fn with_min_greens(mut self, steps: impl IntoIterator<Item = u32>) -> PhasePlan {
         self.min_green_steps.iter_mut().zip(steps).for_each(|(known, least)| *known = least.max(*known));
         self

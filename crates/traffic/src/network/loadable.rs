@@ -95,9 +95,9 @@ impl Loadable {
         &self.program
     }
 
-    /// Returns what SUMO warns of when it loads the files. Lets it read all demand until the option `end`, for at most about `patience`; without an end it does nothing.
-    /// SUMO reads demand piece by piece and finds ways when cars depart, so otherwise it would complain in the middle of
-    /// an episode. On empty roads an hour takes a fraction of a second.
+    /// Returns what SUMO warns of when it loads the files. Lets it read all demand until the option `end`, for at most about
+    /// `patience`. Without an end it does nothing. SUMO reads demand piece by piece, and finds ways when cars depart. So
+    /// otherwise it would complain in the middle of an episode. On empty roads an hour takes a fraction of a second.
     pub(crate) fn try_demand(&self, patience: Duration) -> Result<Vec<String>> {
         let end_s = self.options.iter().find(|(name, _)| name == "end").and_then(|(_, end)| end.parse::<f64>().ok());
         let Some(end_s) = end_s else { return Ok(Vec::new()) };
@@ -149,7 +149,7 @@ fn with_names<'a>(said: String, names: impl IntoIterator<Item = (&'a MemoryFile,
 fn warnings(said: &str) -> Vec<String> {
     let mut kinds: Vec<(String, &str, usize)> = Vec::new();
     for warning in said.lines().filter_map(|line| line.trim().strip_prefix("Warning: ")) {
-        // Names are in quotes, and numbers tell no kinds apart.
+        // Warnings of one kind differ in names, which are in quotes, and in numbers.
         let kind: String = warning.split('\'').step_by(2).collect();
         let kind = kind.replace(|letter: char| letter.is_ascii_digit(), "");
         match kinds.iter_mut().find(|(other, ..)| *other == kind) {
@@ -185,10 +185,7 @@ mod tests {
     fn warnings_of_one_kind_share_a_line() {
         let said = "Loading... done\nWarning: Missing yellow in 'c' for 7\nWarning: Missing yellow in 'd' for 12\nWarning: No.";
         assert_eq!(warnings(said), ["Missing yellow in 'c' for 7 (and 1 like it)", "No."]);
-        assert_eq!(
-            warnings(&format!("{}Warning: {}", "", ["a", "b", "c", "d", "e", "f"].join("\nWarning: "))).len(),
-            6
-        );
+        assert_eq!(warnings(&["", "a", "b", "c", "d", "e", "f"].join("\nWarning: ")).len(), 6);
         assert!(warnings("").is_empty());
     }
 

@@ -91,44 +91,37 @@ impl Left {
 /// SUMO's that names the file. `asked`: names of detectors that must stay; they write nowhere.
 pub(super) fn clean(option: &str, file: &Path, root: &mut Element, asked: &BTreeSet<String>, left: &mut Left) -> bool {
     let before = root.children.len();
-    let mut is_changed = false;
     if root.name == VIEW {
         root.children.clear();
         left.count(file, format!("<{VIEW}>"), PICTURE);
     }
-    root.children.retain_mut(|child| {
+    for child in &root.children {
+        if option == ROUTE_FILES && is_one_of(SKIPPED_IN_ROUTES, child) {
+            left.count(file, format!("<{}>", excerpt(&child.name)), SKIPPED);
+        }
+    }
+    let is_changed = root.children.len() < before;
+    clean_below(file, root, asked, left) || is_changed
+}
+
+/// Takes out detectors, and parameters and attributes that say where something is written, or how it looks. Returns whether
+/// there were some. SUMO reads detectors wherever they stand.
+fn clean_below(file: &Path, element: &mut Element, asked: &BTreeSet<String>, left: &mut Left) -> bool {
+    let before = (element.children.len(), element.attributes.len());
+    let mut has_asked = false;
+    element.children.retain_mut(|child| {
         if !is_one_of(MEASURES, child) {
             return true;
         }
         let is_asked = child.attribute("id").is_some_and(|id| asked.contains(id));
         if is_asked {
-            is_changed = true;
+            has_asked = true;
             child.attributes.retain(|(key, _)| key != "file" && key != "output");
             child.attributes.push(("file".to_owned(), NOWHERE.to_owned()));
         } else {
             left.count(file, format!("<{}>", child.name), BY_ITSELF);
         }
         is_asked
-    });
-    for child in &root.children {
-        if option == ROUTE_FILES && is_one_of(SKIPPED_IN_ROUTES, child) {
-            left.count(file, format!("<{}>", excerpt(&child.name)), SKIPPED);
-        }
-    }
-    is_changed |= root.children.len() < before;
-    clean_below(file, root, left) || is_changed
-}
-
-/// Takes out parameters and attributes that say where something is written, or how it looks. Returns whether there were some.
-fn clean_below(file: &Path, element: &mut Element, left: &mut Left) -> bool {
-    let before = (element.children.len(), element.attributes.len());
-    element.children.retain(|child| {
-        // SUMO reads them wherever they stand. Those that must stay were seen before: they write nowhere.
-        let writes = is_one_of(MEASURES, child) && child.attribute("file") != Some(NOWHERE);
-        if writes {
-            left.count(file, format!("<{}>", child.name), BY_ITSELF);
-        }
-        !writes
     });
     element.children.retain(|child| {
         let key = child.attribute("key").filter(|key| child.name == "param" && names_a_file(key));
@@ -147,11 +140,11 @@ fn clean_below(file: &Path, element: &mut Element, left: &mut Left) -> bool {
         left.count(file, format!("{key} of <{}>", excerpt(name)), why);
         false
     });
-    let is_changed = (element.children.len(), element.attributes.len()) != before;
+    let is_changed = has_asked || (element.children.len(), element.attributes.len()) != before;
     element.children.iter_mut().fold(is_changed, |changed, child| {
         if !KNOWN_NAMES.contains(&*child.name) && !child.name.starts_with("carFollowing-") {
             left.count(file, format!("<{}>", excerpt(&child.name)), UNKNOWN);
         }
-        clean_below(file, child, left) || changed
+        clean_below(file, child, asked, left) || changed
     })
 }

@@ -19,6 +19,9 @@ const PLACES: [(&str, &str); 5] = [
     ("parkingArea", "parkingArea"),
 ];
 
+/// Longest stop. A longer one is for ever, as far as an episode is concerned.
+const LONGEST_S: f64 = 86_400.0;
+
 /// A stop on a lane, for as long as it says. A timetable (`until`) means nothing in a local simulator.
 #[derive(Clone, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
 pub(crate) struct Stop {
@@ -87,6 +90,3 @@ impl SumoScenario {
         Stops(all)
     }
 }
-
-/// Longest stop. A longer one is for ever, as far as an episode is concerned.
-const LONGEST_S: f64 = 86_400.0;

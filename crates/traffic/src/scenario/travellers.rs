@@ -25,8 +25,8 @@ pub(crate) struct Travellers {
     /// Classes of the vehicles, in their order.
     pub(crate) classes: Vec<String>,
     pub(crate) has_persons: bool,
-    /// Seconds after which SUMO removes a vehicle that could not enter. `None`: it removes none of these, or they cannot be told
-    /// from others.
+    /// Seconds that a vehicle may wait to enter, before SUMO removes it. `None`: SUMO removes nobody for that, or counts them
+    /// together with others.
     pub(crate) removed_after_s: Option<f64>,
 }
 

@@ -15,6 +15,12 @@ use dials_core::base::Ragged;
 use dials_core::domain::Result;
 use libsumo::{CarId, LightId, SignalState, Simulation};
 
+/// A trip that ends nearer to the end of a lane goes to its end, as far as anybody can see.
+const NEAR_THE_END_M: f64 = 10.0;
+
+/// A car that was slower, and is gone, did not end its trip. SUMO moved it out of a jam.
+const STANDING_MPS: f64 = 1.0;
+
 pub(crate) struct Borders {
     plan: Arc<JointPlan>,
     lanes: RowLanes,
@@ -25,16 +31,6 @@ pub(crate) struct Borders {
     signals: Vec<Vec<Vec<(usize, usize)>>>,
     regions: Vec<BorderNow>,
     visits: Option<VisitRecorder>,
-}
-
-/// A trip that ends nearer to the end of a lane goes to its end, as far as anybody can see.
-const NEAR_THE_END_M: f64 = 10.0;
-
-const STANDING_MPS: f64 = 1.0;
-
-/// Returns whether a signal lets cars on.
-fn is_open(letter: u8) -> bool {
-    !matches!(letter, b'r' | b'R' | b'u')
 }
 
 struct BorderNow {
@@ -141,7 +137,6 @@ impl Borders {
                 for (car, &(lane, position_m, speed_mps)) in ended.filter_map(|car| Some((car, before.get(car)?))) {
                     let end_m = position_m + speed_mps;
                     let BorderLane { road, length_m, .. } = &plan.lanes[lane];
-                    // A car that SUMO moves out of a jam stands.
                     if let Some(road) = road.filter(|_| end_m < length_m - NEAR_THE_END_M && speed_mps > STANDING_MPS) {
                         visits.ended(row, *car, &plan.roads[road].road, end_m);
                     }
@@ -170,4 +165,9 @@ impl Borders {
         let border = &self.plan.borders[row];
         border.d_set.write(&border.plan, self.lanes.at(row), light, &self.regions[row].history, d_set);
     }
+}
+
+/// Returns whether a signal lets cars on.
+fn is_open(letter: u8) -> bool {
+    !matches!(letter, b'r' | b'R' | b'u')
 }

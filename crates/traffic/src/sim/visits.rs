@@ -11,7 +11,7 @@ use crate::cut::beyond::Reach;
 use crate::scenario::stops::{Stop, Stops};
 use libsumo::{Car, CarId, Departure, RouteNow};
 
-/// Step in which ends of trips are told apart, in metres.
+/// Ends of trips are rounded up to multiples of this, in metres.
 const END_STEP_M: f64 = 5.0;
 
 /// Number of roads behind a region that a visit knows.
