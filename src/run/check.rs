@@ -140,6 +140,7 @@ fn as_json(checked: &Checked) -> Value {
             "other_seed": light.other_seed.map(cells),
             "spillback": light.causes.spillback,
             "short_entries": light.causes.short_entries,
+            "short_exits": light.causes.short_exits,
             "doubt": doubt(light),
         })
     });

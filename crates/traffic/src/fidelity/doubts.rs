@@ -13,6 +13,9 @@ use dials_core::domain::Result;
 
 /// Length below which a road is short, in metres: a car is through in a few seconds, and chooses its lane before.
 const SHORT_M: f64 = 30.0;
+/// Length below which a car of SUMO's usual type, with the gap before it, has no room on a road, in metres. SUMO holds it before
+/// the light while somebody behind that road gives way, and an LS knows nobody there.
+const ROOM_M: f64 = 7.5;
 /// How far behind its beginning the last car of a full exit stands at most, in metres: another one does not fit in.
 const FULL_M: f64 = 15.0;
 const JAMMED_MPS: f64 = 1.0;
@@ -36,7 +39,7 @@ const JAMMED_APPROACH_MPS: f64 = 2.0;
 /// Largest share of the cars whose trip ends on a road of the region. SUMO forgets where a car is to arrive when it is put
 /// somewhere.
 const MOST_ENDS: f64 = 0.05;
-/// Largest share of the cars that come in by short roads.
+/// Largest share of the cars that come in by short roads, and of those that leave by roads without room for a car.
 const MOST_SHORT: f64 = 0.25;
 /// Largest share of the cars that find no room at the border, and wait there or are left out.
 const MOST_WITHOUT_ROOM: f64 = 0.1;
@@ -102,6 +105,13 @@ fn causes(found: &LightFidelity) -> String {
         let cars = percent(short_entries);
         causes.push(format!("short edges: {cars} of the cars came in by a road shorter than {SHORT_M} m"));
     }
+    if found.causes.short_exits > MOST_SHORT {
+        let cars = percent(found.causes.short_exits);
+        causes.push(format!(
+            "short exits: {cars} of the cars left by a road shorter than {ROOM_M} m, without room for one, and what holds them \
+             behind it is not in its LS"
+        ));
+    }
     if found.causes.ends > MOST_ENDS {
         let cars = percent(found.causes.ends);
         causes.push(format!(
@@ -152,6 +162,8 @@ pub struct Causes {
     pub spillback: f64,
     /// Share of the cars that come in by a road shorter than [`SHORT_M`].
     pub short_entries: f64,
+    /// Share of the cars that leave by a road shorter than [`ROOM_M`].
+    pub short_exits: f64,
     /// Share of the cars whose trip ends before the end of a road of the region.
     pub ends: f64,
 }
@@ -162,6 +174,7 @@ impl Causes {
         Ok(Causes {
             spillback: spillback(truth, traffic, agent, window)?,
             short_entries: border.map_or(0.0, |border| short_entries(truth, border, agent, window)),
+            short_exits: border.map_or(0.0, |border| short_exits(truth, border, agent, window)),
             ends: ends(truth, agent, window),
         })
     }
@@ -189,8 +202,8 @@ fn spillback(truth: &Truth, traffic: &Traffic, agent: AgentId, window: &Range<us
 
 fn ends(truth: &Truth, agent: AgentId, window: &Range<usize>) -> f64 {
     let Some(visits) = &truth.visits else { return 0.0 };
-    let visits: Vec<_> = visits.of_agents[agent.0].iter().filter(|visit| window.contains(&visit.second)).collect();
-    visits.iter().filter(|visit| visit.end_m.is_some()).count() as f64 / visits.len().max(1) as f64
+    let visits = visits.of_agents[agent.0].iter().filter(|visit| window.contains(&visit.second));
+    share_of(visits.map(|visit| visit.end_m.is_some()))
 }
 
 fn short_entries(truth: &Truth, border: &BorderPlan, agent: AgentId, window: &Range<usize>) -> f64 {
@@ -201,8 +214,26 @@ fn short_entries(truth: &Truth, border: &BorderPlan, agent: AgentId, window: &Ra
         // A car that departs inside does not come in by a road.
         EntryPlace::Road(_) => Some(false),
     });
-    let is_short: Vec<bool> = is_short.collect();
-    is_short.iter().filter(|&&is_short| is_short).count() as f64 / is_short.len().max(1) as f64
+    share_of(is_short)
+}
+
+fn short_exits(truth: &Truth, border: &BorderPlan, agent: AgentId, window: &Range<usize>) -> f64 {
+    let Some(visits) = &truth.visits else { return 0.0 };
+    let visits = visits.of_agents[agent.0].iter().filter(|visit| window.contains(&visit.second));
+    let leave = visits.filter(|visit| !visit.next_roads.is_empty()).filter_map(|visit| visit.way.last());
+    share_of(leave.map(|road| {
+        let mut exits = border.exits.iter().filter(|&&lane| border.is_on_road(lane, road));
+        exits.any(|&lane| border.lanes[lane].length_m < ROOM_M)
+    }))
+}
+
+fn share_of(which: impl Iterator<Item = bool>) -> f64 {
+    let (mut those, mut all) = (0, 0);
+    for is_one in which {
+        those += u32::from(is_one);
+        all += 1;
+    }
+    f64::from(those) / f64::from(all.max(1))
 }
 
 #[cfg(test)]
@@ -229,13 +260,14 @@ mod tests {
 
     #[test]
     fn a_light_like_the_global_one_raises_no_doubt_whatever_might_spoil_it() {
-        let causes = Causes { spillback: 0.5, short_entries: 1.0, ends: 1.0 };
+        let causes = Causes { spillback: 0.5, short_entries: 1.0, short_exits: 1.0, ends: 1.0 };
         assert_eq!(doubt(&LightFidelity { causes, ..light() }), None);
     }
 
     #[test]
     fn a_light_that_differs_is_named_with_the_causes_beyond_their_limits() {
-        let mut found = LightFidelity { causes: Causes { spillback: 0.12, short_entries: 0.2, ends: 0.0 }, ..light() };
+        let mut found =
+            LightFidelity { causes: Causes { spillback: 0.12, short_entries: 0.2, ..Causes::default() }, ..light() };
         found.true_entries = comparison(100, 80, 75);
         found.sampled_entries = comparison(100, 80, 75);
         found.sampled_entries.sums[1].passed = 130;
@@ -263,11 +295,21 @@ mod tests {
             found.sampled_entries.sums[0].passed = passed;
             found
         };
+        let short_exits = |short_exits| {
+            let causes = Causes { short_exits, ..Causes::default() };
+            LightFidelity { causes, ..apart.clone() }
+        };
         let mut jammed = apart.clone();
         jammed.true_entries.sums[0].speed_sum_mps = 1900.0;
         let by_rule = LightFidelity { sampled_entries: comparison(100, 100, 60), ..light() };
         for (found, why) in [
             (jammed, "Why: a jam: its cars drive at 1.9 m/s, and in a jam small differences add up"),
+            (short_exits(0.25), "Why: no cause was found"),
+            (
+                short_exits(0.26),
+                "Why: short exits: 26 % of the cars left by a road shorter than 7.5 m, without room for one, and what holds \
+                 them behind it is not in its LS",
+            ),
             (dropped(10), "Why: no cause was found"),
             (dropped(11), "Why: 11 % of the cars found no room at the border and were left out"),
             (by_rule, "Why: the entry rule: with true entries this LS is like the GS"),
