@@ -25,6 +25,7 @@ fn main() {
         return;
     }
     compile("open.cpp", &[]);
+    compile("detours.cpp", &[]);
     for (of_cpp11, bind) in STRINGS {
         compile("shim.cpp", &[("_GLIBCXX_USE_CXX11_ABI", of_cpp11), ("DS_BIND", bind)]);
     }
@@ -34,7 +35,7 @@ fn compile(file: &str, defines: &[(&str, &str)]) {
     let mut build = cc::Build::new();
     build.cpp(true).std("c++17").opt_level(2).flag("-fvisibility=hidden").file(format!("{FOLDER}/{file}"));
     defines.iter().for_each(|&(name, value)| _ = build.define(name, value));
-    let library = defines.last().map_or("ds_open", |&(_, bind)| bind);
+    let library = defines.last().map_or(file, |&(_, bind)| bind);
     build.try_compile(library).unwrap_or_else(|error| give_up(file, &error.to_string()));
 }
 

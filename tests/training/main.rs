@@ -9,6 +9,7 @@ mod kinds;
 mod learning;
 mod mpi;
 mod run_directory;
+mod shortcuts;
 mod warehouse;
 
 #[path = "../common/place.rs"]

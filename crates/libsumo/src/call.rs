@@ -107,6 +107,18 @@ impl Crossing {
         Ok(first)
     }
 
+    /// Lets cars that are made from now on have all devices, or few.
+    pub(crate) fn few_devices(&mut self, few: bool) {
+        // SAFETY: we have the turn, so SUMO makes no car.
+        unsafe { ffi::ds_few_devices(few.into()) }
+    }
+
+    /// Returns the bits of the shortcuts that are taken.
+    pub(crate) fn shortcuts(&self) -> i32 {
+        // SAFETY: as in `heard`.
+        unsafe { call!(self.shortcuts()) }
+    }
+
     pub(crate) fn step(&mut self, until_s: f64) -> Result<()> {
         // SAFETY: we have the turn.
         check(unsafe { call!(self.step(until_s)) }, "make a step")
@@ -343,6 +355,7 @@ impl Drop for Crossing {
         // SAFETY: we still have the turn: the lock's guard is a field, and fields are dropped after this.
         // SUMO's message while it closes (for example, of a full disk) is lost, because no caller could receive it.
         let _ = unsafe { call!(self.close()) };
+        self.few_devices(false);
         HAS_TURN.set(false);
     }
 }

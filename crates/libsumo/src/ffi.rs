@@ -2,6 +2,11 @@
 
 #![allow(dead_code, non_camel_case_types, unreachable_pub, clippy::all, reason = "bindgen writes it")]
 
+pub const DS_DEVICES: ds_shortcut = 1;
+pub const DS_GENERATORS: ds_shortcut = 2;
+pub const DS_LANES: ds_shortcut = 4;
+pub const DS_TEXTS: ds_shortcut = 8;
+pub type ds_shortcut = std::ffi::c_uint;
 pub const DS_LANE: ds_kind = 0;
 pub const DS_LIGHT: ds_kind = 1;
 pub const DS_ROUTE: ds_kind = 2;
@@ -134,6 +139,7 @@ pub struct ds_shim {
         ) -> std::ffi::c_int,
     >,
     pub heard: ::std::option::Option<unsafe extern "C" fn() -> *const std::ffi::c_char>,
+    pub shortcuts: ::std::option::Option<unsafe extern "C" fn() -> std::ffi::c_int>,
 }
 unsafe extern "C" {
     pub fn ds_open(
@@ -142,6 +148,8 @@ unsafe extern "C" {
         version: *mut *const std::ffi::c_char,
         file: *mut *const std::ffi::c_char,
     ) -> std::ffi::c_int;
+    pub fn ds_take_shortcuts();
+    pub fn ds_few_devices(few: std::ffi::c_int);
     pub fn ds_open_bytes(bytes: *const std::ffi::c_void, size: usize) -> std::ffi::c_int;
     pub fn ds_last_error() -> *const std::ffi::c_char;
     pub fn ds_own_file() -> *const std::ffi::c_char;

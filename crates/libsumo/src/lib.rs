@@ -3,6 +3,7 @@
 
 // From top to bottom: `simulation` (meaning, checks) -> `call` (the crossing to C) -> `ffi` (made by bindgen) -> `shim/shim.cpp`
 // (C++ in, plain C out) -> `shim/late.h` (functions that are found by name) -> libsumo, which `library` opens at one of the `places`.
+// Past the interface: `shortcuts` -> `shim/inside.h`, `shim/detours.cpp`.
 // Types of this interface: `ids`, `table` (cars by lane), `events` (cars that enter, counts of a step), `signal`, `version`, `error`.
 mod call;
 mod error;
@@ -12,6 +13,7 @@ mod ffi;
 mod ids;
 mod library;
 mod places;
+pub mod shortcuts;
 mod signal;
 mod simulation;
 mod stand_ins;

@@ -43,6 +43,7 @@ use super::error::{Error, Result};
 use super::faults::{self, AGAIN, INSTALL};
 use super::ffi;
 use super::places::{LIBRARY, PACKAGE, Place, VARIABLE, places, taken};
+use super::shortcuts;
 use super::stand_ins;
 use super::version::{OLDEST, Version};
 
@@ -157,7 +158,10 @@ fn open(places: &[Place]) -> Result<Library> {
     let (shim, name, whole) = unsafe { (&*shim, CStr::from_ptr(version), CStr::from_ptr(whole)) };
     let (name, loaded) = (name.to_string_lossy().into_owned(), OsStr::from_bytes(whole.to_bytes()).into());
     match Version::parse(&name) {
-        Some(version) if version >= OLDEST => Ok(Library { name, version, file: loaded, source: place.source, shim }),
+        Some(version) if version >= OLDEST => {
+            shortcuts::take(version);
+            Ok(Library { name, version, file: loaded, source: place.source, shim })
+        }
         _ => fail(format!("is {name}, but {OLDEST} or a newer one is needed"), INSTALL),
     }
 }

@@ -5,6 +5,7 @@ use super::error::{Error, Result};
 use super::events::{DepartSpeed, Departure, Entering, Insertion, Placing, RouteNow, StepCounts};
 use super::ids::{CarId, EdgeId, LaneId, LightId, RouteId, TypeId};
 use super::library;
+use super::shortcuts;
 use super::signal::SignalState;
 use super::table::CarTable;
 
@@ -104,6 +105,21 @@ impl Simulation {
     /// say otherwise: `["--no-warnings", "false"]`.
     pub fn heard(&self) -> String {
         self.crossing.heard()
+    }
+
+    /// Lets SUMO look for few devices when it makes a car, from now on and until this is dropped: those that write its trip, and those
+    /// that find its way. For each of the others SUMO looks up options by name, a tenth to a fifth of the time of a simulation.
+    ///
+    /// **This touches SUMO's internals.** It is right where no option and no parameter of a vehicle or type asks for a device, such
+    /// as `--device.fcd.probability` or `has.battery.device`, and no output but that of trips needs one. Whether this SUMO can do so
+    /// is among the [`shortcuts`](Self::shortcuts). Otherwise it changes nothing.
+    pub fn few_devices(&mut self, few: bool) {
+        self.crossing.few_devices(few);
+    }
+
+    /// Returns the names of the [shortcuts](crate::shortcuts) that are taken.
+    pub fn shortcuts(&self) -> Vec<&'static str> {
+        shortcuts::names(self.crossing.shortcuts())
     }
 
     /// Simulates one step, of SUMO's option `--step-length`: 1 s unless it is given.

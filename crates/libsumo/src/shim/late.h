@@ -42,7 +42,8 @@ std::string parameters(const char *type, int scopes) {
 // A static function of a class, whatever its type.
 class Function {
 public:
-    // `space`: the namespace of the class, or empty. The types are those of functions without a result.
+    // `space`: the namespace of the class, or empty: those of SUMO's insides have none. The types are those of functions without
+    // a result.
     Function(const char *space, const char *owner, const char *name, const char *by_reference, const char *by_value)
         : space_(space), owner_(owner), name_(name), types_{by_reference, by_value}, next_(first) {
         first = this;
@@ -70,6 +71,8 @@ public:
     }
 
     bool is_found() const { return address_ != nullptr; }
+    // Returns whether it is of SUMO's interface, and not of its insides, without which the shim can do.
+    bool is_needed() const { return *space_ != '\0'; }
     const void *address() const { return address_; }
     std::string words() const { return std::string(owner_) + "::" + name_; }
 

@@ -22,6 +22,10 @@ namespace {
 
 thread_local std::string last_error;
 
+// The library that is open, and what finds its insides.
+void *sumo = nullptr;
+void (*find_inside)(void *library) = nullptr;
+
 // Functions of other libraries are looked for when they are first called, as in a program that links libsumo.
 void *opened(const char *library) { return dlopen(library, RTLD_LAZY | RTLD_LOCAL); }
 
@@ -60,11 +64,18 @@ int ds_open(const char *library, const struct ds_shim **shim, const char **versi
         ds_failed(best.missing, "");
         return 2;
     }
+    sumo = handle;
+    find_inside = best.find_inside;
     *shim = best.shim;
     *version = best.version;
     Dl_info info;
     *file = best.code != nullptr && dladdr(best.code, &info) != 0 && info.dli_fname != nullptr ? info.dli_fname : library;
     return best.count == 0 ? 0 : ds_failed("out of memory", "");
+}
+
+void ds_take_shortcuts(void) {
+    find_inside(sumo);
+    ds_take_detours(sumo);
 }
 
 const char *ds_own_file(void) {

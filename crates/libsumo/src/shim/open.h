@@ -13,10 +13,15 @@ struct found {
     const void *code;    // Where one of SUMO's functions is.
     const char *missing; // Names of functions that the library lacks, with blanks between.
     int count;           // Their number; negative without memory.
+    void (*find_inside)(void *library); // Looks for SUMO's insides.
 };
 
 struct found ds_bind_old(void *library) noexcept;
 struct found ds_bind_new(void *library) noexcept;
+
+// Takes the place of functions that SUMO calls, where it can be reached, and returns the bits of those taken.
+void ds_take_detours(void *library) noexcept;
+int ds_detours(void) noexcept;
 
 // Writes the shortest decimal that reads back as the same number, and returns its length. Rust has it: std::to_chars needs a
 // libstdc++ of 2021.

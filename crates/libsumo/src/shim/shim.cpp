@@ -3,12 +3,14 @@
 // This file is compiled twice: for std::string as it was before C++11, and as it is since. A libsumo has one of them. open.cpp
 // chooses.
 
+#include "inside.h"
 #include "open.h"
 #include "shim.h"
 #include "sumo.h"
 
 #include <algorithm>
 #include <charconv>
+#include <cstring>
 #include <iostream>
 #include <random>
 #include <sstream>
@@ -21,6 +23,15 @@ namespace {
 
 // Registered names, by kind and index, as std::string so that no call has to make one.
 std::vector<std::string> names_of[5];
+
+// SUMO's lanes by index, as long as a net is loaded, if cars are read from them without names.
+std::vector<const void *> inner_lanes;
+Identities identities;
+bool reads_inner_lanes = false;
+
+// What is known of the layout of SUMO's generators.
+enum class Layout { unknown, as_here, other };
+Layout layout_of_generators = Layout::other;
 
 // Cars that were added since the last step: SUMO does not list them as pending yet.
 std::vector<std::string> fresh;
@@ -158,9 +169,24 @@ void add(Text serial, Text route, Text type, Text lane, Text position, Text spee
     fresh.push_back(serial);
 }
 
+void find_inner_lanes(size_t from) {
+    const auto &names = names_of[DS_LANE];
+    for (size_t i = from; reads_inner_lanes && i < names.size(); ++i) {
+        inner_lanes.push_back(lane_named(names[i]));
+    }
+}
+
+void forget_inner_lanes() {
+    inner_lanes.clear();
+    if (reads_inner_lanes) {
+        identities.clear();
+    }
+}
+
 int ds_load(const char *const *options, size_t count) {
     return guarded([&] {
         forget_step();
+        forget_inner_lanes();
         Simulation::load(std::vector<std::string>(options, options + count));
         if (!Simulation::isLoaded()) {
             throw std::runtime_error("These options load no network."); // Such as --help.
@@ -170,12 +196,14 @@ int ds_load(const char *const *options, size_t count) {
                 must_exist(kind, name);
             }
         }
+        find_inner_lanes(0);
     });
 }
 
 int ds_close(void) {
     return guarded([] {
         forget_step();
+        forget_inner_lanes();
         for (auto &names : names_of) {
             names.clear();
         }
@@ -192,6 +220,9 @@ int ds_register_names(enum ds_kind kind, const char *const *names, size_t count,
         auto &known = names_of[kind];
         *first = static_cast<uint32_t>(known.size());
         known.insert(known.end(), wanted.begin(), wanted.end());
+        if (kind == DS_LANE) {
+            find_inner_lanes(*first);
+        }
     });
 }
 
@@ -206,24 +237,77 @@ int ds_time(double *seconds) {
     return guarded([&] { *seconds = Simulation::getTime(); });
 }
 
-int ds_read_lanes(const uint32_t *lanes, size_t count, struct ds_cars *out) {
-    static std::vector<uint32_t> starts;
-    static std::vector<uint64_t> cars;
-    static std::vector<double> positions, speeds;
-    return guarded([&] {
+// The cars of some lanes, one array for each of what is read.
+struct Cars {
+    std::vector<uint32_t> starts;
+    std::vector<uint64_t> cars;
+    std::vector<double> positions, speeds;
+
+    void begin() {
         starts.assign(1, 0);
-        cars.clear();
-        positions.clear();
-        speeds.clear();
-        for (size_t i = 0; i < count; ++i) {
-            for (const auto &car : Lane::getLastStepVehicleIDs(name(DS_LANE, lanes[i]))) {
-                cars.push_back(identity(car));
-                positions.push_back(Vehicle::getLanePosition(car));
-                speeds.push_back(Vehicle::getSpeed(car));
-            }
-            starts.push_back(static_cast<uint32_t>(cars.size()));
+        cut(0);
+    }
+    void cut(size_t count) {
+        cars.resize(count);
+        positions.resize(count);
+        speeds.resize(count);
+    }
+    void push(uint64_t car, double position, double speed) {
+        cars.push_back(car);
+        positions.push_back(position);
+        speeds.push_back(speed);
+    }
+    void end_lane() { starts.push_back(static_cast<uint32_t>(cars.size())); }
+};
+
+// Reads a lane by the names of its cars.
+void read_by_names(uint32_t lane, Cars &read) {
+    for (const auto &car : Lane::getLastStepVehicleIDs(name(DS_LANE, lane))) {
+        read.push(identity(car), Vehicle::getLanePosition(car), Vehicle::getSpeed(car));
+    }
+}
+
+// Reads a lane without a name. Where a car is new, reads it by names, too. If the two differ, it is the last time.
+void read_inside(uint32_t lane, Cars &read) {
+    const auto &found = cars_on(inner_lanes[lane]);
+    const size_t first = read.cars.size();
+    bool are_known = true;
+    for (const void *car : found) {
+        const uint64_t *const known = identities.of(number_of(car));
+        are_known = are_known && known != nullptr;
+        read.push(known == nullptr ? 0 : *known, position_of(car), speed_of(car));
+    }
+    if (are_known) {
+        return;
+    }
+    Cars named;
+    read_by_names(lane, named);
+    const auto has = [&](const std::vector<double> &all, const std::vector<double> &same) {
+        return std::equal(all.begin() + static_cast<std::ptrdiff_t>(first), all.end(), same.begin(), same.end());
+    };
+    reads_inner_lanes = has(read.positions, named.positions) && has(read.speeds, named.speeds);
+    read.cut(first);
+    for (size_t i = 0; i < named.cars.size(); ++i) {
+        read.push(named.cars[i], named.positions[i], named.speeds[i]);
+        if (reads_inner_lanes) {
+            identities.keep(number_of(found[i]), named.cars[i]);
         }
-        *out = {starts.data(), cars.data(), positions.data(), speeds.data()};
+    }
+}
+
+int ds_read_lanes(const uint32_t *lanes, size_t count, struct ds_cars *out) {
+    static Cars read;
+    return guarded([&] {
+        read.begin();
+        for (size_t i = 0; i < count; ++i) {
+            if (reads_inner_lanes && lanes[i] < inner_lanes.size()) {
+                read_inside(lanes[i], read);
+            } else {
+                read_by_names(lanes[i], read);
+            }
+            read.end_lane();
+        }
+        *out = {read.starts.data(), read.cars.data(), read.positions.data(), read.speeds.data()};
     });
 }
 
@@ -297,16 +381,47 @@ int ds_place(const struct ds_placing *cars, size_t count) {
     });
 }
 
+// With fewer draws SUMO would read no more, and draw that often.
+constexpr unsigned long long counted_draws = 1000000;
+
+// Seeds a generator as SUMO loads a saved state: from text.
+void seed_by_text(uint32_t index, uint32_t seed, bool counted) {
+    std::ostringstream state;
+    if (counted) {
+        state << counted_draws << ' ';
+    }
+    state << std::mt19937(seed);
+    load_generator(static_cast<int>(index), state.str());
+}
+
+// Returns whether a generator that was seeded by text is in SUMO's memory where it is expected.
+bool lies_as_here(uint32_t index, uint32_t seed, bool counted) {
+    const std::mt19937 engine(seed);
+    const auto bytes = reinterpret_cast<const std::vector<char> *>(generators)->size();
+    return bytes % sizeof(Generator) == 0 && index < generators->size() &&
+           std::memcmp(&(*generators)[index].engine, &engine, sizeof engine) == 0 &&
+           (!counted || (*generators)[index].count == counted_draws);
+}
+
 int ds_seed_generators(uint32_t first, const uint32_t *seeds, size_t count, int counted) {
     return guarded([&] {
         if (!load_generator.is_found()) {
             throw std::runtime_error("this SUMO has no " + load_generator.words());
         }
         for (size_t i = 0; i < count; ++i) {
-            std::ostringstream state;
-            // With fewer draws SUMO would read no more, and draw that often.
-            state << (counted ? "1000000 " : "") << std::mt19937(seeds[i]);
-            load_generator(static_cast<int>(first + i), state.str());
+            const auto index = static_cast<uint32_t>(first + i);
+            if (layout_of_generators == Layout::as_here && index < generators->size()) {
+                auto &generator = (*generators)[index];
+                generator.engine.seed(seeds[i]);
+                if (counted) {
+                    generator.count = counted_draws;
+                }
+                continue;
+            }
+            seed_by_text(index, seeds[i], counted);
+            if (layout_of_generators == Layout::unknown) {
+                layout_of_generators = lies_as_here(index, seeds[i], counted) ? Layout::as_here : Layout::other;
+            }
         }
     });
 }
@@ -327,6 +442,9 @@ int ds_clear_pending(void) {
 int ds_remove_cars(const uint32_t *lanes, size_t count) {
     return guarded([&] {
         for (size_t i = 0; i < count; ++i) {
+            if (reads_inner_lanes && lanes[i] < inner_lanes.size() && cars_on(inner_lanes[lanes[i]]).empty()) {
+                continue;
+            }
             for (const auto &car : Lane::getLastStepVehicleIDs(name(DS_LANE, lanes[i]))) {
                 Vehicle::remove(car, remove_vaporized);
                 ++removed;
@@ -432,14 +550,31 @@ int ds_count_waiting(const uint32_t *areas, const uint32_t *crossings, size_t co
 
 const char *ds_heard(void) { return Hush::ear.heard.c_str(); }
 
+int ds_shortcuts(void) {
+    return (reads_inner_lanes ? DS_LANES : 0) | (layout_of_generators != Layout::other ? DS_GENERATORS : 0) |
+           ds_detours();
+}
+
 // In the order of shim.h.
 const struct ds_shim functions = {
     _GLIBCXX_USE_CXX11_ABI,
     ds_load, ds_close, ds_register_names, ds_step, ds_time, ds_read_lanes, ds_read_lights, ds_set_lights, ds_set_programs,
     ds_insert, ds_enter, ds_place, ds_seed_generators, ds_clear_pending, ds_remove_cars, ds_read_departures,
     ds_read_departed, ds_read_gone, ds_read_route, ds_counts,
-    ds_count_waiting, ds_heard,
+    ds_count_waiting, ds_heard, ds_shortcuts,
 };
+
+// Looks for SUMO's insides.
+void find_inside(void *library) {
+    cars_on.find(library);
+    number_of.find(library);
+    position_of.find(library);
+    speed_of.find(library);
+    reads_inner_lanes = lane_named.is_found() && cars_on.is_found() && number_of.is_found() && position_of.is_found() &&
+                        speed_of.is_found();
+    generators = static_cast<std::vector<Generator> *>(dlsym(library, "_ZN6MSLane6myRNGsE"));
+    layout_of_generators = generators == nullptr ? Layout::other : Layout::unknown;
+}
 
 } // namespace
 
@@ -449,15 +584,15 @@ struct found DS_BIND(void *library) noexcept {
         int count = 0;
         missing.clear();
         for (const Function *function = Function::all(); function != nullptr; function = function->next()) {
-            if (!function->find(library) && function != &load_generator) {
+            if (!function->find(library) && function->is_needed()) {
                 missing.append(count++ == 0 ? "" : " ").append(function->words());
             }
         }
         if (count == 0) {
             version = Simulation::getVersion().second;
         }
-        return {&functions, version.c_str(), Simulation::getVersion.address(), missing.c_str(), count};
+        return {&functions, version.c_str(), Simulation::getVersion.address(), missing.c_str(), count, find_inside};
     } catch (...) {
-        return {&functions, "", nullptr, "", -1};
+        return {&functions, "", nullptr, "", -1, find_inside};
     }
 }

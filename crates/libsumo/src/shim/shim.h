@@ -12,6 +12,8 @@
 extern "C" {
 #endif
 
+enum ds_shortcut { DS_DEVICES = 1, DS_GENERATORS = 2, DS_LANES = 4, DS_TEXTS = 8 };
+
 enum ds_kind { DS_LANE, DS_LIGHT, DS_ROUTE, DS_TYPE, DS_EDGE };
 
 /* The cars of the i-th lane of the call are starts[i] .. starts[i + 1] in the other arrays. */
@@ -124,12 +126,21 @@ struct ds_shim {
     int (*count_waiting)(const uint32_t *areas, const uint32_t *crossings, size_t count, uint32_t *waiting);
     /* What SUMO wrote to the terminal in the last call. Valid until the next one. */
     const char *(*heard)(void);
+    /* The shortcuts that are taken: bits of ds_shortcut. */
+    int (*shortcuts)(void);
 };
 
 /* Opens libsumo from a file, or from where the system looks if the name has no slash. Returns 1 if it cannot be loaded; 2 if it
  * lacks functions, whose names are then the text, with blanks between. Must succeed once at most. Nothing closes it.
  * `version`: SUMO's, such as "SUMO 1.15.0". `file`: the library's. */
 int ds_open(const char *library, const struct ds_shim **shim, const char **version, const char **file);
+
+/* Goes past SUMO's interface from now on, where that saves time. Once, after ds_open(). */
+void ds_take_shortcuts(void);
+
+/* Lets cars that are made from now on have few devices: those for trips and routes that SUMO's options ask for. 0: all that SUMO
+ * may give them. Without that shortcut it changes nothing. */
+void ds_few_devices(int few);
 
 /* Loads a shared library from memory. */
 int ds_open_bytes(const void *bytes, size_t size);

@@ -20,10 +20,6 @@ using Texts = std::vector<std::string>;
 #include "sumo.inc"
 #undef SUMO
 
-// A function of SUMO's class of lanes. libsumo's interface lacks it, and nothing else seeds the generators of some lanes in the
-// middle of a simulation. SUMO 1.15 to 1.28 export it.
-const Late<void(int index, Text state)> load_generator("", "MSLane", "loadRNGState");
-
 // SUMO's constants and defaults: TraCIConstants.h, and the declarations in Simulation.h and Vehicle.h.
 constexpr char remove_vaporized = 3;
 constexpr int move_automatic = 0;

@@ -88,8 +88,6 @@ impl<T: Send + 'static> ChildProcess<T> {
         }
         let process = command
             .arg(WORKER)
-            // Otherwise BLAS, which SUMO's libraries bring along, would keep a thread per core in every worker for nothing.
-            .env("OPENBLAS_NUM_THREADS", "1")
             // Another one may have been installed since this process began.
             .envs(dials_traffic::sumo_for_children())
             .stdin(Stdio::from(OwnedFd::from(theirs)))

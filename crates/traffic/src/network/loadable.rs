@@ -23,6 +23,7 @@ const LOUD: [&str; 2] = ["--no-warnings", "false"];
 pub struct Loadable {
     files: Vec<(MemoryFile, PathBuf)>,
     steps_per_s: u32,
+    has_devices: bool,
     /// Options of SUMO without `--`, but for the seed and the additional files.
     options: Vec<(String, String)>,
     additional: Vec<String>,
@@ -52,6 +53,7 @@ impl Loadable {
         let options = options.into_iter().filter(|(_, files)| !files.is_empty());
         Ok(Loadable {
             steps_per_s: 1,
+            has_devices: false,
             options: options.map(|(name, value)| (name.to_owned(), value)).collect(),
             additional: additional?,
             actuated: put(actuated)?,
@@ -73,10 +75,16 @@ impl Loadable {
         Loadable { steps_per_s: steps, ..self }
     }
 
+    /// `may_have`: whether vehicles may have other devices than those that write trips and find ways.
+    pub(crate) fn with_devices(self, may_have: bool) -> Loadable {
+        Loadable { has_devices: may_have, ..self }
+    }
+
     /// Loads it into SUMO with these options: those of [`Loadable::options`], and further ones.
     pub(crate) fn load(&self, options: &[String]) -> Result<Simulation> {
         let mut simulation = Simulation::load(options).map_err(|error| self.explain(&error))?;
         simulation.set_steps_per_second(self.steps_per_s);
+        simulation.few_devices(!self.has_devices);
         Ok(simulation)
     }
 

@@ -134,6 +134,7 @@ impl ScenarioFiles {
             nets: cut_all(&self.files, &self.derived)?,
             types: types_of(&self.files),
             steps_per_s: self.files.steps_per_s(),
+            may_have_devices: self.files.may_have_devices(),
             options: driving_options(self.files.options()),
             name: self.files.path().display().to_string(),
         });

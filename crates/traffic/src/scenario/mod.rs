@@ -7,6 +7,7 @@
 pub(crate) mod dawdling;
 mod demand;
 mod departing;
+mod devices;
 mod elements;
 pub(crate) mod end;
 mod include;
@@ -237,7 +238,13 @@ impl SumoScenario {
         let actuated = (actuated, Path::new("ACTUATED-PROGRAMS"));
         let loadable =
             Loadable::new(program, (&net, &self.net.path), &texts(&self.routes), &texts(&self.additional), actuated)?;
-        Ok(loadable.with_steps_per_s(self.steps_per_s).with(time).with(self.options.iter().cloned()))
+        let loadable = loadable.with_steps_per_s(self.steps_per_s).with_devices(self.may_have_devices());
+        Ok(loadable.with(time).with(self.options.iter().cloned()))
+    }
+
+    /// Returns whether vehicles may have devices, such as one that finds new ways.
+    pub(crate) fn may_have_devices(&self) -> bool {
+        devices::are_asked_for(&self.options, self.additional().chain(self.routes()))
     }
 
     /// Returns the CRC-32 of everything that decides what returns mean: the files as SUMO loads them, times, options,

@@ -31,6 +31,8 @@ pub(crate) struct LocalParts {
     pub(crate) nets: Vec<LocalNet>,
     pub(crate) types: String,
     pub(crate) steps_per_s: u32,
+    /// Whether vehicles may have devices.
+    pub(crate) may_have_devices: bool,
     /// Options of SUMO that say how cars drive, without `--`.
     pub(crate) options: Vec<(String, String)>,
     pub(crate) name: String,
@@ -93,6 +95,7 @@ impl LocalForest {
             Simulation::load(&options).map_err(|error| explain(&error, made_of)).with_context(|| {
                 format!("{}: {} copies of this network side by side", local.files.net.display(), rows.len())
             })?;
+        simulation.few_devices(true);
         drop((net, routes, forest));
         let regions = || (0..rows.len()).map(Region);
         let phases = rows.iter().map(|(agent, _)| plan.agents[agent.0].phases.clone());
@@ -148,6 +151,7 @@ impl LocalForest {
             .map_err(|error| explain(&error, made_of.map(|(file, name)| (file, Path::new(name)))))
             .with_context(|| format!("{}: SUMO could not load the surroundings of its lights", parts.name))?;
         simulation.set_steps_per_second(parts.steps_per_s);
+        simulation.few_devices(!parts.may_have_devices);
         let lights = rows.iter().enumerate().map(|(row, (agent, _))| {
             let plan = &plan.agents[agent.0];
             (prefixed(&prefix(row), &plan.light), plan.phases.clone())
