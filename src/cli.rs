@@ -96,6 +96,9 @@ pub enum Command {
     /// A worker process; `train` starts it
     #[command(hide = true)]
     Worker,
+    /// A copy of the global simulator; a worker starts it
+    #[command(hide = true)]
+    GlobalCopy,
     /// Tries the files of a config in their simulator; this program starts it
     #[command(hide = true)]
     TryOut,

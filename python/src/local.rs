@@ -6,8 +6,8 @@ use anyhow::{Context, Result, bail, ensure};
 use dials_core::base::{AgentId, Stopwatch};
 use dials_core::domain::{Action, Domain, Percept};
 use dials_learn::config::{AipTraining, Period, Predictor, Simulator};
+use dials_learn::environments::Experience;
 use dials_learn::environments::ials::Ials;
-use dials_learn::environments::{Environment, Experience};
 use dials_learn::observer::Silent;
 use dials_learn::predictors::TrainablePredictor;
 use dials_learn::state::stream::AgentStream;
@@ -114,7 +114,7 @@ impl Local {
             agents.iter().map(|&agent| AgentStream::begin(&config.learning, agent)).collect();
         let ials =
             Ials::resume(simulators, &mut **predictor, &streams, config.learning.local_simulators.stagger, &mut || ())?;
-        view.put(&ials.percepts()[0]);
+        view.put(ials.percept());
         view.memory.show()?;
         Ok(Running { ials, view })
     }
@@ -184,10 +184,10 @@ impl Running<'_> {
         {
             bail!("row {row}: action {action}; its actions are 0 to {}", view.n_actions - 1);
         }
-        ials.step(std::slice::from_ref(&view.actions), &mut Stopwatch::default())?;
-        let experience = &ials.experiences()[0];
+        ials.step(&view.actions, &mut Stopwatch::default())?;
+        let experience = ials.experience();
         view.put_experience(experience);
-        view.put(&ials.percepts()[0]);
+        view.put(ials.percept());
         view.memory.show()
     }
 

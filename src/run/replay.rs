@@ -13,7 +13,6 @@ use crate::film::{self, Format, Replay, Shape, check_screen, watch};
 use dials_core::base::{AgentId, RandomPurpose, Seed, Stopwatch, counted};
 use dials_core::domain::Domain;
 use dials_core::outside::{folder_of, quoted, temporary_dir};
-use dials_learn::environments::Environment;
 use dials_learn::environments::ials::Ials;
 use dials_learn::evaluation::{episode_seed, play};
 use dials_learn::policy::{JointPolicyController, StackController};
@@ -188,8 +187,8 @@ impl ReplayedEpisode {
                 let mut ials = Ials::resume(simulator, &mut *aip, &[stream], false, &mut || ())?;
                 policy.begin(seed.for_agent(agent), &AgentId::all(1));
                 for _ in 0..self.traffic.kinds().of(agent).spec.local_horizon {
-                    let actions = policy.act(&ials.percepts()[0]);
-                    ials.step(&[actions], &mut Stopwatch::default())?;
+                    let actions = policy.act(ials.percept());
+                    ials.step(&actions, &mut Stopwatch::default())?;
                 }
             }
         }

@@ -134,9 +134,13 @@ fn ended(child: Child) -> (ExitStatus, String) {
     (output.status, String::from_utf8_lossy(&output.stderr).into_owned())
 }
 
-/// Returns the worker processes of a coordinator, by their parent in /proc.
 fn workers_of(coordinator: &Child) -> Vec<Pid> {
-    let parent = coordinator.id().to_string();
+    children_of(coordinator.id())
+}
+
+/// Returns the children of a process, by their parent in /proc.
+fn children_of(process: u32) -> Vec<Pid> {
+    let parent = process.to_string();
     let stat = |pid: i32| -> Option<(String, String)> {
         let text = fs::read_to_string(format!("/proc/{pid}/stat")).ok()?;
         let mut fields = text.rsplit_once(") ")?.1.split(' ');
@@ -254,14 +258,58 @@ fn means_of_policies_and_a_clock_are_the_same_for_any_fleet_and_after_a_kill() {
     assert_the_same_for_any_fleet_and_after_a_kill(Domain::Traffic, &settings);
 }
 
+const ON_THE_GS: [&str; 6] = ["--simulator", "gs", "--set", "total_steps=2048", "--set", "policy.recurrent=8"];
+
+/// Returns what a run on the GS learnt and measured.
+fn learnt(run: &Run) -> [Vec<u8>; 3] {
+    ["returns.csv", "training.csv", "policies.safetensors"].map(|file| fs::read(run.out.join(file)).unwrap())
+}
+
 #[test]
-fn training_on_the_global_simulator_is_the_same_for_any_fleet() {
-    let results = ["0", "3"].map(|workers| {
-        let run = Run::new();
-        run.train(&["--workers", workers, "--simulator", "gs", "--steps", "1500"]);
-        ["returns.csv", "training.csv", "policies.safetensors"].map(|file| fs::read(run.out.join(file)).unwrap())
-    });
-    assert!(results[0] == results[1]);
+fn training_on_copies_of_the_global_simulator_is_the_same_for_any_fleet_and_after_a_kill() {
+    let settings = [&ON_THE_GS[..], &["--set", "policy.sequence_length=8"]].concat();
+    for domain in [Domain::Traffic, Domain::Warehouse] {
+        let with = |more: &[&str]| {
+            let run = Run::of(domain);
+            run.train(&[&settings[..], more].concat());
+            learnt(&run)
+        };
+        for copies in ["gs.copies=1", "gs.copies=2", "local_simulators.copies=8"] {
+            let alone = with(&["--workers", "0", "--set", copies]);
+            for workers in ["1", "2", "3"] {
+                assert!(with(&["--workers", workers, "--set", copies]) == alone, "{copies}, {workers} workers");
+            }
+        }
+        let run = Run::of(domain);
+        let mut coordinator = run.start(&[&settings[..], &["--workers", "2"]].concat());
+        run.wait_for_checkpoints(1);
+        coordinator.kill().unwrap();
+        assert_eq!(ended(coordinator).0.signal(), Some(9));
+        let (status, said) = run.resume(&["--workers", "1"]);
+        assert!(status.success(), "{said}");
+        assert!(learnt(&run) == with(&["--workers", "0"]), "after a kill");
+    }
+}
+
+#[test]
+fn a_killed_copy_of_the_global_simulator_takes_its_worker_along_and_the_numbers_stay() {
+    let settings = [&ON_THE_GS[..], &["--set", "policy.sequence_length=8", "--workers", "2"]].concat();
+    let [undisturbed, run] = [Run::new(), Run::new()];
+    undisturbed.train(&settings);
+    let coordinator = run.start(&settings);
+    run.wait_for_checkpoints(1);
+    let copies_now = || -> Vec<Pid> {
+        let workers = workers_of(&coordinator);
+        workers.iter().flat_map(|worker| children_of(worker.as_raw_nonzero().get() as u32)).collect()
+    };
+    wait_until(|| copies_now().len() == 8);
+    let copies = copies_now();
+    kill_process(copies[3], Signal::KILL).unwrap();
+    let (status, said) = ended(coordinator);
+    assert!(status.success(), "{said}");
+    assert!(said.contains("a copy of the global simulator was lost") && said.contains("started again"), "{said}");
+    assert!(learnt(&run) == learnt(&undisturbed));
+    assert_no_orphans(&copies);
 }
 
 #[test]

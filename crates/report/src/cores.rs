@@ -1,8 +1,8 @@
 //! Wall time by number of cores: a model of how long the runs of a group would take elsewhere.
 //!
-//! The model is [`Sharing`] of the measured CPU time of a run. With local simulators, cores share all of it. The one GS
-//! runs on one core, however many there are. There cores share only the gradient steps of PPO, of one agent each. Measured
-//! points stand beside it and show how much the model leaves out.
+//! The model is [`Sharing`] of the measured CPU time of a run. With local simulators and with copies of the GS, cores share all of
+//! it. A single GS runs on one core, however many there are. There cores share only the gradient steps of PPO, of one agent each.
+//! Measured points stand beside it and show how much the model leaves out.
 
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -36,6 +36,7 @@ impl ByCores {
         let mut updates = Vec::new();
         // A shared policy has only one learner.
         let most = if runs.iter().any(|run| run.config.learning.shares_policies()) { 1 } else { agents };
+        let copies = runs.iter().map(|run| run.config.learning.copies()).max().unwrap_or(1);
         for run in runs {
             let time = run.time_at(steps)?;
             seconds.entry(run.workers).or_default().push(time.runtime_s());
@@ -44,7 +45,10 @@ impl ByCores {
         }
         let cpu_s = cpu.runtime_s();
         let is_global = group.simulator() == "gs";
-        let shared_s = if is_global { mean(&updates).min(cpu_s) } else { cpu_s };
+        // Copies of the GS are computed side by side, and gradient steps as before.
+        let one_gs = is_global && copies == 1;
+        let shared_s = if one_gs { mean(&updates).min(cpu_s) } else { cpu_s };
+        let most = if is_global && !one_gs { copies } else { most };
         Some(ByCores {
             steps,
             cpu: Sharing { alone_s: cpu_s - shared_s, shared_s, most },
@@ -90,8 +94,8 @@ pub(crate) fn table(comparison: &Comparison) -> Option<Table> {
     Some(Table {
         caption: format!(
             "Wall time of a run by number of cores, {}, {} timesteps, without evaluations: a model. It spreads the \
-             measured CPU time over the cores, at most one core per agent. The GS runs on one core; there cores share \
-             only PPO's gradient steps. Measured: wall time with this number of workers, mean over the runs that had it.",
+             measured CPU time over the cores, at most one core per agent, or per copy of the GS. A single GS runs on \
+             one core; there cores share only PPO's gradient steps. Measured: wall time with this number of workers, mean over the runs that had it.",
             comparison.title,
             steps_text(steps)
         ),

@@ -5,6 +5,7 @@
 
 use rand::{RngCore, SeedableRng};
 use rand_xoshiro::Xoshiro256PlusPlus;
+use serde::{Deserialize, Serialize};
 
 use super::{AgentId, RandomPurpose};
 
@@ -12,7 +13,7 @@ use super::{AgentId, RandomPurpose};
 pub type Dice = Xoshiro256PlusPlus;
 
 /// Name in the tree of random streams; the root is the seed of the run.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Seed(u64);
 
 impl Seed {

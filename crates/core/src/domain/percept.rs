@@ -61,6 +61,13 @@ impl JointPercept {
         }
     }
 
+    /// Copies another percept of the same kinds.
+    pub fn copy_from(&mut self, other: &JointPercept) {
+        self.obs.copy_from(&other.obs);
+        self.d_set.copy_from(&other.d_set);
+        self.masks.copy_from(&other.masks);
+    }
+
     /// Copies what the agents of one kind see; `percept` has one row for each of them.
     pub fn of_kind(&self, kinds: &Kinds, kind: usize, percept: &mut Percept) {
         let agents = || kinds[kind].agents.iter().map(|agent| agent.0);

@@ -45,6 +45,12 @@ pub trait Algorithm: Debug {
     /// Returns the key that says how many timesteps per agent there are between two updates, and its value.
     fn updates(&self) -> (&'static str, u64);
 
+    /// Returns how many decisions the policies of a copy of the GS make before those of the next one, in one update or less. 1 if
+    /// all copies decide together.
+    fn decisions_in_turn(&self) -> usize {
+        1
+    }
+
     fn reading(&self) -> Reading;
 
     /// Makes the learner of some agents of one kind. `stack`: their policies, one row per agent.
@@ -97,23 +103,30 @@ algorithms! {
     Dqn = dqn,
 }
 
+/// What the last actions of a turn brought.
+pub struct Brought<'a> {
+    pub experience: &'a Experience,
+    /// What the rows show now.
+    pub next: &'a Percept,
+    /// Timesteps per agent, with those of this decision.
+    pub steps: u64,
+}
+
 /// Trains the policies of some agents of one kind. Agents never learn from each other's experience unless the config
 /// says so, and every draw comes from dice of its agent: how agents are grouped changes no number.
 ///
-/// Rows are ordered by agent, then by copy.
+/// Rows are ordered by agent, then by copy. Those of a *turn* decide together: [`Config::turns`].
 pub trait Learner {
     fn policies(&self) -> &PolicyStack;
 
     /// Returns the policies, to be changed: by an imitation, or by a state.
     fn policies_mut(&mut self) -> &mut PolicyStack;
 
-    fn act(&mut self, percept: &Percept) -> Vec<Action>;
+    fn act(&mut self, turn: usize, percept: &Percept) -> Vec<Action>;
 
-    /// Takes in what the last actions brought, and updates the policies if that is due. Returns the metrics of the
-    /// update, if there was one.
-    ///
-    /// `next`: what the rows show now; `steps`: timesteps per agent, with those of this decision.
-    fn learn(&mut self, experience: &Experience, next: &Percept, steps: u64, watch: &mut Stopwatch) -> Option<Metrics>;
+    /// Takes in what the last actions of a turn brought, and updates the policies if that is due: after the same number of
+    /// decisions of all turns. Returns the metrics of the update, if there was one.
+    fn learn(&mut self, turn: usize, brought: Brought<'_>, watch: &mut Stopwatch) -> Option<Metrics>;
 
     /// Returns the metrics that its updates have, with values of 0.
     fn no_metrics(&self) -> Metrics;

@@ -85,6 +85,13 @@ pub struct LocalSimulatorsConfig {
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct GsConfig {
+    /// Number of GSs, in lockstep, each with all agents. If left out, as many as `local_simulators.copies`. Workers share them. They
+    /// begin at different times if `local_simulators.stagger` says so.
+    ///
+    /// DEVIATION 23: the paper has one, and so do configs/paper.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    #[schemars(range(min = 1, max = 10_000))]
+    pub copies: Option<usize>,
     /// Whether the agents of a kind share one policy, and bootstrap with the value of the last one of them, as in the
     /// authors' code. An update takes minibatches from the samples of all of them. It does not go with `policy.imitate`.
     /// See DEVIATION 6: by default every agent learns for itself.
@@ -239,9 +246,27 @@ impl Config {
         step.checked_next_multiple_of(crate::algorithms::of(self).steps_per_update() as u64).unwrap_or(u64::MAX)
     }
 
-    /// Returns the number of simulators per agent that the policies train on. The GS has one region of each agent.
+    /// Returns the number of simulators per agent that the policies train on. A GS has one region of each agent.
     pub fn copies(&self) -> usize {
-        if self.simulator == Simulator::Global { 1 } else { self.local_simulators.copies }
+        match (self.simulator, self.gs.copies) {
+            (Simulator::Global, Some(copies)) => copies,
+            _ => self.local_simulators.copies,
+        }
+    }
+
+    /// Returns how many turns the copies of a simulator have, of equally many: rows of a turn decide together. Local simulators
+    /// have one. Copies of the GS have one each, unless the algorithm learns after every decision.
+    pub(crate) fn turns(&self) -> usize {
+        let one_each = self.simulator == Simulator::Global && crate::algorithms::of(self).decisions_in_turn() > 1;
+        if one_each { self.copies() } else { 1 }
+    }
+
+    /// Returns the key that says [`Config::copies`].
+    pub(crate) fn key_of_copies(&self) -> &'static str {
+        match (self.simulator, self.gs.copies) {
+            (Simulator::Global, Some(_)) => "gs.copies",
+            _ => "local_simulators.copies",
+        }
     }
 
     /// Returns the choice of predictor. The GS uses none; there it is the default, so that every run has the same

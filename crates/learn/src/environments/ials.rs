@@ -72,6 +72,56 @@ impl<'a> Ials<'a> {
         let totals = self.simulator.counters().into_iter().zip(&self.counted);
         totals.map(|((name, total), before)| (name, total - before)).collect()
     }
+
+    /// Returns what the rows show at their next decision.
+    pub fn percept(&self) -> &Percept {
+        &self.percept
+    }
+
+    /// Returns what the last decision brought the rows.
+    pub fn experience(&self) -> &Experience {
+        &self.experience
+    }
+
+    /// Makes one decision in every row.
+    pub fn step(&mut self, actions: &[Action], watch: &mut Stopwatch) -> Result<()> {
+        // u_t ~ I(. | l_t): the AIP sees the d-set from before the step.
+        watch.time(Phase::AipSampling, || {
+            self.predictor.sample(&self.percept.d_set, &mut self.dice, &mut self.sources);
+        });
+        // x_{t+1} ~ T(. | x_t, a_t, u_t)
+        let horizon = self.simulator.spec().local_horizon;
+        let begun = Instant::now();
+        let transition = self.simulator.step(actions, &self.sources)?;
+        let steps = begun.elapsed();
+        self.experience.rewards.copy_from_slice(&transition.rewards);
+        let mut over = Vec::new();
+        for (row, (trail, end)) in self.trails.iter_mut().zip(&mut self.experience.ends).enumerate() {
+            trail.push(actions[row], self.sources.row(row));
+            let head_start = if trail.episode == 0 { self.head_starts[row] } else { 0 };
+            *end = trail.steps() + head_start == horizon;
+            if *end {
+                trail.end_episode();
+                over.push(Beginning { row, episode: trail.episode });
+                self.experience.last_obs.row_mut(row).copy_from_slice(transition.percept.obs.row(row));
+                if let (Some(last), Some(masks)) = (&mut self.experience.last_masks, &transition.percept.masks) {
+                    last.row_mut(row).copy_from_slice(masks.row(row));
+                }
+            }
+        }
+        let percept = if over.is_empty() {
+            &transition.percept
+        } else {
+            self.predictor.forget(&over.iter().map(|beginning| beginning.row).collect::<Vec<_>>());
+            let begun = Instant::now();
+            let percept = self.simulator.reset(&over)?;
+            watch.note(Phase::Reset, begun.elapsed());
+            percept
+        };
+        self.percept.clone_from(percept);
+        add_steps(watch, &self.simulator.take_watch(), steps);
+        Ok(())
+    }
 }
 
 /// Returns the number of steps by which the first episode of a staggered copy is shorter.
@@ -141,51 +191,20 @@ fn retrace(
 }
 
 impl Environment for Ials<'_> {
-    fn percepts(&self) -> &[Percept] {
+    fn percepts(&self, _turn: usize) -> &[Percept] {
         from_ref(&self.percept)
     }
 
-    fn step(&mut self, actions: &[Vec<Action>], watch: &mut Stopwatch) -> Result<()> {
-        let actions = &actions[0];
-        // u_t ~ I(. | l_t): the AIP sees the d-set from before the step.
-        watch.time(Phase::AipSampling, || {
-            self.predictor.sample(&self.percept.d_set, &mut self.dice, &mut self.sources);
-        });
-        // x_{t+1} ~ T(. | x_t, a_t, u_t)
-        let horizon = self.simulator.spec().local_horizon;
-        let begun = Instant::now();
-        let transition = self.simulator.step(actions, &self.sources)?;
-        let steps = begun.elapsed();
-        self.experience.rewards.copy_from_slice(&transition.rewards);
-        let mut over = Vec::new();
-        for (row, (trail, end)) in self.trails.iter_mut().zip(&mut self.experience.ends).enumerate() {
-            trail.push(actions[row], self.sources.row(row));
-            let head_start = if trail.episode == 0 { self.head_starts[row] } else { 0 };
-            *end = trail.steps() + head_start == horizon;
-            if *end {
-                trail.end_episode();
-                over.push(Beginning { row, episode: trail.episode });
-                self.experience.last_obs.row_mut(row).copy_from_slice(transition.percept.obs.row(row));
-                if let (Some(last), Some(masks)) = (&mut self.experience.last_masks, &transition.percept.masks) {
-                    last.row_mut(row).copy_from_slice(masks.row(row));
-                }
-            }
-        }
-        let percept = if over.is_empty() {
-            &transition.percept
-        } else {
-            self.predictor.forget(&over.iter().map(|beginning| beginning.row).collect::<Vec<_>>());
-            let begun = Instant::now();
-            let percept = self.simulator.reset(&over)?;
-            watch.note(Phase::Reset, begun.elapsed());
-            percept
-        };
-        self.percept.clone_from(percept);
-        add_steps(watch, &self.simulator.take_watch(), steps);
-        Ok(())
+    /// Makes the decision, too.
+    fn begin(&mut self, _turn: usize, actions: &[Vec<Action>], watch: &mut Stopwatch) -> Result<()> {
+        self.step(&actions[0], watch)
     }
 
-    fn experiences(&self) -> &[Experience] {
+    fn finish(&mut self, _watch: &mut Stopwatch) -> Result<usize> {
+        Ok(0)
+    }
+
+    fn experiences(&self, _turn: usize) -> &[Experience] {
         from_ref(&self.experience)
     }
 
@@ -247,8 +266,8 @@ mod tests {
     type Seen = Vec<(Vec<bool>, Rows<f32>)>;
 
     fn step(ials: &mut Ials<'_>, actions: Vec<Action>, seen: &mut Seen) {
-        ials.step(&[actions], &mut Stopwatch::default()).unwrap();
-        seen.push((ials.experiences()[0].ends.clone(), ials.percepts()[0].obs.clone()));
+        ials.step(&actions, &mut Stopwatch::default()).unwrap();
+        seen.push((ials.experience().ends.clone(), ials.percept().obs.clone()));
     }
 
     fn run(stagger: bool, steps: usize) -> (Spy, Seen) {

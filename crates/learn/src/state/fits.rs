@@ -154,9 +154,8 @@ fn check_row(row: &RowStream, copy: usize, steps: u64, config: &Config, spec: &R
         !is_stuck(influence),
         "the dice of its influence sources are all zeros, and would show the same number for ever"
     );
-    let staggered = config.local_simulators.stagger && !on_gs;
     let horizon = episode_steps(spec, config);
-    let head_start = if staggered { head_start(copy, copies, horizon) as u64 } else { 0 };
+    let head_start = if config.local_simulators.stagger { head_start(copy, copies, horizon) as u64 } else { 0 };
     // Episodes are cut by the horizon alone, so the number of steps says where each one stands.
     let played = steps / copies as u64 + head_start;
     let (episode, of_episode) = (played / horizon as u64, played % horizon as u64);

@@ -13,7 +13,7 @@ use crate::observer::Observer;
 use crate::state::AgentsState;
 use crate::worker::Worker;
 use crate::worker::block::train_policies_on_the_gs;
-use dials_core::base::{Activity, Stopwatch, Work};
+use dials_core::base::{Activity, Phase, Stopwatch, Work};
 use dials_core::domain::Result;
 
 #[derive(Clone, Debug, Serialize, Deserialize)]
@@ -33,8 +33,10 @@ impl Step for TrainPolicies {
         if worker.config.simulator == Simulator::Global {
             let progress = &mut |steps| observer.trained(steps);
             let work = Work { watch: &mut watch, progress };
-            let Worker { domain, config, blocks, .. } = worker;
-            parts = train_policies_on_the_gs(&**domain, config, blocks, period, work)?;
+            let Worker { domain, config, blocks, copies, .. } = worker;
+            let make = || copies.make(&**domain, config.copies());
+            let simulators = work.watch.time(Phase::Loading, make)?;
+            parts = train_policies_on_the_gs(simulators, domain.kinds(), config, blocks, period, work)?;
         } else {
             for (done, block) in (0..).zip(&mut worker.blocks) {
                 // The mean over all agents.

@@ -1,14 +1,16 @@
 //! A block: agents of one kind that are trained together, on one stack of networks and one forest of local simulators.
 //!
 //! A worker trains its blocks one after the other, each for the whole period, which changes no number. The networks and
-//! cars of a few agents stay in the cache. On the GS all blocks act in one simulation, one block per kind.
+//! cars of a few agents stay in the cache. On copies of the GS all blocks act at once, one block per kind.
 
+use std::collections::VecDeque;
 use std::sync::Arc;
 
 use crate::algorithms::imitation::{ImitationLoss, imitate};
-use crate::algorithms::{self, Learner, Metrics};
+use crate::algorithms::{self, Brought, Learner, Metrics};
 use crate::config::{Config, Period, Simulator};
-use crate::environments::global::GlobalEnvironment;
+use crate::environments::copies::GlobalCopies;
+use crate::environments::global::{Begin, GlobalEnvironment};
 use crate::environments::ials::Ials;
 use crate::environments::{Environment, Experience};
 use crate::policy::{Demonstrations, JointPolicy, PolicyStack};
@@ -17,7 +19,7 @@ use crate::state::AgentsState;
 use crate::state::stream::{AgentStream, rows_of, rows_of_mut};
 use crate::steps::train_policies::{AgentTraining, PolicyTraining};
 use dials_core::base::{AgentId, Phase, Ragged, RandomPurpose, Seed, Stopwatch, Work};
-use dials_core::domain::{Action, Domain, RegionSpec, Result};
+use dials_core::domain::{Action, Domain, Kinds, RegionSpec, Result};
 use stacknets::Threads;
 
 /// Number of local simulators per block. The cars of a larger forest leave the cache between two steps. Measured on
@@ -63,7 +65,7 @@ pub fn initial_aips(domain: &dyn Domain, config: &Config, agents: &[AgentId]) ->
     config.predictor().kind().make(agents, spec, &config.aip, seed)
 }
 
-/// Returns the number of agents per block. On the GS all agents act in one simulation, so there is one block per kind.
+/// Returns the number of agents per block. On the GS all agents act at once, so there is one block per kind.
 pub(crate) fn agents_per_block(config: &Config) -> usize {
     if config.simulator == Simulator::Global { usize::MAX } else { (ROWS_PER_BLOCK / config.copies()).max(1) }
 }
@@ -149,19 +151,21 @@ impl AgentBlock {
     }
 }
 
-/// Trains the policies on the GS, on which all kinds act at once. `blocks`: one per kind, with all its agents.
+/// Trains the policies on copies of the GS, on which all kinds act at once. `blocks`: one per kind, with all its agents.
 pub(crate) fn train_policies_on_the_gs(
-    domain: &dyn Domain,
+    simulators: Box<dyn GlobalCopies>,
+    kinds: &Kinds,
     config: &Config,
     blocks: &mut [AgentBlock],
     period: &Period,
     work: Work<'_, u64>,
 ) -> Result<Vec<PolicyTraining>> {
-    let simulator = work.watch.time(Phase::Loading, || domain.global_simulator())?;
     let mut learners: Vec<&mut KindLearner> = blocks.iter_mut().map(|block| &mut block.learner).collect();
     let streams: Vec<&[AgentStream]> = learners.iter().map(|learner| &learner.streams[..]).collect();
     let alive = &mut || (work.progress)(learners[0].steps);
-    let resume = || GlobalEnvironment::resume(simulator, training_episodes(config), &streams, alive);
+    let stagger = config.local_simulators.stagger;
+    let begin = Begin { kinds, episodes: training_episodes(config), stagger, turns: config.turns() };
+    let resume = || GlobalEnvironment::resume(simulators, begin, &streams, alive);
     let mut gs = work.watch.time(Phase::Retracing, resume)?;
     learn(&mut learners, &mut gs, config, period, work)
 }
@@ -177,6 +181,9 @@ pub(crate) fn episode_steps(spec: &RegionSpec, config: &Config) -> usize {
 
 /// Lets the learners act and learn until the first update at or after the end of the period. `learners`: one per kind
 /// of the environment, all after the same number of steps.
+///
+/// In a round every turn makes its decisions one after the other. Turns do not wait for each other, and what they do depends on
+/// nothing that another one does.
 fn learn(
     learners: &mut [&mut KindLearner],
     environment: &mut dyn Environment,
@@ -185,7 +192,9 @@ fn learn(
     work: Work<'_, u64>,
 ) -> Result<Vec<PolicyTraining>> {
     let Work { watch, progress } = work;
-    let copies = environment.percepts()[0].obs.len() / learners[0].streams.len();
+    let turns = environment.turns();
+    let copies = config.copies() / turns;
+    let in_turn = if turns == 1 { 1 } else { algorithms::of(config).decisions_in_turn() };
     let per_update = algorithms::of(config).steps_per_update() as u64;
     let mut steps = learners[0].steps;
     let end = config.update_at_or_after(period.end);
@@ -193,15 +202,35 @@ fn learn(
     let mut returns: Vec<EpisodeReturns> = learners.iter().map(returns).collect();
     let mut updates: Vec<Vec<Metrics>> = vec![Vec::new(); learners.len()];
     while steps < end {
-        let actions: Vec<Vec<Action>> = watch.time(Phase::Acting, || {
-            learners.iter_mut().zip(environment.percepts()).map(|(kind, percept)| kind.learner.act(percept)).collect()
-        });
-        environment.step(&actions, watch)?;
-        steps += copies as u64;
-        let brought = environment.experiences().iter().zip(environment.percepts());
-        for (index, (kind, (experience, next))) in learners.iter_mut().zip(brought).enumerate() {
-            returns[index].add(experience);
-            updates[index].extend(kind.learner.learn(experience, next, steps, watch));
+        let mut left = vec![in_turn; turns];
+        let mut waiting: VecDeque<usize> = (0..turns).collect();
+        let mut open = 0;
+        loop {
+            while open < environment.at_once()
+                && let Some(turn) = waiting.pop_front()
+            {
+                let percepts = environment.percepts(turn);
+                let actions: Vec<Vec<Action>> = watch.time(Phase::Acting, || {
+                    learners.iter_mut().zip(percepts).map(|(kind, percept)| kind.learner.act(turn, percept)).collect()
+                });
+                environment.begin(turn, &actions, watch)?;
+                open += 1;
+            }
+            if open == 0 {
+                break;
+            }
+            let turn = environment.finish(watch)?;
+            (open, steps) = (open - 1, steps + copies as u64);
+            let brought = environment.experiences(turn).iter().zip(environment.percepts(turn));
+            for (index, (kind, (experience, next))) in learners.iter_mut().zip(brought).enumerate() {
+                returns[index].add(turn * copies, experience);
+                updates[index].extend(kind.learner.learn(turn, Brought { experience, next, steps }, watch));
+            }
+            left[turn] -= 1;
+            if left[turn] > 0 {
+                // Its cars are still in the cache.
+                waiting.push_front(turn);
+            }
         }
         if steps.is_multiple_of(per_update) {
             progress(steps);
@@ -228,29 +257,31 @@ fn learn(
 #[derive(Clone, Debug)]
 struct EpisodeReturns {
     horizon: usize,
-    /// Sum of rewards and number of steps since the episode began, per row.
-    running: Vec<(f64, usize)>,
-    /// Sum of returns and number of episodes, per agent.
-    finished: Vec<(f64, u64)>,
+    copies: usize,
+    /// Sum of rewards and number of steps since the episode began, and number of steps in this period, per row.
+    running: Vec<(f64, usize, usize)>,
+    /// The episodes that ended: step of this period, row and return.
+    finished: Vec<(usize, usize, f64)>,
 }
 
 impl EpisodeReturns {
     /// Continues the current episodes. `horizon`: number of steps of a whole episode.
     fn resume(streams: &[AgentStream], horizon: usize) -> Self {
-        let running = rows_of(streams).map(|row| (row.rewards, row.trail.steps()));
-        EpisodeReturns { horizon, running: running.collect(), finished: vec![(0.0, 0); streams.len()] }
+        let running = rows_of(streams).map(|row| (row.rewards, row.trail.steps(), 0));
+        EpisodeReturns { horizon, copies: streams[0].rows.len(), running: running.collect(), finished: Vec::new() }
     }
 
-    fn add(&mut self, experience: &Experience) {
-        let copies = self.running.len() / self.finished.len();
-        for (row, (sum, steps)) in self.running.iter_mut().enumerate() {
-            *sum += f64::from(experience.rewards[row]);
-            *steps += 1;
-            if experience.ends[row] {
+    /// Adds what a decision of consecutive copies of all agents brought, from copy `first` on.
+    fn add(&mut self, first: usize, experience: &Experience) {
+        let of_turn = experience.rewards.len() * self.copies / self.running.len();
+        for (row, (&reward, &ends)) in experience.rewards.iter().zip(&experience.ends).enumerate() {
+            let row = row / of_turn * self.copies + first + row % of_turn;
+            let (sum, steps, step) = &mut self.running[row];
+            *sum += f64::from(reward);
+            (*steps, *step) = (*steps + 1, *step + 1);
+            if ends {
                 if *steps == self.horizon {
-                    let (returns, episodes) = &mut self.finished[row / copies];
-                    *returns += *sum;
-                    *episodes += 1;
+                    self.finished.push((*step, row, *sum));
                 }
                 (*sum, *steps) = (0.0, 0);
             }
@@ -258,14 +289,24 @@ impl EpisodeReturns {
     }
 
     /// Returns the mean return and the number of episodes, per agent. If no episode ended: `None` and 0.
+    ///
+    /// They are added up in the order of their steps, whichever turn came first.
     fn means(&self) -> Vec<(Option<f64>, u64)> {
+        let mut in_order = self.finished.clone();
+        in_order.sort_by_key(|&(step, row, _)| (step, row));
+        let mut sums = vec![(0.0, 0); self.running.len() / self.copies];
+        for (_, row, episode_return) in in_order {
+            let (sum, episodes) = &mut sums[row / self.copies];
+            *sum += episode_return;
+            *episodes += 1;
+        }
         let mean = |&(sum, episodes): &(f64, u64)| ((episodes > 0).then(|| sum / episodes as f64), episodes);
-        self.finished.iter().map(mean).collect()
+        sums.iter().map(mean).collect()
     }
 
     /// Writes the sums of the unfinished episodes to the streams.
     fn leave(&self, streams: &mut [AgentStream]) {
-        self.running.iter().zip(rows_of_mut(streams)).for_each(|((rewards, _), stream)| stream.rewards = *rewards);
+        self.running.iter().zip(rows_of_mut(streams)).for_each(|((rewards, ..), stream)| stream.rewards = *rewards);
     }
 }
 
@@ -288,7 +329,7 @@ mod tests {
         };
         // The first agent ends after two steps and then after three, the second one never.
         for ends in [false, true, false, false, true, false] {
-            returns.add(&experience([ends, false]));
+            returns.add(0, &experience([ends, false]));
         }
         assert_eq!(returns.means(), [(Some(4.5), 1), (None, 0)]);
         returns.leave(&mut streams);

@@ -14,6 +14,7 @@ use std::time::Instant;
 use anyhow::Context;
 
 use crate::config::Config;
+use crate::environments::copies::{InThisProcess, MakeCopies};
 use crate::observer::Observer;
 use crate::policy::{JointPolicy, JointPolicyController, Selection};
 use crate::state::AgentsState;
@@ -27,6 +28,8 @@ pub struct Worker {
     pub(crate) domain: Arc<dyn Domain>,
     pub(crate) config: Config,
     pub(crate) blocks: Vec<AgentBlock>,
+    /// Makes what the policies train on, if that is the GS.
+    pub(crate) copies: Box<dyn MakeCopies>,
     /// Places of the agents of every block among those of the worker: a block has agents of one kind.
     places: Vec<Vec<usize>>,
     /// Policies of all agents, with which the next step plays episodes.
@@ -50,11 +53,17 @@ impl Worker {
         Worker {
             blocks: places.iter().map(block).collect(),
             places,
+            copies: Box::new(InThisProcess),
             joint: None,
             config: config.clone(),
             domain,
             timesheet: Timesheet::default(),
         }
+    }
+
+    /// Lets others make copies of the GS.
+    pub fn with_copies(self, copies: Box<dyn MakeCopies>) -> Self {
+        Worker { copies, ..self }
     }
 
     pub fn state(&self) -> AgentsState {

@@ -65,9 +65,10 @@ pub(crate) fn time_by_cores(comparison: &Comparison, looks: &Looks) -> Result<Op
         levels: Vec::new(),
         marks,
         x_end: f64::from(last),
-        note: "a model: measured CPU time, spread over the cores, at most one core per agent; the GS shares gradient \
-               steps only"
-            .to_owned(),
+        note:
+            "a model: measured CPU time, spread over the cores, at most one core per agent or copy of the GS; a single \
+               GS shares gradient steps only"
+                .to_owned(),
     };
     chart.draw().map(Some)
 }

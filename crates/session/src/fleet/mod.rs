@@ -9,7 +9,7 @@
 //! - `coordinator`: orders, deaths and patience. `shares`: which worker owns which agents. `task`: an order in progress.
 //! - [`fn@in_process`]: the smallest crew, one worker in this process.
 //! - [`link`]: the worker's stream as the coordinator sees it, and why a worker is given up. [`children`]: child
-//!   processes; `log` is what they printed.
+//!   processes; `log` is what they printed. [`copies`]: copies of the global simulator that a worker steps together.
 //! - `mpi`: workers on the ranks of an MPI job, with the feature of that name. `launcher`: whether there is such a job.
 //! - `message`, `channel`: the messages, and how they are written to a stream. `serve`: the worker's side of it.
 //! - `process`: memory and CPU time of a process, and when a worker's is replaced by a fresh one.
@@ -19,6 +19,7 @@
 mod channel;
 pub mod children;
 mod coordinator;
+pub mod copies;
 mod in_process;
 mod launcher;
 pub(crate) mod link;

@@ -8,12 +8,13 @@ use std::time::{Duration, Instant};
 use anyhow::{Context, Result, bail};
 
 use super::channel::{receive, send};
+use super::copies::{self, Copies, CopyLost};
 use super::message::{Order, WorkerReport};
 use super::process::{CpuClock, footprint, resident_kib};
 use crate::config::RunConfig;
 use dials_core::base::Activity;
 use dials_core::domain::Domain;
-use dials_learn::fleet::WorkerLoad;
+use dials_learn::fleet::{Footprint, WorkerLoad};
 use dials_learn::observer::Observer;
 use dials_learn::steps::Reply;
 use dials_learn::worker::Worker;
@@ -65,6 +66,7 @@ impl Server {
         let domain = open_domain(&config)?;
         prepared.map_or(Ok(()), |prepared| domain.take_prepared(&prepared))?;
         let worker = Worker::new(domain, &config.learning, agents, &Threads::new(threads)?);
+        let worker = worker.with_copies(Box::new(Copies { config_json, at_once: threads }));
         Ok(Server { worker, clock })
     }
 
@@ -77,6 +79,8 @@ impl Server {
             Order::Step(request) => {
                 return Ok(Some(match request.run(&mut self.worker, observer) {
                     Ok(reply) => self.done(reply),
+                    // Another worker can.
+                    Err(error) if error.is::<CopyLost>() => return Err(error),
                     Err(error) => WorkerReport::Failed { reason: format!("{error:#}") },
                 }));
             }
@@ -86,8 +90,11 @@ impl Server {
 
     fn done(&mut self, reply: Reply) -> WorkerReport {
         let mut timesheet = self.worker.take_timesheet();
-        timesheet.note_cpu(self.clock.lap());
-        let load = WorkerLoad { timesheet, footprint: footprint() };
+        timesheet.note_cpu(self.clock.lap() + copies::take_cpu());
+        let [own, others] = [footprint(), copies::take_footprint()];
+        let footprint =
+            Footprint { peak_rss_kib: own.peak_rss_kib + others.peak_rss_kib, pss_kib: own.pss_kib + others.pss_kib };
+        let load = WorkerLoad { timesheet, footprint };
         WorkerReport::Done { reply: Box::new(reply), load: Box::new(load), resident_kib: resident_kib() }
     }
 }

@@ -18,7 +18,7 @@ use rand::seq::IteratorRandom;
 
 use super::ppo::TimeLimit;
 use super::tables::Base;
-use super::{Algorithm, Layout, Learner, Metrics, NumberTable, Tables};
+use super::{Algorithm, Brought, Layout, Learner, Metrics, NumberTable, Tables};
 use crate::config::Config;
 use crate::environments::Experience;
 use crate::policy::{PolicyStack, Reading};
@@ -321,7 +321,7 @@ impl Learner for Dqn {
         &mut self.policies
     }
 
-    fn act(&mut self, percept: &Percept) -> Vec<Action> {
+    fn act(&mut self, _turn: usize, percept: &Percept) -> Vec<Action> {
         let epsilon = self.config.epsilon_at(self.steps);
         let judgement = self.policies.decide(percept, &mut self.policies.states(self.base.acting.len()));
         for (row, ((logits, _), dice)) in judgement.rows().zip(&mut self.base.acting).enumerate() {
@@ -336,7 +336,8 @@ impl Learner for Dqn {
         self.actions.clone()
     }
 
-    fn learn(&mut self, experience: &Experience, next: &Percept, steps: u64, watch: &mut Stopwatch) -> Option<Metrics> {
+    fn learn(&mut self, _turn: usize, brought: Brought<'_>, watch: &mut Stopwatch) -> Option<Metrics> {
+        let Brought { experience, next, steps } = brought;
         watch.time(Phase::Bookkeeping, || self.remember(experience, next));
         let before = std::mem::replace(&mut self.steps, steps);
         let due = steps.is_multiple_of(self.config.update_every_steps as u64) && steps >= self.config.learning_starts;

@@ -97,8 +97,9 @@ pub(super) fn check(config: &Config) -> Result<()> {
     let rollout = config.copies() * ppo.rollout_steps;
     ensure!(
         ppo.memory.is_multiple_of(rollout),
-        "ppo.memory = {}: must be a multiple of copies x ppo.rollout_steps = {} x {} = {rollout}",
+        "ppo.memory = {}: must be a multiple of {} x ppo.rollout_steps = {} x {} = {rollout}",
         ppo.memory,
+        config.key_of_copies(),
         config.copies(),
         ppo.rollout_steps,
     );

@@ -16,16 +16,15 @@ mod rollout;
 pub mod update;
 
 use super::tables::Base;
-use super::{Algorithm, Layout, Learner, Metrics, NumberTable, Tables};
+use super::{Algorithm, Brought, Layout, Learner, Metrics, NumberTable, Tables};
 use crate::config::Config;
-use crate::environments::Experience;
 use crate::policy::{PolicyStack, Reading};
 pub use config::{PpoConfig, TimeLimit};
 use dials_core::base::{AgentId, Ragged, Stopwatch};
 use dials_core::domain::{Action, Kind, Percept, RegionSpec, Result};
 use loss::Losses;
 pub use memory::{Memory, Sample};
-use rollout::Rollout;
+use rollout::{Copies, Rollout};
 use stacknets::Shape;
 use update::{Decayed, Learns, Settings, update};
 
@@ -39,6 +38,10 @@ impl Algorithm for PpoConfig {
 
     fn updates(&self) -> (&'static str, u64) {
         ("ppo.memory", self.memory as u64)
+    }
+
+    fn decisions_in_turn(&self) -> usize {
+        self.rollout_steps
     }
 
     fn reading(&self) -> Reading {
@@ -97,22 +100,45 @@ pub(crate) struct Ppo {
     policies: PolicyStack,
     base: Base,
     memory: Memory,
-    rollout: Rollout,
+    /// One per turn.
+    rollouts: Vec<Rollout>,
+    /// Number of them that have filled their part of the memory.
+    full: usize,
 }
 
 impl Ppo {
     fn new(config: &Config, spec: &RegionSpec, agents: &[AgentId], policies: PolicyStack) -> Ppo {
         let (length, width) = (config.sequence_length(), policies.state_width());
+        let (turns, copies) = (config.turns(), config.copies());
+        let rollout = |turn: usize| {
+            let copies = Copies { first: turn * copies / turns, count: copies / turns, all: copies };
+            let states = policies.states(agents.len() * copies.count);
+            Rollout::new(&config.ppo, config.shares_policies(), copies, states)
+        };
         Ppo {
             memory: Memory::new(agents.len(), config.ppo.memory, length, spec, width),
-            rollout: Rollout::new(
-                &config.ppo,
-                config.shares_policies(),
-                policies.states(agents.len() * config.copies()),
-            ),
+            rollouts: (0..turns).map(rollout).collect(),
+            full: 0,
             base: Base::new(config, agents, policies.parameters()),
             policies,
             config: config.clone(),
+        }
+    }
+
+    /// Visits the rollouts and rows of all copies, agent by agent.
+    fn each_state(&self, mut visit: impl FnMut(&Rollout, usize)) {
+        let of_turn = self.base.copies() / self.rollouts.len();
+        for agent in 0..self.policies.agents() {
+            let rows = || agent * of_turn..(agent + 1) * of_turn;
+            self.rollouts.iter().for_each(|rollout| rows().for_each(|row| visit(rollout, row)));
+        }
+    }
+
+    fn each_state_mut(&mut self, mut visit: impl FnMut(&mut Rollout, usize)) {
+        let of_turn = self.base.copies() / self.rollouts.len();
+        for agent in 0..self.policies.agents() {
+            let rows = || agent * of_turn..(agent + 1) * of_turn;
+            self.rollouts.iter_mut().for_each(|rollout| rows().for_each(|row| visit(rollout, row)));
         }
     }
 
@@ -166,14 +192,21 @@ impl Learner for Ppo {
         &mut self.policies
     }
 
-    fn act(&mut self, percept: &Percept) -> Vec<Action> {
-        self.rollout.act(&self.policies, &mut self.base.acting, &mut self.memory, percept)
+    fn act(&mut self, turn: usize, percept: &Percept) -> Vec<Action> {
+        self.rollouts[turn].act(&self.policies, &mut self.base.acting, &mut self.memory, percept)
     }
 
-    fn learn(&mut self, experience: &Experience, next: &Percept, steps: u64, watch: &mut Stopwatch) -> Option<Metrics> {
-        let Ppo { policies, memory, rollout, .. } = self;
+    fn learn(&mut self, turn: usize, brought: Brought<'_>, watch: &mut Stopwatch) -> Option<Metrics> {
+        let Brought { experience, next, steps } = brought;
+        let Ppo { policies, memory, rollouts, full, .. } = self;
+        let rollout = &mut rollouts[turn];
         let is_full = rollout.take_in(policies, experience, watch) && rollout.finish(policies, memory, next, watch);
-        is_full.then(|| self.update(steps - self.config.ppo.memory as u64, watch))
+        *full += usize::from(is_full);
+        if *full < rollouts.len() {
+            return None;
+        }
+        *full = 0;
+        Some(self.update(steps - self.config.ppo.memory as u64, watch))
     }
 
     fn no_metrics(&self) -> Metrics {
@@ -182,7 +215,9 @@ impl Learner for Ppo {
 
     fn tables(&self) -> Tables {
         let widths = vec![self.base.copies() * self.policies.state_width(); self.policies.agents()];
-        let states = Ragged::from_vec(self.rollout.states.as_slice().to_vec(), widths).expect("one state per row");
+        let mut values = Vec::new();
+        self.each_state(|rollout, row| values.extend_from_slice(rollout.states.row(row)));
+        let states = Ragged::from_vec(values, widths).expect("one state per row");
         let mut tables = self.base.tables();
         tables.numbers.insert(STATES.to_owned(), states);
         tables
@@ -192,7 +227,11 @@ impl Learner for Ppo {
         self.base.load(&mut tables);
         let states = tables.take_numbers(STATES);
         let width = self.policies.state_width();
-        let rows = states.as_slice().chunks_exact(width.max(1)).enumerate();
-        rows.for_each(|(row, state)| self.rollout.states.set_row(row, state));
+        let mut rows = states.as_slice().chunks_exact(width.max(1));
+        self.each_state_mut(|rollout, row| {
+            if let Some(state) = rows.next() {
+                rollout.states.set_row(row, state);
+            }
+        });
     }
 }

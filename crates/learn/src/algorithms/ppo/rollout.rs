@@ -9,11 +9,21 @@ use dials_core::base::{Dice, Phase, Rows, Stopwatch};
 use dials_core::domain::{Action, Percept};
 use stacknets::States;
 
-/// A rollout under way, and the acting state that goes on from one rollout to the next.
+/// The copies of a turn: which of how many.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Copies {
+    pub(super) first: usize,
+    pub(super) count: usize,
+    pub(super) all: usize,
+}
+
+/// A rollout of a turn under way, and the acting state that goes on from one rollout to the next.
 ///
-/// For every agent, a rollout fills the slots of the memory from `first_slot` on, copy after copy.
+/// For every agent, a rollout fills the slots of the memory from `first_slot` on, copy after copy. Other turns fill those of their
+/// own copies.
 pub(super) struct Rollout {
     config: PpoConfig,
+    copies: Copies,
     /// Whether the value of the last row stands for what would come for all rows, see `gs.shared_policy`.
     shared_bootstrap: bool,
     /// Hidden states of the policies, one per row.
@@ -29,13 +39,14 @@ pub(super) struct Rollout {
 
 impl Rollout {
     /// Begins the first rollout. `states`: one per row.
-    pub(super) fn new(config: &PpoConfig, shared_bootstrap: bool, states: States) -> Rollout {
+    pub(super) fn new(config: &PpoConfig, shared_bootstrap: bool, copies: Copies, states: States) -> Rollout {
         Rollout {
             config: config.clone(),
+            copies,
             shared_bootstrap,
             starts: vec![true; states.rows()],
             states,
-            first_slot: 0,
+            first_slot: copies.first * config.rollout_steps,
             rewards: Vec::new(),
             values: Vec::new(),
             ends: Vec::new(),
@@ -47,12 +58,12 @@ impl Rollout {
     }
 
     /// Returns the agent of a row, and the slot for its step `t`.
-    fn slot(&self, t: usize, row: usize, agents: usize) -> (usize, usize) {
-        let copies = self.rows() / agents;
+    fn slot(&self, t: usize, row: usize) -> (usize, usize) {
+        let copies = self.copies.count;
         (row / copies, self.first_slot + row % copies * self.config.rollout_steps + t)
     }
 
-    /// Chooses one action per row, and records the decisions. `dice`: one per row.
+    /// Chooses one action per row, and records the decisions. `dice`: those of all copies.
     pub(super) fn act(
         &mut self,
         policies: &PolicyStack,
@@ -67,8 +78,9 @@ impl Rollout {
         let mut actions = Vec::with_capacity(self.rows());
         for (row, (logits, value)) in judgement.rows().enumerate() {
             sampling::log_softmax(logits, &mut log_probs);
-            let action = sampling::draw(&log_probs, &mut dice[row]);
-            let (agent, slot) = self.slot(t, row, policies.agents());
+            let (agent, slot) = self.slot(t, row);
+            let dice = &mut dice[agent * self.copies.all + self.copies.first + row % self.copies.count];
+            let action = sampling::draw(&log_probs, dice);
             let log_prob = log_probs[usize::from(action)];
             let sample = Sample { action, log_prob, value, start: self.starts[row], ..Sample::default() };
             let mask = percept.masks.as_ref().map_or(&[][..], |masks| masks.row(row));
@@ -106,7 +118,7 @@ impl Rollout {
             let (gamma, lambda) = (self.config.gamma as f32, self.config.gae_lambda as f32);
             let advantages = advantages(&self.rewards, &self.values, &self.ends, &last_values, gamma, lambda);
             for (i, &advantage) in advantages.iter().enumerate() {
-                let (agent, slot) = self.slot(i / self.rows(), i % self.rows(), policies.agents());
+                let (agent, slot) = self.slot(i / self.rows(), i % self.rows());
                 let sample = memory.sample_mut(agent, slot);
                 sample.advantage = advantage;
                 sample.ret = advantage + sample.value;
@@ -115,10 +127,10 @@ impl Rollout {
         self.rewards.clear();
         self.values.clear();
         self.ends.clear();
-        self.first_slot += self.rows() / policies.agents() * self.config.rollout_steps;
-        let is_full = self.first_slot == memory.capacity;
+        self.first_slot += self.copies.all * self.config.rollout_steps;
+        let is_full = self.first_slot >= memory.capacity;
         if is_full {
-            self.first_slot = 0;
+            self.first_slot = self.copies.first * self.config.rollout_steps;
         }
         is_full
     }
@@ -199,7 +211,8 @@ mod tests {
         let length = if recurrent.is_some() { 2 } else { 1 };
         let mut memory = Memory::new(2, 16, length, &spec(), recurrent.unwrap_or(0));
         let config = PpoConfig { rollout_steps: T, time_limit, ..PpoConfig::default() };
-        let mut rollout = Rollout::new(&config, false, policies.states(4));
+        let copies = Copies { first: 0, count: 2, all: 2 };
+        let mut rollout = Rollout::new(&config, false, copies, policies.states(4));
         let mut dice = dice(4);
         let watch = &mut Stopwatch::default();
         for step in 0..2 * T {
@@ -286,7 +299,8 @@ mod tests {
     fn with_a_shared_bootstrap_the_value_of_the_last_row_stands_for_all() {
         let policies = policies(None);
         let values = |shared| {
-            let rollout = Rollout::new(&PpoConfig::default(), shared, policies.states(4));
+            let copies = Copies { first: 0, count: 2, all: 2 };
+            let rollout = Rollout::new(&PpoConfig::default(), shared, copies, policies.states(4));
             rollout.bootstrap(&policies, &Rows::from_vec(vec![0.1, 0.2, 0.3, 0.4], 1))
         };
         let own = values(false);
