@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-use serde_json::{Value, json};
+use serde_json::{Map, Value, json};
 
 use super::train::{cores, settings_with};
 use crate::cli;
@@ -13,7 +13,7 @@ use dials_core::base::{AgentId, counted};
 use dials_core::domain::{Domain, RegionSpec, Task};
 use dials_core::outside::{FileName, path_as_text, quoted};
 use dials_learn::algorithms;
-use dials_learn::config::Simulator;
+use dials_learn::config::{Simulator, short_forms};
 use dials_report::words::duration;
 use dials_session::config::{RunConfig, load};
 use dials_session::cost::Workload;
@@ -36,6 +36,8 @@ struct Described {
     work: Workload,
     workers: usize,
     estimate: Estimate,
+    /// What the run would take on each simulator.
+    simulators: Vec<(&'static str, Estimate)>,
 }
 
 struct AgentTask {
@@ -72,9 +74,16 @@ impl Described {
             rough_costs: domain.rough_costs(),
         };
         let workers = args.workers.unwrap_or_else(cores);
-        let estimate = estimate(&run, workers, &runs_of_this_cpu(Path::new(RUNS)));
+        let measured = runs_of_this_cpu(Path::new(RUNS));
+        let simulators = short_forms().into_iter().map(|form| {
+            let mut other = run.clone();
+            form.choose(&mut other.config.learning);
+            (form.name, estimate(&other, workers, &measured))
+        });
+        let simulators = simulators.collect();
+        let estimate = estimate(&run, workers, &measured);
         let work = Workload::of(&config, domain.agents(), config.learning.last_step());
-        Ok(Described { path: args.config.clone(), config, domain, tasks, work, workers, estimate })
+        Ok(Described { path: args.config.clone(), config, domain, tasks, work, workers, estimate, simulators })
     }
 }
 
@@ -87,7 +96,9 @@ fn runs_of_this_cpu(folder: &Path) -> Vec<RunRecord> {
 }
 
 fn as_json(described: &Described) -> Value {
-    let Described { path, config, domain, tasks, work, workers, estimate } = described;
+    let Described { path, config, domain, tasks, work, workers, estimate, simulators } = described;
+    let of_simulators: Map<String, Value> =
+        simulators.iter().map(|(name, estimate)| ((*name).to_owned(), json!(estimate.seconds))).collect();
     let agents = tasks.iter().map(|agent| json!({ "agent": agent.agent.0, "name": agent.name, "task": agent.task }));
     let kinds = domain.kinds().specs().map(|spec| {
         json!({
@@ -120,6 +131,7 @@ fn as_json(described: &Described) -> Value {
             "seconds": estimate.seconds,
             "memory_mib": estimate.memory_mb,
             "measured_runs": estimate.measured_runs,
+            "seconds_by_simulator": of_simulators,
         },
     })
 }
@@ -188,7 +200,7 @@ fn shape(AgentTask { task, .. }: &AgentTask) -> [usize; 4] {
     [task.observation.len(), task.actions.len(), task.sources.len(), task.d_set.len()]
 }
 
-fn run(text: &mut Listing, Described { config, work, .. }: &Described) {
+fn run(text: &mut Listing, Described { config, domain, work, .. }: &Described) {
     let steps = work.steps;
     let updates = steps.div_ceil(algorithms::of(&config.learning).steps_per_update() as u64);
     text.line("\na run of `train`:");
@@ -214,8 +226,14 @@ fn run(text: &mut Listing, Described { config, work, .. }: &Described) {
     if work.retrainings > 0 {
         let (trainings, epochs) = (counted(work.retrainings, "training"), counted(work.epochs, "epoch"));
         let episodes = counted(work.dataset_episodes, "episode");
+        // A step of SUMO's is a second of the demand.
+        let seconds = work.dataset_episodes * work.horizon * domain.simulator_steps_per_timestep();
+        let demand = match domain.foreign_simulator() {
+            Some(_) => format!(" ({:.1} hours of demand)", seconds as f64 / 3600.0),
+            None => String::new(),
+        };
         text.paragraph(format_args!(
-            "  {trainings} of the predictors, each on {episodes} of the global simulator, {epochs}"
+            "  {trainings} of the predictors, each on {episodes} of the global simulator{demand}, {epochs}"
         ));
     }
     text.line("  the policies are left in policies.safetensors");
@@ -228,7 +246,8 @@ fn run(text: &mut Listing, Described { config, work, .. }: &Described) {
     }
 }
 
-fn cost(text: &mut Listing, Described { path, workers, estimate, .. }: &Described) {
+fn cost(text: &mut Listing, described: &Described) {
+    let Described { path, domain, workers, estimate, simulators, .. } = described;
     let (time, workers) = (duration(estimate.seconds), counted(*workers, "worker"));
     text.line(format_args!("\nabout {time} and {:.0} MiB with {workers}", estimate.memory_mb));
     let source = match estimate.measured_runs {
@@ -237,4 +256,10 @@ fn cost(text: &mut Listing, Described { path, workers, estimate, .. }: &Describe
     };
     text.paragraph(format_args!("{source}; to measure it here:"));
     text.line(format_args!("  {} bench {}", program(), quoted(path)));
+    let each: Vec<String> =
+        simulators.iter().map(|(name, estimate)| format!("{name} {}", duration(estimate.seconds))).collect();
+    text.paragraph(format_args!("on each simulator: {}", each.join(", ")));
+    if let Some(why) = domain.default_simulator() {
+        text.paragraph(why);
+    }
 }

@@ -11,7 +11,7 @@ use serde_json::Value;
 const TRAFFIC: &str = "[traffic]\nnetwork = 'NETS/grid_2x2'\nlocal_network = 'NETS/local'\nhorizon = 40\n\
     [local_simulators]\ncopies = 8\n[policy]\nhidden = [16, 8]\n[aip]\nhidden = [8]\ndataset_steps = 160\nbatch = 32\nepochs = 2\n\
     [evaluation]\nepisodes = 2\n";
-const SCENARIO: &str = "[traffic]\nscenario = 'NETS/grid_4x4_turns/grid_4x4_turns.sumocfg'\nend_s = 240\ndecision_s = 4\n\
+const SCENARIO: &str = "simulator = 'local'\n[traffic]\nscenario = 'NETS/grid_4x4_turns/grid_4x4_turns.sumocfg'\nend_s = 240\ndecision_s = 4\n\
     local_horizon = 20\n[policy]\nhidden = [8]\n[ppo]\nrollout_steps = 20\nmemory = 20\nminibatch = 20\nepochs = 1\n\
     [aip]\nhidden = [8]\ndataset_steps = 120\nbatch = 30\nepochs = 2\n[evaluation]\nepisodes = 1\n";
 const WAREHOUSE: &str = "[warehouse]\nagents_per_side = 2\nhorizon = 50\n[local_simulators]\ncopies = 8\n\

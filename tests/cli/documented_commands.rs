@@ -21,8 +21,8 @@ const SHORTER: &[(&str, &str, &str)] = &[
     ("gap-out,RUN\n", "gap-out,runs/traffic_4-dials-seed1\n", "the reader puts a run there"),
     ("NAME", "small_simulators_traffic", "the reader puts an experiment there"),
     (
-        "town.sumocfg --simulator gs --steps 7200",
-        "town.sumocfg --simulator gs --steps 240 --set ppo.memory=120 --set evaluation.final_episodes=2",
+        "town.sumocfg --steps 7200",
+        "town.sumocfg --steps 240 --set ppo.memory=120 --set evaluation.final_episodes=2",
         "time",
     ),
     ("traffic_100.toml --steps 20000", "busy_road.toml --steps 256", "time"),

@@ -15,7 +15,7 @@ use crate::plain_sumo;
 fn a_sumocfg_stands_for_a_config_with_default_settings() {
     let room = Room::new();
     let config = room.config(&["traffic.decision_s=10", "ppo.clip=0.3", "total_steps=40000"]).unwrap();
-    assert_eq!((config.learning.simulator, config.horizon()), (Simulator::default(), 30));
+    assert_eq!((config.learning.simulator, config.horizon()), (Simulator::Global, 30));
     assert_eq!((config.learning.ppo.clip, config.learning.ppo.memory, config.learning.total_steps), (0.3, 720, 40_000));
     let table = table(config);
     assert_eq!((table.scenario, table.begin_s, table.end_s), (room.path(SUMOCFG), Some(100), Some(400)));

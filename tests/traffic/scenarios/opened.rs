@@ -111,8 +111,8 @@ fn lights_that_cannot_have_a_local_simulator_are_all_named_before_a_run_begins()
         command
     };
     let mut bench = dials_traffic();
-    bench.arg("bench").arg(&scenario).args(["--seconds", "1"]);
-    for command in [&mut train(&[]), &mut bench] {
+    bench.arg("bench").arg(&scenario).args(["--seconds", "1", "--set", "simulator=dials"]);
+    for command in [&mut train(&["--simulator", "dials"]), &mut bench] {
         let said = refused(command);
         assert!(said.contains("net.net.xml: 2 of 4 lights cannot have a local simulator:\n  light `r0c0`: "), "{said}");
         assert!(said.contains("\n  light `r0c1`: its region holds ") && said.contains("--simulator gs"), "{said}");
@@ -141,7 +141,7 @@ fn lights_that_cannot_have_a_local_simulator_are_all_named_before_a_run_begins()
     // The other way out that the message names.
     fs::write(room.path("agents.toml"), "keep = [\"r0c0\", \"r0c1\"]\n").unwrap();
     let agents = format!("traffic.agents={}", room.path("agents.toml").display());
-    train(&[&settings[..], &["--set", &agents]].concat()).assert().success();
+    train(&[&settings[..], &["--simulator", "dials", "--set", &agents]].concat()).assert().success();
     assert!(room.path("run/aips.safetensors").is_file(), "it trained on local simulators");
     // `replay` itself compares what SUMO plays with what was recorded.
     let replay = room.path("replay");

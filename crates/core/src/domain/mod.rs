@@ -305,6 +305,11 @@ pub trait Domain: Send + Sync {
     /// Describes what is simulated, for `run.json` and its readers.
     fn scenario(&self) -> Result<Scenario>;
 
+    /// Returns which simulator configs of this domain train on unless they say otherwise, and why, for a person.
+    fn default_simulator(&self) -> Option<&'static str> {
+        None
+    }
+
     /// Returns the hand-coded controller to compare a run with, one of [`Domain::baselines`].
     fn rival(&self) -> Option<&'static str> {
         None

@@ -49,6 +49,12 @@ impl ShortForm {
         short_forms().into_iter().find(|form| form.name == name)
     }
 
+    /// Lets a config train in this way.
+    pub fn choose(&self, config: &mut Config) {
+        config.simulator = self.simulator;
+        config.predictor = self.predictor.unwrap_or(config.predictor);
+    }
+
     /// Returns whether the run collects datasets and fits predictors to them.
     pub fn trains_predictors(&self) -> bool {
         self.predictor.is_some_and(|predictor| predictor.kind().learns())

@@ -26,9 +26,10 @@ fn prices(costs: &RoughCosts, work: &Workload, training_cores: f64, cores: usize
     }
 }
 
-/// Returns the number of cores that train. On the GS it is one: an experiment gives it no more.
+/// Returns the number of cores that train: at most one for each agent, or for each copy of the GS.
 fn training_cores(config: &RunConfig, agents: usize, cores: usize) -> f64 {
-    cores_at_work(cores, if config.learning.simulator == Simulator::Global { 1 } else { agents })
+    let learning = &config.learning;
+    cores_at_work(cores, if learning.simulator == Simulator::Global { learning.copies() } else { agents })
 }
 
 #[derive(Clone, Debug, PartialEq)]

@@ -34,6 +34,7 @@ impl Default for Reach {
 pub(super) struct Beyond<'a> {
     source: &'a Source<'a>,
     reach: Reach,
+    /// Names that the net does not have, and the copies have.
     taken: HashSet<String>,
     gate: Gate,
     pub(super) exits: Vec<Exit>,
@@ -42,11 +43,10 @@ pub(super) struct Beyond<'a> {
 
 impl<'a> Beyond<'a> {
     pub(super) fn new(source: &'a Source<'a>, light: &str, reach: Reach) -> Beyond<'a> {
-        let taken = source.net.children.iter().filter_map(|element| element.attribute("id"));
         let mut beyond = Beyond {
             source,
             reach,
-            taken: taken.map(str::to_owned).collect(),
+            taken: HashSet::new(),
             gate: Gate { light: String::new(), lanes: Vec::new() },
             exits: Vec::new(),
             elements: Vec::new(),
@@ -116,8 +116,9 @@ impl<'a> Beyond<'a> {
     /// Connects two edges as they are in the whole net. Connections of an exit obey the gate.
     fn connect(&mut self, from: EdgeNo, to: EdgeNo, names: [&str; 2], is_exit: bool) {
         let roads = self.source.roads;
-        for (number, link) in roads.connections.iter().enumerate() {
-            if [link.from, link.to].map(|lane| roads.lane(lane).edge) != [from, to] {
+        for &number in self.source.links_from(from) {
+            let link = &roads.connections[number];
+            if roads.lane(link.to).edge != to {
                 continue;
             }
             let letter = is_exit.then(|| self.letter(link.from));
@@ -152,7 +153,8 @@ impl<'a> Beyond<'a> {
     }
 
     fn free_name(&mut self, mut name: String) -> String {
-        while self.taken.contains(&name) || self.taken.contains(&end_name(&name)) {
+        let is_taken = |name: &str| self.source.names.contains(name) || self.taken.contains(name);
+        while is_taken(&name) || is_taken(&end_name(&name)) {
             name.push('+');
         }
         self.taken.insert(name.clone());

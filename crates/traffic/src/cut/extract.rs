@@ -3,7 +3,7 @@
 //! Nothing is converted. Everything inside keeps its exact elements; netconvert would change lengths and shapes.
 //! Junctions at the border become dead ends.
 
-use std::collections::{BTreeSet, HashSet};
+use std::collections::{BTreeSet, HashMap, HashSet};
 
 use anyhow::{Result, ensure};
 
@@ -23,6 +23,13 @@ pub(crate) struct Source<'a> {
     pub(super) junctions: Vec<&'a Element>,
     pub(super) edges: Vec<&'a Element>,
     pub(super) connections: Vec<&'a Element>,
+    /// All names in the net.
+    pub(super) names: HashSet<&'a str>,
+    /// Numbers of the connections from each edge, and of those that obey each light.
+    from_edge: Vec<Vec<usize>>,
+    of_light: HashMap<&'a str, Vec<usize>>,
+    /// Edges within each junction.
+    inside: HashMap<&'a str, Vec<EdgeNo>>,
 }
 
 impl<'a> Source<'a> {
@@ -32,7 +39,25 @@ impl<'a> Source<'a> {
             ["junction", "edge", "connection"].map(|kind| net.all(kind).collect::<Vec<_>>());
         let counts = [roads.junctions.len(), roads.edges.len(), roads.connections.len()];
         assert_eq!([junctions.len(), edges.len(), connections.len()], counts, "the roads of this net");
-        Source { net, roads, programs, junctions, edges, connections }
+        let mut from_edge = vec![Vec::new(); edges.len()];
+        let mut of_light: HashMap<&str, Vec<usize>> = HashMap::new();
+        for (number, link) in roads.connections.iter().enumerate() {
+            from_edge[roads.lane(link.from).edge.0].push(number);
+            if let Some(signal) = &link.signal {
+                of_light.entry(&signal.light).or_default().push(number);
+            }
+        }
+        let mut inside: HashMap<&str, Vec<EdgeNo>> = HashMap::new();
+        for (number, edge) in roads.edges.iter().enumerate().filter(|(_, edge)| edge.function != Function::Road) {
+            junction_of(&edge.id).map(|junction| inside.entry(junction).or_default().push(EdgeNo(number)));
+        }
+        let names = net.children.iter().filter_map(|element| element.attribute("id")).collect();
+        Source { net, roads, programs, junctions, edges, connections, names, from_edge, of_light, inside }
+    }
+
+    /// Returns the numbers of the connections from an edge, in the order of the net.
+    pub(super) fn links_from(&self, edge: EdgeNo) -> &[usize] {
+        &self.from_edge[edge.0]
     }
 
     pub(super) fn end(&self, road: EdgeNo) -> &'a Element {
@@ -89,7 +114,10 @@ impl<'a> Cut<'a> {
             !self.within.is_empty(),
             "light `{light}`: controls no cars, so there is nothing to cut out; choose another light"
         );
-        for link in &self.source.roads.connections {
+        let of_light = self.source.of_light.get(self.light).into_iter().flatten();
+        let numbers: BTreeSet<usize> =
+            self.kept().flat_map(|edge| self.source.links_from(edge)).chain(of_light).copied().collect();
+        for link in numbers.into_iter().map(|number| &self.source.roads.connections[number]) {
             let [from, to] = [link.from, link.to].map(|lane| self.source.roads.lane(lane).edge);
             let named = || {
                 let [from, to] = [from, to].map(|edge| excerpt(&self.source.roads.edge(edge).id));
@@ -129,6 +157,13 @@ impl<'a> Cut<'a> {
         }
     }
 
+    /// Returns the edges that it keeps.
+    fn kept(&self) -> impl Iterator<Item = EdgeNo> {
+        let inside = self.names_within.iter().filter_map(|junction| self.source.inside.get(junction)).flatten();
+        let roads = self.edges.iter().filter(|&&edge| self.source.roads.edge(edge).function == Function::Road);
+        roads.chain(inside).copied()
+    }
+
     fn keeps(&self, edge: EdgeNo) -> bool {
         let road = self.source.roads.edge(edge);
         match road.function {
@@ -145,9 +180,8 @@ impl<'a> Cut<'a> {
     /// Returns the elements of the region, each kind in the order of the whole net.
     fn elements(&self) -> Vec<Element> {
         let Source { net, roads, programs, connections, .. } = self.source;
-        let numbered = self.source.edges.iter().enumerate();
-        let edges: Vec<&Element> =
-            numbered.filter(|(number, _)| self.keeps(EdgeNo(*number))).map(|(_, edge)| *edge).collect();
+        let kept: BTreeSet<EdgeNo> = self.kept().collect();
+        let edges: Vec<&Element> = kept.iter().map(|edge| self.source.edges[edge.0]).collect();
         let used: HashSet<&str> = edges.iter().filter_map(|edge| edge.attribute("type")).collect();
         let types = net.all("type").filter(|kind| kind.attribute("id").is_some_and(|id| used.contains(id)));
         let lights = net.all("tlLogic").chain(programs.iter().copied());
@@ -155,8 +189,9 @@ impl<'a> Cut<'a> {
         let (whole, offsets): (Vec<_>, Vec<_>) = own.partition(|light| light.all("phase").next().is_some());
         let mut lights: Vec<Element> = whole.into_iter().cloned().collect();
         offsets.into_iter().for_each(|offset| set_offset(&mut lights, offset));
-        let links = roads.connections.iter().zip(connections).filter(|(link, _)| self.is_within(link));
-        let links = links.map(|(_, &element)| element);
+        let links: BTreeSet<usize> = kept.iter().flat_map(|&edge| self.source.links_from(edge)).copied().collect();
+        let links = links.into_iter().filter(|&number| self.is_within(&roads.connections[number]));
+        let links = links.map(|number| connections[number]);
         let mut elements: Vec<Element> = net.all("location").chain(types).chain(edges).chain(links).cloned().collect();
         elements.extend(lights);
         elements.extend(self.junctions());

@@ -101,7 +101,7 @@ fn rough_costs(decision_s: f64) -> RoughCosts {
     const LEARNING_S: f64 = 15e-6;
     RoughCosts {
         training_s: LEARNING_S + decision_s * 40e-6,
-        training_on_gs_s: LEARNING_S + decision_s * 45e-6,
+        training_on_gs_s: LEARNING_S + decision_s * 30e-6,
         influence_s: decision_s * 13e-6,
         evaluation_s: decision_s * 60e-6,
         process_mb: 120.0,
