@@ -7,14 +7,23 @@ use schemars::Schema;
 use schemars::generate::SchemaSettings;
 use serde_json::Value;
 
-use super::{Config, aip, imitation};
+use super::{Config, Simulator, aip, imitation};
 use crate::algorithms;
+
+/// Largest number of copies of the GS: each may be a process.
+const MOST_GLOBAL_COPIES: usize = 256;
 
 impl Config {
     /// Checks what does not depend on the domain.
     pub fn check(&self) -> Result<()> {
         check_limits(self)?;
         check_schedule(self)?;
+        ensure!(
+            self.simulator == Simulator::Local || self.copies() <= MOST_GLOBAL_COPIES,
+            "{} = {}: must be at most {MOST_GLOBAL_COPIES} on the global simulator, where each copy is a process; set gs.copies",
+            self.key_of_copies(),
+            self.copies()
+        );
         algorithms::of(self).check(self)?;
         self.policy.check()?;
         aip::check(self)?;

@@ -90,7 +90,7 @@ pub struct GsConfig {
     ///
     /// DEVIATION 23: the paper has one, and so do configs/paper.
     #[serde(skip_serializing_if = "Option::is_none")]
-    #[schemars(range(min = 1, max = 10_000))]
+    #[schemars(range(min = 1, max = 256))]
     pub copies: Option<usize>,
     /// Whether the agents of a kind share one policy, and bootstrap with the value of the last one of them, as in the
     /// authors' code. An update takes minibatches from the samples of all of them. It does not go with `policy.imitate`.

@@ -49,7 +49,9 @@ impl<'a> Source<'a> {
         }
         let mut inside: HashMap<&str, Vec<EdgeNo>> = HashMap::new();
         for (number, edge) in roads.edges.iter().enumerate().filter(|(_, edge)| edge.function != Function::Road) {
-            junction_of(&edge.id).map(|junction| inside.entry(junction).or_default().push(EdgeNo(number)));
+            if let Some(junction) = junction_of(&edge.id) {
+                inside.entry(junction).or_default().push(EdgeNo(number));
+            }
         }
         let names = net.children.iter().filter_map(|element| element.attribute("id")).collect();
         Source { net, roads, programs, junctions, edges, connections, names, from_edge, of_light, inside }
