@@ -87,7 +87,7 @@ mod tests {
             (four, &[][..], "traffic_4-dials-seed1"),
             ("configs/paper/traffic_4.toml", &["simulator=gs"], "paper-traffic_4-gs-seed1"),
             (four, &clip, "traffic_4-dials-policy.hidden=8_4-ppo.clip=0.2-seed7"),
-            ("sumo_nets/town/town.sumocfg", &["total_steps=1000000"], "town-dials-total_steps=1000000-seed1"),
+            ("sumo_nets/town/town.sumocfg", &["total_steps=1000000"], "town-gs-total_steps=1000000-seed1"),
             (four, &reward, "traffic_4-dials-policy.hidden=16-traffic.reward=queue=0.5_wait=0.5-seed1"),
             (four, &changeable, "traffic_4-dials-seed1"),
         ] {

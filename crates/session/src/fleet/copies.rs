@@ -179,6 +179,7 @@ impl MakeCopies for Copies {
             shown: vec![JointTransition::new(domain.kinds()); copies],
             at_once: self.at_once,
             at_work: Vec::new(),
+            waiting: VecDeque::new(),
             done: VecDeque::new(),
         }))
     }
@@ -192,8 +193,9 @@ struct Shared {
     /// What the others have shown last.
     shown: Vec<JointTransition>,
     at_once: usize,
-    /// Others that are at work, and copies that have done theirs.
+    /// Others that are at work, those that must wait for them, and copies that have done what they were asked for.
     at_work: Vec<usize>,
+    waiting: VecDeque<(usize, Ask)>,
     done: VecDeque<usize>,
 }
 
@@ -210,9 +212,20 @@ impl Shared {
         self.others[copy].as_mut().expect(IN_A_PROCESS)
     }
 
-    fn ask(&mut self, copy: usize, ask: &Ask) -> Result<()> {
-        self.at_work.push(copy);
-        self.other(copy).send(ask)
+    /// Asks a copy, now or when others have done their work.
+    fn ask(&mut self, copy: usize, ask: Ask) -> Result<()> {
+        self.waiting.push_back((copy, ask));
+        self.send_what_waits()
+    }
+
+    fn send_what_waits(&mut self) -> Result<()> {
+        while self.at_work.len() < self.at_once
+            && let Some((copy, ask)) = self.waiting.pop_front()
+        {
+            self.at_work.push(copy);
+            self.other(copy).send(&ask)?;
+        }
+        Ok(())
     }
 
     /// Waits until at least one of the others that are at work has answered, and takes in what they say.
@@ -239,7 +252,7 @@ impl Shared {
                 Answer::Ended { .. } => bail!(CopyLost("it ended unasked".to_owned())),
             }
         }
-        Ok(())
+        self.send_what_waits()
     }
 }
 
@@ -249,14 +262,14 @@ impl GlobalCopies for Shared {
     }
 
     fn begin_reset(&mut self, copy: usize, episode: Seed) -> Result<()> {
-        let Some(own) = self.own(copy) else { return self.ask(copy, &Ask::Reset(episode)) };
+        let Some(own) = self.own(copy) else { return self.ask(copy, Ask::Reset(episode)) };
         own.reset(episode)?;
         self.done.push_back(copy);
         Ok(())
     }
 
     fn begin_step(&mut self, copy: usize, actions: &[Action]) -> Result<()> {
-        let Some(own) = self.own(copy) else { return self.ask(copy, &Ask::Step(actions.to_vec())) };
+        let Some(own) = self.own(copy) else { return self.ask(copy, Ask::Step(actions.to_vec())) };
         own.step(actions)?;
         self.done.push_back(copy);
         Ok(())
