@@ -98,6 +98,11 @@ pub struct Footprint {
 }
 
 impl Footprint {
+    /// Returns the sums of each figure, of processes that run at the same time.
+    pub fn and(self, other: Footprint) -> Footprint {
+        Footprint { peak_rss_kib: self.peak_rss_kib + other.peak_rss_kib, pss_kib: self.pss_kib + other.pss_kib }
+    }
+
     /// Returns the larger value of each figure.
     pub fn max(self, other: Footprint) -> Footprint {
         Footprint { peak_rss_kib: self.peak_rss_kib.max(other.peak_rss_kib), pss_kib: self.pss_kib.max(other.pss_kib) }

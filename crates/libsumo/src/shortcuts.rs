@@ -9,13 +9,13 @@
 //! - **Texts.** SUMO translates a text of an error for each car in each step. It is left as it is.
 //!
 //! They change no number. Each uses functions and data that SUMO's library exports and its interface does not name. A shortcut whose
-//! symbols are absent is not taken. Only versions that were tried have any (1.15 to 1.28). And each is checked while it runs:
+//! symbols are absent is not taken. Only versions that were tried have any (1.15 to 1.28). And nothing is taken on trust:
 //!
 //! - The first generator is seeded both ways. The bytes in memory must be the same.
 //! - Where a lane has a car that was not seen before, the lane is read both ways. All positions and speeds must be the same.
 //! - The functions that make devices and translate are replaced only where SUMO's library calls them, in its own table.
 //!
-//! A check that fails ends that shortcut. With [`VARIABLE`] `off` there are none. `src/shim/inside.h` and `src/shim/detours.cpp` are
+//! If bytes, positions or speeds differ, that shortcut ends. With [`VARIABLE`] `off` there are none. `src/shim/inside.h` and `src/shim/detours.cpp` are
 //! the other side.
 
 use std::env;

@@ -95,7 +95,8 @@ pub(crate) fn table(comparison: &Comparison) -> Option<Table> {
         caption: format!(
             "Wall time of a run by number of cores, {}, {} timesteps, without evaluations: a model. It spreads the \
              measured CPU time over the cores, at most one core per agent, or per copy of the GS. A single GS runs on \
-             one core; there cores share only PPO's gradient steps. Measured: wall time with this number of workers, mean over the runs that had it.",
+             one core; there cores share only PPO's gradient steps. Measured: wall time with this number of workers, \
+             mean over the runs that had it.",
             comparison.title,
             steps_text(steps)
         ),

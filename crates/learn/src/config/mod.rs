@@ -85,8 +85,8 @@ pub struct LocalSimulatorsConfig {
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct GsConfig {
-    /// Number of GSs, in lockstep, each with all agents. If left out, as many as `local_simulators.copies`. Workers share them. They
-    /// begin at different times if `local_simulators.stagger` says so.
+    /// Number of copies of the GS, each with all agents. If left out, as many as `local_simulators.copies`. Workers share them. They begin
+    /// at different times if `local_simulators.stagger` says so.
     ///
     /// DEVIATION 23: the paper has one, and so do configs/paper.
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -255,7 +255,7 @@ impl Config {
     }
 
     /// Returns how many turns the copies of a simulator have, of equally many: rows of a turn decide together. Local simulators
-    /// have one. Copies of the GS have one each, unless the algorithm learns after every decision.
+    /// have one. Copies of the GS have one each, unless the algorithm lets them decide together.
     pub(crate) fn turns(&self) -> usize {
         let one_each = self.simulator == Simulator::Global && crate::algorithms::of(self).decisions_in_turn() > 1;
         if one_each { self.copies() } else { 1 }

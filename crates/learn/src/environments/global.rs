@@ -35,7 +35,8 @@ pub(crate) struct GlobalEnvironment {
     /// One trail per row of each kind, `[kinds][agents, copies]`. Those of a copy are of the same episode and length.
     trails: Vec<Vec<Trail>>,
     turns: Vec<Turn>,
-    at_work: Vec<AtWork>,
+    /// Whether each copy makes a step, and does not begin an episode.
+    steps: Vec<bool>,
 }
 
 /// Copies that decide together: consecutive ones.
@@ -46,14 +47,6 @@ struct Turn {
     experiences: Vec<Experience>,
     /// Number of copies that are at work.
     open: usize,
-}
-
-/// What a copy is doing.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum AtWork {
-    Nothing,
-    Step,
-    Reset,
 }
 
 /// How copies of the GS begin.
@@ -92,7 +85,7 @@ impl GlobalEnvironment {
             head_starts: (0..copies).map(|copy| head_start(copy, copies, horizon)).collect(),
             trails,
             turns: (0..turns).map(turn).collect(),
-            at_work: vec![AtWork::Nothing; copies],
+            steps: vec![false; copies],
             kinds: kinds.clone(),
         };
         environment.retrace(alive)?;
@@ -102,7 +95,7 @@ impl GlobalEnvironment {
     }
 
     fn copies(&self) -> usize {
-        self.at_work.len()
+        self.steps.len()
     }
 
     fn turn_of(&self, copy: usize) -> usize {
@@ -115,7 +108,7 @@ impl GlobalEnvironment {
     }
 
     fn begin_reset(&mut self, copy: usize) -> Result<()> {
-        self.at_work[copy] = AtWork::Reset;
+        self.steps[copy] = false;
         let episode = self.trail(copy).episode as usize * self.copies() + copy;
         self.simulators.begin_reset(copy, self.episodes.for_episode(episode))
     }
@@ -137,7 +130,6 @@ impl GlobalEnvironment {
             alive();
             let copy = self.simulators.wait()?;
             if done[copy] == self.trail(copy).steps() {
-                self.at_work[copy] = AtWork::Nothing;
                 self.show(copy);
                 open -= 1;
                 continue;
@@ -211,7 +203,7 @@ impl GlobalEnvironment {
 
     /// Takes in what a copy has done. Returns whether it is ready for its next decision.
     fn take_in(&mut self, copy: usize, watch: &mut Stopwatch) -> Result<bool> {
-        if self.at_work[copy] == AtWork::Step {
+        if self.steps[copy] {
             let copies = self.copies();
             let Trail { episode, .. } = *self.trail(copy);
             let head_start = if episode == 0 { self.head_starts[copy] } else { 0 };
@@ -224,7 +216,6 @@ impl GlobalEnvironment {
                 return Ok(false);
             }
         }
-        self.at_work[copy] = AtWork::Nothing;
         self.show(copy);
         Ok(true)
     }
@@ -263,7 +254,7 @@ impl Environment for GlobalEnvironment {
                     trails[place * all + copy].push(action, &[]);
                 }
             }
-            self.at_work[copy] = AtWork::Step;
+            self.steps[copy] = true;
             self.simulators.begin_step(copy, &joint)?;
         }
         add_steps(watch, &self.simulators.take_watch(), begun.elapsed());

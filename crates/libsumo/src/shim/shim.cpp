@@ -183,6 +183,11 @@ void forget_inner_lanes() {
     }
 }
 
+// Returns a lane that can be read without names, or null.
+const void *inner_lane(uint32_t lane) {
+    return reads_inner_lanes && lane < inner_lanes.size() ? inner_lanes[lane] : nullptr;
+}
+
 int ds_load(const char *const *options, size_t count) {
     return guarded([&] {
         forget_step();
@@ -300,7 +305,7 @@ int ds_read_lanes(const uint32_t *lanes, size_t count, struct ds_cars *out) {
     return guarded([&] {
         read.begin();
         for (size_t i = 0; i < count; ++i) {
-            if (reads_inner_lanes && lanes[i] < inner_lanes.size()) {
+            if (inner_lane(lanes[i]) != nullptr) {
                 read_inside(lanes[i], read);
             } else {
                 read_by_names(lanes[i], read);
@@ -442,7 +447,7 @@ int ds_clear_pending(void) {
 int ds_remove_cars(const uint32_t *lanes, size_t count) {
     return guarded([&] {
         for (size_t i = 0; i < count; ++i) {
-            if (reads_inner_lanes && lanes[i] < inner_lanes.size() && cars_on(inner_lanes[lanes[i]]).empty()) {
+            if (const void *lane = inner_lane(lanes[i]); lane != nullptr && cars_on(lane).empty()) {
                 continue;
             }
             for (const auto &car : Lane::getLastStepVehicleIDs(name(DS_LANE, lanes[i]))) {

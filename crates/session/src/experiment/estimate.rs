@@ -52,9 +52,11 @@ pub fn estimate(run: &PlannedRun, cores: usize, measured: &[RunRecord]) -> Estim
     let costs = costs_of(&nearest, rough);
     let work = Workload::of(&run.config, run.agents(), run.config.learning.last_step());
     let seconds = prices(&costs, &work, training_cores(&run.config, run.agents(), cores), cores).of_run(&work).sum();
-    // Copies of the GS are processes of their own.
+    // With SUMO, copies of the GS are processes of their own.
     let learning = &run.config.learning;
-    let copies = if learning.simulator == Simulator::Global { learning.copies() - 1 } else { 0 };
+    let in_processes =
+        learning.simulator == Simulator::Global && matches!(run.config.domain, Some(DomainConfig::Traffic(_)));
+    let copies = if in_processes { learning.copies() - 1 } else { 0 };
     let memory_mb = (cores + 1 + copies) as f64 * costs.process_mb + run.agents() as f64 * costs.agent_mb;
     Estimate { seconds, memory_mb, measured_runs: nearest.len() }
 }

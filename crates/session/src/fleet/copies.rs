@@ -1,7 +1,7 @@
 //! Copies of the GS in processes of their own: libsumo holds one simulation per process.
 //!
-//! As many copies are computed at once as the worker has threads, so that a run takes no more cores than it was given. Which copy is
-//! computed when changes no number. Copies of a domain that is native are all in the worker: there learning takes the time.
+//! At most as many copies are at work as the worker has threads. So a run takes no more cores than it was given. In which order they
+//! work changes no number. Copies of a domain that is native are all in the worker: there learning takes the time.
 //!
 //! A copy that dies takes its worker along, which is started again like any lost worker, from the last exchange.
 
@@ -301,8 +301,7 @@ impl Drop for Shared {
         for other in self.others.iter_mut().flatten() {
             if let Ok(Answer::Ended { cpu, footprint }) = other.send(&Ask::End).and_then(|()| other.receive()) {
                 TAKEN.with_borrow_mut(|taken| taken.cpu += cpu);
-                together.peak_rss_kib += footprint.peak_rss_kib;
-                together.pss_kib += footprint.pss_kib;
+                together = together.and(footprint);
             }
         }
         TAKEN.with_borrow_mut(|taken| taken.footprint = taken.footprint.max(together));

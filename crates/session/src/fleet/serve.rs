@@ -14,7 +14,7 @@ use super::process::{CpuClock, footprint, resident_kib};
 use crate::config::RunConfig;
 use dials_core::base::Activity;
 use dials_core::domain::Domain;
-use dials_learn::fleet::{Footprint, WorkerLoad};
+use dials_learn::fleet::WorkerLoad;
 use dials_learn::observer::Observer;
 use dials_learn::steps::Reply;
 use dials_learn::worker::Worker;
@@ -91,10 +91,7 @@ impl Server {
     fn done(&mut self, reply: Reply) -> WorkerReport {
         let mut timesheet = self.worker.take_timesheet();
         timesheet.note_cpu(self.clock.lap() + copies::take_cpu());
-        let [own, others] = [footprint(), copies::take_footprint()];
-        let footprint =
-            Footprint { peak_rss_kib: own.peak_rss_kib + others.peak_rss_kib, pss_kib: own.pss_kib + others.pss_kib };
-        let load = WorkerLoad { timesheet, footprint };
+        let load = WorkerLoad { timesheet, footprint: footprint().and(copies::take_footprint()) };
         WorkerReport::Done { reply: Box::new(reply), load: Box::new(load), resident_kib: resident_kib() }
     }
 }

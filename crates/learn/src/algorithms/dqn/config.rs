@@ -87,8 +87,9 @@ impl DqnConfig {
     pub(super) fn check(&self, config: &Config) -> Result<()> {
         ensure!(
             self.update_every_steps.is_multiple_of(config.copies()),
-            "dqn.update_every_steps = {}: must be a multiple of copies = {}",
+            "dqn.update_every_steps = {}: must be a multiple of {} = {}",
             self.update_every_steps,
+            config.key_of_copies(),
             config.copies()
         );
         ensure!(
@@ -100,8 +101,9 @@ impl DqnConfig {
         );
         ensure!(
             self.replay.is_multiple_of(config.copies()),
-            "dqn.replay = {}: must be a multiple of copies = {}",
+            "dqn.replay = {}: must be a multiple of {} = {}",
             self.replay,
+            config.key_of_copies(),
             config.copies()
         );
         positive("dqn.learning_rate", self.learning_rate, "5e-4 is the default")?;

@@ -125,21 +125,13 @@ impl Ppo {
         }
     }
 
-    /// Visits the rollouts and rows of all copies, agent by agent.
-    fn each_state(&self, mut visit: impl FnMut(&Rollout, usize)) {
-        let of_turn = self.base.copies() / self.rollouts.len();
-        for agent in 0..self.policies.agents() {
-            let rows = || agent * of_turn..(agent + 1) * of_turn;
-            self.rollouts.iter().for_each(|rollout| rows().for_each(|row| visit(rollout, row)));
-        }
-    }
-
-    fn each_state_mut(&mut self, mut visit: impl FnMut(&mut Rollout, usize)) {
-        let of_turn = self.base.copies() / self.rollouts.len();
-        for agent in 0..self.policies.agents() {
-            let rows = || agent * of_turn..(agent + 1) * of_turn;
-            self.rollouts.iter_mut().for_each(|rollout| rows().for_each(|row| visit(rollout, row)));
-        }
+    /// Returns turn and row of all copies, agent by agent.
+    fn places(&self) -> impl Iterator<Item = (usize, usize)> + use<> {
+        let (agents, turns) = (self.policies.agents(), self.rollouts.len());
+        let of_turn = self.base.copies() / turns;
+        let rows = move |agent: usize| agent * of_turn..(agent + 1) * of_turn;
+        let turns = move |agent: usize| (0..turns).map(move |turn| (agent, turn));
+        (0..agents).flat_map(turns).flat_map(move |(agent, turn)| rows(agent).map(move |row| (turn, row)))
     }
 
     /// Returns learning rate and clip of the update that begins after this number of timesteps per agent.
@@ -215,9 +207,8 @@ impl Learner for Ppo {
 
     fn tables(&self) -> Tables {
         let widths = vec![self.base.copies() * self.policies.state_width(); self.policies.agents()];
-        let mut values = Vec::new();
-        self.each_state(|rollout, row| values.extend_from_slice(rollout.states.row(row)));
-        let states = Ragged::from_vec(values, widths).expect("one state per row");
+        let values = self.places().flat_map(|(turn, row)| self.rollouts[turn].states.row(row));
+        let states = Ragged::from_vec(values.copied().collect(), widths).expect("one state per row");
         let mut tables = self.base.tables();
         tables.numbers.insert(STATES.to_owned(), states);
         tables
@@ -227,11 +218,7 @@ impl Learner for Ppo {
         self.base.load(&mut tables);
         let states = tables.take_numbers(STATES);
         let width = self.policies.state_width();
-        let mut rows = states.as_slice().chunks_exact(width.max(1));
-        self.each_state_mut(|rollout, row| {
-            if let Some(state) = rows.next() {
-                rollout.states.set_row(row, state);
-            }
-        });
+        let rows = states.as_slice().chunks_exact(width.max(1));
+        self.places().zip(rows).for_each(|((turn, row), state)| self.rollouts[turn].states.set_row(row, state));
     }
 }
