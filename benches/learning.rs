@@ -9,12 +9,12 @@ use dials_core::base::{AgentId, Dice, Rows, Seed, Stopwatch};
 use dials_core::domain::{RegionSpec, SourceSpec};
 use dials_learn::algorithms::ppo::gae::advantages;
 use dials_learn::algorithms::ppo::update::{Decayed, Learns, Settings, update};
-use dials_learn::algorithms::ppo::{Memory, Sample};
+use dials_learn::algorithms::ppo::{Memory, Sample, ValueUnits};
 use dials_learn::policy::{PolicyStack, sampling};
 use dials_learn::predictors::{AipStack, InfluencePredictor};
 use dials_session::config::{RunConfig, load};
 use rand::Rng;
-use stacknets::Adam;
+use stacknets::{Adam, Threads};
 
 /// Networks and training settings of a domain.
 struct Setting {
@@ -107,7 +107,8 @@ fn ppo(criterion: &mut Criterion) {
             let (config, watch) = (&setting.config.learning.ppo, &mut Stopwatch::default());
             // The rate is so small that the policies do not change, however long this runs.
             let decayed = Decayed { learning_rate: 1e-12, clip: config.clip };
-            let settings = Settings { ppo: config, decayed, learns: Learns::Everything, shared: false };
+            let units = ValueUnits::new(config.value_unit, agents);
+            let settings = Settings { ppo: config, units: &units, decayed, learns: Learns::Everything, shared: false };
             group.throughput(Throughput::Elements((agents * config.memory) as u64));
             group.bench_function(BenchmarkId::new(setting.name, agents), |bencher| {
                 bencher.iter(|| update(&mut policies, &mut adam, &memory, &mut dice, settings, watch));
@@ -131,7 +132,7 @@ fn acting(criterion: &mut Criterion) {
             group.throughput(Throughput::Elements(rows as u64));
             group.bench_function(BenchmarkId::new(setting.name, format!("{agents} agents x {copies}")), |bencher| {
                 bencher.iter(|| {
-                    let judgement = policies.judge(&obs, &mut states);
+                    let judgement = policies.judge(&Threads::one(), &obs, &mut states);
                     let rows = judgement.rows().zip(&mut dice);
                     rows.fold(0_u64, |sum, ((logits, _), dice)| {
                         sampling::log_softmax(logits, &mut log_probs);

@@ -188,7 +188,7 @@ impl ReplayedEpisode {
                 policy.begin(seed.for_agent(agent), &AgentId::all(1));
                 for _ in 0..self.traffic.kinds().of(agent).spec.local_horizon {
                     let actions = policy.act(ials.percept());
-                    ials.step(&actions, &mut Stopwatch::default())?;
+                    ials.decide(&actions, &mut Stopwatch::default())?;
                 }
             }
         }

@@ -652,10 +652,10 @@ fn networks_that_are_lost_or_damaged_come_back_with_a_resume() {
 fn a_policy_is_shared_on_the_gs_only() {
     let dir = tempfile::tempdir().unwrap();
     let (config, out) = (write_config(dir.path(), SHORT), dir.path().join("run"));
-    let shared = ["train", &config, "--out", out.to_str().unwrap(), "--set", "gs.shared_policy=true"];
+    let shared = ["train", &config, "--out", out.to_str().unwrap(), "--set", "policy.share=kind"];
     assert_refused(
         &mut dials_traffic(&shared),
-        &["gs.shared_policy = true: is for training on the GS", "--simulator gs"],
+        &["policy.share = \"kind\": is for training on the GS", "--simulator gs"],
     );
     dials_traffic(&[&shared[..], &["--simulator", "gs"]].concat()).assert().success();
 }

@@ -6,7 +6,7 @@ use std::sync::Arc;
 
 use dials_core::domain::{Domain, Result};
 use dials_core::outside::Directory;
-use dials_learn::config::{AlgorithmName, Config, ShortForm};
+use dials_learn::config::{AlgorithmName, Config, Share, ShortForm};
 use dials_learn::dials;
 use dials_learn::observer::Silent;
 use dials_learn::progress::TrainingProgress;
@@ -103,7 +103,7 @@ fn a_critic_of_its_own_one_policy_for_all_and_means_of_policies_learn_the_coins_
         let dir = tempfile::tempdir().unwrap();
         let mut config = config(simulator);
         config.policy.separate_critic = setting == "separate critic";
-        config.gs.shared_policy = setting == "shared policy";
+        config.policy.share = if setting == "shared policy" { Share::Kind } else { Share::None };
         config.policy.average_every_steps = (setting == "means of policies").then_some(1000);
         train(&config, dir.path()).unwrap();
         let returns = column(dir.path(), files::RETURNS, "mean");

@@ -134,6 +134,6 @@ mod tests {
         };
         assert_eq!(of("", 1), (70.0, 20.0, 4));
         assert_eq!(of("", 2), (50.0, 40.0, 4), "two threads for 20 s");
-        assert_eq!(of("gs.shared_policy = true", 2), (70.0, 20.0, 1), "one policy has one learner");
+        assert_eq!(of("policy.share = 'kind'", 2), (70.0, 20.0, 1), "one policy has one learner");
     }
 }

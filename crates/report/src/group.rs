@@ -212,7 +212,7 @@ fn keys_that_differ(methods: &[&Method]) -> BTreeMap<String, Option<String>> {
         } else if values.iter().any(|value| *value != values[0]) {
             let of_most =
                 values.iter().find(|value| 2 * values.iter().filter(|other| other == value).count() > values.len());
-            let off = || values.iter().find(|value| ALWAYS_NAMED.contains(&key.as_str()) && **value == OFF);
+            let off = || values.iter().find(|value| ALWAYS_NAMED.contains(&key.as_str()) && is_off(value));
             differing.insert(key.clone(), of_most.or_else(off).map(|value| (*value).clone()));
         }
     }
@@ -239,17 +239,21 @@ const ALWAYS_NAMED: [&str; 6] = [
     "traffic.clock",
     "traffic.clock_offsets",
     "traffic.until_first_switch",
-    "gs.shared_policy",
+    "policy.share",
 ];
 
-/// How such a key is written when it is off.
+/// How a key is written when it is off.
 const OFF: &str = "false";
+
+fn is_off(value: &str) -> bool {
+    [OFF, "none"].contains(&value)
+}
 
 /// The same for one value of a key. Its others are the default of our configs and that of the paper's.
 const ALWAYS_NAMED_VALUE: (&str, &str) = ("traffic.d_set", "cells+light");
 
 fn is_always_named(key: &str, value: &str) -> bool {
-    ALWAYS_NAMED.contains(&key) && value != OFF || (key, value) == ALWAYS_NAMED_VALUE
+    ALWAYS_NAMED.contains(&key) && !is_off(value) || (key, value) == ALWAYS_NAMED_VALUE
 }
 
 fn group(method: Method, distinguishing: &BTreeMap<String, Option<String>>, runs: Vec<RunRecord>) -> Group {
@@ -355,14 +359,14 @@ mod tests {
     #[test]
     fn what_makes_another_method_is_named_even_if_all_groups_have_it() {
         let (gs, copy) = ("simulator = 'gs'", "policy.imitate = 'oldest-item'");
-        let shared = "simulator = 'gs'\ngs.shared_policy = true";
+        let shared = "simulator = 'gs'\npolicy.share = 'kind'";
         let mean = "simulator = 'gs'\npolicy.average_every_steps = 10_000";
         for (settings, expected) in [
             (&[copy][..], &["DIALS F=1M, policy.imitate=oldest-item"][..]),
-            (&[shared], &["GS, gs.shared_policy=true"]),
+            (&[shared], &["GS, policy.share=kind"]),
             (&[gs], &["GS"]),
             (&[mean], &["GS, policy.average_every_steps=10000"]),
-            (&[gs, shared], &["GS", "GS, gs.shared_policy=true"]),
+            (&[gs, shared], &["GS", "GS, policy.share=kind"]),
             (&[mean, gs], &["GS", "GS, policy.average_every_steps=10000"]),
             // A key that is off if it is not set distinguishes groups.
             (&["aip.patience = 3", ""], &["DIALS F=1M", "DIALS F=1M, aip.patience=3"]),

@@ -151,12 +151,6 @@ pub fn check(config: &RunConfig) -> Result<Arc<dyn Domain>> {
     if let Some(name) = &config.learning.policy.imitate {
         domain.check_baseline(name).context("policy.imitate: not a controller of this domain")?;
     }
-    ensure!(
-        !config.learning.shares_policies() || domain.kinds().count() == 1,
-        "gs.shared_policy = true: the agents of this domain are of {} kinds, and only agents of one kind can share a \
-         policy",
-        domain.kinds().count()
-    );
     trial::survive(config, &*domain)?;
     Ok(domain)
 }
@@ -164,8 +158,8 @@ pub fn check(config: &RunConfig) -> Result<Arc<dyn Domain>> {
 /// Tries what training needs: the files, like [`check`], and the local simulators if the policies train on them.
 pub fn check_for_training(config: &RunConfig) -> Result<Arc<dyn Domain>> {
     ensure!(
-        !config.learning.gs.shared_policy || config.learning.simulator == Simulator::Global,
-        "gs.shared_policy = true: is for training on the GS, and here simulator = \"{}\"; remove it, or train with \
+        !config.learning.shares_policies() || config.learning.simulator == Simulator::Global,
+        "policy.share = \"kind\": is for training on the GS, and here simulator = \"{}\"; remove it, or train with \
          --simulator gs (in local simulators policy.average_every_steps gives all agents the mean of their policies)",
         config.learning.short_form().name
     );

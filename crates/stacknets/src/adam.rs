@@ -23,12 +23,14 @@ const SMALLEST_SECOND: f32 = 1e-36;
 
 /// The optimiser of one stack. It works element by element, so every network has its own Adam.
 ///
-/// Constants: `beta1` 0.9, `beta2` 0.999, `epsilon` 1e-8, as torch's default. The learning rate comes with each step.
+/// Constants: `beta1` 0.9, `beta2` 0.999; `epsilon` 1e-8 unless said otherwise, as torch's default. The learning rate
+/// comes with each step.
 ///
 /// Source: Kingma & Ba 2015, algorithm 1.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Adam {
     moments: Moments,
+    epsilon: f32,
 }
 
 /// The state of an optimiser, to be saved and restored.
@@ -46,7 +48,12 @@ impl Adam {
     /// Makes the optimiser of a stack with these parameters. It has seen no gradient yet.
     pub fn new(parameters: &Parameters) -> Self {
         let zeros = Rows::new(parameters.networks(), parameters.width());
-        Adam { moments: Moments { first: zeros.clone(), second: zeros, steps: 0 } }
+        Adam { moments: Moments { first: zeros.clone(), second: zeros, steps: 0 }, epsilon: EPSILON }
+    }
+
+    /// Uses another epsilon: what is added to the root of the second moments.
+    pub fn with_epsilon(self, epsilon: f64) -> Self {
+        Adam { epsilon: epsilon as f32, ..self }
     }
 
     /// Returns its state.
@@ -85,14 +92,16 @@ impl Adam {
     /// All networks of a stack have the same number of steps behind them, which the optimiser counts once. So each
     /// trainer should take exactly `steps` steps.
     pub fn trainers<'a>(&'a mut self, stack: &'a mut Stack, steps: u32) -> Vec<Trainer<'a>> {
-        let Moments { first, second, steps: taken } = &mut self.moments;
+        let Adam { moments: Moments { first, second, steps: taken }, epsilon } = self;
+        let epsilon = *epsilon;
         let begin = *taken;
         *taken += steps;
         let width = first.width();
         let moments = first.as_mut_slice().chunks_exact_mut(width).zip(second.as_mut_slice().chunks_exact_mut(width));
         let (shape, layout, values) = stack.parts_mut();
         let rows = values.as_mut_slice().chunks_exact_mut(width).zip(moments);
-        rows.map(|(values, (first, second))| Trainer { shape, layout, values, first, second, step: begin, end: *taken })
+        let (step, end) = (begin, *taken);
+        rows.map(|(values, (first, second))| Trainer { shape, layout, values, first, second, epsilon, step, end })
             .collect()
     }
 }
@@ -111,6 +120,7 @@ pub struct Trainer<'a> {
     values: &'a mut [f32],
     first: &'a mut [f32],
     second: &'a mut [f32],
+    epsilon: f32,
     step: u32,
     end: u32,
 }
@@ -157,7 +167,7 @@ impl Trainer<'_> {
         let correction2 = 1.0 - f64::from(BETA2).powi(self.step as i32);
         let step_size = (learning_rate / correction1) as f32;
         let root_correction = (1.0 / correction2.sqrt()) as f32;
-        update(self.values, gradient, self.first, self.second, step_size, root_correction);
+        update(self.values, gradient, self.first, self.second, (step_size, root_correction, self.epsilon));
     }
 }
 
@@ -169,15 +179,14 @@ fn update(
     gradient: &[f32],
     first: &mut [f32],
     second: &mut [f32],
-    step_size: f32,
-    root_correction: f32,
+    (step_size, root_correction, epsilon): (f32, f32, f32),
 ) {
     let moments = first.iter_mut().zip(second);
     for ((value, &gradient), (first, second)) in values.iter_mut().zip(gradient).zip(moments) {
         let gradient = or_zero(gradient, SMALLEST_GRADIENT);
         *first = or_zero(BETA1 * *first + (1.0 - BETA1) * gradient, SMALLEST_FIRST);
         *second = or_zero(BETA2 * *second + (1.0 - BETA2) * gradient * gradient, SMALLEST_SECOND);
-        *value -= step_size * *first / (second.sqrt() * root_correction + EPSILON);
+        *value -= step_size * *first / (second.sqrt() * root_correction + epsilon);
     }
 }
 

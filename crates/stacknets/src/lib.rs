@@ -15,7 +15,7 @@
 
 // From top to bottom:
 // - `stack`: a stack; `network`: one network of it, forward and backward; `gru`: its recurrent part; `states`: the hidden
-//   states between steps; `adam`: the optimiser.
+//   states between steps; `adam`: the optimiser; `orthogonal`: weights to begin with.
 // - `shape`: layers of a network, and its row of parameters; `rows`: tables; `stack_file`: safetensors.
 // - `product`, `few_rows`, `activations`: the arithmetic; `vectors`: the width of its registers; `order_of_sums` (tests):
 //   the order in which products of 256 bits add up.
@@ -28,6 +28,7 @@ mod gru;
 mod network;
 #[cfg(test)]
 mod order_of_sums;
+mod orthogonal;
 mod product;
 mod rows;
 mod shape;
@@ -43,6 +44,7 @@ pub use activations::sigmoid;
 pub use adam::{Adam, Moments, Trainer};
 pub use flops::{SIDE, fastest_product, peak};
 pub use network::{Network, Sequences, Trace};
+pub use orthogonal::Gains;
 pub use rows::Rows;
 pub use shape::{Layout, Parameters, Shape};
 pub use stack::Stack;

@@ -134,6 +134,17 @@ pub(crate) struct Block {
     pub(crate) place: Range<usize>,
 }
 
+impl Block {
+    /// Returns whether it is a weight, and not a bias.
+    pub(crate) fn is_weight(&self) -> bool {
+        self.name.ends_with("weight")
+    }
+
+    pub(crate) fn columns(&self) -> usize {
+        *self.shape.last().expect("a weight has columns")
+    }
+}
+
 impl Layout {
     /// Makes a layout of blocks with these names and shapes, in order, for rows of a table that come from elsewhere.
     pub fn new(blocks: Vec<(String, Vec<usize>)>) -> Self {
@@ -162,7 +173,7 @@ impl Layout {
 
     /// Returns the places of all weights within a row, without the biases.
     pub(crate) fn weights(&self) -> impl Iterator<Item = Range<usize>> {
-        self.blocks.iter().filter(|block| block.name.ends_with("weight")).map(|block| block.place.clone())
+        self.blocks.iter().filter(|block| block.is_weight()).map(|block| block.place.clone())
     }
 
     /// Returns the blocks of a tower of this shape, which is the network's `index`-th.

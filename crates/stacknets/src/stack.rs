@@ -4,7 +4,8 @@ use rand::Rng;
 
 use super::adam::spread_first;
 use super::network::{Network, Sequences, Trace};
-use super::shape::{Layout, Shape};
+use super::orthogonal::{self, Gains};
+use super::shape::{Block, Layout, Shape};
 use super::{Parameters, Rows, States, Threads};
 
 /// Smallest number of networks for which several threads pay (about 4 us per network).
@@ -37,6 +38,41 @@ impl Stack {
                 let (stretch, after) = rest.split_at_mut(length);
                 stretch.iter_mut().for_each(|value| *value = generator.random_range(-bound..bound));
                 rest = after;
+            }
+        }
+        stack
+    }
+
+    /// Makes one network from each generator, as [`Stack::new`] does, but with orthogonal weights of these gains, and with
+    /// biases of 0.
+    ///
+    /// # Panics
+    /// If there is not a gain per output.
+    pub fn orthogonal<R: Rng>(shape: Shape, gains: &Gains, generators: impl IntoIterator<Item = R>) -> Self {
+        assert_eq!(gains.outputs.len(), shape.outputs, "a gain for each output");
+        let generators: Vec<R> = generators.into_iter().collect();
+        let mut stack = Stack::blank(generators.len(), shape);
+        let (shape, width) = (&stack.shape, stack.parameters.width());
+        let layout = shape.layout();
+        let rows = stack.parameters.values_mut().as_mut_slice().chunks_exact_mut(width);
+        for (row, mut generator) in rows.zip(generators) {
+            let mut outputs = &gains.outputs[..];
+            for (index, tower) in shape.towers().iter().enumerate() {
+                let weights: Vec<&Block> =
+                    layout.of_tower(shape, index).iter().filter(|block| block.is_weight()).collect();
+                let of_gru = weights.len() - (tower.hidden.len() + 1);
+                for (number, block) in weights.iter().enumerate() {
+                    let columns = block.columns();
+                    let weight = &mut row[block.place.clone()];
+                    orthogonal::fill(weight, columns, &mut generator);
+                    let gain = |column: usize| match number {
+                        _ if number < of_gru => 1.0,
+                        _ if number + 1 < weights.len() => gains.hidden,
+                        _ => outputs[column],
+                    };
+                    weight.iter_mut().enumerate().for_each(|(index, value)| *value *= gain(index % columns));
+                }
+                outputs = &outputs[tower.outputs..];
             }
         }
         stack
@@ -111,6 +147,11 @@ impl Stack {
     /// If `inputs` is not as wide as the networks' inputs, if the networks do not have equally many rows, or if there is not
     /// a state per row.
     pub fn step(&self, inputs: &Rows<f32>, states: &mut States) -> Rows<f32> {
+        self.step_in(&self.threads, inputs, states)
+    }
+
+    /// Runs one step, as [`Stack::step`] does, in these threads.
+    pub fn step_in(&self, threads: &Threads, inputs: &Rows<f32>, states: &mut States) -> Rows<f32> {
         let Shape { inputs: width, outputs, .. } = self.shape;
         let (networks, copies, state_width) =
             (self.parameters.networks(), inputs.len() / self.parameters.networks(), self.shape.state_width());
@@ -133,7 +174,7 @@ impl Stack {
             rest = others;
             items.push((number, inputs, out, states));
         }
-        self.threads.map(items, NETWORKS_WORTH_THREADS, work);
+        threads.map(items, NETWORKS_WORTH_THREADS, work);
         out
     }
 }

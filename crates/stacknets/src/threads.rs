@@ -1,9 +1,9 @@
 //! The threads that networks may use.
 
-use std::sync::Arc;
+use std::iter;
+use std::sync::{Arc, Mutex, PoisonError};
 
 use anyhow::{Context, Result};
-use rayon::prelude::*;
 use rayon::{ThreadPool, ThreadPoolBuilder};
 
 /// Threads that share networks among them. Networks are independent, so the number of threads changes no result.
@@ -41,7 +41,17 @@ impl Threads {
     ) -> Vec<T> {
         match &self.pool {
             Some(pool) if items.len() >= worth => {
-                pool.install(|| items.into_par_iter().map_init(Scratch::default, work).collect())
+                let count = items.len();
+                // One by one, so that no thread has many left while another one is idle.
+                let left = Mutex::new(items.into_iter().enumerate());
+                let done = pool.broadcast(|_| {
+                    let mut scratch = Scratch::default();
+                    let next = || left.lock().unwrap_or_else(PoisonError::into_inner).next();
+                    iter::from_fn(next).map(|(index, item)| (index, work(&mut scratch, item))).collect::<Vec<_>>()
+                });
+                let mut results: Vec<Option<T>> = (0..count).map(|_| None).collect();
+                done.into_iter().flatten().for_each(|(index, result)| results[index] = Some(result));
+                results.into_iter().map(|result| result.expect("every item was done")).collect()
             }
             _ => {
                 let mut scratch = Scratch::default();

@@ -25,9 +25,10 @@ use serde::{Deserialize, Serialize};
 
 use crate::environments::Experience;
 use crate::policy::{PolicyStack, Reading};
+use crate::state::stream::Part;
 use dials_core::base::{AgentId, Stopwatch};
 use dials_core::domain::{Action, Kind, Percept, RegionSpec, Result};
-use stacknets::Shape;
+use stacknets::{Shape, Threads};
 
 pub(crate) use tables::check_finite;
 pub use tables::{Layout, Metrics, NumberTable, Tables};
@@ -45,16 +46,24 @@ pub trait Algorithm: Debug {
     /// Returns the key that says how many timesteps per agent there are between two updates, and its value.
     fn updates(&self) -> (&'static str, u64);
 
-    /// Returns how many decisions the policies of a copy of the GS make before those of the next one, in one update or less. 1 if
-    /// all copies decide together.
-    fn decisions_in_turn(&self) -> usize {
+    /// Returns after how many decisions of every row the learner looks at them: a divisor of those between two updates.
+    /// Until then lanes are played side by side.
+    fn decisions_in_a_round(&self) -> usize {
         1
     }
 
     fn reading(&self) -> Reading;
 
-    /// Makes the learner of some agents of one kind. `stack`: their policies, one row per agent.
-    fn learner(&self, config: &Config, spec: &RegionSpec, agents: &[AgentId], stack: PolicyStack) -> Box<dyn Learner>;
+    /// Makes the learner of some agents of one kind. `stack`: their policies, one row per agent; `parts`: the rows of
+    /// each lane, together all of theirs.
+    fn learner(
+        &self,
+        config: &Config,
+        spec: &RegionSpec,
+        agents: &[AgentId],
+        stack: PolicyStack,
+        parts: &[Part],
+    ) -> Box<dyn Learner>;
 
     /// Returns which tables its learner keeps, and how large they are for an agent of this kind after this number of
     /// timesteps.
@@ -103,30 +112,30 @@ algorithms! {
     Dqn = dqn,
 }
 
-/// What the last actions of a turn brought.
-pub struct Brought<'a> {
-    pub experience: &'a Experience,
-    /// What the rows show now.
-    pub next: &'a Percept,
-    /// Timesteps per agent, with those of this decision.
-    pub steps: u64,
+/// Acts in one lane, and writes down what that brings. Nothing that it does depends on another lane.
+pub trait Actor: Send {
+    fn act(&mut self, percept: &Percept) -> Vec<Action>;
+
+    /// Takes in what the last actions brought. `next`: what the rows show now.
+    fn take_in(&mut self, experience: &Experience, next: &Percept, watch: &mut Stopwatch);
 }
 
 /// Trains the policies of some agents of one kind. Agents never learn from each other's experience unless the config
 /// says so, and every draw comes from dice of its agent: how agents are grouped changes no number.
 ///
-/// Rows are ordered by agent, then by copy. Those of a *turn* decide together: [`Config::turns`].
+/// Rows are ordered by agent, then by copy. Those of a lane are a [`Part`] of them.
 pub trait Learner {
     fn policies(&self) -> &PolicyStack;
 
     /// Returns the policies, to be changed: by an imitation, or by a state.
     fn policies_mut(&mut self) -> &mut PolicyStack;
 
-    fn act(&mut self, turn: usize, percept: &Percept) -> Vec<Action>;
+    /// Returns who acts in each lane for a round. `threads`: those that one lane may use.
+    fn actors<'a>(&'a mut self, threads: &'a Threads) -> Vec<Box<dyn Actor + 'a>>;
 
-    /// Takes in what the last actions of a turn brought, and updates the policies if that is due: after the same number of
-    /// decisions of all turns. Returns the metrics of the update, if there was one.
-    fn learn(&mut self, turn: usize, brought: Brought<'_>, watch: &mut Stopwatch) -> Option<Metrics>;
+    /// Takes in what all lanes brought in a round, and updates the policies if that is due. `steps`: timesteps per agent, with
+    /// those of the round. Returns the metrics of the update, if there was one.
+    fn learn(&mut self, steps: u64, watch: &mut Stopwatch) -> Option<Metrics>;
 
     /// Returns the metrics that its updates have, with values of 0.
     fn no_metrics(&self) -> Metrics;

@@ -7,6 +7,7 @@ use anyhow::ensure;
 use serde::{Deserialize, Serialize};
 
 use crate::config::Config;
+use crate::state::stream::Part;
 use dials_core::base::{AgentId, Dice, Ragged, RandomPurpose, Seed, is_stuck};
 use dials_core::domain::Result;
 use stacknets::{Adam, Moments, Parameters};
@@ -32,22 +33,26 @@ pub struct Tables {
 /// What every learner keeps: its optimiser and its dice.
 pub(super) struct Base {
     pub(super) adam: Adam,
-    /// Dice for the actions, one per row.
-    pub(super) acting: Vec<Dice>,
+    /// Dice for the actions, one per row of each part.
+    pub(super) acting: Vec<Vec<Dice>>,
+    pub(super) parts: Vec<Part>,
+    pub(super) copies: usize,
     /// Dice for the minibatches, one per agent.
     pub(super) minibatches: Vec<Dice>,
 }
 
 impl Base {
-    pub(super) fn new(config: &Config, agents: &[AgentId], parameters: &Parameters) -> Base {
+    pub(super) fn new(config: &Config, agents: &[AgentId], parameters: &Parameters, parts: &[Part]) -> Base {
         let seed = |purpose: RandomPurpose, agent: &AgentId| Seed::new(config.seed).fork(purpose).for_agent(*agent);
-        let of_copies = |agent| {
-            let seed = seed(RandomPurpose::Acting, agent);
-            (0..config.copies()).map(move |copy| seed.for_copy(copy).dice())
+        let of_row = |part: &Part, row: usize| {
+            let (agent, copy) = part.place(row);
+            seed(RandomPurpose::Acting, &agents[agent]).for_copy(copy).dice()
         };
         Base {
             adam: Adam::new(parameters),
-            acting: agents.iter().flat_map(of_copies).collect(),
+            acting: parts.iter().map(|part| (0..part.rows()).map(|row| of_row(part, row)).collect()).collect(),
+            parts: parts.to_vec(),
+            copies: config.copies(),
             minibatches: agents.iter().map(|agent| seed(RandomPurpose::PolicyMinibatches, agent).dice()).collect(),
         }
     }
@@ -63,13 +68,19 @@ impl Base {
         }
     }
 
-    pub(super) fn copies(&self) -> usize {
-        self.acting.len() / self.minibatches.len()
+    /// Returns number and row of the part in which each row is, ordered by agent, then by copy.
+    pub(super) fn places(&self) -> impl Iterator<Item = (usize, usize)> {
+        let rows = (0..self.minibatches.len()).flat_map(|agent| (0..self.copies).map(move |copy| (agent, copy)));
+        rows.map(|(agent, copy)| {
+            let mut parts = self.parts.iter().enumerate();
+            parts.find_map(|(part, rows)| Some((part, rows.row(agent, copy)?))).expect("a row is in a part")
+        })
     }
 
     pub(super) fn tables(&self) -> Tables {
         let Moments { first, second, steps } = self.adam.moments().clone();
-        let acting: Vec<_> = self.acting.chunks(self.copies()).map(<[Dice]>::to_vec).collect();
+        let acting: Vec<Dice> = self.places().map(|(part, row)| self.acting[part][row].clone()).collect();
+        let acting = acting.chunks(self.copies).map(<[Dice]>::to_vec).collect();
         let minibatches = self.minibatches.iter().map(|dice| vec![dice.clone()]).collect();
         Tables {
             numbers: [(FIRST_MOMENTS.to_owned(), first.into()), (SECOND_MOMENTS.to_owned(), second.into())].into(),
@@ -85,7 +96,10 @@ impl Base {
             steps: u32::try_from(tables.counts[GRADIENT_STEPS]).expect("the layout gives this number"),
         });
         let mut dice = |name| tables.dice.remove(name).expect("a learner keeps these dice").concat();
-        (self.acting, self.minibatches) = (dice(ACTING), dice(MINIBATCHES));
+        let acting = dice(ACTING);
+        self.minibatches = dice(MINIBATCHES);
+        let places: Vec<(usize, usize)> = self.places().collect();
+        places.into_iter().zip(acting).for_each(|((part, row), dice)| self.acting[part][row] = dice);
     }
 }
 

@@ -112,7 +112,7 @@ fn check_schedule(config: &Config) -> Result<()> {
     }
     ensure!(
         averages.is_none() || !config.shares_policies(),
-        "policy.average_every_steps: does not go with gs.shared_policy = true, where all agents have one policy; remove \
+        "policy.average_every_steps: does not go with policy.share = \"kind\", where all agents have one policy; remove \
          one of the two keys"
     );
     Ok(())

@@ -73,7 +73,7 @@ pub(super) fn check(config: &Config) -> Result<()> {
             config.total_steps
         );
         let one_for_all = match config.policy.average_every_steps {
-            _ if config.shares_policies() => Some("gs.shared_policy = true".to_owned()),
+            _ if config.shares_policies() => Some("policy.share = \"kind\"".to_owned()),
             every => every.map(|every| format!("policy.average_every_steps = {every}")),
         };
         if let Some(key) = one_for_all {
@@ -141,14 +141,13 @@ mod tests {
                 "total_steps = 10_000\nimitation.critic_steps = 10_000",
                 "imitation.critic_steps = 10000: must be less than total_steps = 10000",
             ),
-            ("simulator = 'gs'\ngs.shared_policy = true", "does not go with gs.shared_policy = true; remove one"),
+            ("policy.share = 'kind'", "does not go with policy.share = \"kind\"; remove one"),
             ("policy.average_every_steps = 10_000", "does not go with policy.average_every_steps = 10000; remove one"),
         ] {
             assert_eq!(error(keys), "");
             let found = error(&format!("{keys}\npolicy.imitate = 'random'"));
             assert!(found.contains(message), "{found}");
         }
-        assert_eq!(error("policy.imitate = 'random'\ngs.shared_policy = true"), "", "local simulators do not read it");
         assert!(error("policy.imitate = 'fixed-time:file=plan.toml'").contains("a run does not keep this file"));
     }
 }

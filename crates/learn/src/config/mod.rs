@@ -24,8 +24,9 @@ use serde::{Deserialize, Serialize};
 
 pub use crate::algorithms::AlgorithmName;
 pub use crate::algorithms::dqn::DqnConfig;
-pub use crate::algorithms::ppo::{PpoConfig, TimeLimit};
+pub use crate::algorithms::ppo::{NormaliseAdvantages, PpoConfig, TimeLimit, ValueUnit};
 pub use crate::predictors::Predictor;
+use crate::state::stream::Part;
 pub use aip::{AipConfig, Retrain};
 pub use check::held_out_episodes;
 pub use imitation::ImitationConfig;
@@ -92,11 +93,22 @@ pub struct GsConfig {
     #[serde(skip_serializing_if = "Option::is_none")]
     #[schemars(range(min = 1, max = 256))]
     pub copies: Option<usize>,
-    /// Whether the agents of a kind share one policy, and bootstrap with the value of the last one of them, as in the
-    /// authors' code. An update takes minibatches from the samples of all of them. It does not go with `policy.imitate`.
-    /// See DEVIATION 6: by default every agent learns for itself.
-    #[schemars(extend("source" = "C"))]
-    pub shared_policy: bool,
+    /// Where the agents of a kind share one policy (`policy.share = "kind"`): whose value stands for what would come after a
+    /// rollout.
+    ///
+    /// DEVIATION 6: in the authors' code it is that of the last agent, for all of them. So do configs/paper.
+    pub bootstrap: Bootstrap,
+}
+
+/// Whose value stands for what would come after a rollout.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "kebab-case")]
+pub enum Bootstrap {
+    /// Each agent's own.
+    #[default]
+    Own,
+    /// That of the last agent of a kind, for all of them.
+    Last,
 }
 
 /// The network of an agent's policy and value.
@@ -125,15 +137,46 @@ pub struct PolicyConfig {
     /// DEVIATION 15: in the paper policy and value share all layers but the last. Then the value's large errors change
     /// the layers that the policy needs. Our configs of the paper's grids choose it.
     pub separate_critic: bool,
+    /// How the weights begin.
+    #[schemars(extend("source" = "C"))]
+    pub initialisation: Initialisation,
+    /// Which agents have one policy. An update of the policy of a kind takes minibatches from the samples of all its agents. It
+    /// does not go with `policy.imitate`.
+    ///
+    /// DEVIATION 6: in the paper's GS one policy serves all agents, and in its DIALS every agent has its own.
+    #[schemars(extend("source" = "C"))]
+    pub share: Share,
     /// Timesteps per agent after which all agents of a kind get the mean of their policies, and of their optimisers'
     /// moments. They also begin with one policy. If left out, they never do. Best a divisor of `evaluation.every_steps`,
     /// so that the mean is evaluated; 10 000 did well, with a learning rate of 2e-3. At most `total_steps`. It does not go
-    /// with `gs.shared_policy` or `policy.imitate`.
+    /// with `policy.share` or `policy.imitate`.
     ///
     /// DEVIATION 19: in the paper every agent keeps its own policy. With this key agents also learn from each other, and
     /// still train in parallel.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub average_every_steps: Option<u64>,
+}
+
+/// Which agents have one policy.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "kebab-case")]
+pub enum Share {
+    /// None: every agent learns for itself.
+    #[default]
+    None,
+    /// All agents of a kind.
+    Kind,
+}
+
+/// How the weights of a policy begin.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "kebab-case")]
+pub enum Initialisation {
+    /// Uniform, also the biases: as torch begins by itself.
+    #[default]
+    Uniform,
+    /// Orthogonal, with a gain of 1.41 in hidden layers, 0.01 for the policy and 1 for the value; biases are 0.
+    Orthogonal,
 }
 
 impl Default for PolicyConfig {
@@ -144,6 +187,8 @@ impl Default for PolicyConfig {
             sequence_length: 8,
             imitate: None,
             separate_critic: false,
+            initialisation: Initialisation::Uniform,
+            share: Share::None,
             average_every_steps: None,
         }
     }
@@ -254,11 +299,14 @@ impl Config {
         }
     }
 
-    /// Returns how many turns the copies of a simulator have, of equally many: rows of a turn decide together. Local simulators
-    /// have one. Copies of the GS have one each, unless the algorithm lets them decide together.
-    pub(crate) fn turns(&self) -> usize {
-        let one_each = self.simulator == Simulator::Global && crate::algorithms::of(self).decisions_in_turn() > 1;
-        if one_each { self.copies() } else { 1 }
+    /// Returns the rows of each lane in which this number of agents of a kind acts. Each copy of the GS is a lane, and the
+    /// local simulators are one.
+    pub(crate) fn parts(&self, agents: usize) -> Vec<Part> {
+        let copies = self.copies();
+        match self.simulator {
+            Simulator::Global => (0..copies).map(|copy| Part { agents: 0..agents, copies: copy..copy + 1 }).collect(),
+            Simulator::Local => vec![Part { agents: 0..agents, copies: 0..copies }],
+        }
     }
 
     /// Returns the key that says [`Config::copies`].
@@ -287,7 +335,12 @@ impl Config {
 
     /// Returns whether the agents of a kind share one policy.
     pub fn shares_policies(&self) -> bool {
-        self.gs.shared_policy && self.simulator == Simulator::Global
+        self.policy.share == Share::Kind
+    }
+
+    /// Returns whether the value of the last agent of a kind stands for what would come for all of them.
+    pub fn bootstraps_with_last(&self) -> bool {
+        self.shares_policies() && self.simulator == Simulator::Global && self.gs.bootstrap == Bootstrap::Last
     }
 
     /// Returns the timesteps per agent at the beginning of training in which only the critic learns.

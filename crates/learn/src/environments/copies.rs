@@ -1,120 +1,61 @@
 //! Copies of the GS.
 
-use std::collections::VecDeque;
-
-use anyhow::Context;
-
 use dials_core::base::{Seed, Stopwatch};
-use dials_core::domain::{Action, Domain, GlobalSimulator, JointTransition, Kinds, Result};
+use dials_core::domain::{Action, Domain, GlobalSimulator, JointPercept, JointTransition, Result};
 
-/// Several GSs of one domain, each with an episode of its own. They are numbered from 0.
+/// One of several GSs of a domain, each with an episode of its own.
 ///
-/// What a copy shows depends on its episode and its actions only, and never on where or when it is computed. A copy that has
-/// begun something must be waited for before it begins something else.
-pub trait GlobalCopies {
-    /// Returns how many copies may be at work at the same time.
-    fn at_once(&self) -> usize;
+/// What it shows depends on its episode and its actions only, and never on where or when it is computed.
+pub trait GlobalCopy {
+    /// Begins an episode: [`GlobalSimulator::reset`].
+    fn reset(&mut self, episode: Seed) -> Result<&JointPercept>;
 
-    /// Begins to begin an episode: [`GlobalSimulator::reset`].
-    fn begin_reset(&mut self, copy: usize, episode: Seed) -> Result<()>;
-
-    /// Begins a step. `actions`: `[agents]`.
-    fn begin_step(&mut self, copy: usize, actions: &[Action]) -> Result<()>;
-
-    /// Waits until a copy that is at work has done what it was asked for, and returns it.
-    fn wait(&mut self) -> Result<usize>;
-
-    /// Returns what a copy has shown last. The rewards after a reset mean nothing.
-    fn shown(&self, copy: usize) -> &JointTransition;
+    /// Makes a step: [`GlobalSimulator::step`].
+    fn step(&mut self, actions: &[Action]) -> Result<&JointTransition>;
 
     /// Returns how long steps took since the last call, where it is known in parts: [`GlobalSimulator::take_watch`].
-    fn take_watch(&mut self) -> Stopwatch;
+    fn take_watch(&mut self) -> Stopwatch {
+        Stopwatch::default()
+    }
+}
+
+/// Copies, in order.
+pub enum GlobalCopies {
+    /// One is at work after the other.
+    Here(Vec<Box<dyn GlobalCopy>>),
+    /// They may all be at work at the same time.
+    Apart(Vec<Box<dyn GlobalCopy + Send>>),
 }
 
 /// Makes copies of the GS. A process that holds only one GS lets others make the rest.
 pub trait MakeCopies {
     /// Makes this number of copies, at least one.
-    fn make(&self, domain: &dyn Domain, copies: usize) -> Result<Box<dyn GlobalCopies>>;
+    fn make(&self, domain: &dyn Domain, copies: usize) -> Result<GlobalCopies>;
 }
 
-/// Makes all copies in this process, one at work after the other.
+/// Makes all copies in this process.
 pub struct InThisProcess;
 
 impl MakeCopies for InThisProcess {
-    fn make(&self, domain: &dyn Domain, copies: usize) -> Result<Box<dyn GlobalCopies>> {
-        let simulators = (0..copies).map(|_| domain.global_simulator()).collect::<Result<Vec<_>>>()?;
-        let copies = simulators.into_iter().map(OwnCopy::new).collect();
-        Ok(Box::new(OwnCopies { copies, done: VecDeque::new() }))
+    fn make(&self, domain: &dyn Domain, copies: usize) -> Result<GlobalCopies> {
+        let copy = |_| Ok(Box::new(OwnCopy(domain.global_simulator()?)) as Box<dyn GlobalCopy>);
+        Ok(GlobalCopies::Here((0..copies).map(copy).collect::<Result<_>>()?))
     }
 }
 
-/// A GS in this process, and what it has shown last.
-pub struct OwnCopy {
-    simulator: Box<dyn GlobalSimulator>,
-    shown: JointTransition,
-}
+/// A GS in this process.
+pub struct OwnCopy(pub Box<dyn GlobalSimulator>);
 
-impl OwnCopy {
-    pub fn new(simulator: Box<dyn GlobalSimulator>) -> OwnCopy {
-        OwnCopy { shown: JointTransition::new(simulator.kinds()), simulator }
+impl GlobalCopy for OwnCopy {
+    fn reset(&mut self, episode: Seed) -> Result<&JointPercept> {
+        self.0.reset(episode)
     }
 
-    pub fn kinds(&self) -> &Kinds {
-        self.simulator.kinds()
-    }
-
-    pub fn reset(&mut self, episode: Seed) -> Result<()> {
-        self.shown.percept.copy_from(self.simulator.reset(episode)?);
-        Ok(())
-    }
-
-    pub fn step(&mut self, actions: &[Action]) -> Result<()> {
-        let transition = self.simulator.step(actions)?;
-        self.shown.percept.copy_from(&transition.percept);
-        self.shown.rewards.copy_from_slice(&transition.rewards);
-        Ok(())
-    }
-
-    pub fn shown(&self) -> &JointTransition {
-        &self.shown
-    }
-
-    pub fn take_watch(&mut self) -> Stopwatch {
-        self.simulator.take_watch()
-    }
-}
-
-struct OwnCopies {
-    copies: Vec<OwnCopy>,
-    done: VecDeque<usize>,
-}
-
-impl GlobalCopies for OwnCopies {
-    fn at_once(&self) -> usize {
-        1
-    }
-
-    fn begin_reset(&mut self, copy: usize, episode: Seed) -> Result<()> {
-        self.done.push_back(copy);
-        self.copies[copy].reset(episode)
-    }
-
-    fn begin_step(&mut self, copy: usize, actions: &[Action]) -> Result<()> {
-        self.done.push_back(copy);
-        self.copies[copy].step(actions)
-    }
-
-    fn wait(&mut self) -> Result<usize> {
-        self.done.pop_front().context("no copy of the global simulator is at work")
-    }
-
-    fn shown(&self, copy: usize) -> &JointTransition {
-        self.copies[copy].shown()
+    fn step(&mut self, actions: &[Action]) -> Result<&JointTransition> {
+        self.0.step(actions)
     }
 
     fn take_watch(&mut self) -> Stopwatch {
-        let mut all = Stopwatch::default();
-        self.copies.iter_mut().for_each(|copy| all.add(&copy.take_watch()));
-        all
+        self.0.take_watch()
     }
 }

@@ -84,7 +84,7 @@ impl<'a> Ials<'a> {
     }
 
     /// Makes one decision in every row.
-    pub fn step(&mut self, actions: &[Action], watch: &mut Stopwatch) -> Result<()> {
+    pub fn decide(&mut self, actions: &[Action], watch: &mut Stopwatch) -> Result<()> {
         // u_t ~ I(. | l_t): the AIP sees the d-set from before the step.
         watch.time(Phase::AipSampling, || {
             self.predictor.sample(&self.percept.d_set, &mut self.dice, &mut self.sources);
@@ -191,20 +191,19 @@ fn retrace(
 }
 
 impl Environment for Ials<'_> {
-    fn percepts(&self, _turn: usize) -> &[Percept] {
+    fn counters(&self) -> Vec<(&'static str, u64)> {
+        self.counters()
+    }
+
+    fn percepts(&self) -> &[Percept] {
         from_ref(&self.percept)
     }
 
-    /// Makes the decision, too.
-    fn begin(&mut self, _turn: usize, actions: &[Vec<Action>], watch: &mut Stopwatch) -> Result<()> {
-        self.step(&actions[0], watch)
+    fn step(&mut self, actions: &[Vec<Action>], watch: &mut Stopwatch) -> Result<()> {
+        self.decide(&actions[0], watch)
     }
 
-    fn finish(&mut self, _watch: &mut Stopwatch) -> Result<usize> {
-        Ok(0)
-    }
-
-    fn experiences(&self, _turn: usize) -> &[Experience] {
+    fn experiences(&self) -> &[Experience] {
         from_ref(&self.experience)
     }
 
@@ -266,7 +265,7 @@ mod tests {
     type Seen = Vec<(Vec<bool>, Rows<f32>)>;
 
     fn step(ials: &mut Ials<'_>, actions: Vec<Action>, seen: &mut Seen) {
-        ials.step(&actions, &mut Stopwatch::default()).unwrap();
+        ials.decide(&actions, &mut Stopwatch::default()).unwrap();
         seen.push((ials.experience().ends.clone(), ials.percept().obs.clone()));
     }
 

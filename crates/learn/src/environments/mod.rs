@@ -1,8 +1,12 @@
 //! What a learning agent sees of a simulator: decisions, rewards and ends of episodes, row by row.
+//!
+//! - `global`: a copy of the GS; [`copies`]: who makes it. [`ials`]: local simulators with their influence.
+//! - `lanes`: environments that are played side by side.
 
 pub mod copies;
 pub(crate) mod global;
 pub mod ials;
+pub(crate) mod lanes;
 
 use std::time::Duration;
 
@@ -10,38 +14,29 @@ use crate::state::stream::AgentStream;
 use dials_core::base::{Phase, Rows, Stopwatch};
 use dials_core::domain::{Action, Percept, RegionSpec, Result};
 
-/// A simulator without end that policies act in: the GS or the influence-augmented local simulators (IALS). When an
-/// episode ends, the next one begins.
+/// A simulator without end that policies act in: a copy of the GS, or influence-augmented local simulators (IALS). When
+/// an episode ends, the next one begins.
 ///
-/// Rows are ordered by agent, then by copy, in one table per kind of agents. An IALS has one kind, copies of the GS have all
-/// kinds of the domain.
-///
-/// Rows that decide together are a *turn*. An IALS has one. Copies of the GS have one each, if the algorithm allows it: see
-/// [`crate::config::Config::turns`]. Turns do not wait for each other.
+/// Rows are ordered by agent, then by copy, in one table per kind of agents. An IALS has one kind, a GS has all kinds of the
+/// domain.
 pub trait Environment {
-    fn turns(&self) -> usize {
-        1
-    }
+    /// Returns what the rows show at their next decision, kind by kind.
+    fn percepts(&self) -> &[Percept];
 
-    /// Returns how many turns may be at work at the same time.
-    fn at_once(&self) -> usize {
-        1
-    }
+    /// Makes one decision in every row, kind by kind.
+    fn step(&mut self, actions: &[Vec<Action>], watch: &mut Stopwatch) -> Result<()>;
 
-    /// Returns what the rows of a turn show at its next decision, kind by kind.
-    fn percepts(&self, turn: usize) -> &[Percept];
+    /// Returns what the last decision brought the rows, kind by kind.
+    fn experiences(&self) -> &[Experience];
 
-    /// Begins one decision in every row of a turn, kind by kind.
-    fn begin(&mut self, turn: usize, actions: &[Vec<Action>], watch: &mut Stopwatch) -> Result<()>;
-
-    /// Waits until a turn that has begun a decision has made it, and returns it.
-    fn finish(&mut self, watch: &mut Stopwatch) -> Result<usize>;
-
-    /// Returns what the last decision of a turn brought its rows, kind by kind.
-    fn experiences(&self, turn: usize) -> &[Experience];
-
-    /// Writes down how far the rows of each kind have come, so that another environment can continue from there.
+    /// Writes down how far its rows have come, so that another environment can continue from there. `streams`: all agents of
+    /// each kind.
     fn leave(&mut self, streams: &mut [&mut [AgentStream]]);
+
+    /// Returns what its simulators counted since it was made.
+    fn counters(&self) -> Vec<(&'static str, u64)> {
+        Vec::new()
+    }
 }
 
 /// Adds the time of a simulator's steps. Of it, `own` is what the simulator itself has measured, see

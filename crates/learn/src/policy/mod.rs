@@ -8,10 +8,12 @@ mod controller;
 mod demonstrations;
 pub mod sampling;
 
-use crate::config::PolicyConfig;
+use std::f32::consts::SQRT_2;
+
+use crate::config::{Initialisation, PolicyConfig};
 use dials_core::base::{AgentId, Ragged, Rows, Seed};
 use dials_core::domain::{Percept, RegionSpec};
-use stacknets::{Adam, Parameters, Shape, Stack, States, Trainer};
+use stacknets::{Adam, Gains, Parameters, Shape, Stack, States, Threads, Trainer};
 
 pub use controller::{JointPolicyController, Selection, StackController};
 pub use demonstrations::Demonstrations;
@@ -69,7 +71,14 @@ impl PolicyStack {
     /// Makes policies with random parameters, each agent's from its own stream. `action_bias` is added to the initial
     /// biases of the logits.
     pub fn new(agents: &[AgentId], spec: &RegionSpec, config: &PolicyConfig, action_bias: &[f32], seed: Seed) -> Self {
-        let mut net = Stack::new(PolicyStack::shape(spec, config), seed.for_agents(agents));
+        let (shape, generators) = (PolicyStack::shape(spec, config), seed.for_agents(agents));
+        let mut net = match config.initialisation {
+            Initialisation::Uniform => Stack::new(shape, generators),
+            Initialisation::Orthogonal => {
+                let outputs = [vec![0.01; spec.n_actions], vec![1.0]].concat();
+                Stack::orthogonal(shape, &Gains { hidden: SQRT_2, outputs }, generators)
+            }
+        };
         net.shift_output(action_bias);
         PolicyStack { n_actions: spec.n_actions, net, reading: Reading::Probabilities }
     }
@@ -107,14 +116,15 @@ impl PolicyStack {
         self.net.states(rows)
     }
 
-    /// Runs one decision. `obs`: rows ordered by agent, then by copy, one per row of `states`, which are updated.
-    pub fn judge(&self, obs: &Rows<f32>, states: &mut States) -> Judgement {
-        Judgement { outputs: self.net.step(obs, states) }
+    /// Runs one decision in these threads. `obs`: rows ordered by agent, then by copy, one per row of `states`, which are
+    /// updated.
+    pub fn judge(&self, threads: &Threads, obs: &Rows<f32>, states: &mut States) -> Judgement {
+        Judgement { outputs: self.net.step_in(threads, obs, states) }
     }
 
-    /// Runs one decision on what a percept shows. Only the actions that it allows count.
-    pub(crate) fn decide(&self, percept: &Percept, states: &mut States) -> Judgement {
-        let mut judgement = self.judge(&percept.obs, states);
+    /// Runs one decision on what a percept shows, in these threads. Only the actions that it allows count.
+    pub(crate) fn decide(&self, threads: &Threads, percept: &Percept, states: &mut States) -> Judgement {
+        let mut judgement = self.judge(threads, &percept.obs, states);
         for (row, outputs) in judgement.outputs.as_mut_slice().chunks_exact_mut(self.n_actions + 1).enumerate() {
             let logits = &mut outputs[..self.n_actions];
             sampling::forbid(logits, percept.masks.as_ref().map_or(&[], |masks| masks.row(row)));

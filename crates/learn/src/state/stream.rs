@@ -5,6 +5,8 @@
 //! and influence sources since its episode began, and the GS from its seed and actions. A [`Trail`] keeps these.
 //! Replayed in a new simulator, they lead to exactly the same state. So training continues as if there had been no cut.
 
+use std::ops::Range;
+
 use serde::{Deserialize, Serialize};
 
 use crate::config::Config;
@@ -53,6 +55,42 @@ impl AgentStream {
         let influence = Seed::new(config.seed).fork(RandomPurpose::Influence).for_agent(agent);
         let row = |copy: usize| RowStream::begin(influence.for_copy(copy).dice());
         AgentStream { rows: (0..config.copies()).map(row).collect() }
+    }
+}
+
+/// Some copies of some agents of a kind: the rows of an environment, ordered by agent, then by copy.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Part {
+    pub agents: Range<usize>,
+    pub copies: Range<usize>,
+}
+
+impl Part {
+    pub fn rows(&self) -> usize {
+        self.agents.len() * self.copies.len()
+    }
+
+    /// Returns agent and copy of a row.
+    pub(crate) fn place(&self, row: usize) -> (usize, usize) {
+        let copies = self.copies.len();
+        (self.agents.start + row / copies, self.copies.start + row % copies)
+    }
+
+    /// Returns the row of a copy of an agent; `None` if it is in another part.
+    pub(crate) fn row(&self, agent: usize, copy: usize) -> Option<usize> {
+        let is_here = self.agents.contains(&agent) && self.copies.contains(&copy);
+        is_here.then(|| (agent - self.agents.start) * self.copies.len() + copy - self.copies.start)
+    }
+
+    /// Returns the streams of its rows. `streams`: those of all agents of the kind.
+    pub(crate) fn of<'a>(&self, streams: &'a [AgentStream]) -> impl Iterator<Item = &'a RowStream> {
+        let copies = self.copies.clone();
+        streams[self.agents.clone()].iter().flat_map(move |stream| &stream.rows[copies.clone()])
+    }
+
+    pub(crate) fn of_mut<'a>(&self, streams: &'a mut [AgentStream]) -> impl Iterator<Item = &'a mut RowStream> {
+        let copies = self.copies.clone();
+        streams[self.agents.clone()].iter_mut().flat_map(move |stream| &mut stream.rows[copies.clone()])
     }
 }
 

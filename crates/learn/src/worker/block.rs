@@ -3,20 +3,21 @@
 //! A worker trains its blocks one after the other, each for the whole period, which changes no number. The networks and
 //! cars of a few agents stay in the cache. On copies of the GS all blocks act at once, one block per kind.
 
-use std::collections::VecDeque;
 use std::sync::Arc;
+use std::time::Instant;
 
 use crate::algorithms::imitation::{ImitationLoss, imitate};
-use crate::algorithms::{self, Brought, Learner, Metrics};
+use crate::algorithms::{self, Actor, Learner, Metrics};
 use crate::config::{Config, Period, Simulator};
 use crate::environments::copies::GlobalCopies;
-use crate::environments::global::{Begin, GlobalEnvironment};
+use crate::environments::global::{self, Begin};
 use crate::environments::ials::Ials;
+use crate::environments::lanes::{Lane, Lanes};
 use crate::environments::{Environment, Experience};
 use crate::policy::{Demonstrations, JointPolicy, PolicyStack};
 use crate::predictors::{AipLoss, Dataset, FreshLoss, TrainablePredictor, measure, train};
 use crate::state::AgentsState;
-use crate::state::stream::{AgentStream, rows_of, rows_of_mut};
+use crate::state::stream::{AgentStream, Part};
 use crate::steps::train_policies::{AgentTraining, PolicyTraining};
 use dials_core::base::{AgentId, Phase, Ragged, RandomPurpose, Seed, Stopwatch, Work};
 use dials_core::domain::{Action, Domain, Kinds, RegionSpec, Result};
@@ -77,7 +78,7 @@ impl AgentBlock {
         policies.net.use_threads(threads);
         let spec = domain.kinds().of(agents[0]).spec.clone();
         let learner = KindLearner {
-            learner: algorithms::of(config).learner(config, &spec, agents, policies),
+            learner: algorithms::of(config).learner(config, &spec, agents, policies, &config.parts(agents.len())),
             spec,
             steps: 0,
             streams: agents.iter().map(|&agent| AgentStream::begin(config, agent)).collect(),
@@ -144,16 +145,15 @@ impl AgentBlock {
         let stagger = config.local_simulators.stagger;
         let alive = &mut || (work.progress)(learner.steps);
         let resume = || Ials::resume(simulators, &mut **predictor, &learner.streams, stagger, alive);
-        let mut ials = work.watch.time(Phase::Retracing, resume)?;
-        let mut training = learn(&mut [learner], &mut ials, config, period, work)?.remove(0);
-        training.counters = ials.counters().into_iter().map(|(name, count)| (name.to_owned(), count)).collect();
-        Ok(training)
+        let ials = work.watch.time(Phase::Retracing, resume)?;
+        let lane = Lane { parts: config.parts(agents.len()), environment: Box::new(ials) as Box<dyn Environment + '_> };
+        Ok(learn(&mut [learner], &mut Lanes::Here(vec![lane]), config, period, work)?.remove(0))
     }
 }
 
 /// Trains the policies on copies of the GS, on which all kinds act at once. `blocks`: one per kind, with all its agents.
 pub(crate) fn train_policies_on_the_gs(
-    simulators: Box<dyn GlobalCopies>,
+    simulators: GlobalCopies,
     kinds: &Kinds,
     config: &Config,
     blocks: &mut [AgentBlock],
@@ -164,10 +164,10 @@ pub(crate) fn train_policies_on_the_gs(
     let streams: Vec<&[AgentStream]> = learners.iter().map(|learner| &learner.streams[..]).collect();
     let alive = &mut || (work.progress)(learners[0].steps);
     let stagger = config.local_simulators.stagger;
-    let begin = Begin { kinds, episodes: training_episodes(config), stagger, turns: config.turns() };
-    let resume = || GlobalEnvironment::resume(simulators, begin, &streams, alive);
-    let mut gs = work.watch.time(Phase::Retracing, resume)?;
-    learn(&mut learners, &mut gs, config, period, work)
+    let threads = &learners[0].learner.policies().net.threads().clone();
+    let begin = Begin { kinds, episodes: training_episodes(config), stagger, threads };
+    let mut copies = work.watch.time(Phase::Retracing, || global::resume(simulators, &begin, &streams, alive))?;
+    learn(&mut learners, &mut copies, config, period, work)
 }
 
 pub fn training_episodes(config: &Config) -> Seed {
@@ -180,123 +180,133 @@ pub(crate) fn episode_steps(spec: &RegionSpec, config: &Config) -> usize {
 }
 
 /// Lets the learners act and learn until the first update at or after the end of the period. `learners`: one per kind
-/// of the environment, all after the same number of steps.
-///
-/// In a round every turn makes its decisions one after the other. Turns do not wait for each other, and what they do depends on
-/// nothing that another one does.
+/// of the environments, all after the same number of steps.
 fn learn(
     learners: &mut [&mut KindLearner],
-    environment: &mut dyn Environment,
+    lanes: &mut Lanes<'_>,
     config: &Config,
     period: &Period,
     work: Work<'_, u64>,
 ) -> Result<Vec<PolicyTraining>> {
     let Work { watch, progress } = work;
-    let turns = environment.turns();
-    let copies = config.copies() / turns;
-    let in_turn = if turns == 1 { 1 } else { algorithms::of(config).decisions_in_turn() };
+    let decisions = algorithms::of(config).decisions_in_a_round();
     let per_update = algorithms::of(config).steps_per_update() as u64;
+    // Beside other lanes, a lane has one thread.
+    let threads = if lanes.are_apart() { Threads::one() } else { learners[0].learner.policies().net.threads().clone() };
     let mut steps = learners[0].steps;
     let end = config.update_at_or_after(period.end);
-    let returns = |kind: &&mut KindLearner| EpisodeReturns::resume(&kind.streams, episode_steps(&kind.spec, config));
-    let mut returns: Vec<EpisodeReturns> = learners.iter().map(returns).collect();
+    let returns_of = |(kind, part): (&&mut KindLearner, &Part)| {
+        EpisodeReturns::resume(&kind.streams, part, episode_steps(&kind.spec, config))
+    };
+    let mut returns: Vec<Vec<EpisodeReturns>> =
+        lanes.parts().into_iter().map(|parts| learners.iter().zip(parts).map(returns_of).collect()).collect();
     let mut updates: Vec<Vec<Metrics>> = vec![Vec::new(); learners.len()];
     while steps < end {
-        let mut left = vec![in_turn; turns];
-        let mut waiting: VecDeque<usize> = (0..turns).collect();
-        let mut open = 0;
-        loop {
-            while open < environment.at_once()
-                && let Some(turn) = waiting.pop_front()
-            {
-                let percepts = environment.percepts(turn);
-                let actions: Vec<Vec<Action>> = watch.time(Phase::Acting, || {
-                    learners.iter_mut().zip(percepts).map(|(kind, percept)| kind.learner.act(turn, percept)).collect()
-                });
-                environment.begin(turn, &actions, watch)?;
-                open += 1;
-            }
-            if open == 0 {
-                break;
-            }
-            let turn = environment.finish(watch)?;
-            (open, steps) = (open - 1, steps + copies as u64);
-            let brought = environment.experiences(turn).iter().zip(environment.percepts(turn));
-            for (index, (kind, (experience, next))) in learners.iter_mut().zip(brought).enumerate() {
-                returns[index].add(turn * copies, experience);
-                updates[index].extend(kind.learner.learn(turn, Brought { experience, next, steps }, watch));
-            }
-            left[turn] -= 1;
-            if left[turn] > 0 {
-                // Its cars are still in the cache.
-                waiting.push_front(turn);
-            }
+        let mut players: Vec<Player<'_>> =
+            returns.iter_mut().map(|returns| Player { actors: Vec::new(), returns }).collect();
+        for kind in &mut *learners {
+            let actors = kind.learner.actors(&threads);
+            players.iter_mut().zip(actors).for_each(|(player, actor)| player.actors.push(actor));
+        }
+        let begun = Instant::now();
+        let played = lanes.each(players, |environment, player| player.play(environment, decisions));
+        let mut phases = Stopwatch::default();
+        played.into_iter().try_for_each(|of_lane| of_lane.map(|of_lane| phases.add(&of_lane)))?;
+        watch.add(&if lanes.are_apart() { phases.scaled_to(begun.elapsed()) } else { phases });
+        steps += (decisions * config.copies()) as u64;
+        for (kind, updates) in learners.iter_mut().zip(&mut updates) {
+            updates.extend(kind.learner.learn(steps, watch));
         }
         if steps.is_multiple_of(per_update) {
             progress(steps);
         }
     }
-    environment.leave(&mut learners.iter_mut().map(|kind| &mut kind.streams[..]).collect::<Vec<_>>());
-    let done = learners.iter_mut().zip(returns).zip(updates).map(|((kind, returns), updates)| {
+    let counters = lanes.leave(&mut learners.iter_mut().map(|kind| &mut kind.streams[..]).collect::<Vec<_>>());
+    let done = learners.iter_mut().zip(updates).enumerate().map(|(number, (kind, updates))| {
         kind.steps = steps;
-        returns.leave(&mut kind.streams);
-        let agents = returns.means().into_iter();
+        let returns: Vec<&EpisodeReturns> = returns.iter().map(|of_lane| &of_lane[number]).collect();
+        returns.iter().for_each(|returns| returns.leave(&mut kind.streams));
+        let agents = EpisodeReturns::means(&returns, kind.streams.len()).into_iter();
         PolicyTraining {
             agents: agents.map(|(mean_return, episodes)| AgentTraining { mean_return, episodes }).collect(),
             metrics: Metrics::mean(&updates, kind.learner.no_metrics()),
             updates: updates.len(),
-            counters: Vec::new(),
+            counters: if number == 0 { counters.clone() } else { Vec::new() },
         }
     });
     Ok(done.collect())
 }
 
-/// Returns of the episodes that ended in this period, per agent.
+/// Who plays in a lane.
+struct Player<'a> {
+    /// One per kind; the same for the returns.
+    actors: Vec<Box<dyn Actor + 'a>>,
+    returns: &'a mut [EpisodeReturns],
+}
+
+impl Player<'_> {
+    /// Makes some decisions in every row.
+    fn play(mut self, environment: &mut dyn Environment, decisions: usize) -> Result<Stopwatch> {
+        let mut watch = Stopwatch::default();
+        for _ in 0..decisions {
+            let shown = self.actors.iter_mut().zip(environment.percepts());
+            let act = || shown.map(|(actor, percept)| actor.act(percept)).collect();
+            let actions: Vec<Vec<Action>> = watch.time(Phase::Acting, act);
+            environment.step(&actions, &mut watch)?;
+            let brought = environment.experiences().iter().zip(environment.percepts());
+            for ((actor, returns), (experience, next)) in self.actors.iter_mut().zip(&mut *self.returns).zip(brought) {
+                returns.add(experience);
+                actor.take_in(experience, next, &mut watch);
+            }
+        }
+        Ok(watch)
+    }
+}
+
+/// Returns of the episodes that ended in this period, in the rows of a lane.
 ///
 /// First episodes that were cut short by staggering do not count.
 #[derive(Clone, Debug)]
 struct EpisodeReturns {
+    part: Part,
     horizon: usize,
-    copies: usize,
     /// Sum of rewards and number of steps since the episode began, and number of steps in this period, per row.
     running: Vec<(f64, usize, usize)>,
-    /// The episodes that ended: step of this period, row and return.
-    finished: Vec<(usize, usize, f64)>,
+    /// The episodes that ended: step of this period, agent and copy, and return.
+    finished: Vec<(usize, (usize, usize), f64)>,
 }
 
 impl EpisodeReturns {
-    /// Continues the current episodes. `horizon`: number of steps of a whole episode.
-    fn resume(streams: &[AgentStream], horizon: usize) -> Self {
-        let running = rows_of(streams).map(|row| (row.rewards, row.trail.steps(), 0));
-        EpisodeReturns { horizon, copies: streams[0].rows.len(), running: running.collect(), finished: Vec::new() }
+    /// Continues the current episodes of a part. `horizon`: number of steps of a whole episode.
+    fn resume(streams: &[AgentStream], part: &Part, horizon: usize) -> Self {
+        let running = part.of(streams).map(|row| (row.rewards, row.trail.steps(), 0));
+        EpisodeReturns { horizon, running: running.collect(), finished: Vec::new(), part: part.clone() }
     }
 
-    /// Adds what a decision of consecutive copies of all agents brought, from copy `first` on.
-    fn add(&mut self, first: usize, experience: &Experience) {
-        let of_turn = experience.rewards.len() * self.copies / self.running.len();
+    /// Adds what a decision brought.
+    fn add(&mut self, experience: &Experience) {
         for (row, (&reward, &ends)) in experience.rewards.iter().zip(&experience.ends).enumerate() {
-            let row = row / of_turn * self.copies + first + row % of_turn;
             let (sum, steps, step) = &mut self.running[row];
             *sum += f64::from(reward);
             (*steps, *step) = (*steps + 1, *step + 1);
             if ends {
                 if *steps == self.horizon {
-                    self.finished.push((*step, row, *sum));
+                    self.finished.push((*step, self.part.place(row), *sum));
                 }
                 (*sum, *steps) = (0.0, 0);
             }
         }
     }
 
-    /// Returns the mean return and the number of episodes, per agent. If no episode ended: `None` and 0.
+    /// Returns the mean return and the number of episodes of each agent in all lanes. If no episode ended: `None` and 0.
     ///
-    /// They are added up in the order of their steps, whichever turn came first.
-    fn means(&self) -> Vec<(Option<f64>, u64)> {
-        let mut in_order = self.finished.clone();
-        in_order.sort_by_key(|&(step, row, _)| (step, row));
-        let mut sums = vec![(0.0, 0); self.running.len() / self.copies];
-        for (_, row, episode_return) in in_order {
-            let (sum, episodes) = &mut sums[row / self.copies];
+    /// They are added up in the order of their steps, in whichever lane they were.
+    fn means(lanes: &[&EpisodeReturns], agents: usize) -> Vec<(Option<f64>, u64)> {
+        let mut in_order: Vec<_> = lanes.iter().flat_map(|lane| lane.finished.iter().copied()).collect();
+        in_order.sort_by_key(|&(step, place, _)| (step, place));
+        let mut sums = vec![(0.0, 0); agents];
+        for (_, (agent, _), episode_return) in in_order {
+            let (sum, episodes) = &mut sums[agent];
             *sum += episode_return;
             *episodes += 1;
         }
@@ -306,7 +316,10 @@ impl EpisodeReturns {
 
     /// Writes the sums of the unfinished episodes to the streams.
     fn leave(&self, streams: &mut [AgentStream]) {
-        self.running.iter().zip(rows_of_mut(streams)).for_each(|((rewards, ..), stream)| stream.rewards = *rewards);
+        self.running
+            .iter()
+            .zip(self.part.of_mut(streams))
+            .for_each(|((rewards, ..), stream)| stream.rewards = *rewards);
     }
 }
 
@@ -320,7 +333,7 @@ mod tests {
     fn only_whole_episodes_count_as_returns() {
         let row = || RowStream::begin(Seed::new(0).dice());
         let mut streams = [AgentStream { rows: vec![row()] }, AgentStream { rows: vec![row()] }];
-        let mut returns = EpisodeReturns::resume(&streams, 3);
+        let mut returns = EpisodeReturns::resume(&streams, &Part { agents: 0..2, copies: 0..1 }, 3);
         let experience = |ends: [bool; 2]| Experience {
             rewards: vec![1.5, 0.25],
             ends: ends.to_vec(),
@@ -329,9 +342,9 @@ mod tests {
         };
         // The first agent ends after two steps and then after three, the second one never.
         for ends in [false, true, false, false, true, false] {
-            returns.add(0, &experience([ends, false]));
+            returns.add(&experience([ends, false]));
         }
-        assert_eq!(returns.means(), [(Some(4.5), 1), (None, 0)]);
+        assert_eq!(EpisodeReturns::means(&[&returns], 2), [(Some(4.5), 1), (None, 0)]);
         returns.leave(&mut streams);
         assert_eq!([streams[0].rows[0].rewards, streams[1].rows[0].rewards], [1.5, 1.5]);
     }

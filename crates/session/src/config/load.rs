@@ -304,7 +304,7 @@ mod tests {
             ("policy.hidden=[1,1,1,1,1,1,1,1,1,1,1,1,1,1,1,1,1]", hidden),
             (&format!("{average}0"), "must be at least ppo.memory = 128"),
             (&format!("{average}5_000_000"), "policy.average_every_steps = 5000000: is larger than total_steps = "),
-            (&format!("{average}10_000 gs.shared_policy=true simulator=gs"), "does not go with gs.shared_policy"),
+            (&format!("{average}10_000 policy.share=kind"), "does not go with policy.share"),
             ("traffic.until_first_switch=sumo", "allowed: `agent` or `program`"),
             ("traffic.clock_offsets=checkerboard", "traffic.clock_offsets needs a clock: add traffic.clock"),
             // 10^15 / 128 = 7.8 * 10^12 periods.

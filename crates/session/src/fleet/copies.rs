@@ -6,7 +6,6 @@
 //! A copy that dies takes its worker along, which is started again like any lost worker, from the last exchange.
 
 use std::cell::RefCell;
-use std::collections::VecDeque;
 use std::mem;
 use std::os::fd::{AsFd, OwnedFd};
 use std::os::unix::net::UnixStream;
@@ -16,17 +15,15 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use anyhow::{Context, Error, Result, anyhow, bail, ensure};
-use rustix::event::{PollFd, PollFlags, poll};
-use rustix::io::Errno;
 use rustix::process::{Signal, set_parent_process_death_signal};
 use serde::{Deserialize, Deserializer, Serialize, Serializer};
 
 use super::channel::{receive, send};
 use super::process::{CpuClock, footprint};
 use crate::config::RunConfig;
-use dials_core::base::{Seed, Stopwatch};
-use dials_core::domain::{Action, Domain, JointPercept, JointTransition};
-use dials_learn::environments::copies::{GlobalCopies, InThisProcess, MakeCopies, OwnCopy};
+use dials_core::base::Seed;
+use dials_core::domain::{Action, Domain, GlobalSimulator, JointPercept, JointTransition, Kinds};
+use dials_learn::environments::copies::{GlobalCopies, GlobalCopy, InThisProcess, MakeCopies, OwnCopy};
 use dials_learn::fleet::Footprint;
 
 /// The hidden subcommand that makes this program a copy of the GS.
@@ -68,8 +65,7 @@ impl<'de> Deserialize<'de> for Bytes {
 }
 
 impl Bytes {
-    fn of(shown: &JointTransition) -> Bytes {
-        let JointTransition { percept: JointPercept { obs, d_set, masks }, rewards } = shown;
+    fn of(JointPercept { obs, d_set, masks }: &JointPercept, rewards: &[f32]) -> Bytes {
         let numbers = [obs.as_slice(), d_set.as_slice(), rewards];
         let mut bytes: Vec<u8> = numbers.into_iter().flatten().flat_map(|number| number.to_le_bytes()).collect();
         bytes.extend(masks.as_slice().iter().map(|&allowed| u8::from(allowed)));
@@ -97,7 +93,7 @@ impl Bytes {
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Taken {
     pub(super) cpu: Duration,
-    /// Memory of all copies of a period together; the largest of the periods.
+    /// Memory of all of them together.
     pub(super) footprint: Footprint,
 }
 
@@ -131,15 +127,15 @@ pub fn serve_a_worker(open_domain: impl FnOnce(&RunConfig) -> Result<Arc<dyn Dom
     else {
         return Ok(());
     };
-    let make = || -> Result<OwnCopy> {
+    let make = || -> Result<Box<dyn GlobalSimulator>> {
         let config: RunConfig = serde_json::from_str(&config)?;
-        Ok(OwnCopy::new(open_domain(&config)?.global_simulator()?))
+        open_domain(&config)?.global_simulator()
     };
     let mut copy = make();
     while let Some(ask) = receive::<Ask>(&mut stream)? {
         let answered = match (ask, &mut copy) {
             (Ask::End, _) => Ok(Answer::Ended { cpu: CpuClock::of_the_process().lap(), footprint: footprint() }),
-            (ask, Ok(copy)) => answer(ask, copy),
+            (ask, Ok(copy)) => answer(ask, &mut **copy),
             (_, Err(error)) => Err(anyhow!("{error:#}")),
         };
         send(&mut stream, &answered.unwrap_or_else(|error| Answer::Failed(format!("{error:#}"))))?;
@@ -147,13 +143,19 @@ pub fn serve_a_worker(open_domain: impl FnOnce(&RunConfig) -> Result<Arc<dyn Dom
     Ok(())
 }
 
-fn answer(ask: Ask, copy: &mut OwnCopy) -> Result<Answer> {
-    match ask {
-        Ask::Reset(episode) => copy.reset(episode)?,
-        Ask::Step(actions) => copy.step(&actions)?,
-        Ask::End => {}
-    }
-    Ok(Answer::Shown(Bytes::of(copy.shown())))
+fn answer(ask: Ask, copy: &mut dyn GlobalSimulator) -> Result<Answer> {
+    Ok(Answer::Shown(match ask {
+        Ask::Reset(episode) => {
+            // It brings no rewards.
+            let rewards = vec![0.0; copy.agents()];
+            Bytes::of(copy.reset(episode)?, &rewards)
+        }
+        Ask::Step(actions) => {
+            let JointTransition { percept, rewards } = copy.step(&actions)?;
+            Bytes::of(percept, rewards)
+        }
+        Ask::End => bail!("it is over"),
+    }))
 }
 
 /// Makes copies of the GS in as many processes as it takes.
@@ -164,147 +166,71 @@ pub(super) struct Copies {
 }
 
 impl MakeCopies for Copies {
-    fn make(&self, domain: &dyn Domain, copies: usize) -> Result<Box<dyn GlobalCopies>> {
+    fn make(&self, domain: &dyn Domain, copies: usize) -> Result<GlobalCopies> {
         if copies == 1 || domain.foreign_simulator().is_none() {
             return InThisProcess.make(domain, copies);
         }
-        // Where copies are computed at the same time, this process has none: it would be at work when the others need it.
-        let own = self.at_once == 1;
+        let kinds = domain.kinds();
         // They load while this process does.
-        let start = |copy: usize| if own && copy == 0 { Ok(None) } else { Process::start(&self.config_json).map(Some) };
-        let others = (0..copies).map(start).collect::<Result<Vec<_>>>()?;
-        Ok(Box::new(Shared {
-            own: own.then(|| domain.global_simulator()).transpose()?.map(OwnCopy::new),
-            others,
-            shown: vec![JointTransition::new(domain.kinds()); copies],
-            at_once: self.at_once,
-            at_work: Vec::new(),
-            waiting: VecDeque::new(),
-            done: VecDeque::new(),
-        }))
-    }
-}
-
-/// Copies in processes of their own. If one is computed at a time, the first one is in this process.
-struct Shared {
-    own: Option<OwnCopy>,
-    /// One per copy but the own.
-    others: Vec<Option<Process>>,
-    /// What the others have shown last.
-    shown: Vec<JointTransition>,
-    at_once: usize,
-    /// Others that are at work, those that must wait for them, and copies that have done what they were asked for.
-    at_work: Vec<usize>,
-    waiting: VecDeque<(usize, Ask)>,
-    done: VecDeque<usize>,
-}
-
-/// Every copy but the own has a process.
-const IN_A_PROCESS: &str = "a copy that is not here has a process";
-
-impl Shared {
-    /// Returns the own copy, if it is this one.
-    fn own(&mut self, copy: usize) -> Option<&mut OwnCopy> {
-        self.own.as_mut().filter(|_| copy == 0)
-    }
-
-    fn other(&mut self, copy: usize) -> &mut Process {
-        self.others[copy].as_mut().expect(IN_A_PROCESS)
-    }
-
-    /// Asks a copy, now or when others have done their work.
-    fn ask(&mut self, copy: usize, ask: Ask) -> Result<()> {
-        self.waiting.push_back((copy, ask));
-        self.send_what_waits()
-    }
-
-    fn send_what_waits(&mut self) -> Result<()> {
-        while self.at_work.len() < self.at_once
-            && let Some((copy, ask)) = self.waiting.pop_front()
-        {
-            self.at_work.push(copy);
-            self.other(copy).send(&ask)?;
+        let start = |_| Remote::start(&self.config_json, kinds);
+        if self.at_once > 1 {
+            let boxed = |copy| Ok(Box::new(start(copy)?) as Box<dyn GlobalCopy + Send>);
+            return Ok(GlobalCopies::Apart((0..copies).map(boxed).collect::<Result<_>>()?));
         }
-        Ok(())
+        let others = (1..copies).map(start).collect::<Result<Vec<_>>>()?;
+        let own = Box::new(OwnCopy(domain.global_simulator()?)) as Box<dyn GlobalCopy>;
+        Ok(GlobalCopies::Here([own].into_iter().chain(others.into_iter().map(|other| Box::new(other) as _)).collect()))
+    }
+}
+
+/// A copy in another process.
+struct Remote {
+    process: Process,
+    /// What it has shown last.
+    shown: JointTransition,
+}
+
+impl Remote {
+    fn start(config_json: &String, kinds: &Kinds) -> Result<Remote> {
+        Ok(Remote { process: Process::start(config_json)?, shown: JointTransition::new(kinds) })
     }
 
-    /// Waits until at least one of the others that are at work has answered, and takes in what they say.
-    fn hear(&mut self) -> Result<()> {
-        let processes = self.at_work.iter().map(|&copy| self.others[copy].as_ref().expect(IN_A_PROCESS));
-        let mut waits: Vec<PollFd<'_>> = processes.map(|process| PollFd::new(&process.stream, PollFlags::IN)).collect();
-        while let Err(error) = poll(&mut waits, None) {
-            if error != Errno::INTR {
-                return Err(Error::new(error).context("cannot wait for copies of the global simulator"));
+    fn ask(&mut self, ask: &Ask) -> Result<()> {
+        self.process.send(ask)?;
+        match self.process.receive()? {
+            Answer::Shown(bytes) => {
+                let fits = bytes.read_into(&mut self.shown);
+                ensure!(fits, CopyLost("it shows what is not of this domain".to_owned()));
+                Ok(())
             }
+            Answer::Failed(reason) => bail!("a copy of the global simulator: {reason}"),
+            Answer::Ended { .. } => bail!(CopyLost("it ended unasked".to_owned())),
         }
-        let has_news: Vec<bool> = waits.iter().map(|wait| !wait.revents().is_empty()).collect();
-        let (answered, at_work): (Vec<_>, Vec<_>) =
-            mem::take(&mut self.at_work).into_iter().zip(has_news).partition(|(_, has_news)| *has_news);
-        self.at_work = at_work.into_iter().map(|(copy, _)| copy).collect();
-        for (copy, _) in answered {
-            match self.other(copy).receive()? {
-                Answer::Shown(bytes) => {
-                    let fits = bytes.read_into(&mut self.shown[copy]);
-                    ensure!(fits, CopyLost("it shows what is not of this domain".to_owned()));
-                    self.done.push_back(copy);
-                }
-                Answer::Failed(reason) => bail!("copy {copy} of the global simulator: {reason}"),
-                Answer::Ended { .. } => bail!(CopyLost("it ended unasked".to_owned())),
-            }
-        }
-        self.send_what_waits()
     }
 }
 
-impl GlobalCopies for Shared {
-    fn at_once(&self) -> usize {
-        self.at_once
+impl GlobalCopy for Remote {
+    fn reset(&mut self, episode: Seed) -> Result<&JointPercept> {
+        self.ask(&Ask::Reset(episode))?;
+        Ok(&self.shown.percept)
     }
 
-    fn begin_reset(&mut self, copy: usize, episode: Seed) -> Result<()> {
-        let Some(own) = self.own(copy) else { return self.ask(copy, Ask::Reset(episode)) };
-        own.reset(episode)?;
-        self.done.push_back(copy);
-        Ok(())
-    }
-
-    fn begin_step(&mut self, copy: usize, actions: &[Action]) -> Result<()> {
-        let Some(own) = self.own(copy) else { return self.ask(copy, Ask::Step(actions.to_vec())) };
-        own.step(actions)?;
-        self.done.push_back(copy);
-        Ok(())
-    }
-
-    fn wait(&mut self) -> Result<usize> {
-        loop {
-            if let Some(copy) = self.done.pop_front() {
-                return Ok(copy);
-            }
-            ensure!(!self.at_work.is_empty(), "no copy of the global simulator is at work");
-            self.hear()?;
-        }
-    }
-
-    fn shown(&self, copy: usize) -> &JointTransition {
-        self.own.as_ref().filter(|_| copy == 0).map_or(&self.shown[copy], OwnCopy::shown)
-    }
-
-    fn take_watch(&mut self) -> Stopwatch {
-        self.own.as_mut().map(OwnCopy::take_watch).unwrap_or_default()
+    fn step(&mut self, actions: &[Action]) -> Result<&JointTransition> {
+        self.ask(&Ask::Step(actions.to_vec()))?;
+        Ok(&self.shown)
     }
 }
 
-impl Drop for Shared {
-    /// Notes what the others took. One that does not say it has failed before.
+impl Drop for Remote {
+    /// Notes what it took. One that does not say it has failed before.
     fn drop(&mut self) {
-        let mut together = Footprint::default();
-        for other in self.others.iter_mut().flatten() {
-            if let Ok(Answer::Ended { cpu, footprint }) = other.send(&Ask::End).and_then(|()| other.receive()) {
-                TAKEN.with_borrow_mut(|taken| taken.cpu += cpu);
-                together = together.and(footprint);
-            }
+        if let Ok(Answer::Ended { cpu, footprint }) = self.process.send(&Ask::End).and_then(|()| self.process.receive())
+        {
+            TAKEN.with_borrow_mut(|taken| {
+                taken.cpu += cpu;
+                taken.footprint = taken.footprint.and(footprint);
+            });
         }
-        TAKEN.with_borrow_mut(|taken| taken.footprint = taken.footprint.max(together));
     }
 }
 

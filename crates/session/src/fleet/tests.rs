@@ -17,7 +17,7 @@ use self::crew::{Fate, FateAt, TestCrew};
 use super::{Coordinator, MostGrowth, Options, in_process};
 use crate::config::RunConfig;
 use dials_core::domain::Domain;
-use dials_learn::config::{AlgorithmName, Config, PolicyConfig, Simulator};
+use dials_learn::config::{AlgorithmName, Config, PolicyConfig, Share, Simulator};
 use dials_learn::dials;
 use dials_learn::fleet::{Fleet, FleetLoad};
 use dials_learn::observer::{Observer, Recorder, Silent, Unrecorded};
@@ -214,12 +214,9 @@ fn agents_of_a_kind_that_share_a_policy_have_the_same_one_for_any_fleet() {
     let mut config = Config { simulator: Simulator::Global, ..config() };
     let (alone, _) = trained_alone(&coins_and_dice(), &config);
     assert!(alone.policies.row(0) != alone.policies.row(2));
-    config.gs.shared_policy = true;
+    config.policy.share = Share::Kind;
     let (agents, _) = same_for_any_fleet(&coins_and_dice(), &config, [&[], &[2], &[]]);
     assert_that_kinds_have_one_policy(&agents);
-    // Local simulators know nothing of it.
-    let local = Config { simulator: Simulator::default(), ..config };
-    assert!(trained_alone(&coins(), &local).0 == undisturbed().0);
 }
 
 #[test]

@@ -18,15 +18,16 @@ use rand::seq::IteratorRandom;
 
 use super::ppo::TimeLimit;
 use super::tables::Base;
-use super::{Algorithm, Brought, Layout, Learner, Metrics, NumberTable, Tables};
+use super::{Actor, Algorithm, Layout, Learner, Metrics, NumberTable, Tables};
 use crate::config::Config;
 use crate::environments::Experience;
 use crate::policy::{PolicyStack, Reading};
+use crate::state::stream::Part;
 pub use config::DqnConfig;
 use dials_core::base::{AgentId, Dice, Phase, Rows, Stopwatch};
 use dials_core::domain::{Action, Kind, Percept, RegionSpec, Result};
 use replay::{Decision, Replay, width};
-use stacknets::{Network, Sequences, Shape, Trace};
+use stacknets::{Network, Sequences, Shape, Threads, Trace};
 use values::{action_values, add_gradient, best_action, huber};
 
 /// Names of its own tables, as in checkpoints.
@@ -65,8 +66,15 @@ impl Algorithm for DqnConfig {
         Reading::Greedy
     }
 
-    fn learner(&self, config: &Config, spec: &RegionSpec, agents: &[AgentId], stack: PolicyStack) -> Box<dyn Learner> {
-        Box::new(Dqn::new(self, config, spec, agents, stack))
+    fn learner(
+        &self,
+        config: &Config,
+        spec: &RegionSpec,
+        agents: &[AgentId],
+        stack: PolicyStack,
+        parts: &[Part],
+    ) -> Box<dyn Learner> {
+        Box::new(Dqn::new(self, config, spec, agents, stack, parts))
     }
 
     fn layout(&self, config: &Config, kind: &Kind, steps: u64) -> Layout {
@@ -98,23 +106,75 @@ pub(crate) struct Dqn {
     target: PolicyStack,
     base: Base,
     replay: Replay,
-    /// What the last actions answered: observations, and the actions themselves.
-    obs: Rows<f32>,
-    actions: Vec<Action>,
+    /// The last decisions of each lane.
+    decided: Vec<Decided>,
     steps: u64,
 }
 
+/// The last decisions of a lane: what they answered, and what they brought.
+struct Decided {
+    obs: Rows<f32>,
+    actions: Vec<Action>,
+    experience: Experience,
+    next: Percept,
+}
+
+/// Acts in a lane.
+struct DqnActor<'a> {
+    policies: &'a PolicyStack,
+    threads: &'a Threads,
+    epsilon: f64,
+    decided: &'a mut Decided,
+    /// One per row.
+    dice: &'a mut [Dice],
+}
+
+impl Actor for DqnActor<'_> {
+    fn act(&mut self, percept: &Percept) -> Vec<Action> {
+        let judgement = self.policies.decide(self.threads, percept, &mut self.policies.states(self.dice.len()));
+        for (row, ((logits, _), dice)) in judgement.rows().zip(&mut *self.dice).enumerate() {
+            let allowed = |&action: &usize| percept.masks.as_ref().is_none_or(|masks| masks.row(row)[action]);
+            self.decided.actions[row] = if dice.random_bool(self.epsilon) {
+                (0..logits.len()).filter(allowed).choose(dice).unwrap_or(0) as Action
+            } else {
+                crate::policy::sampling::most_probable(logits)
+            };
+        }
+        self.decided.obs.copy_from(&percept.obs);
+        self.decided.actions.clone()
+    }
+
+    fn take_in(&mut self, experience: &Experience, next: &Percept, watch: &mut Stopwatch) {
+        watch.time(Phase::Bookkeeping, || {
+            self.decided.experience.clone_from(experience);
+            self.decided.next.clone_from(next);
+        });
+    }
+}
+
 impl Dqn {
-    fn new(own: &DqnConfig, config: &Config, spec: &RegionSpec, agents: &[AgentId], policies: PolicyStack) -> Dqn {
-        let base = Base::new(config, agents, policies.parameters());
+    fn new(
+        own: &DqnConfig,
+        config: &Config,
+        spec: &RegionSpec,
+        agents: &[AgentId],
+        policies: PolicyStack,
+        parts: &[Part],
+    ) -> Dqn {
+        let base = Base::new(config, agents, policies.parameters(), parts);
+        let decided = |part: &Part| Decided {
+            obs: Rows::new(part.rows(), spec.obs_dim),
+            actions: vec![0; part.rows()],
+            experience: Experience::new(part.rows(), spec),
+            next: Percept::new(part.rows(), spec),
+        };
         let mut target = PolicyStack::blank(agents.len(), spec, &config.policy);
         target.load(policies.parameters().values());
         Dqn {
             config: own.clone(),
             target,
             replay: Replay::new(agents.len(), own.replay, spec),
-            obs: Rows::new(base.acting.len(), spec.obs_dim),
-            actions: vec![0; base.acting.len()],
+            decided: parts.iter().map(decided).collect(),
             base,
             policies,
             steps: 0,
@@ -122,13 +182,15 @@ impl Dqn {
     }
 
     /// Writes down what the last actions brought, copy after copy.
-    fn remember(&mut self, experience: &Experience, next: &Percept) {
-        let copies = self.base.copies();
+    fn remember(&mut self) {
         let priority = if self.config.prioritised { 1.0 } else { 0.0 };
-        let Dqn { replay, obs, actions, config, policies, .. } = self;
+        let places: Vec<(usize, usize)> = self.base.places().collect();
+        let Dqn { replay, decided, config, policies, .. } = self;
+        let copies = places.len() / policies.agents();
         for copy in 0..copies {
             let decision = |agent: usize| {
-                let row = agent * copies + copy;
+                let (part, row) = places[agent * copies + copy];
+                let Decided { obs, actions, experience, next } = &decided[part];
                 let over = experience.ends[row];
                 let masks = if over { &experience.last_masks } else { &next.masks };
                 let ends = over && config.time_limit == TimeLimit::Terminal;
@@ -321,24 +383,15 @@ impl Learner for Dqn {
         &mut self.policies
     }
 
-    fn act(&mut self, _turn: usize, percept: &Percept) -> Vec<Action> {
+    fn actors<'a>(&'a mut self, threads: &'a Threads) -> Vec<Box<dyn Actor + 'a>> {
         let epsilon = self.config.epsilon_at(self.steps);
-        let judgement = self.policies.decide(percept, &mut self.policies.states(self.base.acting.len()));
-        for (row, ((logits, _), dice)) in judgement.rows().zip(&mut self.base.acting).enumerate() {
-            let allowed = |&action: &usize| percept.masks.as_ref().is_none_or(|masks| masks.row(row)[action]);
-            self.actions[row] = if dice.random_bool(epsilon) {
-                (0..logits.len()).filter(allowed).choose(dice).unwrap_or(0) as Action
-            } else {
-                crate::policy::sampling::most_probable(logits)
-            };
-        }
-        self.obs.copy_from(&percept.obs);
-        self.actions.clone()
+        let Dqn { policies, decided, base, .. } = self;
+        let lanes = decided.iter_mut().zip(&mut base.acting);
+        lanes.map(|(decided, dice)| Box::new(DqnActor { policies, threads, epsilon, decided, dice }) as _).collect()
     }
 
-    fn learn(&mut self, _turn: usize, brought: Brought<'_>, watch: &mut Stopwatch) -> Option<Metrics> {
-        let Brought { experience, next, steps } = brought;
-        watch.time(Phase::Bookkeeping, || self.remember(experience, next));
+    fn learn(&mut self, steps: u64, watch: &mut Stopwatch) -> Option<Metrics> {
+        watch.time(Phase::Bookkeeping, || self.remember());
         let before = std::mem::replace(&mut self.steps, steps);
         let due = steps.is_multiple_of(self.config.update_every_steps as u64) && steps >= self.config.learning_starts;
         let metrics = due.then(|| self.update(watch));

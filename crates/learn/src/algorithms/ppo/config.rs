@@ -4,6 +4,7 @@ use anyhow::{Result, ensure};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
+use super::value_unit::ValueUnit;
 use crate::config::Config;
 use crate::config::check::{not_negative, positive, share};
 
@@ -24,9 +25,15 @@ pub struct PpoConfig {
     /// Number of passes over the memory per update.
     #[schemars(range(min = 1, max = 100_000), extend("source" = "P"))]
     pub epochs: usize,
-    /// Learning rate at the first step; decays linearly to 1e-10 over `total_steps`.
+    /// Learning rate at the first step.
     #[schemars(extend("source" = "P, C"))]
     pub learning_rate: f64,
+    /// Whether the learning rate decays linearly over `total_steps`, to 1e-10.
+    #[schemars(extend("source" = "C"))]
+    pub anneal_learning_rate: bool,
+    /// Adam's epsilon, from 1e-8. Usual is 1e-5.
+    #[schemars(extend("source" = "C"))]
+    pub adam_epsilon: f64,
     /// Discount factor.
     #[schemars(extend("source" = "P"))]
     pub gamma: f64,
@@ -36,12 +43,27 @@ pub struct PpoConfig {
     /// Weight of the entropy bonus (beta).
     #[schemars(extend("source" = "P"))]
     pub entropy: f64,
-    /// Clip range (epsilon) at the first step; decays linearly to 1e-5.
+    /// Clip range (epsilon) at the first step.
     #[schemars(extend("source" = "P, C"))]
     pub clip: f64,
-    /// Weight of the value loss (c1).
+    /// Whether the clip range decays linearly over `total_steps`, to 1e-5.
+    #[schemars(extend("source" = "C"))]
+    pub anneal_clip: bool,
+    /// Whether the value is clipped, too: by `ppo.clip`, in `ppo.value_unit`.
+    #[schemars(extend("source" = "C"))]
+    pub clip_value: bool,
+    /// Unit in which values are learnt, clipped and weighed.
+    ///
+    /// DEVIATION 24: the paper's is that of the reward. Then nothing is learnt until the critic has climbed to values of about
+    /// 70, and the clip range lets it climb by 0.1 per update.
+    pub value_unit: ValueUnit,
+    /// Weight of the value loss (c1), which is the mean squared error. Half of the mean squared error with the usual
+    /// weight of 0.5 is 0.25 here.
     #[schemars(extend("source" = "P"))]
     pub value_coefficient: f64,
+    /// Which advantages get mean 0 and standard deviation 1 together.
+    #[schemars(extend("source" = "C"))]
+    pub normalise_advantages: NormaliseAdvantages,
     /// Largest length of the gradient of an agent's loss by all of its parameters (Euclidean norm); a longer one is
     /// shortened to it. If left out, gradients are as long as they are.
     ///
@@ -66,6 +88,19 @@ pub enum TimeLimit {
     Bootstrap,
 }
 
+/// Which advantages of an agent get mean 0 and standard deviation 1 together.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "kebab-case")]
+pub enum NormaliseAdvantages {
+    /// Those of a minibatch.
+    #[default]
+    Minibatch,
+    /// Those of the whole memory.
+    Memory,
+    /// None: they are only brought to the unit of the value.
+    No,
+}
+
 impl Default for PpoConfig {
     fn default() -> Self {
         PpoConfig {
@@ -74,11 +109,17 @@ impl Default for PpoConfig {
             minibatch: 32,
             epochs: 3,
             learning_rate: 2.5e-4,
+            anneal_learning_rate: true,
+            adam_epsilon: 1e-8,
             gamma: 0.99,
             gae_lambda: 0.95,
             entropy: 1e-2,
             clip: 0.1,
+            anneal_clip: true,
+            clip_value: true,
+            value_unit: ValueUnit::Reward,
             value_coefficient: 1.0,
+            normalise_advantages: NormaliseAdvantages::Minibatch,
             max_gradient_norm: None,
             time_limit: TimeLimit::Terminal,
         }
@@ -115,6 +156,11 @@ pub(super) fn check(config: &Config) -> Result<()> {
     share("ppo.gae_lambda", ppo.gae_lambda, "the paper uses 0.95")?;
     not_negative("ppo.entropy", ppo.entropy, "the paper uses 0.01")?;
     positive("ppo.clip", ppo.clip, "the paper uses 0.1")?;
+    ensure!(
+        (1e-8..1.0).contains(&ppo.adam_epsilon),
+        "ppo.adam_epsilon = {}: must be from 1e-8 to less than 1 (the paper's code has 1e-8, and 1e-5 is usual)",
+        ppo.adam_epsilon
+    );
     not_negative("ppo.value_coefficient", ppo.value_coefficient, "the paper uses 1")?;
     if let Some(norm) = ppo.max_gradient_norm {
         positive("ppo.max_gradient_norm", norm, "0.5 is usual; leave it out for no limit")?;

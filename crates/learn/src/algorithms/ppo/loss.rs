@@ -5,7 +5,7 @@
 //! - the loss of a minibatch is `-surrogate + c1 * value loss - beta * entropy`, each a mean over the minibatch;
 //! - surrogate: `min(r A, clamp(r, 1 - eps, 1 + eps) A)`, `r = pi(a|o) / pi_old(a|o)`;
 //! - value loss: `max((v - R)^2, (v_old + clamp(v - v_old, -eps, eps) - R)^2)`, without a factor 1/2;
-//! - advantages are normalised per agent and minibatch, with the unbiased standard deviation and 1e-8.
+//! - advantages come as they count: normalised by a [`Spread`], or not.
 
 use super::memory::Sample;
 use crate::policy::sampling;
@@ -58,9 +58,9 @@ pub(super) fn loss_and_gradient(
     let (mut logits, mut log_probs) = (vec![0.0; n_actions], vec![0.0; n_actions]);
     let mut masks = masks.chunks_exact(n_actions);
     let mut losses = Losses::default();
-    let advantages = normalised(samples);
     let rows = outputs.chunks_exact(width).zip(gradient.chunks_exact_mut(width));
-    for (((output, gradient), sample), advantage) in rows.zip(samples).zip(advantages) {
+    for ((output, gradient), sample) in rows.zip(samples) {
+        let advantage = sample.advantage;
         logits.copy_from_slice(&output[..n_actions]);
         sampling::forbid(&mut logits, masks.next().unwrap_or(&[]));
         sampling::log_softmax(&logits, &mut log_probs);
@@ -106,13 +106,26 @@ pub(super) fn loss_and_gradient(
     losses
 }
 
-/// Returns the advantages with mean 0 and (unbiased) standard deviation 1.
-fn normalised(samples: &[Sample]) -> impl Iterator<Item = f32> {
-    let count = samples.len() as f32;
-    let mean = samples.iter().map(|sample| sample.advantage).sum::<f32>() / count;
-    let variance = samples.iter().map(|sample| (sample.advantage - mean).powi(2)).sum::<f32>() / (count - 1.0);
-    let deviation = variance.sqrt() + 1e-8;
-    samples.iter().map(move |sample| (sample.advantage - mean) / deviation)
+/// Where some advantages lie.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Spread {
+    pub(super) mean: f32,
+    pub(super) deviation: f32,
+}
+
+impl Spread {
+    /// Returns their mean, and their unbiased standard deviation plus 1e-8.
+    pub(super) fn of(advantages: impl Iterator<Item = f32> + Clone) -> Spread {
+        let count = advantages.clone().count() as f32;
+        let mean = advantages.clone().sum::<f32>() / count;
+        let variance = advantages.map(|advantage| (advantage - mean).powi(2)).sum::<f32>() / (count - 1.0);
+        Spread { mean, deviation: variance.sqrt() + 1e-8 }
+    }
+
+    /// Returns how many deviations an advantage is from the mean.
+    pub(super) fn normalise(self, advantage: f32) -> f32 {
+        (advantage - self.mean) / self.deviation
+    }
 }
 
 #[cfg(test)]
@@ -123,6 +136,20 @@ mod tests {
 
     fn sample(action: u8, old_prob: f32, value: f32, advantage: f32, ret: f32) -> Sample {
         Sample { action, log_prob: old_prob.ln(), value, advantage, ret, start: false }
+    }
+
+    /// Returns the loss with advantages that are normalised first.
+    fn loss_and_gradient(
+        outputs: &[f32],
+        masks: &[bool],
+        samples: &[Sample],
+        weights: Weights,
+        gradient: &mut [f32],
+    ) -> Losses {
+        let spread = Spread::of(samples.iter().map(|sample| sample.advantage));
+        let normalised = |sample: &Sample| Sample { advantage: spread.normalise(sample.advantage), ..*sample };
+        let samples: Vec<Sample> = samples.iter().map(normalised).collect();
+        super::loss_and_gradient(outputs, masks, &samples, weights, gradient)
     }
 
     fn close(a: &[f32], b: &[f32]) -> bool {

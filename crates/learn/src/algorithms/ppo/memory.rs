@@ -1,5 +1,6 @@
 //! The memory of an agent: the samples of one update, in sequences.
 
+use crate::state::stream::Part;
 use dials_core::base::Rows;
 use dials_core::domain::{Action, RegionSpec};
 use stacknets::States;
@@ -69,8 +70,30 @@ impl Memory {
         &mut self.samples[agent * self.capacity + slot]
     }
 
+    /// Returns all samples of an agent.
+    pub(super) fn samples(&self, agent: usize) -> &[Sample] {
+        &self.samples[agent * self.capacity..][..self.capacity]
+    }
+
     pub(crate) fn state(&self, agent: usize, sequence: usize) -> &[f32] {
         self.states.row(agent * self.sequences() + sequence)
+    }
+
+    /// Copies the samples of a rollout: all of `from`, whose agents and copies are a part of those here. The rollout is the
+    /// `number`-th of this memory, in which all copies of an agent have theirs one after the other.
+    pub(super) fn take_rollout(&mut self, number: usize, part: &Part, copies: usize, from: &Memory) {
+        let steps = from.capacity / part.copies.len();
+        for (agent, all) in part.agents.clone().enumerate() {
+            for (copy, among_all) in part.copies.clone().enumerate() {
+                let first = (number * copies + among_all) * steps;
+                for t in 0..steps {
+                    let slot = copy * steps + t;
+                    let seen = (from.obs(agent, slot), from.mask(agent, slot));
+                    let state = from.state(agent, slot / self.length);
+                    self.remember(all, first + t, seen, state, *from.sample(agent, slot));
+                }
+            }
+        }
     }
 
     /// Records a decision and, if a sequence begins with it, the hidden state before it. Its advantage and return

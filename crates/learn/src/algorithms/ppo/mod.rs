@@ -4,7 +4,7 @@
 //!
 //! - `config`: the table `[ppo]`.
 //! - `rollout`, `memory`, [`gae`]: decisions, with their advantages.
-//! - [`mod@update`], [`loss`]: the gradient steps.
+//! - [`mod@update`], [`loss`]: the gradient steps. `value_unit`: the unit of the critic.
 //!
 //! Source: Schulman et al. 2017; constants: DIALS paper, appendix "Hyperparameters".
 
@@ -14,22 +14,28 @@ pub(crate) mod loss;
 mod memory;
 mod rollout;
 pub mod update;
+mod value_unit;
 
 use super::tables::Base;
-use super::{Algorithm, Brought, Layout, Learner, Metrics, NumberTable, Tables};
+use super::{Actor, Algorithm, Layout, Learner, Metrics, NumberTable, Tables};
 use crate::config::Config;
 use crate::policy::{PolicyStack, Reading};
-pub use config::{PpoConfig, TimeLimit};
-use dials_core::base::{AgentId, Ragged, Stopwatch};
-use dials_core::domain::{Action, Kind, Percept, RegionSpec, Result};
+use crate::state::stream::Part;
+pub use config::{NormaliseAdvantages, PpoConfig, TimeLimit};
+use dials_core::base::{AgentId, Phase, Ragged, Stopwatch};
+use dials_core::domain::{Kind, RegionSpec, Result};
 use loss::Losses;
 pub use memory::{Memory, Sample};
-use rollout::{Copies, Rollout};
-use stacknets::Shape;
+use rollout::{Critics, Rollout, RolloutActor};
+use stacknets::{Adam, Shape, Threads};
 use update::{Decayed, Learns, Settings, update};
+pub use value_unit::{ValueUnit, ValueUnits};
 
 /// Name of the table of hidden states, as in checkpoints.
 const STATES: &str = "states";
+
+/// Name of the table of the units of values. It is not there if all of them are the reward's.
+const VALUE_UNITS: &str = "value_units";
 
 impl Algorithm for PpoConfig {
     fn check(&self, config: &Config) -> Result<()> {
@@ -40,7 +46,7 @@ impl Algorithm for PpoConfig {
         ("ppo.memory", self.memory as u64)
     }
 
-    fn decisions_in_turn(&self) -> usize {
+    fn decisions_in_a_round(&self) -> usize {
         self.rollout_steps
     }
 
@@ -48,8 +54,15 @@ impl Algorithm for PpoConfig {
         Reading::Probabilities
     }
 
-    fn learner(&self, config: &Config, spec: &RegionSpec, agents: &[AgentId], stack: PolicyStack) -> Box<dyn Learner> {
-        Box::new(Ppo::new(config, spec, agents, stack))
+    fn learner(
+        &self,
+        config: &Config,
+        spec: &RegionSpec,
+        agents: &[AgentId],
+        stack: PolicyStack,
+        parts: &[Part],
+    ) -> Box<dyn Learner> {
+        Box::new(Ppo::new(config, spec, agents, stack, parts))
     }
 
     fn layout(&self, config: &Config, kind: &Kind, steps: u64) -> Layout {
@@ -57,6 +70,15 @@ impl Algorithm for PpoConfig {
         let mut layout = Base::layout(config, shape.layout().width(), gradient_steps(steps, config, kind));
         let width = config.copies() * shape.state_width();
         layout.numbers.push(NumberTable { name: STATES, width, averaged: false, squares: false, learnt: false });
+        if self.value_unit != ValueUnit::Reward {
+            layout.numbers.push(NumberTable {
+                name: VALUE_UNITS,
+                width: ValueUnits::WIDTH,
+                averaged: true,
+                squares: false,
+                learnt: true,
+            });
+        }
         layout
     }
 
@@ -98,40 +120,34 @@ fn gradient_steps(steps: u64, config: &Config, kind: &Kind) -> u64 {
 pub(crate) struct Ppo {
     config: Config,
     policies: PolicyStack,
+    units: ValueUnits,
     base: Base,
     memory: Memory,
-    /// One per turn.
+    /// One per lane.
     rollouts: Vec<Rollout>,
-    /// Number of them that have filled their part of the memory.
-    full: usize,
+    /// Number of rollouts in the memory.
+    in_memory: usize,
 }
 
 impl Ppo {
-    fn new(config: &Config, spec: &RegionSpec, agents: &[AgentId], policies: PolicyStack) -> Ppo {
+    fn new(config: &Config, spec: &RegionSpec, agents: &[AgentId], policies: PolicyStack, parts: &[Part]) -> Ppo {
         let (length, width) = (config.sequence_length(), policies.state_width());
-        let (turns, copies) = (config.turns(), config.copies());
-        let rollout = |turn: usize| {
-            let copies = Copies { first: turn * copies / turns, count: copies / turns, all: copies };
-            let states = policies.states(agents.len() * copies.count);
-            Rollout::new(&config.ppo, config.shares_policies(), copies, states)
+        let rollout = |part: &Part| {
+            let samples = part.copies.len() * config.ppo.rollout_steps;
+            let memory = Memory::new(part.agents.len(), samples, length, spec, width);
+            let states = policies.states(part.rows());
+            Rollout::new(&config.ppo, config.bootstraps_with_last(), part, memory, states)
         };
+        let adam = Adam::new(policies.parameters()).with_epsilon(config.ppo.adam_epsilon);
         Ppo {
             memory: Memory::new(agents.len(), config.ppo.memory, length, spec, width),
-            rollouts: (0..turns).map(rollout).collect(),
-            full: 0,
-            base: Base::new(config, agents, policies.parameters()),
+            rollouts: parts.iter().map(rollout).collect(),
+            in_memory: 0,
+            base: Base { adam, ..Base::new(config, agents, policies.parameters(), parts) },
+            units: ValueUnits::new(config.ppo.value_unit, agents.len()),
             policies,
             config: config.clone(),
         }
-    }
-
-    /// Returns turn and row of all copies, agent by agent.
-    fn places(&self) -> impl Iterator<Item = (usize, usize)> + use<> {
-        let (agents, turns) = (self.policies.agents(), self.rollouts.len());
-        let of_turn = self.base.copies() / turns;
-        let rows = move |agent: usize| agent * of_turn..(agent + 1) * of_turn;
-        let turns = move |agent: usize| (0..turns).map(move |turn| (agent, turn));
-        (0..agents).flat_map(turns).flat_map(move |(agent, turn)| rows(agent).map(move |row| (turn, row)))
     }
 
     /// Returns learning rate and clip of the update that begins after this number of timesteps per agent.
@@ -153,7 +169,9 @@ impl Ppo {
             // The actor's first steps would be far too long with the step count of the critic.
             self.base.adam.begin_again();
         }
-        let settings = Settings { ppo: &self.config.ppo, decayed, learns, shared: self.config.shares_policies() };
+        let shared = self.config.shares_policies();
+        self.units.follow(&self.memory, shared);
+        let settings = Settings { ppo: &self.config.ppo, units: &self.units, decayed, learns, shared };
         let Base { adam, minibatches, .. } = &mut self.base;
         metrics(&update(&mut self.policies, adam, &self.memory, minibatches, settings, watch), decayed)
     }
@@ -184,20 +202,27 @@ impl Learner for Ppo {
         &mut self.policies
     }
 
-    fn act(&mut self, turn: usize, percept: &Percept) -> Vec<Action> {
-        self.rollouts[turn].act(&self.policies, &mut self.base.acting, &mut self.memory, percept)
+    fn actors<'a>(&'a mut self, threads: &'a Threads) -> Vec<Box<dyn Actor + 'a>> {
+        let Ppo { policies, units, rollouts, base, .. } = self;
+        let critics = Critics { policies, units, threads };
+        let actor = |(rollout, dice)| Box::new(RolloutActor { critics, rollout, dice }) as Box<dyn Actor + 'a>;
+        rollouts.iter_mut().zip(base.acting.iter_mut().map(|dice| &mut dice[..])).map(actor).collect()
     }
 
-    fn learn(&mut self, turn: usize, brought: Brought<'_>, watch: &mut Stopwatch) -> Option<Metrics> {
-        let Brought { experience, next, steps } = brought;
-        let Ppo { policies, memory, rollouts, full, .. } = self;
-        let rollout = &mut rollouts[turn];
-        let is_full = rollout.take_in(policies, experience, watch) && rollout.finish(policies, memory, next, watch);
-        *full += usize::from(is_full);
-        if *full < rollouts.len() {
+    /// After a round every lane has a whole rollout.
+    fn learn(&mut self, steps: u64, watch: &mut Stopwatch) -> Option<Metrics> {
+        let Ppo { memory, rollouts, in_memory, config, .. } = self;
+        let copies = config.copies();
+        watch.time(Phase::Bookkeeping, || {
+            for rollout in &*rollouts {
+                memory.take_rollout(*in_memory, rollout.part(), copies, rollout.memory());
+            }
+        });
+        *in_memory += 1;
+        if *in_memory * copies * config.ppo.rollout_steps < config.ppo.memory {
             return None;
         }
-        *full = 0;
+        *in_memory = 0;
         Some(self.update(steps - self.config.ppo.memory as u64, watch))
     }
 
@@ -206,19 +231,25 @@ impl Learner for Ppo {
     }
 
     fn tables(&self) -> Tables {
-        let widths = vec![self.base.copies() * self.policies.state_width(); self.policies.agents()];
-        let values = self.places().flat_map(|(turn, row)| self.rollouts[turn].states.row(row));
+        let widths = vec![self.config.copies() * self.policies.state_width(); self.policies.agents()];
+        let values = self.base.places().flat_map(|(part, row)| self.rollouts[part].states.row(row));
         let states = Ragged::from_vec(values.copied().collect(), widths).expect("one state per row");
         let mut tables = self.base.tables();
         tables.numbers.insert(STATES.to_owned(), states);
+        if self.config.ppo.value_unit != ValueUnit::Reward {
+            tables.numbers.insert(VALUE_UNITS.to_owned(), self.units.table());
+        }
         tables
     }
 
     fn load(&mut self, mut tables: Tables) {
         self.base.load(&mut tables);
+        if self.config.ppo.value_unit != ValueUnit::Reward {
+            self.units.load(&tables.take_numbers(VALUE_UNITS));
+        }
         let states = tables.take_numbers(STATES);
         let width = self.policies.state_width();
         let rows = states.as_slice().chunks_exact(width.max(1));
-        self.places().zip(rows).for_each(|((turn, row), state)| self.rollouts[turn].states.set_row(row, state));
+        self.base.places().zip(rows).for_each(|((part, row), state)| self.rollouts[part].states.set_row(row, state));
     }
 }

@@ -1,90 +1,121 @@
-//! Rollouts: T decisions of every row, written to the memory with their advantages.
+//! Rollouts: T decisions of every row of a lane, with their advantages.
 
 use super::gae::advantages;
 use super::memory::{Memory, Sample};
+use super::value_unit::ValueUnits;
+use crate::algorithms::Actor;
 use crate::config::{PpoConfig, TimeLimit};
 use crate::environments::Experience;
 use crate::policy::{PolicyStack, sampling};
+use crate::state::stream::Part;
 use dials_core::base::{Dice, Phase, Rows, Stopwatch};
 use dials_core::domain::{Action, Percept};
-use stacknets::States;
+use stacknets::{States, Threads};
 
-/// The copies of a turn: which of how many.
-#[derive(Clone, Copy, Debug)]
-pub(super) struct Copies {
-    pub(super) first: usize,
-    pub(super) count: usize,
-    pub(super) all: usize,
+/// The networks that act, the units of their values, and the threads that one lane may use.
+#[derive(Clone, Copy)]
+pub(super) struct Critics<'a> {
+    pub(super) policies: &'a PolicyStack,
+    pub(super) units: &'a ValueUnits,
+    pub(super) threads: &'a Threads,
 }
 
-/// A rollout of a turn under way, and the acting state that goes on from one rollout to the next.
-///
-/// For every agent, a rollout fills the slots of the memory from `first_slot` on, copy after copy. Other turns fill those of their
-/// own copies.
+/// A rollout of a lane under way, and the acting state that goes on from one rollout to the next.
 pub(super) struct Rollout {
     config: PpoConfig,
-    copies: Copies,
-    /// Whether the value of the last row stands for what would come for all rows, see `gs.shared_policy`.
+    part: Part,
+    /// Whether the value of the last row stands for what would come for all rows, see `gs.bootstrap`.
     shared_bootstrap: bool,
     /// Hidden states of the policies, one per row.
     pub(crate) states: States,
     /// Whether an episode begins with the row's next decision.
     starts: Vec<bool>,
-    first_slot: usize,
+    /// What its rows go through: T samples per copy, copy after copy.
+    memory: Memory,
     /// `[steps so far, rows]`; the same for the values and the ends.
     rewards: Vec<f32>,
     values: Vec<f32>,
     ends: Vec<bool>,
 }
 
+/// A lane's rollout, with all that it takes to go on.
+pub(super) struct RolloutActor<'a> {
+    pub(super) critics: Critics<'a>,
+    pub(super) rollout: &'a mut Rollout,
+    /// One per row.
+    pub(super) dice: &'a mut [Dice],
+}
+
+impl Actor for RolloutActor<'_> {
+    fn act(&mut self, percept: &Percept) -> Vec<Action> {
+        self.rollout.act(self.critics, self.dice, percept)
+    }
+
+    fn take_in(&mut self, experience: &Experience, next: &Percept, watch: &mut Stopwatch) {
+        if self.rollout.take_in(self.critics, experience, watch) {
+            self.rollout.finish(self.critics, next, watch);
+        }
+    }
+}
+
 impl Rollout {
-    /// Begins the first rollout. `states`: one per row.
-    pub(super) fn new(config: &PpoConfig, shared_bootstrap: bool, copies: Copies, states: States) -> Rollout {
+    /// Begins the first rollout. `memory`: empty, with T samples per agent and copy of the part; `states`: one per row.
+    pub(super) fn new(
+        config: &PpoConfig,
+        shared_bootstrap: bool,
+        part: &Part,
+        memory: Memory,
+        states: States,
+    ) -> Rollout {
         Rollout {
             config: config.clone(),
-            copies,
+            part: part.clone(),
             shared_bootstrap,
             starts: vec![true; states.rows()],
             states,
-            first_slot: copies.first * config.rollout_steps,
+            memory,
             rewards: Vec::new(),
             values: Vec::new(),
             ends: Vec::new(),
         }
     }
 
+    pub(super) fn part(&self) -> &Part {
+        &self.part
+    }
+
+    /// Returns the samples of the last rollout that was finished.
+    pub(super) fn memory(&self) -> &Memory {
+        &self.memory
+    }
+
     fn rows(&self) -> usize {
         self.starts.len()
     }
 
-    /// Returns the agent of a row, and the slot for its step `t`.
+    /// Returns the agent of a row, counted in its part, and the slot for its step `t`.
     fn slot(&self, t: usize, row: usize) -> (usize, usize) {
-        let copies = self.copies.count;
-        (row / copies, self.first_slot + row % copies * self.config.rollout_steps + t)
+        let copies = self.part.copies.len();
+        (row / copies, row % copies * self.config.rollout_steps + t)
     }
 
-    /// Chooses one action per row, and records the decisions. `dice`: those of all copies.
-    pub(super) fn act(
-        &mut self,
-        policies: &PolicyStack,
-        dice: &mut [Dice],
-        memory: &mut Memory,
-        percept: &Percept,
-    ) -> Vec<Action> {
+    /// Chooses one action per row, and records the decisions. `dice`: one per row.
+    fn act(&mut self, critics: Critics<'_>, dice: &mut [Dice], percept: &Percept) -> Vec<Action> {
+        let Critics { policies, units, threads } = critics;
         let t = self.rewards.len() / self.rows();
         let before = self.states.clone();
-        let judgement = policies.decide(percept, &mut self.states);
+        let judgement = policies.decide(threads, percept, &mut self.states);
         let mut log_probs = vec![0.0; policies.n_actions()];
         let mut actions = Vec::with_capacity(self.rows());
-        for (row, (logits, value)) in judgement.rows().enumerate() {
+        for (row, ((logits, output), dice)) in judgement.rows().zip(dice).enumerate() {
             sampling::log_softmax(logits, &mut log_probs);
             let (agent, slot) = self.slot(t, row);
-            let dice = &mut dice[agent * self.copies.all + self.copies.first + row % self.copies.count];
+            let value = units.of(self.part.agents.start + agent).value_of(output);
             let action = sampling::draw(&log_probs, dice);
             let log_prob = log_probs[usize::from(action)];
             let sample = Sample { action, log_prob, value, start: self.starts[row], ..Sample::default() };
             let mask = percept.masks.as_ref().map_or(&[][..], |masks| masks.row(row));
-            memory.remember(agent, slot, (percept.obs.row(row), mask), before.row(row), sample);
+            self.memory.remember(agent, slot, (percept.obs.row(row), mask), before.row(row), sample);
             actions.push(action);
             self.values.push(value);
         }
@@ -92,34 +123,28 @@ impl Rollout {
     }
 
     /// Records what the actions brought. Returns whether the rollout has all its steps.
-    pub(super) fn take_in(&mut self, policies: &PolicyStack, experience: &Experience, watch: &mut Stopwatch) -> bool {
+    fn take_in(&mut self, critics: Critics<'_>, experience: &Experience, watch: &mut Stopwatch) -> bool {
         let now = self.rewards.len();
         self.rewards.extend_from_slice(&experience.rewards);
         self.ends.extend_from_slice(&experience.ends);
         if self.config.time_limit == TimeLimit::Bootstrap && experience.ends.contains(&true) {
-            watch.time(Phase::Acting, || self.credit_what_would_come(policies, experience, now));
+            watch.time(Phase::Acting, || self.credit_what_would_come(critics, experience, now));
         }
         self.starts.copy_from_slice(&experience.ends);
         (0..self.rows()).filter(|&row| experience.ends[row]).for_each(|row| self.states.clear(row));
         self.rewards.len() == self.config.rollout_steps * self.rows()
     }
 
-    /// Writes advantages and returns to the memory, and begins the next rollout. `next`: what the rows show after the
-    /// last step. Returns whether the memory is full.
-    pub(super) fn finish(
-        &mut self,
-        policies: &PolicyStack,
-        memory: &mut Memory,
-        next: &Percept,
-        watch: &mut Stopwatch,
-    ) -> bool {
-        let last_values = watch.time(Phase::Acting, || self.bootstrap(policies, &next.obs));
+    /// Gives its samples their advantages and returns, and begins the next rollout. `next`: what the rows show after the
+    /// last step.
+    fn finish(&mut self, critics: Critics<'_>, next: &Percept, watch: &mut Stopwatch) {
+        let last_values = watch.time(Phase::Acting, || self.bootstrap(critics, &next.obs));
         watch.time(Phase::Bookkeeping, || {
             let (gamma, lambda) = (self.config.gamma as f32, self.config.gae_lambda as f32);
             let advantages = advantages(&self.rewards, &self.values, &self.ends, &last_values, gamma, lambda);
             for (i, &advantage) in advantages.iter().enumerate() {
                 let (agent, slot) = self.slot(i / self.rows(), i % self.rows());
-                let sample = memory.sample_mut(agent, slot);
+                let sample = self.memory.sample_mut(agent, slot);
                 sample.advantage = advantage;
                 sample.ret = advantage + sample.value;
             }
@@ -127,18 +152,13 @@ impl Rollout {
         self.rewards.clear();
         self.values.clear();
         self.ends.clear();
-        self.first_slot += self.copies.all * self.config.rollout_steps;
-        let is_full = self.first_slot >= memory.capacity;
-        if is_full {
-            self.first_slot = self.copies.first * self.config.rollout_steps;
-        }
-        is_full
     }
 
     /// Returns the values of these observations, one per row, which stand for what would come.
-    fn bootstrap(&self, policies: &PolicyStack, obs: &Rows<f32>) -> Vec<f32> {
-        let mut values: Vec<f32> =
-            policies.judge(obs, &mut self.states.clone()).rows().map(|(_, value)| value).collect();
+    fn bootstrap(&self, Critics { policies, units, threads }: Critics<'_>, obs: &Rows<f32>) -> Vec<f32> {
+        let judgement = policies.judge(threads, obs, &mut self.states.clone());
+        let value = |(row, (_, output))| units.of(self.part.place(row).0).value_of(output);
+        let mut values: Vec<f32> = judgement.rows().enumerate().map(value).collect();
         if let (true, Some(&last)) = (self.shared_bootstrap, values.last()) {
             values.fill(last);
         }
@@ -150,8 +170,8 @@ impl Rollout {
     ///
     /// DEVIATION 8: in the authors' code nothing comes after the horizon (`time_limit = "terminal"`). But an agent sees
     /// no clock, so its critic cannot know.
-    fn credit_what_would_come(&mut self, policies: &PolicyStack, experience: &Experience, now: usize) {
-        let values = self.bootstrap(policies, &experience.last_obs);
+    fn credit_what_would_come(&mut self, critics: Critics<'_>, experience: &Experience, now: usize) {
+        let values = self.bootstrap(critics, &experience.last_obs);
         let gamma = self.config.gamma as f32;
         for ((reward, &end), value) in self.rewards[now..].iter_mut().zip(&experience.ends).zip(values) {
             if end {
@@ -164,12 +184,18 @@ impl Rollout {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::config::PolicyConfig;
+    use crate::config::{PolicyConfig, ValueUnit};
     use crate::fixtures::{dice, region};
     use dials_core::base::{AgentId, Seed};
     use dials_core::domain::{RegionSpec, SourceSpec};
 
     const T: usize = 4;
+    /// Two agents with two copies each.
+    const PART: Part = Part { agents: 0..2, copies: 0..2 };
+
+    fn units() -> ValueUnits {
+        ValueUnits::new(ValueUnit::Reward, 2)
+    }
 
     /// Returns the step of its episode at which a row is at a step of training. There are two agents with two copies each.
     /// The episodes of row 1 end after every third step, the others never.
@@ -209,26 +235,29 @@ mod tests {
     fn recorded(recurrent: Option<usize>, time_limit: TimeLimit) -> (Memory, PolicyStack) {
         let policies = policies(recurrent);
         let length = if recurrent.is_some() { 2 } else { 1 };
-        let mut memory = Memory::new(2, 16, length, &spec(), recurrent.unwrap_or(0));
+        let memory = |samples| Memory::new(2, samples, length, &spec(), recurrent.unwrap_or(0));
         let config = PpoConfig { rollout_steps: T, time_limit, ..PpoConfig::default() };
-        let copies = Copies { first: 0, count: 2, all: 2 };
-        let mut rollout = Rollout::new(&config, false, copies, policies.states(4));
+        let mut rollout = Rollout::new(&config, false, &PART, memory(2 * T), policies.states(4));
+        let mut both = memory(4 * T);
+        let critics = Critics { policies: &policies, units: &units(), threads: &Threads::one() };
         let mut dice = dice(4);
         let watch = &mut Stopwatch::default();
         for step in 0..2 * T {
-            rollout.act(&policies, &mut dice, &mut memory, &percept(step));
+            rollout.act(critics, &mut dice, &percept(step));
             let experience = Experience {
                 rewards: (0..4).map(|row| reward(row, step)).collect(),
                 ends: (0..4).map(|row| ends(row, step)).collect(),
                 last_obs: Rows::from_vec((0..4).map(|row| shown(row, age(row, step) + 1)).collect(), 1),
                 last_masks: None,
             };
-            let is_over = rollout.take_in(&policies, &experience, watch);
+            let is_over = rollout.take_in(critics, &experience, watch);
             assert_eq!(is_over, step % T == T - 1);
-            let is_full = is_over && rollout.finish(&policies, &mut memory, &percept(step + 1), watch);
-            assert_eq!(is_full, step == 2 * T - 1);
+            if is_over {
+                rollout.finish(critics, &percept(step + 1), watch);
+                both.take_rollout(step / T, &PART, 2, rollout.memory());
+            }
         }
-        (memory, policies)
+        (both, policies)
     }
 
     /// What a row goes through in both rollouts and the step after, step by step.
@@ -247,7 +276,7 @@ mod tests {
         for step in 0..=2 * T {
             let value_of = |age: usize, states: &mut States| {
                 let obs = Rows::from_vec(vec![shown(row, age); 2], 1);
-                policies.judge(&obs, states).rows().nth(agent).unwrap().1
+                policies.judge(&Threads::one(), &obs, states).rows().nth(agent).unwrap().1
             };
             lived.states.push(states.row(agent).to_vec());
             lived.values.push(value_of(age(row, step), &mut states));
@@ -299,9 +328,10 @@ mod tests {
     fn with_a_shared_bootstrap_the_value_of_the_last_row_stands_for_all() {
         let policies = policies(None);
         let values = |shared| {
-            let copies = Copies { first: 0, count: 2, all: 2 };
-            let rollout = Rollout::new(&PpoConfig::default(), shared, copies, policies.states(4));
-            rollout.bootstrap(&policies, &Rows::from_vec(vec![0.1, 0.2, 0.3, 0.4], 1))
+            let memory = Memory::new(2, 32, 1, &spec(), 0);
+            let rollout = Rollout::new(&PpoConfig::default(), shared, &PART, memory, policies.states(4));
+            let critics = Critics { policies: &policies, units: &units(), threads: &Threads::one() };
+            rollout.bootstrap(critics, &Rows::from_vec(vec![0.1, 0.2, 0.3, 0.4], 1))
         };
         let own = values(false);
         assert!(own[0] != own[3]);

@@ -1,16 +1,18 @@
 //! The update of all agents' policies from a memory, by the loss of [`super::loss`].
 //!
 //! Source: Schulman et al. 2017; constants: DIALS paper, appendix "Hyperparameters". As in the authors' code, learning
-//! rate and clip decay linearly, to 1e-10 and 1e-5, over the total steps. Every agent learns as if alone.
+//! rate and clip decay linearly, to 1e-10 and 1e-5, over the total steps, unless the config says otherwise. Every agent
+//! learns as if alone.
 
 use std::ops::Range;
 use std::time::Instant;
 
 use rand::seq::SliceRandom;
 
-use super::loss::{Losses, Weights, loss_and_gradient};
+use super::loss::{Losses, Spread, Weights, loss_and_gradient};
 use super::memory::{Memory, Sample};
-use crate::config::PpoConfig;
+use super::value_unit::{Unit, ValueUnits};
+use crate::config::{NormaliseAdvantages, PpoConfig};
 use crate::policy::PolicyStack;
 use dials_core::base::{Dice, Phase, Stopwatch};
 use stacknets::{Adam, Sequences, Trace, Trainer};
@@ -27,8 +29,13 @@ pub struct Decayed {
 impl Decayed {
     /// Returns their values after the share `done` of the total steps.
     pub(crate) fn at(config: &PpoConfig, done: f64) -> Self {
-        let decay = |from: f64, to: f64| from + (to - from) * done.clamp(0.0, 1.0);
-        Decayed { learning_rate: decay(config.learning_rate, 1e-10), clip: decay(config.clip, 1e-5) }
+        let decay = |decays: bool, from: f64, to: f64| {
+            if decays { from + (to - from) * done.clamp(0.0, 1.0) } else { from }
+        };
+        Decayed {
+            learning_rate: decay(config.anneal_learning_rate, config.learning_rate, 1e-10),
+            clip: decay(config.anneal_clip, config.clip, 1e-5),
+        }
     }
 }
 
@@ -44,6 +51,8 @@ pub enum Learns {
 #[derive(Clone, Copy, Debug)]
 pub struct Settings<'a> {
     pub ppo: &'a PpoConfig,
+    /// One per agent.
+    pub units: &'a ValueUnits,
     pub decayed: Decayed,
     pub learns: Learns,
     /// Whether all agents of the stack have one policy, see [`update`].
@@ -105,23 +114,29 @@ impl UpdateBuffers {
         settings: Settings<'_>,
         only: Option<&[bool]>,
     ) -> (Losses, Stopwatch) {
-        let Settings { ppo, decayed, .. } = settings;
+        let Settings { ppo, units, decayed, .. } = settings;
+        let unit = units.of(agents.start);
         let clip = decayed.clip as f32;
         let weights = Weights {
             clip,
-            value_clip: if only.is_some() { f32::INFINITY } else { clip },
+            value_clip: if only.is_some() || !ppo.clip_value { f32::INFINITY } else { clip },
             value: ppo.value_coefficient as f32,
             entropy: ppo.entropy as f32,
         };
         let UpdateBuffers { minibatch, trace, gradient } = self;
         let (mut losses, mut watch) = (Losses::default(), Stopwatch::default());
         let gradient_steps = ppo.epochs * agents.len() * (memory.capacity / ppo.minibatch);
+        let of_memory =
+            Spread::of(agents.clone().flat_map(|agent| memory.samples(agent)).map(|sample| sample.advantage));
         let mut order: Vec<(usize, usize)> =
-            agents.flat_map(|agent| (0..memory.sequences()).map(move |sequence| (agent, sequence))).collect();
+            agents.clone().flat_map(|agent| (0..memory.sequences()).map(move |sequence| (agent, sequence))).collect();
         for _ in 0..ppo.epochs {
             order.shuffle(dice);
             for sequences in order.chunks_exact(ppo.minibatch / memory.length) {
-                watch.time(Phase::Bookkeeping, || minibatch.gather(memory, sequences));
+                watch.time(Phase::Bookkeeping, || {
+                    minibatch.gather(memory, sequences);
+                    minibatch.bring_to(unit, ppo.normalise_advantages, of_memory);
+                });
                 watch.time(Phase::Forward, || {
                     learner.network().forward(&minibatch.obs, minibatch.sequences(), trace);
                     gradient.resize(trace.output().len(), 0.0);
@@ -141,6 +156,8 @@ impl UpdateBuffers {
                 watch.time(Phase::Adam, || learner.descend(trace.gradient(), decayed.learning_rate));
             }
         }
+        // Reports have the unit of the reward.
+        losses.value *= f64::from(unit.spread).powi(2);
         (losses, watch)
     }
 }
@@ -179,6 +196,20 @@ impl Minibatch {
         }
         let states = sequences.iter().map(|&(agent, sequence)| memory.state(agent, sequence));
         states.for_each(|state| self.states.extend_from_slice(state));
+    }
+
+    /// Brings values and returns to the unit of the critic, and advantages to mean 0 and deviation 1 if they are to be
+    /// normalised. `of_memory`: the spread of all samples that this learner has.
+    fn bring_to(&mut self, unit: Unit, normalise: NormaliseAdvantages, of_memory: Spread) {
+        let spread = match normalise {
+            NormaliseAdvantages::Minibatch => Spread::of(self.samples.iter().map(|sample| sample.advantage)),
+            NormaliseAdvantages::Memory => of_memory,
+            NormaliseAdvantages::No => Spread { mean: 0.0, deviation: unit.spread },
+        };
+        for sample in &mut self.samples {
+            (sample.value, sample.ret) = (unit.output_of(sample.value), unit.output_of(sample.ret));
+            sample.advantage = spread.normalise(sample.advantage);
+        }
     }
 
     fn sequences(&self) -> Sequences<'_> {
@@ -220,7 +251,8 @@ mod tests {
         let ppo = PpoConfig { memory: 16, minibatch: 8, max_gradient_norm: limit, ..PpoConfig::default() };
         let decayed = Decayed { learning_rate: 1e-2, clip: 0.1 };
         let mut dice: Vec<Dice> = (0..3).map(|agent| Seed::new(3).for_agent(AgentId(agent)).dice()).collect();
-        let settings = Settings { ppo: &ppo, decayed, learns, shared: false };
+        let units = ValueUnits::new(ppo.value_unit, 3);
+        let settings = Settings { ppo: &ppo, units: &units, decayed, learns, shared: false };
         update(stack, adam, memory, &mut dice, settings, &mut Stopwatch::default())[0].value
     }
 
