@@ -649,18 +649,6 @@ fn networks_that_are_lost_or_damaged_come_back_with_a_resume() {
 }
 
 #[test]
-fn a_policy_is_shared_on_the_gs_only() {
-    let dir = tempfile::tempdir().unwrap();
-    let (config, out) = (write_config(dir.path(), SHORT), dir.path().join("run"));
-    let shared = ["train", &config, "--out", out.to_str().unwrap(), "--set", "policy.share=kind"];
-    assert_refused(
-        &mut dials_traffic(&shared),
-        &["policy.share = \"kind\": is for training on the GS", "--simulator gs"],
-    );
-    dials_traffic(&[&shared[..], &["--simulator", "gs"]].concat()).assert().success();
-}
-
-#[test]
 fn evaluate_refuses_what_is_no_run_or_of_another_shape() {
     let dir = tempfile::tempdir().unwrap();
     let (config, out) = (write_config(dir.path(), SHORT), dir.path().join("run"));

@@ -12,7 +12,7 @@ use dials_core::outside::csv_name;
 type Lines = fn(&Comparison, &Group) -> Vec<Vec<String>>;
 
 const FILES: [(&str, &str, Lines); 7] = [
-    ("curves.csv", "steps,runs,mean,std_error,low95,high95,median_agent,runtime_s", curves),
+    ("curves.csv", "steps,runs,mean,std_error,low95,high95,median_agent,runtime_s,cpu_s", curves),
     ("aip_cross_entropy.csv", "steps,when,runs,cross_entropy,std_error,low95,high95,marginals", losses),
     (
         "final.csv",
@@ -20,7 +20,7 @@ const FILES: [(&str, &str, Lines); 7] = [
         finals,
     ),
     ("differences.csv", "against,paired_by,seed,difference,low95,high95", differences),
-    ("seeds.csv", "seed,steps,episodes,mean,median_agent,runtime_s", seeds),
+    ("seeds.csv", "seed,steps,episodes,mean,median_agent,runtime_s,cpu_s", seeds),
     ("agents.csv", "seed,steps,agent,mean,median,std_error,stuck", agents),
     (
         "costs.csv",
@@ -52,7 +52,7 @@ pub(crate) fn files(comparisons: &[Comparison]) -> Result<Vec<(String, String)>>
 fn curves(_: &Comparison, group: &Group) -> Vec<Vec<String>> {
     let points = learning_curve(group).into_iter().map(|point| {
         let [steps, median_agent] = [point.steps.to_string(), number(point.median_agent)];
-        [&[steps][..], &spread(&point.returns), &[median_agent, optional(point.runtime_s)]].concat()
+        [&[steps][..], &spread(&point.returns), &[median_agent, optional(point.runtime_s), optional(point.cpu_s)]].concat()
     });
     points.collect()
 }
@@ -104,7 +104,7 @@ fn seeds(_: &Comparison, group: &Group) -> Vec<Vec<String>> {
             let (steps, episodes) = (evaluation.steps, evaluation.episode_returns.len());
             let place = [run.config.learning.seed.to_string(), steps.to_string(), episodes.to_string()];
             let [mean, median] = [evaluation.all.mean, evaluation.all.median].map(number);
-            [&place[..], &[mean, median, optional(run.runtime_at(steps))]].concat()
+            [&place[..], &[mean, median, optional(run.runtime_at(steps)), optional(run.cpu_at(steps))]].concat()
         })
     });
     lines.collect()

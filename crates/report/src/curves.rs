@@ -18,6 +18,8 @@ pub(crate) struct CurvePoint {
     pub(crate) median_agent: f64,
     /// Mean wall time of these runs until here in seconds, without evaluations; `None` unless all of them know it.
     pub(crate) runtime_s: Option<f64>,
+    /// Likewise their CPU time, of all processes.
+    pub(crate) cpu_s: Option<f64>,
 }
 
 pub(crate) struct LossPoint {
@@ -45,12 +47,16 @@ pub(crate) fn learning_curve(group: &Group) -> Vec<CurvePoint> {
         let here: Vec<&RunRecord> = group.runs.iter().filter(|run| run.return_at(steps).is_some()).collect();
         let all =
             |figure: &dyn Fn(&RunRecord) -> Option<f64>| here.iter().filter_map(|run| figure(run)).collect::<Vec<_>>();
-        let runtimes = all(&|run| run.runtime_at(steps));
+        let mean_time = |figure: &dyn Fn(&RunRecord) -> Option<f64>| {
+            let times = all(figure);
+            (times.len() == here.len()).then(|| mean(&times))
+        };
         Some(CurvePoint {
             steps,
             returns: Spread::of(&all(&|run| run.return_at(steps)))?,
             median_agent: mean(&all(&|run| run.median_at(steps))),
-            runtime_s: (runtimes.len() == here.len()).then(|| mean(&runtimes)),
+            runtime_s: mean_time(&|run| run.runtime_at(steps)),
+            cpu_s: mean_time(&|run| run.cpu_at(steps)),
         })
     });
     points.collect()

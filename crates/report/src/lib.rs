@@ -17,6 +17,7 @@ mod chart;
 pub mod compare;
 mod cores;
 mod cost_tables;
+mod cpu_to_level;
 mod csv_file;
 mod curves;
 mod document;

@@ -8,7 +8,7 @@ use super::document::{Block, Document, Figure};
 use super::family::{Family, families};
 use super::group::Comparison;
 use super::pictures::{self, Against};
-use super::{cost_tables, paper, tables};
+use super::{cost_tables, cpu_to_level, paper, tables};
 use crate::drawing::Svg;
 use dials_core::base::counted;
 use dials_core::outside::quoted_word;
@@ -24,7 +24,8 @@ const RULES: [&str; 11] = [
     "A curve has a point at every step at which a run of the group was evaluated. Between two evaluations a run counts with \
      a linear interpolation. After its last evaluation it does not count. The curve is thin where not all runs of the \
      group count. Curves of cross-entropy follow the same rules. A hollow mark means: trained for some seeds only.",
-    "In curves against runtime, a point is at the mean wall time of its runs, without evaluations.",
+    "In curves against CPU time, a point is at the mean CPU time of its runs: of all processes, without evaluations. CPU seconds to \
+     a level are those until the curve of a seed first reaches it, interpolated between evaluations.",
     "The final return is that of the last evaluation. Only finished runs with the most steps count. If no run of a group is \
      finished, all runs count at the last step that all have reached, and the table says so.",
     "Every interval is a 95 % Student's t interval over seeds, and needs at least five seeds. With fewer seeds, figures and \
@@ -102,7 +103,7 @@ fn scenario(comparison: &Comparison, looks: &Looks) -> Result<Vec<Block>> {
             pictures::ablation(comparison).transpose()?,
         ),
         ("learning", "Learning curves, {title}.", learning(Against::Timesteps)?),
-        ("runtime_curves", "Learning curves against runtime, {title}.", learning(Against::Runtime)?),
+        ("cpu_curves", "Learning curves against CPU time, {title}.", learning(Against::CpuTime)?),
         (
             "aip_cross_entropy",
             "Cross-entropy of the AIPs, {title}. Before their first training it is far higher, and not drawn. The paper \
@@ -118,6 +119,7 @@ fn scenario(comparison: &Comparison, looks: &Looks) -> Result<Vec<Block>> {
         let why = if evaluations == 0 { "no run was evaluated yet" } else { "every run was evaluated once only" };
         blocks.insert(2, Block::Paragraph(format!("There are no learning curves, because {why}.")));
     }
+    blocks.extend(cpu_to_level::table(comparison).map(Block::Table));
     blocks.push(Block::Table(tables::agents(comparison)));
     blocks.extend(tables::likeness(comparison).map(Block::Table));
     let paper =

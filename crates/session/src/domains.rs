@@ -3,7 +3,7 @@
 use std::path::Path;
 use std::sync::Arc;
 
-use anyhow::{Context, Result, bail, ensure};
+use anyhow::{Context, Result, bail};
 
 use super::trial;
 use crate::config::RunConfig;
@@ -157,12 +157,6 @@ pub fn check(config: &RunConfig) -> Result<Arc<dyn Domain>> {
 
 /// Tries what training needs: the files, like [`check`], and the local simulators if the policies train on them.
 pub fn check_for_training(config: &RunConfig) -> Result<Arc<dyn Domain>> {
-    ensure!(
-        !config.learning.shares_policies() || config.learning.simulator == Simulator::Global,
-        "policy.share = \"kind\": is for training on the GS, and here simulator = \"{}\"; remove it, or train with \
-         --simulator gs (in local simulators policy.average_every_steps gives all agents the mean of their policies)",
-        config.learning.short_form().name
-    );
     let domain = check(config)?;
     if config.learning.simulator != Simulator::Global {
         domain.try_local()?;

@@ -338,6 +338,11 @@ impl Config {
         self.policy.share == Share::Kind
     }
 
+    /// Returns whether all agents of a kind learn at one place: because they act in one GS, or because they have one policy.
+    pub fn learns_at_one_place(&self) -> bool {
+        self.simulator == Simulator::Global || self.shares_policies()
+    }
+
     /// Returns whether the value of the last agent of a kind stands for what would come for all of them.
     pub fn bootstraps_with_last(&self) -> bool {
         self.shares_policies() && self.simulator == Simulator::Global && self.gs.bootstrap == Bootstrap::Last

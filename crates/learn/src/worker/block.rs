@@ -66,9 +66,9 @@ pub fn initial_aips(domain: &dyn Domain, config: &Config, agents: &[AgentId]) ->
     config.predictor().kind().make(agents, spec, &config.aip, seed)
 }
 
-/// Returns the number of agents per block. On the GS all agents act at once, so there is one block per kind.
+/// Returns the number of agents per block. Agents of a kind that act at once or have one policy are one block.
 pub(crate) fn agents_per_block(config: &Config) -> usize {
-    if config.simulator == Simulator::Global { usize::MAX } else { (ROWS_PER_BLOCK / config.copies()).max(1) }
+    if config.learns_at_one_place() { usize::MAX } else { (ROWS_PER_BLOCK / config.copies()).max(1) }
 }
 
 impl AgentBlock {

@@ -16,7 +16,7 @@ use dials_session::records::run_record::RunRecord;
 #[derive(Clone, Copy)]
 pub(crate) enum Against {
     Timesteps,
-    Runtime,
+    CpuTime,
 }
 
 fn steps_axis() -> Axis {
@@ -27,16 +27,16 @@ fn steps_axis() -> Axis {
 pub(crate) fn learning(comparison: &Comparison, looks: &Looks, against: Against) -> Result<Option<Svg>> {
     let curves: Vec<(&Group, Vec<CurvePoint>)> =
         comparison.groups.iter().map(|group| (group, learning_curve(group))).collect();
-    let longest = curves.iter().flat_map(|(_, points)| points.iter().filter_map(|point| point.runtime_s));
+    let longest = curves.iter().flat_map(|(_, points)| points.iter().filter_map(|point| point.cpu_s));
     let (unit, seconds) = time_unit(longest.fold(0.0, f64::max));
-    let place_of = |steps: u64, runtime_s: Option<f64>| match against {
+    let place_of = |steps: u64, cpu_s: Option<f64>| match against {
         Against::Timesteps => Some(steps as f64),
-        Against::Runtime => runtime_s.map(|runtime| runtime / seconds),
+        Against::CpuTime => cpu_s.map(|cpu_s| cpu_s / seconds),
     };
-    let place = |point: &CurvePoint| place_of(point.steps, point.runtime_s);
+    let place = |point: &CurvePoint| place_of(point.steps, point.cpu_s);
     let of_run = |run: &RunRecord| {
         let evaluations = run.evaluations.iter();
-        let place = |steps| place_of(steps, run.runtime_at(steps));
+        let place = |steps| place_of(steps, run.cpu_at(steps));
         evaluations.filter_map(|point| Some((place(point.steps)?, point.all.mean))).collect()
     };
     let lines: Vec<Line> = curves
@@ -55,9 +55,9 @@ pub(crate) fn learning(comparison: &Comparison, looks: &Looks, against: Against)
     }
     let (x, marks, what) = match against {
         Against::Timesteps => (steps_axis(), paper_marks(comparison, &curves, looks), "timesteps"),
-        Against::Runtime => {
-            let label = format!("wall time without evaluations, {unit}");
-            (Axis { label, format: plain }, Vec::new(), "wall time")
+        Against::CpuTime => {
+            let label = format!("CPU time of all processes, without evaluations, {unit}");
+            (Axis { label, format: plain }, Vec::new(), "CPU time")
         }
     };
     let chart = LineChart {

@@ -47,7 +47,7 @@ const LONGEST_LOOK: Duration = Duration::from_secs(1);
 
 pub struct Options {
     pub workers: usize,
-    /// Number of threads with which a single worker trains on the GS.
+    /// Number of threads of a worker that trains all agents alone.
     pub threads: usize,
     /// Longest silence of a worker that has an order, whether it does not read the order or hangs at work.
     pub patience: Duration,
@@ -57,7 +57,8 @@ pub struct Options {
 
 /// Workers that share the agents: each owns a block of consecutive agents, in the order of the workers. A
 /// [`Fleet`](dials_learn::fleet::Fleet), whatever its crew consists of.
-/// On the GS, one simulation, the first worker trains all agents with several threads; the others help to evaluate.
+/// On the GS, and where agents share a policy, the first worker trains all agents with several threads; the others help to
+/// evaluate.
 pub struct Coordinator {
     domain: Arc<dyn Domain>,
     config: RunConfig,
@@ -261,7 +262,7 @@ impl Coordinator {
         let begin = Order::Begin {
             config_json: serde_json::to_string(&self.config)?,
             agents: agents.map(AgentId).collect(),
-            threads: if self.config.learning.simulator == Simulator::Global { self.options.threads } else { 1 },
+            threads: if self.config.learning.learns_at_one_place() { self.options.threads } else { 1 },
             prepared: self.prepared.clone(),
         };
         link.send(encode(&begin)?.into());

@@ -2,7 +2,7 @@
 
 use std::ops::Range;
 
-use dials_learn::config::{Config, Simulator};
+use dials_learn::config::Config;
 
 pub(super) fn names_of(worker: usize, agents: &Range<usize>) -> String {
     match agents.len() {
@@ -13,7 +13,7 @@ pub(super) fn names_of(worker: usize, agents: &Range<usize>) -> String {
 }
 
 pub fn agents_of_workers(config: &Config, agents: usize, workers: usize) -> Vec<Range<usize>> {
-    let owners = if config.simulator == Simulator::Global { 1 } else { workers };
+    let owners = if config.learns_at_one_place() { 1 } else { workers };
     (0..workers).map(|index| if index < owners { share(agents, owners, index) } else { 0..0 }).collect()
 }
 

@@ -211,12 +211,14 @@ fn assert_that_kinds_have_one_policy(agents: &AgentsState) {
 
 #[test]
 fn agents_of_a_kind_that_share_a_policy_have_the_same_one_for_any_fleet() {
-    let mut config = Config { simulator: Simulator::Global, ..config() };
-    let (alone, _) = trained_alone(&coins_and_dice(), &config);
-    assert!(alone.policies.row(0) != alone.policies.row(2));
-    config.policy.share = Share::Kind;
-    let (agents, _) = same_for_any_fleet(&coins_and_dice(), &config, [&[], &[2], &[]]);
-    assert_that_kinds_have_one_policy(&agents);
+    for simulator in [Simulator::Local, Simulator::Global] {
+        let mut config = Config { simulator, ..config() };
+        let (alone, _) = trained_alone(&coins_and_dice(), &config);
+        assert!(alone.policies.row(0) != alone.policies.row(2));
+        config.policy.share = Share::Kind;
+        let (agents, _) = same_for_any_fleet(&coins_and_dice(), &config, [&[], &[2], &[]]);
+        assert_that_kinds_have_one_policy(&agents);
+    }
 }
 
 #[test]

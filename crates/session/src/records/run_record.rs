@@ -209,6 +209,11 @@ impl RunRecord {
         Some(self.time_at(steps)?.runtime_s())
     }
 
+    /// Returns the CPU time until a step in seconds, of all processes, without evaluations.
+    pub fn cpu_at(&self, steps: u64) -> Option<f64> {
+        Some(self.time_at(steps)?.cpu.runtime_s())
+    }
+
     /// Returns the time until a step: at the end of the last period that ends there, or interpolated between the ends
     /// of two periods. `None` if the run has not come so far, and in the first period of a run that imitates: the time of
     /// the imitation is known only with that period's.
