@@ -132,7 +132,7 @@ fn acting(criterion: &mut Criterion) {
             group.throughput(Throughput::Elements(rows as u64));
             group.bench_function(BenchmarkId::new(setting.name, format!("{agents} agents x {copies}")), |bencher| {
                 bencher.iter(|| {
-                    let judgement = policies.judge(&Threads::one(), &obs, &mut states);
+                    let judgement = policies.judge(0..agents, &Threads::one(), &obs, &mut states);
                     let rows = judgement.rows().zip(&mut dice);
                     rows.fold(0_u64, |sum, ((logits, _), dice)| {
                         sampling::log_softmax(logits, &mut log_probs);

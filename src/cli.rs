@@ -96,9 +96,9 @@ pub enum Command {
     /// A worker process; `train` starts it
     #[command(hide = true)]
     Worker,
-    /// A copy of the global simulator; a worker starts it
+    /// A process that holds one simulator; a worker starts it
     #[command(hide = true)]
-    GlobalCopy,
+    Simulator,
     /// Tries the files of a config in their simulator; this program starts it
     #[command(hide = true)]
     TryOut,

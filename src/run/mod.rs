@@ -35,8 +35,8 @@ mod watch;
 use crate::cli::{Cli, Command};
 use dials_session::domains;
 use dials_session::error::{Error, Result};
+use dials_session::fleet::apart::serve_a_worker;
 use dials_session::fleet::children::serve_the_parent;
-use dials_session::fleet::copies::serve_a_worker;
 use dials_session::machine::note_option_for_processes;
 use dials_session::parent::end_with;
 use dials_session::terminal::{Talk, talk};
@@ -75,7 +75,7 @@ pub(crate) fn run(cli: Cli) -> Result<()> {
         Command::Man { out, force } => complete::man(&out, force),
         Command::Schema => complete::print_schema(),
         Command::Worker => serve_the_parent(domains::open_tried).map_err(Error::Run),
-        Command::GlobalCopy => serve_a_worker(domains::open_tried).map_err(Error::Run),
+        Command::Simulator => serve_a_worker(domains::open_tried).map_err(Error::Run),
         Command::TryOut => dials_session::trial::try_out(),
     }
 }

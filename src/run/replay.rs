@@ -17,7 +17,7 @@ use dials_learn::environments::ials::Ials;
 use dials_learn::evaluation::{episode_seed, play};
 use dials_learn::policy::{JointPolicyController, StackController};
 use dials_learn::predictors::TrainablePredictor;
-use dials_learn::state::stream::{AgentStream, RowStream};
+use dials_learn::state::stream::{AgentStream, Part, RowStream};
 use dials_report::plot::About;
 use dials_session::config::{RunConfig, load};
 use dials_session::error::{self, Error};
@@ -184,7 +184,8 @@ impl ReplayedEpisode {
                 let simulator = self.traffic.local_simulator(&[agent], 1, seed)?;
                 let dice = seed.fork(RandomPurpose::Influence).for_agent(agent).dice();
                 let stream = AgentStream { rows: vec![RowStream::begin(dice)] };
-                let mut ials = Ials::resume(simulator, &mut *aip, &[stream], false, &mut || ())?;
+                let whole = Part { agents: 0..1, copies: 0..1 };
+                let mut ials = Ials::resume(simulator, &mut *aip, whole, &[stream], false, &mut || ())?;
                 policy.begin(seed.for_agent(agent), &AgentId::all(1));
                 for _ in 0..self.traffic.kinds().of(agent).spec.local_horizon {
                     let actions = policy.act(ials.percept());

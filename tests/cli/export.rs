@@ -66,7 +66,7 @@ fn cases() -> [Case; 4] {
         if recurrent {
             before.iter().enumerate().for_each(|(row, state)| states.set_row(row, state));
         }
-        let judgement = stack.judge(&stacknets::Threads::one(), &obs, &mut states);
+        let judgement = stack.judge(0..AGENTS, &stacknets::Threads::one(), &obs, &mut states);
         let (logits, values): (Vec<_>, Vec<_>) =
             judgement.rows().map(|(logits, value)| (logits.to_vec(), value)).unzip();
         let mut after = before.clone();

@@ -9,11 +9,8 @@ use dials_session::records::run_record::RunRecord;
 /// Makes the table of CPU seconds to the level of each controller that was measured. `None` if there is none, or if no curve has
 /// two points.
 pub(crate) fn table(comparison: &Comparison) -> Option<Table> {
-    let mut levels: Vec<(&str, f64)> = comparison
-        .baselines
-        .iter()
-        .map(|baseline| (baseline.controller.as_str(), baseline.mean_return))
-        .collect();
+    let mut levels: Vec<(&str, f64)> =
+        comparison.baselines.iter().map(|baseline| (baseline.controller.as_str(), baseline.mean_return)).collect();
     let has_curve = |group: &&Group| group.runs.iter().any(|run| curve(run).len() > 1);
     let groups: Vec<&Group> = comparison.groups.iter().filter(has_curve).collect();
     if levels.is_empty() || groups.is_empty() {
@@ -63,6 +60,9 @@ mod tests {
     #[test]
     fn a_level_is_reached_between_two_evaluations_at_the_first_one_or_never() {
         let curve = [(0.0, 10.0), (20.0, 10.0), (30.0, 30.0), (40.0, 20.0), (50.0, 40.0)];
-        assert_eq!([5.0, 25.0, 35.0, 41.0].map(|level| seconds_to(&curve, level)), [Some(0.0), Some(27.5), Some(47.5), None]);
+        assert_eq!(
+            [5.0, 25.0, 35.0, 41.0].map(|level| seconds_to(&curve, level)),
+            [Some(0.0), Some(27.5), Some(47.5), None]
+        );
     }
 }

@@ -52,7 +52,8 @@ pub(crate) fn files(comparisons: &[Comparison]) -> Result<Vec<(String, String)>>
 fn curves(_: &Comparison, group: &Group) -> Vec<Vec<String>> {
     let points = learning_curve(group).into_iter().map(|point| {
         let [steps, median_agent] = [point.steps.to_string(), number(point.median_agent)];
-        [&[steps][..], &spread(&point.returns), &[median_agent, optional(point.runtime_s), optional(point.cpu_s)]].concat()
+        [&[steps][..], &spread(&point.returns), &[median_agent, optional(point.runtime_s), optional(point.cpu_s)]]
+            .concat()
     });
     points.collect()
 }

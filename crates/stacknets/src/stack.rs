@@ -1,5 +1,7 @@
 //! A stack: equal networks side by side.
 
+use std::ops::Range;
+
 use rand::Rng;
 
 use super::adam::spread_first;
@@ -147,21 +149,27 @@ impl Stack {
     /// If `inputs` is not as wide as the networks' inputs, if the networks do not have equally many rows, or if there is not
     /// a state per row.
     pub fn step(&self, inputs: &Rows<f32>, states: &mut States) -> Rows<f32> {
-        self.step_in(&self.threads, inputs, states)
+        self.step_of(0..self.parameters.networks(), &self.threads, inputs, states)
     }
 
-    /// Runs one step, as [`Stack::step`] does, in these threads.
-    pub fn step_in(&self, threads: &Threads, inputs: &Rows<f32>, states: &mut States) -> Rows<f32> {
+    /// Runs one step of some networks, as [`Stack::step`] does, in these threads.
+    pub fn step_of(
+        &self,
+        networks: Range<usize>,
+        threads: &Threads,
+        inputs: &Rows<f32>,
+        states: &mut States,
+    ) -> Rows<f32> {
         let Shape { inputs: width, outputs, .. } = self.shape;
-        let (networks, copies, state_width) =
-            (self.parameters.networks(), inputs.len() / self.parameters.networks(), self.shape.state_width());
+        let (first, networks) = (networks.start, networks.len());
+        let (copies, state_width) = (inputs.len() / networks, self.shape.state_width());
         assert_eq!(inputs.width(), width, "rows of inputs of another width");
         assert_eq!(inputs.len(), networks * copies, "rows that cannot be shared equally among {networks} networks");
         assert_eq!(states.as_slice().len(), inputs.len() * state_width, "a state for each row");
         let mut out = Rows::new(inputs.len(), outputs);
         let starts = vec![false; copies];
         let work = |trace: &mut Trace, (number, inputs, out, states): (usize, &[f32], &mut [f32], &mut [f32])| {
-            self.network(number).forward(inputs, Sequences { steps: 1, states, starts: &starts }, trace);
+            self.network(first + number).forward(inputs, Sequences { steps: 1, states, starts: &starts }, trace);
             out.copy_from_slice(trace.output());
             states.copy_from_slice(trace.last_states(states.len()));
         };

@@ -29,6 +29,11 @@ impl Threads {
         Ok(Threads { pool: Some(Arc::new(pool)) })
     }
 
+    /// Returns their number; 1 for [`Threads::one`].
+    pub fn count(&self) -> usize {
+        self.pool.as_ref().map_or(1, |pool| pool.current_num_threads())
+    }
+
     /// Does `work` for every item and returns the results in the order of the items.
     ///
     /// Each thread keeps one `Scratch`, working memory for all of its items. Fewer than `worth` items stay in this thread,

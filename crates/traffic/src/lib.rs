@@ -180,7 +180,7 @@ impl Traffic {
         let sources = ls.spec().sources.count();
         let sources = Rows::from_vec(vec![arrive; regions.len() * sources], sources);
         ls.step(&vec![light::KEEP; regions.len()], &sources)?;
-        let dropped = ls.counters().into_iter().find(|(name, _)| *name == DROPPED).map_or(0, |(_, count)| count);
+        let dropped = ls.counters().into_iter().find(|(name, _)| name == DROPPED).map_or(0, |(_, count)| count);
         ensure!(dropped == 0, "{dropped} cars did not fit on its empty edges");
         Ok(())
     }

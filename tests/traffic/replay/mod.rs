@@ -150,7 +150,7 @@ fn sumo_plays_the_replay_of_a_local_simulator_as_the_episode_was() {
                 ls.step(&[u8::from(dice.random_bool(0.1)), u8::from(dice.random_bool(0.1))], &sources).unwrap();
             }
         }
-        let dropped = ls.counters().into_iter().find(|(name, _)| *name == "dropped_arrivals").unwrap().1;
+        let dropped = ls.counters().into_iter().find(|(name, _)| name == "dropped_arrivals").unwrap().1;
         assert!(dropped > 0, "{entry}");
         drop(ls);
         let recording = tape.take().unwrap();

@@ -161,7 +161,7 @@ pub trait LocalSimulator {
     fn step(&mut self, actions: &[Action], sources: &Rows<u8>) -> Result<&Transition>;
 
     /// Returns totals since the simulator was made, such as influences that could not be applied.
-    fn counters(&self) -> Vec<(&'static str, u64)> {
+    fn counters(&self) -> Vec<(String, u64)> {
         Vec::new()
     }
 

@@ -299,13 +299,17 @@ impl Config {
         }
     }
 
-    /// Returns the rows of each lane in which this number of agents of a kind acts. Each copy of the GS is a lane, and the
-    /// local simulators are one.
-    pub(crate) fn parts(&self, agents: usize) -> Vec<Part> {
+    /// Returns the rows of each lane in which this number of agents of a kind acts. Each copy of the GS is a lane. Local
+    /// simulators are `lanes` of them, with all copies of some agents each, or fewer.
+    pub(crate) fn parts(&self, agents: usize, lanes: usize) -> Vec<Part> {
         let copies = self.copies();
+        let lanes = lanes.min(agents);
         match self.simulator {
             Simulator::Global => (0..copies).map(|copy| Part { agents: 0..agents, copies: copy..copy + 1 }).collect(),
-            Simulator::Local => vec![Part { agents: 0..agents, copies: 0..copies }],
+            Simulator::Local => {
+                let of_lane = |lane| agents * lane / lanes..agents * (lane + 1) / lanes;
+                (0..lanes).map(|lane| Part { agents: of_lane(lane), copies: 0..copies }).collect()
+            }
         }
     }
 

@@ -12,9 +12,9 @@ use std::time::Instant;
 
 use anyhow::ensure;
 
-use super::copies::{GlobalCopies, GlobalCopy};
 use super::ials::head_start;
 use super::lanes::{Lane, Lanes, in_threads};
+use super::makers::{GlobalCopies, GlobalCopy};
 use super::{Environment, Experience, add_steps};
 use crate::state::stream::{AgentStream, Part, Trail, fingerprint};
 use dials_core::base::{Phase, Seed, Stopwatch};

@@ -7,13 +7,14 @@ use anyhow::ensure;
 
 use super::{Environment, Experience, add_steps};
 use crate::predictors::InfluencePredictor;
-use crate::state::stream::{AgentStream, Trail, fingerprint, rows_of, rows_of_mut};
+use crate::state::stream::{AgentStream, Part, Trail, fingerprint};
 use dials_core::base::{Dice, Phase, Rows, Stopwatch};
 use dials_core::domain::{Action, Beginning, LocalSimulator, Percept, Result};
 
 /// Local simulators of one kind, and the influence predictor that drives them. Every row has its own episode.
-pub struct Ials<'a> {
-    simulator: Box<dyn LocalSimulator>,
+pub struct Ials<'a, S: ?Sized = dyn LocalSimulator> {
+    simulator: Box<S>,
+    part: Part,
     predictor: &'a mut dyn InfluencePredictor,
     dice: Vec<Dice>,
     /// Number of steps by which the first episode of each row is shorter.
@@ -26,23 +27,24 @@ pub struct Ials<'a> {
     counted: Vec<u64>,
 }
 
-impl<'a> Ials<'a> {
+impl<'a, S: LocalSimulator + ?Sized> Ials<'a, S> {
     /// Brings new simulators to the state in which `streams` left the old ones, and continues from there.
     ///
-    /// `streams`: one per agent, all with the same number of copies. With `stagger`, the first episode of copy c begins
-    /// as if `c / copies` of the horizon had passed. So the copies of an agent end at different times, and its memory
-    /// holds all parts of an episode.
+    /// `streams`: one per agent, all with the same number of copies; `part`: all copies of the agents whose rows these are.
+    /// With `stagger`, the first episode of copy c begins as if `c / copies` of the horizon had passed. So the copies of an
+    /// agent end at different times, and its memory holds all parts of an episode.
     ///
     /// The predictor sees the d-sets (its inputs) of the trails again. So an AIP that was trained since then has the
     /// hidden state that it would have had itself. `alive` is called at every step of them.
     pub fn resume(
-        mut simulator: Box<dyn LocalSimulator>,
+        mut simulator: Box<S>,
         predictor: &'a mut dyn InfluencePredictor,
+        part: Part,
         streams: &[AgentStream],
         stagger: bool,
         alive: &mut dyn FnMut(),
     ) -> Result<Self> {
-        let trails: Vec<Trail> = rows_of(streams).map(|row| row.trail.clone()).collect();
+        let trails: Vec<Trail> = part.of(streams).map(|row| row.trail.clone()).collect();
         predictor.begin(trails.len());
         let percept = retrace(&mut *simulator, predictor, &trails, alive)?;
         let counted = simulator.counters().into_iter().map(|(_, count)| count).collect();
@@ -50,14 +52,13 @@ impl<'a> Ials<'a> {
         simulator.take_watch();
         let spec = simulator.spec();
         let horizon = if stagger { spec.local_horizon } else { 0 };
-        let head_starts = streams.iter().flat_map(|stream| {
-            let copies = stream.rows.len();
-            (0..copies).map(move |copy| head_start(copy, copies, horizon))
-        });
+        let copies = part.copies.len();
+        let head_starts = (0..trails.len()).map(|row| head_start(part.place(row).1, copies, horizon));
         Ok(Ials {
             predictor,
-            dice: rows_of(streams).map(|row| row.influence.clone()).collect(),
+            dice: part.of(streams).map(|row| row.influence.clone()).collect(),
             head_starts: head_starts.collect(),
+            part,
             percept,
             sources: Rows::new(trails.len(), spec.sources.count()),
             experience: Experience::new(trails.len(), spec),
@@ -68,7 +69,7 @@ impl<'a> Ials<'a> {
     }
 
     /// Returns what the local simulators counted since [`Ials::resume`].
-    pub fn counters(&self) -> Vec<(&'static str, u64)> {
+    pub fn counters(&self) -> Vec<(String, u64)> {
         let totals = self.simulator.counters().into_iter().zip(&self.counted);
         totals.map(|((name, total), before)| (name, total - before)).collect()
     }
@@ -150,7 +151,7 @@ pub(crate) fn head_start(copy: usize, copies: usize, horizon: usize) -> usize {
 /// A trail is small: an action and some bits per step. Playing it costs simulation but no learning, half an episode per
 /// copy on average.
 fn retrace(
-    simulator: &mut dyn LocalSimulator,
+    simulator: &mut (impl LocalSimulator + ?Sized),
     predictor: &mut dyn InfluencePredictor,
     trails: &[Trail],
     alive: &mut dyn FnMut(),
@@ -190,8 +191,8 @@ fn retrace(
     Ok(percept)
 }
 
-impl Environment for Ials<'_> {
-    fn counters(&self) -> Vec<(&'static str, u64)> {
+impl<S: LocalSimulator + ?Sized> Environment for Ials<'_, S> {
+    fn counters(&self) -> Vec<(String, u64)> {
         self.counters()
     }
 
@@ -208,7 +209,7 @@ impl Environment for Ials<'_> {
     }
 
     fn leave(&mut self, streams: &mut [&mut [AgentStream]]) {
-        let rows = self.trails.iter_mut().zip(&self.dice).zip(rows_of_mut(streams[0]));
+        let rows = self.trails.iter_mut().zip(&self.dice).zip(self.part.of_mut(streams[0]));
         for (row, ((trail, dice), stream)) in rows.enumerate() {
             trail.shown = fingerprint(&self.percept, row);
             stream.trail.clone_from(trail);
@@ -258,7 +259,7 @@ mod tests {
 
     fn resumed<'a>(spy: &'a mut Spy, stream: &[AgentStream], stagger: bool) -> Result<Ials<'a>> {
         let coins = Coins::new(4).local_simulator(&[AgentId(0)], 2, Seed::new(0))?;
-        Ials::resume(coins, spy, stream, stagger, &mut || ())
+        Ials::resume(coins, spy, Part { agents: 0..1, copies: 0..2 }, stream, stagger, &mut || ())
     }
 
     /// What rows went through: ends of episodes, and observations.

@@ -49,9 +49,9 @@ impl Lanes<'_> {
         for environment in environments {
             environment.leave(streams);
             for (name, more) in environment.counters() {
-                match counters.iter_mut().find(|(known, _)| known == name) {
+                match counters.iter_mut().find(|(known, _)| *known == name) {
                     Some((_, count)) => *count += more,
-                    None => counters.push((name.to_owned(), more)),
+                    None => counters.push((name, more)),
                 }
             }
         }

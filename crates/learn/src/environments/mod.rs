@@ -1,12 +1,12 @@
 //! What a learning agent sees of a simulator: decisions, rewards and ends of episodes, row by row.
 //!
-//! - `global`: a copy of the GS; [`copies`]: who makes it. [`ials`]: local simulators with their influence.
+//! - `global`: a copy of the GS. [`ials`]: local simulators with their influence. [`makers`]: who makes both.
 //! - `lanes`: environments that are played side by side.
 
-pub mod copies;
 pub(crate) mod global;
 pub mod ials;
 pub(crate) mod lanes;
+pub mod makers;
 
 use std::time::Duration;
 
@@ -34,7 +34,7 @@ pub trait Environment {
     fn leave(&mut self, streams: &mut [&mut [AgentStream]]);
 
     /// Returns what its simulators counted since it was made.
-    fn counters(&self) -> Vec<(&'static str, u64)> {
+    fn counters(&self) -> Vec<(String, u64)> {
         Vec::new()
     }
 }

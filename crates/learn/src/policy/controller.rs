@@ -42,7 +42,7 @@ impl StackController {
 
     /// Chooses one action per row of the percept.
     pub fn act(&mut self, percept: &Percept) -> Vec<Action> {
-        let judgement = self.stack.decide(self.stack.net.threads(), percept, &mut self.states);
+        let judgement = self.stack.decide(0..self.stack.agents(), self.stack.net.threads(), percept, &mut self.states);
         let mut log_probs = vec![0.0; self.stack.n_actions()];
         let choose = |((logits, _), dice): ((&[f32], f32), &mut Dice)| {
             sampling::log_softmax(logits, &mut log_probs);

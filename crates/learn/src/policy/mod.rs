@@ -9,6 +9,7 @@ mod demonstrations;
 pub mod sampling;
 
 use std::f32::consts::SQRT_2;
+use std::ops::Range;
 
 use crate::config::{Initialisation, PolicyConfig};
 use dials_core::base::{AgentId, Ragged, Rows, Seed};
@@ -116,15 +117,21 @@ impl PolicyStack {
         self.net.states(rows)
     }
 
-    /// Runs one decision in these threads. `obs`: rows ordered by agent, then by copy, one per row of `states`, which are
-    /// updated.
-    pub fn judge(&self, threads: &Threads, obs: &Rows<f32>, states: &mut States) -> Judgement {
-        Judgement { outputs: self.net.step_in(threads, obs, states) }
+    /// Runs one decision of some agents in these threads. `obs`: rows ordered by agent, then by copy, one per row of `states`,
+    /// which are updated.
+    pub fn judge(&self, agents: Range<usize>, threads: &Threads, obs: &Rows<f32>, states: &mut States) -> Judgement {
+        Judgement { outputs: self.net.step_of(agents, threads, obs, states) }
     }
 
-    /// Runs one decision on what a percept shows, in these threads. Only the actions that it allows count.
-    pub(crate) fn decide(&self, threads: &Threads, percept: &Percept, states: &mut States) -> Judgement {
-        let mut judgement = self.judge(threads, &percept.obs, states);
+    /// Runs one decision of some agents on what a percept shows, in these threads. Only the actions that it allows count.
+    pub(crate) fn decide(
+        &self,
+        agents: Range<usize>,
+        threads: &Threads,
+        percept: &Percept,
+        states: &mut States,
+    ) -> Judgement {
+        let mut judgement = self.judge(agents, threads, &percept.obs, states);
         for (row, outputs) in judgement.outputs.as_mut_slice().chunks_exact_mut(self.n_actions + 1).enumerate() {
             let logits = &mut outputs[..self.n_actions];
             sampling::forbid(logits, percept.masks.as_ref().map_or(&[], |masks| masks.row(row)));

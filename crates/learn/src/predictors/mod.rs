@@ -99,7 +99,7 @@ impl Dataset {
 }
 
 /// A sampler of the influence sources of many regions, one row per (agent, copy).
-pub trait InfluencePredictor {
+pub trait InfluencePredictor: Send {
     /// Sets the number of rows from now on. An episode begins in each.
     fn begin(&mut self, rows: usize);
 

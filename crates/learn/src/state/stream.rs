@@ -94,15 +94,6 @@ impl Part {
     }
 }
 
-/// Returns the rows of some agents, ordered by agent.
-pub(crate) fn rows_of(streams: &[AgentStream]) -> impl Iterator<Item = &RowStream> {
-    streams.iter().flat_map(|stream| &stream.rows)
-}
-
-pub(crate) fn rows_of_mut(streams: &mut [AgentStream]) -> impl Iterator<Item = &mut RowStream> {
-    streams.iter_mut().flat_map(|stream| &mut stream.rows)
-}
-
 impl Trail {
     pub fn steps(&self) -> usize {
         self.actions.len()

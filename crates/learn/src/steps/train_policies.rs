@@ -33,16 +33,17 @@ impl Step for TrainPolicies {
         if worker.config.simulator == Simulator::Global {
             let progress = &mut |steps| observer.trained(steps);
             let work = Work { watch: &mut watch, progress };
-            let Worker { domain, config, blocks, copies, .. } = worker;
-            let make = || copies.make(&**domain, config.copies());
+            let Worker { domain, config, blocks, makers, .. } = worker;
+            let make = || makers.copies(&**domain, config.copies());
             let simulators = work.watch.time(Phase::Loading, make)?;
             parts = train_policies_on_the_gs(simulators, domain.kinds(), config, blocks, period, work)?;
         } else {
-            for (done, block) in (0..).zip(&mut worker.blocks) {
+            let Worker { blocks, makers, .. } = &mut *worker;
+            for (done, block) in (0..).zip(blocks) {
                 // The mean over all agents.
                 let average = |steps| (done * period.end + steps + (count - done - 1) * period.start) / count;
                 let progress = &mut |steps| observer.trained(average(steps));
-                parts.push(block.train_policies(period, Work { watch: &mut watch, progress })?);
+                parts.push(block.train_policies(period, &**makers, Work { watch: &mut watch, progress })?);
             }
         }
         worker.note(Activity::Training, begun.elapsed(), &watch);

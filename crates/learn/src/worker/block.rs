@@ -6,13 +6,15 @@
 use std::sync::Arc;
 use std::time::Instant;
 
+use anyhow::Context;
+
 use crate::algorithms::imitation::{ImitationLoss, imitate};
 use crate::algorithms::{self, Actor, Learner, Metrics};
 use crate::config::{Config, Period, Simulator};
-use crate::environments::copies::GlobalCopies;
 use crate::environments::global::{self, Begin};
 use crate::environments::ials::Ials;
-use crate::environments::lanes::{Lane, Lanes};
+use crate::environments::lanes::{Lane, Lanes, in_threads};
+use crate::environments::makers::{GlobalCopies, MakeSimulators};
 use crate::environments::{Environment, Experience};
 use crate::policy::{Demonstrations, JointPolicy, PolicyStack};
 use crate::predictors::{AipLoss, Dataset, FreshLoss, TrainablePredictor, measure, train};
@@ -35,6 +37,8 @@ pub(crate) struct AgentBlock {
     agents: Vec<AgentId>,
     learner: KindLearner,
     predictor: Box<dyn TrainablePredictor>,
+    /// The rows of each lane.
+    parts: Vec<Part>,
 }
 
 /// The learner of some agents of one kind, and how far it has come.
@@ -74,11 +78,14 @@ pub(crate) fn agents_per_block(config: &Config) -> usize {
 impl AgentBlock {
     /// Makes a block. `agents`: at least one, all of one kind.
     pub(crate) fn new(domain: Arc<dyn Domain>, config: &Config, agents: &[AgentId], threads: Threads) -> Self {
+        // A process holds one simulation of a foreign simulator. A native one takes little time beside learning.
+        let is_shared_out = config.shares_policies() && domain.foreign_simulator().is_some();
+        let parts = config.parts(agents.len(), if is_shared_out { threads.count() } else { 1 });
         let mut policies = initial_policies(&*domain, config, agents);
         policies.net.use_threads(threads);
         let spec = domain.kinds().of(agents[0]).spec.clone();
         let learner = KindLearner {
-            learner: algorithms::of(config).learner(config, &spec, agents, policies, &config.parts(agents.len())),
+            learner: algorithms::of(config).learner(config, &spec, agents, policies, &parts),
             spec,
             steps: 0,
             streams: agents.iter().map(|&agent| AgentStream::begin(config, agent)).collect(),
@@ -89,6 +96,7 @@ impl AgentBlock {
             agents: agents.to_vec(),
             config: config.clone(),
             domain,
+            parts,
         }
     }
 
@@ -136,18 +144,50 @@ impl AgentBlock {
         self.predictor.values().into()
     }
 
-    /// Trains the policies on local simulators until the end of the period (Algorithm 1, lines 7 to 12). `work`:
-    /// progress is the number of timesteps so far.
-    pub(crate) fn train_policies(&mut self, period: &Period, work: Work<'_, u64>) -> Result<PolicyTraining> {
-        let AgentBlock { domain, config, agents, learner, predictor } = self;
-        let make = || domain.local_simulator(agents, config.copies(), training_episodes(config));
-        let simulators = work.watch.time(Phase::Loading, make)?;
+    /// Trains the policies on local simulators until the end of the period (Algorithm 1, lines 7 to 12). `makers`: who makes
+    /// those of several lanes; `work`: progress is the number of timesteps so far.
+    pub(crate) fn train_policies(
+        &mut self,
+        period: &Period,
+        makers: &dyn MakeSimulators,
+        work: Work<'_, u64>,
+    ) -> Result<PolicyTraining> {
+        let AgentBlock { domain, config, agents, learner, predictor, parts } = self;
+        let (copies, episodes) = (config.copies(), training_episodes(config));
         let stagger = config.local_simulators.stagger;
         let alive = &mut || (work.progress)(learner.steps);
-        let resume = || Ials::resume(simulators, &mut **predictor, &learner.streams, stagger, alive);
-        let ials = work.watch.time(Phase::Retracing, resume)?;
-        let lane = Lane { parts: config.parts(agents.len()), environment: Box::new(ials) as Box<dyn Environment + '_> };
-        Ok(learn(&mut [learner], &mut Lanes::Here(vec![lane]), config, period, work)?.remove(0))
+        let mut of_lanes: Vec<Box<dyn TrainablePredictor>> = Vec::new();
+        let mut lanes = if let [whole] = &parts[..] {
+            let make = || domain.local_simulator(agents, copies, episodes);
+            let simulators = work.watch.time(Phase::Loading, make)?;
+            let resume = || Ials::resume(simulators, &mut **predictor, whole.clone(), &learner.streams, stagger, alive);
+            let ials = Box::new(work.watch.time(Phase::Retracing, resume)?);
+            Lanes::Here(vec![Lane { parts: parts.clone(), environment: ials as Box<dyn Environment + '_> }])
+        } else {
+            let mut simulators = Vec::new();
+            for part in &*parts {
+                let (range, agents) = (part.agents.clone(), &agents[part.agents.clone()]);
+                let made = makers.apart(&**domain, agents, copies, episodes);
+                simulators.push(made.context("nobody makes the simulators of a second lane")??);
+                let mut own = initial_aips(&**domain, config, agents);
+                own.load(&Ragged::from(predictor.values()).pick(range).into_rows());
+                of_lanes.push(own);
+            }
+            let threads = learner.learner.policies().net.threads().clone();
+            let items: Vec<_> = simulators.into_iter().zip(&mut of_lanes).zip(&*parts).collect();
+            let streams = &learner.streams;
+            let resume = || {
+                in_threads(&threads, items, alive, |((simulators, predictor), part), alive| {
+                    let ials = Ials::resume(simulators, &mut **predictor, part.clone(), streams, stagger, alive)?;
+                    Ok(Lane {
+                        parts: vec![part.clone()],
+                        environment: Box::new(ials) as Box<dyn Environment + Send + '_>,
+                    })
+                })
+            };
+            Lanes::Apart(work.watch.time(Phase::Retracing, resume)?, threads.clone())
+        };
+        Ok(learn(&mut [learner], &mut lanes, config, period, work)?.remove(0))
     }
 }
 

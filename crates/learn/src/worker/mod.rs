@@ -14,7 +14,7 @@ use std::time::Instant;
 use anyhow::Context;
 
 use crate::config::Config;
-use crate::environments::copies::{InThisProcess, MakeCopies};
+use crate::environments::makers::{InThisProcess, MakeSimulators};
 use crate::observer::Observer;
 use crate::policy::{JointPolicy, JointPolicyController, Selection};
 use crate::state::AgentsState;
@@ -28,8 +28,8 @@ pub struct Worker {
     pub(crate) domain: Arc<dyn Domain>,
     pub(crate) config: Config,
     pub(crate) blocks: Vec<AgentBlock>,
-    /// Makes what the policies train on, if that is the GS.
-    pub(crate) copies: Box<dyn MakeCopies>,
+    /// Makes simulators that this process cannot hold, too.
+    pub(crate) makers: Box<dyn MakeSimulators>,
     /// Places of the agents of every block among those of the worker: a block has agents of one kind.
     places: Vec<Vec<usize>>,
     /// Policies of all agents, with which the next step plays episodes.
@@ -53,7 +53,7 @@ impl Worker {
         Worker {
             blocks: places.iter().map(block).collect(),
             places,
-            copies: Box::new(InThisProcess),
+            makers: Box::new(InThisProcess),
             joint: None,
             config: config.clone(),
             domain,
@@ -61,9 +61,9 @@ impl Worker {
         }
     }
 
-    /// Lets others make copies of the GS.
-    pub fn with_copies(self, copies: Box<dyn MakeCopies>) -> Self {
-        Worker { copies, ..self }
+    /// Lets others make simulators that this process cannot hold, too.
+    pub fn with_makers(self, makers: Box<dyn MakeSimulators>) -> Self {
+        Worker { makers, ..self }
     }
 
     pub fn state(&self) -> AgentsState {

@@ -16,10 +16,10 @@
 //!
 //! Only `run` opens this room. Training knows it as a [`Fleet`](dials_learn::fleet::Fleet).
 
+pub mod apart;
 mod channel;
 pub mod children;
 mod coordinator;
-pub mod copies;
 mod in_process;
 mod launcher;
 pub(crate) mod link;

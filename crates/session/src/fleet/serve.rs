@@ -7,8 +7,8 @@ use std::time::{Duration, Instant};
 
 use anyhow::{Context, Result, bail};
 
+use super::apart::{self, Apart, SimulatorLost};
 use super::channel::{receive, send};
-use super::copies::{self, Copies, CopyLost};
 use super::message::{Order, WorkerReport};
 use super::process::{CpuClock, footprint, resident_kib};
 use crate::config::RunConfig;
@@ -64,9 +64,9 @@ impl Server {
         };
         let config: RunConfig = serde_json::from_str(&config_json)?;
         let domain = open_domain(&config)?;
-        prepared.map_or(Ok(()), |prepared| domain.take_prepared(&prepared))?;
+        prepared.as_ref().map_or(Ok(()), |prepared| domain.take_prepared(prepared))?;
         let worker = Worker::new(domain, &config.learning, agents, &Threads::new(threads)?);
-        let worker = worker.with_copies(Box::new(Copies { config_json, at_once: threads }));
+        let worker = worker.with_makers(Box::new(Apart { config_json, prepared, at_once: threads }));
         Ok(Server { worker, clock })
     }
 
@@ -80,7 +80,7 @@ impl Server {
                 return Ok(Some(match request.run(&mut self.worker, observer) {
                     Ok(reply) => self.done(reply),
                     // Another worker can.
-                    Err(error) if error.is::<CopyLost>() => return Err(error),
+                    Err(error) if error.is::<SimulatorLost>() => return Err(error),
                     Err(error) => WorkerReport::Failed { reason: format!("{error:#}") },
                 }));
             }
@@ -90,8 +90,8 @@ impl Server {
 
     fn done(&mut self, reply: Reply) -> WorkerReport {
         let mut timesheet = self.worker.take_timesheet();
-        timesheet.note_cpu(self.clock.lap() + copies::take_cpu());
-        let load = WorkerLoad { timesheet, footprint: footprint().and(copies::take_footprint()) };
+        timesheet.note_cpu(self.clock.lap() + apart::take_cpu());
+        let load = WorkerLoad { timesheet, footprint: footprint().and(apart::take_footprint()) };
         WorkerReport::Done { reply: Box::new(reply), load: Box::new(load), resident_kib: resident_kib() }
     }
 }

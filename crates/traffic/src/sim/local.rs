@@ -349,9 +349,9 @@ impl LocalSimulator for LocalTraffic {
         Ok(&self.last)
     }
 
-    fn counters(&self) -> Vec<(&'static str, u64)> {
+    fn counters(&self) -> Vec<(String, u64)> {
         let (entries, Counts { decisions, cars, speed_mmps }) = (self.entries.counts, self.counts);
-        match self.demand {
+        let counters = match self.demand {
             Demand::Rule(_) => vec![("sampled_arrivals", entries.came), (DROPPED, entries.dropped)],
             Demand::Visits(_) => vec![
                 ("sampled_arrivals", entries.came),
@@ -361,7 +361,8 @@ impl LocalSimulator for LocalTraffic {
                 ("local_cars", cars),
                 ("local_speed_mmps", speed_mmps),
             ],
-        }
+        };
+        counters.into_iter().map(|(name, count)| (name.to_owned(), count)).collect()
     }
 
     fn take_watch(&mut self) -> Stopwatch {

@@ -11,6 +11,7 @@ mod config;
 mod replay;
 mod values;
 
+use std::ops::Range;
 use std::time::Instant;
 
 use rand::Rng;
@@ -113,6 +114,7 @@ pub(crate) struct Dqn {
 
 /// The last decisions of a lane: what they answered, and what they brought.
 struct Decided {
+    agents: Range<usize>,
     obs: Rows<f32>,
     actions: Vec<Action>,
     experience: Experience,
@@ -131,7 +133,12 @@ struct DqnActor<'a> {
 
 impl Actor for DqnActor<'_> {
     fn act(&mut self, percept: &Percept) -> Vec<Action> {
-        let judgement = self.policies.decide(self.threads, percept, &mut self.policies.states(self.dice.len()));
+        let judgement = self.policies.decide(
+            self.decided.agents.clone(),
+            self.threads,
+            percept,
+            &mut self.policies.states(self.dice.len()),
+        );
         for (row, ((logits, _), dice)) in judgement.rows().zip(&mut *self.dice).enumerate() {
             let allowed = |&action: &usize| percept.masks.as_ref().is_none_or(|masks| masks.row(row)[action]);
             self.decided.actions[row] = if dice.random_bool(self.epsilon) {
@@ -163,6 +170,7 @@ impl Dqn {
     ) -> Dqn {
         let base = Base::new(config, agents, policies.parameters(), parts);
         let decided = |part: &Part| Decided {
+            agents: part.agents.clone(),
             obs: Rows::new(part.rows(), spec.obs_dim),
             actions: vec![0; part.rows()],
             experience: Experience::new(part.rows(), spec),
@@ -190,7 +198,7 @@ impl Dqn {
         for copy in 0..copies {
             let decision = |agent: usize| {
                 let (part, row) = places[agent * copies + copy];
-                let Decided { obs, actions, experience, next } = &decided[part];
+                let Decided { obs, actions, experience, next, .. } = &decided[part];
                 let over = experience.ends[row];
                 let masks = if over { &experience.last_masks } else { &next.masks };
                 let ends = over && config.time_limit == TimeLimit::Terminal;

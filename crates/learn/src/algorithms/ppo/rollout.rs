@@ -104,7 +104,7 @@ impl Rollout {
         let Critics { policies, units, threads } = critics;
         let t = self.rewards.len() / self.rows();
         let before = self.states.clone();
-        let judgement = policies.decide(threads, percept, &mut self.states);
+        let judgement = policies.decide(self.part.agents.clone(), threads, percept, &mut self.states);
         let mut log_probs = vec![0.0; policies.n_actions()];
         let mut actions = Vec::with_capacity(self.rows());
         for (row, ((logits, output), dice)) in judgement.rows().zip(dice).enumerate() {
@@ -156,7 +156,7 @@ impl Rollout {
 
     /// Returns the values of these observations, one per row, which stand for what would come.
     fn bootstrap(&self, Critics { policies, units, threads }: Critics<'_>, obs: &Rows<f32>) -> Vec<f32> {
-        let judgement = policies.judge(threads, obs, &mut self.states.clone());
+        let judgement = policies.judge(self.part.agents.clone(), threads, obs, &mut self.states.clone());
         let value = |(row, (_, output))| units.of(self.part.place(row).0).value_of(output);
         let mut values: Vec<f32> = judgement.rows().enumerate().map(value).collect();
         if let (true, Some(&last)) = (self.shared_bootstrap, values.last()) {
@@ -276,7 +276,7 @@ mod tests {
         for step in 0..=2 * T {
             let value_of = |age: usize, states: &mut States| {
                 let obs = Rows::from_vec(vec![shown(row, age); 2], 1);
-                policies.judge(&Threads::one(), &obs, states).rows().nth(agent).unwrap().1
+                policies.judge(0..2, &Threads::one(), &obs, states).rows().nth(agent).unwrap().1
             };
             lived.states.push(states.row(agent).to_vec());
             lived.values.push(value_of(age(row, step), &mut states));

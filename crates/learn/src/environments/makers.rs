@@ -1,7 +1,7 @@
-//! Copies of the GS.
+//! Who makes the simulators that policies train on. A process that can hold only one lets others make the rest.
 
-use dials_core::base::{Seed, Stopwatch};
-use dials_core::domain::{Action, Domain, GlobalSimulator, JointPercept, JointTransition, Result};
+use dials_core::base::{AgentId, Seed, Stopwatch};
+use dials_core::domain::{Action, Domain, GlobalSimulator, JointPercept, JointTransition, LocalSimulator, Result};
 
 /// One of several GSs of a domain, each with an episode of its own.
 ///
@@ -27,19 +27,39 @@ pub enum GlobalCopies {
     Apart(Vec<Box<dyn GlobalCopy + Send>>),
 }
 
-/// Makes copies of the GS. A process that holds only one GS lets others make the rest.
-pub trait MakeCopies {
-    /// Makes this number of copies, at least one.
-    fn make(&self, domain: &dyn Domain, copies: usize) -> Result<GlobalCopies>;
+/// Makes simulators.
+pub trait MakeSimulators {
+    /// Makes this number of copies of the GS, at least one.
+    fn copies(&self, domain: &dyn Domain, copies: usize) -> Result<GlobalCopies>;
+
+    /// Makes the local simulators of some agents of a kind ([`Domain::local_simulator`]) in another process; `None` if all must be
+    /// here.
+    fn apart(
+        &self,
+        domain: &dyn Domain,
+        agents: &[AgentId],
+        copies: usize,
+        seed: Seed,
+    ) -> Option<Result<Box<dyn LocalSimulator + Send>>>;
 }
 
-/// Makes all copies in this process.
+/// Makes all simulators in this process.
 pub struct InThisProcess;
 
-impl MakeCopies for InThisProcess {
-    fn make(&self, domain: &dyn Domain, copies: usize) -> Result<GlobalCopies> {
+impl MakeSimulators for InThisProcess {
+    fn copies(&self, domain: &dyn Domain, copies: usize) -> Result<GlobalCopies> {
         let copy = |_| Ok(Box::new(OwnCopy(domain.global_simulator()?)) as Box<dyn GlobalCopy>);
         Ok(GlobalCopies::Here((0..copies).map(copy).collect::<Result<_>>()?))
+    }
+
+    fn apart(
+        &self,
+        _domain: &dyn Domain,
+        _agents: &[AgentId],
+        _copies: usize,
+        _seed: Seed,
+    ) -> Option<Result<Box<dyn LocalSimulator + Send>>> {
+        None
     }
 }
 
