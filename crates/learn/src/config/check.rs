@@ -113,7 +113,7 @@ fn check_schedule(config: &Config) -> Result<()> {
     ensure!(
         averages.is_none() || !config.shares_policies(),
         "policy.average_every_steps: does not go with policy.share = \"kind\", where all agents have one policy; remove \
-         one of the two keys"
+         it, or set policy.share = \"none\""
     );
     Ok(())
 }
