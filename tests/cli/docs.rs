@@ -482,7 +482,7 @@ struct Written {
 const TRAINED: [(&str, &str, &[&str]); 4] = [
     ("traffic", "configs/smoke_traffic.toml", &["policy.imitate=gap-out"]),
     ("warehouse", "configs/smoke_warehouse.toml", &["policy.imitate=oldest-item"]),
-    ("dqn", "configs/smoke_traffic.toml", &["algorithm=dqn", "dqn.learning_starts=32"]),
+    ("dqn", "configs/smoke_traffic.toml", &["algorithm=dqn", "policy.share=none", "dqn.learning_starts=32"]),
     (
         "scenario",
         "configs/grid_4x4_turns.toml",

@@ -52,8 +52,8 @@ fn a_config_is_described_with_all_that_its_agents_see_do_and_are_paid_for() {
         "4 influence sources:",
         "  4000000 steps per agent, 31250 updates of the policies",
         "  40 evaluations of 20 episodes on the way, one of 100 episodes at the end",
-        "  4 trainings of the predictors, each on 34 episodes of the global simulator",
-        "    (2.8 hours of demand), 100 epochs",
+        "  4 trainings of the predictors, each on 17 episodes of the global simulator",
+        "    (1.4 hours of demand), 15 epochs",
     ] {
         assert!(text.lines().any(|told| told == line), "`{line}` is not in:\n{text}");
     }

@@ -9,7 +9,7 @@ use rand::Rng;
 use rand::seq::{IteratorRandom, SliceRandom};
 use serde::{Deserialize, Serialize};
 
-use crate::config::{ImitationConfig, held_out_episodes};
+use crate::config::{Config, ImitationConfig, held_out_episodes};
 use crate::policy::{Demonstrations, PolicyStack, sampling};
 use dials_core::base::{AgentId, Dice, Phase, RandomPurpose, Seed, Stopwatch, Work};
 use dials_core::domain::{Action, Controller, GlobalSimulator, Result};
@@ -83,7 +83,8 @@ pub fn demonstrate(
     Ok(())
 }
 
-/// Makes every policy imitate its agent's demonstrations, and measures it before and after.
+/// Makes every policy imitate its agent's demonstrations, and measures it before and after. If the policies are shared, they
+/// imitate those of all agents.
 ///
 /// `demonstrations`: one per agent of the stack, all of the same length. The last `held_out` of the episodes only
 /// measure. The optimiser starts from zero, and the incomplete last minibatch of an epoch is dropped. Policies with
@@ -92,47 +93,51 @@ pub(crate) fn imitate(
     policies: &mut PolicyStack,
     agents: &[AgentId],
     demonstrations: &[Demonstrations],
-    config: &ImitationConfig,
-    seed: Seed,
+    config: &Config,
     work: Work<'_, f64>,
 ) -> Vec<ImitationLoss> {
     let Work { watch, progress } = work;
+    let seed = Seed::new(config.seed).fork(RandomPurpose::ImitationMinibatches);
+    let ImitationConfig { epochs, minibatch, learning_rate, held_out, .. } = config.imitation;
     let (episodes, horizon) = (demonstrations[0].episodes(), demonstrations[0].horizon);
     let length = if policies.state_width() > 0 { horizon } else { 1 };
     let per_episode = horizon / length;
-    let training = (episodes - held_out_episodes(episodes, config.held_out)) * per_episode;
+    let training = (episodes - held_out_episodes(episodes, held_out)) * per_episode;
     let held_out = training..episodes * per_episode;
-    let batches = training / config.minibatch;
+    let (learning, taught) = if config.shares_policies() { (1, agents.len()) } else { (agents.len(), 1) };
+    let batches = training * taught / minibatch;
     let mut room = Buffers { length, n_actions: policies.n_actions(), ..Buffers::default() };
+    let before = room.measure(policies, demonstrations, &held_out, watch);
     let mut adam = Adam::new(policies.parameters());
-    let learners = policies.learners(&mut adam, (config.epochs * batches) as u32);
-    let mut losses = Vec::with_capacity(agents.len());
-    for (index, ((mut learner, demonstrations), &agent)) in
-        learners.into_iter().zip(demonstrations).zip(agents).enumerate()
-    {
-        let before = room.measure(learner.network(), demonstrations, held_out.clone(), watch);
+    let learners = policies.learners(&mut adam, (epochs * batches) as u32);
+    for (index, (mut learner, &agent)) in learners.into_iter().zip(agents).enumerate().take(learning) {
         let mut dice: Dice = seed.for_agent(agent).dice();
-        let mut order: Vec<usize> = (0..training).collect();
-        for epoch in 0..config.epochs {
+        let teachers = index..index + taught;
+        let mut order: Vec<(usize, usize)> =
+            teachers.flat_map(|teacher| (0..training).map(move |sequence| (teacher, sequence))).collect();
+        for epoch in 0..epochs {
             order.shuffle(&mut dice);
-            for sequences in order.chunks_exact(config.minibatch) {
+            for sequences in order.chunks_exact(minibatch) {
                 watch.time(Phase::Bookkeeping, || room.gather(demonstrations, sequences.iter().copied()));
                 watch.time(Phase::Forward, || {
                     room.forward(learner.network());
                     room.compare();
                 });
                 watch.time(Phase::Backward, || learner.network().backward(&room.gradient, &mut room.trace));
-                watch.time(Phase::Adam, || learner.descend(room.trace.gradient(), config.learning_rate));
+                watch.time(Phase::Adam, || learner.descend(room.trace.gradient(), learning_rate));
             }
-            progress((index as f64 + (epoch + 1) as f64 / config.epochs as f64) / agents.len() as f64);
+            progress((index as f64 + (epoch + 1) as f64 / epochs as f64) / learning as f64);
         }
-        let after = room.measure(learner.network(), demonstrations, held_out.clone(), watch);
-        losses.push(ImitationLoss {
-            cross_entropy: [before, after].map(Comparison::cross_entropy),
-            accuracy: [before, after].map(Comparison::accuracy),
-        });
     }
-    losses
+    if config.shares_policies() {
+        policies.net.spread_first();
+    }
+    let after = room.measure(policies, demonstrations, &held_out, watch);
+    let losses = before.into_iter().zip(after).map(|(before, after)| ImitationLoss {
+        cross_entropy: [before, after].map(Comparison::cross_entropy),
+        accuracy: [before, after].map(Comparison::accuracy),
+    });
+    losses.collect()
 }
 
 #[derive(Clone, Copy, Default)]
@@ -177,15 +182,16 @@ struct Buffers {
 }
 
 impl Buffers {
-    fn gather(&mut self, from: &Demonstrations, sequences: impl ExactSizeIterator<Item = usize> + Clone) {
-        let width = from.obs.width();
+    /// Copies sequences: pairs of an agent and the number of its sequence.
+    fn gather(&mut self, from: &[Demonstrations], sequences: impl ExactSizeIterator<Item = (usize, usize)> + Clone) {
+        let width = from[0].obs.width();
         self.obs.resize(sequences.len() * self.length * width, 0.0);
         self.masks.clear();
         self.actions.clear();
         let mut rows = self.obs.chunks_exact_mut(width);
         for step in 0..self.length {
-            for sequence in sequences.clone() {
-                let sample = sequence * self.length + step;
+            for (agent, sequence) in sequences.clone() {
+                let (from, sample) = (&from[agent], sequence * self.length + step);
                 from.obs.read(sample, rows.next().expect("a place per row"));
                 self.masks.extend_from_slice(from.mask(sample));
                 self.actions.push(from.actions[sample]);
@@ -228,31 +234,35 @@ impl Buffers {
         found
     }
 
+    /// Compares every policy with some sequences of its agent's demonstrations.
     fn measure(
         &mut self,
-        network: Network<'_>,
-        demonstrations: &Demonstrations,
-        sequences: Range<usize>,
+        policies: &PolicyStack,
+        demonstrations: &[Demonstrations],
+        sequences: &Range<usize>,
         watch: &mut Stopwatch,
-    ) -> Comparison {
+    ) -> Vec<Comparison> {
         let chunk = (CHUNK / self.length).max(1);
-        let mut found = Comparison::default();
-        for start in sequences.clone().step_by(chunk) {
-            let some = start..sequences.end.min(start + chunk);
-            watch.time(Phase::Bookkeeping, || self.gather(demonstrations, some));
-            watch.time(Phase::Forward, || {
-                self.forward(network);
-                found.add(self.compare());
-            });
-        }
-        found
+        let mut of_agent = |agent: usize| {
+            let mut found = Comparison::default();
+            for start in sequences.clone().step_by(chunk) {
+                let some = (start..sequences.end.min(start + chunk)).map(|sequence| (agent, sequence));
+                watch.time(Phase::Bookkeeping, || self.gather(demonstrations, some));
+                watch.time(Phase::Forward, || {
+                    self.forward(policies.net.network(agent));
+                    found.add(self.compare());
+                });
+            }
+            found
+        };
+        (0..demonstrations.len()).map(&mut of_agent).collect()
     }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::config::PolicyConfig;
+    use crate::config::{PolicyConfig, Share};
     use crate::fixtures::region;
     use dials_core::domain::{Baseline, Domain, SourceSpec};
     use dials_testkit::toy::{Coins, CoinsAndDice};
@@ -276,7 +286,8 @@ mod tests {
         let bias = vec![0.0; kind.spec.n_actions];
         let mut policies = PolicyStack::new(&kind.agents, &kind.spec, policy, &bias, Seed::new(3));
         let work = Work { watch: &mut Stopwatch::default(), progress: &mut |_| () };
-        imitate(&mut policies, &kind.agents, &theirs, config, Seed::new(4), work)
+        let config = Config { imitation: config.clone(), policy: policy.clone(), ..Config::default() };
+        imitate(&mut policies, &kind.agents, &theirs, &config, work)
     }
 
     /// The controller of this domain decides outside of the simulator, which cannot be asked.
@@ -294,11 +305,11 @@ mod tests {
     #[test]
     fn coins_learn_to_copy_and_dice_the_best_of_their_allowed_moves_with_and_without_a_memory() {
         let (coins, dice) = (Coins::new(50), CoinsAndDice::new(50));
-        for (domain, controller, kind, recurrent, separate_critic) in [
-            (&coins as &dyn Domain, "copy", 0, None, true),
-            (&coins, "copy", 0, Some(8), false),
-            (&coins, "copy", 0, Some(8), true),
-            (&dice, "best", 1, None, false),
+        for (domain, controller, kind, recurrent, separate_critic, share) in [
+            (&coins as &dyn Domain, "copy", 0, None, true, Share::None),
+            (&coins, "copy", 0, Some(8), false, Share::Kind),
+            (&coins, "copy", 0, Some(8), true, Share::None),
+            (&dice, "best", 1, None, false, Share::Kind),
         ] {
             let minibatch = if recurrent.is_some() { 4 } else { 32 };
             let config = ImitationConfig {
@@ -308,7 +319,8 @@ mod tests {
                 learning_rate: 1e-2,
                 ..Default::default()
             };
-            let policy = PolicyConfig { recurrent, hidden: vec![16], separate_critic, ..PolicyConfig::default() };
+            let policy =
+                PolicyConfig { recurrent, hidden: vec![16], separate_critic, share, ..PolicyConfig::default() };
             for loss in imitated(domain, controller, kind, &policy, &config) {
                 // A random network says the right one of two with about 1/2: ln 2 = 0.69. A die's third face is masked.
                 assert!((loss.cross_entropy[0] - 0.69).abs() < 0.2, "{controller}: {loss:?}");
@@ -335,7 +347,7 @@ mod tests {
         let mut adam = Adam::new(stack.parameters());
         let learner = stack.learners(&mut adam, 0).remove(0);
         let mut room = Buffers { length: 1, n_actions: 2, ..Buffers::default() };
-        room.gather(&demonstrations, 0..3);
+        room.gather(&[demonstrations], (0..3).map(|sequence| (0, sequence)));
         room.forward(learner.network());
         let found = room.compare();
         // (ln 4 + ln (4/3)) / 2 = 0.836988; one of two is the more probable one.

@@ -72,14 +72,10 @@ pub(super) fn check(config: &Config) -> Result<()> {
             imitation.critic_steps,
             config.total_steps
         );
-        let one_for_all = match config.policy.average_every_steps {
-            _ if config.shares_policies() => Some(("policy.share = \"kind\"".to_owned(), "set it to \"none\"")),
-            every => every.map(|every| (format!("policy.average_every_steps = {every}"), "leave it out")),
-        };
-        if let Some((key, way_out)) = one_for_all {
+        if let Some(every) = config.policy.average_every_steps {
             bail!(
-                "policy.imitate = \"{name}\": agents imitate each on their own, so it does not go with {key}; {way_out}, or \
-                 do not imitate"
+                "policy.imitate = \"{name}\": agents imitate each on their own, so it does not go with \
+                 policy.average_every_steps = {every}; remove one of the two keys"
             );
         }
     }
@@ -141,8 +137,7 @@ mod tests {
                 "total_steps = 10_000\nimitation.critic_steps = 10_000",
                 "imitation.critic_steps = 10000: must be less than total_steps = 10000",
             ),
-            ("policy.share = 'kind'", "does not go with policy.share = \"kind\"; set it"),
-            ("policy.average_every_steps = 10_000", "does not go with policy.average_every_steps = 10000; leave it out"),
+            ("policy.average_every_steps = 10_000", "does not go with policy.average_every_steps = 10000; remove one"),
         ] {
             assert_eq!(error(keys), "");
             let found = error(&format!("{keys}\npolicy.imitate = 'random'"));

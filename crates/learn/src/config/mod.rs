@@ -75,7 +75,7 @@ pub struct Config {
 pub struct LocalSimulatorsConfig {
     /// Number of local simulators per agent, in lockstep.
     ///
-    /// DEVIATION 7: our configs have 8 for traffic and 16 for the warehouse, which fill `ppo.memory` with one rollout.
+    /// DEVIATION 7: our configs have 2 for traffic and 16 for the warehouse.
     #[schemars(range(min = 1, max = 10_000), extend("source" = "P"))]
     pub copies: usize,
     /// Whether copies begin their episodes at different times. Our configs: true.
@@ -134,22 +134,21 @@ pub struct PolicyConfig {
     pub imitate: Option<String>,
     /// Whether the value has a network of its own, with the same GRU and hidden layers as the policy.
     ///
-    /// DEVIATION 15: in the paper policy and value share all layers but the last. Then the value's large errors change
-    /// the layers that the policy needs. Our configs of the paper's grids choose it.
+    /// DEVIATION 15: in the paper policy and value share all layers but the last. Our configs of the paper's grids choose it.
     pub separate_critic: bool,
     /// How the weights begin.
     #[schemars(extend("source" = "C"))]
     pub initialisation: Initialisation,
-    /// Which agents have one policy. An update of the policy of a kind takes minibatches from the samples of all its agents. It
-    /// does not go with `policy.imitate`.
+    /// Which agents have one policy. An update of the policy of a kind takes minibatches from the samples of all its agents.
     ///
-    /// DEVIATION 6: in the paper's GS one policy serves all agents, and in its DIALS every agent has its own.
+    /// DEVIATION 6: in the authors' code one policy serves all agents of the GS, and in DIALS every agent has its own. Our configs
+    /// of grids and of the warehouse share.
     #[schemars(extend("source" = "C"))]
     pub share: Share,
     /// Timesteps per agent after which all agents of a kind get the mean of their policies, and of their optimisers'
     /// moments. They also begin with one policy. If left out, they never do. Best a divisor of `evaluation.every_steps`,
-    /// so that the mean is evaluated; 10 000 did well, with a learning rate of 2e-3. At most `total_steps`. It does not go
-    /// with `policy.share` or `policy.imitate`.
+    /// so that the mean is evaluated; 1024 did well. At most `total_steps`. It does not go
+    /// with `policy.share = "kind"` or `policy.imitate`.
     ///
     /// DEVIATION 19: in the paper every agent keeps its own policy. With this key agents also learn from each other, and
     /// still train in parallel.

@@ -127,8 +127,7 @@ impl AgentBlock {
 
     /// Makes the policies imitate `demonstrations`, one per agent. `work`: progress is the share that is done.
     pub(crate) fn imitate(&mut self, demonstrations: &[Demonstrations], work: Work<'_, f64>) -> Vec<ImitationLoss> {
-        let seed = Seed::new(self.config.seed).fork(RandomPurpose::ImitationMinibatches);
-        imitate(self.learner.learner.policies_mut(), &self.agents, demonstrations, &self.config.imitation, seed, work)
+        imitate(self.learner.learner.policies_mut(), &self.agents, demonstrations, &self.config, work)
     }
 
     pub(crate) fn policies(&self) -> JointPolicy {

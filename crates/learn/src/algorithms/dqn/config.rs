@@ -123,7 +123,10 @@ impl DqnConfig {
             config.policy.imitate.is_none(),
             "policy.imitate: algorithm = \"dqn\" has no policy that could imitate; remove the key, or use \"ppo\""
         );
-        ensure!(!config.shares_policies(), "policy.share = \"kind\": is for algorithm = \"ppo\"; set policy.share = \"none\", or use \"ppo\"");
+        ensure!(
+            !config.shares_policies(),
+            "policy.share = \"kind\": is for algorithm = \"ppo\"; set policy.share = \"none\", or use \"ppo\""
+        );
         Ok(())
     }
 }

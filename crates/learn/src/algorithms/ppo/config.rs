@@ -26,6 +26,8 @@ pub struct PpoConfig {
     #[schemars(range(min = 1, max = 100_000), extend("source" = "P"))]
     pub epochs: usize,
     /// Learning rate at the first step.
+    ///
+    /// DEVIATION 25: our configs of grids and of the warehouse have 1e-3, and smaller networks.
     #[schemars(extend("source" = "P, C"))]
     pub learning_rate: f64,
     /// Whether the learning rate decays linearly over `total_steps`, to 1e-10.

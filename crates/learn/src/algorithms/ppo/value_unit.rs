@@ -8,7 +8,7 @@
 //!
 //! **Why do values change when mean and spread do?** PopArt (van Hasselt et al. 2016) changes the last layer with them, so that
 //! no value changes. But then the critic still has to climb. With four lights and 20K steps, PopArt came to a return of 192,
-//! a spread alone to 191, and mean and spread to 206 (n = 3; results/recipe.md).
+//! a spread alone to 191, and mean and spread to 206 (n = 3; docs/ppo.md).
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
