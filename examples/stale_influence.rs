@@ -31,6 +31,7 @@ use dials_traffic::config::TrafficTable;
 use dials_traffic::light::{KEEP, SWITCH};
 use dials_traffic::side::Side;
 use dials_traffic::sim::control::SignalControl;
+use stacknets::Threads;
 
 /// Local simulators of each light, each with one episode.
 const COPIES: usize = 16;
@@ -124,7 +125,7 @@ fn meet(traffic: &Traffic, config: &RunConfig, choice: Predictor, datasets: &[Da
     let (agents, spec) = (AgentId::all(traffic.agents()), &traffic.kinds()[0].spec);
     let mut predictor = choice.kind().make(&agents, spec, &config.learning.aip, Seed::new(3));
     let work = Work { watch: &mut Stopwatch::default(), progress: &mut |_| () };
-    train(&mut *predictor, &agents, datasets, &config.learning.aip, Seed::new(4), work);
+    train(&mut *predictor, &agents, datasets, (&config.learning.aip, &Threads::one()), Seed::new(4), work);
 
     let rows = agents.len() * COPIES;
     let mut dice: Vec<Dice> = (0..rows).map(|row| Seed::new(5).for_copy(row).dice()).collect();

@@ -16,6 +16,7 @@ use dials_warehouse::layout::FloorPlan;
 use dials_warehouse::local::LocalWarehouse;
 use dials_warehouse::region::{DOWN, LEFT, RIGHT, UP};
 use rand::Rng;
+use stacknets::Threads;
 
 fn warehouse(agents_per_side: usize) -> Warehouse {
     Warehouse::new(&WarehouseConfig { agents_per_side, horizon: 100 })
@@ -132,7 +133,7 @@ fn the_aip_learns_where_random_neighbours_stand_as_well_as_constants_can() {
         &mut aips,
         &agents,
         &datasets[..1],
-        &config,
+        (&config, &Threads::one()),
         Seed::new(9),
         Work { watch: &mut Stopwatch::default(), progress: &mut |_| () },
     );

@@ -4,6 +4,7 @@ use crate::config::AipConfig;
 use crate::predictors::{AipLoss, Dataset, TrainablePredictor, train};
 use dials_core::base::{AgentId, Dice, Seed, Stopwatch, Work};
 use dials_core::domain::{RegionSpec, SourceSpec};
+use stacknets::Threads;
 
 /// Returns a region of two actions.
 pub(crate) fn region(obs_dim: usize, d_set_dim: usize, sources: SourceSpec, horizon: usize) -> RegionSpec {
@@ -18,7 +19,7 @@ pub(crate) fn dice(rows: usize) -> Vec<Dice> {
 /// Trains the predictors of the agents 0, 1, ... on their datasets.
 pub(crate) fn trained(aips: &mut dyn TrainablePredictor, datasets: &[Dataset], config: &AipConfig) -> Vec<AipLoss> {
     let work = Work { watch: &mut Stopwatch::default(), progress: &mut |_| () };
-    train(aips, &AgentId::all(datasets.len()), datasets, config, Seed::new(2), work)
+    train(aips, &AgentId::all(datasets.len()), datasets, (config, &Threads::one()), Seed::new(2), work)
 }
 
 /// Asserts that a gradient agrees with finite differences of a function, up to an error of 1e-3.

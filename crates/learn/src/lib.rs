@@ -26,6 +26,7 @@ pub mod observer;
 pub mod policy;
 pub mod predictors;
 pub mod progress;
+mod side_by_side;
 pub mod state;
 pub mod steps;
 pub mod worker;

@@ -13,9 +13,10 @@ use std::time::Instant;
 use anyhow::ensure;
 
 use super::ials::head_start;
-use super::lanes::{Lane, Lanes, in_threads};
+use super::lanes::{Lane, Lanes};
 use super::makers::{GlobalCopies, GlobalCopy};
 use super::{Environment, Experience, add_steps};
+use crate::side_by_side::in_threads;
 use crate::state::stream::{AgentStream, Part, Trail, fingerprint};
 use dials_core::base::{Phase, Seed, Stopwatch};
 use dials_core::domain::{Action, JointPercept, JointTransition, Kinds, Percept, Result};
@@ -69,11 +70,11 @@ pub(crate) fn resume(
         }
         GlobalCopies::Apart(copies) => {
             let copies = copies.into_iter().enumerate().collect();
-            let lanes = in_threads(begin.threads, copies, alive, |(copy, simulator), alive| {
+            let lanes = in_threads(begin.threads, copies, alive, |_: &mut (), (copy, simulator), alive| {
                 let environment = GlobalEnvironment::resume(simulator, copy, begin, streams, alive)?;
                 Ok(Lane { parts: environment.parts.clone(), environment: Box::new(environment) as _ })
-            })?;
-            Ok(Lanes::Apart(lanes, begin.threads.clone()))
+            });
+            Ok(Lanes::Apart(lanes.into_iter().collect::<Result<_>>()?, begin.threads.clone()))
         }
     }
 }

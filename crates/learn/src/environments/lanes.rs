@@ -9,12 +9,8 @@
 //! **Why does a thread wait for its copy, and not one thread for all of them?** A thread and the copy that it waits for take
 //! turns on one core. One thread for all would often be woken on a core where a copy is at work, while another core is idle.
 
-use std::sync::mpsc;
-use std::thread;
-
 use super::Environment;
 use crate::state::stream::{AgentStream, Part};
-use dials_core::domain::Result;
 use stacknets::Threads;
 
 /// Lanes, and where they are played.
@@ -80,26 +76,4 @@ impl Lanes<'_> {
             }
         }
     }
-}
-
-/// Makes one thing from each item in these threads. While they are at work, `alive` is called in this one whenever one of
-/// them calls what it is given.
-pub(crate) fn in_threads<I: Send, T: Send>(
-    threads: &Threads,
-    items: Vec<I>,
-    alive: &mut dyn FnMut(),
-    make: impl Fn(I, &mut dyn FnMut()) -> Result<T> + Send + Sync,
-) -> Result<Vec<T>> {
-    let (signs, signs_of_life) = mpsc::channel();
-    thread::scope(|scope| {
-        let items = items.into_iter().map(|item| (item, signs.clone())).collect();
-        drop(signs);
-        let made = scope.spawn(|| {
-            threads.map(items, 2, |_: &mut (), (item, signs): (I, mpsc::Sender<()>)| {
-                make(item, &mut || signs.send(()).expect("it is heard until the last one is gone"))
-            })
-        });
-        signs_of_life.into_iter().for_each(|()| alive());
-        made.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic)).into_iter().collect()
-    })
 }

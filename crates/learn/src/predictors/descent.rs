@@ -1,15 +1,18 @@
 //! How AIPs learn: gradient descent on the cross-entropy, one agent after another.
 
 use std::ops::Range;
+use std::time::Instant;
 
 use rand::seq::SliceRandom;
 
 use super::aip::{Constants, scaled};
 use super::parts::part_of;
 use super::{AipStack, CrossEntropies, Dataset, Lesson, sources};
+use crate::config::AipConfig;
+use crate::side_by_side::in_threads;
 use dials_core::base::{Dice, Phase, Stopwatch, Work};
 use dials_core::domain::SourceSpec;
-use stacknets::{Adam, Network, Sequences, Trace};
+use stacknets::{Adam, Network, Sequences, Trace, Trainer};
 
 /// Number of samples for which losses are measured at once.
 const LOSS_CHUNK: usize = 512;
@@ -21,50 +24,92 @@ const LOSS_CHUNK: usize = 512;
 /// Minibatches are drawn from `dice`, one per agent. The held-out samples decide when to stop early, if the config says
 /// so.
 pub(super) fn descend(aips: &mut AipStack, lesson: Lesson<'_>, dice: &mut [Dice], work: Work<'_, f64>) {
-    let Lesson { datasets, samples, config } = lesson;
+    let Lesson { datasets, samples, config, threads } = lesson;
     let Work { watch, progress } = work;
     let steps = sequence_length(aips, datasets);
     let AipStack { sources: spec, net, constants, .. } = aips;
+    let (spec, constants) = (&*spec, constants.as_ref());
     // Sequences of `steps` samples each.
     let batches = samples / steps / config.batch;
-    let mut room = LearningBuffers::default();
     let mut adam = Adam::new(net.parameters());
     let learners = adam.trainers(net, (config.epochs * batches) as u32);
-    for (index, ((mut learner, dataset), dice)) in learners.into_iter().zip(datasets).zip(dice).enumerate() {
-        let constants = constants.as_ref().map(|constants| (constants, index));
+    let agents: Vec<_> = learners.into_iter().zip(datasets).zip(dice).enumerate().collect();
+    let (mut done, all) = (0, agents.len() * config.epochs);
+    let epoch_done = &mut || {
+        done += 1;
+        progress(done as f64 / all as f64);
+    };
+    let begun = Instant::now();
+    let learn = |room: &mut LearningBuffers, (index, ((learner, dataset), dice)), epoch_done: &mut dyn FnMut()| {
+        let pupil = Pupil { learner, dataset, spec, constants: constants.map(|all| (all, index)), steps };
+        pupil.learn(room, samples, config, dice, epoch_done)
+    };
+    let watches: Vec<Stopwatch> = in_threads(threads, agents, epoch_done, learn);
+    let mut phases = Stopwatch::default();
+    watches.iter().for_each(|of_agent| phases.add(of_agent));
+    watch.add(&if threads.count() > 1 { phases.scaled_to(begun.elapsed()) } else { phases });
+}
+
+/// An AIP that learns, and from what.
+struct Pupil<'a> {
+    learner: Trainer<'a>,
+    dataset: &'a Dataset,
+    spec: &'a SourceSpec,
+    /// What it corrects, and for which agent.
+    constants: Option<(&'a Constants, usize)>,
+    /// Number of samples of a sequence.
+    steps: usize,
+}
+
+impl Pupil<'_> {
+    /// Learns from the first `samples`; the others are held out.
+    fn learn(
+        mut self,
+        room: &mut LearningBuffers,
+        samples: usize,
+        config: &AipConfig,
+        dice: &mut Dice,
+        epoch_done: &mut dyn FnMut(),
+    ) -> Stopwatch {
+        let mut watch = Stopwatch::default();
         let mut best = config.patience.map(BestSoFar::new);
-        let held_out = |room: &mut LearningBuffers, network: Network<'_>, watch: &mut Stopwatch| -> f64 {
-            let held_out = Samples { dataset, steps, range: samples..dataset.len() };
-            room.losses(network, constants, spec, held_out, watch).iter().sum()
-        };
         if let Some(best) = &mut best {
-            best.note(held_out(&mut room, learner.network(), watch), learner.values());
+            best.note(self.held_out(room, samples, &mut watch), self.learner.values());
         }
-        let mut order: Vec<usize> = (0..samples / steps).collect();
-        for epoch in 0..config.epochs {
+        let mut order: Vec<usize> = (0..samples / self.steps).collect();
+        for _ in 0..config.epochs {
             order.shuffle(dice);
             for sequences in order.chunks_exact(config.batch) {
-                watch.time(Phase::Bookkeeping, || room.gather(dataset, spec, steps, sequences.iter().copied()));
-                watch.time(Phase::Forward, || {
-                    room.forward(learner.network(), constants, spec);
-                    room.differentiate(spec);
+                watch.time(Phase::Bookkeeping, || {
+                    room.gather(self.dataset, self.spec, self.steps, sequences.iter().copied());
                 });
-                watch.time(Phase::Backward, || learner.network().backward(&room.gradient, &mut room.trace));
+                watch.time(Phase::Forward, || {
+                    room.forward(self.learner.network(), self.constants, self.spec);
+                    room.differentiate(self.spec);
+                });
+                watch.time(Phase::Backward, || self.learner.network().backward(&room.gradient, &mut room.trace));
                 watch.time(Phase::Adam, || {
                     if config.weight_decay > 0.0 {
-                        learner.shrink_weights(config.learning_rate * config.weight_decay);
+                        self.learner.shrink_weights(config.learning_rate * config.weight_decay);
                     }
-                    learner.descend(room.trace.gradient(), config.learning_rate);
+                    self.learner.descend(room.trace.gradient(), config.learning_rate);
                 });
             }
-            progress((index as f64 + (epoch + 1) as f64 / config.epochs as f64) / datasets.len() as f64);
+            epoch_done();
             if let Some(best) = &mut best
-                && best.note(held_out(&mut room, learner.network(), watch), learner.values())
+                && best.note(self.held_out(room, samples, &mut watch), self.learner.values())
             {
                 break;
             }
         }
-        best.iter().for_each(|best| learner.load(best.values()));
+        best.iter().for_each(|best| self.learner.load(best.values()));
+        watch
+    }
+
+    /// Returns the sum of the losses on the samples from `first` on.
+    fn held_out(&self, room: &mut LearningBuffers, first: usize, watch: &mut Stopwatch) -> f64 {
+        let held_out = Samples { dataset: self.dataset, steps: self.steps, range: first..self.dataset.len() };
+        room.losses(self.learner.network(), self.constants, self.spec, held_out, watch).iter().sum()
     }
 }
 

@@ -27,6 +27,7 @@ use dials_core::base::statistics::mean;
 use dials_core::base::{AgentId, CompactRows, Dice, Rows, Seed, Stopwatch, Work};
 use dials_core::domain::{Kinds, RegionSpec, Result, SourceSpec};
 use stacknets::Layout;
+use stacknets::Threads;
 
 pub use aip::AipStack;
 pub use marginals::{Marginals, frequencies};
@@ -123,6 +124,8 @@ pub struct Lesson<'a> {
     /// Number of samples to learn from, whole episodes. The others are held out.
     pub(crate) samples: usize,
     pub(crate) config: &'a AipConfig,
+    /// Threads that share the agents.
+    pub(crate) threads: &'a Threads,
 }
 
 /// A predictor for each of some agents that learns from datasets. A run trains it, saves it, and continues from it.

@@ -7,6 +7,7 @@ use super::parts::PartFrequencies;
 use super::{CrossEntropies, Dataset, Lesson, TrainablePredictor, mean_loss};
 use crate::config::{AipConfig, held_out_episodes};
 use dials_core::base::{AgentId, Dice, Seed, Stopwatch, Work};
+use stacknets::Threads;
 
 /// Effect of one training on one agent's predictor, for each source that the agent has.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -28,12 +29,12 @@ pub struct AipLoss {
 /// Trains every agent's predictor on its own dataset and measures the loss before and after.
 ///
 /// `datasets`: one per agent of the stack, all of the same length. The last `held_out` of the episodes only measure.
-/// `progress` is called with the share that is done.
+/// `progress` is called with the share that is done. Agents are shared out among the threads.
 pub fn train(
     predictor: &mut dyn TrainablePredictor,
     agents: &[AgentId],
     datasets: &[Dataset],
-    config: &AipConfig,
+    (config, threads): (&AipConfig, &Threads),
     seed: Seed,
     work: Work<'_, f64>,
 ) -> Vec<AipLoss> {
@@ -44,7 +45,7 @@ pub fn train(
     };
     let before = both(predictor, watch);
     let mut dice: Vec<Dice> = seed.for_agents(agents).collect();
-    predictor.learn(Lesson { datasets, samples: first, config }, &mut dice, Work { watch, progress });
+    predictor.learn(Lesson { datasets, samples: first, config, threads }, &mut dice, Work { watch, progress });
     let after = both(predictor, watch);
     let per_agent = datasets.iter().enumerate().map(|(agent, dataset)| {
         let [seen, held_out] =

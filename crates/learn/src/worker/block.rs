@@ -13,11 +13,12 @@ use crate::algorithms::{self, Actor, Learner, Metrics};
 use crate::config::{Config, Period, Simulator};
 use crate::environments::global::{self, Begin};
 use crate::environments::ials::Ials;
-use crate::environments::lanes::{Lane, Lanes, in_threads};
+use crate::environments::lanes::{Lane, Lanes};
 use crate::environments::makers::{GlobalCopies, MakeSimulators};
 use crate::environments::{Environment, Experience};
 use crate::policy::{Demonstrations, JointPolicy, PolicyStack};
 use crate::predictors::{AipLoss, Dataset, FreshLoss, TrainablePredictor, measure, train};
+use crate::side_by_side::in_threads;
 use crate::state::AgentsState;
 use crate::state::stream::{AgentStream, Part};
 use crate::steps::train_policies::{AgentTraining, PolicyTraining};
@@ -78,9 +79,12 @@ pub(crate) fn agents_per_block(config: &Config) -> usize {
 impl AgentBlock {
     /// Makes a block. `agents`: at least one, all of one kind.
     pub(crate) fn new(domain: Arc<dyn Domain>, config: &Config, agents: &[AgentId], threads: Threads) -> Self {
-        // A process holds one simulation of a foreign simulator. A native one takes little time beside learning.
+        // A process holds one simulation of a foreign simulator. A native one takes little time beside learning. So do a few
+        // rows beside the messages to another process.
         let is_shared_out = config.shares_policies() && domain.foreign_simulator().is_some();
-        let parts = config.parts(agents.len(), if is_shared_out { threads.count() } else { 1 });
+        let rows = agents.len() * config.copies();
+        let lanes = if is_shared_out { threads.count().min(rows / ROWS_PER_BLOCK).max(1) } else { 1 };
+        let parts = config.parts(agents.len(), lanes);
         let mut policies = initial_policies(&*domain, config, agents);
         policies.net.use_threads(threads);
         let spec = domain.kinds().of(agents[0]).spec.clone();
@@ -122,7 +126,8 @@ impl AgentBlock {
     /// Trains the influence predictors; `datasets`: one per agent. `work`: progress is the share that is done.
     pub(crate) fn train_aips(&mut self, datasets: &[Dataset], period: &Period, work: Work<'_, f64>) -> Vec<AipLoss> {
         let seed = Seed::new(self.config.seed).fork(RandomPurpose::AipMinibatches).for_steps(period.start);
-        train(&mut *self.predictor, &self.agents, datasets, &self.config.aip, seed, work)
+        let threads = self.learner.learner.policies().net.threads();
+        train(&mut *self.predictor, &self.agents, datasets, (&self.config.aip, threads), seed, work)
     }
 
     /// Makes the policies imitate `demonstrations`, one per agent. `work`: progress is the share that is done.
@@ -176,13 +181,12 @@ impl AgentBlock {
             let items: Vec<_> = simulators.into_iter().zip(&mut of_lanes).zip(&*parts).collect();
             let streams = &learner.streams;
             let resume = || {
-                in_threads(&threads, items, alive, |((simulators, predictor), part), alive| {
+                let lanes = in_threads(&threads, items, alive, |_: &mut (), ((simulators, predictor), part), alive| {
                     let ials = Ials::resume(simulators, &mut **predictor, part.clone(), streams, stagger, alive)?;
-                    Ok(Lane {
-                        parts: vec![part.clone()],
-                        environment: Box::new(ials) as Box<dyn Environment + Send + '_>,
-                    })
-                })
+                    let environment = Box::new(ials) as Box<dyn Environment + Send + '_>;
+                    Ok(Lane { parts: vec![part.clone()], environment })
+                });
+                lanes.into_iter().collect::<Result<_>>()
             };
             Lanes::Apart(work.watch.time(Phase::Retracing, resume)?, threads.clone())
         };
