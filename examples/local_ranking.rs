@@ -25,6 +25,7 @@ use dials_traffic::light::{KEEP, SWITCH};
 use dials_traffic::side::Side;
 use dials_traffic::sim::control::SignalControl;
 use rand::Rng;
+use stacknets::Threads;
 
 /// Local simulators of each light, each with one episode.
 const COPIES: usize = if cfg!(test) { 12 } else { 32 };
@@ -83,7 +84,14 @@ pub(crate) fn run(config: &str, episodes: usize, behaviours: &[Behaviour]) -> Re
         let (gs, datasets) = play(&traffic, behaviour, episodes)?;
         let mut trained = predictor(&traffic, &config.learning.aip, Predictor::Network);
         let work = Work { watch: &mut Stopwatch::default(), progress: &mut |_| () };
-        train(&mut *trained, &AgentId::all(traffic.agents()), &datasets, &config.learning.aip, Seed::new(4), work);
+        train(
+            &mut *trained,
+            &AgentId::all(traffic.agents()),
+            &datasets,
+            (&config.learning.aip, &Threads::one()),
+            Seed::new(4),
+            work,
+        );
         let mut untrained = predictor(&traffic, &config.learning.aip, Predictor::Untrained);
         let [trained, untrained] =
             [&mut trained, &mut untrained].map(|predictor| meet(&traffic, behaviour, &mut **predictor));

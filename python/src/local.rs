@@ -10,7 +10,7 @@ use dials_learn::environments::Experience;
 use dials_learn::environments::ials::Ials;
 use dials_learn::observer::Silent;
 use dials_learn::predictors::TrainablePredictor;
-use dials_learn::state::stream::AgentStream;
+use dials_learn::state::stream::{AgentStream, Part};
 use dials_learn::steps::Step;
 use dials_learn::steps::collect::Collect;
 use dials_learn::steps::collect::Purpose;
@@ -112,8 +112,9 @@ impl Local {
             domain.local_simulator(agents, config.learning.copies(), training_episodes(&config.learning))?;
         let streams: Vec<AgentStream> =
             agents.iter().map(|&agent| AgentStream::begin(&config.learning, agent)).collect();
-        let ials =
-            Ials::resume(simulators, &mut **predictor, &streams, config.learning.local_simulators.stagger, &mut || ())?;
+        let (stagger, copies) = (config.learning.local_simulators.stagger, config.learning.copies());
+        let all = Part { agents: 0..agents.len(), copies: 0..copies };
+        let ials = Ials::resume(simulators, &mut **predictor, all, &streams, stagger, &mut || ())?;
         view.put(ials.percept());
         view.memory.show()?;
         Ok(Running { ials, view })
@@ -184,7 +185,7 @@ impl Running<'_> {
         {
             bail!("row {row}: action {action}; its actions are 0 to {}", view.n_actions - 1);
         }
-        ials.step(&view.actions, &mut Stopwatch::default())?;
+        ials.decide(&view.actions, &mut Stopwatch::default())?;
         let experience = ials.experience();
         view.put_experience(experience);
         view.put(ials.percept());

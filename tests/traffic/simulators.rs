@@ -695,7 +695,7 @@ fn the_closed_loop_has_the_cars_and_the_return_of_the_global_simulator() {
         &mut aips,
         &everybody,
         &datasets,
-        &config,
+        (&config, &stacknets::Threads::one()),
         Seed::new(4),
         Work { watch: &mut Stopwatch::default(), progress: &mut |_| () },
     );

@@ -16,7 +16,7 @@ fn a_sumocfg_stands_for_a_config_with_default_settings() {
     let room = Room::new();
     let config = room.config(&["traffic.decision_s=10", "ppo.clip=0.3", "total_steps=40000"]).unwrap();
     assert_eq!((config.learning.simulator, config.horizon()), (Simulator::Global, 30));
-    assert_eq!((config.learning.ppo.clip, config.learning.ppo.memory, config.learning.total_steps), (0.3, 720, 40_000));
+    assert_eq!((config.learning.ppo.clip, config.learning.ppo.memory, config.learning.total_steps), (0.3, 120, 40_000));
     let table = table(config);
     assert_eq!((table.scenario, table.begin_s, table.end_s), (room.path(SUMOCFG), Some(100), Some(400)));
 }
@@ -79,11 +79,11 @@ fn a_config_that_names_nothing_but_a_scenario_is_a_sumocfg_in_other_words() {
     assert_eq!(config, room.config(&[]).unwrap());
     assert_eq!(
         (config.learning.total_steps, config.learning.ppo.memory, config.learning.aip.patience),
-        (216_000, 720, Some(3))
+        (216_000, 120, Some(3))
     );
     // Every key that is left out has the default of a scenario, also beside others of its table.
     let longer = written(&format!("{bare}[ppo]\nclip = 0.3\n"), &["ppo.epochs=4"]);
-    assert_eq!((longer.learning.ppo.clip, longer.learning.ppo.epochs, longer.learning.ppo.memory), (0.3, 4, 720));
+    assert_eq!((longer.learning.ppo.clip, longer.learning.ppo.epochs, longer.learning.ppo.memory), (0.3, 4, 120));
     // Who names the epochs and no patience wants all of them. So does the kept config of such a run.
     let patient = written(&format!("{bare}[aip]\nepochs = 9\n"), &[]);
     assert_eq!(

@@ -114,6 +114,13 @@ fn add_defaults(table: &mut Table, given: &Table, defaults: &str) {
     {
         aip.remove("patience");
     }
+    // A memory or a rollout of one's own need not fit our number of copies of the GS.
+    let own = ["memory", "rollout_steps"];
+    if [&*table, given].into_iter().any(|table| own.iter().any(|key| has(table, "ppo", key)))
+        && let Some(Value::Table(gs)) = defaults.get_mut("gs")
+    {
+        gs.remove("copies");
+    }
     fill_in(table, defaults);
 }
 
