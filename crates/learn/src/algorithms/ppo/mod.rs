@@ -253,3 +253,56 @@ impl Learner for Ppo {
         self.base.places().zip(rows).for_each(|((part, row), state)| self.rollouts[part].states.set_row(row, state));
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::config::{Bootstrap, PolicyConfig, Share, Simulator};
+    use crate::environments::Experience;
+    use crate::fixtures::region;
+    use dials_core::base::{Rows, Seed};
+    use dials_core::domain::{Percept, SourceSpec};
+
+    /// Trains one policy for two lights on the GS, of which the first one is jammed: it gets -0.019 in each step, so its value
+    /// is -1.9. Returns both values.
+    fn values_of_two_lights(bootstrap: Bootstrap) -> [f32; 2] {
+        let spec = region(1, 1, SourceSpec::bits(1), 1000);
+        let mut config = Config { simulator: Simulator::Global, total_steps: 1_000_000, ..Config::default() };
+        config.policy = PolicyConfig { share: Share::Kind, hidden: vec![16], ..PolicyConfig::default() };
+        config.gs.bootstrap = bootstrap;
+        config.ppo = PpoConfig {
+            value_unit: ValueUnit::Returns,
+            clip_value: false,
+            learning_rate: 1e-3,
+            time_limit: TimeLimit::Bootstrap,
+            ..config.ppo
+        };
+        let agents = AgentId::all(2);
+        let stack = PolicyStack::new(&[agents[0]; 2], &spec, &config.policy, &[0.0; 2], Seed::new(1));
+        let parts = config.parts(2, 1);
+        let mut ppo = Ppo::new(&config, &spec, &agents, stack, &parts);
+        let (threads, watch) = (Threads::one(), &mut Stopwatch::default());
+        let percept = Percept { obs: Rows::from_vec(vec![1.0, 0.0], 1), ..Percept::new(2, &spec) };
+        let experience = Experience { rewards: vec![-0.019, 0.0], ..Experience::new(2, &spec) };
+        for round in 1..=1600 {
+            for _ in 0..config.ppo.rollout_steps {
+                let mut actors = ppo.actors(&threads);
+                actors[0].act(&percept);
+                actors[0].take_in(&experience, &percept, watch);
+            }
+            ppo.learn(round * config.ppo.rollout_steps as u64, watch);
+        }
+        let judgement = ppo.policies.judge(0..2, &threads, &percept.obs, &mut ppo.policies.states(2));
+        let outputs: Vec<f32> = judgement.rows().map(|(_, output)| output).collect();
+        [0, 1].map(|agent| ppo.units.of(agent).value_of(outputs[agent]))
+    }
+
+    #[test]
+    fn lights_with_one_policy_bootstrap_each_with_its_own_value() {
+        let [jammed, free] = values_of_two_lights(Bootstrap::Own);
+        assert!((jammed + 1.9).abs() < 0.19 && free.abs() < 0.19, "{jammed} {free}");
+        // In the authors' way the last light speaks for both.
+        let [jammed, _] = values_of_two_lights(Bootstrap::Last);
+        assert!((jammed + 1.9).abs() > 0.5, "{jammed}");
+    }
+}
