@@ -34,24 +34,27 @@ impl ByCores {
         let (_, runs) = group.finals()?;
         let mut seconds: BTreeMap<usize, Vec<f64>> = BTreeMap::new();
         let mut updates = Vec::new();
+        let learning = &runs.first()?.config.learning;
         // A shared policy has only one learner.
-        let most = if runs.iter().any(|run| run.config.learning.shares_policies()) { 1 } else { agents };
-        let copies = runs.iter().map(|run| run.config.learning.copies()).max().unwrap_or(1);
+        let learners = if learning.shares_policies() { 1 } else { agents };
         for run in runs {
             let time = run.time_at(steps)?;
             seconds.entry(run.workers).or_default().push(time.runtime_s());
             // On the GS as many threads as there are workers make the updates, unless the workers are ranks of MPI.
-            updates.push(time.update_s * run.workers.min(most) as f64);
+            updates.push(time.update_s * run.workers.min(learners) as f64);
         }
         let cpu_s = cpu.runtime_s();
-        let is_global = group.simulator() == "gs";
-        // Copies of the GS are computed side by side, and gradient steps as before.
-        let one_gs = is_global && copies == 1;
-        let shared_s = if one_gs { mean(&updates).min(cpu_s) } else { cpu_s };
-        let most = if is_global && !one_gs { copies } else { most };
+        let updates_s = mean(&updates).min(cpu_s);
+        let one_gs = group.simulator() == "gs" && learning.copies() == 1;
+        let (alone_s, most) = match (one_gs, learning.shares_policies()) {
+            (true, true) => (cpu_s, 1),
+            (true, false) => (cpu_s - updates_s, agents),
+            (false, true) => (updates_s, learning.most_at_work(agents)),
+            (false, false) => (0.0, learning.most_at_work(agents)),
+        };
         Some(ByCores {
             steps,
-            cpu: Sharing { alone_s: cpu_s - shared_s, shared_s, most },
+            cpu: Sharing { alone_s, shared_s: cpu_s - alone_s, most },
             measured: seconds.into_iter().map(|(workers, seconds)| (workers, mean(&seconds))).collect(),
         })
     }
@@ -134,6 +137,7 @@ mod tests {
         };
         assert_eq!(of("", 1), (70.0, 20.0, 4));
         assert_eq!(of("", 2), (50.0, 40.0, 4), "two threads for 20 s");
-        assert_eq!(of("policy.share = 'kind'", 2), (70.0, 20.0, 1), "one policy has one learner");
+        assert_eq!(of("policy.share = 'kind'", 2), (90.0, 0.0, 1), "one policy has one learner");
+        assert_eq!(of("policy.share = 'kind'\ngs.copies = 8", 2), (20.0, 70.0, 8), "and eight copies");
     }
 }

@@ -27,6 +27,7 @@ pub use crate::algorithms::dqn::DqnConfig;
 pub use crate::algorithms::ppo::{NormaliseAdvantages, PpoConfig, TimeLimit, ValueUnit};
 pub use crate::predictors::Predictor;
 use crate::state::stream::Part;
+use crate::worker::block::most_lanes;
 pub use aip::{AipConfig, Retrain};
 pub use check::held_out_episodes;
 pub use imitation::ImitationConfig;
@@ -344,6 +345,16 @@ impl Config {
     /// Returns whether all agents of a kind learn at one place: because they act in one GS, or because they have one policy.
     pub fn learns_at_one_place(&self) -> bool {
         self.simulator == Simulator::Global || self.shares_policies()
+    }
+
+    /// Returns how many cores can be at work at most while this number of agents trains: one for each of them, for each copy of the
+    /// GS, or for each lane of local simulators whose agents share a policy.
+    pub fn most_at_work(&self, agents: usize) -> usize {
+        match self.simulator {
+            Simulator::Global => self.copies(),
+            Simulator::Local if self.shares_policies() => most_lanes(agents * self.copies()),
+            Simulator::Local => agents,
+        }
     }
 
     /// Returns whether the value of the last agent of a kind stands for what would come for all of them.

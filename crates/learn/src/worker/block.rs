@@ -82,8 +82,8 @@ impl AgentBlock {
         // A process holds one simulation of a foreign simulator. A native one takes little time beside learning. So do a few
         // rows beside the messages to another process.
         let is_shared_out = config.shares_policies() && domain.foreign_simulator().is_some();
-        let rows = agents.len() * config.copies();
-        let lanes = if is_shared_out { threads.count().min(rows / ROWS_PER_BLOCK).max(1) } else { 1 };
+        let most = most_lanes(agents.len() * config.copies());
+        let lanes = if is_shared_out { threads.count().min(most) } else { 1 };
         let parts = config.parts(agents.len(), lanes);
         let mut policies = initial_policies(&*domain, config, agents);
         policies.net.use_threads(threads);
@@ -211,6 +211,12 @@ pub(crate) fn train_policies_on_the_gs(
     let begin = Begin { kinds, episodes: training_episodes(config), stagger, threads };
     let mut copies = work.watch.time(Phase::Retracing, || global::resume(simulators, &begin, &streams, alive))?;
     learn(&mut learners, &mut copies, config, period, work)
+}
+
+/// Returns in how many lanes this number of local simulators is played at most. Fewer in each are quicker than the messages to
+/// their process.
+pub(crate) fn most_lanes(rows: usize) -> usize {
+    (rows / ROWS_PER_BLOCK).max(1)
 }
 
 pub fn training_episodes(config: &Config) -> Seed {

@@ -26,10 +26,9 @@ fn prices(costs: &RoughCosts, work: &Workload, training_cores: f64, cores: usize
     }
 }
 
-/// Returns the number of cores that train: at most one for each agent, or for each copy of the GS.
+/// Returns the number of cores that train.
 fn training_cores(config: &RunConfig, agents: usize, cores: usize) -> f64 {
-    let learning = &config.learning;
-    cores_at_work(cores, if learning.simulator == Simulator::Global { learning.copies() } else { agents })
+    cores_at_work(cores, config.learning.most_at_work(agents))
 }
 
 #[derive(Clone, Debug, PartialEq)]
