@@ -60,7 +60,8 @@ impl Setting {
                 let action = dice.random_range(0..self.spec.n_actions) as u8;
                 let log_prob = -(self.spec.n_actions as f32).ln();
                 let [value, advantage] = dice.random();
-                let sample = Sample { action, log_prob, value, advantage, ret: value + advantage, start: false };
+                let sample =
+                    Sample { action, log_prob, value, output: value, advantage, ret: value + advantage, start: false };
                 memory.remember(agent, slot, (&obs, &[]), &state, sample);
             }
         }

@@ -263,9 +263,9 @@ fn means_of_policies_and_a_clock_are_the_same_for_any_fleet_and_after_a_kill() {
 fn one_policy_for_a_kind_is_the_same_for_any_fleet_and_after_a_kill() {
     let settings = ["policy.share=kind", "ppo.value_unit=returns", "policy.initialisation=orthogonal"];
     let settings: Vec<&str> = settings.iter().flat_map(|setting| ["--set", setting]).collect();
-    for domain in [Domain::Traffic, Domain::Warehouse] {
-        assert_the_same_for_any_fleet_and_after_a_kill(domain, &settings);
-    }
+    assert_the_same_for_any_fleet_and_after_a_kill(Domain::Warehouse, &settings);
+    let memory = ["--set", "policy.recurrent=8", "--set", "policy.sequence_length=8"];
+    assert_the_same_for_any_fleet_and_after_a_kill(Domain::Traffic, &[&settings[..], &memory].concat());
 }
 
 const ON_THE_GS: [&str; 6] = ["--simulator", "gs", "--set", "total_steps=2048", "--set", "policy.recurrent=8"];

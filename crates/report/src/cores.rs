@@ -37,7 +37,7 @@ impl ByCores {
         let learning = &runs.first()?.config.learning;
         // A shared policy has only one learner.
         let learners = if learning.shares_policies() { 1 } else { agents };
-        for run in runs {
+        for run in &runs {
             let time = run.time_at(steps)?;
             seconds.entry(run.workers).or_default().push(time.runtime_s());
             // On the GS as many threads as there are workers make the updates, unless the workers are ranks of MPI.
@@ -45,12 +45,15 @@ impl ByCores {
         }
         let cpu_s = cpu.runtime_s();
         let updates_s = mean(&updates).min(cpu_s);
-        let one_gs = group.simulator() == "gs" && learning.copies() == 1;
+        let foreign = runs.first()?.config.has_foreign_simulator();
+        // Native copies are computed one after the other, like a single GS.
+        let one_gs = group.simulator() == "gs" && (learning.copies() == 1 || !foreign);
+        let most = learning.most_at_work(agents, foreign);
         let (alone_s, most) = match (one_gs, learning.shares_policies()) {
             (true, true) => (cpu_s, 1),
             (true, false) => (cpu_s - updates_s, agents),
-            (false, true) => (updates_s, learning.most_at_work(agents)),
-            (false, false) => (0.0, learning.most_at_work(agents)),
+            (false, true) => (updates_s, most),
+            (false, false) => (0.0, most),
         };
         Some(ByCores {
             steps,
@@ -138,6 +141,6 @@ mod tests {
         assert_eq!(of("", 1), (70.0, 20.0, 4));
         assert_eq!(of("", 2), (50.0, 40.0, 4), "two threads for 20 s");
         assert_eq!(of("policy.share = 'kind'", 2), (90.0, 0.0, 1), "one policy has one learner");
-        assert_eq!(of("policy.share = 'kind'\ngs.copies = 8", 2), (20.0, 70.0, 8), "and eight copies");
+        assert_eq!(of("policy.share = 'kind'\ngs.copies = 8", 2), (90.0, 0.0, 1), "native copies are in one thread");
     }
 }

@@ -81,7 +81,10 @@ impl Stopwatch {
 
     /// Scales all phases to another total: turns phases that threads measured side by side into wall time.
     pub fn scaled_to(&self, total: Duration) -> Stopwatch {
-        let factor = total.as_secs_f64() / self.total().as_secs_f64().max(f64::MIN_POSITIVE);
+        if self.total().is_zero() {
+            return self.clone();
+        }
+        let factor = total.as_secs_f64() / self.total().as_secs_f64();
         Stopwatch { spent: self.spent.map(|spent| spent.mul_f64(factor)) }
     }
 

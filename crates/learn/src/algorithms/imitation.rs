@@ -117,7 +117,9 @@ pub(crate) fn imitate(
             teachers.flat_map(|teacher| (0..training).map(move |sequence| (teacher, sequence))).collect();
         for epoch in 0..epochs {
             order.shuffle(&mut dice);
-            for sequences in order.chunks_exact(minibatch) {
+            for (batch, sequences) in order.chunks_exact(minibatch).enumerate() {
+                let of_epoch = batch as f64 / batches as f64;
+                progress((index as f64 + (epoch as f64 + of_epoch) / epochs as f64) / learning as f64);
                 watch.time(Phase::Bookkeeping, || room.gather(demonstrations, sequences.iter().copied()));
                 watch.time(Phase::Forward, || {
                     room.forward(learner.network());
@@ -126,7 +128,6 @@ pub(crate) fn imitate(
                 watch.time(Phase::Backward, || learner.network().backward(&room.gradient, &mut room.trace));
                 watch.time(Phase::Adam, || learner.descend(room.trace.gradient(), learning_rate));
             }
-            progress((index as f64 + (epoch + 1) as f64 / epochs as f64) / learning as f64);
         }
     }
     if config.shares_policies() {

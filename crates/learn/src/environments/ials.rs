@@ -46,7 +46,7 @@ impl<'a, S: LocalSimulator + ?Sized> Ials<'a, S> {
     ) -> Result<Self> {
         let trails: Vec<Trail> = part.of(streams).map(|row| row.trail.clone()).collect();
         predictor.begin(trails.len());
-        let percept = retrace(&mut *simulator, predictor, &trails, alive)?;
+        let percept = retrace(&mut *simulator, predictor, (&part, &trails), alive)?;
         let counted = simulator.counters().into_iter().map(|(_, count)| count).collect();
         // The caller has timed this; it is not part of the steps to come.
         simulator.take_watch();
@@ -153,7 +153,7 @@ pub(crate) fn head_start(copy: usize, copies: usize, horizon: usize) -> usize {
 fn retrace(
     simulator: &mut (impl LocalSimulator + ?Sized),
     predictor: &mut dyn InfluencePredictor,
-    trails: &[Trail],
+    (part, trails): (&Part, &[Trail]),
     alive: &mut dyn FnMut(),
 ) -> Result<Percept> {
     let count = simulator.spec().sources.count();
@@ -179,9 +179,11 @@ fn retrace(
         }
     }
     for (row, trail) in trails.iter().enumerate() {
+        let (agent, copy) = part.place(row);
         ensure!(
             trail.steps() == 0 || trail.shown == fingerprint(&percept, row),
-            "local simulator {row} did not come back to where training left it after {} steps of its episode {}; \
+            "local simulator {copy} of agent {agent} of a block did not come back to where training left it after {} steps of its \
+             episode {}; \
              possible causes: another build of SUMO or of this program, or a simulator whose state depends on more than \
              its actions and sources",
             trail.steps(),
@@ -296,7 +298,7 @@ mod tests {
 
         stream[0].rows[1].trail.shown ^= 1;
         let error = resumed(&mut Spy::default(), &stream, true).err().unwrap().to_string();
-        assert!(error.contains("local simulator 1 did not come back"), "{error}");
+        assert!(error.contains("local simulator 1 of agent 0 of a block did not come back"), "{error}");
     }
 
     #[test]

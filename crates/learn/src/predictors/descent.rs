@@ -77,7 +77,7 @@ impl Pupil<'_> {
             best.note(self.held_out(room, samples, &mut watch), self.learner.values());
         }
         let mut order: Vec<usize> = (0..samples / self.steps).collect();
-        for _ in 0..config.epochs {
+        for epoch in 0..config.epochs {
             order.shuffle(dice);
             for sequences in order.chunks_exact(config.batch) {
                 watch.time(Phase::Bookkeeping, || {
@@ -99,6 +99,7 @@ impl Pupil<'_> {
             if let Some(best) = &mut best
                 && best.note(self.held_out(room, samples, &mut watch), self.learner.values())
             {
+                (epoch + 1..config.epochs).for_each(|_| epoch_done());
                 break;
             }
         }

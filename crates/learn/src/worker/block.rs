@@ -26,7 +26,7 @@ use dials_core::base::{AgentId, Phase, Ragged, RandomPurpose, Seed, Stopwatch, W
 use dials_core::domain::{Action, Domain, Kinds, RegionSpec, Result};
 use stacknets::Threads;
 
-/// Number of local simulators per block. The cars of a larger forest leave the cache between two steps. Measured on
+/// Number of local simulators per block, and the least in a lane of a larger one. The cars of a larger forest leave the cache between two steps. Measured on
 /// traffic, SUMO costs the same per intersection with 8 and 16, 10 % more with 32, 15 % more with 64 and 60 % more with
 /// 128.
 const ROWS_PER_BLOCK: usize = 16;
@@ -171,7 +171,8 @@ impl AgentBlock {
             let mut simulators = Vec::new();
             for part in &*parts {
                 let (range, agents) = (part.agents.clone(), &agents[part.agents.clone()]);
-                let made = makers.apart(&**domain, agents, copies, episodes);
+                let make = || makers.apart(&**domain, agents, copies, episodes);
+                let made = work.watch.time(Phase::Loading, make);
                 simulators.push(made.context("nobody makes the simulators of a second lane")??);
                 let mut own = initial_aips(&**domain, config, agents);
                 own.load(&Ragged::from(predictor.values()).pick(range).into_rows());

@@ -75,6 +75,11 @@ impl RunConfig {
         self.domain.as_ref().expect("a config that was loaded has a domain").table()
     }
 
+    /// Returns whether several simulators of this domain are processes of their own.
+    pub fn has_foreign_simulator(&self) -> bool {
+        matches!(self.domain, Some(DomainConfig::Traffic(_)))
+    }
+
     /// Returns the number of steps of an episode of the config's domain.
     pub fn horizon(&self) -> usize {
         self.table().horizon()

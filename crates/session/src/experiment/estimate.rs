@@ -28,7 +28,7 @@ fn prices(costs: &RoughCosts, work: &Workload, training_cores: f64, cores: usize
 
 /// Returns the number of cores that train.
 fn training_cores(config: &RunConfig, agents: usize, cores: usize) -> f64 {
-    cores_at_work(cores, config.learning.most_at_work(agents))
+    cores_at_work(cores, config.learning.most_at_work(agents, config.has_foreign_simulator()))
 }
 
 #[derive(Clone, Debug, PartialEq)]
@@ -51,12 +51,15 @@ pub fn estimate(run: &PlannedRun, cores: usize, measured: &[RunRecord]) -> Estim
     let costs = costs_of(&nearest, rough);
     let work = Workload::of(&run.config, run.agents(), run.config.learning.last_step());
     let seconds = prices(&costs, &work, training_cores(&run.config, run.agents(), cores), cores).of_run(&work).sum();
-    // With SUMO, copies of the GS are processes of their own.
+    // With SUMO, copies of the GS and lanes of a shared policy are processes of their own.
     let learning = &run.config.learning;
-    let in_processes =
-        learning.simulator == Simulator::Global && matches!(run.config.domain, Some(DomainConfig::Traffic(_)));
-    let copies = if in_processes { learning.copies() - 1 } else { 0 };
-    let memory_mb = (cores + 1 + copies) as f64 * costs.process_mb + run.agents() as f64 * costs.agent_mb;
+    let most = learning.most_at_work(run.agents(), run.config.has_foreign_simulator());
+    let apart = match learning.simulator {
+        _ if most == 1 || !learning.learns_at_one_place() => 0,
+        Simulator::Global => most,
+        Simulator::Local => most.min(cores),
+    };
+    let memory_mb = (cores + 1 + apart) as f64 * costs.process_mb + run.agents() as f64 * costs.agent_mb;
     Estimate { seconds, memory_mb, measured_runs: nearest.len() }
 }
 

@@ -135,7 +135,7 @@ mod tests {
     const WEIGHTS: Weights = Weights { clip: 0.1, value_clip: 0.1, value: 1.0, entropy: 0.0 };
 
     fn sample(action: u8, old_prob: f32, value: f32, advantage: f32, ret: f32) -> Sample {
-        Sample { action, log_prob: old_prob.ln(), value, advantage, ret, start: false }
+        Sample { action, log_prob: old_prob.ln(), value, advantage, ret, ..Sample::default() }
     }
 
     /// Returns the loss with advantages that are normalised first.

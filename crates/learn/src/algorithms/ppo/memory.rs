@@ -12,6 +12,8 @@ pub struct Sample {
     /// `ln pi(a | o)` and `V(o)` of the policy that acted.
     pub log_prob: f32,
     pub value: f32,
+    /// What the network said for this value: it is in the unit that the critic had then.
+    pub output: f32,
     /// Generalised advantage estimate, and the return that it implies, `advantage + value`.
     pub advantage: f32,
     pub ret: f32,

@@ -71,6 +71,7 @@ impl Algorithm for PpoConfig {
         let width = config.copies() * shape.state_width();
         layout.numbers.push(NumberTable { name: STATES, width, averaged: false, squares: false, learnt: false });
         if self.value_unit != ValueUnit::Reward {
+            // The mean of units goes with the mean of what networks say in them. It is a little narrow, until the next memories.
             layout.numbers.push(NumberTable {
                 name: VALUE_UNITS,
                 width: ValueUnits::WIDTH,

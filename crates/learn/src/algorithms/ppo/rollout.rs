@@ -113,7 +113,7 @@ impl Rollout {
             let value = units.of(self.part.agents.start + agent).value_of(output);
             let action = sampling::draw(&log_probs, dice);
             let log_prob = log_probs[usize::from(action)];
-            let sample = Sample { action, log_prob, value, start: self.starts[row], ..Sample::default() };
+            let sample = Sample { action, log_prob, value, output, start: self.starts[row], ..Sample::default() };
             let mask = percept.masks.as_ref().map_or(&[][..], |masks| masks.row(row));
             self.memory.remember(agent, slot, (percept.obs.row(row), mask), before.row(row), sample);
             actions.push(action);

@@ -207,7 +207,8 @@ impl Minibatch {
             NormaliseAdvantages::No => Spread { mean: 0.0, deviation: unit.spread },
         };
         for sample in &mut self.samples {
-            (sample.value, sample.ret) = (unit.output_of(sample.value), unit.output_of(sample.ret));
+            // The clip is about how far the network moves, and not the unit.
+            (sample.value, sample.ret) = (sample.output, unit.output_of(sample.ret));
             sample.advantage = spread.normalise(sample.advantage);
         }
     }
@@ -239,8 +240,7 @@ mod tests {
             let mut numbers = |count| (0..count).map(|_| dice.random_range(-1.0..1.0)).collect::<Vec<f32>>();
             let (obs, state, rest) = (numbers(4), numbers(stack.state_width()), numbers(2));
             let (advantage, ret) = (rest[0], 5.0 + rest[1]);
-            let sample =
-                Sample { action: slot as u8 % 2, log_prob: 0.5_f32.ln(), value: 0.0, advantage, ret, start: false };
+            let sample = Sample { action: slot as u8 % 2, log_prob: 0.5_f32.ln(), advantage, ret, ..Sample::default() };
             memory.remember(agent, slot, (&obs, &[]), &state, sample);
         }
         (stack, memory)

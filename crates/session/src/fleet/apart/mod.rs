@@ -1,8 +1,8 @@
 //! Simulators in processes of their own: libsumo holds one simulation per process. So copies of the GS, and the lanes of local
 //! simulators whose agents share a policy, are in processes that a worker starts.
 //!
-//! At most as many are at work as the worker has threads. So a run takes no more cores than it was given. Those of a domain that
-//! is native are all in the worker: there learning takes the time.
+//! Once they have loaded, at most as many are at work as the worker has threads. So a run takes no more cores than it was given.
+//! Those of a domain that is native are all in the worker: there learning takes the time.
 //!
 //! A simulator that dies takes its worker along, which is started again like any lost worker, from the last exchange.
 //!
@@ -41,7 +41,7 @@ impl MakeSimulators for Apart {
             return InThisProcess.copies(domain, copies);
         }
         // They load while this process does.
-        let start = |_| RemoteCopy::start(&self.begin(Role::Copy), domain.kinds());
+        let start = |copy| RemoteCopy::start(&self.begin(Role::Copy), copy, domain.kinds());
         if self.at_once > 1 {
             let boxed = |copy| Ok(Box::new(start(copy)?) as Box<dyn GlobalCopy + Send>);
             return Ok(GlobalCopies::Apart((0..copies).map(boxed).collect::<Result<_>>()?));
@@ -60,6 +60,6 @@ impl MakeSimulators for Apart {
     ) -> Option<Result<Box<dyn LocalSimulator + Send>>> {
         let begin = self.begin(Role::Forest { agents: agents.to_vec(), copies, seed });
         let spec = &domain.kinds().of(agents[0]).spec;
-        Some(RemoteForest::start(&begin, agents.len() * copies, spec).map(|forest| Box::new(forest) as _))
+        Some(RemoteForest::start(&begin, agents, copies, spec).map(|forest| Box::new(forest) as _))
     }
 }

@@ -104,8 +104,12 @@ impl Bytes {
 #[derive(Clone, Copy, Debug, Default)]
 struct Taken {
     cpu: Duration,
-    /// Memory of all of them together.
-    footprint: Footprint,
+    /// Number of those that are still there.
+    there: usize,
+    /// Memory of those that have ended while others of the same time are still there.
+    together: Footprint,
+    /// The most memory that simulators of the same time had together.
+    most: Footprint,
 }
 
 thread_local! {
@@ -120,7 +124,7 @@ pub(in crate::fleet) fn take_cpu() -> Duration {
 
 /// Returns the memory of simulators that ended since the last call.
 pub(in crate::fleet) fn take_footprint() -> Footprint {
-    TAKEN.with_borrow_mut(|taken| mem::take(&mut taken.footprint))
+    TAKEN.with_borrow_mut(|taken| mem::take(&mut taken.most))
 }
 
 /// A simulator is no more. The worker cannot go on, and another one can.
@@ -130,12 +134,15 @@ pub(in crate::fleet) struct SimulatorLost(pub(super) String);
 
 /// A simulator in a process of its own. Dropping it ends it.
 pub(super) struct Process {
+    /// What it is, for errors.
+    name: String,
     child: Child,
     stream: UnixStream,
 }
 
 impl Process {
-    pub(super) fn start(begin: &Begin) -> Result<Process> {
+    /// `name`: what it is, for errors.
+    pub(super) fn start(begin: &Begin, name: String) -> Result<Process> {
         let (stream, theirs) = UnixStream::pair().context("no socket for a simulator")?;
         // As a worker: not by its path, and not from another thread. Its words go where the worker's go.
         let child = Command::new("/proc/self/exe")
@@ -146,7 +153,8 @@ impl Process {
             .process_group(0)
             .spawn()
             .context("cannot start the process of a simulator")?;
-        let mut process = Process { child, stream };
+        let mut process = Process { name, child, stream };
+        TAKEN.with_borrow_mut(|taken| taken.there += 1);
         send(&mut process.stream, begin).map_err(|error| process.lost(&error))?;
         Ok(process)
     }
@@ -155,7 +163,7 @@ impl Process {
     pub(super) fn ask(&mut self, ask: &Ask) -> Result<(Bytes, Vec<(String, u64)>)> {
         match self.answer(ask).map_err(|error| self.lost(&error))? {
             Answer::Shown(bytes, counters) => Ok((bytes, counters)),
-            Answer::Failed(reason) => bail!("{reason}"),
+            Answer::Failed(reason) => bail!("{}: {reason}", self.name),
             Answer::Ended { .. } => bail!(SimulatorLost("it ended unasked".to_owned())),
         }
     }
@@ -168,19 +176,24 @@ impl Process {
     fn lost(&mut self, error: &Error) -> Error {
         drop(self.child.kill());
         let end = self.child.wait().map_or_else(|error| error.to_string(), |status| status.to_string());
-        anyhow!(SimulatorLost(format!("process {}, {end}: {error:#}", self.child.id())))
+        anyhow!(SimulatorLost(format!("{}, process {}, {end}: {error:#}", self.name, self.child.id())))
     }
 }
 
 impl Drop for Process {
     /// Notes what it took. One that does not say it has failed before.
     fn drop(&mut self) {
-        if let Ok(Answer::Ended { cpu, footprint }) = self.answer(&Ask::End) {
-            TAKEN.with_borrow_mut(|taken| {
+        let ended = self.answer(&Ask::End);
+        TAKEN.with_borrow_mut(|taken| {
+            if let Ok(Answer::Ended { cpu, footprint }) = ended {
                 taken.cpu += cpu;
-                taken.footprint = taken.footprint.and(footprint);
-            });
-        }
+                taken.together = taken.together.and(footprint);
+            }
+            taken.there -= 1;
+            if taken.there == 0 {
+                taken.most = taken.most.max(mem::take(&mut taken.together));
+            }
+        });
         drop(self.child.kill());
         drop(self.child.wait());
     }

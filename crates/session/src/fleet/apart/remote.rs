@@ -3,7 +3,7 @@
 use anyhow::ensure;
 
 use super::process::{Ask, Begin, Bytes, Process, SimulatorLost};
-use dials_core::base::{Rows, Seed};
+use dials_core::base::{AgentId, Rows, Seed};
 use dials_core::domain::{
     Action, Beginning, JointPercept, JointTransition, Kinds, LocalSimulator, Percept, RegionSpec, Result, Transition,
 };
@@ -22,8 +22,9 @@ pub(super) struct RemoteCopy {
 }
 
 impl RemoteCopy {
-    pub(super) fn start(begin: &Begin, kinds: &Kinds) -> Result<RemoteCopy> {
-        Ok(RemoteCopy { process: Process::start(begin)?, shown: JointTransition::new(kinds) })
+    pub(super) fn start(begin: &Begin, copy: usize, kinds: &Kinds) -> Result<RemoteCopy> {
+        let name = format!("copy {copy} of the global simulator");
+        Ok(RemoteCopy { process: Process::start(begin, name)?, shown: JointTransition::new(kinds) })
     }
 
     fn ask(&mut self, ask: &Ask) -> Result<()> {
@@ -57,9 +58,11 @@ pub(super) struct RemoteForest {
 }
 
 impl RemoteForest {
-    pub(super) fn start(begin: &Begin, rows: usize, spec: &RegionSpec) -> Result<RemoteForest> {
-        let shown = Transition::new(rows, spec);
-        Ok(RemoteForest { process: Process::start(begin)?, spec: spec.clone(), shown, counters: Vec::new() })
+    /// `agents`: at least one.
+    pub(super) fn start(begin: &Begin, agents: &[AgentId], copies: usize, spec: &RegionSpec) -> Result<RemoteForest> {
+        let name = format!("local simulators of agents {} to {}", agents[0], agents[agents.len() - 1]);
+        let (process, shown) = (Process::start(begin, name)?, Transition::new(agents.len() * copies, spec));
+        Ok(RemoteForest { process, spec: spec.clone(), shown, counters: Vec::new() })
     }
 
     fn ask(&mut self, ask: &Ask) -> Result<()> {
