@@ -34,7 +34,8 @@ impl ByCores {
         let (_, runs) = group.finals()?;
         let mut seconds: BTreeMap<usize, Vec<f64>> = BTreeMap::new();
         let mut updates = Vec::new();
-        let learning = &runs.first()?.config.learning;
+        let config = &runs.first()?.config;
+        let learning = &config.learning;
         // A shared policy has only one learner.
         let learners = if learning.shares_policies() { 1 } else { agents };
         for run in &runs {
@@ -45,7 +46,7 @@ impl ByCores {
         }
         let cpu_s = cpu.runtime_s();
         let updates_s = mean(&updates).min(cpu_s);
-        let foreign = runs.first()?.config.has_foreign_simulator();
+        let foreign = config.has_foreign_simulator();
         // Native copies are computed one after the other, like a single GS.
         let one_gs = group.simulator() == "gs" && (learning.copies() == 1 || !foreign);
         let most = learning.most_at_work(agents, foreign);

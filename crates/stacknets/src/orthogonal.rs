@@ -8,9 +8,9 @@ use rand_distr::StandardNormal;
 /// By how much layers lengthen what goes through them at first.
 #[derive(Clone, Debug)]
 pub struct Gains {
-    /// Of the hidden layers. A GRU has 1.
+    /// The gain of every hidden layer. A GRU always has 1.
     pub hidden: f32,
-    /// Of each output.
+    /// The gain of each output, in order.
     pub outputs: Vec<f32>,
 }
 

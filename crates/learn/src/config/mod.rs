@@ -27,11 +27,11 @@ pub use crate::algorithms::dqn::DqnConfig;
 pub use crate::algorithms::ppo::{NormaliseAdvantages, PpoConfig, TimeLimit, ValueUnit};
 pub use crate::predictors::Predictor;
 use crate::state::stream::Part;
-use crate::worker::block::most_lanes;
 pub use aip::{AipConfig, Retrain};
 pub use check::held_out_episodes;
 pub use imitation::ImitationConfig;
 pub use schedule::{AipTraining, Period, rest_of_schedule, schedule};
+pub(crate) use simulator::{ROWS_PER_BLOCK, most_lanes};
 pub use simulator::{ShortForm, Simulator, short_forms};
 
 /// How agents learn, and when AIPs (approximate influence predictors) are retrained and policies evaluated.

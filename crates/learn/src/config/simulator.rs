@@ -79,6 +79,17 @@ impl<'de> Deserialize<'de> for ShortForm {
     }
 }
 
+/// Number of local simulators per block, and the least in a lane of a larger one. The cars of a larger forest leave the cache between two steps. Measured on
+/// traffic, SUMO costs the same per intersection with 8 and 16, 10 % more with 32, 15 % more with 64 and 60 % more with
+/// 128.
+pub(crate) const ROWS_PER_BLOCK: usize = 16;
+
+/// Returns in how many lanes this number of local simulators is played at most. Fewer in each are quicker than the messages to
+/// their process.
+pub(crate) fn most_lanes(rows: usize) -> usize {
+    (rows / ROWS_PER_BLOCK).max(1)
+}
+
 impl Config {
     pub fn short_form(&self) -> ShortForm {
         let predictor = self.predictor_in_use();

@@ -10,7 +10,7 @@ use anyhow::Context;
 
 use crate::algorithms::imitation::{ImitationLoss, imitate};
 use crate::algorithms::{self, Actor, Learner, Metrics};
-use crate::config::{Config, Period, Simulator};
+use crate::config::{Config, Period, ROWS_PER_BLOCK, Simulator, most_lanes};
 use crate::environments::global::{self, Begin};
 use crate::environments::ials::Ials;
 use crate::environments::lanes::{Lane, Lanes};
@@ -25,11 +25,6 @@ use crate::steps::train_policies::{AgentTraining, PolicyTraining};
 use dials_core::base::{AgentId, Phase, Ragged, RandomPurpose, Seed, Stopwatch, Work};
 use dials_core::domain::{Action, Domain, Kinds, RegionSpec, Result};
 use stacknets::Threads;
-
-/// Number of local simulators per block, and the least in a lane of a larger one. The cars of a larger forest leave the cache between two steps. Measured on
-/// traffic, SUMO costs the same per intersection with 8 and 16, 10 % more with 32, 15 % more with 64 and 60 % more with
-/// 128.
-const ROWS_PER_BLOCK: usize = 16;
 
 /// All that belongs to some agents of one kind during the whole run.
 pub(crate) struct AgentBlock {
@@ -212,12 +207,6 @@ pub(crate) fn train_policies_on_the_gs(
     let begin = Begin { kinds, episodes: training_episodes(config), stagger, threads };
     let mut copies = work.watch.time(Phase::Retracing, || global::resume(simulators, &begin, &streams, alive))?;
     learn(&mut learners, &mut copies, config, period, work)
-}
-
-/// Returns in how many lanes this number of local simulators is played at most. Fewer in each are quicker than the messages to
-/// their process.
-pub(crate) fn most_lanes(rows: usize) -> usize {
-    (rows / ROWS_PER_BLOCK).max(1)
 }
 
 pub fn training_episodes(config: &Config) -> Seed {

@@ -126,8 +126,12 @@ impl UpdateBuffers {
         let UpdateBuffers { minibatch, trace, gradient } = self;
         let (mut losses, mut watch) = (Losses::default(), Stopwatch::default());
         let gradient_steps = ppo.epochs * agents.len() * (memory.capacity / ppo.minibatch);
-        let of_memory =
-            Spread::of(agents.clone().flat_map(|agent| memory.samples(agent)).map(|sample| sample.advantage));
+        let advantages = agents.clone().flat_map(|agent| memory.samples(agent)).map(|sample| sample.advantage);
+        let spread = match ppo.normalise_advantages {
+            NormaliseAdvantages::Minibatch => None,
+            NormaliseAdvantages::Memory => Some(Spread::of(advantages)),
+            NormaliseAdvantages::No => Some(Spread { mean: 0.0, deviation: unit.spread }),
+        };
         let mut order: Vec<(usize, usize)> =
             agents.clone().flat_map(|agent| (0..memory.sequences()).map(move |sequence| (agent, sequence))).collect();
         for _ in 0..ppo.epochs {
@@ -135,7 +139,7 @@ impl UpdateBuffers {
             for sequences in order.chunks_exact(ppo.minibatch / memory.length) {
                 watch.time(Phase::Bookkeeping, || {
                     minibatch.gather(memory, sequences);
-                    minibatch.bring_to(unit, ppo.normalise_advantages, of_memory);
+                    minibatch.bring_to(unit, spread);
                 });
                 watch.time(Phase::Forward, || {
                     learner.network().forward(&minibatch.obs, minibatch.sequences(), trace);
@@ -198,14 +202,10 @@ impl Minibatch {
         states.for_each(|state| self.states.extend_from_slice(state));
     }
 
-    /// Brings values and returns to the unit of the critic, and advantages to mean 0 and deviation 1 if they are to be
-    /// normalised. `of_memory`: the spread of all samples that this learner has.
-    fn bring_to(&mut self, unit: Unit, normalise: NormaliseAdvantages, of_memory: Spread) {
-        let spread = match normalise {
-            NormaliseAdvantages::Minibatch => Spread::of(self.samples.iter().map(|sample| sample.advantage)),
-            NormaliseAdvantages::Memory => of_memory,
-            NormaliseAdvantages::No => Spread { mean: 0.0, deviation: unit.spread },
-        };
+    /// Brings values and returns to the unit of the critic, and counts advantages in a spread: their own, unless one is given.
+    fn bring_to(&mut self, unit: Unit, spread: Option<Spread>) {
+        let own = || Spread::of(self.samples.iter().map(|sample| sample.advantage));
+        let spread = spread.unwrap_or_else(own);
         for sample in &mut self.samples {
             // The clip is about how far the network moves, and not the unit.
             (sample.value, sample.ret) = (sample.output, unit.output_of(sample.ret));

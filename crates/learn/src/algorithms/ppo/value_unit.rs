@@ -10,6 +10,8 @@
 //! no value changes. But then the critic still has to climb. With four lights and 20K steps, PopArt came to a return of 192,
 //! a spread alone to 191, and mean and spread to 206 (n = 3; docs/ppo.md).
 
+use std::ops::Range;
+
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
@@ -90,13 +92,11 @@ impl ValueUnits {
             return;
         }
         let agents = self.running.len();
-        for (agent, running) in self.running.iter_mut().enumerate() {
-            let of = if shared { 0..agents } else { agent..agent + 1 };
-            let returns = || of.clone().flat_map(|agent| memory.samples(agent)).map(|sample| f64::from(sample.ret));
-            let count = returns().count() as f64;
-            let mean = returns().sum::<f64>() / count;
-            let variance = returns().map(|ret| (ret - mean).powi(2)).sum::<f64>() / count;
-            running.take_in(mean as f32, variance as f32);
+        if shared {
+            self.running[0].take_in(memory, 0..agents);
+            self.running = vec![self.running[0]; agents];
+        } else {
+            self.running.iter_mut().enumerate().for_each(|(agent, running)| running.take_in(memory, agent..agent + 1));
         }
     }
 
@@ -114,8 +114,13 @@ impl ValueUnits {
 }
 
 impl Running {
-    /// Takes in mean and variance of a memory.
-    fn take_in(&mut self, mean: f32, variance: f32) {
+    /// Takes in the returns of some agents in a memory.
+    fn take_in(&mut self, memory: &Memory, agents: Range<usize>) {
+        let returns = || agents.clone().flat_map(|agent| memory.samples(agent)).map(|sample| f64::from(sample.ret));
+        let count = returns().count() as f64;
+        let exact_mean = returns().sum::<f64>() / count;
+        let variance = (returns().map(|ret| (ret - exact_mean).powi(2)).sum::<f64>() / count) as f32;
+        let mean = exact_mean as f32;
         self.weight += NEWEST * (1.0 - self.weight);
         let share = NEWEST / self.weight;
         let apart = mean - self.mean;

@@ -1,11 +1,11 @@
 //! A process that holds one simulator, and what is said between it and its worker.
 
-use std::cell::RefCell;
 use std::mem;
 use std::os::fd::OwnedFd;
 use std::os::unix::net::UnixStream;
 use std::os::unix::process::CommandExt;
 use std::process::{Child, Command, Stdio};
+use std::sync::{Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
 
 use anyhow::{Context, Error, Result, anyhow, bail};
@@ -101,7 +101,6 @@ impl Bytes {
 }
 
 /// What simulators have taken that ended since somebody asked.
-#[derive(Clone, Copy, Debug, Default)]
 struct Taken {
     cpu: Duration,
     /// Number of those that are still there.
@@ -112,19 +111,27 @@ struct Taken {
     most: Footprint,
 }
 
-thread_local! {
-    /// A worker has one thread that makes simulators and ends them.
-    static TAKEN: RefCell<Taken> = RefCell::default();
+/// A process has one worker at most. A thread of it may end a simulator that another one has made.
+static TAKEN: Mutex<Taken> = Mutex::new(Taken {
+    cpu: Duration::ZERO,
+    there: 0,
+    together: Footprint { peak_rss_kib: 0, pss_kib: 0 },
+    most: Footprint { peak_rss_kib: 0, pss_kib: 0 },
+});
+
+fn taken() -> MutexGuard<'static, Taken> {
+    // Nothing that can panic happens under the lock.
+    TAKEN.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
 /// Returns the CPU time of simulators that ended since the last call.
 pub(in crate::fleet) fn take_cpu() -> Duration {
-    TAKEN.with_borrow_mut(|taken| mem::take(&mut taken.cpu))
+    mem::take(&mut taken().cpu)
 }
 
 /// Returns the memory of simulators that ended since the last call.
 pub(in crate::fleet) fn take_footprint() -> Footprint {
-    TAKEN.with_borrow_mut(|taken| mem::take(&mut taken.most))
+    mem::take(&mut taken().most)
 }
 
 /// A simulator is no more. The worker cannot go on, and another one can.
@@ -154,7 +161,7 @@ impl Process {
             .spawn()
             .context("cannot start the process of a simulator")?;
         let mut process = Process { name, child, stream };
-        TAKEN.with_borrow_mut(|taken| taken.there += 1);
+        taken().there += 1;
         send(&mut process.stream, begin).map_err(|error| process.lost(&error))?;
         Ok(process)
     }
@@ -184,16 +191,17 @@ impl Drop for Process {
     /// Notes what it took. One that does not say it has failed before.
     fn drop(&mut self) {
         let ended = self.answer(&Ask::End);
-        TAKEN.with_borrow_mut(|taken| {
-            if let Ok(Answer::Ended { cpu, footprint }) = ended {
-                taken.cpu += cpu;
-                taken.together = taken.together.and(footprint);
-            }
-            taken.there -= 1;
-            if taken.there == 0 {
-                taken.most = taken.most.max(mem::take(&mut taken.together));
-            }
-        });
+        let mut taken = taken();
+        if let Ok(Answer::Ended { cpu, footprint }) = ended {
+            taken.cpu += cpu;
+            taken.together = taken.together.and(footprint);
+        }
+        taken.there -= 1;
+        if taken.there == 0 {
+            let together = mem::take(&mut taken.together);
+            taken.most = taken.most.max(together);
+        }
+        drop(taken);
         drop(self.child.kill());
         drop(self.child.wait());
     }
