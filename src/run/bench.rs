@@ -27,6 +27,7 @@ use dials_session::fleet::{Coordinator, MostGrowth, Options};
 use dials_session::machine::allow_open_files;
 use dials_session::records::checkpoint::owner::Owner;
 use dials_session::records::networks::Layouts;
+use dials_session::records::prepared::prepare;
 use dials_session::records::run_log::RunLog;
 use dials_session::terminal::training::BenchProgress;
 use dials_session::terminal::{answer, json as in_json, note, warn};
@@ -105,7 +106,9 @@ fn run(
     let dir = temporary_dir().context("the files of the measured run have no place")?;
     let directory = Directory::lock(dir.path())?;
     let crew = Children(directory.clone());
-    let options = Options { workers, threads: workers, patience: PATIENCE, most_growth: MostGrowth::default() };
+    let prepared = prepare(&**domain, config, &directory)?;
+    let options =
+        Options { workers, threads: workers, patience: PATIENCE, most_growth: MostGrowth::default(), prepared };
     let mut log =
         RunLog::begin(directory, Owner::of(config, &**domain)?, Layouts::of(&config.learning, domain.kinds()));
     let mut fleet = Coordinator::start(domain.clone(), &short, Box::new(crew), options, progress.clone())?;

@@ -25,6 +25,7 @@ use dials_session::fleet::{self, Coordinator, MostGrowth, Options};
 use dials_session::fleet::{End, Job, Part, Prepared, Ranks, Relay};
 #[cfg(feature = "mpi")]
 use dials_session::machine::{end_now, leave_signals_to_another};
+use dials_session::records::prepared::prepare;
 #[cfg(feature = "mpi")]
 use dials_session::records::{files, run_json::Versions};
 
@@ -76,18 +77,18 @@ impl Team {
 
     pub(super) fn fleet(self, plan: &Plan, observer: Rc<dyn Observer>) -> anyhow::Result<Coordinator> {
         let Plan { domain, config, directory, workers, patience } = *plan;
-        let most_growth = MostGrowth::default();
+        let (most_growth, prepared) = (MostGrowth::default(), prepare(&**domain, config, directory)?);
         match self {
             Team::Here if workers == 0 => fleet::in_process(domain.clone(), config.clone(), observer),
             Team::Here => {
-                let options = Options { workers, threads: workers, patience, most_growth };
+                let options = Options { workers, threads: workers, patience, most_growth, prepared };
                 let crew = Box::new(Children(directory.clone()));
                 Coordinator::start(domain.clone(), config, crew, options, observer)
             }
             #[cfg(feature = "mpi")]
             Team::Ranks(mut ranks, each) => {
-                let config = prepare(&mut ranks, plan)?;
-                let options = Options { workers, threads: each, patience, most_growth };
+                let config = prepare_ranks(&mut ranks, plan)?;
+                let options = Options { workers, threads: each, patience, most_growth, prepared };
                 Coordinator::start(domain.clone(), &config, Box::new(ranks), options, observer)
             }
         }
@@ -139,7 +140,7 @@ fn serve(relay: Relay) -> Result<()> {
 
 /// Prepares the ranks for a run. Returns the config that their workers need.
 #[cfg(feature = "mpi")]
-fn prepare(ranks: &mut Ranks, plan: &Plan) -> anyhow::Result<RunConfig> {
+fn prepare_ranks(ranks: &mut Ranks, plan: &Plan) -> anyhow::Result<RunConfig> {
     let Plan { domain, config, directory, workers, patience } = *plan;
     let here = build::here(PROGRAM, config)?;
     let agents = fleet::agents_of_workers(&config.learning, domain.agents(), workers);

@@ -1,7 +1,7 @@
 //! The run directory through every accident: two writers, a directory that goes away, links, leftovers, lost bytes.
 
 use std::fs;
-use std::os::unix::fs::symlink;
+use std::os::unix::fs::{MetadataExt, symlink};
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Output, Stdio};
 use std::sync::OnceLock;
@@ -494,4 +494,43 @@ fn copy(from: &Path, to: &Path) {
             fs::copy(&path, &to).unwrap();
         }
     }
+}
+
+#[test]
+fn what_local_simulators_are_made_from_is_kept_and_used_again() {
+    let place = Place::new();
+    let scenario = Path::new(env!("CARGO_MANIFEST_DIR")).join("sumo_nets/town/town.sumocfg");
+    let settings = [
+        "traffic.end_s=300",
+        "total_steps=480",
+        "ppo.memory=120",
+        "ppo.rollout_steps=60",
+        "ppo.minibatch=20",
+        "policy.hidden=[16]",
+        "aip.dataset_steps=120",
+        "aip.batch=20",
+        "evaluation.every_steps=240",
+        "evaluation.episodes=1",
+        "evaluation.final_episodes=1",
+    ];
+    let sets: Vec<&str> = settings.iter().flat_map(|setting| ["--set", *setting]).collect();
+    let words = ["train", scenario.to_str().unwrap(), "--simulator", "marginal-dials", "--workers", "0", "--out"];
+    succeed(place.command(&[&words[..], &["whole"], &sets].concat()));
+    succeed(place.command(&[&words[..], &["run", "--steps", "240"], &sets].concat()));
+    let kept = place.path("run/local_simulators.bin");
+    let read = || (fs::read(&kept).unwrap(), fs::metadata(&kept).unwrap().ino());
+    let (bytes, inode) = read();
+    assert!(bytes == fs::read(place.path("whole/local_simulators.bin")).unwrap());
+    copy(&place.path("run"), &place.path("damaged"));
+    let mut damaged = bytes.clone();
+    damaged[bytes.len() / 2] ^= 1;
+    fs::write(place.path("damaged/local_simulators.bin"), damaged).unwrap();
+    for run in ["run", "damaged"] {
+        succeed(place.command(&["train", "--resume", run, "--steps", "480", "--workers", "1"]));
+        for file in ["policies.safetensors", "returns.csv", "local_simulators.bin"] {
+            let [here, there] = [run, "whole"].map(|run| fs::read(place.path(run).join(file)).unwrap());
+            assert!(here == there, "{run}/{file}");
+        }
+    }
+    assert_eq!(read().1, inode, "what is kept is used again");
 }

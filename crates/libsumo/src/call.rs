@@ -83,6 +83,12 @@ impl Crossing {
         ask(code).map_err(|text| Error::Load { options: options.join(" "), text })
     }
 
+    /// Ends the simulation. Registered names stay.
+    pub(crate) fn unload(&mut self) -> Result<()> {
+        // SAFETY: we have the turn.
+        check(unsafe { call!(self.unload()) }, "end the simulation")
+    }
+
     /// Returns what SUMO wrote to the terminal in the last call.
     pub(crate) fn heard(&self) -> String {
         // SAFETY: we have the turn, so no call changes the string, which ends in zero.

@@ -38,6 +38,10 @@ pub enum Error {
         text: String,
     },
 
+    /// No network is loaded: it was not yet, or no longer.
+    #[error("no network is loaded; load one with `reload`")]
+    Unloaded,
+
     /// A step or a reload failed, and the state of the simulation cannot be trusted.
     #[error("the simulation is broken until it is reloaded, because {cause}")]
     Broken {

@@ -90,6 +90,7 @@ pub struct ds_shim {
     pub load: ::std::option::Option<
         unsafe extern "C" fn(options: *const *const std::ffi::c_char, count: usize) -> std::ffi::c_int,
     >,
+    pub unload: ::std::option::Option<unsafe extern "C" fn() -> std::ffi::c_int>,
     pub close: ::std::option::Option<unsafe extern "C" fn() -> std::ffi::c_int>,
     pub register_names: ::std::option::Option<
         unsafe extern "C" fn(

@@ -9,23 +9,30 @@ use super::shortcuts;
 use super::signal::SignalState;
 use super::table::CarTable;
 
-/// A loaded SUMO simulation: the guard of libsumo's globals, of which a process has one set. Dropping it closes SUMO.
+/// A SUMO simulation: the guard of libsumo's globals, of which a process has one set. Dropping it closes SUMO.
 ///
 /// It stays in its thread. Other threads that want to load wait for the drop.
 ///
 /// # Errors
 /// Every method returns [`Error::Refused`] with SUMO's own words if SUMO refuses the call, as for a number of another
 /// simulation. After a [`step`](Self::step) or a [`reload`](Self::reload) that failed, every method but `reload` returns
-/// [`Error::Broken`]. Other errors are named where they occur.
+/// [`Error::Broken`]; while nothing is loaded, [`Error::Unloaded`]. Other errors are named where they occur.
 #[derive(Debug)]
 pub struct Simulation {
     lights: Vec<LoadedLight>,
-    /// Reason why only a reload is allowed.
-    broken: Option<String>,
+    state: State,
     steps_per_s: u32,
     /// Cars that left the road in this second before its last step.
     gone_before: Vec<CarId>,
     crossing: Crossing,
+}
+
+#[derive(Debug)]
+enum State {
+    Unloaded,
+    Loaded,
+    /// Reason why only a reload is allowed.
+    Broken(String),
 }
 
 #[derive(Debug)]
@@ -45,9 +52,19 @@ impl Simulation {
     /// [`Error::Library`] if there is no libsumo; [`Error::AlreadyHeld`] if this thread holds a simulation; [`Error::Load`]
     /// if SUMO refuses the options or a file. After an error, a later load can succeed.
     pub fn load(options: &[impl AsRef<str>]) -> Result<Simulation> {
-        let mut crossing = Crossing::wait()?;
-        crossing.load(options)?;
-        Ok(Simulation { lights: Vec::new(), broken: None, steps_per_s: 1, gone_before: Vec::new(), crossing })
+        let mut simulation = Simulation::unloaded()?;
+        simulation.reload(options)?;
+        Ok(simulation)
+    }
+
+    /// Takes the only place for a simulation without loading anything. The first [`reload`](Self::reload) loads. What is registered
+    /// before is looked up then, so a name that the net does not have is an error of the reload.
+    ///
+    /// # Errors
+    /// Like [`load`](Self::load), but for those of loading.
+    pub fn unloaded() -> Result<Simulation> {
+        let crossing = Crossing::wait()?;
+        Ok(Simulation { lights: Vec::new(), state: State::Unloaded, steps_per_s: 1, gone_before: Vec::new(), crossing })
     }
 
     /// Loads again in place, to begin again or with another net. It takes less time than a drop and a [`load`](Self::load).
@@ -59,8 +76,16 @@ impl Simulation {
     pub fn reload(&mut self, options: &[impl AsRef<str>]) -> Result<()> {
         self.gone_before.clear();
         let outcome = self.load_again(options);
-        self.broken = outcome.as_ref().err().map(|error| error.to_string());
+        self.state = outcome.as_ref().map_or_else(|error| State::Broken(error.to_string()), |()| State::Loaded);
         outcome
+    }
+
+    /// Ends the simulation, so that SUMO writes the rest of its files. Everything registered keeps its number for the next
+    /// [`reload`](Self::reload).
+    pub fn unload(&mut self) -> Result<()> {
+        self.gone_before.clear();
+        self.state = State::Unloaded;
+        self.crossing.unload()
     }
 
     /// Registers lanes. The `i`-th id is that of the `i`-th name. Ids are valid as long as this simulation.
@@ -74,7 +99,11 @@ impl Simulation {
     /// Registers lights, like [`register_lanes`](Self::register_lanes).
     pub fn register_lights(&mut self, names: &[impl AsRef<str>]) -> Result<Vec<LightId>> {
         let ids = self.register(IdKind::Light, names, LightId)?;
-        let links = self.count_links(&ids)?;
+        let links = match self.state {
+            // The reload counts them.
+            State::Unloaded => vec![0; ids.len()],
+            _ => self.count_links(&ids)?,
+        };
         self.lights
             .extend(names.iter().zip(links).map(|(name, links)| LoadedLight { name: name.as_ref().to_owned(), links }));
         Ok(ids)
@@ -173,7 +202,7 @@ impl Simulation {
     fn step_until(&mut self, second: f64) -> Result<()> {
         let outcome = self.whole()?.step(second);
         if let Err(error) = &outcome {
-            self.broken = Some(error.to_string());
+            self.state = State::Broken(error.to_string());
         }
         outcome
     }
@@ -340,16 +369,17 @@ impl Simulation {
         if version.is_empty() { "unknown".to_owned() } else { format!("glibc {version}") }
     }
 
-    /// Returns the way to SUMO, unless the simulation is broken.
+    /// Returns the way to SUMO, unless the simulation is broken or unloaded.
     fn whole(&mut self) -> Result<&mut Crossing> {
         self.check_whole()?;
         Ok(&mut self.crossing)
     }
 
     fn check_whole(&self) -> Result<()> {
-        match &self.broken {
-            Some(cause) => Err(Error::Broken { cause: cause.clone() }),
-            None => Ok(()),
+        match &self.state {
+            State::Loaded => Ok(()),
+            State::Unloaded => Err(Error::Unloaded),
+            State::Broken(cause) => Err(Error::Broken { cause: cause.clone() }),
         }
     }
 
@@ -364,7 +394,11 @@ impl Simulation {
     }
 
     fn register<Id>(&mut self, kind: IdKind, names: &[impl AsRef<str>], id: fn(u32) -> Id) -> Result<Vec<Id>> {
-        let first = self.whole()?.register(kind, names)?;
+        let crossing = match self.state {
+            State::Unloaded => &mut self.crossing,
+            _ => self.whole()?,
+        };
+        let first = crossing.register(kind, names)?;
         Ok((first..).take(names.len()).map(id).collect())
     }
 

@@ -6,6 +6,7 @@
 //! - [`paper_grid`]: the road networks of the paper; [`network`]: networks as files; [`cut`]: local regions cut out of
 //!   them; [`scenario`]: the scenario of a user, a .sumocfg with its files.
 //! - `road_network`: a grid or a scenario, and what differs between them.
+//! - `prepared`: what local simulators of a scenario are made from, kept and sent as bytes.
 //! - [`sim`]: the simulators, their recordings and replays.
 //! - [`controllers`]: hand-coded baselines; [`tuning`]: the search for the best fixed-time lights.
 //! - [`fidelity`]: how far the local simulators are like the global one.
@@ -35,6 +36,7 @@ pub mod light;
 pub mod network;
 mod observe;
 pub mod paper_grid;
+mod prepared;
 mod reward;
 mod road_network;
 pub mod scenario;
@@ -43,6 +45,7 @@ pub mod sim;
 mod task;
 pub mod tuning;
 
+use std::borrow::Cow;
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, OnceLock};
 use std::time::Duration;
@@ -63,6 +66,7 @@ use libsumo::Simulation;
 pub use libsumo::{Error as SumoError, Library as Sumo, Place as SumoPlace};
 use network::way_out::{Role, cannot_be_simulated};
 use paper_grid::grid::Grid;
+use prepared::Prepared;
 use road_network::{Files, RoadNetwork, open_grid, scenario as of_scenario};
 use scenario::SumoScenario;
 use sim::control::SignalControl;
@@ -202,7 +206,7 @@ impl Traffic {
         if let Some(why) = self.network.refuses_actuated.as_ref().filter(|_| control.is_actuated()) {
             bail!("{why}");
         }
-        GlobalTraffic::load(self.plan.clone(), self.network.clone(), control, self.tape.as_ref())
+        GlobalTraffic::new(self.plan.clone(), self.network.clone(), control, self.tape.as_ref())
     }
 
     pub fn seconds(&self) -> usize {
@@ -386,17 +390,26 @@ impl Domain for Traffic {
         self.network.keep_files(folder)
     }
 
-    fn prepare(&self) -> Result<Option<Vec<u8>>> {
-        if self.grid().is_some() {
-            return Ok(None);
+    fn prepare(&self, kept: Option<&[u8]>) -> Result<Option<Vec<u8>>> {
+        let Files::Scenario(files) = &self.network.files else { return Ok(None) };
+        if let Some(kept) = kept
+            && self.take_prepared(kept).is_ok()
+        {
+            return Ok(Some(kept.to_vec()));
         }
-        postcard::to_stdvec(self.visits()?.visits()).map(Some).context("visits cannot be encoded")
+        let (parts, tables) = (files.local_parts()?, self.visits()?);
+        let made_from = files.made_from(&self.plan)?;
+        Prepared { made_from, nets: Cow::Borrowed(&parts.nets), visits: Cow::Borrowed(tables.visits()) }
+            .to_bytes()
+            .map(Some)
     }
 
     fn take_prepared(&self, prepared: &[u8]) -> Result<()> {
-        let visits: Visits = postcard::from_bytes(prepared).context("these bytes are no visits")?;
-        ensure!(visits.of_agents.len() == self.agents(), "these are visits to other regions");
-        self.visits.get_or_init(|| Arc::new(VisitTables::new(visits, &self.plan.borders)));
+        let Files::Scenario(files) = &self.network.files else { bail!("a grid needs nothing that was prepared") };
+        let Prepared { made_from, nets, visits } = Prepared::from_bytes(prepared)?;
+        ensure!(made_from == files.made_from(&self.plan)?, "they are of other files or settings");
+        files.take_cuts(nets.into_owned());
+        self.visits.get_or_init(|| Arc::new(VisitTables::new(visits.into_owned(), &self.plan.borders)));
         Ok(())
     }
 

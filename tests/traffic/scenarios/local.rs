@@ -19,8 +19,12 @@ const STEPS: usize = 40;
 
 /// Returns the first ten minutes of a shipped scenario. Episodes of its local simulators are half as long.
 fn ten_minutes(name: &str) -> Traffic {
+    Traffic::open_scenario(&ten_minutes_of(name)).unwrap()
+}
+
+fn ten_minutes_of(name: &str) -> ScenarioConfig {
     let whole = ScenarioConfig::new(shipped(name));
-    Traffic::open_scenario(&ScenarioConfig { begin_s: Some(0), end_s: Some(600), local_horizon: 60, ..whole }).unwrap()
+    ScenarioConfig { begin_s: Some(0), end_s: Some(600), local_horizon: 60, ..whole }
 }
 
 fn load(traffic: &Traffic, regions: &[usize]) -> Box<dyn LocalSimulator> {
@@ -133,10 +137,11 @@ fn a_row_is_bit_identical_in_company_of_cars_that_have_no_way_on() {
 #[test]
 fn a_worker_takes_the_recording_of_the_coordinator_and_plays_none_itself() {
     let [coordinator, worker] = [(); 2].map(|()| ten_minutes("town"));
-    let prepared = coordinator.prepare().unwrap().expect("the local simulators of a scenario need a recording");
+    let prepared = coordinator.prepare(None).unwrap().expect("the local simulators of a scenario need a recording");
     // While a simulator is loaded, no episode can be recorded.
-    let _gs = worker.global_simulator().unwrap();
+    let gs = worker.global_simulator().unwrap();
     worker.take_prepared(&prepared).unwrap();
+    drop(gs);
     let [taken, recorded] = [&worker, &coordinator].map(|traffic| traffic.visits().unwrap());
     assert!(taken.visits() == recorded.visits());
     // A driver that visits several regions is sent once.
@@ -147,6 +152,11 @@ fn a_worker_takes_the_recording_of_the_coordinator_and_plays_none_itself() {
     assert_eq!(prepared.windows(sent.len()).filter(|bytes| *bytes == sent).count(), 1);
     assert!(worker.take_prepared(&prepared[..prepared.len() / 2]).is_err(), "half of it");
     assert!(ten_minutes("grid_4x4_turns").take_prepared(&prepared).is_err(), "of another scenario");
+    let farther = ScenarioConfig { approach_m: 70.0, ..ten_minutes_of("town") };
+    let farther = Traffic::open_scenario(&farther).unwrap();
+    assert!(farther.take_prepared(&prepared).is_err(), "of other regions");
+    let again = farther.prepare(Some(&prepared)).unwrap().unwrap();
+    assert!(again != prepared && farther.prepare(Some(&again)).unwrap().unwrap() == again);
 }
 
 #[test]

@@ -321,12 +321,13 @@ pub trait Domain: Send + Sync {
     }
 
     /// Prepares what takes long and is the same in all processes that make local simulators: bytes that
-    /// [`Domain::take_prepared`] reads. If there is no such thing: `None`.
-    fn prepare(&self) -> Result<Option<Vec<u8>>> {
+    /// [`Domain::take_prepared`] reads. If there is no such thing: `None`. `kept`: such bytes of an earlier process. Nothing is
+    /// prepared again if they are made from the same files and settings.
+    fn prepare(&self, _kept: Option<&[u8]>) -> Result<Option<Vec<u8>>> {
         Ok(None)
     }
 
-    /// Takes what a domain of the same config prepared in another process.
+    /// Takes what a domain prepared in another process. If it was made from other files or settings: an error.
     fn take_prepared(&self, _prepared: &[u8]) -> Result<()> {
         Ok(())
     }

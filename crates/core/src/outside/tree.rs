@@ -12,6 +12,7 @@ use std::path::Path;
 use anyhow::{Context, Result, anyhow, bail, ensure};
 use encoding_rs::{Encoding, UTF_8, UTF_16BE, UTF_16LE};
 use roxmltree::{Document, Node, ParsingOptions};
+use serde::{Deserialize, Serialize};
 
 use super::file::unpacked;
 use super::{LARGEST_NETWORK, read_bytes};
@@ -27,7 +28,7 @@ const LONGEST_DECLARATION: usize = 256;
 /// Largest number of declared namespaces in a file. Each is copied into every element inside.
 const MOST_NAMESPACES: usize = 16;
 
-#[derive(Clone, Debug, PartialEq, Eq)]
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Element {
     pub name: String,
     pub attributes: Vec<(String, String)>,

@@ -205,27 +205,34 @@ int ds_load(const char *const *options, size_t count) {
     });
 }
 
-int ds_close(void) {
+int ds_unload(void) {
     return guarded([] {
         forget_step();
         forget_inner_lanes();
-        for (auto &names : names_of) {
-            names.clear();
-        }
         Simulation::close("Libsumo requested termination.");
     });
+}
+
+int ds_close(void) {
+    for (auto &names : names_of) {
+        names.clear();
+    }
+    return ds_unload();
 }
 
 int ds_register_names(enum ds_kind kind, const char *const *names, size_t count, uint32_t *first) {
     return guarded([&] {
         const std::vector<std::string> wanted(names, names + count);
+        const bool is_loaded = Simulation::isLoaded();
         for (const auto &name : wanted) {
-            must_exist(kind, name);
+            if (is_loaded) {
+                must_exist(kind, name);
+            }
         }
         auto &known = names_of[kind];
         *first = static_cast<uint32_t>(known.size());
         known.insert(known.end(), wanted.begin(), wanted.end());
-        if (kind == DS_LANE) {
+        if (kind == DS_LANE && is_loaded) {
             find_inner_lanes(*first);
         }
     });
@@ -563,7 +570,7 @@ int ds_shortcuts(void) {
 // In the order of shim.h.
 const struct ds_shim functions = {
     _GLIBCXX_USE_CXX11_ABI,
-    ds_load, ds_close, ds_register_names, ds_step, ds_time, ds_read_lanes, ds_read_lights, ds_set_lights, ds_set_programs,
+    ds_load, ds_unload, ds_close, ds_register_names, ds_step, ds_time, ds_read_lanes, ds_read_lights, ds_set_lights, ds_set_programs,
     ds_insert, ds_enter, ds_place, ds_seed_generators, ds_clear_pending, ds_remove_cars, ds_read_departures,
     ds_read_departed, ds_read_gone, ds_read_route, ds_counts,
     ds_count_waiting, ds_heard, ds_shortcuts,

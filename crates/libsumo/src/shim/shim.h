@@ -94,9 +94,11 @@ struct ds_shim {
     int strings_of_cpp11;
     /* Loads, or loads again in place. Also fails if a registered name is unknown to the new net. */
     int (*load)(const char *const *options, size_t count);
+    /* Ends the simulation, and keeps all registered names for the next load. */
+    int (*unload)(void);
     /* Ends the simulation and forgets all registered names. */
     int (*close)(void);
-    /* Registers all or none: names[i] becomes index *first + i of its kind. */
+    /* Registers all or none: names[i] becomes index *first + i of its kind. If nothing is loaded, the next load looks them up. */
     int (*register_names)(enum ds_kind kind, const char *const *names, size_t count, uint32_t *first);
     /* One step, or as many as there are until this second; 0 is one. */
     int (*step)(double until);

@@ -31,7 +31,7 @@ use super::task::{Task, report_progress};
 use crate::config::RunConfig;
 use dials_core::base::{Activity, AgentId};
 use dials_core::domain::Domain;
-use dials_learn::config::{Config, Simulator};
+use dials_learn::config::Config;
 use dials_learn::fleet::{Fleet, FleetLoad, Stop, WorkerLoad};
 use dials_learn::observer::{Interrupted, Observer};
 use dials_learn::state::AgentsState;
@@ -53,6 +53,8 @@ pub struct Options {
     pub patience: Duration,
     /// Growth at which a worker that can be replaced is replaced.
     pub most_growth: MostGrowth,
+    /// What the workers need to make local simulators ([`Domain::prepare`]).
+    pub prepared: Option<Vec<u8>>,
 }
 
 /// Workers that share the agents: each owns a block of consecutive agents, in the order of the workers. A
@@ -72,8 +74,6 @@ pub struct Coordinator {
     agents: AgentsState,
     at_work: Duration,
     clock: CpuClock,
-    /// What the workers need to make local simulators, made once for all of them.
-    prepared: Option<Vec<u8>>,
 }
 
 /// A worker, whichever process it is at the moment.
@@ -93,9 +93,7 @@ impl Coordinator {
         observer: Rc<dyn Observer>,
     ) -> Result<Coordinator> {
         let slot = |agents| Slot { agents, link: None, growth: Growth::default(), load: WorkerLoad::default() };
-        let prepared = if config.learning.simulator == Simulator::Global { None } else { domain.prepare()? };
         let mut fleet = Coordinator {
-            prepared,
             workers: agents_of_workers(&config.learning, domain.agents(), options.workers)
                 .into_iter()
                 .map(slot)
@@ -263,7 +261,7 @@ impl Coordinator {
             config_json: serde_json::to_string(&self.config)?,
             agents: agents.map(AgentId).collect(),
             threads: if self.config.learning.learns_at_one_place() { self.options.threads } else { 1 },
-            prepared: self.prepared.clone(),
+            prepared: self.options.prepared.clone(),
         };
         link.send(encode(&begin)?.into());
         self.send_state(worker, &*link)?;

@@ -29,6 +29,7 @@ pub fn in_process(
         threads: 1,
         patience: Duration::MAX,
         most_growth: MostGrowth { kib: u64::MAX, share: 0.0 },
+        prepared: None,
     };
     let crew = InProcess::new(domain.clone(), observer.clone());
     Coordinator::start(domain, &config.into(), Box::new(crew), options, observer)

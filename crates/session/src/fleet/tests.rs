@@ -100,7 +100,7 @@ fn train(crew: TestCrew) -> (Result<AgentsState, String>, Vec<String>) {
 fn train_as(config: &Config, crew: TestCrew) -> (Result<AgentsState, String>, Vec<String>) {
     let (domain, warnings) = (crew.domain.clone(), Rc::new(Warnings::default()));
     let (workers, most_growth) = (crew.fates.len(), crew.most_growth);
-    let options = Options { workers, threads: workers, patience: PATIENCE, most_growth };
+    let options = Options { workers, threads: workers, patience: PATIENCE, most_growth, prepared: None };
     let outcome =
         Coordinator::start(domain, &RunConfig::from(config.clone()), Box::new(crew), options, warnings.clone())
             .and_then(|mut fleet| {
@@ -126,7 +126,7 @@ fn same_for_any_fleet(domain: &Arc<dyn Domain>, config: &Config, deaths: [&[usiz
     let (half, standing) = kept.0.unwrap();
     // Workers that can be replaced are started again, others take the state.
     for can_replace in [true, false] {
-        let options = Options { workers: 2, threads: 2, patience: PATIENCE, most_growth: NEVER };
+        let options = Options { workers: 2, threads: 2, patience: PATIENCE, most_growth: NEVER, prepared: None };
         let crew = Box::new(TestCrew { domain: domain.clone(), ..crew(can_replace, [&[], &[]]) });
         let run_config = RunConfig::from(config.clone());
         let mut fleet = Coordinator::start(domain.clone(), &run_config, crew, options, Rc::new(Silent)).unwrap();

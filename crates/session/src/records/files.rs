@@ -16,9 +16,10 @@ pub const EVENTS: &str = "events.out.tfevents";
 pub const POLICIES: &str = "policies.safetensors";
 pub const AIPS: &str = "aips.safetensors";
 pub const CHECKPOINTS: &str = "checkpoints";
+pub const PREPARED: &str = "local_simulators.bin";
 
 /// Files that are replaced as a whole.
-pub(crate) const WRITTEN: [&str; 4] = [CONFIG, RUN, POLICIES, AIPS];
+pub(crate) const WRITTEN: [&str; 5] = [CONFIG, RUN, POLICIES, AIPS, PREPARED];
 
 /// Files that grow during the run.
 pub const GROWING: [&str; 9] = [IMITATION, RETURNS, EPISODES, TRAINING, AIP_LOSS, AIP_DRIFT, TIMING, MEMORY, EVENTS];

@@ -11,7 +11,7 @@
 //!   noticed.
 //! - `lines`: the lines of the CSV files.
 //! - [`checkpoint`]: the state of all agents, from which a run continues. [`resume_point`]: which checkpoint fits the
-//!   files. [`networks`]: the files of policies and AIPs.
+//!   files. [`networks`]: the files of policies and AIPs. [`mod@prepared`]: what local simulators are made from.
 //! - [`run_json`]: how the run was called, what computed it, and the keys and files of its domain, to notice a change.
 //! - [`run_log`]: writes all this during training, but no networks that have diverged.
 //! - [`run_record`], [`reader`], [`csv_table`]: the contents of a run directory, never of a live one.
@@ -26,6 +26,7 @@ pub mod growing;
 mod lines;
 pub mod method;
 pub mod networks;
+pub mod prepared;
 pub(crate) mod reader;
 pub mod resume_point;
 pub mod run_json;

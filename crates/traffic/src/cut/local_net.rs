@@ -2,12 +2,14 @@
 
 use std::io;
 
+use serde::{Deserialize, Serialize};
+
 use super::names::write;
 use crate::network::tree::Element;
 use crate::network::xml::{Xml, document_with};
 
 /// The net of one light. It keeps the names, shapes, rights of way and programs of the net that it was cut out of.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct LocalNet {
     pub(crate) light: String,
     /// Lanes for cars on the edges that begin at the border.
@@ -18,7 +20,7 @@ pub struct LocalNet {
     pub(super) root: Element,
 }
 
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Exit {
     pub(crate) edge: String,
     pub lanes: Vec<String>,
@@ -27,7 +29,7 @@ pub struct Exit {
 }
 
 /// A way behind an exit. Cars choose their lanes by it.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Way {
     /// Edges of the whole net, the nearest first. Empty: the exit is a dead end.
     pub(crate) edges: Vec<String>,
@@ -38,7 +40,7 @@ pub struct Way {
 }
 
 /// A light of our own at the ends of exit lanes. It always shows green. Red blocks an exit.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Gate {
     pub light: String,
     pub lanes: Vec<String>,

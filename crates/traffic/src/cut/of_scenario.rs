@@ -4,6 +4,7 @@ use std::collections::BTreeSet;
 use std::path::Path;
 
 use anyhow::{Result, anyhow, bail, ensure};
+use rayon::prelude::*;
 
 use super::beyond::Reach;
 use super::extract::Source;
@@ -46,9 +47,10 @@ pub(crate) fn cut_all(scenario: &SumoScenario, derived: &Derived) -> Result<Vec<
     let roads = scenario.roads()?;
     let source = source(scenario, &roads);
     let cut = |Agent { plan, region, .. }: &Agent| LocalNet::cut(&source, &plan.light, region, Reach::default());
+    let cuts: Vec<Result<LocalNet>> = derived.agents.par_iter().map(cut).collect();
     let (mut nets, mut refused) = (Vec::new(), Vec::new());
-    for agent in &derived.agents {
-        match cut(agent) {
+    for cut in cuts {
+        match cut {
             Ok(net) => nets.push(net),
             Err(error) => refused.push(format!("{error:#}")),
         }

@@ -80,12 +80,17 @@ impl Loadable {
         Loadable { has_devices: may_have, ..self }
     }
 
-    /// Loads it into SUMO with these options: those of [`Loadable::options`], and further ones.
-    pub(crate) fn load(&self, options: &[String]) -> Result<Simulation> {
-        let mut simulation = Simulation::load(options).map_err(|error| self.explain(&error))?;
+    /// Takes the only place for a simulation. Nothing is loaded yet.
+    pub(crate) fn simulation(&self) -> Result<Simulation> {
+        let mut simulation = Simulation::unloaded()?;
         simulation.set_steps_per_second(self.steps_per_s);
         simulation.few_devices(!self.has_devices);
         Ok(simulation)
+    }
+
+    /// Loads it with these options: those of [`Loadable::options`], and further ones.
+    pub(crate) fn load(&self, simulation: &mut Simulation, options: &[String]) -> Result<()> {
+        simulation.reload(options).map_err(|error| self.explain(&error))
     }
 
     /// Returns the options that make SUMO load it. `actuated`: also the actuated programs.
@@ -119,7 +124,8 @@ impl Loadable {
             options.extend([name, value.to_owned()]);
         }
         options.extend(LOUD.map(str::to_owned));
-        let mut simulation = self.load(&options)?;
+        let mut simulation = self.simulation()?;
+        self.load(&mut simulation, &options)?;
         let heard = simulation.heard();
         let begun = Instant::now();
         while simulation.time_s()? < end_s && begun.elapsed() < patience {

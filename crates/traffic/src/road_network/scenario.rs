@@ -14,6 +14,7 @@ use crate::agents::derive::{Agent, Derived, Rules, derive};
 use crate::agents::plan::{AgentPlan, Border, JointPlan};
 use crate::config::{Reward, ScenarioConfig};
 use crate::controllers::actuated;
+use crate::cut::local_net::LocalNet;
 use crate::cut::names::free_name;
 use crate::cut::of_scenario::{cut_all, types_of};
 use crate::network::loadable::Loadable;
@@ -130,14 +131,19 @@ impl ScenarioFiles {
             return Ok(known.clone());
         }
         self.files.check_local()?;
-        let parts = Arc::new(LocalParts {
-            nets: cut_all(&self.files, &self.derived)?,
+        Ok(self.take_cuts(cut_all(&self.files, &self.derived)?))
+    }
+
+    /// Takes the nets of all agents that were cut out before.
+    pub(crate) fn take_cuts(&self, nets: Vec<LocalNet>) -> Arc<LocalParts> {
+        let parts = || LocalParts {
+            nets,
             types: types_of(&self.files),
             steps_per_s: self.files.steps_per_s(),
             may_have_devices: self.files.may_have_devices(),
             options: driving_options(self.files.options()),
             name: self.files.path().display().to_string(),
-        });
-        Ok(self.local.get_or_init(|| parts).clone())
+        };
+        self.local.get_or_init(|| Arc::new(parts())).clone()
     }
 }

@@ -70,7 +70,8 @@ pub struct GlobalTraffic {
 }
 
 impl GlobalTraffic {
-    pub(crate) fn load(
+    /// Makes it ready. The first reset loads the network.
+    pub(crate) fn new(
         plan: Arc<JointPlan>,
         network: Arc<RoadNetwork>,
         control: SignalControl,
@@ -78,8 +79,7 @@ impl GlobalTraffic {
     ) -> Result<GlobalTraffic> {
         let last = JointTransition::new(&plan.kinds);
         let source = network.source()?;
-        let options = source.options(control.is_actuated(), Seed::new(0).for_sumo());
-        let mut simulation = source.load(&options)?;
+        let mut simulation = source.simulation()?;
         let agents = plan.agents.iter();
         let lights = agents.clone().map(|agent| (agent.light.clone(), agent.phases.clone()));
         let lights = Lights::register(&mut simulation, lights)?;
@@ -272,7 +272,7 @@ impl GlobalSimulator for GlobalTraffic {
             metrics.begin();
             options.extend(metrics.options());
         }
-        self.simulation.reload(&options).map_err(|error| self.source.explain(&error))?;
+        self.source.load(&mut self.simulation, &options)?;
         let by_program = self.decisions.control.by_program();
         let program = self.decisions.control.is_actuated().then(|| self.source.actuated_program());
         let ours: Vec<usize> = (0..self.agents()).filter(|row| !by_program.contains(row)).collect();
@@ -387,10 +387,8 @@ impl GlobalSimulator for GlobalTraffic {
     fn measures(&mut self) -> Result<Measures> {
         let Some(metrics) = &mut self.metrics else { return Ok(self.tally.measures()) };
         if !metrics.finished() {
-            // SUMO writes the trips of the cars that are still on the road when it closes the simulation. It closes it
-            // before it loads another one.
-            let options = self.source.options(self.decisions.control.is_actuated(), Seed::new(0).for_sumo());
-            self.simulation.reload(&options).map_err(|error| self.source.explain(&error))?;
+            // SUMO writes the trips of the cars that are still on the road when it ends.
+            self.simulation.unload()?;
             metrics.finish()?;
         }
         let mut measures = self.tally.measures();
