@@ -11,6 +11,8 @@ use rustix::process::{Pid, Signal, kill_process};
 
 const RESULTS: [&str; 6] =
     ["returns.csv", "aip_loss.csv", "aip_drift.csv", "training.csv", "policies.safetensors", "aips.safetensors"];
+/// Time after which another signal counts as a second one.
+const LONGER_THAN_ONE_SIGNAL: Duration = Duration::from_millis(2100);
 /// Time limit. However slow the machine is, a wait that lasts longer will never end.
 const FOR_EVER: Duration = Duration::from_secs(120);
 
@@ -419,7 +421,7 @@ fn ctrl_c_stops_at_the_next_exchange_and_a_second_one_at_once() {
     let workers = wait_for_workers(&again, 2);
     let pid = Pid::from_child(&again);
     kill_process(pid, Signal::INT).unwrap();
-    std::thread::sleep(Duration::from_millis(20));
+    std::thread::sleep(LONGER_THAN_ONE_SIGNAL);
     let _ = kill_process(pid, Signal::INT); // it may have stopped already
     assert_eq!(ended(again).0.code(), Some(130));
     assert_no_orphans(&workers);
@@ -595,8 +597,9 @@ fn ctrl_c_is_obeyed_while_a_worker_is_stopped() {
     coordinator.wait_for_words(": return");
     kill_process(run.process_of(0), Signal::STOP).unwrap();
     coordinator.interrupt();
-    coordinator.wait_for_words("stopping at the end of this period, where nothing is lost");
-    coordinator.wait_for_words("press Ctrl-C again to stop now and lose at most this period");
+    coordinator.wait_for_words("stopping at the next checkpoint, where nothing is lost");
+    coordinator.wait_for_words("to stop now and lose what came since the last checkpoint");
+    std::thread::sleep(LONGER_THAN_ONE_SIGNAL);
     let (code, said) = coordinator.stopped();
     assert!(code == Some(130) && said.contains(" per agent; resume with: "), "{said}");
 
@@ -606,6 +609,53 @@ fn ctrl_c_is_obeyed_while_a_worker_is_stopped() {
     let (code, said) = coordinator.ended();
     assert!(code == Some(0) && said.contains("said nothing for 5s"), "{said}");
     run.assert_undisturbed_on_the_gs();
+}
+
+#[test]
+fn checkpoints_by_time_leave_no_trace_wherever_they_cut_a_period() {
+    // One after every update: the shortest time.
+    for workers in ["0", "2"] {
+        let run = Run::new();
+        run.train(&["--workers", workers, "--set", "checkpoints.every_minutes=1e-9"]);
+        run.assert_undisturbed();
+    }
+    let [calm, cut] = [["--workers", "1"].as_slice(), &["--workers", "2", "--set", "checkpoints.every_minutes=1e-9"]]
+        .map(|more| {
+            let run = Run::new();
+            run.train(&[&["--simulator", "gs", "--set", "gs.copies=2", "--set", "total_steps=1_500"], more].concat());
+            ["returns.csv", "training.csv", "policies.safetensors"].map(|file| fs::read(run.out.join(file)).unwrap())
+        });
+    assert!(calm == cut, "on two copies of the GS");
+}
+
+#[test]
+fn a_run_that_is_terminated_as_timeout_does_loses_less_than_a_period() {
+    for signal in [Signal::TERM, Signal::HUP] {
+        let run = Run::new();
+        // Updates are every 128 steps. Nothing else is due before step 1000.
+        let coordinator = run.start(&["--workers", "1", "--set", "checkpoints.every_minutes=1e-9"]);
+        run.wait_for_checkpoints(2);
+        let pid = Pid::from_child(&coordinator);
+        // GNU timeout signals the process, and then its group.
+        (0..2).for_each(|_| kill_process(pid, signal).unwrap());
+        let (status, said) = ended(coordinator);
+        assert_eq!(status.code(), Some(130), "{said}");
+        let kept = said.split("stopped; kept up to step ").nth(1).unwrap();
+        let step: u64 = kept.split(' ').next().unwrap().parse().unwrap();
+        assert!(step > 0 && step.is_multiple_of(128), "{said}");
+        if signal == Signal::TERM {
+            // A run may also end where the period was cut. What the period has brought so far is written then.
+            let (status, said) = run.resume(&["--steps", &step.to_string()]);
+            assert!(status.success(), "{said}");
+            let short = Run::new();
+            short.train(&["--workers", "1", "--steps", &step.to_string()]);
+            assert!(run.results() == short.results(), "the run that ends at step {step}");
+        } else {
+            let (status, said) = run.resume(&["--workers", "2"]);
+            assert!(status.success(), "{said}");
+            run.assert_undisturbed();
+        }
+    }
 }
 
 #[test]

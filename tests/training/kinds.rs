@@ -260,7 +260,7 @@ fn workers_that_share_the_agents_bring_what_one_worker_brings() {
     let measure_aips = |worker: &mut Worker, datasets: &[Dataset]| {
         MeasureAips { datasets: datasets.to_vec() }.run(worker, &Silent).unwrap()
     };
-    let train = |worker: &mut Worker, period| TrainPolicies { period }.run(worker, &Silent).unwrap().0;
+    let train = |worker: &mut Worker, period| TrainPolicies { period, so_far: None }.run(worker, &Silent).unwrap().0;
     let losses = train_aips(&mut whole, &datasets);
     let training = train(&mut whole, period);
 

@@ -23,6 +23,7 @@ pub mod evaluation;
 mod fixtures;
 pub mod fleet;
 pub mod observer;
+mod pace;
 pub mod policy;
 pub mod predictors;
 pub mod progress;

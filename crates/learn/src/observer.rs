@@ -86,6 +86,11 @@ pub trait Recorder {
         Ok(())
     }
 
+    /// Training can continue from here, between two periods or within one.
+    fn saved(&mut self, _agents: &AgentsState, _progress: &TrainingProgress) -> Result<()> {
+        Ok(())
+    }
+
     /// The last evaluation is over.
     fn finished(&mut self, _agents: &AgentsState, _load: FleetLoad) -> Result<()> {
         Ok(())

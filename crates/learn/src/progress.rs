@@ -1,10 +1,11 @@
-//! How far Algorithm 1 has come between two periods. With the config and the agents, it decides how training continues.
+//! How far Algorithm 1 has come between two periods, or within one. With the config and the agents, it decides how training continues.
 
 use serde::{Deserialize, Serialize};
 
 use crate::config::{AipTraining, Config, Period, schedule};
 use crate::predictors::FreshLoss;
 use crate::state::AgentsState;
+use crate::steps::train_policies::PolicyTraining;
 use anyhow::ensure;
 use dials_core::domain::Result;
 
@@ -12,12 +13,18 @@ use dials_core::domain::Result;
 const LONGEST_S: f64 = 1e10;
 
 /// How far training has come. The default is its beginning.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct TrainingProgress {
-    /// End of the last period that is over, in timesteps per agent. Not a number of periods: the schedule may change
-    /// when a run is resumed.
+    /// End of the last period that is over, or of the part of a period, in timesteps per agent. Not a number of periods: the
+    /// schedule may change when a run is resumed.
     pub until: u64,
+    /// What a period that is not over has brought.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub so_far: Option<PolicyTraining>,
+    /// Timesteps per agent at the last training of the AIPs.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub aips_trained_at: Option<u64>,
     /// Timesteps per agent at the last evaluation. A schedule that has changed does not repeat it.
     pub evaluated_at: Option<u64>,
     pub drift: Drift,
@@ -26,9 +33,24 @@ pub struct TrainingProgress {
 impl TrainingProgress {
     /// Returns an error that says how it contradicts the config that it was reached with, or the state.
     pub fn check(&self, state: &AgentsState, elapsed_s: f64, config: &Config) -> Result<()> {
-        let TrainingProgress { until, evaluated_at, drift } = *self;
-        let ends_there = schedule(config).iter().any(|period| period.end == until);
-        ensure!(ends_there, "it ends a period at step {until}, where its own schedule has none");
+        let TrainingProgress { until, ref so_far, aips_trained_at, evaluated_at, drift } = *self;
+        if let Some(so_far) = so_far {
+            so_far.check(state.agents())?;
+            ensure!(so_far.updates > 0, "it has come into a period by no update");
+            ensure!(
+                config.update_at_or_before(until) == until,
+                "it is within a period at step {until}, but not at an update"
+            );
+        } else {
+            let ends_there = until == 0 || self.ends_a_period(config);
+            ensure!(ends_there, "it ends a period at step {until}, where its own schedule has none");
+        }
+        ensure!(
+            aips_trained_at.is_none_or(|at| at <= state.steps),
+            "its last training of AIPs is at step {}, after its own step {}",
+            aips_trained_at.unwrap_or(0),
+            state.steps
+        );
         let steps = config.update_at_or_after(until);
         ensure!(
             state.steps == steps,
@@ -54,8 +76,16 @@ impl TrainingProgress {
         Ok(())
     }
 
-    /// Returns whether the AIPs are trained before the policies in this period.
-    pub(crate) fn trains_aips(&self, period: &Period, config: &Config) -> bool {
+    /// Returns whether a period of the config's schedule ends where training has come to.
+    pub(crate) fn ends_a_period(&self, config: &Config) -> bool {
+        schedule(config).iter().any(|period| period.end == self.until)
+    }
+
+    /// Returns whether the AIPs are trained before the policies in this period, and were not yet. `steps`: timesteps per agent now.
+    pub(crate) fn trains_aips(&self, period: &Period, steps: u64, config: &Config) -> bool {
+        if self.aips_trained_at == Some(steps) {
+            return false;
+        }
         match period.train_aips {
             AipTraining::No => false,
             AipTraining::Yes => true,

@@ -203,7 +203,7 @@ impl Batch {
             if self.stop.load(Ordering::Relaxed) && !self.outcome.interrupted {
                 self.outcome.interrupted = true;
                 self.waiting.clear();
-                self.display.say("stopping each run at the end of its period; press Ctrl-C again to stop now");
+                self.display.say("stopping each run at its next checkpoint; press Ctrl-C again, two seconds later or more, to stop now");
                 self.working.iter().for_each(|(_, child)| child.ask_to_stop());
             }
             while let Some(task) = self.waiting.pop_if(|task| self.cores.take(task.width)) {

@@ -33,7 +33,7 @@ impl Book {
     /// Notes a disturbance and prints its line.
     pub(super) fn disturbed(&mut self, domain: Domain, card: Card, words: &str) {
         self.played.entry(card).or_default()[domain as usize] += 1;
-        println!("{:>4}  {:<9}  {:<28}  {words}", self.disturbances(|_| true), domain.name(), card.name());
+        println!("{:>4}  {:<17}  {:<28}  {words}", self.disturbances(|_| true), domain.name(), card.name());
     }
 
     /// Notes a run that is done.
@@ -57,10 +57,12 @@ impl Book {
     }
 
     pub(super) fn table(&self, took: Duration, seed: u64) -> String {
-        let mut table = String::from("\n| disturbance | traffic | warehouse |\n|---|---|---|\n");
+        let names = Domain::ALL.map(Domain::name).join(" | ");
+        let mut table = format!("\n| disturbance | {names} |\n|---{}|\n", "|---".repeat(Domain::ALL.len()));
         for (card, _) in Card::DECK {
-            let [traffic, warehouse] = self.played.get(&card).copied().unwrap_or_default();
-            writeln!(table, "| {} | {traffic} | {warehouse} |", card.name()).expect("a string takes all");
+            let counts = self.played.get(&card).copied().unwrap_or_default();
+            let counts = counts.map(|count| count.to_string()).join(" | ");
+            writeln!(table, "| {} | {counts} |", card.name()).expect("a string takes all");
         }
         let faults = |fault| self.faults.get(&fault).copied().unwrap_or(0);
         let (all, kills) = (self.disturbances(|_| true), self.disturbances(Card::kills));

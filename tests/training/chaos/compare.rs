@@ -16,7 +16,13 @@ const UNDETERMINED: [&str; 5] = ["elapsed_s", files::TIMING, files::MEMORY, file
 
 /// Compares a run with an undisturbed one. Returns the faults, none if all is well.
 pub(super) fn compare(undisturbed: &Stage, stage: &Stage) -> Vec<(Fault, String)> {
-    let [expected, found] = [undisturbed, stage].map(|stage| names(&stage.runs()));
+    let [mut expected, mut found] = [undisturbed, stage].map(|stage| names(&stage.runs()));
+    // Those by time are at other steps each time. The last one ends the run.
+    let newest = expected.iter().filter(|name| is_checkpoint(name)).max().cloned();
+    let both = &expected & &found;
+    [&mut expected, &mut found].into_iter().for_each(|names| {
+        names.retain(|name| !is_checkpoint(name) || both.contains(name) || Some(name) == newest.as_ref());
+    });
     let missing = expected.difference(&found).map(|name| (Fault::Different, format!("{}: missing", name.display())));
     let unknown = found.difference(&expected).map(|name| (Fault::Leftover, name.display().to_string()));
     let temporary = names(&stage.temporary());
@@ -46,6 +52,10 @@ fn names(folder: &Path) -> BTreeSet<PathBuf> {
     names
 }
 
+fn is_checkpoint(name: &Path) -> bool {
+    name.parent().is_some_and(|folder| folder.ends_with(files::CHECKPOINTS))
+}
+
 fn is_worker_log(name: &str) -> bool {
     let number = name.split_once("/worker_").and_then(|(_, rest)| rest.strip_suffix(".log"));
     number.is_some_and(|number| number.parse::<u8>().is_ok())
@@ -69,7 +79,7 @@ fn determined(runs: &Path, name: &Path) -> Vec<u8> {
         _ if file.ends_with(".json") && path.parent().is_some_and(|folder| folder.ends_with("baselines")) => {
             without("config", &bytes)
         }
-        _ if path.parent().is_some_and(|folder| folder.ends_with(files::CHECKPOINTS)) => state(&bytes),
+        _ if is_checkpoint(&path) => state(&bytes),
         _ => bytes,
     }
 }

@@ -182,7 +182,8 @@ impl<'a> Play<'a> {
             }
             Card::InterruptTwice => {
                 self.signal(Signal::INT);
-                let between = self.part_of(Duration::from_millis(50));
+                // Within two seconds both count as one.
+                let between = self.part_of(Duration::from_secs(4));
                 if self.running().lives_for(between) {
                     self.signal(Signal::INT);
                 }

@@ -15,17 +15,21 @@ const MARK: &str = "CHAOS_STAGE";
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Domain {
+    /// Traffic with checkpoints by time, which are at other steps each time.
     Traffic,
+    /// The same on copies of the GS, each in a process of its own.
+    Gs,
     /// The warehouse, with recurrent policies and AIPs, and an event file for TensorBoard.
     Warehouse,
 }
 
 impl Domain {
-    pub(super) const ALL: [Domain; 2] = [Domain::Traffic, Domain::Warehouse];
+    pub(super) const ALL: [Domain; 3] = [Domain::Traffic, Domain::Gs, Domain::Warehouse];
 
     pub(super) fn name(self) -> &'static str {
         match self {
             Domain::Traffic => "traffic",
+            Domain::Gs => "traffic on the GS",
             Domain::Warehouse => "warehouse",
         }
     }
@@ -34,6 +38,7 @@ impl Domain {
     pub(super) fn steps(self) -> u64 {
         match self {
             Domain::Traffic => 7_500,
+            Domain::Gs => 3_000,
             Domain::Warehouse => 12_000,
         }
     }
@@ -44,12 +49,20 @@ impl Domain {
         let nets = Path::new(env!("CARGO_MANIFEST_DIR")).join("sumo_nets").display().to_string();
         match self {
             Domain::Traffic => format!(
-                "total_steps = {steps}\ncheckpoints.every_steps = 1_250\n\
+                "total_steps = {steps}\ncheckpoints = {{ every_steps = 1_250, every_minutes = 0.005 }}\n\
                  [traffic]\nnetwork = '{nets}/grid_2x2'\nlocal_network = '{nets}/local'\nhorizon = 60\n\
                  [local_simulators]\ncopies = 8\nstagger = true\n[policy]\nhidden = [32, 16]\n\
                  [ppo]\ntime_limit = 'bootstrap'\n\
                  [aip]\nhidden = [8]\nretrain_every_steps = 5_000\ndataset_steps = 300\nbatch = 32\nepochs = 2\n\
                  [evaluation]\nevery_steps = 2_500\nepisodes = 5\nfinal_episodes = 10\naip_loss_episodes = 4\n"
+            ),
+            Domain::Gs => format!(
+                "total_steps = {steps}\nsimulator = 'gs'\n\
+                 checkpoints = {{ every_steps = 500, every_minutes = 0.005 }}\n\
+                 [traffic]\nnetwork = '{nets}/grid_2x2'\nlocal_network = '{nets}/local'\nhorizon = 60\n\
+                 [local_simulators]\nstagger = true\n[gs]\ncopies = 3\n[policy]\nhidden = [32, 16]\n\
+                 [ppo]\nmemory = 96\nrollout_steps = 16\ntime_limit = 'bootstrap'\n\
+                 [evaluation]\nevery_steps = 1_000\nepisodes = 5\nfinal_episodes = 10\n"
             ),
             Domain::Warehouse => format!(
                 "total_steps = {steps}\ncheckpoints.every_steps = 2_000\nlogging.tensorboard = true\n\

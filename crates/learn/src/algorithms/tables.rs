@@ -214,7 +214,7 @@ pub(crate) fn check_finite(name: &str, row: &[f32]) -> Result<()> {
     }
 }
 
-/// Figures of one update, or their means over several. Their names are columns of `training.csv`.
+/// Figures of one update, or their sums over several. Their names are columns of `training.csv`.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Metrics {
     /// Figures with a value per agent, such as losses.
@@ -224,17 +224,21 @@ pub struct Metrics {
 }
 
 impl Metrics {
-    /// Returns the means over some updates, with the settings of the last one. Without updates: `empty`.
-    pub(crate) fn mean(updates: &[Metrics], empty: Metrics) -> Metrics {
-        let Some(last) = updates.last() else { return empty };
-        let weight = 1.0 / updates.len() as f64;
-        let mut mean = Metrics { settings: last.settings.clone(), ..empty };
-        for update in updates {
-            for ((_, sums), (_, values)) in mean.of_agents.iter_mut().zip(&update.of_agents) {
-                sums.iter_mut().zip(values).for_each(|(sum, value)| *sum += weight * value);
-            }
+    /// Adds the figures of a later update, and takes its settings.
+    pub(crate) fn add(&mut self, update: Metrics) {
+        for ((_, sums), (_, values)) in self.of_agents.iter_mut().zip(update.of_agents) {
+            sums.iter_mut().zip(values).for_each(|(sum, value)| *sum += value);
         }
-        mean
+        self.settings = update.settings;
+    }
+
+    /// Returns those of some agents.
+    pub(crate) fn share(&self, agents: impl IntoIterator<Item = usize> + Clone) -> Metrics {
+        let of = |values: &[f64]| agents.clone().into_iter().map(|agent| values[agent]).collect();
+        Metrics {
+            of_agents: self.of_agents.iter().map(|(name, values)| (name.clone(), of(values))).collect(),
+            settings: self.settings.clone(),
+        }
     }
 
     pub(crate) fn extend(&mut self, other: Metrics) {
@@ -259,10 +263,11 @@ mod tests {
     }
 
     #[test]
-    fn means_are_over_updates_with_the_last_settings_and_the_agents_of_several_learners_are_joined() {
-        let mean = Metrics::mean(&[losses(&[1.0, 4.0], 0.2), losses(&[3.0, 0.0], 0.1)], losses(&[0.0; 2], 0.0));
-        assert_eq!(mean, losses(&[2.0, 2.0], 0.1));
-        assert_eq!(Metrics::mean(&[], losses(&[0.0; 2], 0.3)), losses(&[0.0; 2], 0.3));
+    fn updates_are_added_up_with_the_last_settings_and_the_agents_of_several_learners_are_joined() {
+        let mut sum = losses(&[1.0, 4.0], 0.2);
+        sum.add(losses(&[3.0, 0.0], 0.1));
+        assert_eq!(sum, losses(&[4.0, 4.0], 0.1));
+        assert_eq!(losses(&[1.0, 4.0, 9.0], 0.2).share([2, 0]), losses(&[9.0, 1.0], 0.2));
         let mut both = losses(&[1.0, 3.0], 0.1);
         both.extend(losses(&[2.0], 0.1));
         assert_eq!(both, losses(&[1.0, 3.0, 2.0], 0.1));

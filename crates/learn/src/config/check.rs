@@ -80,6 +80,11 @@ fn check_schedule(config: &Config) -> Result<()> {
             config.total_steps
         );
     }
+    let minutes = config.checkpoints.every_minutes;
+    ensure!(
+        minutes > 0.0 && minutes.is_finite(),
+        "checkpoints.every_minutes = {minutes}: must be more than 0; a large number leaves only the checkpoints between periods"
+    );
     let (key_of_updates, per_update) = algorithms::of(config).updates();
     let checkpoints = config.checkpoints.every_steps.map(|every| ("checkpoints.every_steps", every));
     let averages = config.policy.average_every_steps.map(|every| ("policy.average_every_steps", every));

@@ -233,13 +233,22 @@ impl Default for EvaluationConfig {
 }
 
 /// The checkpoints, from which a stopped run continues.
-#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct CheckpointsConfig {
+    /// Longest wall time in minutes that policies are trained without a checkpoint; more than 0. At each one the simulators are
+    /// made again, and play again what they had played of their episodes. Changes no number.
+    pub(crate) every_minutes: f64,
     /// Timesteps per agent between further checkpoints, besides those at every evaluation, every training of the AIPs and
     /// every mean of the policies; at least `ppo.memory`. Changes no number.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub(crate) every_steps: Option<u64>,
+}
+
+impl Default for CheckpointsConfig {
+    fn default() -> Self {
+        CheckpointsConfig { every_minutes: 5.0, every_steps: None }
+    }
 }
 
 impl Default for Config {
@@ -289,6 +298,11 @@ impl Config {
     /// Returns the timesteps per agent at the first update of the policies at or after a step.
     pub fn update_at_or_after(&self, step: u64) -> u64 {
         step.checked_next_multiple_of(crate::algorithms::of(self).steps_per_update() as u64).unwrap_or(u64::MAX)
+    }
+
+    /// Returns the timesteps per agent at the last update of the policies at or before a step.
+    pub(crate) fn update_at_or_before(&self, step: u64) -> u64 {
+        step - step % crate::algorithms::of(self).steps_per_update() as u64
     }
 
     /// Returns the number of simulators per agent that the policies train on. A GS has one region of each agent.

@@ -1,5 +1,6 @@
-//! Lines 7 to 12 of Algorithm 1: the training of the policies until the end of a period.
+//! Lines 7 to 12 of Algorithm 1: the training of the policies until the end of a period, or a part of it.
 
+use std::ops::Range;
 use std::time::Instant;
 
 use anyhow::ensure;
@@ -19,6 +20,8 @@ use dials_core::domain::Result;
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct TrainPolicies {
     pub period: Period,
+    /// What the period has brought its agents before, if it is the rest of one.
+    pub so_far: Option<PolicyTraining>,
 }
 
 impl Step for TrainPolicies {
@@ -26,7 +29,8 @@ impl Step for TrainPolicies {
 
     /// Trains block after block, or all at once on the GS.
     fn run(self, worker: &mut Worker, observer: &dyn Observer) -> Result<(PolicyTraining, AgentsState)> {
-        let period = &self.period;
+        let TrainPolicies { period, so_far } = &self;
+        let so_far = worker.by_block(|places| so_far.as_ref().map(|so_far| so_far.share(places)));
         let (begun, mut watch) = (Instant::now(), Stopwatch::default());
         let count = worker.blocks.len() as u64;
         let mut parts = Vec::new();
@@ -36,14 +40,14 @@ impl Step for TrainPolicies {
             let Worker { domain, config, blocks, makers, .. } = worker;
             let make = || makers.copies(&**domain, config.copies());
             let simulators = work.watch.time(Phase::Loading, make)?;
-            parts = train_policies_on_the_gs(simulators, domain.kinds(), config, blocks, period, work)?;
+            parts = train_policies_on_the_gs(simulators, domain.kinds(), config, blocks, (period, so_far), work)?;
         } else {
             let Worker { blocks, makers, .. } = &mut *worker;
-            for (done, block) in (0..).zip(blocks) {
+            for ((done, block), so_far) in (0..).zip(blocks).zip(so_far) {
                 // The mean over all agents.
                 let average = |steps| (done * period.end + steps + (count - done - 1) * period.start) / count;
                 let progress = &mut |steps| observer.trained(average(steps));
-                parts.push(block.train_policies(period, &**makers, Work { watch: &mut watch, progress })?);
+                parts.push(block.train_policies((period, so_far), &**makers, Work { watch: &mut watch, progress })?);
             }
         }
         worker.note(Activity::Training, begun.elapsed(), &watch);
@@ -58,10 +62,7 @@ impl Step for TrainPolicies {
     fn check(&self) -> Check<(PolicyTraining, AgentsState)> {
         let end = self.period.end;
         Box::new(move |(training, state), fit| {
-            let agents = fit.agents.len();
-            ensure!(training.agents.len() == agents, "it trained {} agents", training.agents.len());
-            let complete = training.metrics.of_agents.iter().all(|(_, values)| values.len() == agents);
-            ensure!(complete, "its metrics are not of {agents} agents");
+            training.check(fit.agents.len())?;
             let end = fit.config.update_at_or_after(end);
             ensure!(state.steps == end, "its agents are at step {}, not at {end}", state.steps);
             fit.check(state)
@@ -73,11 +74,12 @@ impl Step for TrainPolicies {
     }
 }
 
-/// Results of one period of training.
-#[derive(Clone, Debug, Serialize, Deserialize)]
+/// Results of one period of training: sums, to which more of the same period can be added without another rounding.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
 pub struct PolicyTraining {
     pub agents: Vec<AgentTraining>,
-    /// Means over the period's updates.
+    /// Sums over the period's updates.
     pub metrics: Metrics,
     /// Number of updates of every agent. Without any, the metrics mean nothing.
     pub updates: usize,
@@ -91,33 +93,78 @@ impl PolicyTraining {
         let join = |mut whole: PolicyTraining, next: PolicyTraining| {
             whole.agents.extend(next.agents);
             whole.metrics.extend(next.metrics);
-            for (name, more) in next.counters {
-                match whole.counters.iter_mut().find(|(known, _)| *known == name) {
-                    Some((_, count)) => *count = count.saturating_add(more),
-                    None => whole.counters.push((name, more)),
-                }
-            }
+            whole.count(next.counters);
             whole
         };
         parts.into_iter().reduce(join).expect("somebody trained")
     }
+
+    fn count(&mut self, counters: Vec<(String, u64)>) {
+        for (name, more) in counters {
+            match self.counters.iter_mut().find(|(known, _)| *known == name) {
+                Some((_, count)) => *count = count.saturating_add(more),
+                None => self.counters.push((name, more)),
+            }
+        }
+    }
+
+    /// Returns what is of some agents, so without the counters.
+    fn share(&self, agents: &[usize]) -> PolicyTraining {
+        PolicyTraining {
+            agents: agents.iter().map(|&agent| self.agents[agent]).collect(),
+            metrics: self.metrics.share(agents.iter().copied()),
+            updates: self.updates,
+            counters: Vec::new(),
+        }
+    }
+
+    /// Returns an error unless these are figures of this number of agents.
+    pub(crate) fn check(&self, agents: usize) -> Result<()> {
+        ensure!(self.agents.len() == agents, "it trained {} agents", self.agents.len());
+        let complete = self.metrics.of_agents.iter().all(|(_, values)| values.len() == agents);
+        ensure!(complete, "its metrics are not of {agents} agents");
+        Ok(())
+    }
+
+    /// Returns the means over the updates of a figure with these sums.
+    pub fn mean(&self, sum: f64) -> f64 {
+        sum / self.updates as f64
+    }
 }
 
-/// One agent's episodes of a period.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+/// One agent's episodes that ended in a period.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
 pub struct AgentTraining {
-    /// Mean return of the episodes that ended in the period, on the simulator that the agent trained on.
-    pub mean_return: Option<f64>,
+    /// Sum of their returns, on the simulator that the agent trained on.
+    pub returns: f64,
     pub episodes: u64,
 }
 
-/// Trains all policies until the end of the period.
-pub fn train_policies(fleet: &mut impl Fleet, period: &Period) -> Result<PolicyTraining> {
-    let step = |_| TrainPolicies { period: *period };
+impl AgentTraining {
+    /// Returns the mean return of the episodes, if there were any.
+    pub fn mean_return(&self) -> Option<f64> {
+        (self.episodes > 0).then(|| self.returns / self.episodes as f64)
+    }
+}
+
+/// Trains all policies until the end of the period. `so_far`: what the same period has brought before.
+pub fn train_policies(
+    fleet: &mut impl Fleet,
+    period: &Period,
+    mut so_far: Option<PolicyTraining>,
+) -> Result<PolicyTraining> {
+    let counters = so_far.as_mut().map(|so_far| std::mem::take(&mut so_far.counters)).unwrap_or_default();
+    let step = |agents: Range<usize>| {
+        let agents: Vec<usize> = agents.collect();
+        TrainPolicies { period: *period, so_far: so_far.as_ref().map(|so_far| so_far.share(&agents)) }
+    };
     let parts = fleet.ask_owners(Activity::Training, Stop::Later, step, |whole, agents, (training, state)| {
         whole.replace(agents.start, &state);
         training
     })?;
     fleet.period_done();
-    Ok(PolicyTraining::joined(parts))
+    let mut training = PolicyTraining::joined(parts);
+    training.count(counters);
+    Ok(training)
 }

@@ -9,7 +9,7 @@ use std::time::Instant;
 use anyhow::Context;
 
 use crate::algorithms::imitation::{ImitationLoss, imitate};
-use crate::algorithms::{self, Actor, Learner, Metrics};
+use crate::algorithms::{self, Actor, Learner};
 use crate::config::{Config, Period, ROWS_PER_BLOCK, Simulator, most_lanes};
 use crate::environments::global::{self, Begin};
 use crate::environments::ials::Ials;
@@ -143,11 +143,12 @@ impl AgentBlock {
         self.predictor.values().into()
     }
 
-    /// Trains the policies on local simulators until the end of the period (Algorithm 1, lines 7 to 12). `makers`: who makes
-    /// those of several lanes; `work`: progress is the number of timesteps so far.
+    /// Trains the policies on local simulators until the end of the period (Algorithm 1, lines 7 to 12). `so_far`: what the
+    /// period has brought before. `makers`: who makes those of several lanes; `work`: progress is the number of timesteps so
+    /// far.
     pub(crate) fn train_policies(
         &mut self,
-        period: &Period,
+        (period, so_far): (&Period, Option<PolicyTraining>),
         makers: &dyn MakeSimulators,
         work: Work<'_, u64>,
     ) -> Result<PolicyTraining> {
@@ -186,17 +187,18 @@ impl AgentBlock {
             };
             Lanes::Apart(work.watch.time(Phase::Retracing, resume)?, threads.clone())
         };
-        Ok(learn(&mut [learner], &mut lanes, config, period, work)?.remove(0))
+        Ok(learn(&mut [learner], &mut lanes, config, (period, vec![so_far]), work)?.remove(0))
     }
 }
 
-/// Trains the policies on copies of the GS, on which all kinds act at once. `blocks`: one per kind, with all its agents.
+/// Trains the policies on copies of the GS, on which all kinds act at once. `blocks`: one per kind, with all its agents;
+/// `so_far`: what the period has brought each.
 pub(crate) fn train_policies_on_the_gs(
     simulators: GlobalCopies,
     kinds: &Kinds,
     config: &Config,
     blocks: &mut [AgentBlock],
-    period: &Period,
+    (period, so_far): (&Period, Vec<Option<PolicyTraining>>),
     work: Work<'_, u64>,
 ) -> Result<Vec<PolicyTraining>> {
     let mut learners: Vec<&mut KindLearner> = blocks.iter_mut().map(|block| &mut block.learner).collect();
@@ -206,7 +208,7 @@ pub(crate) fn train_policies_on_the_gs(
     let threads = &learners[0].learner.policies().net.threads().clone();
     let begin = Begin { kinds, episodes: training_episodes(config), stagger, threads };
     let mut copies = work.watch.time(Phase::Retracing, || global::resume(simulators, &begin, &streams, alive))?;
-    learn(&mut learners, &mut copies, config, period, work)
+    learn(&mut learners, &mut copies, config, (period, so_far), work)
 }
 
 pub fn training_episodes(config: &Config) -> Seed {
@@ -219,12 +221,12 @@ pub(crate) fn episode_steps(spec: &RegionSpec, config: &Config) -> usize {
 }
 
 /// Lets the learners act and learn until the first update at or after the end of the period. `learners`: one per kind
-/// of the environments, all after the same number of steps.
+/// of the environments, all after the same number of steps; `so_far`: what the period has brought each.
 fn learn(
     learners: &mut [&mut KindLearner],
     lanes: &mut Lanes<'_>,
     config: &Config,
-    period: &Period,
+    (period, so_far): (&Period, Vec<Option<PolicyTraining>>),
     work: Work<'_, u64>,
 ) -> Result<Vec<PolicyTraining>> {
     let Work { watch, progress } = work;
@@ -239,7 +241,14 @@ fn learn(
     };
     let mut returns: Vec<Vec<EpisodeReturns>> =
         lanes.parts().into_iter().map(|parts| learners.iter().zip(parts).map(returns_of).collect()).collect();
-    let mut updates: Vec<Vec<Metrics>> = vec![Vec::new(); learners.len()];
+    let nothing = |kind: &KindLearner| PolicyTraining {
+        agents: vec![AgentTraining::default(); kind.streams.len()],
+        metrics: kind.learner.no_metrics(),
+        updates: 0,
+        counters: Vec::new(),
+    };
+    let begin = learners.iter().zip(so_far);
+    let mut done: Vec<PolicyTraining> = begin.map(|(kind, so_far)| so_far.unwrap_or_else(|| nothing(kind))).collect();
     while steps < end {
         let mut players: Vec<Player<'_>> =
             returns.iter_mut().map(|returns| Player { actors: Vec::new(), returns }).collect();
@@ -253,27 +262,24 @@ fn learn(
         played.into_iter().try_for_each(|of_lane| of_lane.map(|of_lane| phases.add(&of_lane)))?;
         watch.add(&if lanes.are_apart() { phases.scaled_to(begun.elapsed()) } else { phases });
         steps += (decisions * config.copies()) as u64;
-        for (kind, updates) in learners.iter_mut().zip(&mut updates) {
-            updates.extend(kind.learner.learn(steps, watch));
+        for (kind, done) in learners.iter_mut().zip(&mut done) {
+            if let Some(update) = kind.learner.learn(steps, watch) {
+                done.metrics.add(update);
+                done.updates += 1;
+            }
         }
         if steps.is_multiple_of(per_update) {
             progress(steps);
         }
     }
-    let counters = lanes.leave(&mut learners.iter_mut().map(|kind| &mut kind.streams[..]).collect::<Vec<_>>());
-    let done = learners.iter_mut().zip(updates).enumerate().map(|(number, (kind, updates))| {
+    done[0].counters = lanes.leave(&mut learners.iter_mut().map(|kind| &mut kind.streams[..]).collect::<Vec<_>>());
+    for (number, (kind, done)) in learners.iter_mut().zip(&mut done).enumerate() {
         kind.steps = steps;
         let returns: Vec<&EpisodeReturns> = returns.iter().map(|of_lane| &of_lane[number]).collect();
         returns.iter().for_each(|returns| returns.leave(&mut kind.streams));
-        let agents = EpisodeReturns::means(&returns, kind.streams.len()).into_iter();
-        PolicyTraining {
-            agents: agents.map(|(mean_return, episodes)| AgentTraining { mean_return, episodes }).collect(),
-            metrics: Metrics::mean(&updates, kind.learner.no_metrics()),
-            updates: updates.len(),
-            counters: if number == 0 { counters.clone() } else { Vec::new() },
-        }
-    });
-    Ok(done.collect())
+        EpisodeReturns::add_up(&returns, &mut done.agents);
+    }
+    Ok(done)
 }
 
 /// Who plays in a lane.
@@ -337,20 +343,14 @@ impl EpisodeReturns {
         }
     }
 
-    /// Returns the mean return and the number of episodes of each agent in all lanes. If no episode ended: `None` and 0.
-    ///
-    /// They are added up in the order of their steps, in whichever lane they were.
-    fn means(lanes: &[&EpisodeReturns], agents: usize) -> Vec<(Option<f64>, u64)> {
+    /// Adds the episodes in all lanes to those of each agent, in the order of their steps, in whichever lane they were.
+    fn add_up(lanes: &[&EpisodeReturns], agents: &mut [AgentTraining]) {
         let mut in_order: Vec<_> = lanes.iter().flat_map(|lane| lane.finished.iter().copied()).collect();
         in_order.sort_by_key(|&(step, place, _)| (step, place));
-        let mut sums = vec![(0.0, 0); agents];
         for (_, (agent, _), episode_return) in in_order {
-            let (sum, episodes) = &mut sums[agent];
-            *sum += episode_return;
-            *episodes += 1;
+            agents[agent].returns += episode_return;
+            agents[agent].episodes += 1;
         }
-        let mean = |&(sum, episodes): &(f64, u64)| ((episodes > 0).then(|| sum / episodes as f64), episodes);
-        sums.iter().map(mean).collect()
     }
 
     /// Writes the sums of the unfinished episodes to the streams.
@@ -383,7 +383,12 @@ mod tests {
         for ends in [false, true, false, false, true, false] {
             returns.add(&experience([ends, false]));
         }
-        assert_eq!(EpisodeReturns::means(&[&returns], 2), [(Some(4.5), 1), (None, 0)]);
+        // An episode of before, with a return of 2.
+        let before = AgentTraining { returns: 2.0, episodes: 1 };
+        let mut agents = [before, AgentTraining::default()];
+        EpisodeReturns::add_up(&[&returns], &mut agents);
+        assert_eq!(agents, [AgentTraining { returns: 6.5, episodes: 2 }, AgentTraining::default()]);
+        assert_eq!(agents.map(|agent| agent.mean_return()), [Some(3.25), None]);
         returns.leave(&mut streams);
         assert_eq!([streams[0].rows[0].rewards, streams[1].rows[0].rewards], [1.5, 1.5]);
     }

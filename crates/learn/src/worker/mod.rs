@@ -89,6 +89,11 @@ impl Worker {
         (!places.is_sorted()).then_some(order)
     }
 
+    /// Returns a thing for each block, made from the places of its agents.
+    pub(crate) fn by_block<T>(&self, make: impl Fn(&[usize]) -> T) -> Vec<T> {
+        self.places.iter().map(|places| make(places)).collect()
+    }
+
     /// Puts the results of its agents, block after block, into their own order.
     pub(crate) fn in_order<T>(&self, by_block: Vec<T>) -> Vec<T> {
         let mut with_places: Vec<(usize, T)> = self.places.iter().flatten().copied().zip(by_block).collect();

@@ -156,7 +156,7 @@ pub fn measure<F: Fleet>(plan: &MeasurePlan<'_>, fleet: &mut F, journal: &mut dy
         period.end = steps;
         repeat(Duration::ZERO, Activity::Training, steps as f64 * agents as f64, |_| {
             let begun = Instant::now();
-            let training = train_policies(fleet, &period)?;
+            let training = train_policies(fleet, &period, None)?;
             let load = fleet.take_load();
             standing.until = period.end;
             journal.period_done(fleet.agents(), &standing, &training, load.clone())?;

@@ -11,7 +11,7 @@ use dials_learn::config::Retrain;
 
 /// The keys of the config that may change when a run is resumed, because the trained policies do not depend on them.
 /// `evaluation.seed` is not among them: evaluations before and after would be of different episodes, but in one file.
-pub const CHANGEABLE: [&str; 7] = [
+pub const CHANGEABLE: [&str; 8] = [
     // It only moves the end: learning rate and clip range decay over `total_steps`.
     "stop_at_steps",
     // An evaluation leaves no trace in training.
@@ -21,6 +21,7 @@ pub const CHANGEABLE: [&str; 7] = [
     "evaluation.aip_loss_episodes",
     // Neither do a checkpoint and a file more.
     "checkpoints.every_steps",
+    "checkpoints.every_minutes",
     "logging.tensorboard",
 ];
 

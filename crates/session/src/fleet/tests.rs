@@ -48,7 +48,7 @@ impl Recorder for Keeper {
         _training: &PolicyTraining,
         _load: FleetLoad,
     ) -> Result<()> {
-        self.0.get_or_insert_with(|| (agents.clone(), *standing));
+        self.0.get_or_insert_with(|| (agents.clone(), standing.clone()));
         Ok(())
     }
 }
@@ -131,7 +131,7 @@ fn same_for_any_fleet(domain: &Arc<dyn Domain>, config: &Config, deaths: [&[usiz
         let run_config = RunConfig::from(config.clone());
         let mut fleet = Coordinator::start(domain.clone(), &run_config, crew, options, Rc::new(Silent)).unwrap();
         fleet.restore(half.clone()).unwrap();
-        dials::train(config, &mut fleet, standing, &mut Unrecorded, &Silent).unwrap();
+        dials::train(config, &mut fleet, standing.clone(), &mut Unrecorded, &Silent).unwrap();
         assert!(*fleet.agents() == expected, "{:?}: from the state after the first period", config.simulator);
     }
     (expected, half)

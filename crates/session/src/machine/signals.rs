@@ -4,16 +4,16 @@ use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 
 use anyhow::{Context, Result};
-use signal_hook::consts::{SIGINT, SIGTERM, SIGXFSZ};
+use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM, SIGXFSZ};
 
 /// Makes a write beyond the limit of a file's size an error. Otherwise the system kills the process.
 pub fn survive_full_files() -> Result<()> {
     survive(&[SIGXFSZ])
 }
 
-/// Makes SIGINT and SIGTERM mean nothing: another process gets them too, and ends this one when it is ready.
+/// Makes SIGINT, SIGTERM and SIGHUP mean nothing: another process gets them too, and ends this one when it is ready.
 pub fn leave_signals_to_another() -> Result<()> {
-    survive(&[SIGINT, SIGTERM])
+    survive(&[SIGINT, SIGTERM, SIGHUP])
 }
 
 fn survive(signals: &[i32]) -> Result<()> {

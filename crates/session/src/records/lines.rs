@@ -133,14 +133,14 @@ pub(super) fn drift_lines(steps: u64, after: Moment, losses: &[FreshLoss]) -> Li
 pub(super) fn training_lines(steps: u64, training: &PolicyTraining) -> Lines {
     let Metrics { of_agents, settings } = &training.metrics;
     let weight = 1.0 / training.agents.len() as f64;
-    let returns: Vec<f64> = training.agents.iter().filter_map(|agent| agent.mean_return).collect();
+    let returns: Vec<f64> = training.agents.iter().filter_map(|agent| agent.mean_return()).collect();
     let mean_return = (!returns.is_empty()).then(|| returns.iter().sum::<f64>() / returns.len() as f64);
     let line = |agent: String, mean_return: Option<f64>, episodes: u64, metric: &dyn Fn(&[f64]) -> f64| {
         let mut line = begin(steps, agent);
         line.push(mean_return.map_or(String::new(), |value| format!("{value:.4}")));
         line.push(episodes.to_string());
         let updated = |text: String| if training.updates > 0 { text } else { String::new() };
-        line.extend(of_agents.iter().map(|(_, values)| updated(format!("{:.5}", metric(values)))));
+        line.extend(of_agents.iter().map(|(_, values)| updated(format!("{:.5}", training.mean(metric(values))))));
         line.extend(settings.iter().map(|(_, value)| updated(format!("{value:e}"))));
         line
     };
@@ -150,7 +150,7 @@ pub(super) fn training_lines(steps: u64, training: &PolicyTraining) -> Lines {
     all.extend(training.counters.iter().map(|(_, count)| count.to_string()));
     let agents = training.agents.iter().enumerate();
     let of_agents = agents
-        .map(|(index, agent)| line(index.to_string(), agent.mean_return, agent.episodes, &|values| values[index]));
+        .map(|(index, agent)| line(index.to_string(), agent.mean_return(), agent.episodes, &|values| values[index]));
     let lines = std::iter::once(all).chain(of_agents).collect();
     let counters = training.counters.iter().map(|(name, _)| &**name);
     under(&columns::OF_TRAINING, training.metrics.names().chain(counters), lines)

@@ -117,6 +117,19 @@ impl RunLog {
         })
     }
 
+    fn write_checkpoint(&mut self, agents: &AgentsState, standing: &TrainingProgress) -> Result<()> {
+        let progress = RunProgress {
+            standing: standing.clone(),
+            growing: self.sync()?,
+            elapsed_s: (self.elapsed_before + self.begun.elapsed()).as_secs_f64(),
+        };
+        let folder = self.directory.make_subdirectory(files::CHECKPOINTS);
+        let written = folder.and_then(|folder| checkpoint::write(&folder, &self.owner, agents, progress));
+        // That it went away explains every other error.
+        self.directory.check_in_place()?;
+        written
+    }
+
     /// Makes everything written so far durable, so that a checkpoint may count on it. Returns how far the files are.
     fn sync(&mut self) -> Result<BTreeMap<String, Mark>> {
         self.growing.values_mut().try_for_each(|file| file.sync(&self.directory))?;
@@ -167,16 +180,15 @@ impl Recorder for RunLog {
         self.append(files::TRAINING, agents.steps, &training_lines(agents.steps, training))?;
         self.layouts.policies.write(&self.directory, files::POLICIES, &agents.policies, agents.steps)?;
         self.append_load(agents, load)?;
-        let progress = RunProgress {
-            standing: *standing,
-            growing: self.sync()?,
-            elapsed_s: (self.elapsed_before + self.begun.elapsed()).as_secs_f64(),
-        };
-        let folder = self.directory.make_subdirectory(files::CHECKPOINTS);
-        let written = folder.and_then(|folder| checkpoint::write(&folder, &self.owner, agents, progress));
-        // That it went away explains every other error.
-        self.directory.check_in_place()?;
-        written
+        self.write_checkpoint(agents, standing)
+    }
+
+    /// Networks that have diverged are an error and are not written.
+    fn saved(&mut self, agents: &AgentsState, standing: &TrainingProgress) -> Result<()> {
+        if let Some(so_far) = &standing.so_far {
+            check_policies(so_far, agents, &self.owner.config.learning, &self.owner.kinds, self.steps)?;
+        }
+        self.write_checkpoint(agents, standing)
     }
 
     fn finished(&mut self, agents: &AgentsState, load: FleetLoad) -> Result<()> {
@@ -274,7 +286,7 @@ mod tests {
 
     /// Returns two agents with a policy of two parameters each, and the results of a period.
     fn period(policy: [f32; 4], value_loss: f64) -> (PolicyTraining, AgentsState) {
-        let agents = vec![AgentTraining { mean_return: None, episodes: 0 }; 2];
+        let agents = vec![AgentTraining::default(); 2];
         let losses = ("value_loss".to_owned(), vec![0.0, value_loss]);
         let metrics = Metrics { of_agents: vec![losses], settings: vec![("clip".to_owned(), 0.1)] };
         let table = |values: &[f32]| Ragged::from_vec(values.to_vec(), [2, 2]).unwrap();

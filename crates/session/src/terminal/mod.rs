@@ -2,7 +2,7 @@
 //!
 //! - `say`: messages on standard error, results on standard output. Names in them cannot act on the terminal. And
 //!   programs on the PATH.
-//! - `stop`: Ctrl-C and SIGTERM.
+//! - `stop`: Ctrl-C, SIGTERM and SIGHUP.
 //! - [`training`], [`experiment`]: the progress of `train` and `bench`, and of `experiment`.
 //!   [`counting`]: that of episodes and other things that are counted. All show bars on a terminal and plain lines
 //!   elsewhere.

@@ -81,7 +81,7 @@ impl Rate {
 }
 
 impl Progress {
-    /// Starts the display. Ctrl-C asks to stop where nothing is lost; a second one prints `last_words` and ends.
+    /// Starts the display. Ctrl-C asks to stop where nothing is lost; a later one prints `last_words` and ends.
     pub fn new(
         config: &RunConfig,
         agents: usize,
@@ -300,10 +300,12 @@ fn judged(loss: f64, constants: f64) -> String {
 /// Returns the line that is printed after the first Ctrl-C.
 fn stopping(now: Option<Activity>) -> String {
     let place = match now {
-        Some(Activity::Training) => "at the end of this period, where nothing is lost".to_owned(),
+        Some(Activity::Training) => "at the next checkpoint, where nothing is lost".to_owned(),
         other => format!("as soon as nothing is lost by it (now {})", other.map_or("starting", doing)),
     };
-    format!("stopping {place}; press Ctrl-C again to stop now and lose at most this period")
+    format!(
+        "stopping {place}; press Ctrl-C again, two seconds later or more, to stop now and lose what came since the last checkpoint"
+    )
 }
 
 /// Reads a plain line about a step: returns the timesteps per agent and the words after them. Any other line: `None`.

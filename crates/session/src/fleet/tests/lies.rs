@@ -21,7 +21,7 @@ pub(super) fn lies() -> Vec<WorkerReport> {
         |reply, load| WorkerReport::Done { reply: Box::new(reply), load: Box::new(load), resident_kib: u64::MAX };
     let said = |reply| done(reply, WorkerLoad::default());
     let report = |returns: &[f64]| EpisodeReport { returns: returns.to_vec(), measures: Measures::default() };
-    let agent = AgentTraining { mean_return: None, episodes: 0 };
+    let agent = AgentTraining::default();
     let training = |agents: Vec<AgentTraining>| PolicyTraining {
         metrics: Metrics { of_agents: vec![("loss".to_owned(), vec![0.5; agents.len()])], settings: vec![] },
         agents,
