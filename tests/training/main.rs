@@ -3,6 +3,7 @@
 mod boundaries;
 mod chaos;
 mod checkpoints;
+mod damaged_networks;
 mod durability;
 mod fleet;
 mod kinds;
