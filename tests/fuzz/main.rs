@@ -182,7 +182,7 @@ targets! {
     aips: Tensors, 400, runs::aips, runs::aips_seeds, none;
     orders: Messages, 400, messages::orders, messages::orders_seeds, none;
     reports: Messages, 400, messages::reports, messages::reports_seeds, none;
-    http: Text, 400, http::http, http::http_seeds, http::refused;
+    http: Text, 4000, http::http, http::http_seeds, http::refused;
 }
 
 fn none(_: &Place) -> Vec<Vec<u8>> {

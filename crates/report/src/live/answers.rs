@@ -30,6 +30,15 @@ pub(super) enum Part {
     Now,
 }
 
+/// Status and text of an answer to those who may not have the page.
+pub(super) struct Refusal(u16, &'static str);
+
+impl Refusal {
+    pub(super) fn answer(self) -> Answer {
+        answer(self.0, "text/plain", self.1.to_owned())
+    }
+}
+
 impl Answers {
     /// `host`: name and port of this server, as browsers write it.
     pub(super) fn new(host: String, token: String, title: &str, pages: Pages) -> Answers {
@@ -37,9 +46,9 @@ impl Answers {
         Answers { host, token, shell, pages }
     }
 
-    /// Returns what a request asks for, or the answer that refuses it. Looks at nothing but the header.
-    pub(super) fn part<B: Body>(&self, request: &Request<B>) -> Result<Part, Answer> {
-        let refuse = |status, text: &str| Err(answer(status, "text/plain", text.to_owned()));
+    /// Returns what a request asks for. Looks at nothing but the header.
+    pub(super) fn part<B: Body>(&self, request: &Request<B>) -> Result<Part, Refusal> {
+        let refuse = |status, text| Err(Refusal(status, text));
         if request.headers().get_all(HOST).iter().ne([self.host.as_str()]) {
             return refuse(403, "this page is for browsers on this machine only\n");
         }
@@ -95,7 +104,7 @@ mod tests {
         let answers = Answers::new("127.0.0.1:80".to_owned(), "cafe".to_owned(), "runs", pages().0);
         let request = hosts.iter().fold(Request::builder(), |request, host| request.header(HOST, *host));
         let request = request.method(method).uri(uri).body(body.to_owned()).unwrap();
-        answers.part(&request).map_err(|refusal| refusal.status().as_u16())
+        answers.part(&request).map_err(|Refusal(status, _)| status)
     }
 
     #[test]

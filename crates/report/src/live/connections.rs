@@ -35,14 +35,12 @@ const PAUSE: Duration = Duration::from_millis(100);
 /// How far a connection has come, and until when it may be there.
 #[derive(Clone, Copy)]
 enum Stage {
-    Stranger {
-        until: Instant,
-    },
+    /// It has not named the token yet.
+    Stranger { until: Instant },
     /// Its page is being made, which may take any time.
     Waits,
-    Takes {
-        until: Instant,
-    },
+    /// Its page is made.
+    Takes { until: Instant },
 }
 
 struct Connection {
@@ -64,11 +62,11 @@ pub(super) async fn answer_all(listener: TcpListener, answers: Arc<Answers>) {
                     close(&mut open, stranger.unwrap_or(0)).await;
                 }
                 open.push_back(Connection::begin(stream, answers.clone()));
-                // It comes to its turn before the next one is accepted. So a request that came together with its
-                // connection is read, however many connections come behind it.
+                // All others have a turn between two that are accepted. So a request that came together with its
+                // connection is read long before the connection is the oldest.
                 yield_now().await;
             }
-            // No error ends the loop. If files are missing, a stranger has one.
+            // No error ends the loop. Where too many files are open, a stranger's is one of them.
             Err(_) => {
                 if let Some(stranger) = stranger {
                     close(&mut open, stranger).await;
@@ -128,10 +126,54 @@ async fn serve(stream: TcpStream, answers: Arc<Answers>, stage: Arc<Mutex<Stage>
 async fn answer(answers: &Answers, stage: &Mutex<Stage>, request: Request<Incoming>) -> Result<Answer, RecvError> {
     let part = match answers.part(&request) {
         Ok(part) => part,
-        Err(refusal) => return Ok(refusal),
+        Err(refusal) => return Ok(refusal.answer()),
     };
     write(stage, Stage::Waits);
     let answer = answers.give(part).await;
     write(stage, Stage::Takes { until: Instant::now() + FOR_BROWSERS });
     answer
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::io::{Read, Write};
+    use std::net;
+    use std::sync::mpsc::channel;
+    use std::thread;
+
+    use crate::live::maker::pages;
+    use tokio::runtime::Builder;
+
+    #[test]
+    fn a_browser_that_waits_for_its_page_does_not_give_way_to_strangers() {
+        let (pages, maker) = pages();
+        let (begins, has_begun) = channel();
+        let (allow, allowed) = channel::<()>();
+        thread::spawn(move || {
+            maker.run(|| {
+                begins.send(()).unwrap();
+                allowed.recv().unwrap();
+                "what is new".to_owned()
+            });
+        });
+        let listener = net::TcpListener::bind("127.0.0.1:0").unwrap();
+        listener.set_nonblocking(true).unwrap();
+        let host = listener.local_addr().unwrap().to_string();
+        let answers = Arc::new(Answers::new(host.clone(), "cafe".to_owned(), "runs", pages));
+        thread::spawn(move || {
+            let runtime = Builder::new_current_thread().enable_io().enable_time().build().unwrap();
+            runtime.block_on(async { answer_all(TcpListener::from_std(listener).unwrap(), answers).await });
+        });
+        let connect = || net::TcpStream::connect(&host).unwrap();
+        let mut browser = connect();
+        write!(browser, "GET /cafe/now HTTP/1.1\r\nHost: {host}\r\n\r\n").unwrap();
+        has_begun.recv().unwrap();
+        let mut strangers: Vec<net::TcpStream> = (0..3 * CONNECTIONS).map(|_| connect()).collect();
+        assert!(matches!(strangers[0].read(&mut [0]), Ok(0) | Err(_)), "the oldest stranger has given way");
+        allow.send(()).unwrap();
+        let mut answer = String::new();
+        browser.read_to_string(&mut answer).unwrap();
+        assert!(answer.starts_with("HTTP/1.1 200") && answer.ends_with("what is new"), "{answer}");
+    }
 }

@@ -1,8 +1,10 @@
 //! Makes one page at a time, however many ask for it.
 //!
-//! A page of many runs may take seconds, and drawing it is not for several threads. So one thread makes pages, and
-//! those who ask wait. Who asks while a page is being made gets the next one, together with all others who wait: no
-//! page is older than the request for it, and a thousand requests cost no more than two pages.
+//! A page of many runs may take seconds. So one thread makes pages, and those who ask wait. Whoever asks while a page is
+//! being made gets the next one, together with all others who wait. So no page is older than the request for it, and a
+//! thousand requests at once cost no more than two pages.
+//!
+//! Keeping a page for a second would not do: what was trained within this second would be missing.
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
@@ -91,25 +93,33 @@ mod tests {
             });
             made
         });
+        let asked = Arc::new(AtomicU64::new(0));
         let ask = || {
-            let pages = pages.clone();
-            tokio::spawn(async move { pages.page().await.unwrap() })
+            let (pages, asked) = (pages.clone(), asked.clone());
+            tokio::spawn(async move {
+                asked.fetch_add(1, Ordering::SeqCst);
+                pages.page().await.unwrap()
+            })
+        };
+        // All tasks are in one thread: who is counted waits for a page when another task goes on.
+        let have_asked = async |number| {
+            while asked.load(Ordering::SeqCst) < number {
+                yield_now().await;
+            }
         };
         Builder::new_current_thread().build().unwrap().block_on(async {
             let first = ask();
-            yield_now().await;
+            have_asked(1).await;
             has_begun.recv().unwrap();
             let others: Vec<JoinHandle<String>> = (0..1000).map(|_| ask()).collect();
-            // Each of them has asked when this goes on.
-            yield_now().await;
-            allow.send(()).unwrap();
+            have_asked(1001).await;
             allow.send(()).unwrap();
             assert_eq!(first.await.unwrap(), "page 1");
+            allow.send(()).unwrap();
             for other in others {
                 assert_eq!(other.await.unwrap(), "page 2");
             }
         });
-        drop(ask);
         drop(pages);
         assert_eq!(making.join().unwrap(), 2);
     }
