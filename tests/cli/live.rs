@@ -27,12 +27,12 @@ fn train(folder: &Path, out: &str) {
 }
 
 /// A live view, which ends with the test.
-struct View {
-    child: Child,
+pub(super) struct View {
+    pub(super) child: Child,
     /// Host and port, such as `127.0.0.1:4711`.
-    host: String,
+    pub(super) host: String,
     /// Path of the page, `/TOKEN/`.
-    path: String,
+    pub(super) path: String,
 }
 
 impl View {
@@ -53,7 +53,7 @@ impl View {
         answer
     }
 
-    fn get(&self, name: &str) -> String {
+    pub(super) fn get(&self, name: &str) -> String {
         self.ask("GET", &format!("{}{name}", self.path), &self.host)
     }
 }
@@ -66,7 +66,7 @@ impl Drop for View {
 }
 
 /// Splits an address into host and path.
-fn parts(address: &str) -> (String, String) {
+pub(super) fn parts(address: &str) -> (String, String) {
     let rest = address.strip_prefix("http://").unwrap_or_else(|| panic!("`{address}` is an address"));
     let (host, path) = rest.split_once('/').unwrap();
     (host.to_owned(), format!("/{path}"))

@@ -17,6 +17,7 @@ mod hostile_reports;
 mod inspect;
 mod limits;
 mod live;
+mod live_attacks;
 mod report;
 
 #[path = "../common/place.rs"]

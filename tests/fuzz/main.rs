@@ -8,10 +8,11 @@
 //!
 //! - `mutate`: how an input becomes another one; `hostile.json`: values that programs stumble over.
 //! - `place`: the folder in which inputs are tried, what lies outside, and the program, run in there.
-//! - `texts`, `networks`, `report`, `runs`, `messages`: the targets.
+//! - `texts`, `networks`, `report`, `runs`, `messages`, `http`: the targets.
 //!
 //! `docs/reliability.md` says how to fuzz for longer.
 
+mod http;
 mod messages;
 mod mutate;
 mod networks;
@@ -181,6 +182,7 @@ targets! {
     aips: Tensors, 400, runs::aips, runs::aips_seeds, none;
     orders: Messages, 400, messages::orders, messages::orders_seeds, none;
     reports: Messages, 400, messages::reports, messages::reports_seeds, none;
+    http: Text, 4000, http::http, http::http_seeds, http::refused;
 }
 
 fn none(_: &Place) -> Vec<Vec<u8>> {
