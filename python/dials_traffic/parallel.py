@@ -11,7 +11,19 @@ import numpy as np
 from gymnasium.spaces import Box, Discrete
 from pettingzoo import ParallelEnv
 
-from ._channel import Channel, PathLike, fresh_seed, first_names, refuse_unknown_options, request_of, whole_number, yes_or_no
+from ._channel import (
+    Channel,
+    PathLike,
+    alone,
+    first_names,
+    fresh_seed,
+    no_memory,
+    path_text,
+    refuse_unknown_options,
+    request_of,
+    whole_number,
+    yes_or_no,
+)
 from ._in_process import InProcess
 from ._process import Process
 from .errors import SimulatorError
@@ -107,7 +119,7 @@ class GlobalEnv(ParallelEnv):  # type: ignore[misc]
         self._n_actions = [agent["n_actions"] for _, agent in seen]
         self._rows = np.array([row for row, _ in seen])
         self._observation_spaces: Dict[str, gymnasium.Space[Any]] = {}
-        self._action_spaces: Dict[str, gymnasium.Space[Any]] = {}
+        self._action_spaces: Dict[str, Discrete] = {}
         # Places of each agent that decides in the observations and in the masks, and the mask if it is constant.
         self._obs_places: List[Tuple[str, slice]] = []
         self._mask_places: List[Tuple[str, slice, Optional[np.ndarray]]] = []
@@ -140,6 +152,7 @@ class GlobalEnv(ParallelEnv):  # type: ignore[misc]
     def action_space(self, agent: str) -> "gymnasium.Space[Any]":
         return self._action_spaces[agent]
 
+    @alone
     def reset(
         self, seed: Optional[int] = None, options: Optional[Dict[str, Any]] = None
     ) -> Tuple[Observations, Infos]:
@@ -151,6 +164,7 @@ class GlobalEnv(ParallelEnv):  # type: ignore[misc]
         self.send_reset(seed, options)
         return self.receive_reset()
 
+    @alone
     def send_reset(self, seed: Optional[int] = None, options: Optional[Dict[str, Any]] = None) -> None:
         """Begin an episode and do not wait for it. :meth:`receive_reset` ends it."""
         # PettingZoo's tests pass an option that is called "options".
@@ -158,11 +172,11 @@ class GlobalEnv(ParallelEnv):  # type: ignore[misc]
         begun = self.seed if seed is None else fresh_seed(seed)
         following = self.episode + 1 if seed is None else 0
         episode = whole_number("episode", (options or {}).get("episode", following))
-        self._channel.check()
         self.seed, self.episode = begun, episode
         self._whole, self.agents = False, []
         self._channel.send_reset(self.seed, self.episode)
 
+    @alone
     def receive_reset(self) -> Tuple[Observations, Infos]:
         """Wait for the episode that :meth:`send_reset` began."""
         self._channel.receive_reset()
@@ -177,18 +191,20 @@ class GlobalEnv(ParallelEnv):  # type: ignore[misc]
         self._whole = True
         return observations, infos
 
+    @alone
     def step(self, actions: Mapping[str, int]) -> Steps:
         """Make a step; ``actions``: one for each agent."""
         self.send_actions(actions)
         return self.receive_step()
 
+    @alone
     def send_actions(self, actions: Mapping[str, int]) -> None:
         """Begin a step and do not wait for it. :meth:`receive_step` ends it."""
         self.send_checked(self.checked(actions))
 
+    @alone
     def checked(self, actions: Mapping[str, int]) -> bytes:
         """Return actions as :meth:`send_checked` takes them, or raise an error. Nothing changes."""
-        self._channel.check()
         if not self._whole:
             raise SimulatorError("the last call was not finished; call reset() first")
         if not self.agents:
@@ -204,6 +220,7 @@ class GlobalEnv(ParallelEnv):  # type: ignore[misc]
             self._refuse(chosen)
         return code
 
+    @alone
     def send_checked(self, code: bytes) -> None:
         """Begin a step with actions that were :meth:`checked`."""
         self._whole = False
@@ -219,14 +236,20 @@ class GlobalEnv(ParallelEnv):  # type: ignore[misc]
 
     def _refuse(self, chosen: List[Any]) -> None:
         """Raise the error that names the agent whose action is none of its own."""
-        for name, action, n_actions in zip(self.possible_agents, chosen, self._n_actions):
-            try:
-                number = operator.index(action)
-            except TypeError:
-                raise TypeError(f"agent {name!r}: action {action!r}; must be a whole number") from None
-            if not 0 <= number < n_actions:
-                raise ValueError(f"agent {name!r}: action {action}; its actions are 0 to {n_actions - 1}")
+        for name, action in zip(self.possible_agents, chosen):
+            self.check_action(name, action)
 
+    def check_action(self, agent: str, action: Any) -> None:
+        """Raise an error if an agent has no such action."""
+        n_actions = self._action_spaces[agent].n
+        try:
+            number = operator.index(action)
+        except TypeError:
+            raise TypeError(f"agent {agent!r}: action {action!r}; must be a whole number") from None
+        if not 0 <= number < n_actions:
+            raise ValueError(f"agent {agent!r}: action {action}; its actions are 0 to {n_actions - 1}")
+
+    @alone
     def receive_step(self) -> Steps:
         """Wait for the end of the step that :meth:`send_actions` began."""
         self._channel.receive_step()
@@ -286,8 +309,13 @@ class GlobalEnv(ParallelEnv):  # type: ignore[misc]
 
     def render(self) -> Optional[np.ndarray]:
         """Return a picture of the state, ``[height, width, 3]``, if ``render_mode`` is ``"rgb_array"``."""
-        return None if self.render_mode is None else self._channel.draw()
+        return None if self.render_mode is None else self._drawn()
 
+    @alone
+    def _drawn(self) -> np.ndarray:
+        return self._channel.draw()
+
+    @alone
     def save_replay(self, folder: PathLike) -> Path:
         """Write the episode, which must be over, into a new folder, and return the file that sumo-gui opens.
 
@@ -308,10 +336,13 @@ class GlobalEnv(ParallelEnv):  # type: ignore[misc]
         """End the environment and its process."""
         self._channel.close()
         self.agents = []
+        if hasattr(self, "_whole"):
+            no_memory(self, "_obs", "_masks", "_rewards", "_actions")
 
 
 def refuse_existing(folder: PathLike) -> None:
     """Raise an error if the folder of a replay exists."""
+    path_text("folder", folder)
     if Path(folder).exists():
         raise FileExistsError(f"{folder}: exists already; name a new folder for the replay")
 
