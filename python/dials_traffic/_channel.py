@@ -225,6 +225,8 @@ def no_memory(owner: Any, *names: str) -> None:
 
 def request_of(config: PathLike, settings: Optional[Mapping[str, Any]], environment: Dict[str, Any]) -> Dict[str, Any]:
     """Return the first order. ``settings``: as ``--set`` takes them, such as ``traffic.horizon=100``."""
+    if settings is not None:
+        check_dict("settings", settings)
     words = [f"{key}={_in_toml(value)}" for key, value in (settings or {}).items()]
     return {"config": path_text("config", config), "settings": words, "environment": environment}
 
@@ -304,6 +306,12 @@ def whole_number(name: str, value: Any, least: int = 0) -> int:
     return number
 
 
+def check_dict(name: str, value: Any) -> None:
+    """Raise a TypeError if the value is no dict, and nothing like one. ``name`` names it in errors."""
+    if not isinstance(value, Mapping):
+        raise TypeError(f"{name} {value!r}: must be a dict")
+
+
 def yes_or_no(name: str, value: Any) -> bool:
     """Return the value, which must be a bool. ``name`` names it in errors."""
     if not isinstance(value, (bool, np.bool_)):
@@ -313,6 +321,8 @@ def yes_or_no(name: str, value: Any) -> bool:
 
 def refuse_unknown_options(options: Optional[Mapping[str, Any]], known: Sequence[str]) -> None:
     """Raise a ValueError that names an option of ``reset`` that does not exist."""
+    if options is not None:
+        check_dict("options", options)
     for name in options or {}:
         if name not in known:
             raise ValueError(f"options: {name!r}: there is none; known: {', '.join(known) or 'none'}")

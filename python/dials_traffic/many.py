@@ -7,7 +7,7 @@ from typing import Any, Dict, List, Mapping, Optional, Tuple
 import gymnasium
 import numpy as np
 
-from ._channel import Channel, PathLike, alone, free_memory, fresh_seed, whole_number
+from ._channel import Channel, PathLike, alone, check_dict, free_memory, fresh_seed, whole_number
 from .errors import SimulatorError
 from .parallel import GlobalEnv, Infos, Observations
 
@@ -75,6 +75,7 @@ class GlobalVectorEnv:
         """Make a step in every copy; ``actions``: for each agent one action per copy. If one is refused, none steps."""
         if not self._whole:
             raise SimulatorError("the last call was not finished; call reset() first")
+        check_dict("actions", actions)
         for agent, chosen in actions.items():
             if len(chosen) != self.num_envs:
                 raise ValueError(f"agent {agent!r}: {len(chosen)} actions for {self.num_envs} copies")

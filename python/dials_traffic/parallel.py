@@ -15,6 +15,7 @@ from ._channel import (
     Channel,
     PathLike,
     alone,
+    check_dict,
     first_names,
     fresh_seed,
     no_memory,
@@ -68,6 +69,7 @@ class GlobalEnv(ParallelEnv):  # type: ignore[misc]
         if render_mode is not None and render_mode not in RENDER_MODES:
             raise ValueError(f"render_mode {render_mode!r}: this environment has {RENDER_MODES}")
         first_seed = fresh_seed(seed)
+        _check_names("controller_for", controller_for)
         self._observe, self._reward = observation, reward
         self._made_of: Dict[str, Any] = {
             "config": config,
@@ -209,6 +211,7 @@ class GlobalEnv(ParallelEnv):  # type: ignore[misc]
             raise SimulatorError("the last call was not finished; call reset() first")
         if not self.agents:
             raise SimulatorError("there is no episode under way; call reset() first")
+        check_dict("actions", actions)
         chosen = [actions[name] for name in self.possible_agents if name in actions]
         if not len(chosen) == len(actions) == len(self.possible_agents):
             self._refuse_names(actions)
@@ -345,6 +348,14 @@ def refuse_existing(folder: PathLike) -> None:
     path_text("folder", folder)
     if Path(folder).exists():
         raise FileExistsError(f"{folder}: exists already; name a new folder for the replay")
+
+
+def _check_names(name: str, table: Any) -> None:
+    """Raise an error if this is neither a dict of texts nor nothing."""
+    if table is None:
+        return
+    if not isinstance(table, Mapping) or not all(isinstance(text, str) for pair in table.items() for text in pair):
+        raise TypeError(f"{name} {table!r}: must be a dict of names")
 
 
 def _all_allowed(n_actions: int) -> np.ndarray:

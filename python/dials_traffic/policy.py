@@ -30,6 +30,7 @@ class Policy:
         actions: Sequence[str] = (),
     ) -> None:
         """``agent``, ``columns`` and ``actions``: names for errors, of the agent, of what it sees and of what it does."""
+        _check_weights(weights)
         self.weights = weights
         self.greedy = yes_or_no("greedy", greedy)
         self._agent, self._columns, self._actions = agent, columns, actions
@@ -94,6 +95,17 @@ class Policy:
             hidden = hidden @ weights[f"{prefix}layers.{layer}.weight"] + weights[f"{prefix}layers.{layer}.bias"][0]
             layer += 1
         return hidden
+
+
+def _check_weights(weights: Any) -> None:
+    """Raise an error if these are no weights, as :meth:`Run.weights` returns them."""
+    if not isinstance(weights, dict):
+        raise TypeError(f"weights {type(weights).__name__}: must be a dict of arrays by name")
+    for name, table in weights.items():
+        if not isinstance(table, np.ndarray) or table.dtype.kind != "f":
+            raise TypeError(f"weights: {name!r}: must be an array of floats")
+        if table.ndim != 2:
+            raise ValueError(f"weights: {name!r}: of shape {table.shape} instead of [in, out]")
 
 
 def _outputs(weights: Weights, prefix: str) -> int:

@@ -13,6 +13,7 @@ from ._channel import (
     Channel,
     PathLike,
     alone,
+    check_dict,
     first_names,
     no_memory,
     path_text,
@@ -167,6 +168,8 @@ class Controller:
     def _give(self, path: Path, parameters: np.ndarray) -> None:
         """Let the process take these weights."""
         shared = self._process.array("parameters")
+        if not isinstance(parameters, np.ndarray) or parameters.dtype != np.float32:
+            raise TypeError("parameters: must be those of a Run; call its controller()")
         if shared.shape != parameters.shape:
             raise SimulatorError(f"{path}: is another run than the one that was loaded; load it again")
         shared[:] = parameters
@@ -192,9 +195,8 @@ class Controller:
         """
         if not self._whole:
             raise SimulatorError("the last call was not finished; call begin() first")
-        for name, table in (("observations", observations), ("infos", infos)):
-            if not isinstance(table, Mapping):
-                raise TypeError(f"{name} {table!r}: must be a dict by agent")
+        check_dict("observations", observations)
+        check_dict("infos", infos)
         shown = []
         for agent, obs in observations.items():
             if agent not in self._places:
@@ -203,8 +205,7 @@ class Controller:
                 raise SimulatorError(f"infos: there is none for {agent!r}")
             _, place, mask_place = self._places[agent]
             about, info = self._agents[agent], infos[agent]
-            if not isinstance(info, Mapping):
-                raise TypeError(f"infos: of agent {agent!r}: {info!r}; must be a dict")
+            check_dict(f"infos: of agent {agent!r}:", info)
             shown.append((self._obs, place, _checks.observation(agent, obs, about["obs_dim"], about["columns"])))
             mask = self._mask(agent, info)
             if about["masks"]:
