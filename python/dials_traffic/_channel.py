@@ -129,7 +129,11 @@ class Channel:
             raise SimulatorError(
                 f"{self.label}: belongs to process {self._owner}, and this is another one; make it anew after a fork"
             )
-        if self._closing or not self._close_descriptor.alive:
+        self.check_open()
+
+    def check_open(self) -> None:
+        """Raise an error if the environment is closed."""
+        if self._closing:
             raise self._closed()
 
     def _closed(self) -> SimulatorError:
@@ -211,7 +215,7 @@ def alone(method: _Method) -> _Method:
         channel.check()
         with channel.lock:
             # The wait may have been for a close.
-            channel.check()
+            channel.check_open()
             return method(self, *args, **options)
 
     return cast(_Method, call)

@@ -67,6 +67,7 @@ class InProcess(Channel):
         if self._native is not None:
             self._check_thread()
         with self.lock:
+            self._closing = True
             # The simulator goes with its last reference.
             self._native = None
             self._close_memory()

@@ -1,8 +1,9 @@
-"""The thread that starts all children of this process.
+"""Starts children from threads that last as long as this process.
 
 A child asks the system to be killed when its parent ends. That also reaches a child that is stopped, which would notice
 nothing itself. But the system counts the thread that started the child as the parent, and an environment may outlive the
-thread that made it. So one thread starts them all. It is a daemon: it lasts until the process ends.
+thread that made it. The main thread lasts. For all others, one thread of our own starts the children. It is a daemon: it
+ends with the process. There is none without need, because Python warns of a fork where there are several threads.
 """
 
 from __future__ import annotations
@@ -58,6 +59,8 @@ os.register_at_fork(after_in_child=_forget)
 def start(words: List[str], **options: Any) -> "subprocess.Popen[bytes]":
     """Start a child as `subprocess.Popen` does, and return it when it runs."""
     global _starter
+    if threading.get_native_id() == os.getpid():
+        return subprocess.Popen(words, **options)
     with _lock:
         _starter = _starter or _Starter()
         starter = _starter

@@ -208,7 +208,7 @@ class Controller:
             check_dict(f"infos: of agent {agent!r}:", info)
             shown.append((self._obs, place, _checks.observation(agent, obs, about["obs_dim"], about["columns"])))
             mask = self._mask(agent, info)
-            if about["masks"]:
+            if mask is not None and about["masks"]:
                 shown.append((self._masks, mask_place, mask))
         self._whole = False
         for memory, place, values in shown:

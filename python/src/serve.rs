@@ -18,7 +18,7 @@ use crate::wire::{self, BEGIN, MEASURE, Order, RESET, STEP, TAKE};
 pub(crate) fn serve(memory: i32, parent: u32) -> Result<()> {
     // The end of the control channel is no sign that the parent has ended: a copy of it, made by `fork`, may hold it open,
     // and a busy simulator does not read it. A process that is stopped reads nothing. The system kills it, too.
-    // It counts the thread that started this process as the parent. In Python that one lasts as long as the process.
+    // It counts the thread that started this process as the parent: `_starter.py` takes one that lasts.
     end_with(parent)?;
     let stdin = std::io::stdin().as_fd().try_clone_to_owned().context("no control channel")?;
     let mut stream = UnixStream::from(stdin);

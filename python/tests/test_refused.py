@@ -182,3 +182,26 @@ def test_a_controller_acts_with_the_weights_that_were_loaded(damaged):
         run.weights("r0c0")[last][:] = 0
     run.weights("r0c0").clear()
     assert run.weights("r0c0")
+
+
+def test_a_stopped_child_that_a_thread_started_ends_with_python_too_and_not_before(grid):
+    """The system counts the thread that starts a child as its parent."""
+    code = f"""
+        import os, signal, threading, time, dials_traffic
+        envs = []
+        thread = threading.Thread(target=lambda: envs.append(dials_traffic.parallel_env({str(grid)!r}, seed=1)))
+        thread.start()
+        thread.join()
+        time.sleep(0.2)
+        envs[0].reset()
+        os.kill(envs[0].pid, signal.SIGSTOP)
+        print(envs[0].pid, flush=True)
+        time.sleep(600)
+    """
+    python = subprocess.Popen([sys.executable, "-c", textwrap.dedent(code)], stdout=subprocess.PIPE, text=True)
+    with python.stdout:
+        pid = int(python.stdout.readline())
+    assert is_alive(pid)
+    python.kill()
+    python.wait()
+    assert ends(pid, 5.0)
