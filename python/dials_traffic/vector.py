@@ -121,12 +121,16 @@ class LocalVectorEnv(VectorEnv):
         self, actions: Any
     ) -> Tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, Dict[str, Any]]:
         """Make a step in all rows; ``actions``: one for each."""
-        self.step_async(actions)
-        return self.step_wait()
+        # Not the public methods: each would take the lock again, which costs a microsecond.
+        self._begin_step(actions)
+        return self._end_step()
 
     @alone
     def step_async(self, actions: Any) -> None:
         """Begin a step and do not wait for it. :meth:`step_wait` ends it."""
+        self._begin_step(actions)
+
+    def _begin_step(self, actions: Any) -> None:
         if not self._whole:
             raise SimulatorError("the last call was not finished; call reset() first")
         actions = np.asarray(actions)
@@ -143,6 +147,9 @@ class LocalVectorEnv(VectorEnv):
     @alone
     def step_wait(self) -> Tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, Dict[str, Any]]:
         """Wait for the end of the step that :meth:`step_async` began."""
+        return self._end_step()
+
+    def _end_step(self) -> Tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, Dict[str, Any]]:
         self._process.receive_step()
         infos, ends = self._infos(), self._ends.copy()
         if ends.any():

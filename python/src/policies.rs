@@ -104,7 +104,9 @@ impl Policies {
     pub(crate) fn take(&mut self) -> Result<()> {
         let mut policies = blank(&self.config, &*self.domain);
         self.memory.read(&self.parameters, policies.as_mut_slice())?;
-        if let Some(wrong) = policies.as_slice().iter().find(|value| !(value.abs() <= LARGEST_PARAMETER)) {
+        if let Some(wrong) =
+            policies.as_slice().iter().find(|value| !value.is_finite() || value.abs() > LARGEST_PARAMETER)
+        {
             return Err(
                 Refused(format!("weights: {wrong:e} is not a finite number up to {LARGEST_PARAMETER:e}")).into()
             );
