@@ -49,7 +49,8 @@ def main(in_process, seed, seconds, *configs):
     warnings.simplefilter("ignore")
     dice = random.Random(seed)
     # What the page of the package lists. All else, such as an AttributeError from inside, is a failure.
-    documented = (ValueError, TypeError, KeyError, IndexError, RuntimeError, OSError)
+    # ImportError: torch may be missing.
+    documented = (ValueError, TypeError, KeyError, IndexError, RuntimeError, OSError, ImportError)
 
     class Liar:
         """Claims to be a number, a path and a sequence, and is none."""
@@ -130,6 +131,8 @@ def main(in_process, seed, seconds, *configs):
             if parameter.default is not parameter.empty and dice.random() < 0.5:
                 continue
             value = mostly_right(parameter.name)
+            if parameter.name in ("n", "copies") and isinstance(value, (int, np.integer)) and 3 < value < 10**12:
+                value = 10**12  # those between would be made, and take the machine's memory
             if parameter.kind == parameter.KEYWORD_ONLY:
                 options[parameter.name] = value
             elif parameter.default is parameter.empty:
@@ -145,6 +148,10 @@ def main(in_process, seed, seconds, *configs):
             answer = function(*arguments, **options)
             outcomes["answered"] += 1
             return answer
+        except dials_traffic.ProcessDied:
+            # A panic or a crash of the child.
+            print("\n".join(last))
+            raise
         except documented:
             outcomes["refused"] += 1
             return None
