@@ -163,8 +163,8 @@ def main(in_process, seed, seconds, *configs):
 
     def methods(thing):
         """Return the public methods of our own classes, those that end it last."""
-        names = [name for name in dir(type(thing)) if not name.startswith("_")]
-        ours = [name for name in names if callable(getattr(type(thing), name)) and not isinstance(getattr(type(thing), name), type)]
+        ours = [name for name in dir(type(thing)) if not name.startswith("_")]
+        ours = [name for name in ours if inspect.isroutine(getattr(type(thing), name))]
         own = {name for kind in type(thing).__mro__ if kind.__module__.startswith("dials_traffic") for name in vars(kind)}
         return [name for name in ours if name in own]
 
@@ -196,7 +196,8 @@ def main(in_process, seed, seconds, *configs):
     def right_ones():
         """Make one of everything, so that methods are always reached."""
         yield "parallel_env", lambda: dials_traffic.parallel_env(dice.choice(configs), seed=1, in_process=in_process)
-        yield "parallel_env", lambda: dials_traffic.parallel_env(configs[1], seed=1, record=True, render_mode="rgb_array", settings={"traffic.horizon": 2})
+        short = {"record": True, "render_mode": "rgb_array", "settings": {"traffic.horizon": 2}}
+        yield "parallel_env", lambda: dials_traffic.parallel_env(configs[1], seed=1, **short)
         yield "aec_env", lambda: dials_traffic.aec_env(configs[0], seed=1)
         yield "vector_parallel_env", lambda: dials_traffic.vector_parallel_env(configs[0], 2, seed=1)
         yield "vector_env", lambda: dials_traffic.vector_env(dice.choice(configs[2:]), "r0c0", 2, seed=1)
