@@ -10,6 +10,19 @@ import numpy as np
 from safetensors.numpy import load_file
 
 
+#: Largest absolute weight that the program takes, too.
+LARGEST_WEIGHT = 1e6
+
+
+def read(path):
+    """Return the tensors of a file of policies, by name. Weights that say nothing are an error."""
+    policies = load_file(path)
+    for name, weights in policies.items():
+        if not np.all(np.abs(weights) <= LARGEST_WEIGHT):
+            raise SystemExit(f"{path}: `{name}` holds a weight that is no finite number up to {LARGEST_WEIGHT:g}")
+    return policies
+
+
 def network(policies, obs, state=None, prefix=""):
     """Return the outputs of the networks whose tensors begin with `prefix`, and their next state."""
     hidden = obs
@@ -48,7 +61,7 @@ def judge(policies, obs, state=None):
 if __name__ == "__main__":
     if len(sys.argv) != 2 or not Path(sys.argv[1]).is_file():
         sys.exit(__doc__)
-    policies = load_file(sys.argv[1])
+    policies = read(sys.argv[1])
     agents, obs_dim, _ = policies.get("gru.input_weight", policies["layers.0.weight"]).shape
     logits, values, _ = judge(policies, np.zeros((agents, 1, obs_dim)))
     probabilities = np.exp(logits) / np.exp(logits).sum(axis=-1, keepdims=True)

@@ -15,10 +15,8 @@ from __future__ import annotations
 
 from typing import Any, Mapping, Optional
 
-from pettingzoo import AECEnv
-from pettingzoo.utils import parallel_to_aec
-
 from ._channel import PathLike
+from .aec import GlobalAecEnv
 from .errors import ProcessDied, SimulatorError
 from .many import GlobalVectorEnv
 from .parallel import GlobalEnv, Observation, Reward
@@ -32,6 +30,7 @@ __all__ = [
     "Car",
     "Controller",
     "Episode",
+    "GlobalAecEnv",
     "GlobalEnv",
     "GlobalVectorEnv",
     "Intersection",
@@ -87,9 +86,9 @@ def parallel_env(
     )
 
 
-def aec_env(config: PathLike, **options: Any) -> AECEnv:
+def aec_env(config: PathLike, **options: Any) -> GlobalAecEnv:
     """Make the environment of :func:`parallel_env` in which agents act one after another, with PettingZoo's wrapper."""
-    return parallel_to_aec(parallel_env(config, **options))
+    return GlobalAecEnv(parallel_env(config, **options))
 
 
 def vector_parallel_env(config: PathLike, n: int, *, seed: Optional[int] = None, **options: Any) -> GlobalVectorEnv:

@@ -2,19 +2,24 @@
 
 An environment gets orders: a tag and a payload. Its answers have a payload, too. Numbers are in memory that both sides
 map. `_process` gives the orders to a child process, `_in_process` to this one.
+
+One thread at a time uses an environment: `alone` lets it into a method and holds the others until it is done.
 """
 
 from __future__ import annotations
 
 import fcntl
+import functools
 import json
+import math
 import mmap
 import operator
 import os
 import struct
+import threading
 import weakref
 from pathlib import Path
-from typing import Any, Dict, List, Mapping, Optional, Sequence, Union
+from typing import Any, Callable, Dict, List, Mapping, Optional, Sequence, TypeVar, Union, cast
 
 import numpy as np
 
@@ -22,7 +27,7 @@ from .errors import SimulatorError
 
 PathLike = Union[str, "os.PathLike[str]"]
 
-BEGIN, RESET, STEP, MEASURE, DRAW, LOOK, KEEP = b"BRSMDLK"
+BEGIN, RESET, STEP, MEASURE, DRAW, LOOK, KEEP, TAKE = b"BRSMDLKT"
 _IN_WORDS = {RESET: "reset", STEP: "step"}
 
 
@@ -46,6 +51,10 @@ class Channel:
         self._pending: Optional[int] = None
         self._can_be_received = False
         self._map: Optional[mmap.mmap] = None
+        #: Held by the thread that uses the environment, from its first look at it to its last.
+        self.lock = threading.RLock()
+        # Whether somebody has begun to close it. From then on, no order is given.
+        self._closing = False
         made = os.memfd_create("dials_traffic")
         try:
             # Not 0, 1 or 2, which may be free here: in a child these are the standard streams.
@@ -76,7 +85,7 @@ class Channel:
         self.check()
         if self._pending is not None and tag != RESET:
             raise self._interrupted()
-        payload = b"" if what is None else json.dumps(what).encode()
+        payload = b"" if what is None else _in_json(what)
         self._pending, self._can_be_received = tag, False
         self._send(tag, payload)
         self._can_be_received = True
@@ -91,7 +100,7 @@ class Channel:
         self._can_be_received = False
         try:
             payload = self._receive()
-        except SimulatorError:
+        except (SimulatorError, ValueError):
             self._pending = None
             raise
         self._pending = None
@@ -120,18 +129,25 @@ class Channel:
             raise SimulatorError(
                 f"{self.label}: belongs to process {self._owner}, and this is another one; make it anew after a fork"
             )
-        if not self._close_descriptor.alive:
-            raise SimulatorError(f"{self.label}: is closed")
+        self.check_open()
+
+    def check_open(self) -> None:
+        """Raise an error if the environment is closed."""
+        if self._closing:
+            raise self._closed()
+
+    def _closed(self) -> SimulatorError:
+        return SimulatorError(f"{self.label}: is closed; make a new one")
 
     def _close_memory(self) -> None:
         self._close_descriptor()
-        # numpy arrays over the memory may still be in use: it is unmapped with the last of them.
+        # It is unmapped, and its last descriptor is closed, with the last array over it. `no_memory` lets arrays go.
         self._map = None
 
     def array(self, name: str) -> np.ndarray:
         """Return the numbers of a section of the shared memory. They change with every step."""
         if self._map is None:
-            raise SimulatorError(f"{self.label}: is closed")
+            raise self._closed()
         offset, count, dtype = self.about["memory"]["sections"][name]
         return np.frombuffer(self._map, dtype, count, offset)
 
@@ -179,19 +195,89 @@ class Channel:
 
     def keep(self, folder: Path) -> Path:
         """Write the recorded episode into a new folder, and return the file that sumo-gui opens."""
-        return Path(os.fsdecode(self.ask(KEEP, {"folder": str(folder)})))
+        return Path(os.fsdecode(self.ask(KEEP, {"folder": path_text("folder", folder)})))
+
+    def take(self) -> None:
+        """Let the environment take the weights in the shared memory."""
+        self.ask(TAKE)
+
+
+_Method = TypeVar("_Method", bound=Callable[..., Any])
+
+
+def alone(method: _Method) -> _Method:
+    """Let one thread at a time into a method of an object that has a ``_channel``, and none after a close."""
+
+    @functools.wraps(method)
+    def call(self: Any, *args: Any, **options: Any) -> Any:
+        channel: Channel = self._channel
+        # Before the wait: a copy of this process, made by a fork, has no thread that would give the lock back.
+        channel.check()
+        with channel.lock:
+            # The wait may have been for a close.
+            channel.check_open()
+            return method(self, *args, **options)
+
+    return cast(_Method, call)
+
+
+def no_memory(owner: Any, *names: str) -> None:
+    """Replace arrays over the shared memory by copies. An array keeps the memory and a descriptor of it open."""
+    for name in names:
+        setattr(owner, name, getattr(owner, name).copy())
 
 
 def request_of(config: PathLike, settings: Optional[Mapping[str, Any]], environment: Dict[str, Any]) -> Dict[str, Any]:
     """Return the first order. ``settings``: as ``--set`` takes them, such as ``traffic.horizon=100``."""
+    if settings is not None:
+        check_dict("settings", settings)
     words = [f"{key}={_in_toml(value)}" for key, value in (settings or {}).items()]
-    return {"config": str(Path(config)), "settings": words, "environment": environment}
+    return {"config": path_text("config", config), "settings": words, "environment": environment}
+
+
+def path_text(name: str, path: PathLike) -> str:
+    """Return a path as text. ``name`` names it in errors: a TypeError for what is no path, a ValueError for a path that
+    is not UTF-8. SUMO, the configs and the files of a run write paths as UTF-8.
+    """
+    try:
+        text = os.fspath(path)
+    except TypeError:
+        text = None
+    if not isinstance(text, str):
+        raise TypeError(f"{name} {path!r}: must be a path, a str or an os.PathLike of one")
+    try:
+        text.encode()
+    except UnicodeEncodeError:
+        raise ValueError(f"{name} {text!r}: this path is not UTF-8; rename the file or the folder") from None
+    if "\0" in text:
+        raise ValueError(f"{name} {text!r}: a path has no zero in it")
+    return str(Path(text))
+
+
+def _in_json(what: Dict[str, Any]) -> bytes:
+    text = json.dumps(what, ensure_ascii=False)
+    try:
+        return text.encode()
+    except UnicodeEncodeError as error:
+        around = text[max(0, error.start - 20) : error.end + 20]
+        raise ValueError(f"{around!r}: holds half of a pair of UTF-16, which is no text") from None
+
+
+def free_memory() -> int:
+    """Return the bytes that new processes can have."""
+    try:
+        with open("/proc/meminfo") as file:
+            return next(int(line.split()[1]) << 10 for line in file if line.startswith("MemAvailable:"))
+    except (OSError, StopIteration):
+        return 1 << 40
 
 
 def _in_toml(value: Any) -> str:
     """Return a value as TOML writes it. JSON writes texts and numbers in the same way."""
     if isinstance(value, np.generic):
         value = value.item()
+    if isinstance(value, float) and not math.isfinite(value):
+        raise ValueError(f"settings: {value}: must be a finite number")
     if isinstance(value, (bool, int, float)):
         return json.dumps(value)
     if isinstance(value, str):
@@ -224,6 +310,12 @@ def whole_number(name: str, value: Any, least: int = 0) -> int:
     return number
 
 
+def check_dict(name: str, value: Any) -> None:
+    """Raise a TypeError if the value is no dict, and nothing like one. ``name`` names it in errors."""
+    if not isinstance(value, Mapping):
+        raise TypeError(f"{name} {value!r}: must be a dict")
+
+
 def yes_or_no(name: str, value: Any) -> bool:
     """Return the value, which must be a bool. ``name`` names it in errors."""
     if not isinstance(value, (bool, np.bool_)):
@@ -233,6 +325,8 @@ def yes_or_no(name: str, value: Any) -> bool:
 
 def refuse_unknown_options(options: Optional[Mapping[str, Any]], known: Sequence[str]) -> None:
     """Raise a ValueError that names an option of ``reset`` that does not exist."""
+    if options is not None:
+        check_dict("options", options)
     for name in options or {}:
         if name not in known:
             raise ValueError(f"options: {name!r}: there is none; known: {', '.join(known) or 'none'}")

@@ -26,7 +26,7 @@ class InProcess(Channel):
         self._thread = threading.get_ident()
         # The answer to the last order, or the reason why there is none.
         self._answered: Optional[bytes] = None
-        self._failed: Optional[SimulatorError] = None
+        self._failed: Optional[Exception] = None
         _LEFT.pop(self._thread, None)
         self._begin(request)
 
@@ -45,6 +45,8 @@ class InProcess(Channel):
             self._answered = self._open(payload) if native is None else native.order(tag, payload)
         except RuntimeError as error:
             self._failed = SimulatorError(str(error))
+        except ValueError as error:
+            self._failed = error
 
     def _open(self, request: bytes) -> bytes:
         # Only here: without this option, no native code comes into the Python process.
@@ -64,9 +66,11 @@ class InProcess(Channel):
             return
         if self._native is not None:
             self._check_thread()
-        # The simulator goes with its last reference.
-        self._native = None
-        self._close_memory()
+        with self.lock:
+            self._closing = True
+            # The simulator goes with its last reference.
+            self._native = None
+            self._close_memory()
 
     def __del__(self) -> None:
         native = getattr(self, "_native", None)

@@ -7,5 +7,5 @@ class InProcess:
     def order(self, tag: int, payload: bytes) -> bytes:
         """Do what is ordered, and return the payload of the answer."""
 
-def serve(memory: int) -> None:
+def serve(memory: int, parent: int) -> None:
     """Serve one environment to the process that started this one. For the package itself."""

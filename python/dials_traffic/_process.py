@@ -17,17 +17,18 @@ import tempfile
 from pathlib import Path
 from typing import Any, Dict, Optional
 
+from . import _starter
 from ._channel import Channel
 from .errors import ProcessDied, SimulatorError
 
 # What the child runs: an interpreter without site-packages that loads nothing but the native module.
-_CODE = "import sys; sys.path.insert(0, sys.argv[1]); import _native; _native.serve(int(sys.argv[2]))"
+_CODE = "import sys; sys.path.insert(0, sys.argv[1]); import _native; _native.serve(*map(int, sys.argv[2:]))"
 
 # The head of a record: the number of the order, the tag, and whether this record is the last one of the order or answer.
 _HEAD = struct.Struct("<QBB")
 # Largest record. The answer to a step is one of a few bytes; a picture takes many.
 _RECORD = 16 << 10
-_DONE = ord("K")
+_DONE, _REFUSED = ord("K"), ord("V")
 # Time in which a child whose channel is closed may end by itself, in seconds. A step takes milliseconds.
 _PATIENCE_S = 2.0
 # Bytes of a dead child's output that an error shows.
@@ -47,8 +48,9 @@ class Process(Channel):
         self._socket, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
         try:
             with theirs:
-                self._child = subprocess.Popen(
-                    [sys.executable, "-I", "-S", "-c", _CODE, str(Path(__file__).parent), str(self._memory)],
+                numbers = [str(self._memory), str(self._owner)]
+                self._child = _starter.start(
+                    [sys.executable, "-I", "-S", "-c", _CODE, str(Path(__file__).parent), *numbers],
                     stdin=theirs.fileno(),
                     stdout=self._log,
                     stderr=self._log,
@@ -72,18 +74,18 @@ class Process(Channel):
                 piece = payload[begin : begin + _RECORD - _HEAD.size]
                 head = _HEAD.pack(self._number, tag, begin == pieces[-1])
                 self._socket.send(head + piece, socket.MSG_NOSIGNAL)
-        except (BrokenPipeError, ConnectionResetError):
-            raise self._death() from None
+        except OSError as error:
+            raise self._lost(error) from None
 
     def _receive(self) -> bytes:
         pieces = []
         while True:
             try:
                 record = self._socket.recv(_RECORD)
-            except ConnectionResetError:
-                record = b""
+            except OSError as error:
+                raise self._lost(error) from None
             if not record:
-                raise self._death()
+                raise self._lost(None)
             number, tag, is_last = _HEAD.unpack_from(record)
             if number != self._number:
                 # To an order that was interrupted; it has no meaning any more.
@@ -93,12 +95,16 @@ class Process(Channel):
                 break
         payload = b"".join(pieces)
         if tag != _DONE:
-            raise SimulatorError(payload.decode(errors="replace"))
+            text = payload.decode(errors="replace")
+            raise ValueError(text) if tag == _REFUSED else SimulatorError(text)
         return payload
 
     def hang_up(self) -> None:
-        if os.getpid() == self._owner:
-            # Not only closed: a copy of this process, made by a fork, may hold the channel.
+        # Once: whoever closes the socket has hung up before.
+        if os.getpid() == self._owner and not self._closing:
+            self._closing = True
+            # Not only closed: a copy of this process, made by a fork, may hold the channel. And another thread may wait
+            # for an answer: this wakes it.
             with contextlib.suppress(OSError):
                 self._socket.shutdown(socket.SHUT_RDWR)
 
@@ -107,12 +113,23 @@ class Process(Channel):
             return
         # The end of the channel ends a child that waits for an order. A busy one is killed.
         self.hang_up()
+        if not self.lock.acquire(timeout=_PATIENCE_S):
+            # Another thread is in a call, and not with the child, but in a function of the user. Its files are closed
+            # when nobody refers to this channel any more.
+            self._end_child()
+            return
+        try:
+            self._end_child()
+            self._close_files()
+        finally:
+            self.lock.release()
+
+    def _end_child(self) -> None:
         try:
             self._child.wait(_PATIENCE_S)
         except subprocess.TimeoutExpired:
             self._child.kill()
             self._child.wait()
-        self._close_files()
 
     def _close_files(self) -> None:
         self._socket.close()
@@ -122,6 +139,15 @@ class Process(Channel):
     def __del__(self) -> None:
         if hasattr(self, "_child"):
             self.close()
+
+    def _lost(self, error: Optional[OSError]) -> Exception:
+        """Return the error for a channel that is broken, or closed if there is no ``error``."""
+        if self._closing:
+            # By another thread, or by a handler of signals in this one.
+            return self._closed()
+        if error is None or isinstance(error, (BrokenPipeError, ConnectionResetError)):
+            return self._death()
+        return error
 
     def _death(self) -> ProcessDied:
         """Return the error that says how the child ended, and close what is left of it."""

@@ -7,11 +7,13 @@ from typing import Any, Dict, List, Mapping, Optional, Tuple
 import gymnasium
 import numpy as np
 
-from ._channel import PathLike, fresh_seed, whole_number
+from ._channel import Channel, PathLike, alone, check_dict, free_memory, fresh_seed, whole_number
 from .errors import SimulatorError
 from .parallel import GlobalEnv, Infos, Observations
 
 Table = Dict[str, np.ndarray]
+#: Memory of a copy in bytes, less than any needs: a Python and SUMO.
+LEAST_PER_COPY = 16 << 20
 
 
 class GlobalVectorEnv:
@@ -26,6 +28,9 @@ class GlobalVectorEnv:
     def __init__(self, config: PathLike, n: int, *, seed: Optional[int] = None, **options: Any) -> None:
         """Start the copies. Copy ``i`` has the seed ``seed + i``; ``options``: as for :func:`parallel_env`."""
         n, first_seed = whole_number("n", n, 1), fresh_seed(seed)
+        most = max(1, free_memory() // LEAST_PER_COPY)
+        if n > most:
+            raise ValueError(f"n {n}: each copy is a process, and there is memory for at most {most}")
         self.envs: List[GlobalEnv] = []
         try:
             for copy in range(n):
@@ -41,6 +46,11 @@ class GlobalVectorEnv:
         # Whether the last call came to its end in all copies.
         self._whole = True
 
+    @property
+    def _channel(self) -> Channel:
+        """What :func:`alone` waits for: the first copy stands for all."""
+        return self.envs[0]._channel
+
     def observation_space(self, agent: str) -> "gymnasium.Space[Any]":
         """Return the space of one copy's observations."""
         return self.envs[0].observation_space(agent)
@@ -49,6 +59,7 @@ class GlobalVectorEnv:
         """Return the space of one copy's actions."""
         return self.envs[0].action_space(agent)
 
+    @alone
     def reset(self, seed: Optional[int] = None) -> Tuple[Table, Dict[str, Any]]:
         """Begin an episode in every copy."""
         first_seed = None if seed is None else fresh_seed(seed)
@@ -59,10 +70,12 @@ class GlobalVectorEnv:
         self._whole = True
         return shown
 
+    @alone
     def step(self, actions: Mapping[str, Any]) -> Tuple[Table, Table, Table, Table, Dict[str, Any]]:
         """Make a step in every copy; ``actions``: for each agent one action per copy. If one is refused, none steps."""
         if not self._whole:
             raise SimulatorError("the last call was not finished; call reset() first")
+        check_dict("actions", actions)
         for agent, chosen in actions.items():
             if len(chosen) != self.num_envs:
                 raise ValueError(f"agent {agent!r}: {len(chosen)} actions for {self.num_envs} copies")

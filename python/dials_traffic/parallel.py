@@ -11,7 +11,20 @@ import numpy as np
 from gymnasium.spaces import Box, Discrete
 from pettingzoo import ParallelEnv
 
-from ._channel import Channel, PathLike, fresh_seed, first_names, refuse_unknown_options, request_of, whole_number, yes_or_no
+from ._channel import (
+    Channel,
+    PathLike,
+    alone,
+    check_dict,
+    first_names,
+    fresh_seed,
+    no_memory,
+    path_text,
+    refuse_unknown_options,
+    request_of,
+    whole_number,
+    yes_or_no,
+)
 from ._in_process import InProcess
 from ._process import Process
 from .errors import SimulatorError
@@ -56,6 +69,7 @@ class GlobalEnv(ParallelEnv):  # type: ignore[misc]
         if render_mode is not None and render_mode not in RENDER_MODES:
             raise ValueError(f"render_mode {render_mode!r}: this environment has {RENDER_MODES}")
         first_seed = fresh_seed(seed)
+        _check_names("controller_for", controller_for)
         self._observe, self._reward = observation, reward
         self._made_of: Dict[str, Any] = {
             "config": config,
@@ -107,7 +121,7 @@ class GlobalEnv(ParallelEnv):  # type: ignore[misc]
         self._n_actions = [agent["n_actions"] for _, agent in seen]
         self._rows = np.array([row for row, _ in seen])
         self._observation_spaces: Dict[str, gymnasium.Space[Any]] = {}
-        self._action_spaces: Dict[str, gymnasium.Space[Any]] = {}
+        self._action_spaces: Dict[str, Discrete] = {}
         # Places of each agent that decides in the observations and in the masks, and the mask if it is constant.
         self._obs_places: List[Tuple[str, slice]] = []
         self._mask_places: List[Tuple[str, slice, Optional[np.ndarray]]] = []
@@ -140,6 +154,7 @@ class GlobalEnv(ParallelEnv):  # type: ignore[misc]
     def action_space(self, agent: str) -> "gymnasium.Space[Any]":
         return self._action_spaces[agent]
 
+    @alone
     def reset(
         self, seed: Optional[int] = None, options: Optional[Dict[str, Any]] = None
     ) -> Tuple[Observations, Infos]:
@@ -151,6 +166,7 @@ class GlobalEnv(ParallelEnv):  # type: ignore[misc]
         self.send_reset(seed, options)
         return self.receive_reset()
 
+    @alone
     def send_reset(self, seed: Optional[int] = None, options: Optional[Dict[str, Any]] = None) -> None:
         """Begin an episode and do not wait for it. :meth:`receive_reset` ends it."""
         # PettingZoo's tests pass an option that is called "options".
@@ -158,11 +174,11 @@ class GlobalEnv(ParallelEnv):  # type: ignore[misc]
         begun = self.seed if seed is None else fresh_seed(seed)
         following = self.episode + 1 if seed is None else 0
         episode = whole_number("episode", (options or {}).get("episode", following))
-        self._channel.check()
         self.seed, self.episode = begun, episode
         self._whole, self.agents = False, []
         self._channel.send_reset(self.seed, self.episode)
 
+    @alone
     def receive_reset(self) -> Tuple[Observations, Infos]:
         """Wait for the episode that :meth:`send_reset` began."""
         self._channel.receive_reset()
@@ -177,22 +193,29 @@ class GlobalEnv(ParallelEnv):  # type: ignore[misc]
         self._whole = True
         return observations, infos
 
+    @alone
     def step(self, actions: Mapping[str, int]) -> Steps:
         """Make a step; ``actions``: one for each agent."""
-        self.send_actions(actions)
-        return self.receive_step()
+        # Not the public methods: each would take the lock again, which costs a microsecond.
+        self._send_checked(self._checked(actions))
+        return self._receive_step()
 
+    @alone
     def send_actions(self, actions: Mapping[str, int]) -> None:
         """Begin a step and do not wait for it. :meth:`receive_step` ends it."""
-        self.send_checked(self.checked(actions))
+        self._send_checked(self._checked(actions))
 
+    @alone
     def checked(self, actions: Mapping[str, int]) -> bytes:
         """Return actions as :meth:`send_checked` takes them, or raise an error. Nothing changes."""
-        self._channel.check()
+        return self._checked(actions)
+
+    def _checked(self, actions: Mapping[str, int]) -> bytes:
         if not self._whole:
             raise SimulatorError("the last call was not finished; call reset() first")
         if not self.agents:
             raise SimulatorError("there is no episode under way; call reset() first")
+        check_dict("actions", actions)
         chosen = [actions[name] for name in self.possible_agents if name in actions]
         if not len(chosen) == len(actions) == len(self.possible_agents):
             self._refuse_names(actions)
@@ -204,8 +227,12 @@ class GlobalEnv(ParallelEnv):  # type: ignore[misc]
             self._refuse(chosen)
         return code
 
+    @alone
     def send_checked(self, code: bytes) -> None:
         """Begin a step with actions that were :meth:`checked`."""
+        self._send_checked(code)
+
+    def _send_checked(self, code: bytes) -> None:
         self._whole = False
         self._actions[self._rows] = np.frombuffer(code, np.uint8)
         self._channel.send_step()
@@ -219,16 +246,25 @@ class GlobalEnv(ParallelEnv):  # type: ignore[misc]
 
     def _refuse(self, chosen: List[Any]) -> None:
         """Raise the error that names the agent whose action is none of its own."""
-        for name, action, n_actions in zip(self.possible_agents, chosen, self._n_actions):
-            try:
-                number = operator.index(action)
-            except TypeError:
-                raise TypeError(f"agent {name!r}: action {action!r}; must be a whole number") from None
-            if not 0 <= number < n_actions:
-                raise ValueError(f"agent {name!r}: action {action}; its actions are 0 to {n_actions - 1}")
+        for name, action in zip(self.possible_agents, chosen):
+            self.check_action(name, action)
 
+    def check_action(self, agent: str, action: Any) -> None:
+        """Raise an error if an agent has no such action."""
+        n_actions = self._action_spaces[agent].n
+        try:
+            number = operator.index(action)
+        except TypeError:
+            raise TypeError(f"agent {agent!r}: action {action!r}; must be a whole number") from None
+        if not 0 <= number < n_actions:
+            raise ValueError(f"agent {agent!r}: action {action}; its actions are 0 to {n_actions - 1}")
+
+    @alone
     def receive_step(self) -> Steps:
         """Wait for the end of the step that :meth:`send_actions` began."""
+        return self._receive_step()
+
+    def _receive_step(self) -> Steps:
         self._channel.receive_step()
         self._steps += 1
         over = self._steps == self.horizon
@@ -286,8 +322,13 @@ class GlobalEnv(ParallelEnv):  # type: ignore[misc]
 
     def render(self) -> Optional[np.ndarray]:
         """Return a picture of the state, ``[height, width, 3]``, if ``render_mode`` is ``"rgb_array"``."""
-        return None if self.render_mode is None else self._channel.draw()
+        return None if self.render_mode is None else self._drawn()
 
+    @alone
+    def _drawn(self) -> np.ndarray:
+        return self._channel.draw()
+
+    @alone
     def save_replay(self, folder: PathLike) -> Path:
         """Write the episode, which must be over, into a new folder, and return the file that sumo-gui opens.
 
@@ -308,12 +349,23 @@ class GlobalEnv(ParallelEnv):  # type: ignore[misc]
         """End the environment and its process."""
         self._channel.close()
         self.agents = []
+        if hasattr(self, "_whole"):
+            no_memory(self, "_obs", "_masks", "_rewards", "_actions")
 
 
 def refuse_existing(folder: PathLike) -> None:
     """Raise an error if the folder of a replay exists."""
+    path_text("folder", folder)
     if Path(folder).exists():
         raise FileExistsError(f"{folder}: exists already; name a new folder for the replay")
+
+
+def _check_names(name: str, table: Any) -> None:
+    """Raise an error if this is neither a dict of texts nor nothing."""
+    if table is None:
+        return
+    if not isinstance(table, Mapping) or not all(isinstance(text, str) for pair in table.items() for text in pair):
+        raise TypeError(f"{name} {table!r}: must be a dict of names")
 
 
 def _all_allowed(n_actions: int) -> np.ndarray:

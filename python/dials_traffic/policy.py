@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
-from typing import Any, Dict, Optional
+from typing import Any, Dict, Optional, Sequence
 
 import numpy as np
+
+from . import _checks
+from ._channel import yes_or_no
 
 Weights = Dict[str, np.ndarray]
 
@@ -12,13 +15,30 @@ Weights = Dict[str, np.ndarray]
 class Policy:
     """The policy of one agent. It sees one observation at a time.
 
-    Its outputs are those of the program up to rounding; :meth:`Run.controller` has them to the bit.
+    Its outputs are those of the program up to rounding; :meth:`Run.controller` has them to the bit. What is refused, such
+    as NaN or a mask that allows nothing, changes nothing. A policy is for one thread; others make their own.
     """
 
-    def __init__(self, weights: Weights, *, greedy: bool = False, seed: Optional[int] = None) -> None:
+    def __init__(
+        self,
+        weights: Weights,
+        *,
+        greedy: bool = False,
+        seed: Optional[int] = None,
+        agent: str = "",
+        columns: Sequence[str] = (),
+        actions: Sequence[str] = (),
+    ) -> None:
+        """``agent``, ``columns`` and ``actions``: names for errors, of the agent, of what it sees and of what it does."""
+        _check_weights(weights)
         self.weights = weights
-        self.greedy = greedy
+        self.greedy = yes_or_no("greedy", greedy)
+        self._agent, self._columns, self._actions = agent, columns, actions
         self._towers = ["", "critic."] if "critic.layers.0.weight" in weights else [""]
+        first = "gru.input_weight" if "gru.input_weight" in weights else "layers.0.weight"
+        self._width: int = weights[first].shape[0]
+        outputs = sum(_outputs(weights, tower) for tower in self._towers)
+        self._n_actions = outputs - 1
         self.reset(seed)
 
     def reset(self, seed: Optional[int] = None) -> None:
@@ -33,9 +53,13 @@ class Policy:
 
     def __call__(self, obs: Any, action_mask: Any = None) -> int:
         """Choose an action; ``action_mask``: 1 for each action that is allowed, or nothing if all are."""
-        logits, _ = self.judge(obs)
+        allowed = None
         if action_mask is not None:
-            logits = np.where(np.asarray(action_mask, bool), logits, -np.inf)
+            # Before the policy remembers the observation.
+            allowed = _checks.action_mask(self._agent, action_mask, self._n_actions, self._actions)
+        logits, _ = self.judge(obs)
+        if allowed is not None:
+            logits = np.where(allowed, logits, -np.inf)
         if self.greedy:
             return int(np.argmax(logits))
         # The largest of logits plus Gumbel noise is a draw from their softmax.
@@ -43,19 +67,27 @@ class Policy:
 
     def judge(self, obs: Any) -> "tuple[np.ndarray, float]":
         """Return the logits of all actions and the value, and remember what was seen if the policy has a memory."""
-        outputs = np.concatenate([self._tower(tower, np.asarray(obs, np.float32)) for tower in self._towers])
+        shown = _checks.observation(self._agent, obs, self._width, self._columns)
+        states = dict(self._states)
+        # What overflows is an error below, and no warning here.
+        with np.errstate(all="ignore"):
+            outputs = np.concatenate([self._tower(tower, shown, states) for tower in self._towers])
+        if not np.isfinite(outputs).all():
+            raise ValueError(f"agent {self._agent!r}: the outputs of its policy are not finite; its weights are too large")
+        self._states = states
         return outputs[:-1], float(outputs[-1])
 
-    def _tower(self, prefix: str, hidden: np.ndarray) -> np.ndarray:
+    def _tower(self, prefix: str, hidden: np.ndarray, states: Weights) -> np.ndarray:
+        """Return the outputs, and put the next state into ``states``."""
         weights = self.weights
-        if prefix in self._states:
-            state = self._states[prefix]
+        if prefix in states:
+            state = states[prefix]
             from_obs = hidden @ weights[prefix + "gru.input_weight"] + weights[prefix + "gru.input_bias"][0]
             from_state = state @ weights[prefix + "gru.state_weight"] + weights[prefix + "gru.state_bias"][0]
             r_obs, z_obs, n_obs = np.split(from_obs, 3)
             r_state, z_state, n_state = np.split(from_state, 3)
             reset, update = (1 / (1 + np.exp(-gate)) for gate in (r_obs + r_state, z_obs + z_state))
-            hidden = self._states[prefix] = (1 - update) * np.tanh(n_obs + reset * n_state) + update * state
+            hidden = states[prefix] = (1 - update) * np.tanh(n_obs + reset * n_state) + update * state
         layer = 0
         while f"{prefix}layers.{layer}.weight" in weights:
             if layer > 0:
@@ -63,6 +95,26 @@ class Policy:
             hidden = hidden @ weights[f"{prefix}layers.{layer}.weight"] + weights[f"{prefix}layers.{layer}.bias"][0]
             layer += 1
         return hidden
+
+
+def _check_weights(weights: Any) -> None:
+    """Raise an error if these are no weights, as :meth:`Run.weights` returns them."""
+    if not isinstance(weights, dict):
+        raise TypeError(f"weights {type(weights).__name__}: must be a dict of arrays by name")
+    for name, table in weights.items():
+        if not isinstance(table, np.ndarray) or table.dtype.kind != "f":
+            raise TypeError(f"weights: {name!r}: must be an array of floats")
+        if table.ndim != 2:
+            raise ValueError(f"weights: {name!r}: of shape {table.shape} instead of [in, out]")
+
+
+def _outputs(weights: Weights, prefix: str) -> int:
+    """Return the number of outputs of the last layer."""
+    layer, outputs = 0, 0
+    while f"{prefix}layers.{layer}.weight" in weights:
+        outputs = weights[f"{prefix}layers.{layer}.weight"].shape[1]
+        layer += 1
+    return outputs
 
 
 def in_torch(weights: Weights) -> Weights:

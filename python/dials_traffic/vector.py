@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from pathlib import Path
 from typing import Any, Dict, List, Mapping, Optional, Sequence, Tuple, Union
 
 import gymnasium
@@ -11,7 +10,18 @@ from gymnasium.spaces import Box, Discrete
 from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
 
-from ._channel import PathLike, fresh_seed, refuse_unknown_options, request_of, whole_number, yes_or_no
+from ._channel import (
+    Channel,
+    PathLike,
+    alone,
+    fresh_seed,
+    no_memory,
+    path_text,
+    refuse_unknown_options,
+    request_of,
+    whole_number,
+    yes_or_no,
+)
 from ._process import Process
 from .errors import SimulatorError
 
@@ -78,6 +88,11 @@ class LocalVectorEnv(VectorEnv):
         self._rewards, self._ends, self._actions = array("rewards"), array("ends"), array("actions")
         self._never = np.zeros(self.num_envs, bool)
 
+    @property
+    def _channel(self) -> Channel:
+        return self._process
+
+    @alone
     def reset(
         self, *, seed: Union[int, List[Optional[int]], None] = None, options: Optional[Dict[str, Any]] = None
     ) -> Tuple[np.ndarray, Dict[str, Any]]:
@@ -88,7 +103,6 @@ class LocalVectorEnv(VectorEnv):
         refuse_unknown_options(options, [])
         if isinstance(seed, (list, tuple)):
             raise ValueError("seed: all rows follow from one seed; name one number")
-        self._process.check()
         if seed is not None:
             self.seed, self._resets = fresh_seed(seed), 0
             super().reset(seed=self.seed)
@@ -102,16 +116,21 @@ class LocalVectorEnv(VectorEnv):
         self._whole = True
         return obs, infos
 
+    @alone
     def step(
         self, actions: Any
     ) -> Tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, Dict[str, Any]]:
         """Make a step in all rows; ``actions``: one for each."""
-        self.step_async(actions)
-        return self.step_wait()
+        # Not the public methods: each would take the lock again, which costs a microsecond.
+        self._begin_step(actions)
+        return self._end_step()
 
+    @alone
     def step_async(self, actions: Any) -> None:
         """Begin a step and do not wait for it. :meth:`step_wait` ends it."""
-        self._process.check()
+        self._begin_step(actions)
+
+    def _begin_step(self, actions: Any) -> None:
         if not self._whole:
             raise SimulatorError("the last call was not finished; call reset() first")
         actions = np.asarray(actions)
@@ -125,8 +144,12 @@ class LocalVectorEnv(VectorEnv):
         self._actions[:] = actions
         self._process.send_step()
 
+    @alone
     def step_wait(self) -> Tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, Dict[str, Any]]:
         """Wait for the end of the step that :meth:`step_async` began."""
+        return self._end_step()
+
+    def _end_step(self) -> Tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, Dict[str, Any]]:
         self._process.receive_step()
         infos, ends = self._infos(), self._ends.copy()
         if ends.any():
@@ -142,6 +165,7 @@ class LocalVectorEnv(VectorEnv):
     def _infos(self) -> Dict[str, Any]:
         return {"action_mask": self._masks.copy(), "_action_mask": np.ones(self.num_envs, bool)}
 
+    @alone
     def counters(self) -> Dict[str, int]:
         """Return totals since the last reset, such as predicted cars that found no room."""
         return self._process.measure()
@@ -155,10 +179,15 @@ class LocalVectorEnv(VectorEnv):
         """End the process. Called by :meth:`close`, also if the environment could not be made."""
         if hasattr(self, "_process"):
             self._process.close()
+        if hasattr(self, "_never"):
+            tables = ["_obs", "_last_obs", "_masks", "_last_masks", "_rewards", "_ends", "_actions"]
+            no_memory(self, *tables)
 
 
 def _predictor(predictor: PathLike) -> Union[str, Dict[str, str]]:
-    return predictor if predictor in ("marginals", "untrained") else {"run": str(Path(predictor))}
+    if isinstance(predictor, str) and predictor in ("marginals", "untrained"):
+        return predictor
+    return {"run": path_text("predictor", predictor)}
 
 
 class LocalEnv(gymnasium.Env):
@@ -188,6 +217,11 @@ class LocalEnv(gymnasium.Env):
         # What the next episode shows first, if it has begun already.
         self._begun: Optional[Tuple[np.ndarray, Dict[str, Any]]] = None
 
+    @property
+    def _channel(self) -> Channel:
+        return self._rows._process
+
+    @alone
     def reset(
         self, *, seed: Optional[int] = None, options: Optional[Dict[str, Any]] = None
     ) -> Tuple[np.ndarray, Dict[str, Any]]:
@@ -201,6 +235,7 @@ class LocalEnv(gymnasium.Env):
         begun, self._begun = self._begun, None
         return begun
 
+    @alone
     def step(self, action: Any) -> Tuple[np.ndarray, float, bool, bool, Dict[str, Any]]:
         if self._begun is not None:
             raise SimulatorError("the episode is over; call reset() first")

@@ -1,16 +1,17 @@
 //! The GS in the Python process itself, without a process and a channel of its own.
 
+use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::atomic::{AtomicBool, Ordering};
 
-use anyhow::{Result, bail, ensure};
-use pyo3::exceptions::PyRuntimeError;
+use anyhow::{Context, Result, bail, ensure};
+use pyo3::exceptions::{PyRuntimeError, PyValueError};
 use pyo3::prelude::*;
 use pyo3::types::PyBytes;
 
 use crate::joint::Joint;
 use crate::memory::Memory;
 use crate::request::{Environment, Opened, Request};
-use crate::wire;
+use crate::wire::{self, Refused};
 
 /// Whether an environment lives in this process. libsumo holds one simulation per process. A second one would wait for
 /// the first one for ever, because it would hold Python's lock meanwhile.
@@ -19,7 +20,10 @@ static TAKEN: AtomicBool = AtomicBool::new(false);
 /// The GS of a config in this process. It stays in its thread, as libsumo's simulation does.
 #[pyclass(unsendable)]
 pub struct InProcess {
-    joint: Joint,
+    /// The environment. `None` after a panic in it, which left it in an unknown state.
+    joint: Option<Joint>,
+    /// What it says of itself, as JSON.
+    about: String,
     _turn: Turn,
 }
 
@@ -49,7 +53,7 @@ impl InProcess {
         let Request { config, settings, environment } = wire::read(request)?;
         let Environment::Joint(request) = environment else { bail!("in_process: is for the global simulator only") };
         let joint = Joint::open(Opened::open(&config, &settings)?, request, Memory::open(memory)?)?;
-        Ok(InProcess { joint, _turn })
+        Ok(InProcess { about: joint.describe().to_string(), joint: Some(joint), _turn })
     }
 }
 
@@ -58,21 +62,37 @@ impl InProcess {
     /// Opens the environment. `request`: the first order. `memory`: descriptor of the shared memory.
     #[new]
     fn open(request: &[u8], memory: i32) -> PyResult<InProcess> {
-        InProcess::begin(request, memory).map_err(raised)
+        without_panic(|| InProcess::begin(request, memory)).map_err(raised)
     }
 
     /// Returns what the environment says of itself, as JSON.
-    fn about(&self) -> String {
-        self.joint.describe().to_string()
+    fn about(&self) -> &str {
+        &self.about
     }
 
     /// Does what is ordered and returns the answer's payload.
     fn order<'py>(&mut self, py: Python<'py>, tag: u8, payload: &[u8]) -> PyResult<Bound<'py, PyBytes>> {
-        self.joint.obey(tag, payload).map(|answer| PyBytes::new(py, &answer)).map_err(raised)
+        let ordered = || {
+            // Put back only if there was no panic.
+            let mut joint = self.joint.take().context("in_process: is broken since an error in it; close it")?;
+            let answer = joint.obey(tag, payload);
+            self.joint = Some(joint);
+            answer
+        };
+        without_panic(ordered).map(|answer| PyBytes::new(py, &answer)).map_err(raised)
     }
 }
 
 /// Returns the exception for an error.
 fn raised(error: anyhow::Error) -> PyErr {
-    PyRuntimeError::new_err(format!("{error:#}"))
+    let text = format!("{error:#}");
+    if error.is::<Refused>() { PyValueError::new_err(text) } else { PyRuntimeError::new_err(text) }
+}
+
+/// Does `work` and makes a panic in it an error. PyO3 would raise a `PanicException`, which `except Exception` misses.
+fn without_panic<T>(work: impl FnOnce() -> Result<T>) -> Result<T> {
+    catch_unwind(AssertUnwindSafe(work)).unwrap_or_else(|panic| {
+        let text = panic.downcast_ref::<&str>().copied().or_else(|| panic.downcast_ref::<String>().map(String::as_str));
+        bail!("in_process: an error of the package: {}", text.unwrap_or("of unknown kind"))
+    })
 }

@@ -6,7 +6,7 @@
 //! hundred libraries, and pip's libsumo may be there, too. Only an environment that is asked for in this process does.
 //!
 //! - `serve`: the loop of that process. `request`: what it is asked for. `wire`: the records on the socket. `memory`: the
-//!   shared memory. `lifeline`: it ends with the Python process.
+//!   shared memory.
 //! - `in_process`: an environment in the Python process itself.
 //! - `joint`: all agents on the global simulator. `local`: local simulators with influence predictors.
 //! - `policies`: the trained policies of a run. `agent`: what both say of an agent.
@@ -14,7 +14,6 @@
 mod agent;
 mod in_process;
 mod joint;
-mod lifeline;
 mod local;
 mod memory;
 mod policies;
@@ -31,9 +30,9 @@ mod _native {
     use super::in_process::InProcess;
 
     /// Serves one environment to the process that started this one, until it closes the channel. For the package
-    /// itself. `memory`: descriptor of the shared memory.
+    /// itself. `memory`: descriptor of the shared memory. `parent`: number of the process that started this one.
     #[pyfunction]
-    fn serve(py: Python<'_>, memory: i32) -> PyResult<()> {
-        py.detach(|| super::serve::serve(memory)).map_err(|error| PyRuntimeError::new_err(format!("{error:#}")))
+    fn serve(py: Python<'_>, memory: i32, parent: u32) -> PyResult<()> {
+        py.detach(|| super::serve::serve(memory, parent)).map_err(|error| PyRuntimeError::new_err(format!("{error:#}")))
     }
 }

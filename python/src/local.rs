@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use anyhow::{Context, Result, bail, ensure};
 use dials_core::base::{AgentId, Stopwatch};
-use dials_core::domain::{Action, Domain, Percept};
+use dials_core::domain::{Action, Domain, Percept, RegionSpec};
 use dials_learn::config::{AipTraining, Period, Predictor, Simulator};
 use dials_learn::environments::Experience;
 use dials_learn::environments::ials::Ials;
@@ -20,11 +20,13 @@ use dials_learn::worker::block::{initial_aips, training_episodes};
 use dials_session::config::RunConfig;
 use dials_session::directory;
 use dials_session::domains::open_tried;
+use dials_session::machine::free_memory_mib;
 use serde_json::{Value, json};
 use stacknets::Threads;
 
 use crate::memory::{Memory, Section};
 use crate::request::{LocalRequest, Opened, PredictorRequest, ResetRequest};
+use crate::wire::Refused;
 
 /// The local simulators of some agents of one kind: rows ordered by agent, then by copy.
 pub(crate) struct Local {
@@ -61,6 +63,12 @@ impl Local {
         let agents = opened.agents_of_one_kind(names)?;
         let Opened { mut config, domain, names } = opened;
         ensure!(request.copies > 0, "copies: 0, but an agent has at least one local simulator");
+        let most = most_copies(&domain.kinds().of(agents[0]).spec, agents.len());
+        if request.copies > most {
+            let text =
+                format!("copies {}: there is memory for at most {most} of {} agents", request.copies, agents.len());
+            return Err(Refused(text).into());
+        }
         config.learning.local_simulators.copies = request.copies;
         config.learning.local_simulators.stagger = request.stagger;
         let predictor = match request.predictor {
@@ -119,6 +127,20 @@ impl Local {
         view.memory.show()?;
         Ok(Running { ials, view })
     }
+}
+
+/// Memory of a row beside its tables, in bytes: less than any simulator needs.
+const LEAST_PER_ROW: usize = 4096;
+/// Memory of a machine that does not say how much is free, in MiB.
+const UNKNOWN_FREE_MIB: u64 = 1 << 20;
+
+/// Returns the number of copies of each agent that fit into the free memory at best. The simulators may need far more.
+/// This refuses what cannot be: the allocator would end the process without a reason that helps.
+fn most_copies(spec: &RegionSpec, agents: usize) -> usize {
+    let free = free_memory_mib().unwrap_or(UNKNOWN_FREE_MIB) << 20;
+    // Tables of before and after the end of an episode, each once as the image and once as shared memory.
+    let per_row = 4 * (spec.obs_dim * size_of::<f32>() + spec.n_actions) + LEAST_PER_ROW;
+    (usize::try_from(free).unwrap_or(usize::MAX) / per_row / agents).max(1)
 }
 
 /// Fits predictors of `agents` to episodes on the global simulator, in which policies that were not trained act. That is

@@ -58,9 +58,16 @@ pub(crate) struct LocalRequest {
 
 /// The policies of a run directory.
 #[derive(Debug, Deserialize)]
-pub(crate) struct PoliciesRequest {
-    /// Whether they choose the most probable action instead of drawing one.
-    pub greedy: bool,
+#[serde(rename_all = "snake_case")]
+pub(crate) enum PoliciesRequest {
+    /// Reads the weights. Nobody acts.
+    Read,
+    /// Acts with weights that the Python process has read before and puts into the memory. The file may be of a later
+    /// step by now.
+    Act {
+        /// Whether they choose the most probable action instead of drawing one.
+        greedy: bool,
+    },
 }
 
 /// Where the influence predictors come from.

@@ -4,19 +4,22 @@ use std::os::fd::AsFd;
 use std::os::unix::net::UnixStream;
 
 use anyhow::{Context, Result, bail};
+use dials_session::parent::end_with;
 
 use crate::joint::Joint;
-use crate::lifeline;
 use crate::local::{Local, Running};
 use crate::memory::Memory;
 use crate::policies::Policies;
 use crate::request::{Environment, Opened, Request, ResetRequest};
-use crate::wire::{self, BEGIN, MEASURE, Order, RESET, STEP};
+use crate::wire::{self, BEGIN, MEASURE, Order, RESET, STEP, TAKE};
 
 /// Serves one environment. The control channel is standard input, a socket that keeps records apart. `memory`: the
-/// descriptor of the shared memory.
-pub(crate) fn serve(memory: i32) -> Result<()> {
-    lifeline::watch()?;
+/// descriptor of the shared memory. `parent`: the Python process.
+pub(crate) fn serve(memory: i32, parent: u32) -> Result<()> {
+    // The end of the control channel is no sign that the parent has ended: a copy of it, made by `fork`, may hold it open,
+    // and a busy simulator does not read it. A process that is stopped reads nothing. The system kills it, too.
+    // It counts the thread that started this process as the parent: `_starter.py` takes one that lasts.
+    end_with(parent)?;
     let stdin = std::io::stdin().as_fd().try_clone_to_owned().context("no control channel")?;
     let mut stream = UnixStream::from(stdin);
     let Some(Order { number, tag, payload }) = wire::receive(&mut stream)? else { return Ok(()) };
@@ -70,6 +73,7 @@ fn serve_policies(mut policies: Policies, stream: &mut UnixStream) -> Result<()>
         let outcome = match tag {
             STEP => policies.step(),
             RESET => wire::read(&payload).and_then(|request| policies.reset(&request)),
+            TAKE => policies.take(),
             other => bail!("policies have no order {other}"),
         };
         wire::answer(stream, number, &outcome.map(|()| Vec::new()))?;

@@ -6,6 +6,7 @@
 //!
 //! Numbers of a step do not go here. They are in the shared [`Memory`](crate::memory::Memory).
 
+use std::fmt;
 use std::io::{ErrorKind, Read, Write};
 
 use anyhow::{Context, Result, bail, ensure};
@@ -26,10 +27,24 @@ pub(crate) const MEASURE: u8 = b'M';
 pub(crate) const DRAW: u8 = b'D';
 pub(crate) const LOOK: u8 = b'L';
 pub(crate) const KEEP: u8 = b'K';
+pub(crate) const TAKE: u8 = b'T';
 
 /// Tags of the answers.
 const DONE: u8 = b'K';
 const FAILED: u8 = b'E';
+const REFUSED: u8 = b'V';
+
+/// An argument that was wrong. Python raises it as a `ValueError`, like those that it finds itself.
+#[derive(Debug)]
+pub(crate) struct Refused(pub String);
+
+impl fmt::Display for Refused {
+    fn fmt(&self, to: &mut fmt::Formatter<'_>) -> fmt::Result {
+        to.write_str(&self.0)
+    }
+}
+
+impl std::error::Error for Refused {}
 
 /// An order of the parent.
 pub(crate) struct Order {
@@ -69,7 +84,9 @@ pub(crate) fn receive(stream: &mut impl Read) -> Result<Option<Order>> {
 
 /// Reads the payload of an order.
 pub(crate) fn read<T: DeserializeOwned>(payload: &[u8]) -> Result<T> {
-    serde_json::from_slice(payload).context("this order is of another version of the package; install it again")
+    serde_json::from_slice(payload).context(
+        "this order cannot be read; Python checks what is in it, so it is of another version of the package: install it again",
+    )
 }
 
 /// Writes the answer to an order: its payload, or the reason why there is none. Every write to `stream` makes a record.
@@ -79,7 +96,7 @@ pub(crate) fn answer(stream: &mut impl Write, number: u64, outcome: &Result<Vec<
         Ok(payload) => (DONE, payload.as_slice()),
         Err(error) => {
             reason = format!("{error:#}");
-            (FAILED, reason.as_bytes())
+            (if error.is::<Refused>() { REFUSED } else { FAILED }, reason.as_bytes())
         }
     };
     let mut rest = payload;

@@ -48,7 +48,9 @@ pub use orthogonal::Gains;
 pub use rows::Rows;
 pub use shape::{Layout, Parameters, Shape};
 pub use stack::Stack;
-pub use stack_file::{StackToWrite, about_stacks, read_stack, stack_as_bytes, write_stacks};
+pub use stack_file::{
+    LARGEST_PARAMETER, StackToWrite, about_stacks, check_tensors, read_stack, stack_as_bytes, write_stacks,
+};
 pub use states::States;
 pub use threads::Threads;
 pub use vectors::{VectorWidth, use_vectors, vector_instructions};

@@ -18,7 +18,7 @@ use dials_core::domain::{Kind, Kinds, RegionSpec};
 use dials_core::outside::{Directory, read_bytes};
 use dials_learn::config::{AipConfig, Config, PolicyConfig, Predictor};
 use dials_learn::policy::PolicyStack;
-use stacknets::{Layout, StackToWrite, about_stacks, read_stack, write_stacks};
+use stacknets::{Layout, StackToWrite, about_stacks, check_tensors, read_stack, write_stacks};
 
 /// Largest file: 10 000 agents with 100 000 parameters each.
 const LARGEST_FILE: u64 = 4 << 30;
@@ -72,6 +72,7 @@ impl JointLayout {
     /// The file is read once: a run that is being trained replaces it at any moment.
     pub(crate) fn read_with_steps(&self, path: &Path) -> Result<(Ragged<f32>, Option<u64>)> {
         let bytes = read_bytes(path, LARGEST_FILE).with_context(|| format!("{}: cannot be read", path.display()))?;
+        check_tensors(&bytes, path, self.kinds.iter().map(|kind| (&*kind.prefix, &kind.layout)))?;
         let mut widths = vec![0; self.kinds.iter().map(|kind| kind.agents.len()).sum()];
         let of_agents =
             self.kinds.iter().flat_map(|kind| kind.agents.iter().map(|agent| (agent.0, kind.layout.width())));
@@ -82,8 +83,13 @@ impl JointLayout {
             let rows = read_stack(&bytes, path, prefix, layout, &names)?;
             agents.iter().zip(rows.iter()).for_each(|(agent, row)| networks.row_mut(agent.0).copy_from_slice(row));
         }
-        let steps = about_stacks(&bytes).get(STEPS).and_then(|steps| steps.parse().ok());
-        Ok((networks, steps))
+        let steps = about_stacks(&bytes).remove(STEPS).map(|steps| {
+            let whole = steps.parse().ok();
+            whole.with_context(|| {
+                format!("{}: its metadata `{STEPS}` is {steps:?} instead of a whole number", path.display())
+            })
+        });
+        Ok((networks, steps.transpose()?))
     }
 }
 
