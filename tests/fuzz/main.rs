@@ -8,13 +8,14 @@
 //!
 //! - `mutate`: how an input becomes another one; `hostile.json`: values that programs stumble over.
 //! - `place`: the folder in which inputs are tried, what lies outside, and the program, run in there.
-//! - `texts`, `networks`, `report`, `runs`, `messages`: the targets.
+//! - `texts`, `networks`, `numbers`, `report`, `runs`, `messages`: the targets.
 //!
 //! `docs/reliability.md` says how to fuzz for longer.
 
 mod messages;
 mod mutate;
 mod networks;
+mod numbers;
 mod place;
 mod report;
 mod runs;
@@ -164,6 +165,8 @@ targets! {
     routes: Xml, 60, networks::routes, networks::routes_seeds, networks::deep_nest;
     local_routes: Xml, 60, networks::local_routes, networks::local_routes_seeds, networks::deep_nest;
     actuated: Xml, 60, networks::actuated, networks::actuated_seeds, networks::deep_nest;
+    vehicle_types: Xml, 40, numbers::vehicle_types, numbers::vehicle_types_seeds, numbers::all_of_a_type;
+    sumo_options: Xml, 40, numbers::sumo_options, numbers::sumo_options_seeds, numbers::all_options;
     returns_csv: Text, 80, report::returns_csv, report::returns_csv_seeds, none;
     episodes_csv: Text, 80, report::episodes_csv, report::episodes_csv_seeds, none;
     aip_loss_csv: Text, 80, report::aip_loss_csv, report::aip_loss_csv_seeds, none;

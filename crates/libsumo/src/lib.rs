@@ -10,6 +10,7 @@ mod error;
 mod events;
 mod faults;
 mod ffi;
+mod guard;
 mod ids;
 mod library;
 mod places;
@@ -22,6 +23,7 @@ mod version;
 
 pub use error::{Error, Result};
 pub use events::{DepartSpeed, Departure, Entering, Insertion, Placing, RouteNow, StepCounts};
+pub use guard::Limits;
 pub use ids::{CarId, EdgeId, LaneId, LightId, RouteId, TypeId};
 pub use library::{Library, load, variable_for_children};
 pub use places::{Place, places, program};
