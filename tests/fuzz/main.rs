@@ -166,7 +166,7 @@ targets! {
     local_routes: Xml, 60, networks::local_routes, networks::local_routes_seeds, networks::deep_nest;
     actuated: Xml, 60, networks::actuated, networks::actuated_seeds, networks::deep_nest;
     vehicle_types: Xml, 40, numbers::vehicle_types, numbers::vehicle_types_seeds, numbers::all_of_a_type;
-    sumo_options: Xml, 40, numbers::sumo_options, numbers::sumo_options_seeds, numbers::all_options;
+    sumo_options: Xml, 40, numbers::sumo_options, numbers::sumo_options_seeds, none;
     returns_csv: Text, 80, report::returns_csv, report::returns_csv_seeds, none;
     episodes_csv: Text, 80, report::episodes_csv, report::episodes_csv_seeds, none;
     aip_loss_csv: Text, 80, report::aip_loss_csv, report::aip_loss_csv_seeds, none;

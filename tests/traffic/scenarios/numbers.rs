@@ -224,22 +224,22 @@ fn dead(words: &[&str]) -> Option<Output> {
 
 #[test]
 fn the_death_of_sumo_in_an_episode_names_the_scenario_the_second_and_the_way_out() {
-    for words in [
-        &["baseline", "arterial.sumocfg", "--controller", "program", "--episodes", "1"][..],
-        &["replay", "arterial.sumocfg", "--controller", "program", "--out", "kept"],
-        &["check", "arterial.sumocfg"],
-        &["train", "arterial.sumocfg", "--simulator", "gs", "--workers", "0", "--set", "total_steps=2000"],
+    for (words, scenario) in [
+        (&["baseline", "arterial.sumocfg", "--controller", "program", "--episodes", "1"][..], "arterial.sumocfg"),
+        (&["replay", "arterial.sumocfg", "--controller", "program", "--out", "kept"], "arterial.sumocfg"),
+        (&["check", "arterial.sumocfg"], "arterial.sumocfg"),
+        // A run simulates its own copy. The last lines of a worker's log are part of the coordinator's error.
+        (&["train", "arterial.sumocfg", "--workers", "0", "--out", "run"], "run/networks/scenario.sumocfg"),
+        (&["train", "arterial.sumocfg", "--workers", "1", "--out", "run"], "run/networks/scenario.sumocfg"),
     ] {
         let Some(output) = dead(words) else { return eprintln!("this SUMO has its assertions off: nothing to see") };
         let said = String::from_utf8_lossy(&output.stderr);
-        let died = "error: arterial.sumocfg: SUMO died at second ";
-        let (before, after) = said.split_once(died).unwrap_or_else(|| panic!("{words:?}: {said}"));
-        assert!(before.contains("Assertion"), "SUMO's words come first: {said}");
+        let died = format!("error: {scenario}: SUMO died at second ");
+        let (before, after) = said.split_once(&died).unwrap_or_else(|| panic!("{words:?}: {said}"));
+        assert!(before.contains("Assertion") || before.contains("MSLCM_"), "SUMO's words come first: {said}");
         assert!(after.contains(" of an episode, of signal 6; its last words"), "{said}");
-        assert!(
-            after.contains("\n  way out: correct the numbers of its vehicles")
-                && after.contains("sumo -c arterial.sumocfg")
-        );
-        assert_eq!(output.status.signal(), Some(6), "{words:?}");
+        assert!(after.contains("way out: correct the numbers of its vehicles"), "{said}");
+        assert!(after.contains(&format!("sumo -c {scenario}")), "{said}");
+        assert!(output.status.signal() == Some(6) || words.contains(&"1"), "{words:?}");
     }
 }

@@ -24,6 +24,8 @@ const RANGES: &[(&str, &str, f64, f64)] = &[
     // SUMO counts the steps of a driver until its next action in 32 bits.
     (OPTION, "default.action-step-length", -1e6, 1e5),
     ("vType", "actionStepLength", -1e6, 1e5),
+    // SUMO makes each of these places.
+    ("parkingArea", "roadsideCapacity", -1e6, 1e5),
     // SUMO writes a route down as often as it is repeated. How long it becomes is limited as well.
     ("route", "repeat", -1e6, 1e7),
 ];
