@@ -1,7 +1,7 @@
 //! What happens when SUMO dies inside a call, or never comes back from one.
 //!
-//! SUMO has assertions that abort, and numbers from which it computes without an end or takes all memory. It is in this process, so
-//! the process ends with it. Before that, one message says what was simulated, at which second of an episode, and
+//! SUMO has assertions that abort. With some numbers it computes without an end or takes all memory. It is in this process, so the
+//! process ends with it. Before that, one message says what was simulated, at which second of an episode, and
 //! what to do. It is the same in every program that uses this crate, and in Python.
 //!
 //! - **Death**: a handler of SIGABRT, SIGSEGV, SIGBUS, SIGFPE and SIGILL writes the message. Then the process ends by the same
@@ -11,18 +11,18 @@
 //!
 //! # Why not otherwise
 //!
-//! **Why is a signal handler right here, if `trial` in the program warns of them?** A handler may not allocate, lock or format,
-//! because the thread may be in the middle of that. So this one does not: it copies texts that lie ready in static memory
-//! into a line on its stack, and calls `write`. It does not try to go on.
+//! **Is a signal handler sound here?** A handler may not allocate, lock or format, because the thread may be in the middle of that.
+//! This one does not: it copies texts that lie ready in static memory into a line on its stack, and calls `write`. It does not
+//! try to go on.
 //!
-//! **Why does it speak only of a thread inside SUMO?** A fault elsewhere has another cause, and its own handlers: that of Rust for a used-up stack,
-//! those of Python. They were there before and get the signal next.
+//! **Why does it speak only of a thread inside SUMO?** A fault elsewhere has another cause and its own handlers: Rust's for a
+//! used-up stack, and Python's. They were there before and get the signal next.
 //!
 //! **Why a thread, and not a timer (`setitimer`, `timer_settime`)?** A timer would be set and stopped in every step, two calls of the
 //! system each, and its signal might interrupt the program elsewhere. The thread costs the steps nothing but three stores.
 //!
-//! **Why the CPU time of the one thread?** The clock on the wall goes on while other programs have the cores, and the time of the process
-//! grows with its other threads. So a slow or busy machine changes nothing.
+//! **Why the CPU time of the one thread?** The clock on the wall goes on while other programs have the cores. The time of the
+//! process grows with its other threads. So a busy machine changes nothing.
 //!
 //! **Why not `RLIMIT_CPU` and `RLIMIT_AS`?** They count over the whole life of a process, which may be a training of days.
 
@@ -32,8 +32,7 @@ use super::ffi;
 
 /// Limits of one call of SUMO.
 ///
-/// The usual ones are far beyond all that was ever seen: the largest network, of 10 000 lights, loads in 30 s, and a second
-/// of it takes less than 1 s.
+/// The usual ones are generous: a grid of 10 000 lights loads and plays a step in 30 s of CPU time.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Limits {
     /// Seconds of CPU time to load.

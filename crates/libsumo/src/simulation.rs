@@ -89,8 +89,8 @@ impl Simulation {
         self.crossing.unload()
     }
 
-    /// Says what is simulated, such as a path, and what to do if it ends this process: SUMO may die, or never come back. The message
-    /// of that begins with `error: ` and the name, and goes to standard error.
+    /// Says what is simulated, such as a path, and what to do if it ends this process: SUMO may die, or never come back. The
+    /// message of that begins with `error: ` and the name, and goes to standard error.
     pub fn name(&mut self, what: &str, way_out: &str) {
         guard::name(what, way_out);
     }

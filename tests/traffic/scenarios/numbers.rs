@@ -1,17 +1,19 @@
 //! Numbers that SUMO takes in silence, and of which it dies, never comes back, floods the memory, or lets no car in.
 
+use std::collections::HashSet;
 use std::fs;
 use std::os::unix::process::ExitStatusExt;
 use std::path::Path;
-use std::process::Output;
+use std::process::{Command, Output};
 
-use dials_core::base::Seed;
+use dials_core::base::{AgentId, Seed};
 use dials_core::domain::{Domain, GlobalSimulator};
 use dials_traffic::Traffic;
 use dials_traffic::controllers::HandCoded;
 use dials_traffic::sim::control::SignalControl;
 
 use super::room::{BUSES, CARS, MORE, Room, SUMOCFG, table};
+use crate::plain_sumo;
 
 /// Each of these once ended a command in the middle of an episode, or never, or was played without a car: a file, a text in
 /// it, what takes its place, and the error.
@@ -137,10 +139,8 @@ fn numbers_that_only_look_strange_are_played() {
 /// Plays an episode. Returns how many cars entered.
 fn played(room: &Room) -> anyhow::Result<f64> {
     let traffic = Traffic::open_scenario(&table(room.config(&[])?))?;
-    let mut gs = traffic.global(SignalControl::HandCoded {
-        by: HandCoded::OwnProgram,
-        agents: dials_core::base::AgentId::all(traffic.agents()),
-    })?;
+    let mut gs = traffic
+        .global(SignalControl::HandCoded { by: HandCoded::OwnProgram, agents: AgentId::all(traffic.agents()) })?;
     gs.reset(Seed::new(3))?;
     for _ in 0..traffic.kinds().horizon() {
         gs.step(&vec![0; traffic.agents()])?;
@@ -196,7 +196,8 @@ fn an_episode_into_which_no_car_comes_is_an_error() {
 fn an_episode_without_cars_is_played_where_nobody_wants_to_come() {
     let persons = "<routes><person id=\"p\" depart=\"120\"><walk edges=\"w0_r0c0\"/></person></routes>";
     // The probability that a car comes is 3 %.
-    let seldom = "<routes><flow id=\"f\" begin=\"100\" end=\"400\" probability=\"0.0001\" from=\"w0_r0c0\" to=\"r0c1_e0\"/></routes>";
+    let seldom = "<routes><flow id=\"f\" begin=\"100\" end=\"400\" probability=\"0.0001\" from=\"w0_r0c0\" \
+                  to=\"r0c1_e0\"/></routes>";
     // It may find no room before the end.
     let late = "<routes><trip id=\"t\" depart=\"399.5\" from=\"w0_r0c0\" to=\"r0c1_e0\"/></routes>";
     for routes in ["<routes/>", persons, seldom, late] {
@@ -242,4 +243,23 @@ fn the_death_of_sumo_in_an_episode_names_the_scenario_the_second_and_the_way_out
         assert!(after.contains(&format!("sumo -c {scenario}")), "{said}");
         assert!(output.status.signal() == Some(6) || words.contains(&"1"), "{words:?}");
     }
+}
+
+#[test]
+fn every_option_of_the_installed_sumo_that_is_a_number_is_in_the_table() {
+    const TABLE: &str = include_str!("../../../crates/traffic/src/config/sumo_numbers/table.txt");
+    let known: HashSet<&str> = TABLE.split_whitespace().collect();
+    let help = Command::new(plain_sumo()).arg("--help").output().unwrap();
+    let help = String::from_utf8(help.stdout).unwrap();
+    // Such as `  -e, --end TIME   Defines the end time`.
+    let number = |line: &'_ str| {
+        let (_, rest) = line.split_once("--")?;
+        let mut words = rest.split_whitespace();
+        let (name, kind) = (words.next()?, words.next()?);
+        ["FLOAT", "INT", "TIME"].contains(&kind).then(|| name.to_owned())
+    };
+    let numbers: Vec<String> = help.lines().filter(|line| line.starts_with("  -")).filter_map(number).collect();
+    assert!(numbers.len() > 100, "{}", numbers.len());
+    let missing: Vec<_> = numbers.iter().filter(|name| !known.contains(name.as_str())).collect();
+    assert!(missing.is_empty(), "make the table again with sumo_numbers/make.py: it lacks {missing:?}");
 }

@@ -1,6 +1,6 @@
 // Says what was simulated when SUMO dies or never comes back. Why so: src/guard.rs.
 //
-// Whatever a handler of a signal reads is in static memory, and it calls nothing but write() and sigaction().
+// Whatever the handler of a signal reads is in static memory, and all that it calls is allowed in a handler.
 
 #include "shim.h"
 
@@ -85,7 +85,7 @@ void show_way_out(Line &line) { line << (*way_out == '\0' ? "" : "\n  way out: "
 
 int own_thread() { return static_cast<int>(syscall(SYS_gettid)); }
 
-void die(int number, siginfo_t *, void *) {
+void die(int number, siginfo_t *about, void *) {
     const int kept = errno;
     if (crossings.load() % 2 == 1 && own_thread() == thread_inside.load()) {
         Line line;
@@ -94,11 +94,14 @@ void die(int number, siginfo_t *, void *) {
         show_way_out(line);
         line.print();
     }
-    // The action of before is taken next: abort() raises again, and a fault comes again.
+    // The action of before is taken next: a fault comes again by itself, and a signal that somebody sent is sent again.
     for (size_t i = 0; i < COUNT; ++i) {
         if (SIGNALS[i] == number) {
             sigaction(number, &before[i], nullptr);
         }
+    }
+    if (about->si_code <= 0) {
+        raise(number);
     }
     errno = kept;
 }

@@ -24,6 +24,8 @@ const RANGES: &[(&str, &str, f64, f64)] = &[
     // SUMO counts the steps of a driver until its next action in 32 bits.
     (OPTION, "default.action-step-length", -1e6, 1e5),
     ("vType", "actionStepLength", -1e6, 1e5),
+    // With 1e5 s and more an assertion of SUMO 1.15 breaks at the first start; with 5e4 s it plays.
+    ("vType", "startupDelay", -1e6, 5e4),
     // SUMO makes each of these places.
     ("parkingArea", "roadsideCapacity", -1e6, 1e5),
     // SUMO writes a route down as often as it is repeated. How long it becomes is limited as well.
