@@ -36,6 +36,25 @@ const REFUSED: &[(&str, &str, &str, &str)] = &[
         "scale=\"nan\"",
         "DIR/more.add.xml: <vType id=\"car\">: scale=\"nan\": must be a finite number; correct it",
     ),
+    // SUMO reads these as C does, and another reader takes them for words.
+    (
+        MORE,
+        "speedDev=\"0.1\"",
+        "scale=\" nan\"",
+        "DIR/more.add.xml: <vType id=\"car\">: scale=\" nan\": must be a finite number; correct it",
+    ),
+    (
+        MORE,
+        "speedDev=\"0.1\"",
+        "jmSigmaMinor=\"nan(1)\"",
+        "DIR/more.add.xml: <vType id=\"car\">: jmSigmaMinor=\"nan(1)\": must be a finite number; correct it",
+    ),
+    (
+        MORE,
+        "speedDev=\"0.1\"",
+        "speedDev=\"1e9\"",
+        "DIR/more.add.xml: <vType id=\"car\">: speedDev=\"1e9\": must be from -1000 to 1000; correct it",
+    ),
     (
         MORE,
         "speedDev=\"0.1\"",
