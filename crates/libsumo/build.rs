@@ -26,6 +26,7 @@ fn main() {
     }
     compile("open.cpp", &[]);
     compile("detours.cpp", &[]);
+    compile("guard.cpp", &[]);
     for (of_cpp11, bind) in STRINGS {
         compile("shim.cpp", &[("_GLIBCXX_USE_CXX11_ABI", of_cpp11), ("DS_BIND", bind)]);
     }

@@ -8,7 +8,7 @@
 //!
 //! - `mutate`: how an input becomes another one; `hostile.json`: values that programs stumble over.
 //! - `place`: the folder in which inputs are tried, what lies outside, and the program, run in there.
-//! - `texts`, `networks`, `report`, `runs`, `messages`, `http`: the targets.
+//! - `texts`, `networks`, `numbers`, `report`, `runs`, `messages`, `http`: the targets.
 //!
 //! `docs/reliability.md` says how to fuzz for longer.
 
@@ -16,6 +16,7 @@ mod http;
 mod messages;
 mod mutate;
 mod networks;
+mod numbers;
 mod place;
 mod report;
 mod runs;
@@ -165,6 +166,8 @@ targets! {
     routes: Xml, 60, networks::routes, networks::routes_seeds, networks::deep_nest;
     local_routes: Xml, 60, networks::local_routes, networks::local_routes_seeds, networks::deep_nest;
     actuated: Xml, 60, networks::actuated, networks::actuated_seeds, networks::deep_nest;
+    vehicle_types: Xml, 40, numbers::vehicle_types, numbers::vehicle_types_seeds, numbers::all_of_a_type;
+    sumo_options: Xml, 40, numbers::sumo_options, numbers::sumo_options_seeds, none;
     returns_csv: Text, 80, report::returns_csv, report::returns_csv_seeds, none;
     episodes_csv: Text, 80, report::episodes_csv, report::episodes_csv_seeds, none;
     aip_loss_csv: Text, 80, report::aip_loss_csv, report::aip_loss_csv_seeds, none;

@@ -3,6 +3,7 @@
 use std::cell::OnceCell;
 use std::collections::BTreeMap;
 use std::fs;
+use std::os::unix::process::ExitStatusExt;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
@@ -81,6 +82,13 @@ impl Place {
         }
     }
 
+    /// Runs the program where SUMO may die, if the program says so. Returns the code, or 128 and the number of the signal.
+    pub(crate) fn program_or_sumos_death(&self, arguments: &[&str]) -> Outcome {
+        run(&self.work(), arguments, |stderr| {
+            stderr.contains("SUMO died ") || stderr.contains("SUMO did not come back ")
+        })
+    }
+
     /// Runs the program in the folder to work in.
     pub(crate) fn program(&self, arguments: &[&str]) -> Outcome {
         program(&self.work(), arguments)
@@ -90,13 +98,25 @@ impl Place {
 /// Runs the program. Panics if it was ended by a signal, panicked, hung, returned an unknown exit code, or said what is
 /// not printable.
 pub(crate) fn program(folder: &Path, arguments: &[&str]) -> Outcome {
+    run(folder, arguments, |_| false)
+}
+
+/// Runs the program. `may_die`: whether what it said allows that a signal ends it.
+fn run(folder: &Path, arguments: &[&str], may_die: impl Fn(&str) -> bool) -> Outcome {
     let mut command = assert_cmd::Command::new(env!("CARGO_BIN_EXE_dials-traffic"));
     let output = command.args(arguments).current_dir(folder).timeout(Duration::from_secs(100)).output();
     let output = output.expect("the program is built");
     let [stdout, stderr] = [output.stdout, output.stderr].map(|said| String::from_utf8_lossy(&said).into_owned());
     let said = || format!("with {arguments:?}, and said: {}", stderr.chars().take(2_000).collect::<String>());
-    let Some(code) = output.status.code() else { panic!("the program hung or was ended by a signal {}", said()) };
-    assert!([0, 1, 2].contains(&code) && !stderr.contains("panicked at"), "the program ended with {code} {}", said());
+    let signal = output.status.signal().filter(|_| may_die(&stderr)).map(|signal| 128 + signal);
+    let Some(code) = output.status.code().or(signal) else {
+        panic!("the program hung or was ended by a signal {}", said())
+    };
+    assert!(
+        (signal.is_some() || [0, 1, 2].contains(&code)) && !stderr.contains("panicked at"),
+        "the program ended with {code} {}",
+        said()
+    );
     let bad = stdout.chars().chain(stderr.chars()).find(|&letter| letter != '\n' && !is_printable(letter));
     assert!(bad.is_none(), "the program printed {bad:?} {}", said());
     Outcome { code, stdout, stderr }

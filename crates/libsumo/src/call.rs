@@ -16,6 +16,7 @@ use std::sync::{Mutex, MutexGuard, PoisonError};
 use super::error::{Error, Result};
 use super::events::{DepartSpeed, Departure, Entering, Insertion, Placing, RouteNow, StepCounts};
 use super::ffi;
+use super::guard::{Call, Inside};
 use super::ids::{CarId, EdgeId, LaneId, LightId};
 use super::library::{self, Library};
 use super::signal::SignalState;
@@ -47,6 +48,8 @@ pub(crate) enum IdKind {
 #[derive(Debug)]
 pub(crate) struct Crossing {
     library: &'static Library,
+    /// Seconds since the last load.
+    pub(crate) second: u64,
     not_sync: PhantomData<*const ()>,
     _turn: MutexGuard<'static, ()>,
 }
@@ -54,8 +57,12 @@ pub(crate) struct Crossing {
 /// Calls a function of the shim.
 macro_rules! call {
     ($crossing:ident.$function:ident($($argument:expr),*)) => {
-        ($crossing.library.shim.$function.expect(WHOLE))($($argument),*)
+        call!(Call::Other, $crossing.$function($($argument),*))
     };
+    ($call:expr, $crossing:ident.$function:ident($($argument:expr),*)) => {{
+        let _inside = Inside::enter($call, $crossing.second);
+        ($crossing.library.shim.$function.expect(WHOLE))($($argument),*)
+    }};
 }
 
 /// The version from which on SUMO writes the number of draws before the state of a generator (tried with all from 1.15 to 1.28).
@@ -74,14 +81,15 @@ impl Crossing {
         // A panic elsewhere poisons the lock but leaves no call half-done: unwinding closed its simulation.
         let turn = TURN.lock().unwrap_or_else(PoisonError::into_inner);
         HAS_TURN.set(true);
-        Ok(Crossing { library, not_sync: PhantomData, _turn: turn })
+        Ok(Crossing { library, second: 0, not_sync: PhantomData, _turn: turn })
     }
 
     pub(crate) fn load(&mut self, options: &[impl AsRef<str>]) -> Result<()> {
+        self.second = 0;
         let options: Vec<&str> = options.iter().map(AsRef::as_ref).collect();
         let texts = Texts::new(&with_silence(&options))?;
         // SAFETY: we have the turn; the pointers are `len` strings that end in zero and outlive the call.
-        let code = unsafe { call!(self.load(texts.pointers.as_ptr(), texts.pointers.len())) };
+        let code = unsafe { call!(Call::Load, self.load(texts.pointers.as_ptr(), texts.pointers.len())) };
         ask(code).map_err(|text| Error::Load { options: options.join(" "), text })
     }
 
@@ -129,7 +137,7 @@ impl Crossing {
 
     pub(crate) fn step(&mut self, until_s: f64) -> Result<()> {
         // SAFETY: we have the turn.
-        check(unsafe { call!(self.step(until_s)) }, "make a step")
+        check(unsafe { call!(Call::Step, self.step(until_s)) }, "make a step")
     }
 
     pub(crate) fn count_waiting(&mut self, ways: &[[EdgeId; 2]], waiting: &mut Vec<u32>) -> Result<()> {
@@ -252,6 +260,7 @@ impl Crossing {
         action: &'static str,
     ) -> Result<()> {
         let values: Vec<T> = values.collect();
+        let _inside = Inside::enter(Call::Other, self.second);
         // SAFETY: we have the turn; pointer and length are those of one vector.
         check(unsafe { function.expect(WHOLE)(values.as_ptr(), values.len()) }, action)
     }
@@ -319,6 +328,7 @@ impl Crossing {
         what: &'static str,
     ) -> Result<Vec<CarId>> {
         let (mut count, mut cars) = (0, ptr::null());
+        let _inside = Inside::enter(Call::Other, self.second);
         // SAFETY: we have the turn; both are only written to.
         check(unsafe { list.expect(WHOLE)(&mut count, &mut cars) }, what)?;
         // SAFETY: the call succeeded, so there are `count` numbers. They are valid until the next call, which needs

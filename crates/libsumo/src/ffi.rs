@@ -142,6 +142,10 @@ pub struct ds_shim {
     pub heard: ::std::option::Option<unsafe extern "C" fn() -> *const std::ffi::c_char>,
     pub shortcuts: ::std::option::Option<unsafe extern "C" fn() -> std::ffi::c_int>,
 }
+pub const DS_OTHER: ds_call = 0;
+pub const DS_LOADING: ds_call = 1;
+pub const DS_STEPPING: ds_call = 2;
+pub type ds_call = std::ffi::c_uint;
 unsafe extern "C" {
     pub fn ds_open(
         library: *const std::ffi::c_char,
@@ -151,6 +155,11 @@ unsafe extern "C" {
     ) -> std::ffi::c_int;
     pub fn ds_take_shortcuts();
     pub fn ds_few_devices(few: std::ffi::c_int);
+    pub fn ds_guard();
+    pub fn ds_name(what: *const std::ffi::c_char, way_out: *const std::ffi::c_char);
+    pub fn ds_limit(load_s: u64, step_s: u64, memory_mib: u64);
+    pub fn ds_enter(call: ds_call, second: u64);
+    pub fn ds_leave();
     pub fn ds_open_bytes(bytes: *const std::ffi::c_void, size: usize) -> std::ffi::c_int;
     pub fn ds_last_error() -> *const std::ffi::c_char;
     pub fn ds_own_file() -> *const std::ffi::c_char;

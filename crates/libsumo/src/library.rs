@@ -42,6 +42,7 @@ use super::call;
 use super::error::{Error, Result};
 use super::faults::{self, AGAIN, INSTALL};
 use super::ffi;
+use super::guard;
 use super::places::{LIBRARY, PACKAGE, Place, VARIABLE, places, taken};
 use super::shortcuts;
 use super::stand_ins;
@@ -160,6 +161,7 @@ fn open(places: &[Place]) -> Result<Library> {
     match Version::parse(&name) {
         Some(version) if version >= OLDEST => {
             shortcuts::take(version);
+            guard::begin();
             Ok(Library { name, version, file: loaded, source: place.source, shim })
         }
         _ => fail(format!("is {name}, but {OLDEST} or a newer one is needed"), INSTALL),

@@ -3,6 +3,7 @@
 use super::call::{self, Crossing, IdKind};
 use super::error::{Error, Result};
 use super::events::{DepartSpeed, Departure, Entering, Insertion, Placing, RouteNow, StepCounts};
+use super::guard::{self, Limits};
 use super::ids::{CarId, EdgeId, LaneId, LightId, RouteId, TypeId};
 use super::library;
 use super::shortcuts;
@@ -88,6 +89,18 @@ impl Simulation {
         self.crossing.unload()
     }
 
+    /// Says what is simulated, such as a path, and what to do if it ends this process: SUMO may die, or never come back. The
+    /// message of that begins with `error: ` and the name, and goes to standard error.
+    pub fn name(&mut self, what: &str, way_out: &str) {
+        guard::name(what, way_out);
+    }
+
+    /// Limits what a call of SUMO may take, from now on and in all of this process. Beyond that the process ends with a message and
+    /// exit code 1: a call that computes for ever cannot be ended in another way.
+    pub fn limit(&mut self, limits: Limits) {
+        guard::limit(limits);
+    }
+
     /// Registers lanes. The `i`-th id is that of the `i`-th name. Ids are valid as long as this simulation.
     ///
     /// # Errors
@@ -157,6 +170,7 @@ impl Simulation {
     /// An error leaves the step half-done, so every later call but [`reload`](Self::reload) is an error too. The usual
     /// reason is a car with an impossible route, which SUMO notices only when it inserts the car.
     pub fn step(&mut self) -> Result<()> {
+        self.crossing.second += 1;
         self.step_until(0.0)
     }
 
@@ -178,7 +192,10 @@ impl Simulation {
         self.gone_before.clear();
         match self.steps_per_s {
             1 => self.step(),
-            _ => self.step_until(self.time_s()? + 1.0),
+            _ => {
+                self.crossing.second += 1;
+                self.step_until(self.time_s()? + 1.0)
+            }
         }
     }
 

@@ -11,8 +11,8 @@
 //! networks that SUMO plays well. So this program checks what it reads itself, and SUMO judges the rest.
 //!
 //! **Why not catch the crash?** Debian's SUMO has its `assert`s on, and they abort. A handler of that signal runs on a
-//! stack with locks held and objects half made, where nothing may be allocated, or even printed. A process that only
-//! waits for another one has none of these problems.
+//! stack with locks held and objects half made, where nothing may be allocated. The one in `libsumo` says what was simulated,
+//! and that is all it can do. A process that only waits for another one can go on, and ask about the next file.
 //!
 //! **Why not load every network in a child, always?** It is so, once per config and command. The workers then load what
 //! was tried.
@@ -139,12 +139,13 @@ fn last_words(stderr: &mut impl Read) -> String {
 
 /// Returns the error of a child that failed, died or did not end. `files`: the strange files that it tried.
 fn judge(End { status, said }: End, files: &str, simulator: &str) -> Result<()> {
-    let died = |how: String| {
+    let died_with = |how: String, said: &str| {
         let words =
             if said.is_empty() { String::new() } else { format!("; its last words: {}", said.replace('\n', " ")) };
         anyhow!("{}", Printable(format!("{how}{words}")))
             .context(format!("{files}: {simulator} cannot simulate this network; use another one"))
     };
+    let died = |how: String| died_with(how, &said);
     let Some(status) = status else {
         return Err(died(format!("it was not loaded within {} s; the machine may be busy", PATIENCE.as_secs())));
     };
@@ -154,6 +155,11 @@ fn judge(End { status, said }: End, files: &str, simulator: &str) -> Result<()> 
         )));
     }
     if let Some(signal) = status.signal() {
+        // Its own message about the signal would come twice.
+        let own = format!(": {simulator} died ");
+        let before = said.lines().take_while(|line| !(line.starts_with("error: ") && line.contains(&own)));
+        let before = before.collect::<Vec<_>>().join("\n");
+        let died = |how: String| died_with(how, &before);
         let how = match signal {
             6 => " (aborted, for example by an assertion)",
             9 => " (killed, for example because memory ran out)",
@@ -195,6 +201,11 @@ mod tests {
         for (script, patience, how) in [
             ("echo 'a failed' >&2; kill -ABRT $$", long, "SUMO died of signal 6 (aborted, for example by an "),
             ("kill -SEGV $$", long, "SUMO died of signal 11 (it read foreign memory)"),
+            (
+                "echo 'a failed' >&2; echo 'error: a.net.xml: SUMO died while it loaded' >&2; kill -SEGV $$",
+                long,
+                "SUMO died of signal 11 (it read foreign memory); its last words: a failed",
+            ),
             ("echo 'a failed' >&2; exit 101", long, "it ended with exit status: 101; its last words: a failed"),
             ("exec sleep 1000", Duration::from_millis(50), "it was not loaded within 600 s; the machine may be busy"),
             ("echo 'error: (os error 12)' >&2; exit 2", long, "memory ran out; it may take 4 GiB, or less if a limit"),

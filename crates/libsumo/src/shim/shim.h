@@ -144,6 +144,22 @@ void ds_take_shortcuts(void);
  * may give them. Without that shortcut it changes nothing. */
 void ds_few_devices(int few);
 
+/* What a thread asks SUMO for. */
+enum ds_call { DS_OTHER, DS_LOADING, DS_STEPPING };
+
+/* From now on, the death of SUMO and a call without an end are errors in words on standard error. Once per process. */
+void ds_guard(void);
+
+/* Says what is simulated, and what to do if that ends the process. Longer texts than 1023 bytes are cut. */
+void ds_name(const char *what, const char *way_out);
+
+/* Limits a call: CPU seconds of a load, of another call, and how many MiB of memory each may take. */
+void ds_limit(uint64_t load_s, uint64_t step_s, uint64_t memory_mib);
+
+/* A thread goes into SUMO, in this second of an episode, and comes back. One at a time. */
+void ds_enter(enum ds_call call, uint64_t second);
+void ds_leave(void);
+
 /* Loads a shared library from memory. */
 int ds_open_bytes(const void *bytes, size_t size);
 

@@ -3,6 +3,7 @@
 mod grid;
 mod reward;
 mod scenario;
+pub(crate) mod sumo_numbers;
 pub(crate) mod sumo_options;
 pub mod sumo_time;
 pub mod sumocfg;

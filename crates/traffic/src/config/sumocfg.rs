@@ -8,6 +8,7 @@ use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result, anyhow, bail, ensure};
 
+use super::sumo_numbers::check_option;
 use super::sumo_options::{Fate, fate_of, whole_name};
 use super::sumo_time::seconds;
 use dials_core::outside::excerpt;
@@ -148,7 +149,9 @@ impl Sumocfg {
     }
 
     fn carry(&mut self, name: &str, value: &str) -> Result<()> {
-        self.options.push((name.to_owned(), plain(value)?.to_owned()));
+        let value = plain(value)?;
+        check_option(name, value)?;
+        self.options.push((name.to_owned(), value.to_owned()));
         Ok(())
     }
 }

@@ -6,7 +6,7 @@ use std::time::{Duration, Instant};
 use anyhow::{Error, Result, anyhow};
 
 use super::memory_file::MemoryFile;
-use dials_core::outside::beginning;
+use dials_core::outside::{beginning, quoted};
 use libsumo::Simulation;
 
 /// Options with which SUMO makes every vehicle and finds its way, but lets none enter.
@@ -19,9 +19,23 @@ const WARNING_LETTERS: usize = 300;
 /// Option with which SUMO says what it warns of.
 const LOUD: [&str; 2] = ["--no-warnings", "false"];
 
+/// What to do if SUMO dies of a network of this program.
+pub(crate) const REMAKE: &str = "make the network again (dials-traffic nets), or use another SUMO";
+
+/// Returns what to do if SUMO dies of a scenario, or never comes back.
+pub(crate) fn way_out_of(scenario: &Path) -> String {
+    format!(
+        "correct the numbers of its vehicles, types and options, or use another SUMO; plain SUMO may show more: sumo -c {}",
+        quoted(scenario)
+    )
+}
+
 /// A network in memory that SUMO of this process can load, any number of times.
 pub struct Loadable {
     files: Vec<(MemoryFile, PathBuf)>,
+    /// What a message calls it if SUMO dies, and what to do then.
+    name: String,
+    way_out: String,
     steps_per_s: u32,
     has_devices: bool,
     /// Options of SUMO without `--`, but for the seed and the additional files.
@@ -41,6 +55,7 @@ impl Loadable {
         additional: &[(String, PathBuf)],
         actuated: (&str, &Path),
     ) -> Result<Loadable> {
+        let name = net.1.display().to_string();
         let mut files = Vec::new();
         let mut put = |(text, path): (&str, &Path)| -> Result<String> {
             files.push((MemoryFile::new(text)?, path.to_owned()));
@@ -52,6 +67,8 @@ impl Loadable {
         let options = [("net-file", net), ("route-files", routes?.join(","))];
         let options = options.into_iter().filter(|(_, files)| !files.is_empty());
         Ok(Loadable {
+            name,
+            way_out: REMAKE.to_owned(),
             steps_per_s: 1,
             has_devices: false,
             options: options.map(|(name, value)| (name.to_owned(), value)).collect(),
@@ -70,6 +87,11 @@ impl Loadable {
         self
     }
 
+    /// `scenario`: path of the .sumocfg, for the message if SUMO dies.
+    pub(crate) fn of_scenario(self, scenario: &Path) -> Loadable {
+        Loadable { name: scenario.display().to_string(), way_out: way_out_of(scenario), ..self }
+    }
+
     /// `steps`: SUMO's steps in a second, as its option says.
     pub(crate) fn with_steps_per_s(self, steps: u32) -> Loadable {
         Loadable { steps_per_s: steps, ..self }
@@ -83,6 +105,7 @@ impl Loadable {
     /// Takes the only place for a simulation. Nothing is loaded yet.
     pub(crate) fn simulation(&self) -> Result<Simulation> {
         let mut simulation = Simulation::unloaded()?;
+        simulation.name(&self.name, &self.way_out);
         simulation.set_steps_per_second(self.steps_per_s);
         simulation.few_devices(!self.has_devices);
         Ok(simulation)

@@ -95,6 +95,14 @@ impl RoadNetwork {
         }
     }
 
+    /// Returns an error if no episode without a vehicle is right. On a grid random numbers decide.
+    pub(crate) fn check_not_empty(&self) -> Result<()> {
+        match &self.files {
+            Files::Grid(_) => Ok(()),
+            Files::Scenario(scenario) => scenario.files.check_not_empty(),
+        }
+    }
+
     pub(crate) fn source(&self) -> Result<Loadable> {
         match &self.files {
             Files::Grid(files) => files.network.for_sumo(),

@@ -1,5 +1,5 @@
-//! Where vehicles depart, and how many. SUMO judges the rest of the demand. But it says nothing when all depart at other times,
-//! or when a type has a length of NaN, so these are errors here.
+//! Where vehicles depart, and how many. SUMO judges the rest of the demand. But it says nothing when all depart at other times, and
+//! it takes all memory if there are too many, so these are errors here.
 
 use std::collections::{BTreeMap, BTreeSet, HashMap};
 use std::path::Path;
@@ -14,6 +14,18 @@ use dials_core::outside::excerpt;
 
 /// Largest number of vehicles of an episode.
 const MOST_VEHICLES: f64 = 10_000_000.0;
+
+/// Largest number of edges of all routes that repeat themselves. SUMO writes such a route down as often as it says.
+const MOST_REPEATED_EDGES: f64 = 10_000_000.0;
+
+/// Memory of a stop on a route, in that of an edge.
+const STOP_IN_EDGES: usize = 80;
+
+/// Seconds before the end of an episode from which on a vehicle may find no room any more.
+const LATE_S: f64 = 60.0;
+
+/// Type of vehicles that name none.
+const USUAL_TYPE: &str = "DEFAULT_VEHTYPE";
 
 /// Classes of vehicles that are often in lanes of their own, where no agent sees them.
 const APART: &str = "bicycle tram rail_urban rail rail_electric rail_fast subway cable_car ship pedestrian";
@@ -35,18 +47,27 @@ pub(super) enum Order {
     Sorted,
 }
 
-#[derive(Clone, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Debug, Default, PartialEq)]
 pub(super) struct Departures {
     pub(crate) edges: BTreeSet<String>,
     /// Ids of junctions: on any edge that begins there.
     pub(crate) junctions: BTreeSet<String>,
     /// Whether SUMO may remove some instead of letting them wait.
     pub(crate) some_may_vanish: bool,
+    /// Least number of vehicles that want to enter in an episode, whatever random numbers say.
+    pub(crate) at_least: f64,
 }
 
 /// What was read so far, in SUMO's order.
 pub(crate) struct Demand<'a> {
     window_s: (f64, f64),
+    /// How many vehicles SUMO makes of each one: its option `scale`.
+    scale: f64,
+    /// The same of types, if they say it. Of a distribution: the least and the largest.
+    scales: HashMap<&'a str, (f64, f64)>,
+    repeated_edges: f64,
+    /// Expected number of vehicles of which some may not come.
+    at_random: f64,
     /// Types whose vehicles are often in lanes of their own, with their classes.
     apart: HashMap<&'a str, &'a str>,
     /// Edges of each route, as their text; a distribution has several routes.
@@ -69,10 +90,14 @@ pub(crate) struct Demand<'a> {
 }
 
 impl<'a> Demand<'a> {
-    /// `window_s`: begin and end of an episode.
-    pub(super) fn new(window_s: (u64, u64)) -> Demand<'a> {
+    /// `window_s`: begin and end of an episode. `scale`: how many vehicles SUMO makes of each one.
+    pub(super) fn new(window_s: (u64, u64), scale: f64) -> Demand<'a> {
         Demand {
             window_s: (window_s.0 as f64, window_s.1 as f64),
+            scale: scale.max(0.0),
+            scales: HashMap::new(),
+            repeated_edges: 0.0,
+            at_random: 0.0,
             apart: OWN_TYPES.into(),
             routes: HashMap::new(),
             zones: HashMap::new(),
@@ -89,23 +114,43 @@ impl<'a> Demand<'a> {
 
     pub(super) fn read(&mut self, file: &'a Path, root: &'a Element, order: Order) -> Result<()> {
         let mut last_s = f64::NEG_INFINITY;
-        each(root).try_for_each(|departing| {
-            self.read_element(file, departing, order, &mut last_s)
-                .map_err(|error| anyhow!("{}: {error}", file.display()))
-        })
+        let in_file = |error| anyhow!("{}: {error}", file.display());
+        self.count_repeated(root).map_err(in_file)?;
+        each(root).for_each(|departing| self.read_element(file, departing, order, &mut last_s));
+        Ok(())
     }
 
-    fn read_element(&mut self, file: &'a Path, departing: Departing<'a>, order: Order, last_s: &mut f64) -> Result<()> {
+    /// Adds the edges of routes that repeat themselves, wherever they stand.
+    fn count_repeated(&mut self, element: &Element) -> Result<()> {
+        for child in &element.children {
+            if let Some(repeat) = child.attribute("repeat").filter(|_| child.name == "route") {
+                let edges = words(child, "edges").count() + STOP_IN_EDGES * child.all("stop").count();
+                self.repeated_edges += edges as f64 * repeat.trim().parse::<f64>().unwrap_or(0.0).max(0.0);
+                let why = format!(
+                    "with it the routes have {:.0} edges, and at most {MOST_REPEATED_EDGES} are allowed; correct it",
+                    self.repeated_edges
+                );
+                ensure!(self.repeated_edges <= MOST_REPEATED_EDGES, wrong(child, "repeat", &why));
+            }
+            self.count_repeated(child)?;
+        }
+        Ok(())
+    }
+
+    fn read_element(&mut self, file: &'a Path, departing: Departing<'a>, order: Order, last_s: &mut f64) {
         let element = departing.element;
         match &*element.name {
-            "vType" => self.add_type(element)?,
+            "vType" => self.add_type(element),
             "vTypeDistribution" => {
-                element.all("vType").try_for_each(|kind| self.add_type(kind))?;
+                element.all("vType").for_each(|kind| self.add_type(kind));
                 let inner = element.all("vType").filter_map(|kind| kind.attribute("id"));
-                let mut all = inner.chain(words(element, "vTypes"));
-                if let Some(class) = all.find_map(|kind| self.apart.get(kind)) {
+                let all: Vec<&str> = inner.chain(words(element, "vTypes")).collect();
+                if let Some(class) = all.iter().find_map(|kind| self.apart.get(kind)) {
                     self.apart.insert(id(element), class);
                 }
+                let scales = all.iter().map(|kind| self.scale_of(kind));
+                let scales = scales.reduce(|one, other| (one.0.min(other.0), one.1.max(other.1)));
+                self.scales.insert(id(element), scales.unwrap_or((1.0, 1.0)));
             }
             "route" | "routeDistribution" => drop(self.routes_in(element)),
             "taz" => {
@@ -120,26 +165,45 @@ impl<'a> Demand<'a> {
                 *last_s = departs_s.unwrap_or(*last_s).max(*last_s);
                 if is_late {
                     self.late.entry(file).or_insert((0, element)).0 += 1;
-                    return Ok(());
+                    return;
                 }
                 let count = departing.number(departs_s.unwrap_or(begin), self.window_s);
                 if count == 0.0 {
                     *self.outside.entry(file).or_default() += 1;
                 } else if VEHICLES.contains(&&*element.name) {
                     self.add_driver(file, element, count);
+                    // What waits for somebody departs when that one wants.
+                    if let Some(departs_s) = departs_s {
+                        let scale = self.scale * self.scale_of(type_of(element)).0;
+                        let early = scale * departing.number(departs_s, (begin, self.window_s.1 - LATE_S));
+                        // With a scale below 1 SUMO decides which ones there are.
+                        let is_sure = scale >= 1.0 && !departing.is_random();
+                        *if is_sure { &mut self.departures.at_least } else { &mut self.at_random } += early;
+                    }
                 } else {
                     self.persons += count;
                 }
             }
             _ => {}
         }
-        Ok(())
+    }
+
+    /// Returns how many vehicles SUMO makes of one of a type: the least number, and the largest.
+    fn scale_of(&self, kind: &str) -> (f64, f64) {
+        self.scales.get(kind).copied().unwrap_or((1.0, 1.0))
     }
 
     /// Checks the whole. Returns where vehicles depart, and what will not be simulated. `scenario`: its path.
-    pub(super) fn finish(self, scenario: &Path) -> Result<(Departures, Notes)> {
+    pub(super) fn finish(mut self, scenario: &Path) -> Result<(Departures, Notes)> {
         let (begin, end) = self.window_s;
         let travellers = self.expected + self.persons;
+        // Of 20 vehicles that are expected at random, none comes with a probability of 2e-9.
+        self.departures.at_least = (self.departures.at_least + (self.at_random - 19.0).max(0.0)).floor();
+        ensure!(
+            self.scale > 0.0 || !self.has_some,
+            "{}: option scale is 0, so SUMO makes no vehicle; correct it",
+            scenario.display()
+        );
         ensure!(
             travellers > 0.0 || !self.has_some,
             "{}: no vehicle departs from {begin} to {end} s; add a route file, or correct begin and end",
@@ -148,8 +212,13 @@ impl<'a> Demand<'a> {
         ensure!(
             travellers <= MOST_VEHICLES,
             "{}: {travellers:.0} vehicles depart from {begin} to {end} s, and at most {MOST_VEHICLES} are allowed; correct the \
-             flows",
+             flows{}",
             scenario.display(),
+            if self.scale == 1.0 && self.scales.values().all(|scales| *scales == (1.0, 1.0)) {
+                ""
+            } else {
+                ", or scale"
+            }
         );
         let nobody =
             (!self.has_some).then(|| format!("{}: it names no vehicles, so the roads are empty", scenario.display()));
@@ -183,22 +252,14 @@ impl<'a> Demand<'a> {
         Ok((self.departures, Notes { left_out, without_locally, not_local: Vec::new() }))
     }
 
-    fn add_type(&mut self, kind: &'a Element) -> Result<()> {
-        let models = kind.children.iter().filter(|child| child.name.starts_with("carFollowing-"));
-        for element in [kind].into_iter().chain(models) {
-            for (key, value) in element.attributes.iter().filter(|(key, _)| key != "id") {
-                // SUMO takes `nan` for a number, and such a car never moves, or ends SUMO.
-                let may_be_infinite = key == "maxSpeed";
-                let is_bad =
-                    value.parse().is_ok_and(|number: f64| number.is_nan() || number.is_infinite() && !may_be_infinite);
-                ensure!(!is_bad, wrong(element, key, "must be a finite number; correct it"));
-            }
+    fn add_type(&mut self, kind: &'a Element) {
+        if let Some(scale) = kind.attribute("scale").and_then(|scale| scale.trim().parse::<f64>().ok()) {
+            self.scales.insert(id(kind), (scale.max(0.0), scale.max(0.0)));
         }
         match kind.attribute("vClass").filter(|class| APART.split(' ').any(|other| other == *class)) {
             Some(class) => self.apart.insert(id(kind), class),
             None => self.apart.remove(id(kind)),
         };
-        Ok(())
     }
 
     /// Returns the edges of a route or a distribution, each as a text, and remembers them and those of routes within by their
@@ -220,6 +281,7 @@ impl<'a> Demand<'a> {
     /// Adds a trip, a vehicle or a flow of this many vehicles.
     fn add_driver(&mut self, file: &'a Path, driver: &'a Element, vehicles: f64) {
         let given = |key: &str| driver.attribute(key);
+        let vehicles = vehicles * self.scale * self.scale_of(type_of(driver)).1;
         self.expected += vehicles;
         if let Some(class) = given("type").and_then(|kind| self.apart.get(kind)) {
             *self.apart_counts.entry(class).or_default() += vehicles;
@@ -248,6 +310,10 @@ impl<'a> Demand<'a> {
     }
 }
 
+fn type_of(driver: &Element) -> &str {
+    driver.attribute("type").unwrap_or(USUAL_TYPE)
+}
+
 fn id(element: &Element) -> &str {
     element.attribute("id").unwrap_or_default()
 }
@@ -268,7 +334,7 @@ mod tests {
     /// Reads elements after the types. Returns where cars depart and the notes, or the error.
     fn read_whole(elements: &str) -> Result<(Departures, Notes), String> {
         let root = parse(&format!("<routes>{TYPES}{elements}</routes>")).unwrap();
-        let mut demand = Demand::new((100, 200));
+        let mut demand = Demand::new((100, 200), 1.0);
         let read = demand.read(Path::new("rou"), &root, Order::Sorted);
         read.and_then(|()| demand.finish(Path::new("cfg"))).map_err(|error| error.to_string())
     }

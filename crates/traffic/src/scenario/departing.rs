@@ -38,6 +38,14 @@ impl Departing<'_> {
         FLOWS.contains(&&*self.element.name)
     }
 
+    /// Returns whether random numbers decide when, or whether, vehicles of a flow depart.
+    pub(super) fn is_random(&self) -> bool {
+        let is_drawn = |period: &str| period.contains('(');
+        self.is_flow()
+            && (self.element.attribute("probability").is_some()
+                || self.element.attribute("period").is_some_and(is_drawn))
+    }
+
     fn number_of(&self, key: &str) -> Option<f64> {
         self.element.attribute(key)?.trim().parse().ok()
     }

@@ -106,7 +106,8 @@ impl SumoScenario {
             "{file}: has no traffic light (<tlLogic>); make some with: netconvert -s {file} --tls.set JUNCTION,... -o \
              NEW.net.xml"
         );
-        let mut demand = Demand::new(self.window_s);
+        let scale = self.option("scale").and_then(|scale| scale.parse().ok()).unwrap_or(1.0);
+        let mut demand = Demand::new(self.window_s, scale);
         for file in &self.additional {
             demand.read(&file.path, &file.content.root, Order::Free)?;
         }
@@ -206,6 +207,21 @@ impl SumoScenario {
         named.chain(from_junctions.map(|(number, _)| number)).collect()
     }
 
+    /// Returns the error of an episode without a vehicle, if at least one must have entered.
+    pub(crate) fn check_not_empty(&self) -> Result<()> {
+        let (begin, end) = self.window_s;
+        ensure!(
+            self.departures.at_least < 1.0,
+            "{}: not one vehicle entered from {begin} to {end} s, but at least {} should have: so all returns would be those of \
+             empty roads; see whether SUMO refuses their departSpeed or departPos, or a number of their types or an option \
+             such as max-num-vehicles keeps them out: sumo -c {}",
+            self.path.display(),
+            self.departures.at_least,
+            quoted(&self.path)
+        );
+        Ok(())
+    }
+
     /// Returns the message about a scenario that SUMO cannot load, with the way out.
     pub(crate) fn cannot_be_simulated(&self) -> String {
         let newer = libsumo::load().ok().and_then(|sumo| newer::way_out(self.net(), sumo.version));
@@ -238,7 +254,8 @@ impl SumoScenario {
         let actuated = (actuated, Path::new("ACTUATED-PROGRAMS"));
         let loadable =
             Loadable::new(program, (&net, &self.net.path), &texts(&self.routes), &texts(&self.additional), actuated)?;
-        let loadable = loadable.with_steps_per_s(self.steps_per_s).with_devices(self.may_have_devices());
+        let loadable =
+            loadable.of_scenario(&self.path).with_steps_per_s(self.steps_per_s).with_devices(self.may_have_devices());
         Ok(loadable.with(time).with(self.options.iter().cloned()))
     }
 

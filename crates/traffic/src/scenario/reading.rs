@@ -4,11 +4,12 @@ use std::collections::BTreeSet;
 use std::path::Path;
 use std::sync::Arc;
 
-use anyhow::{Result, ensure};
+use anyhow::{Result, anyhow, ensure};
 
 use super::elements::{self, Left};
 use super::programs::Choice;
 use super::{File, include, newer};
+use crate::config::sumo_numbers::check_elements;
 use crate::config::sumocfg::Sumocfg;
 use crate::network::contents::Content;
 use crate::network::other_files;
@@ -55,6 +56,7 @@ impl Files {
             left_out.extend(note.map(|note| format!("{}: {note}", path.display())));
             *is_changed |= elements::clean(option, path, root, &asked, &mut left);
             other_files::refuse(path, root)?;
+            check_elements(root).map_err(|error| anyhow!("{}: {error}", path.display()))?;
             if *is_changed {
                 content.rewrite();
             }

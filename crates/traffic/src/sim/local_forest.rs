@@ -19,7 +19,7 @@ use crate::cut::local_net::{Gate, LocalNet};
 use crate::cut::mixed::{APART, MixedForest, prefix};
 use crate::cut::names::prefixed;
 use crate::network::contents::Network;
-use crate::network::loadable::explain;
+use crate::network::loadable::{REMAKE, explain, way_out_of};
 use crate::network::memory_file::MemoryFile;
 use crate::network::xml::{Xml, document, leaf, nest};
 use crate::scenario::stops::Stop;
@@ -91,10 +91,10 @@ impl LocalForest {
         options.extend(["--collision.action".to_owned(), "none".to_owned()]);
         // SUMO reads both completely and never loads them again, so their memory is given back at once.
         let made_of = [(&net, &*local.files.net), (&routes, &*local.files.routes)];
-        let mut simulation =
-            Simulation::load(&options).map_err(|error| explain(&error, made_of)).with_context(|| {
-                format!("{}: {} copies of this network side by side", local.files.net.display(), rows.len())
-            })?;
+        let place = format!("{}: {} copies of this network side by side", local.files.net.display(), rows.len());
+        let mut simulation = Simulation::unloaded()?;
+        simulation.name(&place, REMAKE);
+        simulation.reload(&options).map_err(|error| explain(&error, made_of)).with_context(|| place)?;
         simulation.few_devices(true);
         drop((net, routes, forest));
         let regions = || (0..rows.len()).map(Region);
@@ -147,7 +147,11 @@ impl LocalForest {
         options.extend(forest.option());
         options.extend(local_options(parts).into_iter().flat_map(|(name, value)| [format!("--{name}"), value]));
         let made_of = [(&net, "LOCAL-NETS"), (&routes, "THEIR-ROUTES"), (&types, "VEHICLE-TYPES")];
-        let mut simulation = Simulation::load(&options)
+        let mut simulation = Simulation::unloaded()?;
+        simulation
+            .name(&format!("{}: the surroundings of its lights", parts.name), &way_out_of(Path::new(&parts.name)));
+        simulation
+            .reload(&options)
             .map_err(|error| explain(&error, made_of.map(|(file, name)| (file, Path::new(name)))))
             .with_context(|| format!("{}: SUMO could not load the surroundings of its lights", parts.name))?;
         simulation.set_steps_per_second(parts.steps_per_s);

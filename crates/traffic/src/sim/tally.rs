@@ -18,7 +18,7 @@ pub(crate) struct Tally {
     steps: u64,
     car_steps: u64,
     speed_sum_mps: f64,
-    departed: u64,
+    pub(crate) departed: u64,
     pub(crate) arrived: u64,
     backlog: u64,
     teleports: u64,

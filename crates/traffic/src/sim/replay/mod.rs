@@ -18,6 +18,7 @@ use super::recorded_roads::{RecordedFiles, RecordedRoads};
 use super::recording::Recording;
 use crate::cut::names::free_name;
 use crate::network::files::{NetworkFiles, for_sumo};
+use crate::network::loadable::way_out_of;
 use crate::network::tree::Element;
 use crate::network::xml::{Xml, document, element, leaf, nest};
 use crate::scenario::kept::Episode;
@@ -83,7 +84,9 @@ pub fn write(recording: &Recording, dir: &Path) -> Result<()> {
 /// fast, bit for bit. The caller must hold no simulation.
 pub fn check(recording: &Recording, dir: &Path) -> Result<()> {
     let config = config_in(dir);
-    let mut simulation = Simulation::load(&["-c".to_owned(), for_sumo(&config)?])?;
+    let mut simulation = Simulation::unloaded()?;
+    simulation.name(&config.display().to_string(), &way_out_of(&config));
+    simulation.reload(&["-c".to_owned(), for_sumo(&config)?])?;
     simulation.set_steps_per_second(recording.roads.steps_per_s());
     let lanes = simulation.register_lanes(&recording.roads.lanes)?;
     let lights = simulation.register_lights(&recording.roads.lights)?;
