@@ -8,6 +8,8 @@ use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Stdio};
 use std::time::{Duration, Instant};
 
+use rand::{Rng, SeedableRng};
+use rand_xoshiro::Xoshiro256PlusPlus;
 use rustix::process::{Pid, Signal, kill_process};
 
 const RESULTS: [&str; 6] =
@@ -213,6 +215,42 @@ fn a_dead_rank_ends_the_job_and_any_fleet_resumes_it_to_the_same_files() {
         };
         assert_the_same(&run, &alone, domain);
     }
+}
+
+/// Kills `MPI_KILLS` ranks or their workers, one unless it is given. Resumes the job after each.
+#[test]
+fn a_job_whose_ranks_are_killed_at_random_ends_as_if_nobody_had_touched_it() {
+    let kills = std::env::var("MPI_KILLS").map_or(1, |text| text.parse().expect("MPI_KILLS is a number"));
+    let [(_, config), _] = configs();
+    // Checkpoints by time are at other steps each time.
+    let config = format!("checkpoints.every_minutes = 0.005\n{config}");
+    let alone = Run::new(&config);
+    alone.here("0");
+    let mut dice = Xoshiro256PlusPlus::seed_from_u64(kills);
+    let (mut killed, mut jobs) = (0, 0);
+    while killed < kills {
+        let run = Run::new(&config);
+        loop {
+            let mut job = run.start_ranks(3, &[]);
+            jobs += 1;
+            if killed < kills {
+                let (rank, workers) = rank_with_workers(&job, dice.random_range(1..3));
+                std::thread::sleep(Duration::from_millis(dice.random_range(0..3000)));
+                if job.try_wait().unwrap().is_none() {
+                    let victim = if dice.random_bool(0.5) { rank } else { workers[0] };
+                    // It may have ended already.
+                    killed += u64::from(kill_process(victim, Signal::KILL).is_ok());
+                }
+            }
+            let (code, said) = ended(job);
+            if code == Some(0) {
+                break;
+            }
+            assert!(said.contains(" died: "), "{said}");
+        }
+        assert_the_same(&run, &alone, "killed and resumed");
+    }
+    println!("{killed} killed in {jobs} jobs: no file differs");
 }
 
 #[test]

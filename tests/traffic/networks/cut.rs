@@ -11,8 +11,8 @@ use dials_traffic::cut::beyond::Reach;
 use dials_traffic::cut::mixed::{MixedForest, prefix};
 use dials_traffic::cut::of_scenario::{cut_light, write};
 use dials_traffic::scenario::SumoScenario;
-use quick_xml::Reader;
 use quick_xml::events::{BytesStart, Event};
+use quick_xml::{Reader, XmlVersion};
 
 use super::shipped::{SCENARIOS, file};
 use super::{Attributes, room, sumo, text};
@@ -29,12 +29,12 @@ struct Node {
 
 impl Node {
     fn of(tag: &BytesStart) -> Node {
-        let name = |bytes: &[u8]| String::from_utf8(bytes.to_vec()).unwrap();
         let attributes = tag.attributes().map(|attribute| {
             let attribute = attribute.unwrap();
-            (name(attribute.key.as_ref()), attribute.unescape_value().unwrap().into_owned())
+            let value = attribute.normalized_value(XmlVersion::Implicit1_0).unwrap();
+            (attribute.key.as_ref().to_owned(), value.into_owned())
         });
-        Node { name: name(tag.name().as_ref()), attributes: attributes.collect(), children: Vec::new() }
+        Node { name: tag.name().as_ref().to_owned(), attributes: attributes.collect(), children: Vec::new() }
     }
 
     fn read(path: &Path) -> Node {

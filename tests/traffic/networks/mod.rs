@@ -20,8 +20,8 @@ use dials_traffic::paper_grid::grid::{Grid, Node, lane};
 use dials_traffic::paper_grid::make::{write_grid, write_local};
 use dials_traffic::paper_grid::recognise::recognise_grid;
 use dials_traffic::side::Side;
-use quick_xml::Reader;
 use quick_xml::events::Event;
+use quick_xml::{Reader, XmlVersion};
 use tempfile::TempDir;
 
 use crate::free_car::FREE_CAR;
@@ -69,11 +69,11 @@ fn elements_of(text: &str, kind: &str) -> Vec<Attributes> {
     let mut found = Vec::new();
     loop {
         match reader.read_event().expect("XML") {
-            Event::Start(tag) | Event::Empty(tag) if tag.name().as_ref() == kind.as_bytes() => {
+            Event::Start(tag) | Event::Empty(tag) if tag.name().as_ref() == kind => {
                 let attributes = tag.attributes().map(|attribute| {
                     let attribute = attribute.expect("an attribute");
-                    let name = String::from_utf8_lossy(attribute.key.as_ref()).into_owned();
-                    (name, attribute.unescape_value().expect("a value").into_owned())
+                    let value = attribute.normalized_value(XmlVersion::Implicit1_0).expect("a value");
+                    (attribute.key.as_ref().to_owned(), value.into_owned())
                 });
                 found.push(attributes.collect());
             }

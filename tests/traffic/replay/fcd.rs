@@ -7,14 +7,15 @@ use std::process::Command as Program;
 
 use dials_traffic::sim::recorded_roads::RecordedFiles;
 use dials_traffic::sim::recording::Recording;
-use quick_xml::Reader;
 use quick_xml::events::{BytesStart, Event};
+use quick_xml::{Reader, XmlVersion};
 
 use super::text;
 use crate::plain_sumo;
 
 pub(super) fn attribute(tag: &BytesStart, name: &str) -> String {
-    tag.try_get_attribute(name).unwrap().unwrap_or_else(|| panic!("no {name}")).unescape_value().unwrap().into_owned()
+    let attribute = tag.try_get_attribute(name).unwrap().unwrap_or_else(|| panic!("no {name}"));
+    attribute.normalized_value(XmlVersion::Implicit1_0).unwrap().into_owned()
 }
 
 /// Sets of car, lane, position and speed.
@@ -39,8 +40,8 @@ pub(super) fn sumo_plays(dir: &Path) -> Vec<Places> {
     loop {
         match reader.read_event().unwrap() {
             Event::Start(tag) | Event::Empty(tag) => match tag.name().as_ref() {
-                b"timestep" => steps.push(Places::new()),
-                b"vehicle" => {
+                "timestep" => steps.push(Places::new()),
+                "vehicle" => {
                     let [id, lane, position, speed] = ["id", "lane", "pos", "speed"].map(|name| attribute(&tag, name));
                     steps.last_mut().unwrap().insert((id, lane, format!("{position} {speed}")));
                 }

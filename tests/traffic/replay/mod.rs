@@ -235,8 +235,8 @@ fn signals(xml: &str) -> Vec<Vec<String>> {
     let mut lights: Vec<Vec<String>> = Vec::new();
     loop {
         match reader.read_event().unwrap() {
-            Event::Start(tag) if tag.name().as_ref() == b"tlLogic" => lights.push(Vec::new()),
-            Event::Empty(tag) if tag.name().as_ref() == b"phase" => {
+            Event::Start(tag) if tag.name().as_ref() == "tlLogic" => lights.push(Vec::new()),
+            Event::Empty(tag) if tag.name().as_ref() == "phase" => {
                 let seconds = attribute(&tag, "duration").parse().unwrap();
                 lights.last_mut().unwrap().extend(std::iter::repeat_n(attribute(&tag, "state"), seconds));
             }
