@@ -183,8 +183,9 @@ fn what_training_cannot_see_may_change_on_resume() {
         ("\nepisodes = 2", "\nepisodes = 1"),
         ("final_episodes = 3", "final_episodes = 1"),
         ("aip_loss_episodes = 0", "aip_loss_episodes = 1"),
-        ("[checkpoints]\nevery_steps = 128", "[checkpoints]\nevery_steps = 200"),
-        ("[checkpoints]\nevery_steps = 128", "[checkpoints]"),
+        ("every_minutes = 5.0\nevery_steps = 128", "every_minutes = 5.0\nevery_steps = 200"),
+        ("every_minutes = 5.0\nevery_steps = 128", "every_minutes = 5.0"),
+        ("every_minutes = 5.0\nevery_steps = 128", "every_minutes = 1e-9"),
         ("tensorboard = false", "tensorboard = true"),
         // An evaluation is due at step 140, after the same update as at 170.
         ("[evaluation]\nevery_steps = 140", "[evaluation]\nevery_steps = 170"),

@@ -633,7 +633,12 @@ fn a_run_that_is_terminated_as_timeout_does_loses_less_than_a_period() {
     for signal in [Signal::TERM, Signal::HUP] {
         let run = Run::new();
         // Updates are every 128 steps. Nothing else is due before step 1000.
-        let coordinator = run.start(&["--workers", "1", "--set", "checkpoints.every_minutes=1e-9"]);
+        // These tests may run under `nohup`, which lets SIGHUP be ignored.
+        let mut command = Command::new("env");
+        command.args(["--default-signal=HUP", env!("CARGO_BIN_EXE_dials-traffic"), "train"]);
+        command.arg(&run.config).arg("--out").arg(&run.out).args(["--workers", "1"]);
+        command.args(["--set", "checkpoints.every_minutes=1e-9"]).stdout(Stdio::null()).stderr(Stdio::piped());
+        let coordinator = command.spawn().unwrap();
         run.wait_for_checkpoints(2);
         let pid = Pid::from_child(&coordinator);
         // GNU timeout signals the process, and then its group.
