@@ -1,7 +1,5 @@
 """The Python of docs/python.md runs as it is written."""
 
-import re
-
 import numpy as np
 from conftest import ROOT
 
@@ -11,13 +9,6 @@ RUN = "runs/smoke_traffic-dials-seed1"
 def blocks():
     page = (ROOT / "docs/python.md").read_text()
     return [rest.split("```")[0] for rest in page.split("```python\n")[1:]]
-
-
-def test_the_crossing_to_sumo_names_every_file_with_unsafe_code():
-    folder = ROOT / "crates/libsumo/src"
-    unsafe = {file.stem for file in folder.rglob("*.rs") if re.search(r"\bunsafe (\{|fn|extern)", file.read_text())}
-    header = (folder / "call.rs").read_text().split("\n\nuse ")[0]
-    assert {"call"} | {word for word in re.findall("`([a-z_]+)`", header) if word != "unsafe"} == unsafe
 
 
 def test_the_page_runs_from_its_first_line_to_its_last(grid_run, tmp_path, monkeypatch, capsys):

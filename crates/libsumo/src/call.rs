@@ -1,8 +1,8 @@
 //! The one crossing to C: converts, calls, checks, and turns a code and its message into an error.
 //!
-//! All calls into a simulation are in this file. Five other files of this crate have `unsafe` code, too: `library` opens
-//! libsumo, `stand_ins` opens what it misses, `shortcuts` takes shortcuts in it once it is open, `places` asks where our
-//! own file lies, and `ffi` declares the shim's functions.
+//! All calls into a simulation are in this file. Six other files of this crate have `unsafe` code, too: `library` opens
+//! libsumo, `stand_ins` opens what it misses, `shortcuts` takes shortcuts in it once it is open, `guard` watches the calls,
+//! `places` asks where our own file lies, and `ffi` declares the shim's functions.
 
 use std::cell::Cell;
 use std::ffi::{CStr, CString, c_char, c_int};

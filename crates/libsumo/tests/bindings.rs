@@ -48,3 +48,16 @@ fn the_functions_and_constants_are_those_of_sumos_own_headers() {
     let output = compiler.current_dir(root).output().unwrap();
     assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
 }
+
+#[test]
+fn the_crossing_names_every_file_with_unsafe_code() {
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("src");
+    let read = |name: &str| fs::read_to_string(folder.join(name)).unwrap();
+    let header = read("call.rs").split("\nuse ").next().unwrap().to_owned();
+    for entry in fs::read_dir(&folder).unwrap() {
+        let name = entry.unwrap().file_name().into_string().unwrap();
+        let Some(stem) = name.strip_suffix(".rs").filter(|stem| *stem != "call") else { continue };
+        let has = ["unsafe {", "unsafe fn ", "unsafe extern "].iter().any(|word| read(&name).contains(word));
+        assert_eq!(has, header.contains(&format!("`{stem}`")), "{name}");
+    }
+}
