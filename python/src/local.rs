@@ -138,7 +138,7 @@ const UNKNOWN_FREE_MIB: u64 = 1 << 20;
 /// This refuses what cannot be: the allocator would end the process without a reason that helps.
 fn most_copies(spec: &RegionSpec, agents: usize) -> usize {
     let free = free_memory_mib().unwrap_or(UNKNOWN_FREE_MIB) << 20;
-    // Tables of before and after the end of an episode, each once as the image and once as shared memory.
+    // Tables from before and after the end of an episode. Each is there twice: as the image and as shared memory.
     let per_row = 4 * (spec.obs_dim * size_of::<f32>() + spec.n_actions) + LEAST_PER_ROW;
     (usize::try_from(free).unwrap_or(usize::MAX) / per_row / agents).max(1)
 }

@@ -136,7 +136,7 @@ fn requests_whose_answers_nobody_reads_keep_nobody_waiting() {
     let mut attacked = Attacked::new();
     // Their answers are more than the system keeps for a reader, which is about 10 MB.
     let _open = attacked.send("GET / HTTP/1.1\r\nHost: x\r\n\r\n".repeat(200_000));
-    // Time to answer so many that the next answer waits for the reader.
+    // Time to answer until an answer waits for the reader.
     thread::sleep(Duration::from_secs(3));
     attacked.assert_unharmed();
 }

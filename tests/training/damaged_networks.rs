@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 
 use super::place::Place;
 
-/// Every so many of the pairs of a file and a way to damage it are tried, unless `DAMAGE=all`.
+/// Only every ninth pair of a file and a way to damage it is tried, unless `DAMAGE=all`.
 const SAMPLE: usize = 9;
 
 const LEARNING: &str = "total_steps = 240\nstop_at_steps = 120\npolicy.hidden = [16]\n\

@@ -19,7 +19,7 @@
 //! used-up stack, and Python's. They were there before and get the signal next.
 //!
 //! **Why a thread, and not a timer (`setitimer`, `timer_settime`)?** A timer would be set and stopped in every step, two calls of the
-//! system each, and its signal might interrupt the program elsewhere. The thread costs the steps nothing but three stores.
+//! system each, and its signal might interrupt the program elsewhere. The thread costs a call a few stores.
 //!
 //! **Why the CPU time of the one thread?** The clock on the wall goes on while other programs have the cores. The time of the
 //! process grows with its other threads. So a busy machine changes nothing.
@@ -32,7 +32,7 @@ use super::ffi;
 
 /// Limits of one call of SUMO.
 ///
-/// The usual ones are generous: a grid of 10 000 lights loads and plays a step in 30 s of CPU time.
+/// The usual ones are far beyond what was seen: the largest network, of 10 000 lights, loads in 30 s.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Limits {
     /// Seconds of CPU time to load.

@@ -383,7 +383,7 @@ mod tests {
         for ends in [false, true, false, false, true, false] {
             returns.add(&experience([ends, false]));
         }
-        // An episode of before, with a return of 2.
+        // An earlier episode, with a return of 2.
         let before = AgentTraining { returns: 2.0, episodes: 1 };
         let mut agents = [before, AgentTraining::default()];
         EpisodeReturns::add_up(&[&returns], &mut agents);

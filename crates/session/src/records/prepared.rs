@@ -8,7 +8,7 @@ use dials_core::domain::Domain;
 use dials_core::outside::Directory;
 use dials_learn::config::Simulator;
 
-/// Largest file, in bytes. That of a larger one is prepared again.
+/// Largest file, in bytes. What is larger is not kept, and prepared again.
 const LARGEST: u64 = 4 << 30;
 
 /// Returns what all workers need to make local simulators: what the directory keeps, or else what the domain prepares now. A file
@@ -21,6 +21,7 @@ pub fn prepare(domain: &dyn Domain, config: &RunConfig, directory: &Directory) -
     let prepared = domain.prepare(kept.as_deref())?;
     if let Some(bytes) = &prepared
         && kept.as_ref() != Some(bytes)
+        && bytes.len() as u64 <= LARGEST
     {
         directory.write(PREPARED, bytes)?;
     }

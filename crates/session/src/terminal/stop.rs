@@ -4,8 +4,8 @@
 //!
 //! # Why a second signal within two seconds does not count
 //!
-//! GNU `timeout` sends its signal to the process and then to its process group, so twice within a millisecond. A terminal
-//! that is closed, `systemd` and job schedulers do the same. None of them means "at once".
+//! GNU `timeout` sends its signal to the process and then to its process group, so twice within milliseconds. It does not
+//! mean "at once".
 
 use std::io::Read;
 use std::os::unix::net::UnixStream;

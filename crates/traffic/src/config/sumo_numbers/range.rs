@@ -11,12 +11,12 @@ const LONGEST_S: f64 = 1e15;
 
 /// Narrower ranges: the element or [`OPTION`], the name, and the range, each with its reason. `*` stands for any element.
 const RANGES: &[(&str, &str, f64, f64)] = &[
-    // SUMO makes so many copies of each vehicle at once. How many there are altogether is limited as well.
+    // SUMO makes this number of copies of each vehicle at once. The number of all vehicles is limited as well.
     (OPTION, "scale", -1e5, 1e5),
     ("vType", "scale", -1e5, 1e5),
-    // SUMO keeps the past speeds of each edge, so many numbers for each.
+    // SUMO keeps this number of past speeds of each edge.
     (OPTION, "device.rerouting.adaptation-steps", -1e6, 1e5),
-    // SUMO makes a shape of so many points for each way across a walking area.
+    // SUMO makes a shape with this number of points for each way across a walking area.
     (OPTION, "pedestrian.striping.walkingarea-detail", -1e6, 1e4),
     // SUMO draws a factor until it is from 0.2 to 2: with a large deviation it never is.
     (OPTION, "default.speeddev", -1e3, 1e3),

@@ -12,7 +12,7 @@ pub(super) enum Number {
 }
 
 /// Smallest share of draws from a distribution that must fall between its bounds. SUMO draws for each car until one does: with
-/// this share it takes some ten milliseconds.
+/// this share a hundred thousand times on average.
 const LEAST_SHARE: f64 = 1e-5;
 
 /// Returns all numbers in a text: one, a list, the parts of a clock, or the arguments of a distribution. None in another text.
