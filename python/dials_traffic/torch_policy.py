@@ -14,7 +14,8 @@ class TorchPolicy(nn.Module):  # type: ignore[misc]
     """``policy(obs)`` returns logits ``[batch, actions]`` and values ``[batch]``.
 
     A policy with a GRU is called ``policy(obs, states)`` and also returns the next states. ``states`` are ``[batch,
-    memory]``, zeros when an episode begins; ``memory`` is their width, or 0 without a GRU.
+    memory]``, zeros when an episode begins; ``memory`` is their width, or 0 without a GRU. The policies of a
+    :class:`Run` refuse NaN; a module of torch computes with it.
     """
 
     def __init__(self, state_dict: Weights) -> None:

@@ -32,7 +32,8 @@ pub struct AipConfig {
     /// Threshold in percent for `aip.retrain = "drift"`. The AIPs' loss on new episodes is divided by the loss of the best
     /// constants. The AIPs are retrained when this share has grown by more than the threshold since their last training.
     pub drift_threshold: f64,
-    /// Number of GS (global simulator) steps per dataset, rounded up to whole episodes, at least two: one is held out.
+    /// Number of GS (global simulator) steps per dataset, rounded up to whole episodes, at least two: one is held out. A run
+    /// shorter than that collects only as many steps as it has.
     #[schemars(range(min = 1, max = 10_000_000), extend("source" = "P"))]
     pub dataset_steps: usize,
     /// Share of the episodes, the last ones, that only measure the loss. They also decide when `aip.patience` is over, and

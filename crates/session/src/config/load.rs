@@ -276,9 +276,11 @@ mod tests {
             let error = error_of(SMALL, &[&format!("{key}=9000000000000000000")]);
             assert!(error.contains(&format!("{key} = 9000000000000000000: must be at most ")), "{error}");
         }
-        let config = load_text(SMALL, &["aip.hidden=[]"]).unwrap();
+        let config = load_text(SMALL, &["aip.hidden=[]", "total_steps=10_000"]).unwrap();
         assert_eq!(config.learning.dataset_episodes(config.horizon()), 34);
         assert_eq!(config.learning.dataset_episodes(20_000), 2, "at least two: one is held out");
+        let short = load_text(SMALL, &["aip.hidden=[]", "total_steps=1_000"]).unwrap();
+        assert_eq!(short.learning.dataset_episodes(300), 4, "as many as the run has steps");
         let longest = ["evaluation.every_steps=1000000000", "aip.retrain_every_steps=1000000000"];
         load_text(SMALL, &["total_steps=1000000000000000", longest[0], longest[1]]).unwrap();
     }
