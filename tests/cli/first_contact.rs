@@ -89,7 +89,7 @@ fn what_describes_configs_and_experiments_fits_a_terminal() {
         }
     }
     // Their names have up to 43 characters.
-    for experiment in ["experiments/clock_aips.toml", "experiments/scenarios.toml"] {
+    for experiment in ["experiments/sizes_traffic.toml", "experiments/scenarios.toml"] {
         assert_fits_a_terminal(&["experiment", experiment, "--dry-run"]);
     }
 }
