@@ -87,7 +87,9 @@ pub fn report(folders: &[PathBuf]) -> Result<Report> {
     };
     let mut files = vec![(PAGE.to_owned(), document.to_html()), (MARKDOWN.to_owned(), document.to_markdown())];
     files.extend(document.figures().map(|figure| (format!("{}.svg", figure.name), figure.svg.file())));
-    files.extend(csv_file::files(&comparisons)?);
+    if has_finals {
+        files.extend(csv_file::files(&comparisons)?);
+    }
     let runs = groups().map(|group| group.runs.len()).sum();
     Ok(Report { files, runs, groups: groups().count(), cities: compared_cities, warnings })
 }

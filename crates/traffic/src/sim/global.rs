@@ -194,7 +194,11 @@ impl GlobalTraffic {
         self.tally.lights(&self.shown.before, &self.shown.now);
         self.tally.cars(&self.approaches.cars, &self.cars_before);
         self.tally.step(&mut self.simulation)?;
-        let is_warm = self.age > self.network.warm_up_s as usize;
+        let warm_up_s = self.network.warm_up_s as usize;
+        let is_warm = self.age > warm_up_s;
+        if let Some(metrics) = self.metrics.as_mut().filter(|_| self.age == warm_up_s) {
+            metrics.arrived_in_warm_up = self.tally.arrived;
+        }
         if let Some(delays) = &mut self.light_delays {
             delays.second(&mut self.simulation, is_warm)?;
         }

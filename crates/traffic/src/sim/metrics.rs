@@ -25,6 +25,8 @@ pub(crate) struct TrafficMetrics {
     all_trips: AllTrips,
     window: Window,
     measures_emissions: bool,
+    /// Number of cars that have left the net in the warm-up.
+    pub(super) arrived_in_warm_up: u64,
     steps: u64,
     intersections: Vec<Sums>,
     /// Whether each approach of each intersection ends at its stop line.
@@ -96,6 +98,7 @@ impl TrafficMetrics {
             all_trips: AllTrips::default(),
             window,
             measures_emissions: false,
+            arrived_in_warm_up: 0,
             steps: 0,
             intersections: vec![Sums::default(); at_stop_line.len()],
             at_stop_line,
@@ -135,6 +138,7 @@ impl TrafficMetrics {
 
     pub(super) fn begin(&mut self) {
         self.trips = None;
+        self.arrived_in_warm_up = 0;
         self.steps = 0;
         self.person_waiting_s = 0;
         self.intersections.fill(Sums::default());
@@ -196,7 +200,7 @@ impl TrafficMetrics {
             ("delay_s", trips.delay_s),
             ("waiting_time_s", trips.waiting_time_s),
             ("queue_length", self.per_approach_step(halting, approaches)),
-            ("throughput_per_h", 3600.0 * arrived as f64 / self.steps.max(1) as f64),
+            ("throughput_per_h", 3600.0 * (arrived - self.arrived_in_warm_up) as f64 / self.steps.max(1) as f64),
         ];
         let mut all: Vec<(String, f64)> = of_all.map(|(name, value)| (name.to_owned(), value)).into();
         all.extend(self.of_travellers(trips));
