@@ -78,7 +78,7 @@ impl LightFigures {
         if !self.has_any() {
             return;
         }
-        let mut add = |object: &mut Map<String, Value>, player: usize| {
+        let add = |object: &mut Map<String, Value>, player: usize| {
             object.insert("lost_time".into(), in_json::shares(&self.of(player)));
             object.insert("lights".into(), in_json::lights(&self.of(player), self.reference(player).as_ref()));
         };

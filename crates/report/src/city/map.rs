@@ -123,7 +123,7 @@ pub(super) fn map(city: &City, player: &CityPlayer, order: &[&str], compares: bo
         if let Some(number) = number.filter(|&number| number < MOST_NUMBERS) {
             let _ = writeln!(
                 svg,
-                "<text x=\"{:.1}\" y=\"{:.1}\" font-size=\"14\" fill=\"#1A1A1A\" stroke=\"#FEFEFE\" stroke-width=\"3\" \
+                "<text x=\"{:.1}\" y=\"{:.1}\" font-size=\"14\" fill=\"#1A1A1A\" stroke=\"#ffffff\" stroke-width=\"3\" \
                  paint-order=\"stroke\">{}</text>",
                 x + 8.0,
                 y - 6.0,
