@@ -22,7 +22,8 @@ fn text(bytes: &[u8]) -> String {
 
 fn compare(more: &[&str]) -> String {
     let town = town();
-    let args = ["baseline", town.to_str().unwrap(), "--compare", "program,max-pressure", "--episodes", "2", "--end", "300"];
+    let args =
+        ["baseline", town.to_str().unwrap(), "--compare", "program,max-pressure", "--episodes", "2", "--end", "300"];
     let assert = dials_traffic(&[&args[..], more].concat()).assert().success();
     text(&assert.get_output().stdout)
 }
@@ -96,7 +97,7 @@ fn a_long_id_is_whole_on_the_page_and_names_are_no_markup() {
     let html = fs::read_to_string(page.join("report.html")).unwrap();
     assert!(html.contains(&long) && !html.contains("<b>High"), "{html}");
     assert!(html.contains("That is 25 % less."), "{html}");
-    assert!(html.contains("\u{2212}10.0 \u{b1} 3.0"), "{html}");
+    assert!(html.contains("\u{2212}10.0\u{a0}\u{b1}\u{a0}3.0"), "{html}");
     fs::write(dir.path().join("city.json"), "{}").unwrap();
     let assert = dials_traffic(&["report", dir.path().to_str().unwrap(), "--out", "x"]).assert().code(2);
     assert!(text(&assert.get_output().stderr).contains("city.json: is not a file of this program"));

@@ -67,7 +67,8 @@ pub struct Report {
 pub fn report(folders: &[PathBuf]) -> Result<Report> {
     let cities = city::cities(folders)?;
     // A folder with a comparison need not have a run.
-    let is_city = |folder: &PathBuf| cities.iter().any(|cities| cities.folders.iter().any(|city| city.starts_with(folder)));
+    let is_city =
+        |folder: &PathBuf| cities.iter().any(|cities| cities.folders.iter().any(|city| city.starts_with(folder)));
     let with_runs = |folder: &&PathBuf| !is_city(folder) || dials_session::records::find::has_runs(folder);
     let of_runs: Vec<PathBuf> = folders.iter().filter(with_runs).cloned().collect();
     let (comparisons, warnings) = compared(dials_session::records::find::find(&of_runs)?)?;

@@ -70,8 +70,7 @@ fn overview(comparisons: &[Comparison]) -> String {
     let groups = || comparisons.iter().flat_map(|comparison| &comparison.groups);
     let runs: usize = groups().map(|group| group.runs.len()).sum();
     let scenarios: Vec<&str> = comparisons.iter().map(|comparison| comparison.title.as_str()).collect();
-    let own =
-        format!("{} in {}; {}.", counted(runs, "run"), counted(groups().count(), "group"), scenarios.join("; "));
+    let own = format!("{} in {}; {}.", counted(runs, "run"), counted(groups().count(), "group"), scenarios.join("; "));
     if comparisons.iter().all(|comparison| !paper::has(&comparison.scenario)) {
         return own;
     }

@@ -94,7 +94,8 @@ fn the_delay_of_each_approach_is_what_plain_sumo_counts_on_its_edges() {
     let mut compared = 0;
     for (place, light) in places.iter().zip(&found.lights) {
         // The roads of the grid lead from light to light. A junction's own lanes begin with its name.
-        let within: f64 = lost_s.iter().filter(|(edge, _)| edge.starts_with(&format!(":{}_", place.id))).map(|(_, s)| s).sum();
+        let within: f64 =
+            lost_s.iter().filter(|(edge, _)| edge.starts_with(&format!(":{}_", place.id))).map(|(_, s)| s).sum();
         let on_roads: f64 = place.approaches.iter().filter_map(|approach| lost_s.get(&*approach.edge)).sum();
         let expected = within + on_roads;
         // The second in which a car leaves counts for the light here.
@@ -119,7 +120,8 @@ fn a_car_at_red_loses_its_time_there_and_an_unfinished_trip_counts() {
     fs::write(room.path(CARS), cars).unwrap();
     fs::write(room.path(BUSES), "<routes/>").unwrap();
     let net = fs::read_to_string(room.path(NET)).unwrap();
-    fs::write(room.path(NET), net.replace("<edge id=\"w0_r0c0\"", "<edge id=\"w0_r0c0\" name=\"West Street\"")).unwrap();
+    fs::write(room.path(NET), net.replace("<edge id=\"w0_r0c0\"", "<edge id=\"w0_r0c0\" name=\"West Street\""))
+        .unwrap();
     let play_red = |warm_up_s| {
         let config = ScenarioConfig { warm_up_s, ..table(room.config(&[]).unwrap()) };
         let traffic = Traffic::open_scenario(&config).unwrap();

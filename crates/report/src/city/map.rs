@@ -82,7 +82,7 @@ pub(super) fn map(city: &City, player: &CityPlayer, order: &[&str], compares: bo
     let scale = Scale::of(player, compares);
     let frame = Frame::around(city, player);
     let mut svg = format!(
-        "<svg width=\"{WIDTH}\" height=\"{:.0}\" viewBox=\"0 0 {WIDTH} {:.0}\" style=\"width:100%;max-width:{WIDTH}px;height:auto\" \
+        "<svg width=\"{WIDTH}\" height=\"{:.0}\" viewBox=\"0 0 {WIDTH} {:.0}\" class=\"map\" \
          font-family=\"sans-serif\" xmlns=\"http://www.w3.org/2000/svg\">\n<rect width=\"100%\" height=\"100%\" fill=\"#FEFEFE\"/>\n",
         frame.height + LEGEND,
         frame.height + LEGEND,
@@ -108,7 +108,8 @@ pub(super) fn map(city: &City, player: &CityPlayer, order: &[&str], compares: bo
         let [x, y] = frame.place(light.place_m);
         let unclear = compares && is_unclear(light.figures.delay_difference());
         let colour = scale.value(&light.figures).map_or(NOTHING, |value| scale.colour(value));
-        let (fill, stroke) = if unclear { ("#ffffff".to_owned(), hex(colour)) } else { (hex(colour), "#1A1A1A".to_owned()) };
+        let (fill, stroke) =
+            if unclear { ("#ffffff".to_owned(), hex(colour)) } else { (hex(colour), "#1A1A1A".to_owned()) };
         let number = order.iter().position(|id| *id == light.id);
         let words = match scale.value(&light.figures) {
             Some(value) => format!("{} ({}): {value:+.1} s per car", light.name, light.id),
@@ -121,14 +122,11 @@ pub(super) fn map(city: &City, player: &CityPlayer, order: &[&str], compares: bo
             escape(&words)
         );
         if let Some(number) = number.filter(|&number| number < MOST_NUMBERS) {
-            let _ = writeln!(
-                svg,
-                "<text x=\"{:.1}\" y=\"{:.1}\" font-size=\"14\" fill=\"#1A1A1A\" stroke=\"#ffffff\" stroke-width=\"3\" \
-                 paint-order=\"stroke\">{}</text>",
-                x + 8.0,
-                y - 6.0,
-                number + 1
-            );
+            // Once in white behind it, so that it can be read over a street.
+            for look in ["fill=\"#ffffff\" stroke=\"#ffffff\" stroke-width=\"3\"", "fill=\"#1A1A1A\""] {
+                let (x, y, number) = (x + 8.0, y - 6.0, number + 1);
+                let _ = writeln!(svg, "<text x=\"{x:.1}\" y=\"{y:.1}\" font-size=\"14\" {look}>{number}</text>");
+            }
         }
     }
     legend(&mut svg, scale, frame.height);
@@ -155,7 +153,11 @@ fn legend(svg: &mut String, scale: Scale, top: f64) {
     let width = 76.0;
     for (place, &value) in values.iter().enumerate() {
         let x = MARGIN + place as f64 * width;
-        let words = if matches!(scale, Scale::Difference(_)) && value != 0.0 { format!("{value:+}") } else { value.to_string() };
+        let words = if matches!(scale, Scale::Difference(_)) && value != 0.0 {
+            format!("{value:+}")
+        } else {
+            value.to_string()
+        };
         text(x + width / 2.0, top + 54.0, &words, "middle");
     }
     if let Scale::Difference(_) = scale {
@@ -164,7 +166,11 @@ fn legend(svg: &mut String, scale: Scale, top: f64) {
     for (place, &value) in values.iter().enumerate() {
         let x = MARGIN + place as f64 * width;
         let colour = hex(scale.colour(value));
-        let _ = writeln!(svg, "<rect x=\"{x:.1}\" y=\"{:.1}\" width=\"{width}\" height=\"14\" fill=\"{colour}\"/>", top + 25.0);
+        let _ = writeln!(
+            svg,
+            "<rect x=\"{x:.1}\" y=\"{:.1}\" width=\"{width}\" height=\"14\" fill=\"{colour}\"/>",
+            top + 25.0
+        );
     }
 }
 

@@ -57,7 +57,11 @@ pub(super) fn blocks(folder: &Path, city: &City, is_only_one: bool) -> Vec<Block
                 after.label,
                 name_of(before)
             ),
-            None => format!("{}: delay at each light with {}. Numbers are those of the next table.", city.title(), before.label),
+            None => format!(
+                "{}: delay at each light with {}. Numbers are those of the next table.",
+                city.title(),
+                before.label
+            ),
         };
         let slug = slug(&city.title());
         let svg = map(city, shown, &order, after.is_some());
@@ -67,9 +71,9 @@ pub(super) fn blocks(folder: &Path, city: &City, is_only_one: bool) -> Vec<Block
         blocks.push(Block::Table(approaches(before, after)));
         blocks.push(Block::Table(shares(city)));
     }
-    blocks.extend(robustness(folder).into_iter().flat_map(|table| {
-        [Block::Heading(title("Robustness")), Block::Table(table)]
-    }));
+    blocks.extend(
+        robustness(folder).into_iter().flat_map(|table| [Block::Heading(title("Robustness")), Block::Table(table)]),
+    );
     blocks.push(Block::Heading(title("What was assumed")));
     blocks.push(Block::List(assumed(city)));
     blocks
@@ -97,7 +101,9 @@ fn role(city: &City, player: &CityPlayer) -> String {
         let delay = |player: &CityPlayer| player.figures.get("delay_s").map_or(f64::INFINITY, |found| found.mean);
         let players = city.players.iter().skip(1).filter(|other| other.learned == learned && other.label != TODAY);
         player.learned == learned
-            && players.min_by(|one, other| delay(one).total_cmp(&delay(other))).is_some_and(|it| it.label == player.label)
+            && players
+                .min_by(|one, other| delay(one).total_cmp(&delay(other)))
+                .is_some_and(|it| it.label == player.label)
     };
     let role = match () {
         () if player.label == TODAY => "today",
@@ -115,12 +121,16 @@ fn summary(city: &City, after: Option<&CityPlayer>) -> String {
     let Some(own) = delay(before) else { return String::new() };
     let first = format!("With {} a car loses {} s.", name_of(before), with_error(own));
     let Some(after) = after else {
-        return format!("{first} These are means over {played}. Compare several controllers with --compare to see what changes.");
+        return format!(
+            "{first} These are means over {played}. Compare several controllers with --compare to see what changes."
+        );
     };
     let difference = after.differences.as_ref().and_then(|all| all.get("delay_s")).copied();
     let (Some(theirs), Some(difference)) = (delay(after), difference) else { return first };
     let words = match (is_unclear(Some(difference)), difference.mean < 0.0) {
-        (true, _) => "The difference is within its interval, so these episodes do not show which one is better.".to_owned(),
+        (true, _) => {
+            "The difference is within its interval, so these episodes do not show which one is better.".to_owned()
+        }
         (false, true) => format!("That is {:.0} % less.", -100.0 * difference.mean / own.mean.max(1e-9)),
         (false, false) => format!("That is {:.0} % more.", 100.0 * difference.mean / own.mean.max(1e-9)),
     };
@@ -166,7 +176,8 @@ fn lights(before: &CityPlayer, after: Option<&CityPlayer>) -> Table {
         let first = format!("{} {name}", number + 1);
         [first].into_iter().chain(cells(&light.figures, others.map(|other: &CityLight| &other.figures))).collect()
     });
-    let caption = "Each light, where cars lose the most time first. LOS: level of service.".to_owned();
+    let caption = "Delay at each light in seconds per car, where cars lose the most time first. LOS: level of service."
+        .to_owned();
     Table { caption, header: header("light", before, after), rows: rows.collect() }
 }
 
@@ -185,31 +196,33 @@ fn approaches(before: &CityPlayer, after: Option<&CityPlayer>) -> Table {
         let others = others.and_then(|other| other.approaches.iter().find(|other| other.edge == approach.edge));
         [name].into_iter().chain(cells(&approach.figures, others.map(|other| &other.figures))).collect()
     });
-    let caption = "The approaches where cars lose the most time. All, with their movements, are in lights.csv.".to_owned();
+    let caption = "The approaches where cars lose the most time: delay in seconds per car. All, with their movements, are in lights.csv.".to_owned();
     Table { caption, header: header("approach", before, after), rows: rows.collect() }
 }
 
 fn header(first: &str, before: &CityPlayer, after: Option<&CityPlayer>) -> Vec<String> {
-    let mut header = vec![first.to_owned(), "cars".to_owned(), format!("{}, s per car", name_of(before)), "LOS".to_owned()];
+    let mut header = vec![first.to_owned(), name_of(before), "LOS".to_owned()];
     if let Some(after) = after {
-        header.extend([format!("{}, s per car", after.label), "LOS".to_owned(), "difference".to_owned()]);
+        header.extend([after.label.clone(), "LOS".to_owned(), "difference".to_owned()]);
     }
-    header.extend(["stops".to_owned(), "queue".to_owned()]);
+    header.extend(["cars", "stops per car", "queue"].map(str::to_owned));
     header
 }
 
 fn cells(before: &PartFigures, after: Option<&PartFigures>) -> Vec<String> {
-    let number = |value: Option<f64>, digits: usize| value.map_or(NOTHING.to_owned(), |value| format!("{value:.digits$}"));
+    let number =
+        |value: Option<f64>, digits: usize| value.map_or(NOTHING.to_owned(), |value| format!("{value:.digits$}"));
     let level = |figures: &PartFigures| figures.level_of_service.clone().unwrap_or(NOTHING.to_owned());
-    let mut cells = vec![format!("{:.0}", before.cars), number(before.delay_s, 1), level(before)];
+    let mut cells = vec![number(before.delay_s, 1), level(before)];
     let pair = |value: fn(&PartFigures) -> Option<f64>, digits: usize| match after {
-        Some(after) => format!("{} \u{2192} {}", number(value(before), digits), number(value(after), digits)),
+        Some(after) => format!("{}\u{a0}\u{2192}\u{a0}{}", number(value(before), digits), number(value(after), digits)),
         None => number(value(before), digits),
     };
     if let Some(after) = after {
         let difference = after.delay_difference().map_or(NOTHING.to_owned(), signed);
         cells.extend([number(after.delay_s, 1), level(after), difference]);
     }
+    cells.push(format!("{:.0}", before.cars));
     cells.extend([pair(|figures| figures.stops_per_car, 2), pair(|figures| figures.queue_p95_cars, 1)]);
     cells
 }
@@ -281,7 +294,7 @@ fn assumed(city: &City) -> Vec<String> {
 fn with_error(Figure { mean, half_width_95 }: Figure) -> String {
     let digits = digits(mean, half_width_95);
     match half_width_95 {
-        Some(half_width) if half_width > 0.0 => format!("{mean:.digits$} \u{b1} {half_width:.digits$}"),
+        Some(half_width) if half_width > 0.0 => format!("{mean:.digits$}\u{a0}\u{b1}\u{a0}{half_width:.digits$}"),
         _ => format!("{mean:.digits$}"),
     }
 }
@@ -289,7 +302,13 @@ fn with_error(Figure { mean, half_width_95 }: Figure) -> String {
 fn signed(figure: Figure) -> String {
     let text = with_error(Figure { mean: figure.mean.abs(), ..figure });
     let is_zero = !text.contains(|letter: char| ('1'..='9').contains(&letter));
-    let sign = if is_zero { "" } else if figure.mean < 0.0 { MINUS } else { "+" };
+    let sign = if is_zero {
+        ""
+    } else if figure.mean < 0.0 {
+        MINUS
+    } else {
+        "+"
+    };
     format!("{sign}{text}")
 }
 
@@ -310,8 +329,8 @@ mod tests {
     #[test]
     fn differences_have_a_sign_and_as_many_digits_as_they_need() {
         let figure = |mean, half_width_95| Figure { mean, half_width_95 };
-        assert_eq!(signed(figure(-39.84, Some(2.81))), "\u{2212}39.8 \u{b1} 2.8");
-        assert_eq!(signed(figure(0.234, Some(0.051))), "+0.23 \u{b1} 0.05");
+        assert_eq!(signed(figure(-39.84, Some(2.81))), "\u{2212}39.8\u{a0}\u{b1}\u{a0}2.8");
+        assert_eq!(signed(figure(0.234, Some(0.051))), "+0.23\u{a0}\u{b1}\u{a0}0.05");
         assert_eq!(signed(figure(0.0, None)), "0.00");
         assert_eq!(with_error(figure(76.44, None)), "76.4");
     }

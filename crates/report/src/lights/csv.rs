@@ -6,14 +6,30 @@ use dials_core::outside::csv_name;
 
 /// Columns before the figures.
 const FIXED: [&str; 13] = [
-    "controller", "level", "light", "name", "x_m", "y_m", "edge", "street", "lanes", "to_edge", "to_street", "cars",
+    "controller",
+    "level",
+    "light",
+    "name",
+    "x_m",
+    "y_m",
+    "edge",
+    "street",
+    "lanes",
+    "to_edge",
+    "to_street",
+    "cars",
     "level_of_service",
 ];
 
 /// Returns the names of the columns.
 pub fn header() -> Vec<String> {
     let of_figures = NAMES.into_iter().flat_map(|name| {
-        [name.to_owned(), format!("{name}_half_width_95"), format!("{name}_difference"), format!("{name}_difference_half_width_95")]
+        [
+            name.to_owned(),
+            format!("{name}_half_width_95"),
+            format!("{name}_difference"),
+            format!("{name}_difference_half_width_95"),
+        ]
     });
     FIXED.map(str::to_owned).into_iter().chain(of_figures).collect()
 }

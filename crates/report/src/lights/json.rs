@@ -60,7 +60,8 @@ fn object(played: &Played<'_>, reference: Option<&Played<'_>>, part: Part) -> Ma
     for name in names_of(part, &own) {
         object.insert(name.into(), json!(own.mean(name).map(|found| found.mean)));
     }
-    let half_widths = names_of(part, &own).map(|name| (name.to_owned(), json!(own.mean(name).and_then(|of| of.half_width))));
+    let half_widths =
+        names_of(part, &own).map(|name| (name.to_owned(), json!(own.mean(name).and_then(|of| of.half_width))));
     object.insert("half_width_95".into(), Value::Object(half_widths.collect()));
     let level = own.mean(DELAY).map(|delay| level_of_service(delay.mean).to_string());
     object.insert("level_of_service".into(), json!(level));
@@ -100,7 +101,10 @@ mod tests {
         assert_eq!(lights[0]["difference"]["delay_s"]["mean"], -25.0);
         assert!((lights[0]["difference"]["delay_s"]["half_width_95"].as_f64().unwrap() - 63.53).abs() < 0.01);
         let movement = &lights[0]["approaches"][0]["movements"][0];
-        assert_eq!((&movement["to"], &movement["cars"], &movement["delay_s"]), (&json!("a_out"), &json!(10.0), &json!(15.0)));
+        assert_eq!(
+            (&movement["to"], &movement["cars"], &movement["delay_s"]),
+            (&json!("a_out"), &json!(10.0), &json!(15.0))
+        );
         assert!(movement.get("queue_p95_cars").is_none() && lights[0].get("bus_delay_s").is_none());
         assert!(super::lights(&before, None)[0].get("difference").is_none());
     }

@@ -95,8 +95,7 @@ impl Played<'_> {
 
     /// Returns the lights in the order of the time that all cars lose there, the worst first.
     pub fn worst_first(&self) -> Vec<usize> {
-        let lost_s =
-            |light: usize| self.episodes.iter().map(|episode| episode.lights[light].sums.delay_s).sum::<f64>();
+        let lost_s = |light: usize| self.episodes.iter().map(|episode| episode.lights[light].sums.delay_s).sum::<f64>();
         let mut lights: Vec<usize> = (0..self.places.len()).collect();
         lights.sort_by(|&one, &other| lost_s(other).total_cmp(&lost_s(one)));
         lights
@@ -159,7 +158,8 @@ pub(crate) mod tests {
 
     #[test]
     fn the_letters_are_those_of_the_manual() {
-        let letters: String = [0.0, 10.0, 10.1, 20.0, 35.0, 35.1, 55.0, 80.0, 80.1].map(level_of_service).iter().collect();
+        let letters: String =
+            [0.0, 10.0, 10.1, 20.0, 35.0, 35.1, 55.0, 80.0, 80.1].map(level_of_service).iter().collect();
         assert_eq!(letters, "AABBCDDEF");
     }
 

@@ -14,7 +14,9 @@ pub fn table(players: &[Played<'_>], labels: &[String]) -> String {
     let order = reference.worst_first();
     let shown = order.len().min(WORST);
     let all = match order.len() {
-        count if count > shown => format!("the {shown} of {count} lights where cars lose the most time under {}", labels[0]),
+        count if count > shown => {
+            format!("the {shown} of {count} lights where cars lose the most time under {}", labels[0])
+        }
         count => format!("{}, those where cars lose the most time under {} first", counted(count, "light"), labels[0]),
     };
     let about = format!("{all}; all, with approaches and movements: --json, or --csv DIR");
@@ -28,7 +30,8 @@ pub fn table(players: &[Played<'_>], labels: &[String]) -> String {
         let first = reference.figures(Part::Light(light));
         for (number, (player, label)) in players.iter().zip(labels).enumerate() {
             let own = player.figures(Part::Light(light));
-            let (own_line, label) = if label.chars().count() > width { (Some(format!("  {label}")), "") } else { (None, &**label) };
+            let (own_line, label) =
+                if label.chars().count() > width { (Some(format!("  {label}")), "") } else { (None, &**label) };
             let delay = own.mean(DELAY);
             let level = delay.map_or('-', |delay| level_of_service(delay.mean));
             let mean = |name| own.mean(name).map_or("-".to_owned(), |found: Interval| format!("{:.1}", found.mean));
@@ -86,7 +89,10 @@ mod tests {
         let (before, after) = ([at(100.0), at(120.0)], [at(50.0), at(60.0)]);
         let players = [&before, &after].map(|episodes| Played { places: &places, episodes });
         let text = table(&players, &["program".to_owned(), "max-pressure".to_owned()]);
-        assert!(text.starts_with("the 10 of 12 lights where cars lose the most time under program; all, with"), "{text}");
+        assert!(
+            text.starts_with("the 10 of 12 lights where cars lose the most time under program; all, with"),
+            "{text}"
+        );
         assert!(text.contains(&long) && text.contains("High Street / Mill Lane"), "{text}");
         assert!(!text.contains("\nL1\n") && text.contains("\nL2\n"), "{text}");
         // Light 11: 110 and 132 s before, 55 and 66 after: the difference is -60.5 +- 12.706 * 5.5.

@@ -85,11 +85,7 @@ struct Trips {
 
 impl TrafficMetrics {
     /// `window`: its end is known when the episode is over.
-    pub(super) fn new(
-        at_stop_line: Vec<Vec<bool>>,
-        travellers: Option<Travellers>,
-        window: Window,
-    ) -> Result<Self> {
+    pub(super) fn new(at_stop_line: Vec<Vec<bool>>, travellers: Option<Travellers>, window: Window) -> Result<Self> {
         let may_remove = travellers.as_ref().is_some_and(|travellers| travellers.removed_after_s.is_some());
         Ok(TrafficMetrics {
             trip_file: temporary_file().context("SUMO's trips have no place")?,

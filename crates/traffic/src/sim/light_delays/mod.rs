@@ -369,7 +369,17 @@ mod tests {
 
     fn driver(route: Route) -> Driver {
         let (name, route) = ("a".to_owned(), Arc::new(route));
-        Driver { name, is_public: false, route, at: 0, is_seen: true, lost_s: 0.0, stops: 0, pace: Pace::Moves, light: None }
+        Driver {
+            name,
+            is_public: false,
+            route,
+            at: 0,
+            is_seen: true,
+            lost_s: 0.0,
+            stops: 0,
+            pace: Pace::Moves,
+            light: None,
+        }
     }
 
     #[test]
@@ -397,7 +407,8 @@ mod tests {
             let mut car = driver(route());
             let mut pieces = |to| {
                 let change = car.goes_to(0, to);
-                let change = change.map(|Change { ends, skipped, .. }| ends.into_iter().chain(skipped.into_iter().map(Some)));
+                let change =
+                    change.map(|Change { ends, skipped, .. }| ends.into_iter().chain(skipped.into_iter().map(Some)));
                 change.into_iter().flatten().map(|movement| movement.map(|movement| movement.0)).collect()
             };
             steps.iter().map(|&to| pieces(to)).collect()

@@ -79,12 +79,8 @@ impl Ways {
     fn add_light(&mut self, roads: &Roads, light: &str) {
         let drives = |lane| roads.lane(lane).carries_vehicles && roads.is_road(lane);
         let links = roads.of_light(light).filter(|link| drives(link.from) && drives(link.to));
-        let mut place = LightPlace {
-            id: light.to_owned(),
-            streets: Vec::new(),
-            place_m: [0.0; 2],
-            approaches: Vec::new(),
-        };
+        let mut place =
+            LightPlace { id: light.to_owned(), streets: Vec::new(), place_m: [0.0; 2], approaches: Vec::new() };
         let mut from: Vec<EdgeNo> = Vec::new();
         let mut stop_lines: Vec<&[f64; 2]> = Vec::new();
         for link in links {
