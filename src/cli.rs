@@ -322,9 +322,17 @@ pub struct OutputArgs {
     /// Print one JSON object instead of a table
     #[arg(long)]
     pub json: bool,
-    /// Also write episodes.csv and agents.csv into this directory
+    /// Also write episodes.csv and agents.csv into this directory, and for traffic lights.csv and city.json, from which `report` makes
+    /// a page
     #[arg(long, value_name = "DIR")]
     pub csv: Option<PathBuf>,
+    /// Also print the lights where cars lose the most time: delay per car, stops, queue and level of service (traffic). --compare
+    /// prints them anyway, and --json and --csv have all lights
+    #[arg(long)]
+    pub per_light: bool,
+    /// Also measure CO2 and fuel by the emission classes of the vehicles, SUMO's HBEFA (traffic). It takes CPU time
+    #[arg(long)]
+    pub emissions: bool,
     /// Also draw the first episode, one picture per step and an animation, into this directory (warehouse)
     #[arg(long, value_name = "DIR")]
     pub render: Option<PathBuf>,

@@ -4,8 +4,9 @@
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context, anyhow, bail, ensure};
-use serde_json::{Value, json};
+use serde_json::{Map, Value, json};
 
+use super::lights::{CITY, LIGHTS, LightFigures, has_lights};
 use super::plot::Plots;
 use super::subject::{Background, Subject, agent_called};
 use crate::cli;
@@ -14,9 +15,7 @@ use dials_core::base::{AgentId, Seed, counted, for_terminal, repeated};
 use dials_core::domain::{Baseline, Controller, Domain, GlobalSimulator, Measures};
 use dials_core::outside::{Directory, FileName, path_as_text, write_together};
 use dials_learn::evaluation::csv::{by_agent, by_episode};
-use dials_learn::evaluation::{
-    Evaluation, Finding, comparison, episode_seed, json, play_episodes, play_watched, table,
-};
+use dials_learn::evaluation::{Evaluation, Finding, comparison, episode_seed, json, play, play_watched, table};
 use dials_report::plot::About;
 use dials_session::config::{RunConfig, load};
 use dials_session::error::{Error, Result};
@@ -43,9 +42,10 @@ pub(super) fn evaluate(args: &cli::EvaluateArgs) -> Result<()> {
     let plots = Plots::asked_for(&args.output, &config).map_err(Error::Usage)?;
     let domain = plots.as_ref().map_or(&*domain, Plots::domain);
     let session = Session::new(domain, &config, &args.episodes, &args.output)?;
+    let mut lights = LightFigures::asked_for(domain, &args.output, false).map_err(Error::Usage)?;
     let csv = session.prepare(&subjects).map_err(Error::Usage)?;
-    let (findings, written) = session.play(subjects, csv)?;
-    session.print(&findings, false, &[])?;
+    let (findings, written) = session.play(subjects, csv, &mut lights)?;
+    session.print(&findings, false, &[], &lights)?;
     session.draw(plots.as_ref(), &findings[0], format!("policies of {}", findings[0].player.label))?;
     written
 }
@@ -69,12 +69,13 @@ pub(super) fn baseline(args: &cli::BaselineArgs) -> Result<()> {
         (None, Some(list)) => Subject::list(list, args.greedy, domain).map_err(Error::Usage)?,
         (None, None) => unreachable!("clap asks for one of them"),
     };
+    let mut lights = LightFigures::asked_for(domain, &args.output, args.compare.is_some()).map_err(Error::Usage)?;
     let csv = session.prepare(&subjects).map_err(Error::Usage)?;
     if args.tune {
         tune(&config, args.tune_episodes as usize, &mut subjects)?;
     }
-    let (findings, written) = session.play(subjects, csv)?;
-    session.print(&findings, args.compare.is_some(), &about)?;
+    let (findings, written) = session.play(subjects, csv, &mut lights)?;
+    session.print(&findings, args.compare.is_some(), &about, &lights)?;
     let config = args.config.file_name().unwrap_or_default().to_string_lossy();
     session.draw(plots.as_ref(), &findings[0], format!("controller {} on {config}", findings[0].player.label))?;
     written
@@ -82,6 +83,7 @@ pub(super) fn baseline(args: &cli::BaselineArgs) -> Result<()> {
 
 struct Session<'a> {
     domain: &'a dyn Domain,
+    config: &'a RunConfig,
     episodes: usize,
     seed: u64,
     /// Scenario in the words of `report`.
@@ -94,7 +96,7 @@ struct Session<'a> {
 impl<'a> Session<'a> {
     fn new(
         domain: &'a dyn Domain,
-        config: &RunConfig,
+        config: &'a RunConfig,
         episodes: &cli::EpisodesArgs,
         output: &'a cli::OutputArgs,
     ) -> Result<Session<'a>> {
@@ -105,7 +107,7 @@ impl<'a> Session<'a> {
         domains::note_left_out(domain);
         let seed = episodes.seed.unwrap_or(config.learning.evaluation.seed);
         let sumo = domains::sumo(config).map_err(Error::Run)?;
-        Ok(Session { domain, episodes: count, seed, scenario, sumo, output })
+        Ok(Session { domain, config, episodes: count, seed, scenario, sumo, output })
     }
 
     /// Checks all subjects and all output places before anything plays. Makes the files of `--csv`.
@@ -116,12 +118,18 @@ impl<'a> Session<'a> {
         }
         let existing = Existing::of_named(self.output.force);
         self.output.render.iter().try_for_each(|dir| outputs::check_free(dir, "--render", existing))?;
-        self.output.csv.as_deref().map(|dir| CsvFiles::create(dir, existing)).transpose()
+        let has_lights = has_lights(self.domain)?;
+        self.output.csv.as_deref().map(|dir| CsvFiles::create(dir, existing, has_lights)).transpose()
     }
 
     /// Lets all subjects play the same episodes. The files of `--csv` have a result of their own, because a full disk must
     /// not cost what was played.
-    fn play(&self, subjects: Vec<Subject>, mut csv: Option<CsvFiles>) -> Result<(Vec<Finding>, Result<()>)> {
+    fn play(
+        &self,
+        subjects: Vec<Subject>,
+        mut csv: Option<CsvFiles>,
+        lights: &mut LightFigures,
+    ) -> Result<(Vec<Finding>, Result<()>)> {
         let bar = EpisodeBar::of(subjects.len() * self.episodes, "episodes");
         let mut findings = Vec::new();
         let mut written = Ok(());
@@ -134,27 +142,55 @@ impl<'a> Session<'a> {
                 let existing = Existing::of_named(self.output.force);
                 render(simulator, controller, Seed::new(self.seed), dir, existing).map_err(Error::Usage)?;
             }
-            let progress = &mut |done| bar.set(number * self.episodes + done);
-            let played = simulator
-                .measure_in_full()
-                .and_then(|()| play_episodes(simulator, controller, Seed::new(self.seed), self.episodes, progress));
-            let finding = Finding { player, episodes: played.map_err(Error::Run)? };
+            lights.begin(simulator, self.output).map_err(Error::Run)?;
+            let mut episodes = Vec::with_capacity(self.episodes);
+            for episode in 0..self.episodes {
+                let seed = episode_seed(Seed::new(self.seed), episode);
+                episodes.push(play(simulator, controller, seed).map_err(Error::Run)?);
+                lights.note(simulator);
+                bar.set(number * self.episodes + episode + 1);
+            }
+            let finding = Finding { player, episodes };
             if let (Ok(()), Some(csv)) = (&written, &mut csv) {
-                written = csv.append(&finding).map_err(Error::Run);
+                written = csv.append(&finding, lights).map_err(Error::Run);
             }
             findings.push(finding);
         }
         bar.finish();
+        if let (Ok(()), Some(csv)) = (&written, &csv) {
+            written = self.write_city(csv, &findings, lights).map_err(Error::Run);
+        }
         Ok((findings, written))
     }
 
+    /// Writes the file from which `report` makes a page, if the domain has lights.
+    fn write_city(&self, csv: &CsvFiles, findings: &[Finding], lights: &LightFigures) -> anyhow::Result<()> {
+        if csv.lights.is_none() {
+            return Ok(());
+        }
+        let mut about = Map::new();
+        about.insert("name".into(), json!(self.domain.scenario()?.name));
+        about.insert("scenario".into(), json!(self.scenario));
+        about.insert("seed".into(), json!(self.seed));
+        about.insert("sumo_version".into(), json!(self.sumo.map(|sumo| &sumo.name)));
+        let city = lights.city(self.config, self.domain, findings, about)?;
+        csv.directory.write(CITY, &serde_json::to_vec(&city)?)
+    }
+
     /// Prints the figures of one player, or compares all. `about`: further keys of the JSON object.
-    fn print(&self, findings: &[Finding], compares: bool, about: &[(&str, Value)]) -> Result<()> {
+    fn print(
+        &self,
+        findings: &[Finding],
+        compares: bool,
+        about: &[(&str, Value)],
+        lights: &LightFigures,
+    ) -> Result<()> {
         let found = if self.output.json {
             let mut object = match compares {
                 true => json::of_all(self.domain, findings),
                 false => json::of_one(self.domain, &findings[0]),
             };
+            lights.add_to(&mut object);
             object.extend(about.iter().map(|(key, value)| ((*key).to_owned(), value.clone())));
             object.insert("scenario".into(), json!(self.scenario));
             object.insert("seed".into(), json!(self.seed));
@@ -167,7 +203,8 @@ impl<'a> Session<'a> {
             let table = if compares { comparison(findings) } else { table(self.domain, &findings[0]) };
             let warnings = self.domain.warnings();
             let lines = warnings.iter().map(|what| for_terminal(&format!("\nwarning: {what}")));
-            table + &lines.collect::<String>()
+            let of_lights = lights.table(findings).map_or(String::new(), |table| format!("\n\n{table}"));
+            table + &of_lights + &lines.collect::<String>()
         };
         answer(found).map_err(Error::Run)
     }
@@ -184,23 +221,28 @@ struct CsvFiles {
     directory: Directory,
     episodes: GrowingFile,
     agents: GrowingFile,
+    lights: Option<GrowingFile>,
 }
 
 impl CsvFiles {
     /// Makes the directory. If one of the files exists, `existing` says what becomes of it.
-    fn create(dir: &Path, existing: Existing) -> anyhow::Result<CsvFiles> {
+    fn create(dir: &Path, existing: Existing, has_lights: bool) -> anyhow::Result<CsvFiles> {
         let names = ["episodes.csv", "agents.csv"];
-        let paths = names.map(|name| dir.join(name));
+        let of_lights = [LIGHTS, CITY].into_iter().filter(|_| has_lights);
+        let paths: Vec<PathBuf> = names.into_iter().chain(of_lights).map(|name| dir.join(name)).collect();
         paths.iter().try_for_each(|file| outputs::check_free(file, "--csv", existing))?;
         outputs::check_writable(dir)?;
         paths.iter().try_for_each(|file| places::clear(file, existing))?;
         let [episodes, agents] = names.map(|name| GrowingFile::new(name, Mark::default()));
-        Ok(CsvFiles { directory: Directory::open(dir)?, episodes, agents })
+        let lights = has_lights.then(|| GrowingFile::new(LIGHTS, Mark::default()));
+        Ok(CsvFiles { directory: Directory::open(dir)?, episodes, agents, lights })
     }
 
-    fn append(&mut self, finding: &Finding) -> anyhow::Result<()> {
+    fn append(&mut self, finding: &Finding, lights: &LightFigures) -> anyhow::Result<()> {
         self.episodes.append_lines(&self.directory, &by_episode(finding))?;
-        self.agents.append_lines(&self.directory, &by_agent(finding))
+        self.agents.append_lines(&self.directory, &by_agent(finding))?;
+        let lines = lights.lines(&finding.player.label);
+        self.lights.as_mut().map_or(Ok(()), |file| file.append_lines(&self.directory, &lines))
     }
 }
 

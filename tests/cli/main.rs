@@ -5,6 +5,7 @@
 
 mod bench;
 mod builds;
+mod city;
 mod command_line;
 mod configuration_page;
 mod crates;

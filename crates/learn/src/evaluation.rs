@@ -169,7 +169,7 @@ pub fn play_episodes(
 /// Returns the figures of the whole system, by name, with one value per episode.
 ///
 /// The mean return of the agents comes first, then the measures of the system.
-pub(crate) fn figures(episodes: &[EpisodeReport]) -> Vec<(String, Vec<f64>)> {
+pub fn figures(episodes: &[EpisodeReport]) -> Vec<(String, Vec<f64>)> {
     let returns = episodes.iter().map(|episode| mean(&episode.returns)).collect();
     let measures = episodes[0].measures.system.iter().enumerate().map(|(index, (name, _))| {
         (name.clone(), episodes.iter().map(|episode| episode.measures.system[index].1).collect())

@@ -153,6 +153,11 @@ impl Svg {
         Ok(Svg(with_printable_names(&text)))
     }
 
+    /// Takes a picture that is written already: names in it are escaped, and its ink and its paper are those of all pictures.
+    pub(crate) fn of_text(text: String) -> Svg {
+        Svg(text)
+    }
+
     /// Returns the picture as an SVG file, on white.
     pub fn file(&self) -> String {
         self.0.replace(&hex(PAPER), "#FFFFFF")

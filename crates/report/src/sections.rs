@@ -70,12 +70,13 @@ fn overview(comparisons: &[Comparison]) -> String {
     let groups = || comparisons.iter().flat_map(|comparison| &comparison.groups);
     let runs: usize = groups().map(|group| group.runs.len()).sum();
     let scenarios: Vec<&str> = comparisons.iter().map(|comparison| comparison.title.as_str()).collect();
+    let own = format!("{} in {}; {}.", counted(runs, "run"), counted(groups().count(), "group"), scenarios.join("; "));
+    if comparisons.iter().all(|comparison| !paper::has(&comparison.scenario)) {
+        return own;
+    }
     format!(
-        "{} in {}; {}. Paper: Suau et al., Distributed Influence-Augmented Local Simulators for Parallel \
-         MARL in Large Networked Systems, NeurIPS 2022.",
-        counted(runs, "run"),
-        counted(groups().count(), "group"),
-        scenarios.join("; ")
+        "{own} Paper: Suau et al., Distributed Influence-Augmented Local Simulators for Parallel MARL in Large Networked \
+         Systems, NeurIPS 2022."
     )
 }
 

@@ -8,6 +8,7 @@
 //! - `road_network`: a grid or a scenario, and what differs between them.
 //! - `prepared`: what local simulators of a scenario are made from, kept and sent as bytes.
 //! - [`sim`]: the simulators, their recordings and replays.
+//! - [`streets`]: the roads of a net, for maps.
 //! - [`controllers`]: hand-coded baselines; [`tuning`]: the search for the best fixed-time lights.
 //! - [`fidelity`]: how far the local simulators are like the global one.
 //!
@@ -42,6 +43,7 @@ mod road_network;
 pub mod scenario;
 pub mod side;
 pub mod sim;
+pub mod streets;
 mod task;
 pub mod tuning;
 

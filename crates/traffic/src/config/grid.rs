@@ -65,6 +65,11 @@ pub struct TrafficConfig {
     #[serde(skip_serializing_if = "is_default")]
     #[schemars(extend("default" = UntilFirstSwitch::Agent))]
     pub until_first_switch: UntilFirstSwitch,
+    /// Number of steps at the beginning of an episode that the figures of `evaluate` and `baseline` leave out, as for a
+    /// scenario.
+    #[serde(skip_serializing_if = "is_default")]
+    #[schemars(extend("default" = 0))]
+    pub warm_up_s: u64,
 }
 
 impl Default for TrafficConfig {
@@ -87,6 +92,7 @@ impl TrafficConfig {
             entry: EntryRule::default(),
             initial_switch_bias: 0.0,
             until_first_switch: UntilFirstSwitch::default(),
+            warm_up_s: 0,
         }
     }
 }
@@ -140,7 +146,7 @@ pub enum UntilFirstSwitch {
     Program,
 }
 
-fn is_default<T: Default + PartialEq>(value: &T) -> bool {
+pub(super) fn is_default<T: Default + PartialEq>(value: &T) -> bool {
     *value == T::default()
 }
 
@@ -157,6 +163,11 @@ impl DomainTable for TrafficConfig {
         ensure!(
             self.observation != Observation::CellsAndBuses && !needs_others(&self.reward),
             "traffic.observation and traffic.reward: a grid has neither buses nor persons; use a scenario for these"
+        );
+        let (warm_up, horizon) = (self.warm_up_s, self.horizon);
+        ensure!(
+            warm_up < horizon as u64,
+            "traffic.warm_up_s = {warm_up}: must be less than traffic.horizon = {horizon}"
         );
         let bias = self.initial_switch_bias;
         ensure!(bias.is_finite(), "traffic.initial_switch_bias = {bias}: must be a finite number");

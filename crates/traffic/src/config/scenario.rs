@@ -11,6 +11,7 @@ use serde::de::{Error, Unexpected};
 use serde::{Deserialize, Deserializer, Serialize, Serializer};
 use toml::Value;
 
+use super::grid::is_default;
 use super::reward::Reward;
 use super::sumocfg::{MOST_SECONDS, Sumocfg};
 use crate::Traffic;
@@ -50,6 +51,12 @@ pub struct ScenarioConfig {
     #[serde(skip)]
     #[schemars(skip)]
     pub end_is_derived: bool,
+    /// Number of seconds at the beginning of an episode that the figures of `evaluate` and `baseline` leave out. Trips count if the
+    /// car wanted to enter later: travel time, delay, stops, emissions, and the figures of lights. Queues, speeds and the waiting of
+    /// persons are those of the seconds after it. Rewards, returns and the counts of the whole net are of the whole episode.
+    #[serde(skip_serializing_if = "is_default")]
+    #[schemars(extend("default" = 0))]
+    pub warm_up_s: u64,
     /// Number of seconds of a decision, which is a step of the domain. The horizon is the number of whole decisions from
     /// begin to end. Hand-coded controllers decide every second.
     pub decision_s: u32,
@@ -113,6 +120,7 @@ impl ScenarioConfig {
             begin_s: None,
             end_s: None,
             end_is_derived: false,
+            warm_up_s: 0,
             decision_s: 5,
             min_green_s: 5,
             program_min_green: true,
@@ -190,6 +198,12 @@ impl DomainTable for ScenarioConfig {
             begin < end,
             "traffic.begin_s = {begin}: must be before traffic.end_s = {end}; where a config names neither, they are \
              <begin> and <end> of the .sumocfg"
+        );
+        let warm_up = self.warm_up_s;
+        ensure!(
+            warm_up < end - begin,
+            "traffic.warm_up_s = {warm_up}: must be less than the {} s of an episode",
+            end - begin
         );
         let decisions = (end - begin) / u64::from(self.decision_s);
         ensure!(

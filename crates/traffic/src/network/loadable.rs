@@ -111,6 +111,17 @@ impl Loadable {
         Ok(simulation)
     }
 
+    /// Gives every vehicle SUMO's device that computes emissions, in a simulation that is loaded with `options`. Each load needs it
+    /// again.
+    pub(crate) fn equip_for_emissions(&self, simulation: &mut Simulation, options: &mut Vec<String>) {
+        const DEVICE: &str = "--device.emissions.probability";
+        simulation.few_devices(false);
+        // SUMO refuses an option that is given twice.
+        if !options.iter().any(|option| option == DEVICE) {
+            options.extend([DEVICE.to_owned(), "1".to_owned()]);
+        }
+    }
+
     /// Loads it with these options: those of [`Loadable::options`], and further ones.
     pub(crate) fn load(&self, simulation: &mut Simulation, options: &[String]) -> Result<()> {
         simulation.reload(options).map_err(|error| self.explain(&error))

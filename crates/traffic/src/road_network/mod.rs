@@ -56,6 +56,8 @@ pub(crate) struct GridFiles {
 pub(crate) struct RoadNetwork {
     pub(crate) files: Files,
     pub(crate) horizon: usize,
+    /// Number of seconds at the beginning of an episode that figures leave out.
+    pub(crate) warm_up_s: u64,
     /// Why SUMO cannot load the actuated programs of the lights, if it cannot. SUMO's own error would come after it has
     /// taken all memory.
     pub(crate) refuses_actuated: Option<String>,
@@ -100,6 +102,14 @@ impl RoadNetwork {
         match &self.files {
             Files::Grid(_) => Ok(()),
             Files::Scenario(scenario) => scenario.files.check_not_empty(),
+        }
+    }
+
+    /// Returns the second of SUMO's clock at which an episode begins.
+    pub(crate) fn begin_s(&self) -> u64 {
+        match &self.files {
+            Files::Grid(_) => 0,
+            Files::Scenario(scenario) => scenario.files.window_s().0,
         }
     }
 
@@ -212,6 +222,7 @@ pub(crate) fn open_grid(config: &TrafficConfig) -> Result<(RoadNetwork, JointPla
     let reward = &config.reward;
     let network = RoadNetwork {
         horizon: config.horizon,
+        warm_up_s: config.warm_up_s,
         refuses_actuated: None,
         rough_costs: ROUGH_COSTS_OF_A_GRID,
         unusual_reward: (*reward != Reward::from(RewardTerm::MeanSpeed)).then(|| reward.name()),

@@ -67,6 +67,7 @@ pub(crate) fn open(files: SumoScenario, config: &ScenarioConfig) -> Result<(Road
     let keeps = sentences(&derived.keeping).into_iter().map(|(sentence, _)| sentence);
     let network = RoadNetwork {
         horizon: config.horizon(),
+        warm_up_s: config.warm_up_s,
         refuses_actuated,
         rough_costs: rough_costs(f64::from(config.decision_s)),
         unusual_reward: (config.reward != Reward::default()).then(|| config.reward.name()),

@@ -4,13 +4,14 @@ use std::collections::BTreeSet;
 use std::sync::Arc;
 use std::time::Instant;
 
-use anyhow::ensure;
+use anyhow::{Context, ensure};
 
 use super::border::Borders;
 use super::control::{Decisions, SignalControl};
 use super::crossings::Crossings;
+use super::light_delays::LightDelays;
 use super::lights::{Lights, ShownLights};
-use super::metrics::TrafficMetrics;
+use super::metrics::{TrafficMetrics, Window};
 use super::others::Others;
 use super::picture::Camera;
 use super::recording::{Recorder, Tape};
@@ -26,6 +27,7 @@ use crate::observe::{self, LightView};
 use crate::reward::{self, Waiting};
 use crate::road_network::RoadNetwork;
 use dials_core::base::{Phase, Ragged, Seed, Stopwatch};
+use dials_core::domain::light_figures::{LightPlace, LightsEpisode};
 use dials_core::domain::{
     Action, GlobalSimulator, InfluenceSample, JointPercept, JointTransition, Kinds, Measures, Result, RoadView, Scene,
 };
@@ -67,6 +69,7 @@ pub struct GlobalTraffic {
     metrics: Option<TrafficMetrics>,
     /// Crossings, if persons' waiting is measured.
     crossings: Option<Crossings>,
+    light_delays: Option<LightDelays>,
 }
 
 impl GlobalTraffic {
@@ -116,6 +119,7 @@ impl GlobalTraffic {
             camera: None,
             metrics: None,
             crossings: None,
+            light_delays: None,
             plan,
         })
     }
@@ -183,10 +187,22 @@ impl GlobalTraffic {
                 waiting.note(self.approaches.at(row));
             }
         }
+        if reward::needs_co2(&self.plan.reward) {
+            let of_rows = self.approaches.co2_mg_per_s(&mut self.simulation)?;
+            self.waiting.iter_mut().zip(of_rows).for_each(|(waiting, mg)| waiting.note_co2(mg));
+        }
         self.tally.lights(&self.shown.before, &self.shown.now);
         self.tally.cars(&self.approaches.cars, &self.cars_before);
         self.tally.step(&mut self.simulation)?;
-        if let Some(metrics) = &mut self.metrics {
+        let warm_up_s = self.network.warm_up_s as usize;
+        let is_warm = self.age > warm_up_s;
+        if let Some(metrics) = self.metrics.as_mut().filter(|_| self.age == warm_up_s) {
+            metrics.arrived_in_warm_up = self.tally.arrived;
+        }
+        if let Some(delays) = &mut self.light_delays {
+            delays.second(&mut self.simulation, is_warm)?;
+        }
+        if let Some(metrics) = self.metrics.as_mut().filter(|_| is_warm) {
             metrics.step(&self.approaches, &self.cars_before, &self.simulation.gone()?);
             if let Some(crossings) = &mut self.crossings {
                 metrics.note_waiting(crossings.waiting(&mut self.simulation)?.map(u64::from).sum());
@@ -271,7 +287,11 @@ impl GlobalSimulator for GlobalTraffic {
         if let Some(metrics) = &mut self.metrics {
             metrics.begin();
             options.extend(metrics.options());
+            if metrics.measures_emissions() {
+                self.source.equip_for_emissions(&mut self.simulation, &mut options);
+            }
         }
+        self.light_delays.iter_mut().for_each(LightDelays::begin);
         self.source.load(&mut self.simulation, &options)?;
         let by_program = self.decisions.control.by_program();
         let program = self.decisions.control.is_actuated().then(|| self.source.actuated_program());
@@ -376,7 +396,8 @@ impl GlobalSimulator for GlobalTraffic {
     fn measure_in_full(&mut self) -> Result<()> {
         let agents = self.plan.agents.iter().map(|agent| &agent.region.approaches);
         let at_stop_line = agents.map(|lanes| lanes.iter().map(|lane| lane.ahead_m == 0.0).collect()).collect();
-        let metrics = TrafficMetrics::new(at_stop_line, self.network.travellers())?;
+        let window = Window { begin_s: self.network.begin_s(), end_s: 0.0, warm_up_s: self.network.warm_up_s };
+        let metrics = TrafficMetrics::new(at_stop_line, self.network.travellers(), window)?;
         if metrics.has_persons() {
             let roads = self.network.recorded(&self.plan)?.roads;
             let lights: BTreeSet<&str> = roads.programs.iter().map(|program| &*program.light).collect();
@@ -392,13 +413,32 @@ impl GlobalSimulator for GlobalTraffic {
         let Some(metrics) = &mut self.metrics else { return Ok(self.tally.measures()) };
         if !metrics.finished() {
             // SUMO writes the trips of the cars that are still on the road when it ends.
+            let end_s = self.simulation.time_s()?;
             self.simulation.unload()?;
-            metrics.finish()?;
+            metrics.finish(end_s)?;
         }
         let mut measures = self.tally.measures();
         measures.system.splice(1..1, metrics.of_net(self.tally.arrived));
         measures.per_agent.extend(metrics.of_agents());
         Ok(measures)
+    }
+
+    fn measure_lights(&mut self) -> Result<Option<Vec<LightPlace>>> {
+        let delays = LightDelays::register(&mut self.simulation, &self.network.recorded(&self.plan)?)?;
+        let lights = delays.ways.lights.clone();
+        self.light_delays = Some(delays);
+        Ok(Some(lights))
+    }
+
+    fn light_figures(&mut self) -> Option<LightsEpisode> {
+        let metrics = self.metrics.as_ref().filter(|metrics| metrics.finished())?;
+        Some(self.light_delays.as_ref()?.figures(metrics.counted_trips()))
+    }
+
+    fn measure_emissions(&mut self) -> Result<bool> {
+        let metrics = self.metrics.as_mut().context("emissions are measured together with all else")?;
+        metrics.measure_emissions();
+        Ok(true)
     }
 
     fn take_watch(&mut self) -> Stopwatch {

@@ -248,6 +248,10 @@ impl LocalTraffic {
                 now.waiting.note(self.forest.approaches.at(row));
             }
         }
+        if reward::needs_co2(&self.plan.reward) {
+            let of_rows = self.forest.approaches.co2_mg_per_s(&mut self.forest.simulation)?;
+            self.rows.iter_mut().zip(of_rows).for_each(|(now, mg)| now.waiting.note_co2(mg));
+        }
         self.watch.note(Phase::Reading, begun.elapsed());
         self.recorder.as_mut().map_or(Ok(()), |recorder| recorder.step(&mut self.forest.simulation, &tried.insertions))
     }

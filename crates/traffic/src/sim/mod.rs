@@ -6,7 +6,8 @@
 //!   exits that are blocked; `arriving`: which cars come; [`visit_tables`]: visits to draw them from; `local_routes`:
 //!   their routes.
 //! - `lights`: the lights of a loaded net; `options`: SUMO's options.
-//! - [`tally`]: what every episode counts; `metrics`: what only evaluations measure.
+//! - [`tally`]: what every episode counts; `metrics`: what only evaluations measure, from SUMO's `trips`; `light_delays`: where
+//!   cars lose time.
 //! - `picture`: pictures of the GS. [`recording`]: an episode recorded, on [`recorded_roads`]. [`replay`]: a recording as
 //!   files that SUMO plays; [`trace`]: a recording for pictures.
 
@@ -16,6 +17,7 @@ pub mod control;
 mod crossings;
 pub(super) mod entries;
 pub mod global;
+mod light_delays;
 mod lights;
 pub mod local;
 pub(super) mod local_forest;
@@ -29,5 +31,6 @@ pub mod recording;
 pub mod replay;
 pub(crate) mod tally;
 pub mod trace;
+mod trips;
 pub(crate) mod visit_tables;
 pub(crate) mod visits;

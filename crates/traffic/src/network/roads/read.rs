@@ -76,7 +76,8 @@ impl Roads {
         let ends = if function == Function::Road { Some([end("from")?, end("to")?]) } else { None };
         let lanes = element.all("lane").map(|lane| self.read_lane(lane, number)).collect::<Result<Vec<_>>>()?;
         ensure!(!lanes.is_empty(), "{}: has no <lane>; remove it from the net", tag(element));
-        self.edges.push(Edge { id: id.to_owned(), function, ends, lanes });
+        let street = element.attribute("name").map(str::trim).filter(|name| !name.is_empty()).map(str::to_owned);
+        self.edges.push(Edge { id: id.to_owned(), street, function, ends, lanes });
         Ok(())
     }
 
@@ -145,6 +146,7 @@ impl Roads {
             via: via.transpose()?,
             signal,
             turns_around: element.attribute("dir") == Some("t"),
+            has_priority: element.attribute("state") == Some("M"),
         })
     }
 }
