@@ -4,9 +4,10 @@
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context, anyhow, bail, ensure};
-use serde_json::{Value, json};
+use serde_json::{Map, Value, json};
 
 use super::plot::Plots;
+use super::robustness::{self, Plan, Variant};
 use super::subject::{Background, Subject, agent_called};
 use crate::cli;
 use crate::film::scenes;
@@ -31,19 +32,27 @@ use dials_traffic::controllers::{COORDINATED, FIXED_TIME, check_name};
 use dials_traffic::{Sumo, tuning};
 
 pub(super) fn evaluate(args: &cli::EvaluateArgs) -> Result<()> {
-    let (config, domain) = directory::open_unchanged(&args.run_dir, domains::open).map_err(Error::Usage)?;
+    // Names are checked before the files are tried, which may take long.
+    let (config, domain) = directory::open_unchanged(&args.run_dir, domains::open_tried).map_err(Error::Usage)?;
     let agents = args.agents.iter().map(|word| agent_called(&*domain, word, "--agents")).collect::<anyhow::Result<_>>();
     let policies_of: Vec<AgentId> = agents.map_err(Error::Usage)?;
     if let Some(&agent) = repeated(&policies_of) {
         let twice = format!("--agents: {} is named twice; leave one", domain.agent_name(agent));
         return Err(Error::Usage(anyhow!(twice)));
     }
+    args.background.iter().try_for_each(|name| domain.check_baseline(name)).map_err(Error::Usage)?;
+    let variants = robustness::asked_for(&args.variants);
+    variants.iter().try_for_each(|variants| check_variants(&config, variants, &args.output)).map_err(Error::Usage)?;
+    domains::check(&config).map_err(Error::Usage)?;
     let background = args.background.clone().map(|controller| Background { controller, policies_of });
     let subjects = vec![Subject::Run { dir: args.run_dir.clone(), greedy: args.greedy, background }];
     let plots = Plots::asked_for(&args.output, &config).map_err(Error::Usage)?;
     let domain = plots.as_ref().map_or(&*domain, Plots::domain);
     let session = Session::new(domain, &config, &args.episodes, &args.output)?;
     let csv = session.prepare(&subjects).map_err(Error::Usage)?;
+    if let Some(variants) = &variants {
+        return session.play_variants(&config, variants, &subjects, csv, &[]);
+    }
     let (findings, written) = session.play(subjects, csv)?;
     session.print(&findings, false, &[])?;
     session.draw(plots.as_ref(), &findings[0], format!("policies of {}", findings[0].player.label))?;
@@ -58,26 +67,38 @@ pub(super) fn baseline(args: &cli::BaselineArgs) -> Result<()> {
         checked.collect::<anyhow::Result<()>>().map_err(Error::Usage)?;
     }
     let config = load(&args.config, &args.settings.all()).map_err(Error::Usage)?;
-    let domain = domains::open(&config).map_err(Error::Usage)?;
+    // Names are checked before the files are tried, which may take long.
+    let domain = domains::open_tried(&config).map_err(Error::Usage)?;
+    let variants = robustness::asked_for(&args.variants);
+    variants.iter().try_for_each(|variants| check_variants(&config, variants, &args.output)).map_err(Error::Usage)?;
+    let mut subjects = match (&args.controller, &args.compare) {
+        (Some(name), _) => vec![Subject::Controller(name.clone())],
+        (None, Some(list)) => Subject::list(list, args.greedy, &*domain).map_err(Error::Usage)?,
+        (None, None) => unreachable!("clap asks for one of them"),
+    };
+    subjects.iter().try_for_each(|subject| subject.check_controller(&*domain)).map_err(Error::Usage)?;
     domains::check(&config).map_err(Error::Usage)?;
     let about = [("config", json!(path_as_text(&args.config)))];
     let plots = Plots::asked_for(&args.output, &config).map_err(Error::Usage)?;
     let domain = plots.as_ref().map_or(&*domain, Plots::domain);
     let session = Session::new(domain, &config, &args.episodes, &args.output)?;
-    let mut subjects = match (&args.controller, &args.compare) {
-        (Some(name), _) => vec![Subject::Controller(name.clone())],
-        (None, Some(list)) => Subject::list(list, args.greedy, domain).map_err(Error::Usage)?,
-        (None, None) => unreachable!("clap asks for one of them"),
-    };
     let csv = session.prepare(&subjects).map_err(Error::Usage)?;
     if args.tune {
         tune(&config, args.tune_episodes as usize, &mut subjects)?;
+    }
+    if let Some(variants) = &variants {
+        return session.play_variants(&config, variants, &subjects, csv, &about);
     }
     let (findings, written) = session.play(subjects, csv)?;
     session.print(&findings, args.compare.is_some(), &about)?;
     let config = args.config.file_name().unwrap_or_default().to_string_lossy();
     session.draw(plots.as_ref(), &findings[0], format!("controller {} on {config}", findings[0].player.label))?;
     written
+}
+
+fn check_variants(config: &RunConfig, variants: &[Variant], output: &cli::OutputArgs) -> anyhow::Result<()> {
+    robustness::check_output(output)?;
+    robustness::check(config, variants)
 }
 
 struct Session<'a> {
@@ -140,12 +161,32 @@ impl<'a> Session<'a> {
                 .and_then(|()| play_episodes(simulator, controller, Seed::new(self.seed), self.episodes, progress));
             let finding = Finding { player, episodes: played.map_err(Error::Run)? };
             if let (Ok(()), Some(csv)) = (&written, &mut csv) {
-                written = csv.append(&finding).map_err(Error::Run);
+                written = csv.append(&finding, &[]).map_err(Error::Run);
             }
             findings.push(finding);
         }
         bar.finish();
         Ok((findings, written))
+    }
+
+    /// Lets all subjects play all variants, and prints the figures.
+    fn play_variants(
+        &self,
+        config: &RunConfig,
+        variants: &[Variant],
+        subjects: &[Subject],
+        csv: Option<CsvFiles>,
+        about: &[(&str, Value)],
+    ) -> Result<()> {
+        let mut keys: Map<String, Value> =
+            about.iter().map(|(key, value)| ((*key).to_owned(), value.clone())).collect();
+        keys.insert("scenario".into(), json!(self.scenario));
+        keys.insert("warnings".into(), json!(self.domain.warnings()));
+        if let Some(sumo) = self.sumo {
+            keys.insert("sumo_version".into(), json!(sumo.name));
+        }
+        let plan = Plan { config, variants, subjects, episodes: self.episodes, seed: self.seed };
+        robustness::play(&plan, csv, self.output.json, keys)
     }
 
     /// Prints the figures of one player, or compares all. `about`: further keys of the JSON object.
@@ -180,7 +221,7 @@ impl<'a> Session<'a> {
 }
 
 /// The CSV files of `--csv`. The lines of each player are written as soon as it has played.
-struct CsvFiles {
+pub(super) struct CsvFiles {
     directory: Directory,
     episodes: GrowingFile,
     agents: GrowingFile,
@@ -198,9 +239,10 @@ impl CsvFiles {
         Ok(CsvFiles { directory: Directory::open(dir)?, episodes, agents })
     }
 
-    fn append(&mut self, finding: &Finding) -> anyhow::Result<()> {
-        self.episodes.append_lines(&self.directory, &by_episode(finding))?;
-        self.agents.append_lines(&self.directory, &by_agent(finding))
+    /// `columns`: further names and values of all lines.
+    pub(super) fn append(&mut self, finding: &Finding, columns: &[(&str, String)]) -> anyhow::Result<()> {
+        self.episodes.append_lines(&self.directory, &by_episode(finding).with(columns))?;
+        self.agents.append_lines(&self.directory, &by_agent(finding).with(columns))
     }
 }
 
