@@ -54,7 +54,7 @@ pub enum Command {
     Export(ExportArgs),
     /// Run a hand-coded controller on the global simulator of a config
     Baseline(BaselineArgs),
-    /// Measure how far the local simulator of each light is like the global one
+    /// Measure how closely the local simulator of each light matches the global one
     Check(CheckArgs),
     /// Measure training speed, phase by phase, against a lower bound
     Bench(BenchArgs),
@@ -73,9 +73,11 @@ pub enum Command {
     /// Write SUMO networks that `sumo` and `sumo-gui` can open
     #[command(subcommand)]
     Nets(NetsCommand),
+    /// Make vehicles whose routes fit traffic counts, as a scenario
+    Demand(DemandArgs),
     /// Print versions and where each part was found
     Info,
-    /// Look whether training works here: what is installed, what is missing, and the command that cures it
+    /// Check whether training works here; print what is missing and the command that installs it
     Doctor,
     /// Print completions of the command line for a shell
     Completions {
@@ -119,7 +121,7 @@ pub struct TrainArgs {
     pub accept_other_build: bool,
     /// Number of worker processes that share the agents; 0: all work in this process. It does not change the results.
     /// Workers that would have neither agents nor episodes are not started [default: the number of cores; on a resume
-    /// the number of before]
+    /// the earlier number]
     #[arg(long, value_parser = values::whole::<usize>(0..=MOST_WORKERS))]
     pub workers: Option<usize>,
     /// Under mpirun or srun: number of worker processes of every rank but rank 0, which coordinates [default: 1]
@@ -141,7 +143,7 @@ pub struct TrainArgs {
     /// Also write the numbers of the CSV files to a TensorBoard event file
     #[arg(long)]
     pub tensorboard: bool,
-    /// Also show the run live, on a page for a browser on this machine; `watch` shows any run so
+    /// Also show the run live, on a page for a browser on this machine; `watch` does this for any run
     #[arg(long)]
     pub dashboard: bool,
     /// Run directory [default: runs/[FOLDER-]CONFIG-SIMULATOR[-KEY=VALUE...]-seedN, numbered if it exists]
@@ -171,6 +173,8 @@ pub struct EvaluateArgs {
     #[arg(long, value_name = "AGENT,...", allow_hyphen_values = true, value_delimiter = ',', requires = "background")]
     pub agents: Vec<String>,
     #[command(flatten)]
+    pub variants: VariantArgs,
+    #[command(flatten)]
     pub output: OutputArgs,
 }
 
@@ -196,7 +200,7 @@ pub struct BaselineArgs {
     /// Hand-coded controller; an unknown name lists all names
     #[arg(long, value_name = "NAME", required_unless_present = "compare", conflicts_with = "compare")]
     pub controller: Option<String>,
-    /// Compare controllers and run directories on the same traffic with the first of them
+    /// Compare controllers and run directories on the same traffic; the first one is the reference
     #[arg(long, value_name = "NAME,RUN_DIR,...", conflicts_with_all = ["render", "plot"])]
     pub compare: Option<String>,
     /// Saved policies take the most probable action instead of sampling
@@ -212,6 +216,8 @@ pub struct BaselineArgs {
     pub tune_episodes: u32,
     #[command(flatten)]
     pub episodes: EpisodesArgs,
+    #[command(flatten)]
+    pub variants: VariantArgs,
     #[command(flatten)]
     pub output: OutputArgs,
 }
@@ -249,7 +255,7 @@ pub struct BenchArgs {
     /// Measure with 1, 2, 4, ... and N worker processes [default: the number of cores]
     #[arg(long, value_parser = values::whole::<usize>(1..=MOST_WORKERS))]
     pub workers: Option<usize>,
-    /// Approximate measuring time for each number of workers; the command begins with how long the whole takes
+    /// Approximate measuring time for each number of workers; the command first prints how long the whole takes
     #[arg(long, value_name = "SECONDS", default_value_t = 20, value_parser = values::whole::<u64>(1..=86_400))]
     pub seconds: u64,
     /// Simulator and predictor that the policies train with; overrides the config
@@ -285,13 +291,13 @@ pub struct SettingsArgs {
     /// Override a key of the config, such as ppo.clip=0.2; can be repeated
     #[arg(long = "set", value_name = "KEY=VALUE")]
     pub settings: Vec<String>,
-    /// Second at which an episode of a scenario begins, such as 25200 or 07:00:00; stands for traffic.begin_s
+    /// Second at which an episode of a scenario begins, such as 25200 or 07:00:00; sets traffic.begin_s
     #[arg(long, value_name = "TIME", value_parser = values::time)]
     pub begin: Option<u64>,
-    /// Second at which an episode of a scenario ends; stands for traffic.end_s
+    /// Second at which an episode of a scenario ends; sets traffic.end_s
     #[arg(long, value_name = "TIME", value_parser = values::time)]
     pub end: Option<u64>,
-    /// Program (programID) that counts for lights with several; stands for traffic.program
+    /// Program (programID) to use for lights that have several; sets traffic.program
     #[arg(long, value_name = "ID")]
     pub program: Option<String>,
 }
@@ -315,6 +321,17 @@ pub struct EpisodesArgs {
     /// Seed of the traffic, the same for every controller and policy [default: evaluation.seed of the config]
     #[arg(long, value_parser = values::seed)]
     pub seed: Option<u64>,
+}
+
+/// Other traffic on the same scenario. Every demand is played with all edges open, and with each closure.
+#[derive(Debug, Args)]
+pub struct VariantArgs {
+    /// Play with these multiples of the scenario's demand, such as 0.8,1,1.2
+    #[arg(long, value_name = "FACTOR,...", value_delimiter = ',', value_parser = values::demand)]
+    pub demand: Vec<f64>,
+    /// Also play with this edge closed for all vehicles; can be repeated. Edges separated by commas are closed together
+    #[arg(long, value_name = "EDGE[,EDGE...]", allow_hyphen_values = true)]
+    pub closed: Vec<String>,
 }
 
 #[derive(Debug, Args)]
@@ -451,8 +468,10 @@ pub struct CompareArgs {
 pub enum NetsCommand {
     /// Write a grid of R x C intersections with traffic flowing in at its boundary
     Grid {
+        /// Number of rows of intersections
         #[arg(long, value_parser = values::whole::<usize>(1..=MOST_ROWS))]
         rows: usize,
+        /// Number of columns of intersections
         #[arg(long, value_parser = values::whole::<usize>(1..=MOST_ROWS))]
         cols: usize,
         /// Probability that a car arrives at a boundary edge in a step
@@ -479,8 +498,7 @@ pub enum NetsCommand {
         /// Light to cut out
         #[arg(long, value_name = "ID", allow_hyphen_values = true)]
         light: String,
-        /// Number of edges that cars still see behind an exit, one behind the other; no edge begins farther than 150 m
-        /// behind it
+        /// Number of edges in a row that are kept behind each exit; none of them begins more than 150 m behind it
         #[arg(long, default_value_t = 3, value_parser = values::whole::<u8>(0..=5))]
         hops: u8,
         /// Output directory
@@ -490,7 +508,7 @@ pub enum NetsCommand {
         #[arg(long)]
         force: bool,
     },
-    /// Show what becomes of the lights of a SUMO network: which learn and which keep their program, with a line for each
+    /// List the lights of a SUMO network: which ones learn, and which ones keep their program
     Inspect(InspectArgs),
     /// Write the single intersection of the local simulators
     Local {
@@ -501,6 +519,25 @@ pub enum NetsCommand {
         #[arg(long)]
         force: bool,
     },
+}
+
+#[derive(Debug, Args)]
+pub struct DemandArgs {
+    /// Counts: a CSV file with the columns begin, end, from, to and cars; docs/counts.md
+    #[arg(value_name = "COUNTS.csv")]
+    pub counts: PathBuf,
+    /// Net of SUMO, or a scenario, whose net is taken
+    #[arg(value_name = "FILE.net.xml|FILE.sumocfg")]
+    pub net: PathBuf,
+    /// Output directory for demand.rou.xml and demand.sumocfg
+    #[arg(long, value_name = "DIR")]
+    pub out: PathBuf,
+    /// Print one JSON object instead of text, with all counts
+    #[arg(long)]
+    pub json: bool,
+    /// If one of the files exists, move it aside instead of refusing
+    #[arg(long)]
+    pub force: bool,
 }
 
 #[derive(Debug, Args)]
@@ -516,7 +553,7 @@ pub struct InspectArgs {
     /// Show all lights in full
     #[arg(long, conflicts_with = "json")]
     pub all: bool,
-    /// What to change for some lights: docs/networks.md
+    /// File that changes some lights; docs/networks.md says how
     #[arg(long, value_name = "AGENTS_TOML")]
     pub agents: Option<PathBuf>,
     /// Print one JSON object instead of text, with all lights in full

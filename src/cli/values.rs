@@ -55,6 +55,12 @@ pub(super) fn sigma(text: &str) -> Result<f64, String> {
     if (0.0..=1.0).contains(&number) { Ok(number) } else { Err("must be from 0 to 1".to_owned()) }
 }
 
+/// Reads a factor on the demand. Its limits are those of `traffic.demand`.
+pub(super) fn demand(text: &str) -> Result<f64, String> {
+    let number = number(text)?;
+    if (0.01..=100.0).contains(&number) { Ok(number) } else { Err("must be from 0.01 to 100".to_owned()) }
+}
+
 pub(super) fn inflow_at(text: &str) -> Result<(String, f64), String> {
     let (dead_end, probability) = text.split_once('=').ok_or("must be DEAD_END=PROBABILITY, such as w1=0.3")?;
     Ok((dead_end.trim().to_owned(), finite(probability.trim())?))

@@ -8,13 +8,14 @@ use serde_json::{Map, Value, json};
 
 use super::lights::{CITY, LIGHTS, LightFigures, has_lights};
 use super::plot::Plots;
+use super::robustness::{self, Plan, Variant};
 use super::subject::{Background, Subject, agent_called};
 use crate::cli;
 use crate::film::scenes;
 use dials_core::base::{AgentId, Seed, counted, for_terminal, repeated};
 use dials_core::domain::{Baseline, Controller, Domain, GlobalSimulator, Measures};
 use dials_core::outside::{Directory, FileName, path_as_text, write_together};
-use dials_learn::evaluation::csv::{by_agent, by_episode};
+use dials_learn::evaluation::csv::{Lines, by_agent, by_episode};
 use dials_learn::evaluation::{Evaluation, Finding, comparison, episode_seed, json, play, play_watched, table};
 use dials_report::plot::About;
 use dials_session::config::{RunConfig, load};
@@ -30,20 +31,28 @@ use dials_traffic::controllers::{COORDINATED, FIXED_TIME, check_name};
 use dials_traffic::{Sumo, tuning};
 
 pub(super) fn evaluate(args: &cli::EvaluateArgs) -> Result<()> {
-    let (config, domain) = directory::open_unchanged(&args.run_dir, domains::open).map_err(Error::Usage)?;
+    // Names are checked before the files are tried, which may take long.
+    let (config, domain) = directory::open_unchanged(&args.run_dir, domains::open_tried).map_err(Error::Usage)?;
     let agents = args.agents.iter().map(|word| agent_called(&*domain, word, "--agents")).collect::<anyhow::Result<_>>();
     let policies_of: Vec<AgentId> = agents.map_err(Error::Usage)?;
     if let Some(&agent) = repeated(&policies_of) {
         let twice = format!("--agents: {} is named twice; leave one", domain.agent_name(agent));
         return Err(Error::Usage(anyhow!(twice)));
     }
+    args.background.iter().try_for_each(|name| domain.check_baseline(name)).map_err(Error::Usage)?;
+    let variants = robustness::asked_for(&args.variants);
+    variants.iter().try_for_each(|variants| check_variants(&config, variants, &args.output)).map_err(Error::Usage)?;
+    domains::check(&config).map_err(Error::Usage)?;
     let background = args.background.clone().map(|controller| Background { controller, policies_of });
     let subjects = vec![Subject::Run { dir: args.run_dir.clone(), greedy: args.greedy, background }];
     let plots = Plots::asked_for(&args.output, &config).map_err(Error::Usage)?;
     let domain = plots.as_ref().map_or(&*domain, Plots::domain);
     let session = Session::new(domain, &config, &args.episodes, &args.output)?;
     let mut lights = LightFigures::asked_for(domain, &args.output, false).map_err(Error::Usage)?;
-    let csv = session.prepare(&subjects).map_err(Error::Usage)?;
+    let csv = session.prepare(&subjects, variants.is_none()).map_err(Error::Usage)?;
+    if let Some(variants) = &variants {
+        return session.play_variants(variants, &subjects, csv, &[]);
+    }
     let (findings, written) = session.play(subjects, csv, &mut lights)?;
     session.print(&findings, false, &[], &lights)?;
     session.draw(plots.as_ref(), &findings[0], format!("policies of {}", findings[0].player.label))?;
@@ -58,27 +67,39 @@ pub(super) fn baseline(args: &cli::BaselineArgs) -> Result<()> {
         checked.collect::<anyhow::Result<()>>().map_err(Error::Usage)?;
     }
     let config = load(&args.config, &args.settings.all()).map_err(Error::Usage)?;
-    let domain = domains::open(&config).map_err(Error::Usage)?;
+    // Names are checked before the files are tried, which may take long.
+    let domain = domains::open_tried(&config).map_err(Error::Usage)?;
+    let variants = robustness::asked_for(&args.variants);
+    variants.iter().try_for_each(|variants| check_variants(&config, variants, &args.output)).map_err(Error::Usage)?;
+    let mut subjects = match (&args.controller, &args.compare) {
+        (Some(name), _) => vec![Subject::Controller(name.clone())],
+        (None, Some(list)) => Subject::list(list, args.greedy, &*domain).map_err(Error::Usage)?,
+        (None, None) => unreachable!("clap asks for one of them"),
+    };
+    subjects.iter().try_for_each(|subject| subject.check_controller(&*domain)).map_err(Error::Usage)?;
     domains::check(&config).map_err(Error::Usage)?;
     let about = [("config", json!(path_as_text(&args.config)))];
     let plots = Plots::asked_for(&args.output, &config).map_err(Error::Usage)?;
     let domain = plots.as_ref().map_or(&*domain, Plots::domain);
     let session = Session::new(domain, &config, &args.episodes, &args.output)?;
-    let mut subjects = match (&args.controller, &args.compare) {
-        (Some(name), _) => vec![Subject::Controller(name.clone())],
-        (None, Some(list)) => Subject::list(list, args.greedy, domain).map_err(Error::Usage)?,
-        (None, None) => unreachable!("clap asks for one of them"),
-    };
     let mut lights = LightFigures::asked_for(domain, &args.output, args.compare.is_some()).map_err(Error::Usage)?;
-    let csv = session.prepare(&subjects).map_err(Error::Usage)?;
+    let csv = session.prepare(&subjects, variants.is_none()).map_err(Error::Usage)?;
     if args.tune {
         tune(&config, args.tune_episodes as usize, &mut subjects)?;
+    }
+    if let Some(variants) = &variants {
+        return session.play_variants(variants, &subjects, csv, &about);
     }
     let (findings, written) = session.play(subjects, csv, &mut lights)?;
     session.print(&findings, args.compare.is_some(), &about, &lights)?;
     let config = args.config.file_name().unwrap_or_default().to_string_lossy();
     session.draw(plots.as_ref(), &findings[0], format!("controller {} on {config}", findings[0].player.label))?;
     written
+}
+
+fn check_variants(config: &RunConfig, variants: &[Variant], output: &cli::OutputArgs) -> anyhow::Result<()> {
+    robustness::check_output(output)?;
+    robustness::check(config, variants)
 }
 
 struct Session<'a> {
@@ -111,14 +132,15 @@ impl<'a> Session<'a> {
     }
 
     /// Checks all subjects and all output places before anything plays. Makes the files of `--csv`.
-    fn prepare(&self, subjects: &[Subject]) -> anyhow::Result<Option<CsvFiles>> {
+    /// `with_lights`: whether the figures of each light get a file, too.
+    fn prepare(&self, subjects: &[Subject], with_lights: bool) -> anyhow::Result<Option<CsvFiles>> {
         subjects.iter().try_for_each(|subject| subject.check(self.domain))?;
         if let Some(subject) = repeated(subjects) {
             bail!("--compare: `{}` is named twice", subject.label());
         }
         let existing = Existing::of_named(self.output.force);
         self.output.render.iter().try_for_each(|dir| outputs::check_free(dir, "--render", existing))?;
-        let has_lights = has_lights(self.domain)?;
+        let has_lights = with_lights && has_lights(self.domain)?;
         self.output.csv.as_deref().map(|dir| CsvFiles::create(dir, existing, has_lights)).transpose()
     }
 
@@ -152,7 +174,8 @@ impl<'a> Session<'a> {
             }
             let finding = Finding { player, episodes };
             if let (Ok(()), Some(csv)) = (&written, &mut csv) {
-                written = csv.append(&finding, lights).map_err(Error::Run);
+                let lines = lights.lines(&finding.player.label);
+                written = csv.append(&finding, &[], Some(&lines)).map_err(Error::Run);
             }
             findings.push(finding);
         }
@@ -175,6 +198,25 @@ impl<'a> Session<'a> {
         about.insert("sumo_version".into(), json!(self.sumo.map(|sumo| &sumo.name)));
         let city = lights.city(self.config, self.domain, findings, about)?;
         csv.directory.write(CITY, &serde_json::to_vec(&city)?)
+    }
+
+    /// Lets all subjects play all variants, and prints the figures.
+    fn play_variants(
+        &self,
+        variants: &[Variant],
+        subjects: &[Subject],
+        csv: Option<CsvFiles>,
+        about: &[(&str, Value)],
+    ) -> Result<()> {
+        let mut keys: Map<String, Value> =
+            about.iter().map(|(key, value)| ((*key).to_owned(), value.clone())).collect();
+        keys.insert("scenario".into(), json!(self.scenario));
+        keys.insert("warnings".into(), json!(self.domain.warnings()));
+        if let Some(sumo) = self.sumo {
+            keys.insert("sumo_version".into(), json!(sumo.name));
+        }
+        let plan = Plan { config: self.config, variants, subjects, episodes: self.episodes, seed: self.seed };
+        robustness::play(&plan, csv, self.output.json, keys)
     }
 
     /// Prints the figures of one player, or compares all. `about`: further keys of the JSON object.
@@ -217,7 +259,7 @@ impl<'a> Session<'a> {
 }
 
 /// The CSV files of `--csv`. The lines of each player are written as soon as it has played.
-struct CsvFiles {
+pub(super) struct CsvFiles {
     directory: Directory,
     episodes: GrowingFile,
     agents: GrowingFile,
@@ -238,11 +280,19 @@ impl CsvFiles {
         Ok(CsvFiles { directory: Directory::open(dir)?, episodes, agents, lights })
     }
 
-    fn append(&mut self, finding: &Finding, lights: &LightFigures) -> anyhow::Result<()> {
-        self.episodes.append_lines(&self.directory, &by_episode(finding))?;
-        self.agents.append_lines(&self.directory, &by_agent(finding))?;
-        let lines = lights.lines(&finding.player.label);
-        self.lights.as_mut().map_or(Ok(()), |file| file.append_lines(&self.directory, &lines))
+    /// `columns`: further names and values of all lines of episodes and agents. `lights`: lines of the lights' own file.
+    pub(super) fn append(
+        &mut self,
+        finding: &Finding,
+        columns: &[(&str, String)],
+        lights: Option<&Lines>,
+    ) -> anyhow::Result<()> {
+        self.episodes.append_lines(&self.directory, &by_episode(finding).with(columns))?;
+        self.agents.append_lines(&self.directory, &by_agent(finding).with(columns))?;
+        match (&mut self.lights, lights) {
+            (Some(file), Some(lines)) => file.append_lines(&self.directory, lines),
+            _ => Ok(()),
+        }
     }
 }
 

@@ -2,18 +2,19 @@
 //!
 //! - `train`: trains policies and writes a run directory. `team`: where its workers are. `run_name`: its default name.
 //! - `evaluate`: plays and measures saved policies; also `baseline`, which does so with hand-coded controllers.
-//!   `subject`: what both play. `lights`: their figures of each light.
+//!   `subject`: what both play. `lights`: their figures of each light. `robustness`: the same on variants of the traffic.
 //! - `replay`: an episode for sumo-gui, and films of it. `plot`: pictures of an episode.
 //! - `experiment`: makes all runs of a file. `report`, `compare`: summarise runs; `watch`: shows them live.
 //! - `bench`: measures training speed. `check`: local simulators beside the global one. `export`: policies as TorchScript.
 //! - `describe`: the agents of a config, what a run of it will do, and what that costs.
-//! - `nets`: SUMO networks, made and inspected (`inspect`). `listing`: lists of names as text.
+//! - `nets`: SUMO networks, made and inspected (`inspect`). `demand`: routes that fit traffic counts. `listing`: lists of names as text.
 //! - `info`: versions. `doctor`: what is missing. `complete`: completions, manual pages, and the schema of a config.
 
 mod bench;
 mod check;
 mod compare;
 mod complete;
+mod demand;
 mod describe;
 mod doctor;
 mod evaluate;
@@ -27,6 +28,7 @@ mod nets;
 mod plot;
 pub(crate) mod replay;
 mod report;
+mod robustness;
 mod run_name;
 mod subject;
 mod team;
@@ -70,6 +72,7 @@ pub(crate) fn run(cli: Cli) -> Result<()> {
         Command::Replay(args) => replay::replay(&args),
         Command::Describe(args) => describe::describe(&args),
         Command::Nets(args) => nets::nets(&args),
+        Command::Demand(args) => demand::demand(&args),
         Command::Info => info::info(),
         Command::Doctor => doctor::doctor(),
         Command::Completions { shell } => complete::completions(shell),

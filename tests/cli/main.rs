@@ -20,6 +20,7 @@ mod limits;
 mod live;
 mod live_attacks;
 mod report;
+mod robustness;
 
 #[path = "../common/place.rs"]
 mod place;

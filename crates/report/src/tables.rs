@@ -144,7 +144,8 @@ pub(crate) fn agents(comparison: &Comparison) -> Table {
     });
     Table {
         caption: format!(
-            "Agents at the end, {}. The median agent is taken per run, then averaged over seeds.",
+            "Agents {}, {}. The median agent is taken per run, then averaged over seeds.",
+            comparison.when(),
             comparison.title
         ),
         header: words(&["method", "mean", "median agent", "worst agent", "best agent", "stuck: seed (agents)"]),

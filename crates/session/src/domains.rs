@@ -123,6 +123,37 @@ pub fn traffic(config: &RunConfig) -> Result<Option<Traffic>> {
     }
 }
 
+/// Returns the config of a scenario with more or fewer vehicles, and with further edges closed: `traffic.demand` and
+/// `traffic.closed`. `demand` multiplies that of the config.
+pub fn changed_traffic(config: &RunConfig, demand: f64, closed: &[String]) -> Result<RunConfig> {
+    let mut changed = config.clone();
+    let Some(DomainConfig::Traffic(TrafficTable::Scenario(table))) = &mut changed.domain else {
+        bail!(
+            "--demand, --closed: are for scenarios of SUMO (a .sumocfg); for a grid of the paper make a net with another inflow: \
+             dials-traffic nets grid --inflow"
+        )
+    };
+    table.demand *= demand;
+    table.closed.extend(closed.iter().filter(|edge| !config_closes(config, edge)).cloned());
+    table.check()?;
+    Ok(changed)
+}
+
+fn config_closes(config: &RunConfig, edge: &str) -> bool {
+    match domain(config) {
+        DomainConfig::Traffic(TrafficTable::Scenario(table)) => table.closed.iter().any(|closed| closed == edge),
+        _ => false,
+    }
+}
+
+/// Opens changed traffic, after a trial. Controllers that measure flows measure those of the unchanged config, `usual`.
+pub fn open_changed(changed: &RunConfig, usual: &RunConfig) -> Result<Traffic> {
+    let open = |config| traffic(config)?.context("only traffic has demand and edges");
+    let changed_traffic = open(changed)?;
+    trial::survive(changed, &changed_traffic)?;
+    Ok(if changed == usual { changed_traffic } else { changed_traffic.planned_for(open(usual)?) })
+}
+
 /// Like [`traffic`], with cars that all dawdle as much as `sigma` says. Only the cars of a scenario may.
 pub fn dawdling(config: &RunConfig, sigma: f64) -> Result<Option<Traffic>> {
     match domain(config) {

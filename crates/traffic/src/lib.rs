@@ -9,6 +9,7 @@
 //! - `prepared`: what local simulators of a scenario are made from, kept and sent as bytes.
 //! - [`sim`]: the simulators, their recordings and replays.
 //! - [`streets`]: the roads of a net, for maps.
+//! - [`counts`]: from traffic counts to routes.
 //! - [`controllers`]: hand-coded baselines; [`tuning`]: the search for the best fixed-time lights.
 //! - [`fidelity`]: how far the local simulators are like the global one.
 //!
@@ -29,6 +30,7 @@ pub mod agents;
 mod cars_at;
 pub mod config;
 pub mod controllers;
+pub mod counts;
 pub mod cut;
 mod d_set;
 pub mod fidelity;
@@ -71,6 +73,7 @@ use paper_grid::grid::Grid;
 use prepared::Prepared;
 use road_network::{Files, RoadNetwork, open_grid, scenario as of_scenario};
 use scenario::SumoScenario;
+use scenario::closing::Detours;
 use sim::control::SignalControl;
 use sim::global::GlobalTraffic;
 use sim::local::{DROPPED, Demand, LocalTraffic};
@@ -116,6 +119,8 @@ pub struct Traffic {
     network: Arc<RoadNetwork>,
     tape: Option<Tape>,
     visits: Arc<OnceLock<Arc<VisitTables>>>,
+    /// Traffic on which controllers such as `webster` measure what they need. `None`: this one.
+    planned_for: Option<Arc<Traffic>>,
 }
 
 impl Traffic {
@@ -136,7 +141,13 @@ impl Traffic {
     }
 
     fn new((network, plan): (RoadNetwork, JointPlan)) -> Traffic {
-        Traffic { plan: Arc::new(plan), network: Arc::new(network), tape: None, visits: Arc::default() }
+        Traffic {
+            plan: Arc::new(plan),
+            network: Arc::new(network),
+            tape: None,
+            visits: Arc::default(),
+            planned_for: None,
+        }
     }
 
     /// Returns the borders of the agents' regions, in their order. A grid of the paper has none.
@@ -160,6 +171,26 @@ impl Traffic {
         let visits = gs.visits().context("only the regions of a scenario have visits")?.clone();
         let tables = Arc::new(VisitTables::new(visits, &self.plan.borders));
         Ok(self.visits.get_or_init(|| tables).clone())
+    }
+
+    /// Lets controllers that measure flows before an episode, such as `webster`, do so on other traffic with the same lights: so a
+    /// plan for the usual demand can meet another one.
+    pub fn planned_for(self, usual: Traffic) -> Traffic {
+        Traffic { planned_for: Some(Arc::new(usual)), ..self }
+    }
+
+    /// Returns what becomes of vehicles because of closed edges. `None`: all edges are open.
+    pub fn detours(&self) -> Option<Detours> {
+        match &self.network.files {
+            Files::Grid(_) => None,
+            Files::Scenario(files) => files.files.detours(),
+        }
+    }
+
+    /// Checks ids of edges that shall be closed.
+    pub fn check_edges(&self, ids: &[String]) -> Result<()> {
+        let Files::Scenario(files) = &self.network.files else { bail!("the edges of a grid cannot be closed") };
+        files.files.check_edges(ids)
     }
 
     fn off_tape(&self) -> Traffic {
@@ -309,7 +340,8 @@ impl Domain for Traffic {
 
     fn with_background(&self, name: &str, agents: &[AgentId]) -> Result<Box<dyn GlobalSimulator>> {
         // An episode in which a controller measures something before it begins does not go on the tape.
-        let by = controllers::recipe(name, self.plans())?(&self.off_tape())?;
+        let measured = self.planned_for.as_ref().map_or_else(|| self.off_tape(), |usual| usual.off_tape());
+        let by = controllers::recipe(name, self.plans())?(&measured)?;
         Ok(Box::new(self.global(SignalControl::HandCoded { by, agents: agents.to_vec() })?))
     }
 

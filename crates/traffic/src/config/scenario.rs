@@ -57,6 +57,14 @@ pub struct ScenarioConfig {
     #[serde(skip_serializing_if = "is_default")]
     #[schemars(extend("default" = 0))]
     pub warm_up_s: u64,
+    /// Factor by which there are more vehicles than the files say: 1.2 is 20 % more. It multiplies SUMO's option `scale`, which makes
+    /// no more persons.
+    #[serde(skip_serializing_if = "is_one")]
+    pub demand: f64,
+    /// Ids of edges that are closed for everything that drives on roads. Cars with a route across them get another one, and those
+    /// that cannot get to their destination are left out. `baseline` says how many these are. Local simulators get no cars there.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub closed: Vec<String>,
     /// Number of seconds of a decision, which is a step of the domain. The horizon is the number of whole decisions from
     /// begin to end. Hand-coded controllers decide every second.
     pub decision_s: u32,
@@ -103,8 +111,13 @@ pub enum Observation {
 
 const LONGEST_S: u32 = 300;
 const APPROACH_M: std::ops::RangeInclusive<f64> = 10.0..=1000.0;
+const DEMAND: std::ops::RangeInclusive<f64> = 0.01..=100.0;
 /// Largest number of decisions of an episode, as in the check of a horizon.
 const MOST_DECISIONS: u64 = 1_000_000;
+
+fn is_one(factor: &f64) -> bool {
+    *factor == 1.0
+}
 
 impl Default for ScenarioConfig {
     fn default() -> Self {
@@ -121,6 +134,8 @@ impl ScenarioConfig {
             end_s: None,
             end_is_derived: false,
             warm_up_s: 0,
+            demand: 1.0,
+            closed: Vec::new(),
             decision_s: 5,
             min_green_s: 5,
             program_min_green: true,
@@ -192,6 +207,13 @@ impl DomainTable for ScenarioConfig {
         ensure!(APPROACH_M.contains(&approach), "traffic.approach_m = {approach}: must be from 10 to 1000 metres");
         ensure!(self.local_horizon >= 1, "traffic.local_horizon = 0: must be at least 1 decision; 120 is the default");
         self.reward.check()?;
+        let demand = self.demand;
+        ensure!(
+            DEMAND.contains(&demand),
+            "traffic.demand = {demand}: must be from {} to {}; 1 is the demand of the files",
+            DEMAND.start(),
+            DEMAND.end()
+        );
         let (begin, end) = self.window_s()?;
         ensure!(end <= MOST_SECONDS, "traffic.end_s = {end}: must be at most {MOST_SECONDS}");
         ensure!(

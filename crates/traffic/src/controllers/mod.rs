@@ -35,6 +35,7 @@ use crate::agents::plan::AgentPlan;
 use arguments::Arguments;
 use dials_core::base::{Dice, RandomPurpose, Seed};
 use dials_core::domain::Action;
+use dials_core::outside::did_you_mean;
 use responsive::GreenLimits;
 
 pub(crate) use clock::{ClockLights, ClockPlan, Leeway};
@@ -134,7 +135,7 @@ pub fn recipe(text: &str, plans: &[AgentPlan]) -> Result<Recipe> {
         name => match name.strip_prefix(SWITCH_EVERY).map(str::parse::<usize>) {
             Some(Ok(steps)) if steps >= 1 => Box::new(move |_| Ok(HandCoded::rule(SwitchEvery { steps, step: 0 }))),
             Some(_) => bail!("controller `{text}`: K must be a number of steps, at least 1, as in {SWITCH_EVERY}10"),
-            None => bail!("controller `{text}`: unknown; one of {}", NAMES.join(", ")),
+            None => bail!("{}", unknown(text, name)),
         },
     };
     arguments.all_taken()?;
@@ -145,8 +146,13 @@ pub fn recipe(text: &str, plans: &[AgentPlan]) -> Result<Recipe> {
 pub fn check_name(text: &str) -> Result<()> {
     let Arguments { name, .. } = Arguments::of(text);
     let is_known = NAMES.contains(&name) || name.starts_with(SWITCH_EVERY);
-    ensure!(is_known, "controller `{text}`: unknown; one of {}", NAMES.join(", "));
+    ensure!(is_known, "{}", unknown(text, name));
     Ok(())
+}
+
+fn unknown(text: &str, name: &str) -> String {
+    let near = did_you_mean(name, NAMES.iter().copied());
+    format!("controller `{text}`: unknown{near}; one of {}", NAMES.join(", "))
 }
 
 fn each(decide: fn(&Intersection<'_>, GreenLimits) -> usize, limits: GreenLimits) -> Recipe {

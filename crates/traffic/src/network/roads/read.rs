@@ -10,6 +10,7 @@ use super::carries::Classes;
 use super::program::Program;
 use super::{Connection, Edge, EdgeNo, Function, Junction, JunctionNo, Lane, LaneNo, Place, Request, Roads, Signal};
 use crate::network::contents::Content;
+use crate::network::osm;
 use crate::network::tree::Element;
 
 /// What is said of a name that leads nowhere. Only an editor or another program leaves such a net behind.
@@ -21,6 +22,7 @@ const SLOWEST_MPS: f64 = 0.1;
 impl Roads {
     /// Reads a `.net.xml`. An error names file, element, id and attribute.
     pub fn of_file(net: &Path) -> Result<Roads> {
+        ensure!(!osm::is_one(net), "{}: {}", net.display(), osm::way_out(net));
         let content = Content::parse(net)?;
         Roads::read(&content.root).map_err(|error| anyhow!("{}: {error:#}", net.display()))
     }
