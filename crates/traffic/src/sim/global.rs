@@ -253,8 +253,7 @@ impl GlobalTraffic {
             let (waiting, others) = (&self.waiting[row], self.others.as_ref().map(|others| &others.now[row]));
             others.iter().for_each(|others| observe::observe_others(plan, others, percept.obs.row_mut(row)));
             *reward = reward::reward(&self.plan.reward, &plan.region, cars, self.exits.at(row), waiting, others);
-            let may_leave = self.lights.signal(row).may_leave(&plan.phases);
-            observe::mask(plan, shown, may_leave, percept.masks.row_mut(row));
+            observe::mask(plan, shown, |green| self.lights.allows(row, green), percept.masks.row_mut(row));
         }
     }
 }
