@@ -33,6 +33,8 @@ mod d_set;
 pub mod fidelity;
 mod inflow;
 pub mod light;
+#[cfg(test)]
+mod light_limits_test;
 pub mod network;
 mod observe;
 pub mod paper_grid;
@@ -44,6 +46,8 @@ pub mod side;
 pub mod sim;
 mod task;
 pub mod tuning;
+#[cfg(test)]
+mod watchdog;
 
 use std::borrow::Cow;
 use std::path::{Path, PathBuf};

@@ -160,6 +160,29 @@ impl PhasePlan {
         &self.strict_min_steps
     }
 
+    /// Returns the lengths of greens of a timing within the limits. A green of no length stays left out.
+    pub(crate) fn fitted(&self, greens: &[u32]) -> Vec<u32> {
+        let limits = self.strict_min_steps.iter().zip(&self.max_green_steps);
+        let fit = |(&steps, (&least, &most)): (&u32, (&u32, &Option<u32>))| match steps {
+            0 => 0,
+            _ => steps.max(least).min(most.unwrap_or(u32::MAX)),
+        };
+        greens.iter().zip(limits).map(fit).collect()
+    }
+
+    /// Returns why a light cannot show greens of these lengths in turn, if it cannot.
+    pub(crate) fn misfit(&self, greens: &[u32]) -> Option<String> {
+        if self.choice == Choice::InOrder
+            && let Some(green) = greens.iter().position(|&steps| steps == 0)
+        {
+            return Some(format!("green {green} is left out, but traffic.actions = \"fixed-order\" shows all"));
+        }
+        let fitted = self.fitted(greens);
+        let (green, fits) = fitted.iter().enumerate().find(|&(green, fits)| *fits != greens[green])?;
+        let (has, limit) = (greens[green], if *fits > greens[green] { "least" } else { "most" });
+        Some(format!("green {green} has {has} steps, but {fits} are the {limit}"))
+    }
+
     /// Returns the most steps of each green; `None`: no limit.
     pub fn max_green_steps(&self) -> &[Option<u32>] {
         &self.max_green_steps
@@ -213,6 +236,11 @@ impl PhasePlan {
             Choice::KeepOrSwitch | Choice::InOrder => self.next(shown.target()),
             Choice::Target => usize::from(action),
         }
+    }
+
+    /// Returns the green that a state of another program is for cars, if it is one.
+    pub(crate) fn green_of(&self, state: &SignalState) -> Option<usize> {
+        self.recognise(state, 0).green()
     }
 
     /// Returns what a state of another program means after the green `last`. Letters of people on foot do not matter.

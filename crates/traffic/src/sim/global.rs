@@ -29,6 +29,8 @@ use dials_core::base::{Phase, Ragged, Seed, Stopwatch};
 use dials_core::domain::{
     Action, GlobalSimulator, InfluenceSample, JointPercept, JointTransition, Kinds, Measures, Result, RoadView, Scene,
 };
+#[cfg(test)]
+use libsumo::SignalState;
 use libsumo::{Car, CarTable, Simulation};
 
 /// The traffic GS: one row per intersection. A step of it is a decision of the agents, which may take several seconds.
@@ -128,6 +130,12 @@ impl GlobalTraffic {
 
     pub fn cars_on(&self, agent: usize) -> CarsAt<'_> {
         self.approaches.at(agent)
+    }
+
+    /// Returns the letters that SUMO says all lights show.
+    #[cfg(test)]
+    pub(super) fn states(&mut self) -> Result<Vec<SignalState>> {
+        self.lights.states(&mut self.simulation)
     }
 
     /// Returns the actions of the last step that the lights obeyed. They mean nothing if SUMO runs the lights.

@@ -65,6 +65,14 @@ impl Lights {
         self.show(simulation, &changed)
     }
 
+    /// Returns the letters that SUMO says all lights show.
+    #[cfg(test)]
+    pub(super) fn states(&self, simulation: &mut Simulation) -> Result<Vec<SignalState>> {
+        let mut states = Vec::new();
+        simulation.read_lights(&self.lights, &mut states)?;
+        Ok(states)
+    }
+
     fn read(&mut self, simulation: &mut Simulation, shown: &mut [Shown]) -> Result<()> {
         shown.iter_mut().zip(&self.signals).for_each(|(shown, signal)| *shown = signal.shown());
         let rows: Vec<usize> = (0..shown.len()).filter(|&row| self.by_program[row].is_some()).collect();

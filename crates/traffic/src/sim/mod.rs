@@ -31,3 +31,6 @@ pub(crate) mod tally;
 pub mod trace;
 pub(crate) mod visit_tables;
 pub(crate) mod visits;
+
+#[cfg(test)]
+mod limits_test;

@@ -120,6 +120,8 @@ pub struct Connection {
     pub(crate) via: Option<LaneNo>,
     pub signal: Option<Signal>,
     pub(crate) turns_around: bool,
+    /// SUMO's letter for where it leads: `l`, `s`, `r`, `t` and so on.
+    pub(crate) direction: Option<char>,
 }
 
 #[derive(Clone, Debug, PartialEq, Eq)]

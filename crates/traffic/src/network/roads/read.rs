@@ -145,6 +145,7 @@ impl Roads {
             via: via.transpose()?,
             signal,
             turns_around: element.attribute("dir") == Some("t"),
+            direction: element.attribute("dir").and_then(|dir| dir.chars().next()),
         })
     }
 }
