@@ -22,7 +22,7 @@ use dials_session::terminal::{self, answer, note, program};
 use dials_traffic::agents::derive::border::Seconds;
 use dials_traffic::agents::derive::overrides::Overrides;
 use dials_traffic::agents::derive::padding::{InfluencePadding, Padding};
-use dials_traffic::agents::derive::warnings::{too_short_for_people, walk_s, warnings};
+use dials_traffic::agents::derive::warnings::{never_walked, too_short_for_people, walk_s, warnings};
 use dials_traffic::agents::derive::{Agent, Derived, Rules, derive};
 use dials_traffic::agents::phase_plan::{Interval, PhasePlan};
 use dials_traffic::agents::plan::Border;
@@ -93,6 +93,7 @@ impl Inspected {
     fn warnings(&self) -> Vec<String> {
         let mut found = warnings(&self.roads);
         found.extend(too_short_for_people(&self.derived.agents));
+        found.extend(never_walked(&self.derived.agents));
         found
     }
 

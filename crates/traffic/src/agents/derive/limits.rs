@@ -38,7 +38,7 @@ impl Because {
             Because::Config => ", or lower traffic.min_green_s",
             Because::Program => ", or set min_green_s for this light",
             Because::Overrides => ", or lower min_green_s",
-            Because::Crossing(_) => "; traffic.pedestrians = \"off\" would leave people on foot to their luck",
+            Because::Crossing(_) => "; traffic.pedestrians = \"off\" leaves crossings out",
         }
     }
 }
@@ -132,8 +132,69 @@ fn too_short(light: &str, short: &TooShort, shortest: &[Shortest]) -> Error {
     };
     let rota: Vec<String> = rota.iter().map(of_green).collect();
     anyhow!(
-        "agents.toml: light `{light}`: max_red_s = {most_steps}: link {letter} is red for {needed_steps} s even if all greens \
-         take turns at their shortest ({}); set max_red_s to {needed_steps} at least, or shorten greens",
+        "agents.toml: light `{light}`: max_red_s = {most_steps}: link {letter} is red for {needed_steps} s even if greens take \
+         turns at their shortest ({}); set max_red_s to {needed_steps} at least, or shorten greens",
         rota.join("; ")
     )
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::agents::derive::overrides::Overrides;
+    use crate::agents::derive::{Agent, derive};
+    use crate::light_limits_test::crossing_roads;
+
+    fn made(rules: Rules, file: &str) -> Result<Agent> {
+        let overrides = Overrides::parse(&format!("[light.A0]\n{file}")).unwrap();
+        Ok(derive(&crossing_roads(), &rules, &overrides)?.agents.remove(0))
+    }
+
+    /// Returns the shortest greens with what binds.
+    fn bound(rules: Rules, file: &str) -> Vec<(u32, String)> {
+        let found = made(rules, file).unwrap();
+        let seconds: Vec<u32> = found.shortest.iter().map(|shortest| shortest.seconds).collect();
+        assert_eq!(found.plan.phases.min_green_steps(), seconds);
+        found.shortest.into_iter().map(|shortest| (shortest.seconds, shortest.because.to_string())).collect()
+    }
+
+    #[test]
+    fn the_longest_of_config_program_file_and_crossing_binds() {
+        // 7 + 9.6 / 1.07 = 15.97. Greens 1 and 3 are left turns without people.
+        let because = |all: &[(u32, &str)]| all.iter().map(|&(s, why)| (s, why.to_owned())).collect::<Vec<_>>();
+        let config = "traffic.min_green_s";
+        let usual = [(16, "crossing :A0_c1"), (5, config), (16, "crossing :A0_c0"), (5, config)];
+        assert_eq!(bound(Rules::default(), ""), because(&usual));
+        assert_eq!(bound(Rules { walking: None, ..Rules::default() }, ""), because(&[(5, config); 4]));
+        let file = "min_green_s in agents.toml";
+        let written = [(20, file), (16, "crossing :A0_c0")];
+        let listed = bound(Rules::default(), "min_green_s = [20, 3, 4, 8]");
+        assert_eq!(listed, because(&[written[0], (3, file), written[1], (8, file)]));
+        let found = made(Rules::default(), "max_green_s = [0, 30, 40, 0]\nmax_red_s = 100").unwrap().plan.phases;
+        assert_eq!(found.max_green_steps(), [None, Some(30), Some(40), None]);
+        assert_eq!(found.max_red_steps().collect::<Vec<_>>(), (0..16).map(|letter| (letter, 100)).collect::<Vec<_>>());
+    }
+
+    #[test]
+    fn limits_that_do_not_go_together_are_named_with_their_numbers() {
+        let error = |file: &str| format!("{:#}", made(Rules::default(), file).err().unwrap());
+        assert_eq!(
+            error("max_green_s = 10"),
+            "agents.toml: light `A0`: max_green_s = 10: green 0 (gGgrrrgGgrrrrGrG) must last 16 s at least (crossing :A0_c1); \
+             raise max_green_s; traffic.pedestrians = \"off\" leaves crossings out"
+        );
+        assert_eq!(
+            error("max_red_s = [60, 50]"),
+            "agents.toml: light `A0`: max_red_s: has 2 numbers, but the light has 4 greens; give one number for all, or one \
+             for each"
+        );
+        // Greens 0 and 2 open all links: 3 + 16 + 3 s of the one after the other.
+        assert_eq!(
+            error("max_red_s = 21"),
+            "agents.toml: light `A0`: max_red_s = 21: link 0 is red for 22 s even if greens take turns at their shortest \
+             (green 0: 16 s (crossing :A0_c1) and 3 s between greens; green 2: 16 s (crossing :A0_c0) and 3 s between \
+             greens); set max_red_s to 22 at least, or shorten greens"
+        );
+        assert!(made(Rules::default(), "max_red_s = 22").is_ok());
+    }
 }

@@ -256,3 +256,92 @@ fn with_people(
     let letters = String::from_utf8(letters).expect("letters are ASCII");
     SignalState::new(letters).expect("letters of a state")
 }
+
+#[cfg(test)]
+mod tests {
+    use crate::agents::derive::overrides::Overrides;
+    use crate::agents::derive::{Agent, Rules, derive};
+    use crate::config::Actions;
+    use crate::light_limits_test::CROSSING;
+    use crate::network::roads::{Roads, example};
+    use crate::network::tree::parse;
+
+    fn made(net: &str) -> anyhow::Result<Agent> {
+        let roads = Roads::read(&parse(net).unwrap()).unwrap();
+        let rules = Rules { actions: Actions::RingBarrier, ..Rules::default() };
+        Ok(derive(&roads, &rules, &Overrides::default())?.agents.remove(0))
+    }
+
+    fn greens(agent: &Agent) -> Vec<&str> {
+        agent.plan.phases.greens().iter().map(|green| green.as_str()).collect()
+    }
+
+    #[test]
+    fn a_junction_of_four_arms_has_eight_pairs_and_people_walk_where_only_right_turns_cross_them() {
+        // Letters: right, through and left of top, right, bottom and left; crossings of top, right, bottom and left.
+        let expected = [
+            "rrGrrrrrGrrrrrrr", // both left turns of top and bottom
+            "rrrrrrgGGrrrrGrr", // all of bottom; its right turn yields to people on the crossing of right
+            "gGGrrrrrrrrrrrrG",
+            "gGrrrrgGrrrrrGrG",
+            "rrrrrGrrrrrGrrrr",
+            "rrrgGGrrrrrrGrrr",
+            "rrrrrrrrrgGGrrGr",
+            "rrrgGrrrrgGrGrGr",
+        ];
+        let agent = made(CROSSING).unwrap();
+        assert_eq!(greens(&agent), expected);
+        assert_eq!(agent.plan.phases.min_green_steps(), [5, 16, 16, 16, 5, 16, 16, 16]);
+    }
+
+    #[test]
+    fn the_rings_of_a_nema_program_are_its_own() {
+        let phases = [
+            ("1", "rrrrrrrrGrrrrrrr"),
+            ("2", "gGrrrrrrrrrrrrrG"),
+            ("3", "rrrrrGrrrrrrrrrr"),
+            ("4", "rrrrrrrrrgGrrrGr"),
+            ("5", "rrGrrrrrrrrrrrrr"),
+            ("6", "rrrrrrgGrrrrrGrr"),
+            ("8", "rrrgGrrrrrrrGrrr"),
+        ];
+        let phase = |(name, state): (&str, &str)| {
+            format!("<phase duration='30' minDur='6' maxDur='40' name='{name}' state='{state}' yellow='4' red='1'/>")
+        };
+        let parameter = |(key, value): (&str, &str)| format!("<param key='{key}' value='{value}'/>");
+        let rings =
+            [("ring1", "1,2,3,4"), ("ring2", "5,6,0,8"), ("barrierPhases", "4,8"), ("barrier2Phases", "2,6")].map(parameter);
+        let program = |rings: &str| {
+            let [begin, end] = ["<tlLogic", "</tlLogic>"].map(|tag| CROSSING.find(tag).unwrap());
+            let phases = phases.map(phase).concat();
+            let nema = format!("<tlLogic id='A0' type='NEMA' programID='0' offset='0'>{phases}{rings}");
+            format!("{}{nema}{}", &CROSSING[..begin], &CROSSING[end..])
+        };
+        let agent = made(&program(&rings.concat())).unwrap();
+        // Ring 2 has no phase 7, so phases 3 and 4 go with phase 8 only; phase 3 crosses none of it.
+        let expected = [
+            "rrGrrrrrGrrrrrrr",
+            "rrrrrrgGGrrrrGrr",
+            "gGGrrrrrrrrrrrrG",
+            "gGrrrrgGrrrrrGrG",
+            "rrrgGGrrrrrrGrrr",
+            "rrrgGrrrrgGrGrGr",
+        ];
+        assert_eq!(greens(&agent), expected);
+        assert_eq!(agent.plan.phases.min_green_steps(), [6, 16, 16, 16, 16, 16]);
+        let between: Vec<(&str, u32)> =
+            agent.plan.phases.clearing(0, 3).iter().map(|interval| (interval.state.as_str(), interval.steps)).collect();
+        assert_eq!(between, [("rryrrrrryrrrrrrr", 4), ("rrrrrrrrrrrrrrrr", 1)]);
+        let error = format!("{:#}", made(&program(&rings[1..].concat())).err().unwrap());
+        assert!(error.ends_with("its program of type NEMA has no <param key=\"ring1\">"), "{error}");
+    }
+
+    #[test]
+    fn a_light_without_rings_is_named_with_the_reason_and_the_way_out() {
+        assert_eq!(
+            format!("{:#}", made(&example::changed(&[])).err().unwrap()),
+            "traffic.actions = \"ring-barrier\": light `J` has no rings; choose another traffic.actions, write its greens \
+             into agents.toml, or let it keep its program there (keep): cars come to it from 2 roads, and not from four"
+        );
+    }
+}

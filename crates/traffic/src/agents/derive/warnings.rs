@@ -63,6 +63,21 @@ pub fn too_short_for_people(agents: &[Agent]) -> Option<String> {
     ))
 }
 
+/// Returns a sentence about crossings on which no green lets people walk, if there are some. Often a program lets them walk in
+/// a phase of their own.
+pub fn never_walked(agents: &[Agent]) -> Option<String> {
+    let closed = |agent: &Agent| agent.crossings.iter().any(|crossing| agent.greens_of(crossing).is_empty());
+    let lights: Vec<&str> = agents.iter().filter(|agent| closed(agent)).map(|agent| &*agent.plan.light).collect();
+    (!lights.is_empty()).then(|| {
+        format!(
+            "{} ({}) with a crossing on which no green lets people walk, so under agents and rules nobody crosses there; write \
+             greens with a walk signal into agents.toml",
+            counted(lights.len(), "light"),
+            names(&lights)
+        )
+    })
+}
+
 /// Returns the shortest walk signal of a crossing in a program, in seconds; `None`: it has none, or it never ends.
 pub fn walk_s(program: &Program, crossing: &TimedCrossing) -> Option<f64> {
     // An actuated program may cut a phase down.
