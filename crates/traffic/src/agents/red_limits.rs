@@ -55,7 +55,14 @@ impl RedLimits {
             return Ok(None);
         }
         let in_order = plan.keeps_order();
-        let rota = if in_order { (0..plan.greens().len()).collect() } else { cover(plan.greens().len(), &links) };
+        let mut rota = if in_order { (0..plan.greens().len()).collect() } else { cover(plan.greens().len(), &links) };
+        if rota.len() == 1 && plan.max_green_steps()[0].is_some() {
+            // The light must leave the green that opens all links, so it must be able to come back.
+            let away = |&green: &usize| {
+                plan.clearing_steps(0, green) + plan.min_green_steps()[green] + plan.clearing_steps(green, 0)
+            };
+            rota.extend((1..plan.greens().len()).min_by_key(away));
+        }
         let mut found = RedLimits { until_green: Vec::new(), links, rota, in_order };
         found.until_green = (0..found.rota.len()).map(|place| found.until_green(plan, place)).collect();
         found.check(plan).map(|()| Some(found))
@@ -157,7 +164,7 @@ impl RedLimits {
         places.peek().is_none() || places.any(in_time)
     }
 
-    /// Returns the longest time for which a link has waited that a green opens and another one does not.
+    /// Returns the longest time for which a link that a green opens has waited, in steps.
     pub(crate) fn longest_wait(&self, green: usize, red: &[u32]) -> u32 {
         let opened = self.links.iter().zip(red).filter(|(link, _)| link.opened[green]);
         opened.map(|(_, &red)| red).max().unwrap_or(0)
