@@ -36,6 +36,8 @@ mod d_set;
 pub mod fidelity;
 mod inflow;
 pub mod light;
+#[cfg(test)]
+mod light_limits_test;
 pub mod network;
 mod observe;
 pub mod paper_grid;
@@ -48,6 +50,8 @@ pub mod sim;
 pub mod streets;
 mod task;
 pub mod tuning;
+#[cfg(test)]
+mod watchdog;
 
 use std::borrow::Cow;
 use std::path::{Path, PathBuf};

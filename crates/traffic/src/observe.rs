@@ -9,7 +9,7 @@ use super::cars_at::CarsAt;
 use super::reward::{PERSONS, Waiting};
 use crate::config::DSet;
 use crate::sim::others::OthersNow;
-use dials_core::domain::{ApproachView, CarView, RoadView};
+use dials_core::domain::{Action, ApproachView, CarView, RoadView};
 use libsumo::Car;
 
 /// Seconds after which an observation no longer shows that time goes on.
@@ -108,10 +108,10 @@ pub(super) fn show(columns: LightColumns, light: LightView, bits: &mut [f32]) {
     }
 }
 
-/// Writes which actions a light may take: one per green, and only to stay while it may not leave its green.
-pub(crate) fn mask(plan: &AgentPlan, shown: Shown, may_leave: bool, mask: &mut [bool]) {
+/// Writes which actions a light may take: those for a green that it may show, as `allows` says of each green.
+pub(crate) fn mask(plan: &AgentPlan, shown: Shown, allows: impl Fn(usize) -> bool, mask: &mut [bool]) {
     for (action, allowed) in mask.iter_mut().enumerate() {
-        *allowed = action < plan.phases.actions() && (may_leave || action == shown.target());
+        *allowed = action < plan.phases.actions() && allows(plan.phases.asked_for(shown, action as Action));
     }
 }
 

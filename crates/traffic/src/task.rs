@@ -43,7 +43,7 @@ pub(crate) fn rules(plan: &JointPlan) -> Rules {
 
 fn actions(plan: &AgentPlan) -> Vec<String> {
     match plan.phases.choice() {
-        Choice::KeepOrSwitch => ["keep", "switch to the next green"].map(str::to_owned).to_vec(),
+        Choice::KeepOrSwitch | Choice::InOrder => ["keep", "switch to the next green"].map(str::to_owned).to_vec(),
         Choice::Target => plan.phases.greens().iter().map(|green| format!("go to green {green}, or keep it")).collect(),
     }
 }

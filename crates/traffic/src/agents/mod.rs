@@ -9,6 +9,7 @@ pub mod others_plan;
 pub mod phase_plan;
 pub mod phases;
 pub mod plan;
+pub(crate) mod red_limits;
 pub mod region;
 pub mod region_plan;
 pub(crate) mod sensor;

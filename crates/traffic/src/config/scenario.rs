@@ -15,6 +15,7 @@ use super::grid::is_default;
 use super::reward::Reward;
 use super::sumocfg::{MOST_SECONDS, Sumocfg};
 use crate::Traffic;
+use crate::agents::derive::crossings::Walking;
 use crate::scenario::end;
 use dials_core::domain::{Domain, DomainTable};
 
@@ -72,6 +73,15 @@ pub struct ScenarioConfig {
     pub min_green_s: u32,
     /// Whether greens also last at least as long as the phases of the light's own program say (`minDur`).
     pub program_min_green: bool,
+    /// Whether people on foot get across: a green with a walk signal lasts at least as long as its longest crossing needs.
+    pub pedestrians: Pedestrians,
+    /// Walking speed in metres per second for the shortest green of a crossing: 3.5 ft/s in MUTCD 2009 and HCM 2010.
+    pub walking_speed_mps: f64,
+    /// Number of seconds in which people on foot may start to cross, before the time for walking. MUTCD 2009: 7, and 4 where
+    /// few people walk.
+    pub walk_s: f64,
+    /// What an agent chooses from.
+    pub actions: Actions,
     /// Program that counts for lights that have one of this name (`programID`), such as that of the night. If left out, the last
     /// one counts, which SUMO runs. `program` in the file of `agents` chooses for one light.
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -109,7 +119,34 @@ pub enum Observation {
     CellsAndBuses,
 }
 
+/// What people on foot do to the shortest greens.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "kebab-case")]
+pub enum Pedestrians {
+    /// A green with a walk signal lasts `walk_s` and the length of its longest crossing over `walking_speed_mps` at least.
+    #[default]
+    MinGreen,
+    /// Crossings make no green longer.
+    Off,
+}
+
+/// What an agent chooses from.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "kebab-case")]
+pub enum Actions {
+    /// Any green of its light.
+    #[default]
+    Greens,
+    /// To keep the green, or to go to the next one in the order of the light's program.
+    FixedOrder,
+    /// Any pair of a phase of ring 1 and one of ring 2 on the same side of the barrier, as of a NEMA controller. Rings are
+    /// those of a program of type `NEMA`, or follow from a junction of four arms with left-turn lanes.
+    RingBarrier,
+}
+
 const LONGEST_S: u32 = 300;
+const WALKING_SPEED_MPS: std::ops::RangeInclusive<f64> = 0.2..=3.0;
+const WALK_S: std::ops::RangeInclusive<f64> = 0.0..=60.0;
 const APPROACH_M: std::ops::RangeInclusive<f64> = 10.0..=1000.0;
 const DEMAND: std::ops::RangeInclusive<f64> = 0.01..=100.0;
 /// Largest number of decisions of an episode, as in the check of a horizon.
@@ -139,6 +176,10 @@ impl ScenarioConfig {
             decision_s: 5,
             min_green_s: 5,
             program_min_green: true,
+            pedestrians: Pedestrians::default(),
+            walking_speed_mps: Walking::default().speed_mps,
+            walk_s: Walking::default().walk_s,
+            actions: Actions::default(),
             program: None,
             yellow_s: Yellow::Program,
             approach_m: 150.0,
@@ -154,6 +195,12 @@ impl ScenarioConfig {
         config.complete()?;
         config.check()?;
         Ok(config)
+    }
+
+    /// Returns how people on foot cross; `None`: their crossings make no green longer.
+    pub(crate) fn walking(&self) -> Option<Walking> {
+        let walking = Walking { speed_mps: self.walking_speed_mps, walk_s: self.walk_s };
+        (self.pedestrians == Pedestrians::MinGreen).then_some(walking)
     }
 
     /// Returns the seconds at which an episode begins and ends. An error names the key of the one that is missing.
@@ -205,6 +252,12 @@ impl DomainTable for ScenarioConfig {
         }
         let approach = self.approach_m;
         ensure!(APPROACH_M.contains(&approach), "traffic.approach_m = {approach}: must be from 10 to 1000 metres");
+        let (speed, walk) = (self.walking_speed_mps, self.walk_s);
+        ensure!(
+            WALKING_SPEED_MPS.contains(&speed),
+            "traffic.walking_speed_mps = {speed}: must be from 0.2 to 3 metres per second"
+        );
+        ensure!(WALK_S.contains(&walk), "traffic.walk_s = {walk}: must be from 0 to 60 seconds");
         ensure!(self.local_horizon >= 1, "traffic.local_horizon = 0: must be at least 1 decision; 120 is the default");
         self.reward.check()?;
         let demand = self.demand;

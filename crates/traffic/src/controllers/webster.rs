@@ -89,7 +89,7 @@ pub(super) fn timing(plan: &AgentPlan, ratios: &FlowRatios) -> Timing {
         greens[green] = ((green_s * share).round() as u32).max(plan.phases.min_green_steps()[green]);
         left -= share;
     }
-    Timing::new(&plan.phases, &greens, 0)
+    Timing::new(&plan.phases, &plan.phases.fitted(&greens), 0)
 }
 
 /// Longest cycle. Near saturation, Webster's formula goes to infinity.
@@ -121,7 +121,7 @@ impl FlowRatios {
 fn flow_ratios(plan: &AgentPlan, ratios: &[f64]) -> FlowRatios {
     let all = plan.greens();
     let every_green: Vec<usize> = (0..all).collect();
-    if all > FEW_GREENS {
+    if all > FEW_GREENS || plan.phases.keeps_order() {
         return of_choice(plan, ratios, &every_green);
     }
     let choices = (1..1_usize << all).rev().map(|bits| (0..all).filter(|green| bits >> green & 1 == 1).collect());

@@ -21,7 +21,7 @@ pub(crate) mod stops;
 pub(crate) mod travellers;
 pub(crate) mod ways;
 
-use std::collections::BTreeSet;
+use std::collections::{BTreeSet, HashSet};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
@@ -32,8 +32,9 @@ use super::network::loadable::Loadable;
 use super::network::roads::{EdgeNo, Roads};
 use super::network::tree::Element;
 use super::network::xml;
+use crate::agents::derive::crossings::Walking;
 use crate::agents::derive::overrides::Overrides;
-use crate::config::ScenarioConfig;
+use crate::config::{Actions, ScenarioConfig};
 use crate::config::sumocfg::{Notes, Sumocfg};
 use closing::{Closed, Detours};
 use demand::{Demand, Departures, Order};
@@ -68,6 +69,9 @@ pub struct SumoScenario {
     /// Ids of closed edges, and the files that SUMO gets with them.
     closed: Vec<String>,
     without_closed: Option<Arc<Closed>>,
+    /// How people on foot cross, if the config says that it counts.
+    walking: Option<Walking>,
+    actions: Actions,
 }
 
 #[derive(Clone, Debug)]
@@ -102,6 +106,8 @@ impl SumoScenario {
             demand: config.demand,
             closed: config.closed.clone(),
             without_closed: None,
+            walking: config.walking(),
+            actions: config.actions,
         };
         let (departures, notes) = scenario.check()?;
         scenario.departures = departures;
@@ -337,6 +343,13 @@ impl SumoScenario {
         {
             add("greens last as long as programs say");
         }
+        // Neither counts where it changes nothing.
+        if let Some(Walking { speed_mps, walk_s }) = self.walking.filter(|_| self.has_signalled_crossing()) {
+            add(&format!("people on foot walk for {walk_s} s and then at {speed_mps} m/s"));
+        }
+        if self.actions != Actions::default() {
+            add(&format!("{:?}", self.actions));
+        }
         if self.steps_per_s != 1 {
             add(&format!("{} steps per second", self.steps_per_s));
         }
@@ -349,6 +362,14 @@ impl SumoScenario {
         add(self.agents().map_or("", |(_, text)| text));
         add(&self.rules);
         hasher.finalize()
+    }
+
+    /// Returns whether a light has a crossing.
+    fn has_signalled_crossing(&self) -> bool {
+        let edges = self.net().all("edge").filter(|edge| edge.attribute("function") == Some("crossing"));
+        let crossings: HashSet<&str> = edges.filter_map(|edge| edge.attribute("id")).collect();
+        let leads_to_one = |link: &Element| link.attribute("to").is_some_and(|to| crossings.contains(to));
+        !crossings.is_empty() && self.net().all("connection").any(|link| link.attribute("tl").is_some() && leads_to_one(link))
     }
 
     fn all(&self) -> impl Iterator<Item = &File> {

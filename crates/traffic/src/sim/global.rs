@@ -31,6 +31,8 @@ use dials_core::domain::light_figures::{LightPlace, LightsEpisode};
 use dials_core::domain::{
     Action, GlobalSimulator, InfluenceSample, JointPercept, JointTransition, Kinds, Measures, Result, RoadView, Scene,
 };
+#[cfg(test)]
+use libsumo::SignalState;
 use libsumo::{Car, CarTable, Simulation};
 
 /// The traffic GS: one row per intersection. A step of it is a decision of the agents, which may take several seconds.
@@ -132,6 +134,12 @@ impl GlobalTraffic {
 
     pub fn cars_on(&self, agent: usize) -> CarsAt<'_> {
         self.approaches.at(agent)
+    }
+
+    /// Returns the letters that SUMO says all lights show.
+    #[cfg(test)]
+    pub(super) fn states(&mut self) -> Result<Vec<SignalState>> {
+        self.lights.states(&mut self.simulation)
     }
 
     /// Returns the actions of the last step that the lights obeyed. They mean nothing if SUMO runs the lights.
@@ -269,8 +277,7 @@ impl GlobalTraffic {
             let (waiting, others) = (&self.waiting[row], self.others.as_ref().map(|others| &others.now[row]));
             others.iter().for_each(|others| observe::observe_others(plan, others, percept.obs.row_mut(row)));
             *reward = reward::reward(&self.plan.reward, &plan.region, cars, self.exits.at(row), waiting, others);
-            let may_leave = self.lights.signal(row).may_leave(&plan.phases);
-            observe::mask(plan, shown, may_leave, percept.masks.row_mut(row));
+            observe::mask(plan, shown, |green| self.lights.allows(row, green), percept.masks.row_mut(row));
         }
     }
 }

@@ -30,8 +30,13 @@ impl Lights {
     }
 
     /// Returns what a light shows, if no program of SUMO runs it.
-    pub(crate) fn signal(&self, row: usize) -> Signal {
-        self.signals[row]
+    pub(crate) fn shown(&self, row: usize) -> Shown {
+        self.signals[row].shown()
+    }
+
+    /// Returns whether a light may go to a green, or keep it. One that a program of SUMO runs may do anything.
+    pub(crate) fn allows(&self, row: usize, green: usize) -> bool {
+        self.by_program[row].is_some() || self.signals[row].allows(&self.plans[row], green)
     }
 
     pub(crate) fn reset(&mut self, simulation: &mut Simulation, rows: &[usize]) -> Result<()> {
@@ -50,13 +55,22 @@ impl Lights {
             if self.by_program[row].is_some() {
                 continue;
             }
-            let (plan, before) = (&*self.plans[row], *signal);
+            let plan = &*self.plans[row];
+            let before = signal.state(plan);
             signal.act(plan, action);
-            if signal.state(plan) != before.state(plan) {
+            if signal.state(plan) != before {
                 changed.push(row);
             }
         }
         self.show(simulation, &changed)
+    }
+
+    /// Returns the letters that SUMO says all lights show.
+    #[cfg(test)]
+    pub(super) fn states(&self, simulation: &mut Simulation) -> Result<Vec<SignalState>> {
+        let mut states = Vec::new();
+        simulation.read_lights(&self.lights, &mut states)?;
+        Ok(states)
     }
 
     fn read(&mut self, simulation: &mut Simulation, shown: &mut [Shown]) -> Result<()> {

@@ -217,7 +217,7 @@ impl LocalTraffic {
 
     fn second(&mut self, second: usize, actions: &[Action]) -> Result<()> {
         let begun = Instant::now();
-        let before: Vec<Shown> = (0..self.rows.len()).map(|row| self.forest.lights.signal(row).shown()).collect();
+        let before: Vec<Shown> = (0..self.rows.len()).map(|row| self.forest.lights.shown(row)).collect();
         self.forest.lights.act(&mut self.forest.simulation, actions)?;
         self.forest.simulation.begin_second()?;
         let tried = self.entries.let_in(&mut self.forest)?;
@@ -235,7 +235,7 @@ impl LocalTraffic {
         let begun = Instant::now();
         for (row, (now, before)) in self.rows.iter_mut().zip(before).enumerate() {
             now.second += 1;
-            let same = before == self.forest.lights.signal(row).shown();
+            let same = before == self.forest.lights.shown(row);
             now.shown_steps = if same { now.shown_steps + 1 } else { 1 };
         }
         let is_last = second + 1 == self.plan.decision_steps;
@@ -260,9 +260,9 @@ impl LocalTraffic {
     fn show(&mut self, row: usize, [cars, at_border]: [CarsAt<'_>; 2]) {
         let (now, agent) = (&self.rows[row], self.forest.rows[row].agent.0);
         let plan = &self.plan.agents[agent];
-        let signal = self.forest.lights.signal(row);
+        let lights = &self.forest.lights;
         let clock = now.second + plan.sensor.clock_ahead;
-        let light = LightView { shown: signal.shown(), shown_steps: now.shown_steps, age: now.second, clock };
+        let light = LightView { shown: lights.shown(row), shown_steps: now.shown_steps, age: now.second, clock };
         let Percept { obs, d_set, masks } = &mut self.last.percept;
         let (obs, d_set) = (obs.row_mut(row), d_set.row_mut(row));
         observe::observe(plan, cars, light, obs);
@@ -274,7 +274,7 @@ impl LocalTraffic {
             None => observe::d_separate(plan, cars, obs, self.came_true.row(row), d_set),
         }
         if let Some(masks) = masks {
-            observe::mask(plan, light.shown, signal.may_leave(&plan.phases), masks.row_mut(row));
+            observe::mask(plan, light.shown, |green| lights.allows(row, green), masks.row_mut(row));
         }
     }
 

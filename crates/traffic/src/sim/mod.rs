@@ -34,3 +34,6 @@ pub mod trace;
 mod trips;
 pub(crate) mod visit_tables;
 pub(crate) mod visits;
+
+#[cfg(test)]
+mod limits_test;

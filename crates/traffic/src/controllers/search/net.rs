@@ -132,7 +132,7 @@ impl Candidate {
             let shortest: u32 = ratios.greens.iter().map(|&(green, _)| least[green]).sum();
             let steps = cycle.saturating_sub(ratios.lost_s as u32).max(shortest);
             let greens = split(steps, &weights, least).expect("there are steps for the least greens");
-            Timing::new(&plan.phases, &greens, 0)
+            Timing::new(&plan.phases, &plan.phases.fitted(&greens), 0)
         };
         Candidate { timings: plans.iter().zip(ratios).map(timing).collect(), leeway }
     }
@@ -192,7 +192,8 @@ impl Candidate {
                 let mut greens = timing.greens().to_vec();
                 greens[from] = greens[from].checked_sub(steps)?;
                 greens[to] += steps;
-                if greens[from] < plans[light].phases.min_green_steps()[from] {
+                let phases = &plans[light].phases;
+                if greens[from] < phases.min_green_steps()[from] || phases.misfit(&greens).is_some() {
                     return None;
                 }
                 *timing = Timing::new(&plans[light].phases, &greens, timing.offset());
@@ -218,7 +219,11 @@ fn lengthened(timing: &Timing, plan: &AgentPlan, by: i64) -> Option<Timing> {
     let before: u32 = timing.greens().iter().sum();
     let steps = u32::try_from(i64::from(before) + by).ok()?;
     let weights: Vec<f64> = timing.greens().iter().map(|&green| f64::from(green)).collect();
-    let longer = Timing::new(&plan.phases, &split(steps, &weights, plan.phases.min_green_steps())?, 0);
+    let greens = split(steps, &weights, plan.phases.min_green_steps())?;
+    if plan.phases.misfit(&greens).is_some() {
+        return None;
+    }
+    let longer = Timing::new(&plan.phases, &greens, 0);
     let offset = f64::from(timing.offset()) * f64::from(longer.cycle()) / f64::from(timing.cycle());
     Some(longer.shifted(offset.round() as u32))
 }

@@ -124,6 +124,8 @@ pub struct Connection {
     pub(crate) turns_around: bool,
     /// Whether cars on it need not yield to anybody: SUMO's state `M`.
     pub(crate) has_priority: bool,
+    /// SUMO's letter for where it leads: `l`, `s`, `r`, `t` and so on.
+    pub(crate) direction: Option<char>,
 }
 
 #[derive(Clone, Debug, PartialEq, Eq)]

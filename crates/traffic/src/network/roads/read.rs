@@ -149,6 +149,7 @@ impl Roads {
             signal,
             turns_around: element.attribute("dir") == Some("t"),
             has_priority: element.attribute("state") == Some("M"),
+            direction: element.attribute("dir").and_then(|dir| dir.chars().next()),
         })
     }
 }
