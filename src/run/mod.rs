@@ -3,6 +3,7 @@
 //! - `train`: trains policies and writes a run directory. `team`: where its workers are. `run_name`: its default name.
 //! - `evaluate`: plays and measures saved policies; also `baseline`, which does so with hand-coded controllers.
 //!   `subject`: what both play.
+//! - `plan`: a plan of all lights that plain SUMO loads. `plan_files`: what it writes.
 //! - `replay`: an episode for sumo-gui, and films of it. `plot`: pictures of an episode.
 //! - `experiment`: makes all runs of a file. `report`, `compare`: summarise runs; `watch`: shows them live.
 //! - `bench`: measures training speed. `check`: local simulators beside the global one. `export`: policies as TorchScript.
@@ -23,6 +24,8 @@ mod info;
 mod inspect;
 mod listing;
 mod nets;
+mod plan;
+mod plan_files;
 mod plot;
 pub(crate) mod replay;
 mod report;
@@ -60,6 +63,7 @@ pub(crate) fn run(cli: Cli) -> Result<()> {
         Command::Evaluate(args) => evaluate::evaluate(&args),
         Command::Export(args) => export::export(&args),
         Command::Baseline(args) => evaluate::baseline(&args),
+        Command::Plan(args) => plan::plan(&args),
         Command::Check(args) => check::check(&args),
         Command::Bench(args) => bench::bench(&args),
         Command::Experiment(args) => team::check_alone("experiment").and_then(|()| experiment::experiment(&args)),

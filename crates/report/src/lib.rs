@@ -11,6 +11,7 @@
 //! - `chart`, `document`, `csv_file`: pictures, pages and files. `pictures`, `tables`, `cost_tables` and `sections` fill
 //!   them.
 //! - [`words`]: formats of numbers, and warnings.
+//! - [`signal_plan`]: a plan of lights, as a page and a table.
 //! - [`compare`]: a comparison of two groups of runs. [`live`]: a page about runs that train. [`plot`]: an episode.
 
 mod chart;
@@ -33,6 +34,7 @@ mod paper;
 mod pictures;
 pub mod plot;
 mod sections;
+pub mod signal_plan;
 mod tables;
 pub mod words;
 

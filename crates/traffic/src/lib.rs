@@ -8,7 +8,8 @@
 //! - `road_network`: a grid or a scenario, and what differs between them.
 //! - `prepared`: what local simulators of a scenario are made from, kept and sent as bytes.
 //! - [`sim`]: the simulators, their recordings and replays.
-//! - [`controllers`]: hand-coded baselines; [`tuning`]: the search for the best fixed-time lights.
+//! - [`controllers`]: hand-coded baselines; [`tuning`]: the search for the best fixed-time lights. [`timing`]: plans of
+//!   them that plain SUMO plays.
 //! - [`fidelity`]: how far the local simulators are like the global one.
 //!
 //! # Words
@@ -43,6 +44,7 @@ pub mod scenario;
 pub mod side;
 pub mod sim;
 mod task;
+pub mod timing;
 pub mod tuning;
 
 use std::borrow::Cow;
@@ -209,6 +211,12 @@ impl Traffic {
         GlobalTraffic::new(self.plan.clone(), self.network.clone(), control, self.tape.as_ref())
     }
 
+    /// Returns the seconds of the simulation at which an episode begins and ends.
+    pub(crate) fn window_s(&self) -> (u64, u64) {
+        let begin_s = self.network.begin_s();
+        (begin_s, begin_s + self.seconds() as u64)
+    }
+
     pub fn seconds(&self) -> usize {
         self.network.horizon * self.plan.decision_steps
     }
@@ -231,6 +239,11 @@ impl Traffic {
     pub fn road_map(&self) -> Result<Option<RoadMap>> {
         let roads = self.network.recorded(&self.plan)?;
         Ok(roads.grid().is_none().then(|| map(&roads)))
+    }
+
+    /// Returns the controller that a name means. What it needs to know is measured first, on simulators of its own.
+    pub fn hand_coded(&self, name: &str) -> Result<HandCoded> {
+        controllers::recipe(name, self.plans())?(&self.off_tape())
     }
 
     pub fn everywhere(&self, by: HandCoded) -> SignalControl {

@@ -14,6 +14,7 @@
 mod kinds;
 mod percept;
 pub mod road_trace;
+pub mod signal_sheet;
 mod rough_costs;
 mod scenario;
 mod scene;

@@ -16,7 +16,7 @@ pub mod control;
 mod crossings;
 pub(super) mod entries;
 pub mod global;
-mod lights;
+pub(crate) mod lights;
 pub mod local;
 pub(super) mod local_forest;
 mod local_routes;
