@@ -21,6 +21,7 @@ use crate::paper_grid::grid::Grid;
 use crate::paper_grid::plans::{joint_plan, plans};
 use crate::paper_grid::recognise::{recognise_grid, recognise_local};
 use crate::scenario::kept::KEPT;
+use crate::scenario::programs::Chosen;
 use crate::scenario::stops::Stops;
 use crate::scenario::travellers::Travellers;
 use crate::sim::local_forest::LocalForest;
@@ -119,6 +120,13 @@ impl RoadNetwork {
         let Files::Scenario(scenario) = &self.files else { return HashMap::new() };
         let named = |edge: &Element| Some((edge.attribute("id")?.to_owned(), edge.attribute("name")?.trim().to_owned()));
         scenario.files.net().all("edge").filter_map(named).filter(|(_, name)| !name.is_empty()).collect()
+    }
+
+    /// Returns which programs of lights were chosen, and the elements `<tlLogic>`, in SUMO's order.
+    pub(crate) fn chosen_programs(&self) -> Option<(&Chosen, Vec<&Element>)> {
+        let Files::Scenario(scenario) = &self.files else { return None };
+        let roots = [scenario.files.net()].into_iter().chain(scenario.files.additional());
+        Some((scenario.files.chosen(), roots.flat_map(|root| root.all("tlLogic")).collect()))
     }
 
     /// Returns the ids of the elements `<WAUT>` of the additional files.

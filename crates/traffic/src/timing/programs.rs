@@ -12,7 +12,8 @@ use crate::agents::plan::AgentPlan;
 use crate::controllers::Timing;
 use crate::cut::names::free_name;
 use crate::network::roads::Roads;
-use crate::network::xml::{Xml, document, leaf, nest};
+use crate::network::tree::Element;
+use crate::network::xml::{Xml, document, element, leaf, nest};
 use libsumo::SignalState;
 
 /// The text of an additional file, and the names of the programs in it.
@@ -79,6 +80,7 @@ fn write(traffic: &Traffic, plan: &DayPlan, name: &str, limits_s: Option<Vec<Vec
         });
         ids.push(of_light.collect::<Vec<_>>());
     }
+    let kept = chosen_and_kept(traffic)?;
     let wauts: HashSet<String> = traffic.network.wauts().into_iter().collect();
     let text = document("additional", |xml| {
         for (light, agent) in traffic.plans().iter().enumerate() {
@@ -86,6 +88,7 @@ fn write(traffic: &Traffic, plan: &DayPlan, name: &str, limits_s: Option<Vec<Vec
                 program(xml, agent, stage, id, limits_s.as_ref().map(|limits| &limits[light][..]))?;
             }
         }
+        kept.iter().try_for_each(|program| element(xml, program))?;
         if plan.periods() == 1 {
             return Ok(());
         }
@@ -96,6 +99,30 @@ fn write(traffic: &Traffic, plan: &DayPlan, name: &str, limits_s: Option<Vec<Vec
         Ok(())
     });
     Ok(Programs { text, ids, limits_s })
+}
+
+/// Returns the programs of lights without a plan that a config has chosen. Plain SUMO would run their last ones, so it gets
+/// copies under other names. Errors: plain SUMO would switch a light to other programs than those of the plan.
+fn chosen_and_kept(traffic: &Traffic) -> Result<Vec<Element>> {
+    let Some((chosen, programs)) = traffic.network.chosen_programs() else { return Ok(Vec::new()) };
+    if let Some(light) = chosen.switched.first() {
+        bail!(
+            "light `{light}`: a <wautJunction> of the scenario would switch it to other programs, whatever the plan says; \
+             remove that element"
+        );
+    }
+    let has_plan = |light: &str| traffic.plans().iter().any(|agent| agent.light == light);
+    let copy = |light: &String| {
+        let of_light = || programs.iter().filter(|program| program.attribute("id") == Some(light));
+        // Those behind the chosen one were taken out.
+        let mut copy = (*of_light().next_back()?).clone();
+        // Names of programs that were taken out are not known here, but nobody calls one so.
+        let id = free_name("chosen-for-plan", |name| of_light().any(|program| program.attribute("programID") == Some(name)));
+        copy.attributes.retain(|(key, _)| key != "programID");
+        copy.attributes.push(("programID".to_owned(), id));
+        Some(copy)
+    };
+    Ok(chosen.lights.iter().filter(|light| !has_plan(light)).filter_map(copy).collect())
 }
 
 /// Returns an error if SUMO would refuse the program of a stage in an additional file.
