@@ -54,6 +54,8 @@ pub enum Command {
     Export(ExportArgs),
     /// Run a hand-coded controller on the global simulator of a config
     Baseline(BaselineArgs),
+    /// Write a plan of all lights that plain `sumo` loads: timings of a controller, or the ones that fit a trained run best
+    Plan(PlanArgs),
     /// Measure how closely the local simulator of each light matches the global one
     Check(CheckArgs),
     /// Measure training speed, phase by phase, against a lower bound
@@ -220,6 +222,46 @@ pub struct BaselineArgs {
     pub variants: VariantArgs,
     #[command(flatten)]
     pub output: OutputArgs,
+}
+
+#[derive(Debug, Args)]
+pub struct PlanArgs {
+    /// A .sumocfg, or a config file
+    #[arg(value_name = "SCENARIO")]
+    pub config: PathBuf,
+    #[command(flatten)]
+    pub settings: SettingsArgs,
+    /// `fixed-time`, `webster` or `coordinated`, with their parameters; or a run directory or another rule, whose greens
+    /// are watched and frozen
+    #[arg(long, value_name = "NAME|RUN_DIR")]
+    pub controller: String,
+    /// Search for better timings, from those of the controller on
+    #[arg(long, conflicts_with = "actuated")]
+    pub tune: bool,
+    /// Number of episodes per timing in the search
+    #[arg(long, value_name = "EPISODES", default_value_t = 10, requires = "tune",
+          value_parser = values::whole::<u32>(1..=10_000))]
+    pub tune_episodes: u32,
+    /// Write actuated programs of SUMO: each green between the lengths below which 5 and 95 % of the watched greens are
+    #[arg(long)]
+    pub actuated: bool,
+    /// Number of episodes in which greens are watched
+    #[arg(long, value_name = "EPISODES", default_value_t = 5, value_parser = values::whole::<u32>(1..=10_000))]
+    pub watch_episodes: u32,
+    /// Saved policies take the most probable action instead of sampling
+    #[arg(long)]
+    pub greedy: bool,
+    #[command(flatten)]
+    pub episodes: EpisodesArgs,
+    /// Output directory, for programs.add.xml, plan.csv and plan.html
+    #[arg(long, value_name = "DIR")]
+    pub out: PathBuf,
+    /// Print one JSON object instead of a table
+    #[arg(long)]
+    pub json: bool,
+    /// If the directory exists, move it aside instead of refusing
+    #[arg(long)]
+    pub force: bool,
 }
 
 #[derive(Debug, Args)]

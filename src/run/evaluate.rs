@@ -329,7 +329,7 @@ const FOLDER: &str = "tuned";
 const TUNED: [&str; 2] = [FIXED_TIME, COORDINATED];
 
 /// Replaces every `fixed-time` and `coordinated` without parameters by the best timings that the search finds.
-fn tune(config: &RunConfig, episodes: usize, subjects: &mut [Subject]) -> Result<()> {
+pub(super) fn tune(config: &RunConfig, episodes: usize, subjects: &mut [Subject]) -> Result<()> {
     let is = |subject: &Subject, name: &str| *subject == Subject::Controller(name.to_owned());
     let untuned = TUNED.into_iter().filter(|name| subjects.iter().any(|subject| is(subject, name)));
     let untuned: Vec<&str> = untuned.collect();

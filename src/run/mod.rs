@@ -3,6 +3,7 @@
 //! - `train`: trains policies and writes a run directory. `team`: where its workers are. `run_name`: its default name.
 //! - `evaluate`: plays and measures saved policies; also `baseline`, which does so with hand-coded controllers.
 //!   `subject`: what both play. `lights`: their figures of each light. `robustness`: the same on variants of the traffic.
+//! - `plan`: a plan of all lights that plain SUMO loads. `plan_files`: what it writes.
 //! - `replay`: an episode for sumo-gui, and films of it. `plot`: pictures of an episode.
 //! - `experiment`: makes all runs of a file. `report`, `compare`: summarise runs; `watch`: shows them live.
 //! - `bench`: measures training speed. `check`: local simulators beside the global one. `export`: policies as TorchScript.
@@ -25,6 +26,8 @@ mod inspect;
 mod lights;
 mod listing;
 mod nets;
+mod plan;
+mod plan_files;
 mod plot;
 pub(crate) mod replay;
 mod report;
@@ -63,6 +66,7 @@ pub(crate) fn run(cli: Cli) -> Result<()> {
         Command::Evaluate(args) => evaluate::evaluate(&args),
         Command::Export(args) => export::export(&args),
         Command::Baseline(args) => evaluate::baseline(&args),
+        Command::Plan(args) => plan::plan(&args),
         Command::Check(args) => check::check(&args),
         Command::Bench(args) => bench::bench(&args),
         Command::Experiment(args) => team::check_alone("experiment").and_then(|()| experiment::experiment(&args)),

@@ -12,6 +12,7 @@
 //!   them.
 //! - [`words`]: formats of numbers, and warnings.
 //! - [`lights`]: figures of each light of a road network, before and after.
+//! - [`signal_plan`]: a plan of lights, as a page and a table.
 //! - [`compare`]: a comparison of two groups of runs. [`live`]: a page about runs that train. [`plot`]: an episode.
 
 mod chart;
@@ -36,6 +37,7 @@ mod paper;
 mod pictures;
 pub mod plot;
 mod sections;
+pub mod signal_plan;
 mod tables;
 pub mod words;
 

@@ -10,7 +10,8 @@
 //! - [`sim`]: the simulators, their recordings and replays.
 //! - [`streets`]: the roads of a net, for maps.
 //! - [`counts`]: from traffic counts to routes.
-//! - [`controllers`]: hand-coded baselines; [`tuning`]: the search for the best fixed-time lights.
+//! - [`controllers`]: hand-coded baselines; [`tuning`]: the search for the best fixed-time lights. [`timing`]: plans of
+//!   them that plain SUMO plays.
 //! - [`fidelity`]: how far the local simulators are like the global one.
 //!
 //! # Words
@@ -49,6 +50,7 @@ pub mod side;
 pub mod sim;
 pub mod streets;
 mod task;
+pub mod timing;
 pub mod tuning;
 #[cfg(test)]
 mod watchdog;
@@ -246,6 +248,12 @@ impl Traffic {
         GlobalTraffic::new(self.plan.clone(), self.network.clone(), control, self.tape.as_ref())
     }
 
+    /// Returns the seconds of the simulation at which an episode begins and ends.
+    pub(crate) fn window_s(&self) -> (u64, u64) {
+        let begin_s = self.network.begin_s();
+        (begin_s, begin_s + self.seconds() as u64)
+    }
+
     pub fn seconds(&self) -> usize {
         self.network.horizon * self.plan.decision_steps
     }
@@ -268,6 +276,11 @@ impl Traffic {
     pub fn road_map(&self) -> Result<Option<RoadMap>> {
         let roads = self.network.recorded(&self.plan)?;
         Ok(roads.grid().is_none().then(|| map(&roads)))
+    }
+
+    /// Returns the controller that a name means. What it needs to know is measured first, on simulators of its own.
+    pub fn hand_coded(&self, name: &str) -> Result<HandCoded> {
+        controllers::recipe(name, self.plans())?(&self.off_tape())
     }
 
     pub fn everywhere(&self, by: HandCoded) -> SignalControl {

@@ -15,6 +15,7 @@ mod kinds;
 pub mod light_figures;
 mod percept;
 pub mod road_trace;
+pub mod signal_sheet;
 mod rough_costs;
 mod scenario;
 mod scene;

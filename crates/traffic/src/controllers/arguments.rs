@@ -200,7 +200,7 @@ fn offsets(arguments: &mut Arguments<'_>, plans: &[AgentPlan], timings: &[Timing
 
 /// Divides steps in proportion to `weights`, which are not negative. Every weight above 0 gets its `least` steps at least,
 /// and a weight of 0 gets none. Returns `None` if there are too few steps.
-pub(super) fn split(steps: u32, weights: &[f64], least: &[u32]) -> Option<Vec<u32>> {
+pub(crate) fn split(steps: u32, weights: &[f64], least: &[u32]) -> Option<Vec<u32>> {
     let mut parts: Vec<u32> =
         weights.iter().zip(least).map(|(&weight, &least)| if weight > 0.0 { least } else { 0 }).collect();
     let free = steps.checked_sub(parts.iter().sum()).filter(|_| weights.iter().any(|&weight| weight > 0.0))?;

@@ -22,9 +22,10 @@ mod max_pressure;
 mod responsive;
 pub(crate) mod search;
 pub mod timing_file;
-mod webster;
+pub(crate) mod webster;
 
 use std::path::Path;
+use std::sync::Arc;
 
 use anyhow::{Result, bail, ensure};
 use rand::Rng;
@@ -33,12 +34,13 @@ use crate::Traffic;
 use crate::agents::phase_plan::Choice;
 use crate::agents::plan::AgentPlan;
 use arguments::Arguments;
+pub(crate) use arguments::split;
 use dials_core::base::{Dice, RandomPurpose, Seed};
 use dials_core::domain::Action;
 use dials_core::outside::did_you_mean;
 use responsive::GreenLimits;
 
-pub(crate) use clock::{ClockLights, ClockPlan, Leeway};
+pub(crate) use clock::{ClockLights, ClockPlan, Leeway, Timing};
 pub use intersections::{Intersection, Intersections};
 pub(crate) use webster::Webster;
 
@@ -75,6 +77,8 @@ pub enum HandCoded {
     /// The program of each light in its net.
     OwnProgram,
     Actuated,
+    /// Programs that SUMO loads last: the text of an additional file.
+    Programs(Arc<str>),
     Rule(Box<dyn LightController>),
 }
 
@@ -153,6 +157,28 @@ pub fn check_name(text: &str) -> Result<()> {
 fn unknown(text: &str, name: &str) -> String {
     let near = did_you_mean(name, NAMES.iter().copied());
     format!("controller `{text}`: unknown{near}; one of {}", NAMES.join(", "))
+}
+
+/// A controller whose timings are known before an episode begins, so that SUMO can play them.
+pub(crate) enum Timed {
+    Timings(Vec<Timing>),
+    Webster(Webster),
+    /// One cycle for all lights, and offsets that suit the traffic.
+    Coordinated,
+}
+
+/// Returns what a text names. `None`: a controller that looks at the traffic. Errors: those of [`recipe`].
+pub(crate) fn timed(text: &str, plans: &[AgentPlan]) -> Result<Option<Timed>> {
+    let mut arguments = Arguments::of(text);
+    let timed = match arguments.name {
+        COORDINATED if text == COORDINATED && !are_of_a_grid(plans) => Timed::Coordinated,
+        FIXED_TIME => Timed::Timings(arguments::fixed_time(&mut arguments, plans)?.timings),
+        COORDINATED => Timed::Timings(arguments::coordinated(&mut arguments, plans)?.timings),
+        "webster" => Timed::Webster(Webster::of(&mut arguments)?),
+        _ => return recipe(text, plans).map(|_| None),
+    };
+    arguments.all_taken()?;
+    Ok(Some(timed))
 }
 
 fn each(decide: fn(&Intersection<'_>, GreenLimits) -> usize, limits: GreenLimits) -> Recipe {

@@ -87,6 +87,13 @@ impl Loadable {
         self
     }
 
+    /// Adds a file that SUMO loads after the others. `path`: what messages call it.
+    pub(crate) fn with_additional(mut self, text: &str, path: &Path) -> Result<Loadable> {
+        self.files.push((MemoryFile::new(text)?, path.to_owned()));
+        self.additional.push(self.files[self.files.len() - 1].0.path());
+        Ok(self)
+    }
+
     /// `scenario`: path of the .sumocfg, for the message if SUMO dies.
     pub(crate) fn of_scenario(self, scenario: &Path) -> Loadable {
         Loadable { name: scenario.display().to_string(), way_out: way_out_of(scenario), ..self }

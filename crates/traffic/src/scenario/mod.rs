@@ -15,7 +15,7 @@ mod include;
 pub(crate) mod kept;
 mod locally;
 mod newer;
-mod programs;
+pub(crate) mod programs;
 mod reading;
 pub(crate) mod stops;
 pub(crate) mod travellers;
@@ -39,7 +39,7 @@ use crate::config::sumocfg::{Notes, Sumocfg};
 use closing::{Closed, Detours};
 use demand::{Demand, Departures, Order};
 use dials_core::outside::{excerpt, quoted, read_text};
-use programs::Choice;
+use programs::{Choice, Chosen};
 use reading::Files;
 
 const MOST_OVERRIDES: u64 = 1 << 20;
@@ -62,6 +62,7 @@ pub struct SumoScenario {
     options: Vec<(String, String)>,
     notes: Notes,
     departures: Departures,
+    chosen: Chosen,
     /// Values of the config that decide what returns mean.
     rules: String,
     /// Factor by which there are more vehicles than the files and the option `scale` say.
@@ -87,7 +88,7 @@ impl SumoScenario {
         let agents = config.agents.as_deref().map(overrides).transpose()?;
         let parsed = agents.as_ref().map_or(Ok(Overrides::default()), |(path, text)| parsed(path, text))?;
         let programs = Choice::of(config.program.clone(), &parsed);
-        let Files { net, additional, routes, left_out } = Files::read(&config.scenario, &sumocfg, &programs)?;
+        let Files { net, additional, routes, left_out, chosen } = Files::read(&config.scenario, &sumocfg, &programs)?;
         let mut notes = sumocfg.notes;
         notes.left_out.extend(left_out);
         let mut scenario = SumoScenario {
@@ -102,6 +103,7 @@ impl SumoScenario {
             options: sumocfg.options,
             notes,
             departures: Departures::default(),
+            chosen,
             rules: rules(config)?,
             demand: config.demand,
             closed: config.closed.clone(),
@@ -236,6 +238,10 @@ impl SumoScenario {
 
     pub fn window_s(&self) -> (u64, u64) {
         self.window_s
+    }
+
+    pub(crate) fn chosen(&self) -> &Chosen {
+        &self.chosen
     }
 
     /// Returns the options with which SUMO plays the scenario, without `--`.

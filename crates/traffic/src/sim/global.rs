@@ -1,6 +1,7 @@
 //! The GS: the whole network in SUMO, with cars that flow in at its boundary.
 
 use std::collections::BTreeSet;
+use std::path::Path;
 use std::sync::Arc;
 use std::time::Instant;
 
@@ -10,7 +11,7 @@ use super::border::Borders;
 use super::control::{Decisions, SignalControl};
 use super::crossings::Crossings;
 use super::light_delays::LightDelays;
-use super::lights::{Lights, ShownLights};
+use super::lights::{History, Lights, ShownLights, Stay};
 use super::metrics::{TrafficMetrics, Window};
 use super::others::Others;
 use super::picture::Camera;
@@ -72,6 +73,8 @@ pub struct GlobalTraffic {
     /// Crossings, if persons' waiting is measured.
     crossings: Option<Crossings>,
     light_delays: Option<LightDelays>,
+    /// What the lights have shown in this episode, if it is kept.
+    history: Option<History>,
 }
 
 impl GlobalTraffic {
@@ -84,6 +87,10 @@ impl GlobalTraffic {
     ) -> Result<GlobalTraffic> {
         let last = JointTransition::new(&plan.kinds);
         let source = network.source()?;
+        let source = match control.programs() {
+            Some(text) => source.with_additional(text, Path::new("PROGRAMS"))?,
+            None => source,
+        };
         let mut simulation = source.simulation()?;
         let agents = plan.agents.iter();
         let lights = agents.clone().map(|agent| (agent.light.clone(), agent.phases.clone()));
@@ -122,6 +129,7 @@ impl GlobalTraffic {
             metrics: None,
             crossings: None,
             light_delays: None,
+            history: None,
             plan,
         })
     }
@@ -157,6 +165,16 @@ impl GlobalTraffic {
 
     pub(crate) fn visits(&self) -> Option<&Visits> {
         self.borders.as_ref().and_then(Borders::visits)
+    }
+
+    /// Keeps what the lights show from the next reset on.
+    pub(crate) fn keep_history(&mut self) {
+        self.history = Some(History::default());
+    }
+
+    /// Returns what each light has shown in this episode, one stay after the other. Nothing unless it is kept.
+    pub(crate) fn history(&self) -> &[Vec<Stay>] {
+        self.history.as_ref().map_or(&[], |history| &history.0)
     }
 
     pub fn hand_over(&mut self, control: SignalControl) {
@@ -199,6 +217,7 @@ impl GlobalTraffic {
             let of_rows = self.approaches.co2_mg_per_s(&mut self.simulation)?;
             self.waiting.iter_mut().zip(of_rows).for_each(|(waiting, mg)| waiting.note_co2(mg));
         }
+        self.history.iter_mut().for_each(|history| history.note(&self.shown.now));
         self.tally.lights(&self.shown.before, &self.shown.now);
         self.tally.cars(&self.approaches.cars, &self.cars_before);
         self.tally.step(&mut self.simulation)?;
@@ -312,6 +331,7 @@ impl GlobalSimulator for GlobalTraffic {
         if let Some(borders) = &mut self.borders {
             borders.reset(&mut self.simulation)?;
         }
+        self.history.iter_mut().for_each(|history| history.begin(self.plan.agents.len()));
         self.tally = Tally::new(self.agents(), self.plan.emergency_decel_mps2);
         self.waiting.fill(Waiting::default());
         self.others.iter_mut().for_each(Others::begin);
@@ -456,7 +476,6 @@ impl GlobalSimulator for GlobalTraffic {
 #[cfg(test)]
 mod tests {
     use std::collections::BTreeMap;
-    use std::path::Path;
 
     use super::*;
     use crate::Traffic;

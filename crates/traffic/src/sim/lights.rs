@@ -142,3 +142,29 @@ impl ShownLights {
         Ok(())
     }
 }
+
+/// A light shows the same for some seconds.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) struct Stay {
+    pub(crate) shown: Shown,
+    pub(crate) seconds: u32,
+}
+
+/// What every light of a GS has shown in an episode, `[agents]`.
+#[derive(Default)]
+pub(super) struct History(pub(super) Vec<Vec<Stay>>);
+
+impl History {
+    pub(super) fn begin(&mut self, agents: usize) {
+        self.0 = vec![Vec::new(); agents];
+    }
+
+    pub(super) fn note(&mut self, shown: &[Shown]) {
+        for (stays, &shown) in self.0.iter_mut().zip(shown) {
+            match stays.last_mut().filter(|stay| stay.shown == shown) {
+                Some(stay) => stay.seconds += 1,
+                None => stays.push(Stay { shown, seconds: 1 }),
+            }
+        }
+    }
+}

@@ -18,7 +18,7 @@ mod crossings;
 pub(super) mod entries;
 pub mod global;
 mod light_delays;
-mod lights;
+pub(crate) mod lights;
 pub mod local;
 pub(super) mod local_forest;
 mod local_routes;
