@@ -12,6 +12,7 @@
 //!   them.
 //! - [`words`]: formats of numbers, and warnings.
 //! - [`compare`]: a comparison of two groups of runs. [`live`]: a page about runs that train. [`plot`]: an episode.
+//! - [`resco`]: the board of RESCO's maps.
 
 mod chart;
 pub mod compare;
@@ -32,6 +33,7 @@ mod opponent;
 mod paper;
 mod pictures;
 pub mod plot;
+pub mod resco;
 mod sections;
 mod tables;
 pub mod words;
