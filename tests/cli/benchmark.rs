@@ -23,7 +23,17 @@ fn environments() -> tempfile::TempDir {
 
 fn benchmark(dir: &Path, more: &[&str]) -> Command {
     let mut command = assert_cmd::cargo::cargo_bin_cmd!("dials-traffic");
-    command.current_dir(dir).args(["benchmark", "resco", "env", "--protocol", "ours", "--methods", "gs", "--cores", "2"]);
+    command.current_dir(dir).args([
+        "benchmark",
+        "resco",
+        "env",
+        "--protocol",
+        "ours",
+        "--methods",
+        "gs",
+        "--cores",
+        "2",
+    ]);
     command.args(["--seeds", "1", "--episodes", "1", "--measured-episodes", "2", "--out", "board"]).args(more);
     command
 }
@@ -42,7 +52,8 @@ fn a_map_is_trained_and_measured_once_and_stands_beside_what_others_published() 
     let found = board(dir.path());
     let map = &found["maps"][0];
     assert_eq!((map["map"].as_str(), map["missing"].as_array().map(Vec::len)), (Some("cologne1"), Some(0)));
-    let names: Vec<&str> = map["controllers"].as_array().unwrap().iter().map(|one| one["controller"].as_str().unwrap()).collect();
+    let names: Vec<&str> =
+        map["controllers"].as_array().unwrap().iter().map(|one| one["controller"].as_str().unwrap()).collect();
     assert_eq!(names, ["program", "actuated", "max-pressure", "max-wave", "fixed-time, tuned"]);
     let [gs] = &map["methods"].as_array().unwrap()[..] else { panic!("{map:#}") };
     assert_eq!((gs["method"].as_str(), gs["runs"][0]["greedy"]["episodes"].as_u64()), (Some("gs"), Some(2)));

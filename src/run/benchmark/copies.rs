@@ -34,7 +34,7 @@ pub(super) struct MapCopy {
 pub(super) fn find(dir: &Path, wanted: &[String]) -> Result<Found> {
     ensure!(dir.is_dir(), "{}: no such folder; name your copy of RESCO's folder `environments`", dir.display());
     for name in wanted {
-        let names = || MAPS.map(|map| map.name).join(", ");
+        let names = || MAPS.iter().map(|map| map.name).collect::<Vec<_>>().join(", ");
         ensure!(Map::called(name).is_some(), "--maps: {name}: is no map of RESCO; its maps: {}", names());
     }
     let (mut copies, mut absent) = (Vec::new(), Vec::new());

@@ -96,7 +96,7 @@ pub(super) fn resco(args: &cli::RescoArgs) -> Result<()> {
         measured_episodes: args.measured_episodes.into(),
         seeds: args.seeds.0.clone(),
         command: again.clone(),
-        sumo: dials_traffic::sumo().map_err(Error::Run)?.name.clone(),
+        sumo: dials_traffic::sumo().map_err(|error| Error::Run(error.into()))?.name.clone(),
         absent: absent.into_iter().chain(refused.iter().map(|(map, _)| *map)).map(str::to_owned).collect(),
     };
     let maps: Vec<_> = prepared.iter().map(|ready| gather::results(ready, &wanted, &runs)).collect();

@@ -12,7 +12,7 @@ use super::copies::MapCopy;
 use super::{Wanted, absolute};
 use crate::cli::RescoProtocol;
 use crate::run::experiment::KNOWLEDGE;
-use dials_core::domain::{Domain, RoughCosts};
+use dials_core::domain::RoughCosts;
 use dials_report::resco::published::Map;
 use dials_session::config::{RunConfig, load};
 use dials_session::domains;

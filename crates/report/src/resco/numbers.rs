@@ -43,7 +43,7 @@ pub(super) fn csv(maps: &[MapResults]) -> Result<String> {
         for Published { player, kind, delay_s } in of_map.map.published {
             let kind = format!("published, {}", kind.words());
             let delay = delay_s.to_string();
-            writer.write_record([map, player, &kind, "", "", &delay, "", "", "", "", "", ""])?;
+            writer.write_record([map, *player, kind.as_str(), "", "", delay.as_str(), "", "", "", "", "", ""])?;
         }
     }
     String::from_utf8(writer.into_inner().context("a CSV file in memory")?).context("a CSV file of text")

@@ -76,86 +76,56 @@ const fn city(name: &'static str, window_s: [u64; 2], published: &'static [Publi
 
 use Kind::{BestEpisode, LastTen, MedianOfLastTen, Program};
 
-/// All maps, those with few lights first in each group.
-pub const MAPS: [Map; 8] = [
-    city(
-        "cologne1",
-        MORNING,
-        &[
-            of("program", Program, 56.5),
-            of(GREEDY, LastTen, 27.6),
-            of("IDQN", BestEpisode, 26.1),
-            of("IDQN", LastTen, 28.9),
-        ],
-    ),
-    city(
-        "cologne3",
-        MORNING,
-        &[
-            of("program", Program, 39.8),
-            of(GREEDY, LastTen, 22.0),
-            of("IDQN, IPPO", BestEpisode, 24.0),
-            of("IDQN, IPPO", LastTen, 95.5),
-        ],
-    ),
-    city(
-        "cologne8",
-        MORNING,
-        &[
-            of("program", Program, 65.1),
-            of(GREEDY, LastTen, 21.9),
-            of("IPPO", BestEpisode, 21.6),
-            of("IDQN", LastTen, 22.3),
-        ],
-    ),
-    city(
-        "ingolstadt1",
-        AFTERNOON,
-        &[
-            of("program", Program, 39.5),
-            of(GREEDY, LastTen, 28.6),
-            of("IPPO", BestEpisode, 20.9),
-            of("IDQN", LastTen, 22.2),
-        ],
-    ),
-    city(
-        "ingolstadt7",
-        AFTERNOON,
-        &[
-            of("program", Program, 91.5),
-            of(GREEDY, LastTen, 79.2),
-            of("IDQN", BestEpisode, 31.2),
-            of("IPPO", LastTen, 32.5),
-        ],
-    ),
-    city(
-        "ingolstadt21",
-        AFTERNOON,
-        &[
-            of("program", Program, 137.6),
-            of(GREEDY, LastTen, 69.1),
-            of("IDQN", BestEpisode, 59.6),
-            of("IDQN", LastTen, 86.2),
-        ],
-    ),
-    Map {
-        many_demands: true,
-        ..city(
-            "grid4x4",
-            FIRST_HOUR,
-            &[of(GREEDY, LastTen, 34.2), of("IDQN", BestEpisode, 32.9), of("IDQN", LastTen, 34.1)],
-        )
-    },
-    Map {
-        decision_s: 5,
-        yellow_s: 2,
-        many_demands: true,
-        ..city(
-            "arterial4x4",
-            FIRST_HOUR,
-            &[of(GREEDY, MedianOfLastTen, 711.0), of("FMA2C", BestEpisode, 654.0), of("FMA2C", LastTen, 773.0)],
-        )
-    },
+const COLOGNE1: &[Published] = &[
+    of("program", Program, 56.5),
+    of(GREEDY, LastTen, 27.6),
+    of("IDQN", BestEpisode, 26.1),
+    of("IDQN", LastTen, 28.9),
+];
+const COLOGNE3: &[Published] = &[
+    of("program", Program, 39.8),
+    of(GREEDY, LastTen, 22.0),
+    of("IDQN, IPPO", BestEpisode, 24.0),
+    of("IDQN, IPPO", LastTen, 95.5),
+];
+const COLOGNE8: &[Published] = &[
+    of("program", Program, 65.1),
+    of(GREEDY, LastTen, 21.9),
+    of("IPPO", BestEpisode, 21.6),
+    of("IDQN", LastTen, 22.3),
+];
+const INGOLSTADT1: &[Published] = &[
+    of("program", Program, 39.5),
+    of(GREEDY, LastTen, 28.6),
+    of("IPPO", BestEpisode, 20.9),
+    of("IDQN", LastTen, 22.2),
+];
+const INGOLSTADT7: &[Published] = &[
+    of("program", Program, 91.5),
+    of(GREEDY, LastTen, 79.2),
+    of("IDQN", BestEpisode, 31.2),
+    of("IPPO", LastTen, 32.5),
+];
+const INGOLSTADT21: &[Published] = &[
+    of("program", Program, 137.6),
+    of(GREEDY, LastTen, 69.1),
+    of("IDQN", BestEpisode, 59.6),
+    of("IDQN", LastTen, 86.2),
+];
+const GRID4X4: &[Published] = &[of(GREEDY, LastTen, 34.2), of("IDQN", BestEpisode, 32.9), of("IDQN", LastTen, 34.1)];
+const ARTERIAL4X4: &[Published] =
+    &[of(GREEDY, MedianOfLastTen, 711.0), of("FMA2C", BestEpisode, 654.0), of("FMA2C", LastTen, 773.0)];
+
+/// All maps. Those of a city are in the order of their lights.
+pub static MAPS: [Map; 8] = [
+    city("cologne1", MORNING, COLOGNE1),
+    city("cologne3", MORNING, COLOGNE3),
+    city("cologne8", MORNING, COLOGNE8),
+    city("ingolstadt1", AFTERNOON, INGOLSTADT1),
+    city("ingolstadt7", AFTERNOON, INGOLSTADT7),
+    city("ingolstadt21", AFTERNOON, INGOLSTADT21),
+    Map { many_demands: true, ..city("grid4x4", FIRST_HOUR, GRID4X4) },
+    Map { decision_s: 5, yellow_s: 2, many_demands: true, ..city("arterial4x4", FIRST_HOUR, ARTERIAL4X4) },
 ];
 
 impl Map {
