@@ -5,7 +5,7 @@ mod values;
 use std::ops::Range;
 use std::path::PathBuf;
 
-use clap::{Args, Parser, Subcommand};
+use clap::{Args, Parser, Subcommand, ValueEnum};
 use clap_complete::Shell;
 
 /// Largest number of processes that may be asked for. More must be a typing error.
@@ -62,6 +62,9 @@ pub enum Command {
     Bench(BenchArgs),
     /// Run all experiments of a file in parallel; resumes where it stopped
     Experiment(ExperimentArgs),
+    /// Run a benchmark that others report, and write our figures beside theirs
+    #[command(subcommand)]
+    Benchmark(BenchmarkCommand),
     /// Draw curves, bars and tables of run directories, next to the paper's numbers
     Report(ReportArgs),
     /// Watch runs while they train, on a page for a browser on this machine
@@ -467,6 +470,65 @@ pub struct ExperimentArgs {
     #[arg(long)]
     pub accept_other_build: bool,
 }
+
+#[derive(Debug, Subcommand)]
+pub enum BenchmarkCommand {
+    /// Train and measure on the maps of RESCO in your copy of it: controllers, GS and DIALS, beside published figures
+    Resco(RescoArgs),
+}
+
+#[derive(Debug, Args)]
+pub struct RescoArgs {
+    /// Your copy of RESCO's folder `environments`, with a folder per map; or the folder of one map
+    pub dir: PathBuf,
+    /// Rules of the lights and of SUMO
+    #[arg(long, value_enum, default_value_t = RescoProtocol::Resco2021)]
+    pub protocol: RescoProtocol,
+    /// Maps, such as cologne1,ingolstadt7 [default: all that are there]
+    #[arg(long, value_name = "MAP,...", value_delimiter = ',')]
+    pub maps: Vec<String>,
+    /// Seeds of training, such as 1..5 (five of them) or 1,2,7
+    #[arg(long, value_name = "SEEDS", default_value = "1..5", value_parser = values::seeds)]
+    pub seeds: Seeds,
+    /// Ways to train: gs, gs-shared, dials, dials-shared, or none for controllers alone
+    #[arg(long, value_name = "METHOD,...", value_delimiter = ',', default_value = "gs,gs-shared,dials,dials-shared",
+          value_parser = ["gs", "gs-shared", "dials", "dials-shared", "none"])]
+    pub methods: Vec<String>,
+    /// Number of training episodes of a run
+    #[arg(long, default_value_t = 100, value_parser = values::whole::<u64>(1..=100_000))]
+    pub episodes: u64,
+    /// Number of episodes that each controller and each last policy plays to be measured
+    #[arg(long, value_name = "EPISODES", default_value_t = 10, value_parser = values::whole::<u32>(1..=1000))]
+    pub measured_episodes: u32,
+    /// Begin no further run after N minutes; what is running ends, and the page shows what there is
+    #[arg(long, value_name = "N", value_parser = values::whole::<u64>(0..=A_YEAR_S / 60))]
+    pub budget_minutes: Option<u64>,
+    /// Number of cores to use [default: all]
+    #[arg(long, value_parser = values::whole::<usize>(1..=MOST_WORKERS))]
+    pub cores: Option<usize>,
+    /// Folder for the runs and the page [default: resco/PROTOCOL-EPISODES]
+    #[arg(long, value_name = "DIR")]
+    pub out: Option<PathBuf>,
+    /// Only list the runs and estimate time and memory; writes configs into the folder
+    #[arg(long)]
+    pub dry_run: bool,
+    /// Resume runs although this program, SUMO, libm or the vector instructions have changed since
+    #[arg(long)]
+    pub accept_other_build: bool,
+}
+
+/// Rules of the lights and of SUMO in `benchmark resco`.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub enum RescoProtocol {
+    /// RESCO's of 2021: decisions of 10 s with 3 s of yellow (arterial4x4: 5 s, 2 s), no teleports
+    Resco2021,
+    /// Ours for scenarios: decisions of 5 s, yellow and least greens of the light's program, SUMO's teleports
+    Ours,
+}
+
+/// Seeds of runs, each once.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Seeds(pub Vec<u64>);
 
 #[derive(Debug, Args)]
 pub struct ReportArgs {

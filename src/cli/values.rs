@@ -2,7 +2,9 @@
 
 use std::ops::{Range, RangeInclusive};
 
+use super::Seeds;
 use clap::builder::{PossibleValue, PossibleValuesParser};
+use dials_core::base::repeated;
 use dials_learn::config::short_forms;
 use dials_traffic::config::sumo_time::seconds as seconds_of;
 
@@ -35,6 +37,23 @@ pub(super) fn whole<T: TryFrom<u64>>(range: RangeInclusive<u64>) -> impl Fn(&str
 
 pub(super) fn seed(text: &str) -> Result<u64, String> {
     whole(0..=u64::MAX)(text)
+}
+
+/// Largest number of seeds of a benchmark.
+const MOST_SEEDS: u64 = 1000;
+
+/// Reads seeds: `1..5` are five, `1,2,7` are three.
+pub(super) fn seeds(text: &str) -> Result<Seeds, String> {
+    let range =
+        text.split_once("..").map(|(first, last)| (whole_number(first), whole_number(last.trim_start_matches('='))));
+    let seeds = match range {
+        Some((Some(first), Some(last))) if first <= last && last - first < MOST_SEEDS => Some((first..=last).collect()),
+        Some(_) => None,
+        None => text.split(',').map(|seed| whole_number(seed.trim())).collect::<Option<Vec<u64>>>(),
+    };
+    let wrong = || format!("must be seeds such as 1..5 or 1,2,7, each once, and at most {MOST_SEEDS}");
+    let seeds: Vec<u64> = seeds.ok_or_else(wrong)?;
+    if repeated(&seeds).is_some() || seeds.len() as u64 > MOST_SEEDS { Err(wrong()) } else { Ok(Seeds(seeds)) }
 }
 
 pub(super) fn number_of_steps(text: &str) -> Result<u64, String> {

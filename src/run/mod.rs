@@ -5,13 +5,15 @@
 //!   `subject`: what both play. `lights`: their figures of each light. `robustness`: the same on variants of the traffic.
 //! - `plan`: a plan of all lights that plain SUMO loads. `plan_files`: what it writes.
 //! - `replay`: an episode for sumo-gui, and films of it. `plot`: pictures of an episode.
-//! - `experiment`: makes all runs of a file. `report`, `compare`: summarise runs; `watch`: shows them live.
+//! - `experiment`: makes all runs of a file. `benchmark`: makes those of a benchmark that others report.
+//!   `report`, `compare`: summarise runs; `watch`: shows them live.
 //! - `bench`: measures training speed. `check`: local simulators beside the global one. `export`: policies as TorchScript.
 //! - `describe`: the agents of a config, what a run of it will do, and what that costs.
 //! - `nets`: SUMO networks, made and inspected (`inspect`). `demand`: routes that fit traffic counts. `listing`: lists of names as text.
 //! - `info`: versions. `doctor`: what is missing. `complete`: completions, manual pages, and the schema of a config.
 
 mod bench;
+mod benchmark;
 mod check;
 mod compare;
 mod complete;
@@ -38,7 +40,7 @@ mod team;
 mod train;
 mod watch;
 
-use crate::cli::{Cli, Command};
+use crate::cli::{BenchmarkCommand, Cli, Command};
 use dials_session::domains;
 use dials_session::error::{Error, Result};
 use dials_session::fleet::apart::serve_a_worker;
@@ -58,7 +60,7 @@ pub(crate) fn run(cli: Cli) -> Result<()> {
     });
     match &cli.command {
         Command::Train(_) | Command::Bench(_) | Command::Worker => note_option_for_processes("--workers"),
-        Command::Experiment(_) => note_option_for_processes("--cores"),
+        Command::Experiment(_) | Command::Benchmark(_) => note_option_for_processes("--cores"),
         _ => (),
     }
     match cli.command {
@@ -70,6 +72,9 @@ pub(crate) fn run(cli: Cli) -> Result<()> {
         Command::Check(args) => check::check(&args),
         Command::Bench(args) => bench::bench(&args),
         Command::Experiment(args) => team::check_alone("experiment").and_then(|()| experiment::experiment(&args)),
+        Command::Benchmark(BenchmarkCommand::Resco(args)) => {
+            team::check_alone("benchmark").and_then(|()| benchmark::resco(&args))
+        }
         Command::Report(args) => report::report(&args),
         Command::Watch(args) => watch::watch(&args),
         Command::Compare(args) => compare::compare(&args),

@@ -4,6 +4,7 @@
 //! this process.
 
 mod bench;
+mod benchmark;
 mod builds;
 mod city;
 mod command_line;

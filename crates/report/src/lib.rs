@@ -14,6 +14,7 @@
 //! - [`lights`]: figures of each light of a road network, before and after.
 //! - [`signal_plan`]: a plan of lights, as a page and a table.
 //! - [`compare`]: a comparison of two groups of runs. [`live`]: a page about runs that train. [`plot`]: an episode.
+//! - [`resco`]: the board of RESCO's maps.
 
 mod chart;
 pub mod city;
@@ -36,6 +37,7 @@ mod opponent;
 mod paper;
 mod pictures;
 pub mod plot;
+pub mod resco;
 mod sections;
 pub mod signal_plan;
 mod tables;

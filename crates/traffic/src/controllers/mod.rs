@@ -7,7 +7,8 @@
 //! name in [`recipe`] and [`NAMES`]. A program of its own needs no name: it passes its controller to
 //! [`crate::Traffic::global`].
 //!
-//! - [`intersections`]: what a controller sees. `responsive`, `max_pressure`: lights that look at the traffic.
+//! - [`intersections`]: what a controller sees. `responsive`, `max_pressure`, `max_wave`: lights that look at the
+//!   traffic.
 //! - `clock`, `webster`: lights that go by the clock; [`actuated`]: the programs of SUMO's actuated lights.
 //! - [`timing_file`]: files of the tuner; [`search`]: its search for the best timings.
 //! - `arguments`: the text that names a controller. `examples`: lights made by hand, for tests.
@@ -19,6 +20,7 @@ mod clock;
 pub(crate) mod examples;
 pub(crate) mod intersections;
 mod max_pressure;
+mod max_wave;
 mod responsive;
 pub(crate) mod search;
 pub mod timing_file;
@@ -38,6 +40,7 @@ pub(crate) use arguments::split;
 use dials_core::base::{Dice, RandomPurpose, Seed};
 use dials_core::domain::Action;
 use dials_core::outside::did_you_mean;
+use max_wave::MaxWave;
 use responsive::GreenLimits;
 
 pub(crate) use clock::{ClockLights, ClockPlan, Leeway, Timing};
@@ -101,6 +104,7 @@ pub const NAMES: &[&str] = &[
     COORDINATED,
     "webster",
     "max-pressure",
+    "max-wave",
     "longest-queue",
 ];
 
@@ -126,6 +130,10 @@ pub fn recipe(text: &str, plans: &[AgentPlan]) -> Result<Recipe> {
         "actuated" => Box::new(|_| Ok(HandCoded::Actuated)),
         "gap-out" => each(responsive::gap_out, GreenLimits::longest(&mut arguments, plans)?),
         "max-pressure" => each(max_pressure::decide, GreenLimits::of(&mut arguments, plans)?),
+        "max-wave" => {
+            let every = max_wave::every(&mut arguments)?;
+            Box::new(move |_| Ok(HandCoded::rule(MaxWave::new(every))))
+        }
         "longest-queue" => each(responsive::longest_queue, GreenLimits::of(&mut arguments, plans)?),
         FIXED_TIME => by_the_clock(arguments::fixed_time(&mut arguments, plans)?),
         COORDINATED => by_the_clock(arguments::coordinated(&mut arguments, plans)?),
