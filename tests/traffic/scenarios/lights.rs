@@ -6,7 +6,7 @@ use std::process::Command as Program;
 
 use dials_core::base::Seed;
 use dials_core::domain::light_figures::{CarSums, LightEpisode, LightPlace, LightsEpisode};
-use dials_core::domain::{Baseline, Domain, GlobalSimulator, Measures};
+use dials_core::domain::{Baseline, Domain, Measures};
 use dials_learn::evaluation::{episode_seed, play};
 use dials_traffic::Traffic;
 use dials_traffic::config::ScenarioConfig;
