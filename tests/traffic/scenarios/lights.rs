@@ -6,7 +6,7 @@ use std::process::Command as Program;
 
 use dials_core::base::Seed;
 use dials_core::domain::light_figures::{CarSums, LightEpisode, LightPlace, LightsEpisode};
-use dials_core::domain::{Baseline, Domain, GlobalSimulator, Measures};
+use dials_core::domain::{Baseline, Domain, Measures};
 use dials_learn::evaluation::{episode_seed, play};
 use dials_traffic::Traffic;
 use dials_traffic::config::ScenarioConfig;
@@ -98,11 +98,12 @@ fn the_delay_of_each_approach_is_what_plain_sumo_counts_on_its_edges() {
             lost_s.iter().filter(|(edge, _)| edge.starts_with(&format!(":{}_", place.id))).map(|(_, s)| s).sum();
         let on_roads: f64 = place.approaches.iter().filter_map(|approach| lost_s.get(&*approach.edge)).sum();
         let expected = within + on_roads;
-        // The second in which a car leaves counts for the light here.
-        let tolerance = 0.5 * light.sums.cars as f64 + 1.0;
+        // SUMO's own two counts differ: its edges add up to 4 % more than its trips, about a second per car and light. And here the
+        // second in which a car leaves counts for the light.
+        let tolerance = 1.5 * light.sums.cars as f64;
         let delay_s = light.sums.delay_s;
         assert!((delay_s - expected).abs() < tolerance, "{}: {delay_s} s, but {expected} s on its edges", place.id);
-        compared += usize::from(expected > 1000.0);
+        compared += usize::from(expected > 10.0 * tolerance);
     }
     assert!(compared >= 4, "only {compared} lights have much delay");
 }
