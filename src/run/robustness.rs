@@ -7,14 +7,14 @@ use serde_json::{Map, Value, json};
 use super::evaluate::CsvFiles;
 use super::subject::Subject;
 use crate::cli;
-use dials_core::base::{Seed, TERMINAL_COLUMNS, counted, for_terminal, wrapped};
-use dials_core::domain::{Baseline, Domain};
+use dials_core::base::{Seed, for_terminal};
+use dials_core::domain::Baseline;
 use dials_learn::evaluation::{Finding, json as figures, of_variants, play_episodes};
 use dials_session::config::RunConfig;
 use dials_session::domains;
 use dials_session::error::{Error, Result};
 use dials_session::terminal::counting::EpisodeBar;
-use dials_session::terminal::{answer, json as in_json, note};
+use dials_session::terminal::{answer, json as in_json};
 use dials_traffic::Traffic;
 use dials_traffic::scenario::closing::Detours;
 
@@ -88,8 +88,7 @@ pub(super) fn play(plan: &Plan<'_>, mut csv: Option<CsvFiles>, is_json: bool, ab
     };
     // All are tried before the first one is played.
     for variant in variants {
-        let detours = opened(variant).with_context(|| variant.name()).map_err(Error::Usage)?.detours();
-        note(for_terminal(&format!("variant: {}", variant.sentence(detours))));
+        opened(variant).with_context(|| variant.name()).map_err(Error::Usage)?;
     }
     let bar = EpisodeBar::of(variants.len() * subjects.len() * episodes, "episodes");
     let (mut all, mut written, mut done) = (Vec::new(), Ok(()), 0);
@@ -168,11 +167,13 @@ fn as_text(all: &[Played]) -> String {
         }
     };
     let labels: Vec<String> = all.iter().map(label).collect();
-    let legend = all.iter().zip(&labels).filter(|(played, _)| played.detours.is_some()).flat_map(|(played, label)| {
-        let sentence = format!("{label}: {}", played.variant.sentence(played.detours));
-        wrapped(&for_terminal(&sentence), TERMINAL_COLUMNS)
-    });
-    let legend: Vec<String> = legend.collect();
+    // What becomes of the vehicles is the same for every demand.
+    let of_closure = |(number, closed): (usize, &&Vec<String>)| {
+        let detours = all.iter().find(|played| played.variant.closed == **closed)?.detours?;
+        let name = if short { closed.join(",") } else { format!("{}, {}", number + 1, closed.join(",")) };
+        Some(for_terminal(&format!("closure {name}: {detours}")))
+    };
+    let legend: Vec<String> = closures.iter().enumerate().filter_map(of_closure).collect();
     let findings: Vec<Vec<Finding>> = all.iter().map(|played| played.findings.clone()).collect();
     let table = of_variants(&labels, &findings, &SHOWN);
     if legend.is_empty() { table } else { format!("{table}\n\n{}", legend.join("\n")) }
@@ -184,20 +185,6 @@ impl Variant {
             [] => format!("demand {}", self.demand),
             closed => format!("demand {}, closed {}", self.demand, closed.join(",")),
         }
-    }
-
-    /// Returns the name with what becomes of the vehicles.
-    fn sentence(&self, detours: Option<Detours>) -> String {
-        let Some(Detours { vehicles, rerouted, without_way, stops_left_out }) = detours else { return self.name() };
-        let stops = match stops_left_out {
-            0 => String::new(),
-            stops => format!("; {} on closed edges left out", counted(stops, "stop")),
-        };
-        format!(
-            "{}: of {vehicles:.0} vehicles {rerouted:.0} get another route, and {without_way:.0} that cannot get to their destination \
-             are left out{stops}; SUMO finds the ways of trips",
-            self.name()
-        )
     }
 }
 

@@ -61,9 +61,10 @@ pub struct ScenarioConfig {
     /// Factor by which there are more vehicles than the files say: 1.2 is 20 % more. It multiplies SUMO's option `scale`, which makes
     /// no more persons.
     #[serde(skip_serializing_if = "is_one")]
+    #[schemars(extend("default" = 1.0))]
     pub demand: f64,
     /// Ids of edges that are closed for everything that drives on roads. Cars with a route across them get another one, and those
-    /// that cannot get to their destination are left out. `baseline` says how many these are. Local simulators get no cars there.
+    /// that cannot get to their destination are left out. A note says how many these are.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub closed: Vec<String>,
     /// Number of seconds of a decision, which is a step of the domain. The horizon is the number of whole decisions from

@@ -15,7 +15,9 @@ pub(super) fn candidates(roads: &Roads, places: &[&[EdgeNo]]) -> Vec<Vec<EdgeNo>
     let [entries, exits] = ends(roads);
     let mut found: BTreeSet<Vec<EdgeNo>> = BTreeSet::new();
     for &entry in &entries {
-        for &exit in exits.iter().filter(|&&exit| exit != entry) {
+        // Who comes from a dead end wants to go somewhere else.
+        let junction = |edge: EdgeNo, end: usize| roads.edge(edge).ends.map(|ends| ends[end]);
+        for &exit in exits.iter().filter(|&&exit| exit != entry && junction(exit, 1) != junction(entry, 0)) {
             found.extend(ways.fastest(entry, exit, &classes).filter(|way| is_simple(way)).map(|way| way.to_vec()));
         }
     }

@@ -10,6 +10,7 @@
 //! closes: some let it drive through. Here all of them get the same cars, and all controllers do.
 
 use std::collections::{BTreeSet, HashMap};
+use std::fmt::{self, Display, Formatter};
 use std::rc::Rc;
 
 use anyhow::{Result, anyhow, ensure};
@@ -19,6 +20,7 @@ use super::stops::PLACES;
 use super::ways::{VehicleClasses, Ways};
 use crate::network::roads::{EdgeNo, Roads};
 use crate::network::tree::Element;
+use dials_core::base::counted;
 use dials_core::outside::{did_you_mean, excerpt};
 
 /// Classes that do not drive on roads. A lane that they have stays open for them.
@@ -45,6 +47,21 @@ pub struct Detours {
     pub without_way: f64,
     /// Stops on closed edges, which are left out.
     pub stops_left_out: usize,
+}
+
+impl Display for Detours {
+    fn fmt(&self, f: &mut Formatter<'_>) -> fmt::Result {
+        let Detours { vehicles, rerouted, without_way, stops_left_out } = self;
+        write!(
+            f,
+            "of {vehicles:.0} vehicles in the files {rerouted:.0} get another route; {without_way:.0} cannot get to their \
+             destination and are left out"
+        )?;
+        match stops_left_out {
+            0 => Ok(()),
+            stops => write!(f, "; {} on closed edges left out", counted(*stops, "stop")),
+        }
+    }
 }
 
 /// The files that SUMO gets.

@@ -118,7 +118,9 @@ impl SumoScenario {
         scenario.notes.left_out.extend(config.about_the_end());
         scenario.notes.left_out.extend(config.unplayed());
         if !scenario.closed.is_empty() {
-            scenario.without_closed = Some(Arc::new(scenario.close_edges()?));
+            let closed = scenario.close_edges()?;
+            scenario.notes.left_out.push(format!("closed {}: {}", scenario.closed.join(", "), closed.detours));
+            scenario.without_closed = Some(Arc::new(closed));
         }
         Ok(scenario)
     }
