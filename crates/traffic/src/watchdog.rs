@@ -95,7 +95,10 @@ impl Watchdog {
             (before, now) => {
                 if let Some((green, seconds)) = before {
                     if seconds < self.min_s[green] && !self.is_first {
-                        return Err(format!("green {green} lasted {seconds} s, and {} are the least", self.min_s[green]));
+                        return Err(format!(
+                            "green {green} lasted {seconds} s, and {} are the least",
+                            self.min_s[green]
+                        ));
                     }
                     (self.is_first, self.changes) = (false, self.changes + 1);
                 }
@@ -124,7 +127,10 @@ impl Watchdog {
             for foe in foes.map(|pair| if pair[0] == letter { pair[1] } else { pair[0] }) {
                 let foe_now = state.as_str().as_bytes()[foe];
                 if foe_now == b'r' && self.since_yellow[foe] < self.all_red_s {
-                    return Err(format!("letter {letter} has green {} s after {foe} was yellow", self.since_yellow[foe]));
+                    return Err(format!(
+                        "letter {letter} has green {} s after {foe} was yellow",
+                        self.since_yellow[foe]
+                    ));
                 }
                 if foe_now == b'y' {
                     return Err(format!("{state}: letter {letter} gets green while {foe} is yellow"));

@@ -183,9 +183,9 @@ fn describe_crossings(text: &mut Listing, agent: &Agent) {
     let head = ["crossing", "letter", "length m", "needs s", "program s", "in greens", "binds"].map(str::to_owned);
     let rows = agent.crossings.iter().map(|crossing| {
         let greens = agent.greens_of(crossing);
-        let binds = greens.iter().filter(|&&green| {
-            matches!(&agent.shortest[green].because, Because::Crossing(edge) if *edge == crossing.edge)
-        });
+        let binds = greens.iter().filter(
+            |&&green| matches!(&agent.shortest[green].because, Because::Crossing(edge) if *edge == crossing.edge),
+        );
         let names = |greens: &mut dyn Iterator<Item = &usize>| {
             let names: Vec<String> = greens.map(usize::to_string).collect();
             if names.is_empty() { "none".to_owned() } else { names.join(" ") }

@@ -143,7 +143,8 @@ impl RedLimits {
             !waits || red + clearing <= link.most_steps
         });
         let shown = clearing + plan.min_green_steps()[to];
-        in_time && self.is_safe(plan, to, |link| if self.links[link].opened[to] { None } else { Some(red[link] + shown) })
+        in_time
+            && self.is_safe(plan, to, |link| if self.links[link].opened[to] { None } else { Some(red[link] + shown) })
     }
 
     /// Returns whether the rota can follow a green so that no link waits too long. `red`: the steps since a link had green

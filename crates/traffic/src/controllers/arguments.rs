@@ -164,15 +164,12 @@ fn of_cycle(arguments: &Arguments<'_>, plan: &AgentPlan, timing: &Timing, cycle:
     let lost = timing.cycle() - timing.greens().iter().sum::<u32>();
     let shares: Vec<f64> = timing.greens().iter().map(|&steps| f64::from(steps)).collect();
     let least: Vec<u32> = plan.phases.strict_min_steps().iter().map(|&steps| steps.max(1)).collect();
-    let greens = cycle
-        .checked_sub(lost)
-        .and_then(|green| split(green, &shares, &least))
-        .ok_or_else(|| {
-            let shown = least.iter().zip(&shares).filter(|(_, share)| **share > 0.0);
-            let least = lost + shown.map(|(least, _)| least).sum::<u32>();
-            let light = Printable(&plan.light);
-            arguments.refuse(format!("cycle = {cycle}: light {light} needs {least} steps at least"))
-        })?;
+    let greens = cycle.checked_sub(lost).and_then(|green| split(green, &shares, &least)).ok_or_else(|| {
+        let shown = least.iter().zip(&shares).filter(|(_, share)| **share > 0.0);
+        let least = lost + shown.map(|(least, _)| least).sum::<u32>();
+        let light = Printable(&plan.light);
+        arguments.refuse(format!("cycle = {cycle}: light {light} needs {least} steps at least"))
+    })?;
     if let Some(why) = plan.phases.misfit(&greens) {
         return Err(arguments.refuse(format!("cycle = {cycle}: light {}: {why}", Printable(&plan.light))));
     }

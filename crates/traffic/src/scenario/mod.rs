@@ -34,9 +34,9 @@ use super::network::tree::Element;
 use super::network::xml;
 use crate::agents::derive::crossings::Walking;
 use crate::agents::derive::overrides::Overrides;
-use crate::config::{Actions, ScenarioConfig};
 use crate::config::sumocfg::{Notes, Sumocfg};
 use closing::{Closed, Detours};
+use crate::config::{Actions, ScenarioConfig};
 use demand::{Demand, Departures, Order};
 use dials_core::outside::{excerpt, quoted, read_text};
 use programs::{Choice, Chosen};
@@ -377,7 +377,8 @@ impl SumoScenario {
         let edges = self.net().all("edge").filter(|edge| edge.attribute("function") == Some("crossing"));
         let crossings: HashSet<&str> = edges.filter_map(|edge| edge.attribute("id")).collect();
         let leads_to_one = |link: &Element| link.attribute("to").is_some_and(|to| crossings.contains(to));
-        !crossings.is_empty() && self.net().all("connection").any(|link| link.attribute("tl").is_some() && leads_to_one(link))
+        !crossings.is_empty()
+            && self.net().all("connection").any(|link| link.attribute("tl").is_some() && leads_to_one(link))
     }
 
     fn all(&self) -> impl Iterator<Item = &File> {

@@ -28,7 +28,8 @@ fn scenario(dir: &Path) -> ScenarioConfig {
     };
     let cars = [("left", "right", 0.15), ("right", "left", 0.1), ("top", "bottom", 0.1), ("top", "right", 0.05)];
     let cars: String = cars.iter().map(|&(from, to, rate)| flow(from, to, rate)).collect();
-    let people = "<personFlow id='p' begin='0' end='2000' period='20'><personTrip from='left0A0' to='A0top0'/></personFlow>
+    let people =
+        "<personFlow id='p' begin='0' end='2000' period='20'><personTrip from='left0A0' to='A0top0'/></personFlow>
         <personFlow id='q' begin='0' end='2000' period='25'><personTrip from='bottom0A0' to='A0right0'/></personFlow>";
     write("j.rou.xml", &format!("<routes>{cars}{people}</routes>"));
     let files = "<net-file value='j.net.xml'/><route-files value='j.rou.xml'/><begin value='0'/><end value='2000'/>";
@@ -67,7 +68,9 @@ fn sumo_shows_what_the_limits_say_under_agents_and_rules() {
         let seen = watched(&config, |_| SignalControl::Agents, 1500);
         assert!(seen.changes > 60, "{actions:?}: {} changes", seen.changes);
     }
-    for name in ["random", "max-pressure", "gap-out", "longest-queue", "fixed-time", "webster:episodes=1", "never", "always"] {
+    for name in
+        ["random", "max-pressure", "gap-out", "longest-queue", "fixed-time", "webster:episodes=1", "never", "always"]
+    {
         let rule = |traffic: &Traffic| {
             let by = recipe(name, traffic.plans()).unwrap()(traffic).unwrap();
             SignalControl::HandCoded { by, agents: vec![AgentId(0)] }

@@ -93,7 +93,8 @@ mod tests {
 
     #[test]
     fn the_slowest_crossing_of_those_with_green_counts() {
-        let crossing = |edge: &str, letter, needed_s| TimedCrossing { edge: edge.into(), letter, length_m: 1.0, needed_s };
+        let crossing =
+            |edge: &str, letter, needed_s| TimedCrossing { edge: edge.into(), letter, length_m: 1.0, needed_s };
         let all = [crossing("a", 2, 20), crossing("b", 3, 25), crossing("c", 4, 20)];
         let slowest = |letters: &str| slowest(&all, &SignalState::new(letters).unwrap()).map(|it| &*it.edge);
         assert_eq!(slowest("GGGrr"), Some("a"));

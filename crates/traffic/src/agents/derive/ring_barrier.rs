@@ -199,8 +199,14 @@ fn of_junction(roads: &Roads, program: &Program) -> Result<RingGreens> {
     let of_letters = |green: &[&BTreeSet<usize>], around: &BTreeSet<usize>| {
         let mut state = vec![b'r'; letters];
         green.iter().copied().flatten().for_each(|&letter| state[letter] = b'G');
-        around.iter().filter(|&&letter| state[letter] == b'r').collect::<Vec<_>>().into_iter().for_each(|&it| state[it] = b'g');
-        SignalState::new(String::from_utf8(state).expect("letters are ASCII")).expect("r, g and G are letters of a state")
+        around
+            .iter()
+            .filter(|&&letter| state[letter] == b'r')
+            .collect::<Vec<_>>()
+            .into_iter()
+            .for_each(|&it| state[it] = b'g');
+        SignalState::new(String::from_utf8(state).expect("letters are ASCII"))
+            .expect("r, g and G are letters of a state")
     };
     let through = |arm: usize| {
         let Arm { through, right, .. } = &arms[arm];
@@ -309,8 +315,8 @@ mod tests {
             format!("<phase duration='30' minDur='6' maxDur='40' name='{name}' state='{state}' yellow='4' red='1'/>")
         };
         let parameter = |(key, value): (&str, &str)| format!("<param key='{key}' value='{value}'/>");
-        let rings =
-            [("ring1", "1,2,3,4"), ("ring2", "5,6,0,8"), ("barrierPhases", "4,8"), ("barrier2Phases", "2,6")].map(parameter);
+        let rings = [("ring1", "1,2,3,4"), ("ring2", "5,6,0,8"), ("barrierPhases", "4,8"), ("barrier2Phases", "2,6")]
+            .map(parameter);
         let program = |rings: &str| {
             let [begin, end] = ["<tlLogic", "</tlLogic>"].map(|tag| CROSSING.find(tag).unwrap());
             let phases = phases.map(phase).concat();

@@ -88,7 +88,8 @@ pub fn walk_s(program: &Program, crossing: &TimedCrossing) -> Option<f64> {
     let phases = &program.phases;
     let walks = |place: usize| crossing.walks(&phases[place % phases.len()].state);
     let begins = (0..phases.len()).filter(|&place| walks(place) && !walks(place + phases.len() - 1));
-    let lasts = begins.map(|begin| (begin..).take_while(|&place| walks(place)).map(|it| least_s(&phases[it % phases.len()])).sum());
+    let lasts = begins
+        .map(|begin| (begin..).take_while(|&place| walks(place)).map(|it| least_s(&phases[it % phases.len()])).sum());
     lasts.reduce(f64::min)
 }
 
