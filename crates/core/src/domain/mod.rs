@@ -14,10 +14,10 @@
 mod kinds;
 mod percept;
 pub mod road_trace;
-pub mod signal_sheet;
 mod rough_costs;
 mod scenario;
 mod scene;
+pub mod signal_sheet;
 mod spec;
 mod table;
 
