@@ -151,7 +151,8 @@ fn a_rule_that_looks_at_the_traffic_is_frozen_or_written_as_actuated_programs() 
     let actuated = freeze("actuated", &["--actuated"]);
     assert_eq!(actuated.matches("type=\"actuated\" programID=\"max-pressure-actuated\"").count(), 4, "{actuated}");
     let seconds = |key: &str| {
-        let values = actuated.split(&format!(" {key}=\"")).skip(1);
+        let key = format!(" {key}=\"");
+        let values = actuated.split(&key).skip(1);
         values.map(|rest| rest.split('"').next().unwrap().parse::<u32>().unwrap()).collect::<Vec<_>>()
     };
     let (least, most) = (seconds("minDur"), seconds("maxDur"));
