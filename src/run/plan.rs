@@ -58,10 +58,8 @@ pub(super) fn plan(args: &cli::PlanArgs) -> Result<()> {
     let outcome = Outcome::new(&traffic, &plain, &place, &findings, work.seed(), &label, &made.plan);
     let written = files(&traffic, &made.plan, &made.programs, &outcome).map_err(Error::Run)?;
     let names: Vec<&str> = written.iter().map(|(name, _)| *name).collect();
-    places::make(&args.out, existing, |dir| {
-        written.iter().try_for_each(|(name, text)| dir.put(name, text.as_bytes()))
-    })
-    .map_err(Error::Run)?;
+    places::make(&args.out, existing, |dir| written.iter().try_for_each(|(name, text)| dir.put(name, text.as_bytes())))
+        .map_err(Error::Run)?;
     let found = if args.json {
         let mut object = outcome.json(&*domain);
         object.insert("config".into(), json!(dials_core::outside::path_as_text(&args.config)));
@@ -129,7 +127,8 @@ impl Work<'_> {
     fn make(&self, subject: Subject, name: &str) -> Result<Made> {
         let mut subjects = [subject];
         let mut searched = false;
-        if self.args.tune && self.traffic.grid().is_none() && subjects[0] == Subject::Controller(FIXED_TIME.to_owned()) {
+        if self.args.tune && self.traffic.grid().is_none() && subjects[0] == Subject::Controller(FIXED_TIME.to_owned())
+        {
             tune(self.config, self.args.tune_episodes as usize, &mut subjects)?;
             searched = true;
         }
@@ -273,7 +272,8 @@ impl Work<'_> {
 
 /// Returns the delay of a player in each episode, in seconds.
 pub(super) fn delays_s(finding: &Finding) -> Vec<f64> {
-    let delay = |system: &[(String, f64)]| system.iter().find(|(name, _)| name == "delay_s").map(|&(_, seconds)| seconds);
+    let delay =
+        |system: &[(String, f64)]| system.iter().find(|(name, _)| name == "delay_s").map(|&(_, seconds)| seconds);
     let episodes = finding.episodes.iter();
     episodes.map(|episode| delay(&episode.measures.system).expect("SUMO measures the delay")).collect()
 }

@@ -53,6 +53,9 @@ impl<'a> Outcome<'a> {
         for (option, second) in [("--begin", plain.begin_s), ("--end", plain.end_s)] {
             command += &second.map_or(String::new(), |second| format!(" {option} {second}"));
         }
+        if plain.validates {
+            command += " --xml-validation never";
+        }
         let check = format!(
             "{command} --seed {} --precision 6 --tripinfo-output trips.xml --tripinfo-output.write-unfinished \
              --tripinfo-output.write-undeparted",
@@ -99,13 +102,14 @@ impl<'a> Outcome<'a> {
         if let Some(watched) = self.watched() {
             let own = seconds(Interval::of(&delays_s(watched)));
             let lost = change(difference(self.plan(), watched));
-            sentences.push(format!("freezing costs {lost}: {} itself has {own}", self.label));
+            sentences.push(format!("{} itself has {own}; the plan differs from it by {lost}", self.label));
         }
         sentences
     }
 
     pub(super) fn text(&self, files: &[&str]) -> String {
-        let plans = if self.periods > 1 { format!(", {} in turn", counted(self.periods, "plan")) } else { String::new() };
+        let plans =
+            if self.periods > 1 { format!(", {} in turn", counted(self.periods, "plan")) } else { String::new() };
         format!(
             "{}\n\nwritten to {}: {}; {}{plans}\n{}\nplay it with: {}\nto check the first episode, {} s: {}",
             comparison(self.findings),
@@ -122,9 +126,10 @@ impl<'a> Outcome<'a> {
     pub(super) fn json(&self, domain: &dyn Domain) -> Map<String, Value> {
         let interval = |Interval { mean, half_width }: Interval| json!({ "mean": mean, "half_width_95": half_width });
         let delays = delays_s(self.plan());
-        let episodes = delays.iter().enumerate().map(|(episode, delay)| {
-            json!({ "sumo_seed": sumo_seed(self.seed, episode), "delay_s": delay })
-        });
+        let episodes = delays
+            .iter()
+            .enumerate()
+            .map(|(episode, delay)| json!({ "sumo_seed": sumo_seed(self.seed, episode), "delay_s": delay }));
         let mut object = json::of_all(domain, self.findings);
         object.insert("seed".into(), json!(self.seed));
         object.insert("lights".into(), json!(self.lights));
@@ -144,7 +149,8 @@ impl<'a> Outcome<'a> {
 
     fn about(&self) -> About {
         let row = |finding: &Finding| {
-            let name = if finding == self.today() { "today's programs".to_owned() } else { finding.player.label.clone() };
+            let name =
+                if finding == self.today() { "today's programs".to_owned() } else { finding.player.label.clone() };
             let difference = match finding == self.today() {
                 true => String::new(),
                 false => change(difference(finding, self.today())),

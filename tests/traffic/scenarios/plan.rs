@@ -64,8 +64,9 @@ fn plain_sumo_has_the_delay_of_a_coordinated_plan_to_the_last_digit() {
     let page = fs::read_to_string(out.join("plan.html")).unwrap();
     assert_eq!(page.matches("<figure>").count(), 1 + splits.len(), "a legend and a diagram for each light");
     // Another plan is not written over it.
-    let refused = ["plan", shipped("arterial").to_str().unwrap(), "--controller", "webster", "--out", out.to_str().unwrap()]
-        .map(str::to_owned);
+    let refused =
+        ["plan", shipped("arterial").to_str().unwrap(), "--controller", "webster", "--out", out.to_str().unwrap()]
+            .map(str::to_owned);
     dials_traffic().args(refused).assert().code(2);
 }
 
@@ -92,7 +93,9 @@ fn tide() -> Room {
 /// Returns what each light showed in each second of an episode of plain SUMO.
 fn shown_by_sumo(room: &Room) -> BTreeMap<String, Vec<(u32, String, String)>> {
     let states = fs::read_to_string(room.path("states.xml")).unwrap();
-    let text = |line: &str, name: &str| line.split(&format!(" {name}=\"")).nth(1).unwrap().split('"').next().unwrap().to_owned();
+    let text = |line: &str, name: &str| {
+        line.split(&format!(" {name}=\"")).nth(1).unwrap().split('"').next().unwrap().to_owned()
+    };
     let mut shown: BTreeMap<String, Vec<_>> = BTreeMap::new();
     for line in states.lines().filter(|line| line.contains("<tlsState ")) {
         let second = text(line, "time").parse::<f64>().unwrap() as u32;
@@ -148,11 +151,15 @@ fn a_rule_that_looks_at_the_traffic_is_frozen_or_written_as_actuated_programs() 
     let actuated = freeze("actuated", &["--actuated"]);
     assert_eq!(actuated.matches("type=\"actuated\" programID=\"max-pressure-actuated\"").count(), 4, "{actuated}");
     let seconds = |key: &str| {
-        let values = actuated.split(&format!(" {key}=\"")).skip(1);
+        let key = format!(" {key}=\"");
+        let values = actuated.split(&key).skip(1);
         values.map(|rest| rest.split('"').next().unwrap().parse::<u32>().unwrap()).collect::<Vec<_>>()
     };
     let (least, most) = (seconds("minDur"), seconds("maxDur"));
-    assert!(least.len() >= 8 && least.iter().zip(&most).all(|(least, most)| 5 <= *least && least <= most), "{actuated}");
+    assert!(
+        least.len() >= 8 && least.iter().zip(&most).all(|(least, most)| 5 <= *least && least <= most),
+        "{actuated}"
+    );
 }
 
 #[test]
@@ -160,7 +167,10 @@ fn plans_that_make_no_sense_get_the_way_out() {
     let room = tide();
     for (args, why) in [
         (&["--controller", "webster", "--actuated"][..], "needs greens that vary, and those of `webster` do not"),
-        (&["--controller", "webster", "--greedy"], "is for the policies of a run directory, and `webster` is a controller"),
+        (
+            &["--controller", "webster", "--greedy"],
+            "is for the policies of a run directory, and `webster` is a controller",
+        ),
         (&["--controller", "webster,fixed-time"], "names several; a plan is made of one"),
         (&["--controller", "fastest"], "controller `fastest`: unknown; one of"),
         (&["--controller", "runs/none"], "runs/none: no such run directory"),

@@ -15,10 +15,10 @@ mod kinds;
 pub mod light_figures;
 mod percept;
 pub mod road_trace;
-pub mod signal_sheet;
 mod rough_costs;
 mod scenario;
 mod scene;
+pub mod signal_sheet;
 mod spec;
 mod table;
 

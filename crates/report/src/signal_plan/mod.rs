@@ -45,9 +45,10 @@ pub fn page(about: &About, sheets: &[SignalSheet]) -> Result<String> {
     blocks.push(Block::Table(all_lights(sheets)));
     blocks.push(Block::Figure(Figure {
         name: "legend".to_owned(),
-        caption: "Colours of the diagrams. The upper bar is the ring: the phases in their order. Below it stands what each \
+        caption:
+            "Colours of the diagrams. The upper bar is the ring: the phases in their order. Below it stands what each \
                   approach sees."
-            .to_owned(),
+                .to_owned(),
         svg: ring::legend()?,
     }));
     for sheet in sheets {
@@ -75,7 +76,9 @@ fn caption_of(program: &ProgramSheet, programs: usize) -> String {
     let ProgramSheet { id, from_s, to_s, cycle_s, offset_s, phases, .. } = program;
     let when = if programs == 1 { String::new() } else { format!(", from {} to {}", clock(*from_s), clock(*to_s)) };
     match phases.iter().any(|phase| phase.limits_s.is_some()) {
-        true => format!("Program {id}{when}: actuated. The diagram shows each green with its mean length, {cycle_s} s for all."),
+        true => format!(
+            "Program {id}{when}: actuated. The diagram shows each green with its mean length, {cycle_s} s for all."
+        ),
         false => format!("Program {id}{when}: cycle {cycle_s} s, offset {offset_s} s."),
     }
 }
@@ -94,7 +97,11 @@ fn all_lights(sheets: &[SignalSheet]) -> Table {
     };
     let rows = sheets.iter().flat_map(|sheet| sheet.programs.iter().map(move |program| (sheet, program))).map(row);
     Table {
-        caption: format!("{} with {}. All times are in seconds.", counted(sheets.len(), "light"), counted(programs, "program")),
+        caption: format!(
+            "{} with {}. All times are in seconds.",
+            counted(sheets.len(), "light"),
+            counted(programs, "program")
+        ),
         header: ["light", "from", "cycle", "offset", "greens"].map(str::to_owned).to_vec(),
         rows: rows.collect(),
     }
@@ -135,8 +142,22 @@ fn clock(second: u64) -> String {
 pub fn csv(sheets: &[SignalSheet]) -> Result<String> {
     let mut writer = csv::Writer::from_writer(Vec::new());
     writer.write_record([
-        "light", "streets", "program", "from_s", "to_s", "cycle_s", "offset_s", "phase", "split_s", "green_s", "yellow_s",
-        "all_red_s", "min_green_s", "max_green_s", "state", "serves",
+        "light",
+        "streets",
+        "program",
+        "from_s",
+        "to_s",
+        "cycle_s",
+        "offset_s",
+        "phase",
+        "split_s",
+        "green_s",
+        "yellow_s",
+        "all_red_s",
+        "min_green_s",
+        "max_green_s",
+        "state",
+        "serves",
     ])?;
     for sheet in sheets {
         for program in &sheet.programs {

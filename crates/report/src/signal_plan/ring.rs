@@ -110,7 +110,13 @@ impl Scale {
     }
 
     /// Draws a bar: its first second and its length, and its top and its height in pixels.
-    fn bar(&self, area: &Area, (begin, seconds): (u32, u32), (top, height): (i32, i32), colour: RGBColor) -> Result<()> {
+    fn bar(
+        &self,
+        area: &Area,
+        (begin, seconds): (u32, u32),
+        (top, height): (i32, i32),
+        colour: RGBColor,
+    ) -> Result<()> {
         let corners = [(self.at(begin), px(top)), (self.at(begin + seconds), px(top + height))];
         Ok(area.draw(&Rectangle::new(corners, colour.filled()))?)
     }

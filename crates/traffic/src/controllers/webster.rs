@@ -227,12 +227,7 @@ impl Flows {
 }
 
 /// Counts cars on the GS on separate episodes, with the lights under this rule.
-fn measure(
-    traffic: &Traffic,
-    episodes: u32,
-    slice_s: usize,
-    by: impl LightController + 'static,
-) -> Result<Vec<Flows>> {
+fn measure(traffic: &Traffic, episodes: u32, slice_s: usize, by: impl LightController + 'static) -> Result<Vec<Flows>> {
     let plans = traffic.plans();
     let approaches: Vec<usize> = plans.iter().map(|plan| plan.region.approaches.len()).collect();
     let none = Flows { cars: Ragged::new(approaches), seconds: 0 };

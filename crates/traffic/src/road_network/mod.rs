@@ -26,8 +26,8 @@ use crate::scenario::stops::Stops;
 use crate::scenario::travellers::Travellers;
 use crate::sim::local_forest::LocalForest;
 use crate::sim::recorded_roads::RecordedRoads;
-use dials_core::outside::quoted;
 use dials_core::domain::{FirstRow, Map, Result, RoughCosts, Scenario};
+use dials_core::outside::quoted;
 use scenario::ScenarioFiles;
 
 /// Share of switches above which an agent is stuck: its lights are yellow most of the time. Agents that learn are near
@@ -120,7 +120,8 @@ impl RoadNetwork {
     /// Returns the names of the streets, by the ids of their edges. Many nets have none.
     pub(crate) fn street_names(&self) -> HashMap<String, String> {
         let Files::Scenario(scenario) = &self.files else { return HashMap::new() };
-        let named = |edge: &Element| Some((edge.attribute("id")?.to_owned(), edge.attribute("name")?.trim().to_owned()));
+        let named =
+            |edge: &Element| Some((edge.attribute("id")?.to_owned(), edge.attribute("name")?.trim().to_owned()));
         scenario.files.net().all("edge").filter_map(named).filter(|(_, name)| !name.is_empty()).collect()
     }
 

@@ -210,7 +210,14 @@ mod tests {
         };
         let plans = vec![crossing(), crossing()];
         let flows = Flows { cars: Ragged::from_vec(vec![9; 10], [5, 5]).unwrap(), seconds: 900 };
-        (plans, Coordination { flows, ratios: Vec::new(), stretches: vec![stretch(0, 1, 12.0, cars), stretch(1, 0, 30.0, 1)] })
+        (
+            plans,
+            Coordination {
+                flows,
+                ratios: Vec::new(),
+                stretches: vec![stretch(0, 1, 12.0, cars), stretch(1, 0, 30.0, 1)],
+            },
+        )
     }
 
     #[test]

@@ -8,11 +8,11 @@ use super::periods::{SLICE_S, periods, sum};
 use crate::Traffic;
 use crate::agents::plan::AgentPlan;
 use crate::controllers::search::{Judge, net};
+use crate::controllers::timing_file::Score;
 use crate::controllers::webster::timing;
 use crate::controllers::{self, ClockLights, ClockPlan, HandCoded, Timed, Timing, Webster};
 use crate::sim::control::SignalControl;
 use crate::tuning::{TuningProgress, delay_s};
-use crate::controllers::timing_file::Score;
 use dials_core::domain::GlobalSimulator;
 
 /// Returns the plan of a controller. `None`: it looks at the traffic, so what it shows has to be watched.
@@ -34,7 +34,8 @@ pub fn timed(traffic: &Traffic, controller: &str) -> Result<Option<DayPlan>> {
 
 fn with_least_greens(plan: &AgentPlan, timing: &Timing) -> Timing {
     let least = plan.phases.min_green_steps();
-    let lengths = timing.greens().iter().zip(least).map(|(&green, &least)| if green > 0 { green.max(least) } else { 0 });
+    let lengths =
+        timing.greens().iter().zip(least).map(|(&green, &least)| if green > 0 { green.max(least) } else { 0 });
     timing.with_lengths(&plan.phases, &lengths.collect::<Vec<_>>())
 }
 

@@ -7,6 +7,7 @@ use anyhow::Result;
 use crate::Traffic;
 use crate::config::sumocfg::Sumocfg;
 use crate::road_network::Files;
+use dials_core::outside::read_text;
 
 /// What the command line of plain SUMO needs, besides the file of the programs.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -17,7 +18,13 @@ pub struct PlainRun {
     /// Seconds of begin and end that the configuration does not say.
     pub begin_s: Option<u64>,
     pub end_s: Option<u64>,
+    /// Whether SUMO would check the files against schemas. It then refuses some that it can play.
+    pub validates: bool,
 }
+
+/// Option of a configuration that says whether SUMO checks files.
+const VALIDATION: &str = "xml-validation";
+const MOST_BYTES: u64 = 1 << 20;
 
 pub fn plain_run(traffic: &Traffic) -> Result<PlainRun> {
     let (begin_s, _) = traffic.window_s();
@@ -31,7 +38,9 @@ pub fn plain_run(traffic: &Traffic) -> Result<PlainRun> {
             (path, sumocfg.additional, (sumocfg.begin_s, sumocfg.end_s))
         }
     };
+    let validates = !read_text(&config, MOST_BYTES)?.contains(VALIDATION);
     Ok(PlainRun {
+        validates,
         config,
         additional,
         begin_s: (begin_s != theirs.0).then_some(begin_s),

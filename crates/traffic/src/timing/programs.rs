@@ -117,7 +117,8 @@ fn chosen_and_kept(traffic: &Traffic) -> Result<Vec<Element>> {
         // Those behind the chosen one were taken out.
         let mut copy = (*of_light().next_back()?).clone();
         // Names of programs that were taken out are not known here, but nobody calls one so.
-        let id = free_name("chosen-for-plan", |name| of_light().any(|program| program.attribute("programID") == Some(name)));
+        let id =
+            free_name("chosen-for-plan", |name| of_light().any(|program| program.attribute("programID") == Some(name)));
         copy.attributes.retain(|(key, _)| key != "programID");
         copy.attributes.push(("programID".to_owned(), id));
         Some(copy)

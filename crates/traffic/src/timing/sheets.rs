@@ -79,7 +79,11 @@ impl Words<'_> {
                     all_red_s: 0,
                     limits_s: limits_s.map(|limits| limits[green]),
                     state: phase.state.as_str().to_owned(),
-                    serves: groups.iter().filter(|group| has_green(group, begun_s)).map(|group| group.name.clone()).collect(),
+                    serves: groups
+                        .iter()
+                        .filter(|group| has_green(group, begun_s))
+                        .map(|group| group.name.clone())
+                        .collect(),
                 }),
                 (None, Some(last)) if phase.state.as_str().contains(['y', 'Y']) => last.yellow_s += phase.seconds,
                 (None, Some(last)) => last.all_red_s += phase.seconds,
@@ -101,9 +105,8 @@ impl Words<'_> {
     /// Returns the groups of a light: links from the same road that always show the same, and crossings. Those of cars
     /// come first.
     fn groups(&self, light: &str, phases: &[Phase<'_>]) -> Vec<SignalGroup> {
-        let shown = |letter: usize| -> Vec<u8> {
-            phases.iter().map(|phase| phase.state.as_str().as_bytes()[letter]).collect()
-        };
+        let shown =
+            |letter: usize| -> Vec<u8> { phases.iter().map(|phase| phase.state.as_str().as_bytes()[letter]).collect() };
         // By road, in the order of the file.
         let mut groups: Vec<(bool, &str, Vec<u8>, Vec<&Connection>)> = Vec::new();
         for link in self.roads.of_light(light) {
