@@ -51,7 +51,7 @@ impl<'a> MeasuredFile<'a> {
 /// Reads all results of a map. What is not there is named.
 pub(super) fn results(ready: &Prepared, wanted: &Wanted<'_>, runs: &Path) -> MapResults {
     let mut missing = Vec::new();
-    let names = wanted.protocol.controllers(ready.map).into_iter().map(|(name, _)| name).chain([TUNED]);
+    let names = ready.controllers.iter().map(|(name, _)| *name).chain([TUNED]);
     let mut controllers = Vec::new();
     for name in names {
         match MeasuredFile::controller(ready, name, wanted, runs).measurement() {

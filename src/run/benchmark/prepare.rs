@@ -87,7 +87,7 @@ impl Protocol {
     }
 
     /// Returns the hand-coded controllers, by the names that the page shows.
-    pub(super) fn controllers(&self, map: &Map) -> Vec<(&'static str, String)> {
+    fn controllers(&self, map: &Map) -> Vec<(&'static str, String)> {
         let wave = match self.which {
             RescoProtocol::Resco2021 => format!("max-wave:every={}", map.decision_s),
             RescoProtocol::Ours => "max-wave".to_owned(),
@@ -106,6 +106,8 @@ pub(super) struct Prepared {
     pub(super) measured_on: PathBuf,
     pub(super) scenario: String,
     pub(super) rough_costs: RoughCosts,
+    /// Hand-coded controllers that can run its lights, by the names that the page shows.
+    pub(super) controllers: Vec<(&'static str, String)>,
     /// Runs to train; `None` if none are asked for.
     pub(super) experiment: Option<Experiment>,
     pub(super) experiment_file: PathBuf,
@@ -145,6 +147,14 @@ impl Prepared {
         let played: RunConfig = load(&measured_on, &[])?;
         let domain = domains::find(&played)?;
         let lights = domain.agents();
+        let mut controllers = Vec::new();
+        for (name, text) in protocol.controllers(map) {
+            // On some nets SUMO refuses actuated lights. Nothing is simulated to find that out.
+            match domain.baseline(&text) {
+                Ok(_) => controllers.push((name, text)),
+                Err(error) => notes.push(format!("`{name}` is left out. {error:#}")),
+            }
+        }
         let experiment_file = maps.join(format!("{}.experiment.toml", map.name));
         let experiment = match experiment(map, wanted, lights) {
             None => None,
@@ -160,6 +170,7 @@ impl Prepared {
             measured_on,
             scenario: domain.scenario()?.id.word(),
             rough_costs: domain.rough_costs(),
+            controllers,
             experiment,
             experiment_file,
             notes,

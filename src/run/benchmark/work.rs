@@ -17,8 +17,8 @@ use dials_session::experiment::progress::Stage;
 
 /// Number of episodes on which the search judges timings. The demand of a map is always the same.
 const TUNE_EPISODES: &str = "2";
-/// Rough number of episodes of that search.
-const SEARCH_EPISODES: usize = 60;
+/// Number of episodes of that search, at most.
+const SEARCH_EPISODES: usize = 80;
 
 pub(super) struct Plan {
     /// Tasks that are not done.
@@ -39,11 +39,11 @@ impl Plan {
         let mut tasks: Vec<((usize, usize), PlannedWork)> = Vec::new();
         let mut done = 0;
         for ready in prepared {
-            for (name, controller) in wanted.protocol.controllers(ready.map) {
+            for (name, controller) in &ready.controllers {
                 let file = MeasuredFile::controller(ready, name, wanted, runs);
                 match file.read() {
                     Some(_) => done += 1,
-                    None => tasks.push(((0, 0), file.task(of_controller(ready, wanted, &controller), 1, ready))),
+                    None => tasks.push(((0, 0), file.task(of_controller(ready, wanted, controller), 0, ready))),
                 }
             }
             let tuned = MeasuredFile::controller(ready, TUNED, wanted, runs);
@@ -86,7 +86,7 @@ fn measurements(run: &PlannedWork, ready: &Prepared, wanted: &Wanted<'_>, runs: 
         arguments.extend(episodes(wanted));
         match there {
             Some(_) => None,
-            None => Some(file.task(arguments, 1, ready)),
+            None => Some(file.task(arguments, 0, ready)),
         }
     };
     [true, false].into_iter().filter_map(of).collect()
@@ -110,9 +110,9 @@ fn episodes(wanted: &Wanted<'_>) -> [OsString; 3] {
 }
 
 impl MeasuredFile<'_> {
-    /// Makes the task that writes the file. `times`: how often it plays the episodes, roughly.
-    fn task(&self, arguments: Vec<OsString>, times: usize, ready: &Prepared) -> PlannedWork {
-        let steps = ready.lights * ready.horizon * self.episodes as usize * times;
+    /// Makes the task that writes the file. `before`: number of episodes that it plays before it measures.
+    fn task(&self, arguments: Vec<OsString>, before: usize, ready: &Prepared) -> PlannedWork {
+        let steps = ready.lights * ready.horizon * (before + self.episodes as usize);
         let estimate = Estimate {
             seconds: 2.0 + steps as f64 * ready.rough_costs.evaluation_s,
             memory_mb: ready.rough_costs.process_mb,

@@ -4,6 +4,7 @@ use super::published::{CPU_SECONDS, Kind, OTHERS, RESCO};
 use super::results::{About, MapResults, Measurement, MethodResults};
 use crate::document::{Block, Document, Table};
 use crate::words::certainty;
+use dials_core::base::counted;
 use dials_core::base::statistics::Spread;
 
 const NOTHING: &str = "-";
@@ -13,20 +14,16 @@ const CONTROLLERS: [&str; 5] = ["program", "actuated", "fixed-time, tuned", "max
 
 pub(super) fn document(about: &About, maps: &[MapResults]) -> Document {
     let mut blocks = vec![Block::Paragraph(format!(
-        "Delay on RESCO's maps by the protocol `{}`, in seconds per car; lower is better. Ours are the last policies of \
-         {} and SUMO {}, never the best ones of a run.",
+        "Delay on RESCO's maps by the protocol `{}`, in seconds per car; lower is better. Ours are last policies, after {} of \
+         training, never the best ones of a run. Simulated with {}.",
         about.protocol,
-        if about.episodes == 1 {
-            "one episode of training".to_owned()
-        } else {
-            format!("{} episodes of training", about.episodes)
-        },
-        about.sumo.trim_start_matches("SUMO "),
+        counted(about.episodes as usize, "episode"),
+        about.sumo,
     ))];
     blocks.extend(warnings(about, maps));
     blocks.push(Block::Table(overview(maps)));
     for of_map in maps {
-        blocks.push(Block::Heading(format!("{}, {}", of_map.map.name, lights(of_map.lights))));
+        blocks.push(Block::Heading(format!("{}, {}", of_map.map.name, counted(of_map.lights, "light"))));
         blocks.push(Block::Table(table(of_map)));
         if !of_map.notes.is_empty() {
             blocks.push(Block::List(of_map.notes.clone()));
@@ -43,10 +40,6 @@ pub(super) fn document(about: &About, maps: &[MapResults]) -> Document {
     blocks.push(Block::Heading("Make it again".to_owned()));
     blocks.push(Block::Code(vec![about.command.clone()]));
     Document { title: "RESCO's maps".to_owned(), blocks }
-}
-
-fn lights(count: usize) -> String {
-    if count == 1 { "1 light".to_owned() } else { format!("{count} lights") }
 }
 
 fn how(about: &About) -> Vec<String> {
