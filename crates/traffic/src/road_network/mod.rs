@@ -155,14 +155,6 @@ impl RoadNetwork {
         }
     }
 
-    /// Returns the second of SUMO's clock at which an episode begins.
-    pub(crate) fn begin_s(&self) -> u64 {
-        match &self.files {
-            Files::Grid(_) => 0,
-            Files::Scenario(scenario) => scenario.files.window_s().0,
-        }
-    }
-
     pub(crate) fn source(&self) -> Result<Loadable> {
         match &self.files {
             Files::Grid(files) => files.network.for_sumo(),
