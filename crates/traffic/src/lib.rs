@@ -9,6 +9,7 @@
 //! - `prepared`: what local simulators of a scenario are made from, kept and sent as bytes.
 //! - [`sim`]: the simulators, their recordings and replays.
 //! - [`controllers`]: hand-coded baselines; [`tuning`]: the search for the best fixed-time lights.
+//! - [`events`]: the event log of the street, as a signal controller writes it.
 //! - [`fidelity`]: how far the local simulators are like the global one.
 //!
 //! # Words
@@ -30,6 +31,7 @@ pub mod config;
 pub mod controllers;
 pub mod cut;
 mod d_set;
+pub mod events;
 pub mod fidelity;
 mod inflow;
 pub mod light;
@@ -56,6 +58,8 @@ use crate::config::{ScenarioConfig, TrafficConfig};
 use agents::plan::{AgentPlan, Border, JointPlan};
 use controllers::HandCoded;
 use controllers::timing_file::TimingFile;
+use events::EventLog;
+use events::site::Site;
 use dials_core::base::{AgentId, RandomPurpose, Rows, Seed};
 use dials_core::domain::road_trace::RoadMap;
 use dials_core::domain::{
@@ -113,6 +117,7 @@ pub struct Traffic {
     plan: Arc<JointPlan>,
     network: Arc<RoadNetwork>,
     tape: Option<Tape>,
+    events: Option<EventLog>,
     visits: Arc<OnceLock<Arc<VisitTables>>>,
 }
 
@@ -134,7 +139,7 @@ impl Traffic {
     }
 
     fn new((network, plan): (RoadNetwork, JointPlan)) -> Traffic {
-        Traffic { plan: Arc::new(plan), network: Arc::new(network), tape: None, visits: Arc::default() }
+        Traffic { plan: Arc::new(plan), network: Arc::new(network), tape: None, events: None, visits: Arc::default() }
     }
 
     /// Returns the borders of the agents' regions, in their order. A grid of the paper has none.
@@ -161,12 +166,23 @@ impl Traffic {
     }
 
     fn off_tape(&self) -> Traffic {
-        Traffic { tape: None, ..self.clone() }
+        Traffic { tape: None, events: None, ..self.clone() }
     }
 
     /// Makes the first episode of its simulators, global or local, go on this tape.
     pub fn record_on(self, tape: &Tape) -> Traffic {
         Traffic { tape: Some(tape.clone()), ..self }
+    }
+
+    /// Makes the episodes that its global simulators play and [measure in full](GlobalSimulator::measure_in_full) go into
+    /// this log.
+    pub fn log_events(self, log: &EventLog) -> Traffic {
+        Traffic { events: Some(log.clone()), ..self }
+    }
+
+    /// Returns the lights with the phases and detectors that the event log knows.
+    pub fn sites(&self) -> Result<Vec<Site>> {
+        self.network.sites(&self.plan)
     }
 
     pub fn grid(&self) -> Option<Grid> {
@@ -206,7 +222,7 @@ impl Traffic {
         if let Some(why) = self.network.refuses_actuated.as_ref().filter(|_| control.is_actuated()) {
             bail!("{why}");
         }
-        GlobalTraffic::new(self.plan.clone(), self.network.clone(), control, self.tape.as_ref())
+        GlobalTraffic::new(self.plan.clone(), self.network.clone(), control, self.tape.as_ref(), self.events.as_ref())
     }
 
     pub fn seconds(&self) -> usize {

@@ -20,6 +20,7 @@ use crate::agents::others_plan::OthersPlan;
 use crate::agents::plan::JointPlan;
 use crate::cars_at::{CarsAt, RowLanes};
 use crate::controllers::intersections::Intersections;
+use crate::events::{EventLog, EventRecorder};
 use crate::inflow::has_arrival;
 use crate::network::loadable::Loadable;
 use crate::observe::{self, LightView};
@@ -63,6 +64,8 @@ pub struct GlobalTraffic {
     tally: Tally,
     watch: Stopwatch,
     recorder: Option<Recorder>,
+    /// Logs what is measured in full, if somebody wants the events of the street.
+    events: Option<EventRecorder>,
     camera: Option<Camera>,
     metrics: Option<TrafficMetrics>,
     /// Crossings, if persons' waiting is measured.
@@ -76,6 +79,7 @@ impl GlobalTraffic {
         network: Arc<RoadNetwork>,
         control: SignalControl,
         tape: Option<&Tape>,
+        log: Option<&EventLog>,
     ) -> Result<GlobalTraffic> {
         let last = JointTransition::new(&plan.kinds);
         let source = network.source()?;
@@ -89,6 +93,8 @@ impl GlobalTraffic {
         let exits = RowLanes::register(&mut simulation, exits)?;
         let record = |tape| Recorder::new(tape, &mut simulation, network.recorded(&plan)?, String::new());
         let recorder = tape.map(record).transpose()?;
+        let events = |log| EventRecorder::new(log, network.sites(&plan)?, &mut simulation);
+        let events = log.map(events).transpose()?;
         let agents = agents.len();
         let others = Others::of_rows(&plan, plan.agents.iter());
         let others = others.map(|others| others.on_foot(&mut simulation, &plan.agents)).transpose()?;
@@ -113,6 +119,7 @@ impl GlobalTraffic {
             tally: Tally::default(),
             watch: Stopwatch::default(),
             recorder,
+            events,
             camera: None,
             metrics: None,
             crossings: None,
@@ -196,7 +203,7 @@ impl GlobalTraffic {
         if let Some(recorder) = &mut self.recorder {
             recorder.step(&mut self.simulation, &[])?;
         }
-        Ok(())
+        self.events.as_mut().map_or(Ok(()), |events| events.second(&mut self.simulation))
     }
 
     fn note_sources(&mut self, second: usize) -> Result<()> {
@@ -271,8 +278,12 @@ impl GlobalSimulator for GlobalTraffic {
         if let Some(metrics) = &mut self.metrics {
             metrics.begin();
             options.extend(metrics.options());
+            self.events.iter().for_each(|events| events.add_to(&mut options));
         }
         self.source.load(&mut self.simulation, &options)?;
+        if let Some(events) = self.events.as_mut().filter(|_| self.metrics.is_some()) {
+            events.begin(&self.simulation)?;
+        }
         let by_program = self.decisions.control.by_program();
         let program = self.decisions.control.is_actuated().then(|| self.source.actuated_program());
         let ours: Vec<usize> = (0..self.agents()).filter(|row| !by_program.contains(row)).collect();
@@ -394,6 +405,7 @@ impl GlobalSimulator for GlobalTraffic {
             // SUMO writes the trips of the cars that are still on the road when it ends.
             self.simulation.unload()?;
             metrics.finish()?;
+            self.events.as_mut().map_or(Ok(()), EventRecorder::finish)?;
         }
         let mut measures = self.tally.measures();
         measures.system.splice(1..1, metrics.of_net(self.tally.arrived));
