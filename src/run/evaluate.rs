@@ -6,6 +6,7 @@ use std::path::{Path, PathBuf};
 use anyhow::{Context, anyhow, bail, ensure};
 use serde_json::{Value, json};
 
+use super::events::EventFiles;
 use super::plot::Plots;
 use super::subject::{Background, Subject, agent_called};
 use crate::cli;
@@ -28,7 +29,7 @@ use dials_session::{directory, domains, outputs};
 use dials_traffic::config::sumocfg::Sumocfg;
 use dials_traffic::controllers::timing_file::{TimingFile, TunedOn};
 use dials_traffic::controllers::{COORDINATED, FIXED_TIME, check_name};
-use dials_traffic::{Sumo, tuning};
+use dials_traffic::{Sumo, Traffic, tuning};
 
 pub(super) fn evaluate(args: &cli::EvaluateArgs) -> Result<()> {
     let (config, domain) = directory::open_unchanged(&args.run_dir, domains::open).map_err(Error::Usage)?;
@@ -41,10 +42,12 @@ pub(super) fn evaluate(args: &cli::EvaluateArgs) -> Result<()> {
     let background = args.background.clone().map(|controller| Background { controller, policies_of });
     let subjects = vec![Subject::Run { dir: args.run_dir.clone(), greedy: args.greedy, background }];
     let plots = Plots::asked_for(&args.output, &config).map_err(Error::Usage)?;
-    let domain = plots.as_ref().map_or(&*domain, Plots::domain);
+    let (logged, mut events) = logged(&config, &args.output)?;
+    let plots = with_events(plots, events.as_ref());
+    let domain = watched(&*domain, plots.as_ref(), logged.as_ref());
     let session = Session::new(domain, &config, &args.episodes, &args.output)?;
     let csv = session.prepare(&subjects).map_err(Error::Usage)?;
-    let (findings, written) = session.play(subjects, csv)?;
+    let (findings, written) = session.play(subjects, csv, events.as_mut())?;
     session.print(&findings, false, &[])?;
     session.draw(plots.as_ref(), &findings[0], format!("policies of {}", findings[0].player.label))?;
     written
@@ -62,7 +65,9 @@ pub(super) fn baseline(args: &cli::BaselineArgs) -> Result<()> {
     domains::check(&config).map_err(Error::Usage)?;
     let about = [("config", json!(path_as_text(&args.config)))];
     let plots = Plots::asked_for(&args.output, &config).map_err(Error::Usage)?;
-    let domain = plots.as_ref().map_or(&*domain, Plots::domain);
+    let (logged, mut events) = logged(&config, &args.output)?;
+    let plots = with_events(plots, events.as_ref());
+    let domain = watched(&*domain, plots.as_ref(), logged.as_ref());
     let session = Session::new(domain, &config, &args.episodes, &args.output)?;
     let mut subjects = match (&args.controller, &args.compare) {
         (Some(name), _) => vec![Subject::Controller(name.clone())],
@@ -73,11 +78,35 @@ pub(super) fn baseline(args: &cli::BaselineArgs) -> Result<()> {
     if args.tune {
         tune(&config, args.tune_episodes as usize, &mut subjects)?;
     }
-    let (findings, written) = session.play(subjects, csv)?;
+    let (findings, written) = session.play(subjects, csv, events.as_mut())?;
     session.print(&findings, args.compare.is_some(), &about)?;
     let config = args.config.file_name().unwrap_or_default().to_string_lossy();
     session.draw(plots.as_ref(), &findings[0], format!("controller {} on {config}", findings[0].player.label))?;
     written
+}
+
+/// Returns the domain whose episodes are logged, and the files of the log. Nothing if `--events` was not given.
+fn logged(config: &RunConfig, output: &cli::OutputArgs) -> Result<(Option<Traffic>, Option<EventFiles>)> {
+    let existing = Existing::of_named(output.force);
+    let found = EventFiles::asked_for(output.events.as_deref(), existing, config).map_err(Error::Usage)?;
+    Ok(found.unzip())
+}
+
+/// Makes the episodes of the pictures go into the log, too.
+fn with_events(plots: Option<Plots>, events: Option<&EventFiles>) -> Option<Plots> {
+    plots.map(|plots| match events {
+        Some(events) => plots.log_events(&events.log),
+        None => plots,
+    })
+}
+
+/// Returns the domain that plays: that of the pictures, of the log, or the usual one.
+fn watched<'a>(usual: &'a dyn Domain, plots: Option<&'a Plots>, logged: Option<&'a Traffic>) -> &'a dyn Domain {
+    match (plots, logged) {
+        (Some(plots), _) => plots.domain(),
+        (None, Some(traffic)) => traffic,
+        (None, None) => usual,
+    }
 }
 
 struct Session<'a> {
@@ -99,7 +128,12 @@ impl<'a> Session<'a> {
         output: &'a cli::OutputArgs,
     ) -> Result<Session<'a>> {
         let count = episodes.episodes.map_or(config.learning.evaluation.final_episodes, |count| count as usize);
-        let places = [("--csv", &output.csv), ("--plot", &output.plot), ("--render", &output.render)];
+        let places = [
+            ("--csv", &output.csv),
+            ("--plot", &output.plot),
+            ("--render", &output.render),
+            ("--events", &output.events),
+        ];
         outputs::check_apart(&places.map(|(option, dir)| (option, dir.as_deref()))).map_err(Error::Usage)?;
         let scenario = domain.scenario().map_err(Error::Run)?.id.word();
         domains::note_left_out(domain);
@@ -119,9 +153,14 @@ impl<'a> Session<'a> {
         self.output.csv.as_deref().map(|dir| CsvFiles::create(dir, existing)).transpose()
     }
 
-    /// Lets all subjects play the same episodes. The files of `--csv` have a result of their own, because a full disk must
-    /// not cost what was played.
-    fn play(&self, subjects: Vec<Subject>, mut csv: Option<CsvFiles>) -> Result<(Vec<Finding>, Result<()>)> {
+    /// Lets all subjects play the same episodes. The files of `--csv` and `--events` have a result of their own, because a
+    /// full disk must not cost what was played.
+    fn play(
+        &self,
+        subjects: Vec<Subject>,
+        mut csv: Option<CsvFiles>,
+        mut events: Option<&mut EventFiles>,
+    ) -> Result<(Vec<Finding>, Result<()>)> {
         let bar = EpisodeBar::of(subjects.len() * self.episodes, "episodes");
         let mut findings = Vec::new();
         let mut written = Ok(());
@@ -134,17 +173,27 @@ impl<'a> Session<'a> {
                 let existing = Existing::of_named(self.output.force);
                 render(simulator, controller, Seed::new(self.seed), dir, existing).map_err(Error::Usage)?;
             }
-            let progress = &mut |done| bar.set(number * self.episodes + done);
+            let mut logged = Ok(());
+            let progress = &mut |done| {
+                bar.set(number * self.episodes + done);
+                if let (Ok(()), Some(events)) = (&logged, &mut events) {
+                    logged = events.append().map_err(Error::Run);
+                }
+            };
             let played = simulator
                 .measure_in_full()
                 .and_then(|()| play_episodes(simulator, controller, Seed::new(self.seed), self.episodes, progress));
             let finding = Finding { player, episodes: played.map_err(Error::Run)? };
+            written = written.and(logged);
             if let (Ok(()), Some(csv)) = (&written, &mut csv) {
                 written = csv.append(&finding).map_err(Error::Run);
             }
             findings.push(finding);
         }
         bar.finish();
+        if let (Ok(()), Some(events)) = (&written, &events) {
+            events.note_written();
+        }
         Ok((findings, written))
     }
 

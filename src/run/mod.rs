@@ -2,7 +2,7 @@
 //!
 //! - `train`: trains policies and writes a run directory. `team`: where its workers are. `run_name`: its default name.
 //! - `evaluate`: plays and measures saved policies; also `baseline`, which does so with hand-coded controllers.
-//!   `subject`: what both play.
+//!   `subject`: what both play. `events`: the event log of their episodes.
 //! - `replay`: an episode for sumo-gui, and films of it. `plot`: pictures of an episode.
 //! - `experiment`: makes all runs of a file. `report`, `compare`: summarise runs; `watch`: shows them live.
 //! - `bench`: measures training speed. `check`: local simulators beside the global one. `export`: policies as TorchScript.
@@ -17,6 +17,7 @@ mod complete;
 mod describe;
 mod doctor;
 mod evaluate;
+mod events;
 mod experiment;
 mod export;
 mod info;

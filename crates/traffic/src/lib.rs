@@ -58,14 +58,14 @@ use crate::config::{ScenarioConfig, TrafficConfig};
 use agents::plan::{AgentPlan, Border, JointPlan};
 use controllers::HandCoded;
 use controllers::timing_file::TimingFile;
-use events::EventLog;
-use events::site::Site;
 use dials_core::base::{AgentId, RandomPurpose, Rows, Seed};
 use dials_core::domain::road_trace::RoadMap;
 use dials_core::domain::{
     Baseline, Beginning, BuiltInControl, Domain, GlobalSimulator, Kind, Kinds, LocalSimulator, Measures, Result,
     RoughCosts, Scenario, Task,
 };
+use events::EventLog;
+use events::site::Site;
 use libsumo::Simulation;
 pub use libsumo::{Error as SumoError, Library as Sumo, Place as SumoPlace};
 use network::way_out::{Role, cannot_be_simulated};

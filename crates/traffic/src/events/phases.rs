@@ -74,7 +74,8 @@ impl PhaseClock {
 
 fn colour(state: &SignalState, letters: &[usize]) -> Colour {
     let shown = state.as_str().as_bytes();
-    let has = |wanted: &[u8]| letters.iter().any(|&letter| shown.get(letter).is_some_and(|shown| wanted.contains(shown)));
+    let has =
+        |wanted: &[u8]| letters.iter().any(|&letter| shown.get(letter).is_some_and(|shown| wanted.contains(shown)));
     if has(b"Gg") {
         Colour::Green
     } else if has(b"yY") {
@@ -148,6 +149,9 @@ mod tests {
         // A way of phase 1 loses green, then the other one gets yellow.
         assert_eq!(events(&["GGrr", "yGrr", "rgrr", "ryrr"]), [(0, 1, 1), (3, 7, 1), (3, 8, 1)]);
         // Red and yellow before green is red, and the same phase may come again.
-        assert_eq!(events(&["ggrr", "rrrr", "uurr", "GGrr"]), [(0, 1, 1), (1, 7, 1), (1, 10, 1), (3, 11, 1), (3, 1, 1)]);
+        assert_eq!(
+            events(&["ggrr", "rrrr", "uurr", "GGrr"]),
+            [(0, 1, 1), (1, 7, 1), (1, 10, 1), (3, 11, 1), (3, 1, 1)]
+        );
     }
 }

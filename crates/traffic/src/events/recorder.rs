@@ -47,7 +47,12 @@ impl EventRecorder {
     pub(crate) fn new(log: &EventLog, sites: Vec<Site>, simulation: &mut Simulation) -> Result<EventRecorder> {
         let lights: Vec<&String> = sites.iter().map(|site| &site.light).collect();
         let lights = simulation.register_lights(&lights)?;
-        let all = || sites.iter().enumerate().flat_map(|(number, site)| site.detectors.iter().zip(0..).zip(std::iter::repeat(number)));
+        let all = || {
+            sites
+                .iter()
+                .enumerate()
+                .flat_map(|(number, site)| site.detectors.iter().zip(0..).zip(std::iter::repeat(number)))
+        };
         let at_stop_line = || all().filter(|((detector, _), _)| detector.place == DetectorPlace::StopBar);
         let names: Vec<&String> = at_stop_line().map(|((detector, _), _)| &detector.lane).collect();
         Ok(EventRecorder {
@@ -129,7 +134,11 @@ impl EventRecorder {
             passages.push((crossing.micros, crossing.site, crossing.detector, passage));
         }
         passages.append(&mut episode.reads);
-        let everywhere = self.sites.iter().enumerate().flat_map(|(site, of)| (0..of.detectors.len()).map(move |detector| (site, detector)));
+        let everywhere = self
+            .sites
+            .iter()
+            .enumerate()
+            .flat_map(|(site, of)| (0..of.detectors.len()).map(move |detector| (site, detector)));
         let everywhere: Vec<(usize, usize)> = everywhere.collect();
         for (micros, car) in std::mem::take(&mut episode.gone) {
             passages.extend(everywhere.iter().map(|&(site, detector)| (micros, site, detector, Passage::Gone(car))));

@@ -157,7 +157,8 @@ fn site(roads: &Roads, light: &str, greens: &[SignalState], states: &[&SignalSta
         }
     });
     let phases: Vec<Phase> = vehicles.chain(crossings(roads, light, in_greens)).collect();
-    let numbered = groups.iter().zip(1..).flat_map(|((_, lanes, _), phase)| lanes.iter().map(move |&lane| (lane, phase)));
+    let numbered =
+        groups.iter().zip(1..).flat_map(|((_, lanes, _), phase)| lanes.iter().map(move |&lane| (lane, phase)));
     let detectors = numbered.flat_map(|(lane, phase)| detectors(roads, lane, phase)).collect();
     Site { light: light.to_owned(), phases, detectors, greens: greens.to_vec() }
 }
@@ -203,5 +204,7 @@ fn letter(link: &Connection) -> usize {
 /// Returns whether one of these letters is green. A state may have fewer letters than the net, in a program that is
 /// never shown.
 fn has_green<'a>(state: &SignalState, letters: impl IntoIterator<Item = &'a usize>) -> bool {
-    letters.into_iter().any(|&letter| state.as_str().as_bytes().get(letter).is_some_and(|letter| b"Gg".contains(letter)))
+    letters
+        .into_iter()
+        .any(|&letter| state.as_str().as_bytes().get(letter).is_some_and(|letter| b"Gg".contains(letter)))
 }

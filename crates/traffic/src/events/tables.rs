@@ -29,8 +29,7 @@ pub fn log(sites: &[Site], events: &[Event]) -> Table {
 
 /// Returns the detectors. The first four columns are the `detector_config` of `atspm`.
 pub fn detectors(sites: &[Site]) -> Table {
-    let header =
-        ["DeviceId", "Phase", "Parameter", "Function", "Lane", "Street", "BeginM", "LengthM", "SetbackM"];
+    let header = ["DeviceId", "Phase", "Parameter", "Function", "Lane", "Street", "BeginM", "LengthM", "SetbackM"];
     let lines = sites.iter().flat_map(|site| {
         site.detectors.iter().enumerate().map(|(number, detector)| {
             let (function, length_m) = match detector.place {
