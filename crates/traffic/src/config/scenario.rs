@@ -11,6 +11,7 @@ use serde::de::{Error, Unexpected};
 use serde::{Deserialize, Deserializer, Serialize, Serializer};
 use toml::Value;
 
+use super::detectors::DetectorFaults;
 use super::reward::Reward;
 use super::sumocfg::{MOST_SECONDS, Sumocfg};
 use crate::Traffic;
@@ -68,6 +69,9 @@ pub struct ScenarioConfig {
     pub approach_m: f64,
     /// What an agent sees of the cars on its approaches.
     pub observation: Observation,
+    /// Faults of the detectors, if agents see detectors.
+    #[serde(skip_serializing_if = "is_default")]
+    pub detector_faults: DetectorFaults,
     /// What an agent is rewarded for, as on a grid. Keep returns within a few units: a value moves by at most `ppo.clip` in
     /// an update. With a weight of 1, `"queue"` and `"wait"` got agents stuck on RESCO's map cologne1. The default comes
     /// from six runs there, one seed each, so it is no proof that other rewards are worse. Returns of
@@ -92,6 +96,10 @@ pub enum Observation {
     /// crossing, in tens. Local simulators have no trams and no persons.
     #[serde(rename = "cells+buses")]
     CellsAndBuses,
+    /// Detectors in the road, as in the street: on each lane before a stop line one over the last 12 m, and one 60 m before
+    /// it. Of each the count and the occupancy since the last decision, and the time since a car. See
+    /// [networks](networks.md#detectors).
+    Detectors,
 }
 
 const LONGEST_S: u32 = 300;
@@ -120,6 +128,7 @@ impl ScenarioConfig {
             yellow_s: Yellow::Program,
             approach_m: 150.0,
             observation: Observation::default(),
+            detector_faults: DetectorFaults::default(),
             reward: Reward::default(),
             local_horizon: 120,
         }
@@ -184,6 +193,7 @@ impl DomainTable for ScenarioConfig {
         ensure!(APPROACH_M.contains(&approach), "traffic.approach_m = {approach}: must be from 10 to 1000 metres");
         ensure!(self.local_horizon >= 1, "traffic.local_horizon = 0: must be at least 1 decision; 120 is the default");
         self.reward.check()?;
+        self.detector_faults.check(self.observation)?;
         let (begin, end) = self.window_s()?;
         ensure!(end <= MOST_SECONDS, "traffic.end_s = {end}: must be at most {MOST_SECONDS}");
         ensure!(
@@ -231,6 +241,10 @@ impl DomainTable for ScenarioConfig {
     fn open(&self) -> Result<Arc<dyn Domain>> {
         Ok(Arc::new(Traffic::open_scenario(self)?))
     }
+}
+
+fn is_default(faults: &DetectorFaults) -> bool {
+    *faults == DetectorFaults::default()
 }
 
 const PROGRAM: &str = "program";

@@ -134,38 +134,42 @@ impl EventRecorder {
             passages.push((crossing.micros, crossing.site, crossing.detector, passage));
         }
         passages.append(&mut episode.reads);
-        let everywhere = self
-            .sites
-            .iter()
-            .enumerate()
-            .flat_map(|(site, of)| (0..of.detectors.len()).map(move |detector| (site, detector)));
-        let everywhere: Vec<(usize, usize)> = everywhere.collect();
-        for (micros, car) in std::mem::take(&mut episode.gone) {
-            passages.extend(everywhere.iter().map(|&(site, detector)| (micros, site, detector, Passage::Gone(car))));
-        }
         // What loops saw comes before what was read at the end of the second.
         passages.sort_by_key(|&(micros, site, detector, _)| (micros, site, detector));
         let mut events = std::mem::take(&mut episode.of_phases);
         let mut presence: Vec<Vec<Presence>> =
             self.sites.iter().map(|site| site.detectors.iter().map(|_| Presence::default()).collect()).collect();
-        let event = |micros: u64, site: usize, detector: usize, is_on: bool| Event {
-            tenths: micros / MICROS_PER_TENTH,
-            site,
-            code: if is_on { code::DETECTOR_ON } else { code::DETECTOR_OFF },
-            parameter: detector as u16 + 1,
-        };
-        for (micros, site, detector, passage) in passages {
-            if let Some(is_on) = presence[site][detector].note(passage) {
+        let mut note = |presence: &mut Presence, (micros, site, detector, passage): (u64, usize, usize, Passage)| {
+            if let Some(is_on) = presence.note(passage) {
                 events.push(event(micros, site, detector, is_on));
             }
+        };
+        let mut gone = episode.gone.iter().peekable();
+        for passage in passages {
+            let (micros, site, detector, _) = passage;
+            while let Some((gone_at, car)) = gone.next_if(|(gone_at, _)| *gone_at < micros) {
+                for (site, presence) in presence.iter_mut().enumerate() {
+                    for (detector, presence) in presence.iter_mut().enumerate() {
+                        note(presence, (*gone_at, site, detector, Passage::Gone(*car)));
+                    }
+                }
+            }
+            note(&mut presence[site][detector], passage);
         }
         let end_s = episode.begin_s + episode.seconds;
         // The next episode begins on empty roads.
-        for &(site, detector) in everywhere.iter().filter(|&&(site, detector)| presence[site][detector].is_on()) {
-            events.push(event(MICROS_PER_S * end_s, site, detector, false));
+        for (site, presence) in presence.iter().enumerate() {
+            let on = presence.iter().enumerate().filter(|(_, presence)| presence.is_on());
+            events.extend(on.map(|(detector, _)| event(MICROS_PER_S * end_s, site, detector, false)));
         }
         events.sort_by_key(|event| (event.tenths, event.site));
         self.log.add(events, end_s);
         Ok(())
     }
+}
+
+fn event(micros: u64, site: usize, detector: usize, is_on: bool) -> Event {
+    let code = if is_on { code::DETECTOR_ON } else { code::DETECTOR_OFF };
+    let parameter = u16::try_from(detector + 1).expect("a light has fewer detectors than 65 536");
+    Event { tenths: micros / MICROS_PER_TENTH, site, code, parameter }
 }

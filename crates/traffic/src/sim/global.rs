@@ -13,6 +13,7 @@ use super::lights::{Lights, ShownLights};
 use super::metrics::TrafficMetrics;
 use super::others::Others;
 use super::picture::Camera;
+use super::readings::Readings;
 use super::recording::{Recorder, Tape};
 use super::tally::Tally;
 use super::visits::Visits;
@@ -26,7 +27,7 @@ use crate::network::loadable::Loadable;
 use crate::observe::{self, LightView};
 use crate::reward::{self, Waiting};
 use crate::road_network::RoadNetwork;
-use dials_core::base::{Phase, Ragged, Seed, Stopwatch};
+use dials_core::base::{AgentId, Phase, Ragged, Seed, Stopwatch};
 use dials_core::domain::{
     Action, GlobalSimulator, InfluenceSample, JointPercept, JointTransition, Kinds, Measures, Result, RoadView, Scene,
 };
@@ -52,6 +53,8 @@ pub struct GlobalTraffic {
     waiting: Vec<Waiting>,
     /// Buses, trams and persons, if an agent needs them.
     others: Option<Others>,
+    /// Detectors of each row, if agents see them.
+    readings: Vec<Readings>,
     watches_roads: bool,
     /// Read only for hand-coded control and for a reward that needs them.
     exits: RowLanes,
@@ -103,6 +106,7 @@ impl GlobalTraffic {
             network,
             waiting: vec![Waiting::default(); agents],
             others,
+            readings: Vec::new(),
             watches_roads: false,
             decisions: Decisions::new(control, agents),
             simulation,
@@ -185,6 +189,9 @@ impl GlobalTraffic {
         self.age += 1;
         self.note_sources(number)?;
         self.others.as_mut().map_or(Ok(()), |others| others.second(&mut self.simulation))?;
+        for (row, readings) in self.readings.iter_mut().enumerate() {
+            readings.second(&self.plan.agents[row], self.approaches.at(row));
+        }
         if self.watches_roads || reward::needs_waiting(&self.plan.reward) {
             for (row, waiting) in self.waiting.iter_mut().enumerate() {
                 waiting.note(self.approaches.at(row));
@@ -259,6 +266,9 @@ impl GlobalTraffic {
             }
             let (waiting, others) = (&self.waiting[row], self.others.as_ref().map(|others| &others.now[row]));
             others.iter().for_each(|others| observe::observe_others(plan, others, percept.obs.row_mut(row)));
+            if let Some(readings) = self.readings.get(row) {
+                observe::observe_detectors(plan, readings, percept.obs.row_mut(row));
+            }
             *reward = reward::reward(&self.plan.reward, &plan.region, cars, self.exits.at(row), waiting, others);
             let may_leave = self.lights.signal(row).may_leave(&plan.phases);
             observe::mask(plan, shown, may_leave, percept.masks.row_mut(row));
@@ -299,6 +309,10 @@ impl GlobalSimulator for GlobalTraffic {
         self.tally = Tally::new(self.agents(), self.plan.emergency_decel_mps2);
         self.waiting.fill(Waiting::default());
         self.others.iter_mut().for_each(Others::begin);
+        if self.plan.sees_detectors() {
+            let of_agent = |(row, plan)| Readings::begin(plan, self.plan.faults, episode.for_agent(AgentId(row)));
+            self.readings = self.plan.agents.iter().enumerate().map(of_agent).collect();
+        }
         self.read_others()?;
         self.take_picture()?;
         self.perceive();
@@ -314,6 +328,7 @@ impl GlobalSimulator for GlobalTraffic {
         self.d_set_before.copy_from(&self.last.percept.d_set);
         self.shown.decide();
         self.waiting.iter_mut().for_each(Waiting::decide);
+        self.readings.iter_mut().for_each(Readings::decide);
         self.sources.fill(0);
         for number in 0..self.plan.decision_steps {
             self.second(number, actions)?;
@@ -427,7 +442,6 @@ mod tests {
     use crate::Traffic;
     use crate::config::TrafficConfig;
     use crate::controllers::HandCoded;
-    use dials_core::base::AgentId;
 
     /// Returns when every car wanted to enter, in seconds, in an episode with this action at every step.
     fn wished_departures(control: SignalControl, action: Action) -> BTreeMap<String, i64> {
