@@ -206,7 +206,7 @@ pub struct BaselineArgs {
     #[arg(long, value_name = "NAME", required_unless_present = "compare", conflicts_with = "compare")]
     pub controller: Option<String>,
     /// Compare controllers and run directories on the same traffic; the first one is the reference
-    #[arg(long, value_name = "NAME,RUN_DIR,...", conflicts_with_all = ["render", "plot"])]
+    #[arg(long, value_name = "NAME,RUN_DIR,...", conflicts_with_all = ["render", "plot", "events"])]
     pub compare: Option<String>,
     /// Saved policies take the most probable action instead of sampling
     #[arg(long, requires = "compare", conflicts_with = "controller")]
@@ -409,7 +409,11 @@ pub struct OutputArgs {
     /// Seconds of the first episode that --plot shows, such as 600,1200 [default: all]
     #[arg(long, value_name = "FROM,TO", requires = "plot", value_parser = values::seconds)]
     pub seconds: Option<Range<usize>>,
-    /// If an output of --csv, --render or --plot exists, move it aside instead of refusing
+    /// Also write what signal controllers with loops in the road would log, for tools such as PyPI's `atspm`, with a
+    /// table of the detectors and one of the phases beside it (traffic)
+    #[arg(long, value_name = "FILE.csv")]
+    pub events: Option<PathBuf>,
+    /// If an output of --csv, --render, --plot or --events exists, move it aside instead of refusing
     #[arg(long)]
     pub force: bool,
 }
@@ -448,7 +452,10 @@ pub struct ReplayArgs {
     /// Seconds of the episode that --video and --plot show, such as 600,1200 [default: all]
     #[arg(long, value_name = "FROM,TO", value_parser = values::seconds)]
     pub seconds: Option<Range<usize>>,
-    /// If a directory or the film exists, move it aside instead of refusing
+    /// Also write what signal controllers with loops in the road would log, as `evaluate --events` does
+    #[arg(long, value_name = "FILE.csv", conflicts_with = "local")]
+    pub events: Option<PathBuf>,
+    /// If a directory, the film or the log exists, move it aside instead of refusing
     #[arg(long)]
     pub force: bool,
 }

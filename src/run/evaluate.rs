@@ -6,6 +6,7 @@ use std::path::{Path, PathBuf};
 use anyhow::{Context, anyhow, bail, ensure};
 use serde_json::{Map, Value, json};
 
+use super::events::EventFiles;
 use super::lights::{CITY, LIGHTS, LightFigures, has_lights};
 use super::plot::Plots;
 use super::robustness::{self, Plan, Variant};
@@ -28,7 +29,7 @@ use dials_session::{directory, domains, outputs};
 use dials_traffic::config::sumocfg::Sumocfg;
 use dials_traffic::controllers::timing_file::{TimingFile, TunedOn};
 use dials_traffic::controllers::{COORDINATED, FIXED_TIME, check_name};
-use dials_traffic::{Sumo, tuning};
+use dials_traffic::{Sumo, Traffic, tuning};
 
 pub(super) fn evaluate(args: &cli::EvaluateArgs) -> Result<()> {
     // Names are checked before the files are tried, which may take long.
@@ -46,14 +47,16 @@ pub(super) fn evaluate(args: &cli::EvaluateArgs) -> Result<()> {
     let background = args.background.clone().map(|controller| Background { controller, policies_of });
     let subjects = vec![Subject::Run { dir: args.run_dir.clone(), greedy: args.greedy, background }];
     let plots = Plots::asked_for(&args.output, &config).map_err(Error::Usage)?;
-    let domain = plots.as_ref().map_or(&*domain, Plots::domain);
+    let (logged, mut events) = logged(&config, &args.output)?;
+    let plots = with_events(plots, events.as_ref());
+    let domain = watched(&*domain, plots.as_ref(), logged.as_ref());
     let session = Session::new(domain, &config, &args.episodes, &args.output)?;
     let mut lights = LightFigures::asked_for(domain, &args.output, false).map_err(Error::Usage)?;
     let csv = session.prepare(&subjects, variants.is_none()).map_err(Error::Usage)?;
     if let Some(variants) = &variants {
         return session.play_variants(variants, &subjects, csv, &[]);
     }
-    let (findings, written) = session.play(subjects, csv, &mut lights)?;
+    let (findings, written) = session.play(subjects, csv, events.as_mut(), &mut lights)?;
     session.print(&findings, false, &[], &lights)?;
     session.draw(plots.as_ref(), &findings[0], format!("policies of {}", findings[0].player.label))?;
     written
@@ -80,7 +83,9 @@ pub(super) fn baseline(args: &cli::BaselineArgs) -> Result<()> {
     domains::check(&config).map_err(Error::Usage)?;
     let about = [("config", json!(path_as_text(&args.config)))];
     let plots = Plots::asked_for(&args.output, &config).map_err(Error::Usage)?;
-    let domain = plots.as_ref().map_or(&*domain, Plots::domain);
+    let (logged, mut events) = logged(&config, &args.output)?;
+    let plots = with_events(plots, events.as_ref());
+    let domain = watched(&*domain, plots.as_ref(), logged.as_ref());
     let session = Session::new(domain, &config, &args.episodes, &args.output)?;
     let mut lights = LightFigures::asked_for(domain, &args.output, args.compare.is_some()).map_err(Error::Usage)?;
     let csv = session.prepare(&subjects, variants.is_none()).map_err(Error::Usage)?;
@@ -90,7 +95,7 @@ pub(super) fn baseline(args: &cli::BaselineArgs) -> Result<()> {
     if let Some(variants) = &variants {
         return session.play_variants(variants, &subjects, csv, &about);
     }
-    let (findings, written) = session.play(subjects, csv, &mut lights)?;
+    let (findings, written) = session.play(subjects, csv, events.as_mut(), &mut lights)?;
     session.print(&findings, args.compare.is_some(), &about, &lights)?;
     let config = args.config.file_name().unwrap_or_default().to_string_lossy();
     session.draw(plots.as_ref(), &findings[0], format!("controller {} on {config}", findings[0].player.label))?;
@@ -100,6 +105,30 @@ pub(super) fn baseline(args: &cli::BaselineArgs) -> Result<()> {
 fn check_variants(config: &RunConfig, variants: &[Variant], output: &cli::OutputArgs) -> anyhow::Result<()> {
     robustness::check_output(output)?;
     robustness::check(config, variants)
+}
+
+/// Returns the domain whose episodes are logged, and the files of the log. Nothing if `--events` was not given.
+fn logged(config: &RunConfig, output: &cli::OutputArgs) -> Result<(Option<Traffic>, Option<EventFiles>)> {
+    let existing = Existing::of_named(output.force);
+    let found = EventFiles::asked_for(output.events.as_deref(), existing, config).map_err(Error::Usage)?;
+    Ok(found.unzip())
+}
+
+/// Makes the episodes of the pictures go into the log, too.
+fn with_events(plots: Option<Plots>, events: Option<&EventFiles>) -> Option<Plots> {
+    plots.map(|plots| match events {
+        Some(events) => plots.log_events(&events.log),
+        None => plots,
+    })
+}
+
+/// Returns the domain that plays: that of the pictures, of the log, or the usual one.
+fn watched<'a>(usual: &'a dyn Domain, plots: Option<&'a Plots>, logged: Option<&'a Traffic>) -> &'a dyn Domain {
+    match (plots, logged) {
+        (Some(plots), _) => plots.domain(),
+        (None, Some(traffic)) => traffic,
+        (None, None) => usual,
+    }
 }
 
 struct Session<'a> {
@@ -122,7 +151,12 @@ impl<'a> Session<'a> {
         output: &'a cli::OutputArgs,
     ) -> Result<Session<'a>> {
         let count = episodes.episodes.map_or(config.learning.evaluation.final_episodes, |count| count as usize);
-        let places = [("--csv", &output.csv), ("--plot", &output.plot), ("--render", &output.render)];
+        let places = [
+            ("--csv", &output.csv),
+            ("--plot", &output.plot),
+            ("--render", &output.render),
+            ("--events", &output.events),
+        ];
         outputs::check_apart(&places.map(|(option, dir)| (option, dir.as_deref()))).map_err(Error::Usage)?;
         let scenario = domain.scenario().map_err(Error::Run)?.id.word();
         domains::note_left_out(domain);
@@ -144,12 +178,13 @@ impl<'a> Session<'a> {
         self.output.csv.as_deref().map(|dir| CsvFiles::create(dir, existing, has_lights)).transpose()
     }
 
-    /// Lets all subjects play the same episodes. The files of `--csv` have a result of their own, because a full disk must
-    /// not cost what was played.
+    /// Lets all subjects play the same episodes. The files of `--csv` and `--events` have a result of their own, because a
+    /// full disk must not cost what was played.
     fn play(
         &self,
         subjects: Vec<Subject>,
         mut csv: Option<CsvFiles>,
+        mut events: Option<&mut EventFiles>,
         lights: &mut LightFigures,
     ) -> Result<(Vec<Finding>, Result<()>)> {
         let bar = EpisodeBar::of(subjects.len() * self.episodes, "episodes");
@@ -171,6 +206,9 @@ impl<'a> Session<'a> {
                 episodes.push(play(simulator, controller, seed).map_err(Error::Run)?);
                 lights.note(simulator);
                 bar.set(number * self.episodes + episode + 1);
+                if let (Ok(()), Some(events)) = (&written, &mut events) {
+                    written = events.append().map_err(Error::Run);
+                }
             }
             let finding = Finding { player, episodes };
             if let (Ok(()), Some(csv)) = (&written, &mut csv) {
@@ -182,6 +220,9 @@ impl<'a> Session<'a> {
         bar.finish();
         if let (Ok(()), Some(csv)) = (&written, &csv) {
             written = self.write_city(csv, &findings, lights).map_err(Error::Run);
+        }
+        if let (Ok(()), Some(events)) = (&written, &events) {
+            events.note_written();
         }
         Ok((findings, written))
     }

@@ -3,6 +3,7 @@
 //! - `train`: trains policies and writes a run directory. `team`: where its workers are. `run_name`: its default name.
 //! - `evaluate`: plays and measures saved policies; also `baseline`, which does so with hand-coded controllers.
 //!   `subject`: what both play. `lights`: their figures of each light. `robustness`: the same on variants of the traffic.
+//!   `events`: the event log of their episodes.
 //! - `plan`: a plan of all lights that plain SUMO loads. `plan_files`: what it writes.
 //! - `replay`: an episode for sumo-gui, and films of it. `plot`: pictures of an episode.
 //! - `experiment`: makes all runs of a file. `benchmark`: makes those of a benchmark that others report.
@@ -21,6 +22,7 @@ mod demand;
 mod describe;
 mod doctor;
 mod evaluate;
+mod events;
 mod experiment;
 mod export;
 mod info;

@@ -18,6 +18,7 @@ use dials_core::domain::{Domain, DomainTable};
 use dials_learn::config::Simulator;
 use dials_traffic::Traffic;
 use dials_traffic::config::TrafficTable;
+use dials_traffic::events::EventLog;
 use dials_traffic::sim::recording::Tape;
 use dials_warehouse::config::WarehouseConfig;
 use stacknets::use_vectors;
@@ -163,6 +164,15 @@ pub fn dawdling(config: &RunConfig, sigma: f64) -> Result<Option<Traffic>> {
         }
         _ => traffic(config),
     }
+}
+
+/// Opens the traffic domain of a config. What its global simulators play and measure goes into `log`.
+pub fn open_logged(config: &RunConfig, log: &EventLog) -> Result<Traffic> {
+    let Some(traffic) = traffic(config)? else {
+        bail!("only traffic lights write such a log, and this is {}; leave the option out", domain(config).name())
+    };
+    trial::survive(config, &traffic)?;
+    Ok(traffic.log_events(log))
 }
 
 /// Opens the traffic domain of a config. The first episode that its simulators play is recorded on `tape`.

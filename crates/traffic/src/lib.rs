@@ -12,6 +12,7 @@
 //! - [`counts`]: from traffic counts to routes.
 //! - [`controllers`]: hand-coded baselines; [`tuning`]: the search for the best fixed-time lights. [`timing`]: plans of
 //!   them that plain SUMO plays.
+//! - [`events`]: the event log of the street, as a signal controller writes it.
 //! - [`fidelity`]: how far the local simulators are like the global one.
 //!
 //! # Words
@@ -34,6 +35,7 @@ pub mod controllers;
 pub mod counts;
 pub mod cut;
 mod d_set;
+pub mod events;
 pub mod fidelity;
 mod inflow;
 pub mod light;
@@ -72,6 +74,8 @@ use dials_core::domain::{
     Baseline, Beginning, BuiltInControl, Domain, GlobalSimulator, Kind, Kinds, LocalSimulator, Measures, Result,
     RoughCosts, Scenario, Task,
 };
+use events::EventLog;
+use events::site::Site;
 use libsumo::Simulation;
 pub use libsumo::{Error as SumoError, Library as Sumo, Place as SumoPlace};
 use network::way_out::{Role, cannot_be_simulated};
@@ -124,6 +128,7 @@ pub struct Traffic {
     plan: Arc<JointPlan>,
     network: Arc<RoadNetwork>,
     tape: Option<Tape>,
+    events: Option<EventLog>,
     visits: Arc<OnceLock<Arc<VisitTables>>>,
     /// Traffic on which controllers such as `webster` measure what they need. `None`: this one.
     planned_for: Option<Arc<Traffic>>,
@@ -151,6 +156,7 @@ impl Traffic {
             plan: Arc::new(plan),
             network: Arc::new(network),
             tape: None,
+            events: None,
             visits: Arc::default(),
             planned_for: None,
         }
@@ -200,12 +206,23 @@ impl Traffic {
     }
 
     fn off_tape(&self) -> Traffic {
-        Traffic { tape: None, ..self.clone() }
+        Traffic { tape: None, events: None, ..self.clone() }
     }
 
     /// Makes the first episode of its simulators, global or local, go on this tape.
     pub fn record_on(self, tape: &Tape) -> Traffic {
         Traffic { tape: Some(tape.clone()), ..self }
+    }
+
+    /// Makes the episodes that its global simulators play and [measure in full](GlobalSimulator::measure_in_full) go into
+    /// this log.
+    pub fn log_events(self, log: &EventLog) -> Traffic {
+        Traffic { events: Some(log.clone()), ..self }
+    }
+
+    /// Returns the lights with the phases and detectors that the event log knows.
+    pub fn sites(&self) -> Result<Vec<Site>> {
+        self.network.sites(&self.plan)
     }
 
     pub fn grid(&self) -> Option<Grid> {
@@ -245,7 +262,7 @@ impl Traffic {
         if let Some(why) = self.network.refuses_actuated.as_ref().filter(|_| control.is_actuated()) {
             bail!("{why}");
         }
-        GlobalTraffic::new(self.plan.clone(), self.network.clone(), control, self.tape.as_ref())
+        GlobalTraffic::new(self.plan.clone(), self.network.clone(), control, self.tape.as_ref(), self.events.as_ref())
     }
 
     /// Returns the seconds of the simulation at which an episode begins and ends.

@@ -25,6 +25,7 @@ pub(crate) fn rules(plan: &JointPlan) -> Rules {
     let cars = match &sensor.cars {
         CarColumns::Cells(_) => "cells",
         CarColumns::QueueAndDensity(_) => "queues",
+        CarColumns::Detectors(_) => "detectors",
     };
     let others = if sensor.sees_others { ", buses and persons" } else { "" };
     let light = match sensor.light {

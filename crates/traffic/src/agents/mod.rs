@@ -5,6 +5,7 @@
 
 pub mod border_plan;
 pub mod derive;
+pub(crate) mod loops;
 pub mod others_plan;
 pub mod phase_plan;
 pub mod phases;

@@ -7,6 +7,7 @@ use anyhow::ensure;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
+use super::detectors::DetectorFaults;
 use super::reward::{Reward, RewardTerm};
 use super::scenario::Observation;
 use crate::Traffic;
@@ -30,6 +31,10 @@ pub struct TrafficConfig {
     /// DEVIATION 18: other observations than the paper's, if the config asks for them.
     #[schemars(extend("source" = "P, C"))]
     pub observation: Observation,
+    /// Faults of the detectors, if agents see detectors.
+    #[serde(skip_serializing_if = "is_default")]
+    #[schemars(extend("default" = DetectorFaults::default()))]
+    pub detector_faults: DetectorFaults,
     /// What an agent is rewarded for: a name, or weights of several: `{ queue = 0.5, wait = 0.5 }`. See
     /// [environments](environments.md#rewards).
     ///
@@ -85,6 +90,7 @@ impl TrafficConfig {
             local_network: local_network.into(),
             horizon: 300,
             observation: Observation::default(),
+            detector_faults: DetectorFaults::default(),
             reward: Reward::from(RewardTerm::MeanSpeed),
             d_set: DSet::default(),
             clock: None,
@@ -160,6 +166,7 @@ impl DomainTable for TrafficConfig {
 
     fn check(&self) -> Result<()> {
         self.reward.check()?;
+        self.detector_faults.check(self.observation)?;
         ensure!(
             self.observation != Observation::CellsAndBuses && !needs_others(&self.reward),
             "traffic.observation and traffic.reward: a grid has neither buses nor persons; use a scenario for these"

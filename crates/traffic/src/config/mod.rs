@@ -1,5 +1,6 @@
 //! The table `[traffic]` of a config. There are two ways to fill it: a grid of the paper, or a scenario of the user.
 
+mod detectors;
 mod grid;
 mod reward;
 mod scenario;
@@ -20,6 +21,7 @@ use toml::{Table, Value};
 use dials_core::base::keys_of;
 use dials_core::domain::{Domain, DomainTable};
 
+pub use detectors::DetectorFaults;
 pub use grid::{ClockOffsets, DSet, EntryRule, TrafficConfig, UntilFirstSwitch};
 pub use reward::{Reward, RewardTerm};
 pub use scenario::{Actions, Observation, Pedestrians, ScenarioConfig, Yellow};

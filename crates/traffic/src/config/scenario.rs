@@ -11,6 +11,7 @@ use serde::de::{Error, Unexpected};
 use serde::{Deserialize, Deserializer, Serialize, Serializer};
 use toml::Value;
 
+use super::detectors::DetectorFaults;
 use super::grid::is_default;
 use super::reward::Reward;
 use super::sumocfg::{MOST_SECONDS, Sumocfg};
@@ -94,6 +95,9 @@ pub struct ScenarioConfig {
     pub approach_m: f64,
     /// What an agent sees of the cars on its approaches.
     pub observation: Observation,
+    /// Faults of the detectors, if agents see detectors.
+    #[serde(skip_serializing_if = "is_default")]
+    pub detector_faults: DetectorFaults,
     /// What an agent is rewarded for, as on a grid. Keep returns within a few units: a value moves by at most `ppo.clip` in
     /// an update. With a weight of 1, `"queue"` and `"wait"` got agents stuck on RESCO's map cologne1. The default comes
     /// from six runs there, one seed each, so it is no proof that other rewards are worse. Returns of
@@ -118,6 +122,10 @@ pub enum Observation {
     /// crossing, in tens. Local simulators have no trams and no persons.
     #[serde(rename = "cells+buses")]
     CellsAndBuses,
+    /// Detectors in the road, as in the street: on each lane before a stop line one over the last 12 m, and one 60 m before
+    /// it. Of each the count and the occupancy since the last decision, and the time since a car. See
+    /// [networks](networks.md#detectors).
+    Detectors,
 }
 
 /// What people on foot do to the shortest greens.
@@ -185,6 +193,7 @@ impl ScenarioConfig {
             yellow_s: Yellow::Program,
             approach_m: 150.0,
             observation: Observation::default(),
+            detector_faults: DetectorFaults::default(),
             reward: Reward::default(),
             local_horizon: 120,
         }
@@ -268,6 +277,7 @@ impl DomainTable for ScenarioConfig {
             DEMAND.start(),
             DEMAND.end()
         );
+        self.detector_faults.check(self.observation)?;
         let (begin, end) = self.window_s()?;
         ensure!(end <= MOST_SECONDS, "traffic.end_s = {end}: must be at most {MOST_SECONDS}");
         ensure!(
@@ -321,6 +331,10 @@ impl DomainTable for ScenarioConfig {
     fn open(&self) -> Result<Arc<dyn Domain>> {
         Ok(Arc::new(Traffic::open_scenario(self)?))
     }
+}
+
+fn is_default(faults: &DetectorFaults) -> bool {
+    *faults == DetectorFaults::default()
 }
 
 const PROGRAM: &str = "program";

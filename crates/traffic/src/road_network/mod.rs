@@ -11,6 +11,7 @@ use crate::agents::plan::JointPlan;
 use crate::config::{Reward, RewardTerm, TrafficConfig};
 use crate::cut::forest::Region;
 use crate::cut::mixed::prefix;
+use crate::events::site::{Site, sites};
 use crate::network::contents::Network;
 use crate::network::files::{NetworkFiles, for_sumo};
 use crate::network::loadable::Loadable;
@@ -183,6 +184,14 @@ impl RoadNetwork {
             Files::Grid(files) => RecordedRoads::of_grid(files.grid, &files.network, plan.agents.clone()),
             Files::Scenario(files) => RecordedRoads::of_scenario(&files.files, plan.agents.clone()),
         }
+    }
+
+    /// Returns the lights with the phases and detectors of the event log.
+    pub(crate) fn sites(&self, plan: &JointPlan) -> Result<Vec<Site>> {
+        Ok(match &self.files {
+            Files::Grid(files) => sites(&files.network.roads()?, &files.network.net.root, &plan.agents),
+            Files::Scenario(files) => sites(&files.files.roads()?, files.files.net(), &plan.agents),
+        })
     }
 
     /// Returns the roads of the first row of a local simulator, and the prefix of their names there.

@@ -15,6 +15,7 @@ use super::lights::{History, Lights, ShownLights, Stay};
 use super::metrics::{TrafficMetrics, Window};
 use super::others::Others;
 use super::picture::Camera;
+use super::readings::Readings;
 use super::recording::{Recorder, Tape};
 use super::tally::Tally;
 use super::visits::Visits;
@@ -22,12 +23,13 @@ use crate::agents::others_plan::OthersPlan;
 use crate::agents::plan::JointPlan;
 use crate::cars_at::{CarsAt, RowLanes};
 use crate::controllers::intersections::Intersections;
+use crate::events::{EventLog, EventRecorder};
 use crate::inflow::has_arrival;
 use crate::network::loadable::Loadable;
 use crate::observe::{self, LightView};
 use crate::reward::{self, Waiting};
 use crate::road_network::RoadNetwork;
-use dials_core::base::{Phase, Ragged, Seed, Stopwatch};
+use dials_core::base::{AgentId, Phase, Ragged, Seed, Stopwatch};
 use dials_core::domain::light_figures::{LightPlace, LightsEpisode};
 use dials_core::domain::{
     Action, GlobalSimulator, InfluenceSample, JointPercept, JointTransition, Kinds, Measures, Result, RoadView, Scene,
@@ -56,6 +58,8 @@ pub struct GlobalTraffic {
     waiting: Vec<Waiting>,
     /// Buses, trams and persons, if an agent needs them.
     others: Option<Others>,
+    /// Detectors of each row, if agents see them.
+    readings: Vec<Readings>,
     watches_roads: bool,
     /// Read only for hand-coded control and for a reward that needs them.
     exits: RowLanes,
@@ -68,6 +72,8 @@ pub struct GlobalTraffic {
     tally: Tally,
     watch: Stopwatch,
     recorder: Option<Recorder>,
+    /// Logs what is measured in full, if somebody wants the events of the street.
+    events: Option<EventRecorder>,
     camera: Option<Camera>,
     metrics: Option<TrafficMetrics>,
     /// Crossings, if persons' waiting is measured.
@@ -84,6 +90,7 @@ impl GlobalTraffic {
         network: Arc<RoadNetwork>,
         control: SignalControl,
         tape: Option<&Tape>,
+        log: Option<&EventLog>,
     ) -> Result<GlobalTraffic> {
         let last = JointTransition::new(&plan.kinds);
         let source = network.source()?;
@@ -101,6 +108,8 @@ impl GlobalTraffic {
         let exits = RowLanes::register(&mut simulation, exits)?;
         let record = |tape| Recorder::new(tape, &mut simulation, network.recorded(&plan)?, String::new());
         let recorder = tape.map(record).transpose()?;
+        let events = |log| EventRecorder::new(log, network.sites(&plan)?, &mut simulation);
+        let events = log.map(events).transpose()?;
         let agents = agents.len();
         let others = Others::of_rows(&plan, plan.agents.iter());
         let others = others.map(|others| others.on_foot(&mut simulation, &plan.agents)).transpose()?;
@@ -109,6 +118,7 @@ impl GlobalTraffic {
             network,
             waiting: vec![Waiting::default(); agents],
             others,
+            readings: Vec::new(),
             watches_roads: false,
             decisions: Decisions::new(control, agents),
             simulation,
@@ -125,6 +135,7 @@ impl GlobalTraffic {
             tally: Tally::default(),
             watch: Stopwatch::default(),
             recorder,
+            events,
             camera: None,
             metrics: None,
             crossings: None,
@@ -208,6 +219,9 @@ impl GlobalTraffic {
         self.age += 1;
         self.note_sources(number)?;
         self.others.as_mut().map_or(Ok(()), |others| others.second(&mut self.simulation))?;
+        for (row, readings) in self.readings.iter_mut().enumerate() {
+            readings.second(&self.plan.agents[row], self.approaches.at(row));
+        }
         if self.watches_roads || reward::needs_waiting(&self.plan.reward) {
             for (row, waiting) in self.waiting.iter_mut().enumerate() {
                 waiting.note(self.approaches.at(row));
@@ -239,7 +253,7 @@ impl GlobalTraffic {
         if let Some(recorder) = &mut self.recorder {
             recorder.step(&mut self.simulation, &[])?;
         }
-        Ok(())
+        self.events.as_mut().map_or(Ok(()), |events| events.second(&mut self.simulation))
     }
 
     fn note_sources(&mut self, second: usize) -> Result<()> {
@@ -295,6 +309,9 @@ impl GlobalTraffic {
             }
             let (waiting, others) = (&self.waiting[row], self.others.as_ref().map(|others| &others.now[row]));
             others.iter().for_each(|others| observe::observe_others(plan, others, percept.obs.row_mut(row)));
+            if let Some(readings) = self.readings.get(row) {
+                observe::observe_detectors(plan, readings, percept.obs.row_mut(row));
+            }
             *reward = reward::reward(&self.plan.reward, &plan.region, cars, self.exits.at(row), waiting, others);
             observe::mask(plan, shown, |green| self.lights.allows(row, green), percept.masks.row_mut(row));
         }
@@ -316,9 +333,13 @@ impl GlobalSimulator for GlobalTraffic {
             if metrics.measures_emissions() {
                 self.source.equip_for_emissions(&mut self.simulation, &mut options);
             }
+            self.events.iter().for_each(|events| events.add_to(&mut options));
         }
         self.light_delays.iter_mut().for_each(LightDelays::begin);
         self.source.load(&mut self.simulation, &options)?;
+        if let Some(events) = self.events.as_mut().filter(|_| self.metrics.is_some()) {
+            events.begin(&self.simulation)?;
+        }
         let by_program = self.decisions.control.by_program();
         let program = self.decisions.control.is_actuated().then(|| self.source.actuated_program());
         let ours: Vec<usize> = (0..self.agents()).filter(|row| !by_program.contains(row)).collect();
@@ -335,6 +356,10 @@ impl GlobalSimulator for GlobalTraffic {
         self.tally = Tally::new(self.agents(), self.plan.emergency_decel_mps2);
         self.waiting.fill(Waiting::default());
         self.others.iter_mut().for_each(Others::begin);
+        if self.plan.sees_detectors() {
+            let of_agent = |(row, plan)| Readings::begin(plan, self.plan.faults, episode.for_agent(AgentId(row)));
+            self.readings = self.plan.agents.iter().enumerate().map(of_agent).collect();
+        }
         self.read_others()?;
         self.take_picture()?;
         self.perceive();
@@ -350,6 +375,7 @@ impl GlobalSimulator for GlobalTraffic {
         self.d_set_before.copy_from(&self.last.percept.d_set);
         self.shown.decide();
         self.waiting.iter_mut().for_each(Waiting::decide);
+        self.readings.iter_mut().for_each(Readings::decide);
         self.sources.fill(0);
         for number in 0..self.plan.decision_steps {
             self.second(number, actions)?;
@@ -443,6 +469,7 @@ impl GlobalSimulator for GlobalTraffic {
             let end_s = self.simulation.time_s()?;
             self.simulation.unload()?;
             metrics.finish(end_s)?;
+            self.events.as_mut().map_or(Ok(()), EventRecorder::finish)?;
         }
         let mut measures = self.tally.measures();
         measures.system.splice(1..1, metrics.of_net(self.tally.arrived));
@@ -481,7 +508,6 @@ mod tests {
     use crate::Traffic;
     use crate::config::TrafficConfig;
     use crate::controllers::HandCoded;
-    use dials_core::base::AgentId;
 
     /// Returns when every car wanted to enter, in seconds, in an episode with this action at every step.
     fn wished_departures(control: SignalControl, action: Action) -> BTreeMap<String, i64> {

@@ -18,6 +18,7 @@ use super::entries::Entries;
 use super::local_forest::LocalForest;
 use super::options::LOCAL_SEED;
 use super::others::Others;
+use super::readings::Readings;
 use super::recording::Recorder;
 use super::visit_tables::VisitTables;
 use crate::agents::phase_plan::Shown;
@@ -84,12 +85,14 @@ struct RowNow {
     shown_steps: u32,
     history: History,
     waiting: Waiting,
+    /// Detectors, if the agent sees them.
+    readings: Option<Readings>,
 }
 
 impl RowNow {
     fn new(dice: Dice, begun: usize, border: Option<&Border>) -> RowNow {
         let history = border.map(|border| History::new(&border.plan)).unwrap_or_default();
-        RowNow { dice, second: begun, begun, shown_steps: 0, history, waiting: Waiting::default() }
+        RowNow { dice, second: begun, begun, shown_steps: 0, history, waiting: Waiting::default(), readings: None }
     }
 }
 
@@ -179,6 +182,10 @@ impl LocalTraffic {
         let mut dice = seed.fork(RandomPurpose::LocalCars).dice();
         let begin = dice.random_range(0..=self.spec.horizon - self.spec.local_horizon);
         self.rows[row] = RowNow::new(dice, begin * self.plan.decision_steps, self.border(row));
+        if self.plan.sees_detectors() {
+            let plan = &self.plan.agents[self.forest.rows[row].agent.0];
+            self.rows[row].readings = Some(Readings::begin(plan, self.plan.faults, seed));
+        }
         self.entries.begin(row, &self.forest.rows[row]);
         self.others.iter_mut().for_each(|others| others.begin_row(row));
         self.came_true.row_mut(row).fill(0);
@@ -186,7 +193,10 @@ impl LocalTraffic {
     }
 
     fn decide(&mut self) {
-        self.rows.iter_mut().for_each(|now| now.waiting.decide());
+        for now in &mut self.rows {
+            now.waiting.decide();
+            now.readings.iter_mut().for_each(Readings::decide);
+        }
         self.came_true.fill(0);
     }
 
@@ -240,7 +250,8 @@ impl LocalTraffic {
         }
         let is_last = second + 1 == self.plan.decision_steps;
         let needs_waiting = reward::needs_waiting(&self.plan.reward);
-        if is_last || needs_waiting {
+        let sees_detectors = self.plan.sees_detectors();
+        if is_last || needs_waiting || sees_detectors {
             self.forest.approaches.read(&mut self.forest.simulation)?;
         }
         if needs_waiting {
@@ -251,6 +262,13 @@ impl LocalTraffic {
         if reward::needs_co2(&self.plan.reward) {
             let of_rows = self.forest.approaches.co2_mg_per_s(&mut self.forest.simulation)?;
             self.rows.iter_mut().zip(of_rows).for_each(|(now, mg)| now.waiting.note_co2(mg));
+        }
+        if sees_detectors {
+            for (row, now) in self.rows.iter_mut().enumerate() {
+                let plan = &self.plan.agents[self.forest.rows[row].agent.0];
+                let cars = self.forest.approaches.at(row);
+                now.readings.iter_mut().for_each(|readings| readings.second(plan, cars));
+            }
         }
         self.watch.note(Phase::Reading, begun.elapsed());
         self.recorder.as_mut().map_or(Ok(()), |recorder| recorder.step(&mut self.forest.simulation, &tried.insertions))
@@ -266,6 +284,9 @@ impl LocalTraffic {
         let Percept { obs, d_set, masks } = &mut self.last.percept;
         let (obs, d_set) = (obs.row_mut(row), d_set.row_mut(row));
         observe::observe(plan, cars, light, obs);
+        if let Some(readings) = &now.readings {
+            observe::observe_detectors(plan, readings, obs);
+        }
         if let Some(others) = &self.others {
             observe::observe_others(plan, &others.now[row], obs);
         }

@@ -6,6 +6,7 @@
 //!   exits that are blocked; `arriving`: which cars come; [`visit_tables`]: visits to draw them from; `local_routes`:
 //!   their routes.
 //! - `lights`: the lights of a loaded net; `options`: SUMO's options.
+//! - `readings`: what the detectors of lights have seen.
 //! - [`tally`]: what every episode counts; `metrics`: what only evaluations measure, from SUMO's `trips`; `light_delays`: where
 //!   cars lose time.
 //! - `picture`: pictures of the GS. [`recording`]: an episode recorded, on [`recorded_roads`]. [`replay`]: a recording as
@@ -26,6 +27,7 @@ pub(super) mod metrics;
 pub(super) mod options;
 pub(super) mod others;
 mod picture;
+pub(crate) mod readings;
 pub mod recorded_roads;
 pub mod recording;
 pub mod replay;
