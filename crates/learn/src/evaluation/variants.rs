@@ -64,10 +64,10 @@ mod tests {
         let labels = ["demand 1", "demand 1.2"].map(str::to_owned);
         let text = of_variants(&labels, &findings, &["delay_s", "unknown"]);
         let lines: Vec<&str> = text.lines().collect();
-        assert_eq!(lines.len(), 9, "{text}");
+        assert_eq!(lines.len(), 10, "{text}");
         assert!(lines[3].contains("demand 1") && lines[3].contains("demand 1.2"), "{text}");
-        assert_eq!(lines[6], "delay_s: difference from program (paired by episode)");
-        assert!(lines[8].starts_with("a") && lines[8].contains("-12.0") && lines[8].contains("-8"), "{text}");
+        assert_eq!(lines[7], "delay_s: difference from program (paired by episode)");
+        assert!(lines[9].starts_with("a") && lines[9].contains("-12") && lines[9].contains("-8"), "{text}");
         assert!(!text.contains("unknown"), "{text}");
     }
 }
