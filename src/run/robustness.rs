@@ -190,11 +190,11 @@ impl Variant {
 
 /// Returns an error for outputs that are of one variant only.
 pub(super) fn check_output(output: &cli::OutputArgs) -> anyhow::Result<()> {
-    let given = [("--plot", &output.plot), ("--render", &output.render)].into_iter().find(|(_, dir)| dir.is_some());
-    match given {
+    let places = [("--plot", &output.plot), ("--render", &output.render), ("--events", &output.events)];
+    match places.into_iter().find(|(_, place)| place.is_some()) {
         None => Ok(()),
         Some((option, _)) => {
-            Err(anyhow!("{option}: draws one episode, but --demand and --closed play several variants; leave one out"))
+            Err(anyhow!("{option}: is of one scenario, but --demand and --closed play several variants; leave one out"))
         }
     }
 }

@@ -88,7 +88,7 @@ fn typing_errors_are_refused_before_anything_is_tried() {
         ),
         (
             &["baseline", TOWN, "--controller", "program", "--demand", "0.8", "--plot", "x"],
-            &["--plot: draws one episode"],
+            &["--plot: is of one scenario"],
         ),
     ] {
         let said = refusal(args);
