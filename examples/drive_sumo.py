@@ -4,9 +4,10 @@
     pip install libsumo==1.15.0 numpy safetensors
     python3 examples/drive_sumo.py town.sumocfg lights.json runs/town/policies.safetensors
 
-It decides greedily, every 5 s as by default, and prints the mean delay of all cars, as `dials-traffic evaluate` does.
-The last argument may be a seed for SUMO: that in the .sumocfg of a replay gives the traffic of that episode. With
-`import traci as libsumo` it drives SUMO in another process.
+It decides every 5 s, which is the default, and prints the mean delay of all cars. Each light takes its most likely action, as
+with `dials-traffic evaluate --greedy`. With `--sample` as the last argument each light draws its action by its probability, as
+`evaluate` does without `--greedy`; the random numbers are others. Before `--sample` there may be a seed for SUMO: that in the
+.sumocfg of a replay gives the traffic of that episode. With `import traci as libsumo` it drives SUMO in another process.
 """
 
 import json
@@ -58,10 +59,11 @@ class Light:
         libsumo.trafficlight.setRedYellowGreenState(self.plan["light"], state)
 
 
-def drive(config, lights, policies, seed=0, trips=None):
+def drive(config, lights, policies, seed=0, trips=None, sample=False):
     """Play a scenario. Yield what all lights saw, `[lights, columns]`, and what they did then.
 
-    SUMO writes the trip of every car into the file `trips`, if there is one.
+    SUMO writes the trip of every car into the file `trips`, if there is one. `sample`: draw actions by their probabilities
+    instead of taking the most likely one.
     """
     told, stack, states = json.loads(Path(lights).read_text()), read(policies), None
     known = stack.get("gru.input_weight", stack["layers.0.weight"]).shape[:2]
@@ -77,12 +79,15 @@ def drive(config, lights, policies, seed=0, trips=None):
         options += [f"--tripinfo-output.write-{which}" for which in ("unfinished", "undeparted")]
     libsumo.start(["sumo", "-c", str(config), *options])
     lights = [Light(plan, told["min_green_s"]) for plan in told["learning"]]
+    dice = np.random.default_rng(int(seed))
     try:
         while libsumo.simulation.getTime() + DECISION_S <= libsumo.simulation.getEndTime():
             obs = np.stack([light.observe(told["kind"]["columns"]) for light in lights])
             masks = np.array([light.allowed(told["kind"]["actions"]) for light in lights])
             logits, _, states = judge(stack, obs[:, None], states)
-            actions = np.where(masks, logits[:, 0], -np.inf).argmax(axis=-1)
+            scores = np.where(masks, logits[:, 0], -np.inf)
+            # The largest of logits with Gumbel's noise is drawn by the softmax of the logits.
+            actions = (scores + dice.gumbel(size=scores.shape) if sample else scores).argmax(axis=-1)
             for _ in range(DECISION_S):
                 for light, action in zip(lights, actions):
                     light.show(action)
@@ -99,9 +104,12 @@ def delay_s(trips):
 
 
 if __name__ == "__main__":
-    if len(sys.argv) not in (4, 5) or not all(Path(file).is_file() for file in sys.argv[1:4]):
+    sample = sys.argv[-1] == "--sample"
+    arguments = sys.argv[1:-1] if sample else sys.argv[1:]
+    if len(arguments) not in (3, 4) or not all(Path(file).is_file() for file in arguments[:3]):
         sys.exit(__doc__)
     with tempfile.TemporaryDirectory() as folder:
         trips = Path(folder) / "trips.xml"
-        decisions = len(list(drive(*sys.argv[1:], trips=trips)))
-        print(f"{decisions} decisions, delay_s {delay_s(trips):.2f}")
+        decisions = len(list(drive(*arguments, trips=trips, sample=sample)))
+        how = "drawn by their probability" if sample else "the most likely ones (--sample draws them)"
+        print(f"{decisions} decisions, delay_s {delay_s(trips):.2f}; actions: {how}")

@@ -5,7 +5,7 @@ mod values;
 use std::ops::Range;
 use std::path::PathBuf;
 
-use clap::{Args, Parser, Subcommand};
+use clap::{Args, Parser, Subcommand, ValueEnum};
 use clap_complete::Shell;
 
 /// Largest number of processes that may be asked for. More must be a typing error.
@@ -54,12 +54,17 @@ pub enum Command {
     Export(ExportArgs),
     /// Run a hand-coded controller on the global simulator of a config
     Baseline(BaselineArgs),
-    /// Measure how far the local simulator of each light is like the global one
+    /// Write a plan of all lights that plain `sumo` loads: timings of a controller, or the ones that fit a trained run best
+    Plan(PlanArgs),
+    /// Measure how closely the local simulator of each light matches the global one
     Check(CheckArgs),
     /// Measure training speed, phase by phase, against a lower bound
     Bench(BenchArgs),
     /// Run all experiments of a file in parallel; resumes where it stopped
     Experiment(ExperimentArgs),
+    /// Run a benchmark that others report, and write our figures beside theirs
+    #[command(subcommand)]
+    Benchmark(BenchmarkCommand),
     /// Draw curves, bars and tables of run directories, next to the paper's numbers
     Report(ReportArgs),
     /// Watch runs while they train, on a page for a browser on this machine
@@ -73,9 +78,11 @@ pub enum Command {
     /// Write SUMO networks that `sumo` and `sumo-gui` can open
     #[command(subcommand)]
     Nets(NetsCommand),
+    /// Make vehicles whose routes fit traffic counts, as a scenario
+    Demand(DemandArgs),
     /// Print versions and where each part was found
     Info,
-    /// Look whether training works here: what is installed, what is missing, and the command that cures it
+    /// Check whether training works here; print what is missing and the command that installs it
     Doctor,
     /// Print completions of the command line for a shell
     Completions {
@@ -119,7 +126,7 @@ pub struct TrainArgs {
     pub accept_other_build: bool,
     /// Number of worker processes that share the agents; 0: all work in this process. It does not change the results.
     /// Workers that would have neither agents nor episodes are not started [default: the number of cores; on a resume
-    /// the number of before]
+    /// the earlier number]
     #[arg(long, value_parser = values::whole::<usize>(0..=MOST_WORKERS))]
     pub workers: Option<usize>,
     /// Under mpirun or srun: number of worker processes of every rank but rank 0, which coordinates [default: 1]
@@ -141,7 +148,7 @@ pub struct TrainArgs {
     /// Also write the numbers of the CSV files to a TensorBoard event file
     #[arg(long)]
     pub tensorboard: bool,
-    /// Also show the run live, on a page for a browser on this machine; `watch` shows any run so
+    /// Also show the run live, on a page for a browser on this machine; `watch` does this for any run
     #[arg(long)]
     pub dashboard: bool,
     /// Run directory [default: runs/[FOLDER-]CONFIG-SIMULATOR[-KEY=VALUE...]-seedN, numbered if it exists]
@@ -171,6 +178,8 @@ pub struct EvaluateArgs {
     #[arg(long, value_name = "AGENT,...", allow_hyphen_values = true, value_delimiter = ',', requires = "background")]
     pub agents: Vec<String>,
     #[command(flatten)]
+    pub variants: VariantArgs,
+    #[command(flatten)]
     pub output: OutputArgs,
 }
 
@@ -196,8 +205,8 @@ pub struct BaselineArgs {
     /// Hand-coded controller; an unknown name lists all names
     #[arg(long, value_name = "NAME", required_unless_present = "compare", conflicts_with = "compare")]
     pub controller: Option<String>,
-    /// Compare controllers and run directories on the same traffic with the first of them
-    #[arg(long, value_name = "NAME,RUN_DIR,...", conflicts_with_all = ["render", "plot"])]
+    /// Compare controllers and run directories on the same traffic; the first one is the reference
+    #[arg(long, value_name = "NAME,RUN_DIR,...", conflicts_with_all = ["render", "plot", "events"])]
     pub compare: Option<String>,
     /// Saved policies take the most probable action instead of sampling
     #[arg(long, requires = "compare", conflicts_with = "controller")]
@@ -213,7 +222,49 @@ pub struct BaselineArgs {
     #[command(flatten)]
     pub episodes: EpisodesArgs,
     #[command(flatten)]
+    pub variants: VariantArgs,
+    #[command(flatten)]
     pub output: OutputArgs,
+}
+
+#[derive(Debug, Args)]
+pub struct PlanArgs {
+    /// A .sumocfg, or a config file
+    #[arg(value_name = "SCENARIO")]
+    pub config: PathBuf,
+    #[command(flatten)]
+    pub settings: SettingsArgs,
+    /// `fixed-time`, `webster` or `coordinated`, with their parameters; or a run directory or another rule, whose greens
+    /// are watched and frozen
+    #[arg(long, value_name = "NAME|RUN_DIR")]
+    pub controller: String,
+    /// Search for better timings, from those of the controller on
+    #[arg(long, conflicts_with = "actuated")]
+    pub tune: bool,
+    /// Number of episodes per timing in the search
+    #[arg(long, value_name = "EPISODES", default_value_t = 10, requires = "tune",
+          value_parser = values::whole::<u32>(1..=10_000))]
+    pub tune_episodes: u32,
+    /// Write actuated programs of SUMO: each green between the lengths below which 5 and 95 % of the watched greens are
+    #[arg(long)]
+    pub actuated: bool,
+    /// Number of episodes in which greens are watched
+    #[arg(long, value_name = "EPISODES", default_value_t = 5, value_parser = values::whole::<u32>(1..=10_000))]
+    pub watch_episodes: u32,
+    /// Saved policies take the most probable action instead of sampling
+    #[arg(long)]
+    pub greedy: bool,
+    #[command(flatten)]
+    pub episodes: EpisodesArgs,
+    /// Output directory, for programs.add.xml, plan.csv and plan.html
+    #[arg(long, value_name = "DIR")]
+    pub out: PathBuf,
+    /// Print one JSON object instead of a table
+    #[arg(long)]
+    pub json: bool,
+    /// If the directory exists, move it aside instead of refusing
+    #[arg(long)]
+    pub force: bool,
 }
 
 #[derive(Debug, Args)]
@@ -249,7 +300,7 @@ pub struct BenchArgs {
     /// Measure with 1, 2, 4, ... and N worker processes [default: the number of cores]
     #[arg(long, value_parser = values::whole::<usize>(1..=MOST_WORKERS))]
     pub workers: Option<usize>,
-    /// Approximate measuring time for each number of workers; the command begins with how long the whole takes
+    /// Approximate measuring time for each number of workers; the command first prints how long the whole takes
     #[arg(long, value_name = "SECONDS", default_value_t = 20, value_parser = values::whole::<u64>(1..=86_400))]
     pub seconds: u64,
     /// Simulator and predictor that the policies train with; overrides the config
@@ -285,13 +336,13 @@ pub struct SettingsArgs {
     /// Override a key of the config, such as ppo.clip=0.2; can be repeated
     #[arg(long = "set", value_name = "KEY=VALUE")]
     pub settings: Vec<String>,
-    /// Second at which an episode of a scenario begins, such as 25200 or 07:00:00; stands for traffic.begin_s
+    /// Second at which an episode of a scenario begins, such as 25200 or 07:00:00; sets traffic.begin_s
     #[arg(long, value_name = "TIME", value_parser = values::time)]
     pub begin: Option<u64>,
-    /// Second at which an episode of a scenario ends; stands for traffic.end_s
+    /// Second at which an episode of a scenario ends; sets traffic.end_s
     #[arg(long, value_name = "TIME", value_parser = values::time)]
     pub end: Option<u64>,
-    /// Program (programID) that counts for lights with several; stands for traffic.program
+    /// Program (programID) to use for lights that have several; sets traffic.program
     #[arg(long, value_name = "ID")]
     pub program: Option<String>,
 }
@@ -317,14 +368,33 @@ pub struct EpisodesArgs {
     pub seed: Option<u64>,
 }
 
+/// Other traffic on the same scenario. Every demand is played with all edges open, and with each closure.
+#[derive(Debug, Args)]
+pub struct VariantArgs {
+    /// Play with these multiples of the scenario's demand, such as 0.8,1,1.2
+    #[arg(long, value_name = "FACTOR,...", value_delimiter = ',', value_parser = values::demand)]
+    pub demand: Vec<f64>,
+    /// Also play with this edge closed for all vehicles; can be repeated. Edges separated by commas are closed together
+    #[arg(long, value_name = "EDGE[,EDGE...]", allow_hyphen_values = true)]
+    pub closed: Vec<String>,
+}
+
 #[derive(Debug, Args)]
 pub struct OutputArgs {
     /// Print one JSON object instead of a table
     #[arg(long)]
     pub json: bool,
-    /// Also write episodes.csv and agents.csv into this directory
+    /// Also write episodes.csv and agents.csv into this directory, and for traffic lights.csv and city.json, from which `report` makes
+    /// a page
     #[arg(long, value_name = "DIR")]
     pub csv: Option<PathBuf>,
+    /// Also print the lights where cars lose the most time: delay per car, stops, queue and level of service (traffic). --compare
+    /// prints them anyway, and --json and --csv have all lights
+    #[arg(long)]
+    pub per_light: bool,
+    /// Also measure CO2 and fuel by the emission classes of the vehicles, SUMO's HBEFA (traffic). It takes CPU time
+    #[arg(long)]
+    pub emissions: bool,
     /// Also draw the first episode, one picture per step and an animation, into this directory (warehouse)
     #[arg(long, value_name = "DIR")]
     pub render: Option<PathBuf>,
@@ -339,7 +409,11 @@ pub struct OutputArgs {
     /// Seconds of the first episode that --plot shows, such as 600,1200 [default: all]
     #[arg(long, value_name = "FROM,TO", requires = "plot", value_parser = values::seconds)]
     pub seconds: Option<Range<usize>>,
-    /// If an output of --csv, --render or --plot exists, move it aside instead of refusing
+    /// Also write what signal controllers with loops in the road would log, for tools such as PyPI's `atspm`, with a
+    /// table of the detectors and one of the phases beside it (traffic)
+    #[arg(long, value_name = "FILE.csv")]
+    pub events: Option<PathBuf>,
+    /// If an output of --csv, --render, --plot or --events exists, move it aside instead of refusing
     #[arg(long)]
     pub force: bool,
 }
@@ -378,7 +452,10 @@ pub struct ReplayArgs {
     /// Seconds of the episode that --video and --plot show, such as 600,1200 [default: all]
     #[arg(long, value_name = "FROM,TO", value_parser = values::seconds)]
     pub seconds: Option<Range<usize>>,
-    /// If a directory or the film exists, move it aside instead of refusing
+    /// Also write what signal controllers with loops in the road would log, as `evaluate --events` does
+    #[arg(long, value_name = "FILE.csv", conflicts_with = "local")]
+    pub events: Option<PathBuf>,
+    /// If a directory, the film or the log exists, move it aside instead of refusing
     #[arg(long)]
     pub force: bool,
 }
@@ -400,6 +477,65 @@ pub struct ExperimentArgs {
     #[arg(long)]
     pub accept_other_build: bool,
 }
+
+#[derive(Debug, Subcommand)]
+pub enum BenchmarkCommand {
+    /// Train and measure on the maps of RESCO in your copy of it: controllers, GS and DIALS, beside published figures
+    Resco(RescoArgs),
+}
+
+#[derive(Debug, Args)]
+pub struct RescoArgs {
+    /// Your copy of RESCO's folder `environments`, with a folder per map; or the folder of one map
+    pub dir: PathBuf,
+    /// Rules of the lights and of SUMO
+    #[arg(long, value_enum, default_value_t = RescoProtocol::Resco2021)]
+    pub protocol: RescoProtocol,
+    /// Maps, such as cologne1,ingolstadt7 [default: all that are there]
+    #[arg(long, value_name = "MAP,...", value_delimiter = ',')]
+    pub maps: Vec<String>,
+    /// Seeds of training, such as 1..5 (five of them) or 1,2,7
+    #[arg(long, value_name = "SEEDS", default_value = "1..5", value_parser = values::seeds)]
+    pub seeds: Seeds,
+    /// Ways to train: gs, gs-shared, dials, dials-shared, or none for controllers alone
+    #[arg(long, value_name = "METHOD,...", value_delimiter = ',', default_value = "gs,gs-shared,dials,dials-shared",
+          value_parser = ["gs", "gs-shared", "dials", "dials-shared", "none"])]
+    pub methods: Vec<String>,
+    /// Number of training episodes of a run
+    #[arg(long, default_value_t = 100, value_parser = values::whole::<u64>(1..=100_000))]
+    pub episodes: u64,
+    /// Number of episodes that each controller and each last policy plays to be measured
+    #[arg(long, value_name = "EPISODES", default_value_t = 10, value_parser = values::whole::<u32>(1..=1000))]
+    pub measured_episodes: u32,
+    /// Begin no further run after N minutes; what is running ends, and the page shows what there is
+    #[arg(long, value_name = "N", value_parser = values::whole::<u64>(0..=A_YEAR_S / 60))]
+    pub budget_minutes: Option<u64>,
+    /// Number of cores to use [default: all]
+    #[arg(long, value_parser = values::whole::<usize>(1..=MOST_WORKERS))]
+    pub cores: Option<usize>,
+    /// Folder for the runs and the page [default: resco/PROTOCOL-EPISODES]
+    #[arg(long, value_name = "DIR")]
+    pub out: Option<PathBuf>,
+    /// Only list the runs and estimate time and memory; writes configs into the folder
+    #[arg(long)]
+    pub dry_run: bool,
+    /// Resume runs although this program, SUMO, libm or the vector instructions have changed since
+    #[arg(long)]
+    pub accept_other_build: bool,
+}
+
+/// Rules of the lights and of SUMO in `benchmark resco`.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub enum RescoProtocol {
+    /// RESCO's of 2021: decisions of 10 s with 3 s of yellow (arterial4x4: 5 s, 2 s), no teleports
+    Resco2021,
+    /// Ours for scenarios: decisions of 5 s, yellow and least greens of the light's program, SUMO's teleports
+    Ours,
+}
+
+/// Seeds of runs, each once.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Seeds(pub Vec<u64>);
 
 #[derive(Debug, Args)]
 pub struct ReportArgs {
@@ -443,8 +579,10 @@ pub struct CompareArgs {
 pub enum NetsCommand {
     /// Write a grid of R x C intersections with traffic flowing in at its boundary
     Grid {
+        /// Number of rows of intersections
         #[arg(long, value_parser = values::whole::<usize>(1..=MOST_ROWS))]
         rows: usize,
+        /// Number of columns of intersections
         #[arg(long, value_parser = values::whole::<usize>(1..=MOST_ROWS))]
         cols: usize,
         /// Probability that a car arrives at a boundary edge in a step
@@ -471,8 +609,7 @@ pub enum NetsCommand {
         /// Light to cut out
         #[arg(long, value_name = "ID", allow_hyphen_values = true)]
         light: String,
-        /// Number of edges that cars still see behind an exit, one behind the other; no edge begins farther than 150 m
-        /// behind it
+        /// Number of edges in a row that are kept behind each exit; none of them begins more than 150 m behind it
         #[arg(long, default_value_t = 3, value_parser = values::whole::<u8>(0..=5))]
         hops: u8,
         /// Output directory
@@ -482,7 +619,7 @@ pub enum NetsCommand {
         #[arg(long)]
         force: bool,
     },
-    /// Show what becomes of the lights of a SUMO network: which learn and which keep their program, with a line for each
+    /// List the lights of a SUMO network: which ones learn, and which ones keep their program
     Inspect(InspectArgs),
     /// Write the single intersection of the local simulators
     Local {
@@ -493,6 +630,25 @@ pub enum NetsCommand {
         #[arg(long)]
         force: bool,
     },
+}
+
+#[derive(Debug, Args)]
+pub struct DemandArgs {
+    /// Counts: a CSV file with the columns begin, end, from, to and cars; docs/counts.md
+    #[arg(value_name = "COUNTS.csv")]
+    pub counts: PathBuf,
+    /// Net of SUMO, or a scenario, whose net is taken
+    #[arg(value_name = "FILE.net.xml|FILE.sumocfg")]
+    pub net: PathBuf,
+    /// Output directory for demand.rou.xml and demand.sumocfg
+    #[arg(long, value_name = "DIR")]
+    pub out: PathBuf,
+    /// Print one JSON object instead of text, with all counts
+    #[arg(long)]
+    pub json: bool,
+    /// If one of the files exists, move it aside instead of refusing
+    #[arg(long)]
+    pub force: bool,
 }
 
 #[derive(Debug, Args)]
@@ -508,7 +664,7 @@ pub struct InspectArgs {
     /// Show all lights in full
     #[arg(long, conflicts_with = "json")]
     pub all: bool,
-    /// What to change for some lights: docs/networks.md
+    /// File that changes some lights; docs/networks.md says how
     #[arg(long, value_name = "AGENTS_TOML")]
     pub agents: Option<PathBuf>,
     /// Print one JSON object instead of text, with all lights in full

@@ -2,7 +2,9 @@
 
 use std::ops::{Range, RangeInclusive};
 
+use super::Seeds;
 use clap::builder::{PossibleValue, PossibleValuesParser};
+use dials_core::base::repeated;
 use dials_learn::config::short_forms;
 use dials_traffic::config::sumo_time::seconds as seconds_of;
 
@@ -37,6 +39,23 @@ pub(super) fn seed(text: &str) -> Result<u64, String> {
     whole(0..=u64::MAX)(text)
 }
 
+/// Largest number of seeds of a benchmark.
+const MOST_SEEDS: u64 = 1000;
+
+/// Reads seeds: `1..5` are five, `1,2,7` are three.
+pub(super) fn seeds(text: &str) -> Result<Seeds, String> {
+    let range =
+        text.split_once("..").map(|(first, last)| (whole_number(first), whole_number(last.trim_start_matches('='))));
+    let seeds = match range {
+        Some((Some(first), Some(last))) if first <= last && last - first < MOST_SEEDS => Some((first..=last).collect()),
+        Some(_) => None,
+        None => text.split(',').map(|seed| whole_number(seed.trim())).collect::<Option<Vec<u64>>>(),
+    };
+    let wrong = || format!("must be seeds such as 1..5 or 1,2,7, each once, and at most {MOST_SEEDS}");
+    let seeds: Vec<u64> = seeds.ok_or_else(wrong)?;
+    if repeated(&seeds).is_some() || seeds.len() as u64 > MOST_SEEDS { Err(wrong()) } else { Ok(Seeds(seeds)) }
+}
+
 pub(super) fn number_of_steps(text: &str) -> Result<u64, String> {
     // TOML, in which runs write it down, has no larger numbers.
     let steps = whole_number(text).filter(|steps| *steps <= i64::MAX as u64);
@@ -53,6 +72,12 @@ fn whole_number(text: &str) -> Option<u64> {
 pub(super) fn sigma(text: &str) -> Result<f64, String> {
     let number = number(text)?;
     if (0.0..=1.0).contains(&number) { Ok(number) } else { Err("must be from 0 to 1".to_owned()) }
+}
+
+/// Reads a factor on the demand. Its limits are those of `traffic.demand`.
+pub(super) fn demand(text: &str) -> Result<f64, String> {
+    let number = number(text)?;
+    if (0.01..=100.0).contains(&number) { Ok(number) } else { Err("must be from 0.01 to 100".to_owned()) }
 }
 
 pub(super) fn inflow_at(text: &str) -> Result<(String, f64), String> {

@@ -141,9 +141,10 @@ const MOST_NAMES: usize = 12;
 fn as_text(described: &Described) -> String {
     let mut text = Listing::default();
     agents(&mut text, described);
-    task(&mut text, described);
-    run(&mut text, described);
+    // Who asks before a run wants to know this first, and columns may fill screens.
     cost(&mut text, described);
+    run(&mut text, described);
+    task(&mut text, described);
     text.finish()
 }
 
@@ -169,7 +170,7 @@ fn agents(text: &mut Listing, Described { path, config, domain, tasks, .. }: &De
     }
 }
 
-/// Writes what agents see, do and are paid for. If they differ, the first one stands for all.
+/// Writes what agents see, do and are rewarded for. If they differ, the first one stands for all.
 fn task(text: &mut Listing, Described { domain, tasks, config, .. }: &Described) {
     let [AgentTask { agent, name, task }, others @ ..] = &tasks[..] else { return };
     let differing = others.iter().filter(|other| shape(other) != shape(&tasks[0])).count();
@@ -249,7 +250,7 @@ fn run(text: &mut Listing, Described { config, domain, work, .. }: &Described) {
 fn cost(text: &mut Listing, described: &Described) {
     let Described { path, domain, workers, estimate, simulators, .. } = described;
     let (time, workers) = (duration(estimate.seconds), counted(*workers, "worker"));
-    text.line(format_args!("\nabout {time} and {:.0} MiB with {workers}", estimate.memory_mb));
+    text.line(format_args!("\na run takes about {time} and {:.0} MiB with {workers}", estimate.memory_mb));
     let source = match estimate.measured_runs {
         0 => "rough: from runs on two cores of another machine".to_owned(),
         runs => format!("from {} of this machine in runs/", counted(runs, "run")),

@@ -4,19 +4,20 @@
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context, anyhow, bail, ensure};
-use serde_json::{Value, json};
+use serde_json::{Map, Value, json};
 
+use super::events::EventFiles;
+use super::lights::{CITY, LIGHTS, LightFigures, has_lights};
 use super::plot::Plots;
+use super::robustness::{self, Plan, Variant};
 use super::subject::{Background, Subject, agent_called};
 use crate::cli;
 use crate::film::scenes;
 use dials_core::base::{AgentId, Seed, counted, for_terminal, repeated};
 use dials_core::domain::{Baseline, Controller, Domain, GlobalSimulator, Measures};
 use dials_core::outside::{Directory, FileName, path_as_text, write_together};
-use dials_learn::evaluation::csv::{by_agent, by_episode};
-use dials_learn::evaluation::{
-    Evaluation, Finding, comparison, episode_seed, json, play_episodes, play_watched, table,
-};
+use dials_learn::evaluation::csv::{Lines, by_agent, by_episode};
+use dials_learn::evaluation::{Evaluation, Finding, comparison, episode_seed, json, play, play_watched, table};
 use dials_report::plot::About;
 use dials_session::config::{RunConfig, load};
 use dials_session::error::{Error, Result};
@@ -28,24 +29,35 @@ use dials_session::{directory, domains, outputs};
 use dials_traffic::config::sumocfg::Sumocfg;
 use dials_traffic::controllers::timing_file::{TimingFile, TunedOn};
 use dials_traffic::controllers::{COORDINATED, FIXED_TIME, check_name};
-use dials_traffic::{Sumo, tuning};
+use dials_traffic::{Sumo, Traffic, tuning};
 
 pub(super) fn evaluate(args: &cli::EvaluateArgs) -> Result<()> {
-    let (config, domain) = directory::open_unchanged(&args.run_dir, domains::open).map_err(Error::Usage)?;
+    // Names are checked before the files are tried, which may take long.
+    let (config, domain) = directory::open_unchanged(&args.run_dir, domains::open_tried).map_err(Error::Usage)?;
     let agents = args.agents.iter().map(|word| agent_called(&*domain, word, "--agents")).collect::<anyhow::Result<_>>();
     let policies_of: Vec<AgentId> = agents.map_err(Error::Usage)?;
     if let Some(&agent) = repeated(&policies_of) {
         let twice = format!("--agents: {} is named twice; leave one", domain.agent_name(agent));
         return Err(Error::Usage(anyhow!(twice)));
     }
+    args.background.iter().try_for_each(|name| domain.check_baseline(name)).map_err(Error::Usage)?;
+    let variants = robustness::asked_for(&args.variants);
+    variants.iter().try_for_each(|variants| check_variants(&config, variants, &args.output)).map_err(Error::Usage)?;
+    domains::check(&config).map_err(Error::Usage)?;
     let background = args.background.clone().map(|controller| Background { controller, policies_of });
     let subjects = vec![Subject::Run { dir: args.run_dir.clone(), greedy: args.greedy, background }];
     let plots = Plots::asked_for(&args.output, &config).map_err(Error::Usage)?;
-    let domain = plots.as_ref().map_or(&*domain, Plots::domain);
+    let (logged, mut events) = logged(&config, &args.output)?;
+    let plots = with_events(plots, events.as_ref());
+    let domain = watched(&*domain, plots.as_ref(), logged.as_ref());
     let session = Session::new(domain, &config, &args.episodes, &args.output)?;
-    let csv = session.prepare(&subjects).map_err(Error::Usage)?;
-    let (findings, written) = session.play(subjects, csv)?;
-    session.print(&findings, false, &[])?;
+    let mut lights = LightFigures::asked_for(domain, &args.output, false).map_err(Error::Usage)?;
+    let csv = session.prepare(&subjects, variants.is_none()).map_err(Error::Usage)?;
+    if let Some(variants) = &variants {
+        return session.play_variants(variants, &subjects, csv, &[]);
+    }
+    let (findings, written) = session.play(subjects, csv, events.as_mut(), &mut lights)?;
+    session.print(&findings, false, &[], &lights)?;
     session.draw(plots.as_ref(), &findings[0], format!("policies of {}", findings[0].player.label))?;
     written
 }
@@ -58,30 +70,70 @@ pub(super) fn baseline(args: &cli::BaselineArgs) -> Result<()> {
         checked.collect::<anyhow::Result<()>>().map_err(Error::Usage)?;
     }
     let config = load(&args.config, &args.settings.all()).map_err(Error::Usage)?;
-    let domain = domains::open(&config).map_err(Error::Usage)?;
+    // Names are checked before the files are tried, which may take long.
+    let domain = domains::open_tried(&config).map_err(Error::Usage)?;
+    let variants = robustness::asked_for(&args.variants);
+    variants.iter().try_for_each(|variants| check_variants(&config, variants, &args.output)).map_err(Error::Usage)?;
+    let mut subjects = match (&args.controller, &args.compare) {
+        (Some(name), _) => vec![Subject::Controller(name.clone())],
+        (None, Some(list)) => Subject::list(list, args.greedy, &*domain).map_err(Error::Usage)?,
+        (None, None) => unreachable!("clap asks for one of them"),
+    };
+    subjects.iter().try_for_each(|subject| subject.check_controller(&*domain)).map_err(Error::Usage)?;
     domains::check(&config).map_err(Error::Usage)?;
     let about = [("config", json!(path_as_text(&args.config)))];
     let plots = Plots::asked_for(&args.output, &config).map_err(Error::Usage)?;
-    let domain = plots.as_ref().map_or(&*domain, Plots::domain);
+    let (logged, mut events) = logged(&config, &args.output)?;
+    let plots = with_events(plots, events.as_ref());
+    let domain = watched(&*domain, plots.as_ref(), logged.as_ref());
     let session = Session::new(domain, &config, &args.episodes, &args.output)?;
-    let mut subjects = match (&args.controller, &args.compare) {
-        (Some(name), _) => vec![Subject::Controller(name.clone())],
-        (None, Some(list)) => Subject::list(list, args.greedy, domain).map_err(Error::Usage)?,
-        (None, None) => unreachable!("clap asks for one of them"),
-    };
-    let csv = session.prepare(&subjects).map_err(Error::Usage)?;
+    let mut lights = LightFigures::asked_for(domain, &args.output, args.compare.is_some()).map_err(Error::Usage)?;
+    let csv = session.prepare(&subjects, variants.is_none()).map_err(Error::Usage)?;
     if args.tune {
         tune(&config, args.tune_episodes as usize, &mut subjects)?;
     }
-    let (findings, written) = session.play(subjects, csv)?;
-    session.print(&findings, args.compare.is_some(), &about)?;
+    if let Some(variants) = &variants {
+        return session.play_variants(variants, &subjects, csv, &about);
+    }
+    let (findings, written) = session.play(subjects, csv, events.as_mut(), &mut lights)?;
+    session.print(&findings, args.compare.is_some(), &about, &lights)?;
     let config = args.config.file_name().unwrap_or_default().to_string_lossy();
     session.draw(plots.as_ref(), &findings[0], format!("controller {} on {config}", findings[0].player.label))?;
     written
 }
 
+fn check_variants(config: &RunConfig, variants: &[Variant], output: &cli::OutputArgs) -> anyhow::Result<()> {
+    robustness::check_output(output)?;
+    robustness::check(config, variants)
+}
+
+/// Returns the domain whose episodes are logged, and the files of the log. Nothing if `--events` was not given.
+fn logged(config: &RunConfig, output: &cli::OutputArgs) -> Result<(Option<Traffic>, Option<EventFiles>)> {
+    let existing = Existing::of_named(output.force);
+    let found = EventFiles::asked_for(output.events.as_deref(), existing, config).map_err(Error::Usage)?;
+    Ok(found.unzip())
+}
+
+/// Makes the episodes of the pictures go into the log, too.
+fn with_events(plots: Option<Plots>, events: Option<&EventFiles>) -> Option<Plots> {
+    plots.map(|plots| match events {
+        Some(events) => plots.log_events(&events.log),
+        None => plots,
+    })
+}
+
+/// Returns the domain that plays: that of the pictures, of the log, or the usual one.
+fn watched<'a>(usual: &'a dyn Domain, plots: Option<&'a Plots>, logged: Option<&'a Traffic>) -> &'a dyn Domain {
+    match (plots, logged) {
+        (Some(plots), _) => plots.domain(),
+        (None, Some(traffic)) => traffic,
+        (None, None) => usual,
+    }
+}
+
 struct Session<'a> {
     domain: &'a dyn Domain,
+    config: &'a RunConfig,
     episodes: usize,
     seed: u64,
     /// Scenario in the words of `report`.
@@ -94,34 +146,47 @@ struct Session<'a> {
 impl<'a> Session<'a> {
     fn new(
         domain: &'a dyn Domain,
-        config: &RunConfig,
+        config: &'a RunConfig,
         episodes: &cli::EpisodesArgs,
         output: &'a cli::OutputArgs,
     ) -> Result<Session<'a>> {
         let count = episodes.episodes.map_or(config.learning.evaluation.final_episodes, |count| count as usize);
-        let places = [("--csv", &output.csv), ("--plot", &output.plot), ("--render", &output.render)];
+        let places = [
+            ("--csv", &output.csv),
+            ("--plot", &output.plot),
+            ("--render", &output.render),
+            ("--events", &output.events),
+        ];
         outputs::check_apart(&places.map(|(option, dir)| (option, dir.as_deref()))).map_err(Error::Usage)?;
         let scenario = domain.scenario().map_err(Error::Run)?.id.word();
         domains::note_left_out(domain);
         let seed = episodes.seed.unwrap_or(config.learning.evaluation.seed);
         let sumo = domains::sumo(config).map_err(Error::Run)?;
-        Ok(Session { domain, episodes: count, seed, scenario, sumo, output })
+        Ok(Session { domain, config, episodes: count, seed, scenario, sumo, output })
     }
 
     /// Checks all subjects and all output places before anything plays. Makes the files of `--csv`.
-    fn prepare(&self, subjects: &[Subject]) -> anyhow::Result<Option<CsvFiles>> {
+    /// `with_lights`: whether the figures of each light get a file, too.
+    fn prepare(&self, subjects: &[Subject], with_lights: bool) -> anyhow::Result<Option<CsvFiles>> {
         subjects.iter().try_for_each(|subject| subject.check(self.domain))?;
         if let Some(subject) = repeated(subjects) {
             bail!("--compare: `{}` is named twice", subject.label());
         }
         let existing = Existing::of_named(self.output.force);
         self.output.render.iter().try_for_each(|dir| outputs::check_free(dir, "--render", existing))?;
-        self.output.csv.as_deref().map(|dir| CsvFiles::create(dir, existing)).transpose()
+        let has_lights = with_lights && has_lights(self.domain)?;
+        self.output.csv.as_deref().map(|dir| CsvFiles::create(dir, existing, has_lights)).transpose()
     }
 
-    /// Lets all subjects play the same episodes. The files of `--csv` have a result of their own, because a full disk must
-    /// not cost what was played.
-    fn play(&self, subjects: Vec<Subject>, mut csv: Option<CsvFiles>) -> Result<(Vec<Finding>, Result<()>)> {
+    /// Lets all subjects play the same episodes. The files of `--csv` and `--events` have a result of their own, because a
+    /// full disk must not cost what was played.
+    fn play(
+        &self,
+        subjects: Vec<Subject>,
+        mut csv: Option<CsvFiles>,
+        mut events: Option<&mut EventFiles>,
+        lights: &mut LightFigures,
+    ) -> Result<(Vec<Finding>, Result<()>)> {
         let bar = EpisodeBar::of(subjects.len() * self.episodes, "episodes");
         let mut findings = Vec::new();
         let mut written = Ok(());
@@ -134,27 +199,81 @@ impl<'a> Session<'a> {
                 let existing = Existing::of_named(self.output.force);
                 render(simulator, controller, Seed::new(self.seed), dir, existing).map_err(Error::Usage)?;
             }
-            let progress = &mut |done| bar.set(number * self.episodes + done);
-            let played = simulator
-                .measure_in_full()
-                .and_then(|()| play_episodes(simulator, controller, Seed::new(self.seed), self.episodes, progress));
-            let finding = Finding { player, episodes: played.map_err(Error::Run)? };
+            lights.begin(simulator, self.output).map_err(Error::Run)?;
+            let mut episodes = Vec::with_capacity(self.episodes);
+            for episode in 0..self.episodes {
+                let seed = episode_seed(Seed::new(self.seed), episode);
+                episodes.push(play(simulator, controller, seed).map_err(Error::Run)?);
+                lights.note(simulator);
+                bar.set(number * self.episodes + episode + 1);
+                if let (Ok(()), Some(events)) = (&written, &mut events) {
+                    written = events.append().map_err(Error::Run);
+                }
+            }
+            let finding = Finding { player, episodes };
             if let (Ok(()), Some(csv)) = (&written, &mut csv) {
-                written = csv.append(&finding).map_err(Error::Run);
+                let lines = lights.lines(&finding.player.label);
+                written = csv.append(&finding, &[], Some(&lines)).map_err(Error::Run);
             }
             findings.push(finding);
         }
         bar.finish();
+        if let (Ok(()), Some(csv)) = (&written, &csv) {
+            written = self.write_city(csv, &findings, lights).map_err(Error::Run);
+        }
+        if let (Ok(()), Some(events)) = (&written, &events) {
+            events.note_written();
+        }
         Ok((findings, written))
     }
 
+    /// Writes the file from which `report` makes a page, if the domain has lights.
+    fn write_city(&self, csv: &CsvFiles, findings: &[Finding], lights: &LightFigures) -> anyhow::Result<()> {
+        if csv.lights.is_none() {
+            return Ok(());
+        }
+        let mut about = Map::new();
+        about.insert("name".into(), json!(self.domain.scenario()?.name));
+        about.insert("scenario".into(), json!(self.scenario));
+        about.insert("seed".into(), json!(self.seed));
+        about.insert("sumo_version".into(), json!(self.sumo.map(|sumo| &sumo.name)));
+        let city = lights.city(self.config, self.domain, findings, about)?;
+        csv.directory.write(CITY, &serde_json::to_vec(&city)?)
+    }
+
+    /// Lets all subjects play all variants, and prints the figures.
+    fn play_variants(
+        &self,
+        variants: &[Variant],
+        subjects: &[Subject],
+        csv: Option<CsvFiles>,
+        about: &[(&str, Value)],
+    ) -> Result<()> {
+        let mut keys: Map<String, Value> =
+            about.iter().map(|(key, value)| ((*key).to_owned(), value.clone())).collect();
+        keys.insert("scenario".into(), json!(self.scenario));
+        keys.insert("warnings".into(), json!(self.domain.warnings()));
+        if let Some(sumo) = self.sumo {
+            keys.insert("sumo_version".into(), json!(sumo.name));
+        }
+        let plan = Plan { config: self.config, variants, subjects, episodes: self.episodes, seed: self.seed };
+        robustness::play(&plan, csv, self.output.json, keys)
+    }
+
     /// Prints the figures of one player, or compares all. `about`: further keys of the JSON object.
-    fn print(&self, findings: &[Finding], compares: bool, about: &[(&str, Value)]) -> Result<()> {
+    fn print(
+        &self,
+        findings: &[Finding],
+        compares: bool,
+        about: &[(&str, Value)],
+        lights: &LightFigures,
+    ) -> Result<()> {
         let found = if self.output.json {
             let mut object = match compares {
                 true => json::of_all(self.domain, findings),
                 false => json::of_one(self.domain, &findings[0]),
             };
+            lights.add_to(&mut object);
             object.extend(about.iter().map(|(key, value)| ((*key).to_owned(), value.clone())));
             object.insert("scenario".into(), json!(self.scenario));
             object.insert("seed".into(), json!(self.seed));
@@ -167,7 +286,8 @@ impl<'a> Session<'a> {
             let table = if compares { comparison(findings) } else { table(self.domain, &findings[0]) };
             let warnings = self.domain.warnings();
             let lines = warnings.iter().map(|what| for_terminal(&format!("\nwarning: {what}")));
-            table + &lines.collect::<String>()
+            let of_lights = lights.table(findings).map_or(String::new(), |table| format!("\n\n{table}"));
+            table + &of_lights + &lines.collect::<String>()
         };
         answer(found).map_err(Error::Run)
     }
@@ -180,27 +300,40 @@ impl<'a> Session<'a> {
 }
 
 /// The CSV files of `--csv`. The lines of each player are written as soon as it has played.
-struct CsvFiles {
+pub(super) struct CsvFiles {
     directory: Directory,
     episodes: GrowingFile,
     agents: GrowingFile,
+    lights: Option<GrowingFile>,
 }
 
 impl CsvFiles {
     /// Makes the directory. If one of the files exists, `existing` says what becomes of it.
-    fn create(dir: &Path, existing: Existing) -> anyhow::Result<CsvFiles> {
+    fn create(dir: &Path, existing: Existing, has_lights: bool) -> anyhow::Result<CsvFiles> {
         let names = ["episodes.csv", "agents.csv"];
-        let paths = names.map(|name| dir.join(name));
+        let of_lights = [LIGHTS, CITY].into_iter().filter(|_| has_lights);
+        let paths: Vec<PathBuf> = names.into_iter().chain(of_lights).map(|name| dir.join(name)).collect();
         paths.iter().try_for_each(|file| outputs::check_free(file, "--csv", existing))?;
         outputs::check_writable(dir)?;
         paths.iter().try_for_each(|file| places::clear(file, existing))?;
         let [episodes, agents] = names.map(|name| GrowingFile::new(name, Mark::default()));
-        Ok(CsvFiles { directory: Directory::open(dir)?, episodes, agents })
+        let lights = has_lights.then(|| GrowingFile::new(LIGHTS, Mark::default()));
+        Ok(CsvFiles { directory: Directory::open(dir)?, episodes, agents, lights })
     }
 
-    fn append(&mut self, finding: &Finding) -> anyhow::Result<()> {
-        self.episodes.append_lines(&self.directory, &by_episode(finding))?;
-        self.agents.append_lines(&self.directory, &by_agent(finding))
+    /// `columns`: further names and values of all lines of episodes and agents. `lights`: lines of the lights' own file.
+    pub(super) fn append(
+        &mut self,
+        finding: &Finding,
+        columns: &[(&str, String)],
+        lights: Option<&Lines>,
+    ) -> anyhow::Result<()> {
+        self.episodes.append_lines(&self.directory, &by_episode(finding).with(columns))?;
+        self.agents.append_lines(&self.directory, &by_agent(finding).with(columns))?;
+        match (&mut self.lights, lights) {
+            (Some(file), Some(lines)) => file.append_lines(&self.directory, lines),
+            _ => Ok(()),
+        }
     }
 }
 
@@ -237,7 +370,7 @@ const FOLDER: &str = "tuned";
 const TUNED: [&str; 2] = [FIXED_TIME, COORDINATED];
 
 /// Replaces every `fixed-time` and `coordinated` without parameters by the best timings that the search finds.
-fn tune(config: &RunConfig, episodes: usize, subjects: &mut [Subject]) -> Result<()> {
+pub(super) fn tune(config: &RunConfig, episodes: usize, subjects: &mut [Subject]) -> Result<()> {
     let is = |subject: &Subject, name: &str| *subject == Subject::Controller(name.to_owned());
     let untuned = TUNED.into_iter().filter(|name| subjects.iter().any(|subject| is(subject, name)));
     let untuned: Vec<&str> = untuned.collect();

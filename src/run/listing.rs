@@ -4,6 +4,9 @@ use std::fmt::{Display, Write};
 
 use dials_core::base::for_terminal;
 
+/// Letters of a first cell that stands in the line of its row. The id of a light of a real map may have 170.
+const LONGEST_FIRST: usize = 40;
+
 #[derive(Default)]
 pub(super) struct Listing(String);
 
@@ -17,12 +20,27 @@ impl Listing {
         self.line(for_terminal(&words.to_string()));
     }
 
+    /// Writes rows as a table. A first cell that is longer than [`LONGEST_FIRST`] has a line of its own.
     pub(super) fn table<const N: usize>(&mut self, rows: Vec<[String; N]>) {
-        let width = |column: usize| rows.iter().map(|row| row[column].chars().count()).max().unwrap_or(0);
+        let letters = |row: &[String; N], column: usize| row[column].chars().count();
+        let is_long = |row: &[String; N]| letters(row, 0) > LONGEST_FIRST;
+        let width = |column: usize| {
+            let rows = rows.iter().filter(|row| column > 0 || !is_long(row));
+            rows.map(|row| letters(row, column)).max().unwrap_or(0)
+        };
         let widths: [usize; N] = std::array::from_fn(width);
         for row in &rows {
-            let cells = row.iter().zip(widths).map(|(cell, width)| format!("{cell:width$}"));
-            self.line(format_args!("    {}", cells.collect::<Vec<_>>().join("  ").trim_end()));
+            if is_long(row) {
+                self.line(format_args!("    {}", row[0]));
+            }
+            let cells = row.iter().enumerate().zip(widths).map(|((column, cell), width)| {
+                let cell = if column == 0 && is_long(row) { "" } else { cell };
+                format!("{cell:width$}")
+            });
+            let line = cells.collect::<Vec<_>>().join("  ");
+            if !line.trim().is_empty() {
+                self.line(format_args!("    {}", line.trim_end()));
+            }
         }
     }
 
@@ -45,5 +63,18 @@ impl Listing {
 
     pub(super) fn finish(self) -> String {
         self.0.trim_end().to_owned()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_long_name_does_not_make_all_lines_long() {
+        let long = "cluster_".repeat(9);
+        let mut text = Listing::default();
+        text.table([["light", "greens"], [&long, "4"], ["J", "12"]].map(|row| row.map(str::to_owned)).to_vec());
+        assert_eq!(text.finish(), format!("    light  greens\n    {long}\n           4\n    J      12"));
     }
 }

@@ -2,37 +2,47 @@
 //!
 //! - `train`: trains policies and writes a run directory. `team`: where its workers are. `run_name`: its default name.
 //! - `evaluate`: plays and measures saved policies; also `baseline`, which does so with hand-coded controllers.
-//!   `subject`: what both play.
+//!   `subject`: what both play. `lights`: their figures of each light. `robustness`: the same on variants of the traffic.
+//!   `events`: the event log of their episodes.
+//! - `plan`: a plan of all lights that plain SUMO loads. `plan_files`: what it writes.
 //! - `replay`: an episode for sumo-gui, and films of it. `plot`: pictures of an episode.
-//! - `experiment`: makes all runs of a file. `report`, `compare`: summarise runs; `watch`: shows them live.
+//! - `experiment`: makes all runs of a file. `benchmark`: makes those of a benchmark that others report.
+//!   `report`, `compare`: summarise runs; `watch`: shows them live.
 //! - `bench`: measures training speed. `check`: local simulators beside the global one. `export`: policies as TorchScript.
 //! - `describe`: the agents of a config, what a run of it will do, and what that costs.
-//! - `nets`: SUMO networks, made and inspected (`inspect`). `listing`: lists of names as text.
+//! - `nets`: SUMO networks, made and inspected (`inspect`). `demand`: routes that fit traffic counts. `listing`: lists of names as text.
 //! - `info`: versions. `doctor`: what is missing. `complete`: completions, manual pages, and the schema of a config.
 
 mod bench;
+mod benchmark;
 mod check;
 mod compare;
 mod complete;
+mod demand;
 mod describe;
 mod doctor;
 mod evaluate;
+mod events;
 mod experiment;
 mod export;
 mod info;
 mod inspect;
+mod lights;
 mod listing;
 mod nets;
+mod plan;
+mod plan_files;
 mod plot;
 pub(crate) mod replay;
 mod report;
+mod robustness;
 mod run_name;
 mod subject;
 mod team;
 mod train;
 mod watch;
 
-use crate::cli::{Cli, Command};
+use crate::cli::{BenchmarkCommand, Cli, Command};
 use dials_session::domains;
 use dials_session::error::{Error, Result};
 use dials_session::fleet::apart::serve_a_worker;
@@ -52,7 +62,7 @@ pub(crate) fn run(cli: Cli) -> Result<()> {
     });
     match &cli.command {
         Command::Train(_) | Command::Bench(_) | Command::Worker => note_option_for_processes("--workers"),
-        Command::Experiment(_) => note_option_for_processes("--cores"),
+        Command::Experiment(_) | Command::Benchmark(_) => note_option_for_processes("--cores"),
         _ => (),
     }
     match cli.command {
@@ -60,15 +70,20 @@ pub(crate) fn run(cli: Cli) -> Result<()> {
         Command::Evaluate(args) => evaluate::evaluate(&args),
         Command::Export(args) => export::export(&args),
         Command::Baseline(args) => evaluate::baseline(&args),
+        Command::Plan(args) => plan::plan(&args),
         Command::Check(args) => check::check(&args),
         Command::Bench(args) => bench::bench(&args),
         Command::Experiment(args) => team::check_alone("experiment").and_then(|()| experiment::experiment(&args)),
+        Command::Benchmark(BenchmarkCommand::Resco(args)) => {
+            team::check_alone("benchmark").and_then(|()| benchmark::resco(&args))
+        }
         Command::Report(args) => report::report(&args),
         Command::Watch(args) => watch::watch(&args),
         Command::Compare(args) => compare::compare(&args),
         Command::Replay(args) => replay::replay(&args),
         Command::Describe(args) => describe::describe(&args),
         Command::Nets(args) => nets::nets(&args),
+        Command::Demand(args) => demand::demand(&args),
         Command::Info => info::info(),
         Command::Doctor => doctor::doctor(),
         Command::Completions { shell } => complete::completions(shell),

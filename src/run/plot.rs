@@ -18,6 +18,7 @@ use dials_session::outputs::{self, check_seconds};
 use dials_session::places::{self, Existing};
 use dials_session::terminal::note;
 use dials_traffic::Traffic;
+use dials_traffic::events::EventLog;
 use dials_traffic::sim::recording::{Recording, Tape};
 use dials_traffic::sim::trace::route::Route;
 use dials_traffic::sim::trace::trace;
@@ -47,6 +48,11 @@ impl Plots {
         let seconds = output.seconds.clone();
         seconds.iter().try_for_each(|seconds| check_seconds(seconds, traffic.seconds()))?;
         Ok(Some(Plots { dir: dir.clone(), existing, tape, traffic, route, seconds }))
+    }
+
+    /// Makes the episodes go into a log, too.
+    pub(super) fn log_events(self, log: &EventLog) -> Plots {
+        Plots { traffic: self.traffic.log_events(log), ..self }
     }
 
     pub(super) fn domain(&self) -> &dyn Domain {

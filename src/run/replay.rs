@@ -6,12 +6,13 @@ use std::sync::atomic::{AtomicBool, Ordering};
 
 use anyhow::{Context, Result, bail, ensure};
 
+use super::events::EventFiles;
 use super::plot::draw_recording;
 use super::subject::{Subject, agent_called, selection};
 use crate::cli;
 use crate::film::{self, Format, Replay, Shape, check_screen, watch};
 use dials_core::base::{AgentId, RandomPurpose, Seed, Stopwatch, counted};
-use dials_core::domain::Domain;
+use dials_core::domain::{Domain, GlobalSimulator};
 use dials_core::outside::{folder_of, quoted, temporary_dir};
 use dials_learn::environments::ials::Ials;
 use dials_learn::evaluation::{episode_seed, play};
@@ -38,7 +39,12 @@ pub(crate) fn replay(args: &cli::ReplayArgs) -> dials_session::error::Result<()>
     check_not_a_run("--out", &args.out).map_err(Error::Usage)?;
     let dir = places::place(&args.out, existing).map_err(Error::Usage)?;
     replay::check_place(&dir).map_err(Error::Usage)?;
-    let places = [("--out", Some(&*args.out)), ("--video", args.video.as_deref()), ("--plot", args.plot.as_deref())];
+    let places = [
+        ("--out", Some(&*args.out)),
+        ("--video", args.video.as_deref()),
+        ("--plot", args.plot.as_deref()),
+        ("--events", args.events.as_deref()),
+    ];
     check_apart(&places).map_err(Error::Usage)?;
     args.plot.iter().try_for_each(|plot| check_free(plot, "--plot", existing)).map_err(Error::Usage)?;
     check_seconds_are_shown(args).map_err(Error::Usage)?;
@@ -48,9 +54,14 @@ pub(crate) fn replay(args: &cli::ReplayArgs) -> dials_session::error::Result<()>
     if args.gui {
         check_screen().map_err(Error::Usage)?;
     }
-    let episode = ReplayedEpisode::choose(args).map_err(Error::Usage)?;
+    let mut episode = ReplayedEpisode::choose(args).map_err(Error::Usage)?;
+    let mut events = episode.events.take();
     let about = About { subject: subject(args), seed: episode.run };
-    let recording = episode.play().map_err(Error::Run)?;
+    let recording = episode.play(events.is_some()).map_err(Error::Run)?;
+    if let Some(events) = &mut events {
+        events.append().map_err(Error::Run)?;
+        events.note_written();
+    }
     places::make(&dir, existing, |staged| {
         replay::write(&recording, staged.path())?;
         replay::check(&recording, staged.path())
@@ -114,6 +125,8 @@ struct ReplayedEpisode {
     /// Seed of all its evaluation episodes, of which this is the first one.
     run: u64,
     cast: Cast,
+    /// Files of `--events`.
+    events: Option<EventFiles>,
 }
 
 enum Cast {
@@ -138,7 +151,13 @@ impl ReplayedEpisode {
                 domains::open_recorded(config, &tape).context("only episodes that SUMO simulates can be replayed")?;
             let length_s = if args.local.is_some() { traffic.local_seconds() } else { traffic.seconds() };
             args.seconds.iter().try_for_each(|seconds| check_seconds(seconds, length_s))?;
-            Ok(ReplayedEpisode { tape: tape.clone(), traffic, run, cast })
+            let existing = Existing::of_named(args.force);
+            let events = EventFiles::asked_for(args.events.as_deref(), existing, config)?.map(|(_, events)| events);
+            let traffic = match &events {
+                Some(events) => traffic.log_events(&events.log),
+                None => traffic,
+            };
+            Ok(ReplayedEpisode { tape: tape.clone(), traffic, run, cast, events })
         };
         if let Some(controller) = &args.controller {
             let config = if subject.is_dir() {
@@ -169,15 +188,19 @@ impl ReplayedEpisode {
         with(&run.config, cast)
     }
 
-    fn play(self) -> Result<Recording> {
+    /// `logs`: whether the episode goes into an event log, which SUMO completes when it is measured.
+    fn play(self, logs: bool) -> Result<Recording> {
+        let measured = |simulator: &mut dyn GlobalSimulator| if logs { simulator.measure_in_full() } else { Ok(()) };
         let seed = episode_seed(Seed::new(self.run), 0);
         match self.cast {
             Cast::Baseline(name) => {
                 let mut baseline = self.traffic.baseline(&name)?;
+                measured(&mut *baseline.simulator)?;
                 play(&mut *baseline.simulator, &mut *baseline.controller, seed)?;
             }
             Cast::Policies(mut policies) => {
                 let mut simulator = self.traffic.global_simulator()?;
+                measured(&mut *simulator)?;
                 play(&mut *simulator, &mut policies, seed)?;
             }
             Cast::Local { agent, mut policy, mut aip } => {

@@ -19,7 +19,9 @@ pub(super) fn report(args: &cli::ReportArgs) -> Result<()> {
     report.warnings.iter().for_each(|warning| warn(for_terminal(&format!("warning: {}", Printable(warning)))));
     let (page, markdown) = (out.join(PAGE), out.join(MARKDOWN));
     let (runs, groups) = (report.runs, report.groups);
-    let (runs, groups) = (counted(runs, "run"), counted(groups, "group"));
-    let message = format!("{runs} in {groups}; open {} or read {}", quoted(&page), quoted(&markdown));
+    let of_runs = (runs > 0).then(|| format!("{} in {}", counted(runs, "run"), counted(groups, "group")));
+    let of_cities = (report.cities > 0).then(|| format!("lights in {}", counted(report.cities, "comparison")));
+    let what = of_cities.into_iter().chain(of_runs).collect::<Vec<_>>().join(", ");
+    let message = format!("{what}; open {} or read {}", quoted(&page), quoted(&markdown));
     answer(message).map_err(Error::Run)
 }

@@ -123,6 +123,15 @@ impl Subject {
         Ok(Player { label: self.label(), keys, policies, others })
     }
 
+    /// Checks what needs neither a trial of the files nor those of a run: the names of controllers, with their parameters.
+    pub(super) fn check_controller(&self, domain: &dyn Domain) -> Result<()> {
+        match self {
+            Subject::Controller(_) => self.check(domain),
+            Subject::Run { background: Some(background), .. } => domain.check_baseline(&background.controller),
+            Subject::Run { background: None, .. } => Ok(()),
+        }
+    }
+
     /// Checks that the subject can be played on the global simulator (GS) of `domain`.
     pub(super) fn check(&self, domain: &dyn Domain) -> Result<()> {
         match self {

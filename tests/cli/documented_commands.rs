@@ -60,6 +60,7 @@ const NOT_TYPED: &[(&str, &str)] = &[
     ("mpirun -n 9 target/", "tests/training/mpi.rs trains over ranks"),
     ("mpirun --hostfile", "needs several machines"),
     ("mpirun -n 3 --oversubscribe", "tests/training/mpi.rs trains over ranks"),
+    ("dials-traffic benchmark resco", "needs a copy of RESCO; tests/cli/benchmark.rs makes a map"),
     ("#!/bin/bash", "a script for Slurm"),
     ("#SBATCH", "a script for Slurm"),
     ("export OMP_NUM_THREADS", "a script for Slurm"),

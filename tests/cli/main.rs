@@ -4,7 +4,9 @@
 //! this process.
 
 mod bench;
+mod benchmark;
 mod builds;
+mod city;
 mod command_line;
 mod configuration_page;
 mod crates;
@@ -19,6 +21,7 @@ mod limits;
 mod live;
 mod live_attacks;
 mod report;
+mod robustness;
 
 #[path = "../common/place.rs"]
 mod place;

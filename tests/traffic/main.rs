@@ -4,6 +4,7 @@
 
 mod controllers;
 mod derive;
+mod events;
 mod examples;
 mod free_car;
 mod hostile_networks;

@@ -20,7 +20,9 @@ use dials_session::fleet::in_process;
 use dials_testkit::conformance;
 use dials_traffic::Traffic;
 use dials_traffic::agents::phases::Light;
-use dials_traffic::config::{ClockOffsets, DSet, EntryRule, Observation, TrafficConfig, UntilFirstSwitch};
+use dials_traffic::config::{
+    ClockOffsets, DSet, DetectorFaults, EntryRule, Observation, TrafficConfig, UntilFirstSwitch,
+};
 use dials_traffic::controllers;
 use dials_traffic::cut::forest::{Region, write_forest};
 use dials_traffic::light::{KEEP, SWITCH};
@@ -631,6 +633,63 @@ fn the_predictor_sees_cells_where_the_agent_sees_queues() {
     let [of_cells, of_queues] = [&cells, &queues].map(|steps| steps[200].percept.obs.row(0));
     assert_eq!((of_cells.len(), of_queues.len()), (40, 12));
     assert_eq!(of_cells[36..], of_queues[8..]);
+}
+
+/// Returns the grid whose agents see detectors.
+fn with_detectors(detector_faults: DetectorFaults) -> Traffic {
+    let config = TrafficConfig {
+        observation: Observation::Detectors,
+        detector_faults,
+        entry: EntryRule::Max,
+        ..TrafficConfig::new(saved("grid_2x2"), saved("local"))
+    };
+    Traffic::open(&config).unwrap()
+}
+
+#[test]
+fn with_true_entries_the_detectors_see_what_those_of_the_global_simulator_see() {
+    let domain = with_detectors(DetectorFaults::default());
+    let recording = recorded(&domain, "random", Seed::new(5));
+    let mut ls = domain.local(4).unwrap();
+    ls.reset(&Beginning::first(0..4)).unwrap();
+    let (mut all, mut differ, mut counted) = (0, 0, 0.0);
+    for (actions, _, placements, global) in &recording {
+        let local = ls.step_with(actions, placements).unwrap();
+        for (global, local) in global.percept.obs.iter().zip(local.percept.obs.iter()) {
+            // Two detectors on each of four lanes, three columns each, and the light.
+            assert_eq!((global.len(), local.len()), (28, 28));
+            all += 24;
+            differ += global[..24].iter().zip(local).filter(|(global, local)| global != local).count();
+            counted += global[..24].iter().step_by(3).sum::<f32>();
+        }
+    }
+    // Cars that follow another one on the outgoing edge, where the LS has no jam, drive on a little earlier.
+    assert!(counted > 500.0 && (differ as f64) < 0.002 * f64::from(all), "{differ} of {all} differ, {counted} counted");
+}
+
+#[test]
+fn faults_of_detectors_follow_from_the_seed_of_the_episode_and_change_no_traffic() {
+    let faults = DetectorFaults { dead: 0.3, noise: 0.05 };
+    let of = |faults, seed| recorded(&with_detectors(faults), "random", Seed::new(seed));
+    let [first, again, whole] = [of(faults, 5), of(faults, 5), of(DetectorFaults::default(), 5)];
+    let mut silent = [true; 24];
+    for ((first, again), whole) in first.iter().zip(&again).zip(&whole) {
+        assert_eq!(first.3.percept.obs, again.3.percept.obs);
+        assert_eq!(first.3.rewards, whole.3.rewards);
+        assert_eq!(first.3.percept.d_set, whole.3.percept.d_set);
+        let columns = first.3.percept.obs.row(0)[..24].iter().enumerate();
+        columns
+            .filter(|(number, value)| number % 3 == 0 && **value > 0.0)
+            .for_each(|(number, _)| silent[number] = false);
+    }
+    let dead = silent.iter().step_by(3).filter(|silent| **silent).count();
+    assert!((1..8).contains(&dead), "{dead} of 8 detectors see nothing");
+    assert!(first.iter().zip(&whole).any(|(first, whole)| first.3.percept.obs != whole.3.percept.obs));
+}
+
+#[test]
+fn the_domain_with_broken_detectors_conforms() {
+    conformance::check(&with_detectors(DetectorFaults { dead: 0.2, noise: 0.1 }), Seed::new(3)).unwrap();
 }
 
 #[test]

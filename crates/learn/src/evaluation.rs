@@ -1,12 +1,14 @@
 //! Evaluation: plays episodes on the GS under a controller, and summarises them.
 //!
-//! - `table`: one player, as text. `comparison`: several players, as text.
+//! - `table`: one player, as text. `comparison`: several players, as text. `variants`: the same on several variants of the
+//!   traffic.
 //! - [`json`], [`csv`]: the same figures for programs.
 
 mod comparison;
 pub mod csv;
 pub mod json;
 mod table;
+mod variants;
 
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
@@ -18,6 +20,7 @@ use dials_core::domain::{Controller, Domain, GlobalSimulator, Measures, Result};
 
 pub use comparison::comparison;
 pub use table::table;
+pub use variants::of_variants;
 
 /// Name of the return among the [`figures`] of an episode.
 pub(crate) const RETURN: &str = "return";
@@ -169,7 +172,7 @@ pub fn play_episodes(
 /// Returns the figures of the whole system, by name, with one value per episode.
 ///
 /// The mean return of the agents comes first, then the measures of the system.
-pub(crate) fn figures(episodes: &[EpisodeReport]) -> Vec<(String, Vec<f64>)> {
+pub fn figures(episodes: &[EpisodeReport]) -> Vec<(String, Vec<f64>)> {
     let returns = episodes.iter().map(|episode| mean(&episode.returns)).collect();
     let measures = episodes[0].measures.system.iter().enumerate().map(|(index, (name, _))| {
         (name.clone(), episodes.iter().map(|episode| episode.measures.system[index].1).collect())

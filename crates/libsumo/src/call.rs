@@ -151,6 +151,31 @@ impl Crossing {
         check(code, "count the persons that wait")
     }
 
+    pub(crate) fn losses_s(&mut self, cars: &[impl AsRef<str>]) -> Result<Vec<f64>> {
+        let texts = Texts::new(cars)?;
+        let mut losses = vec![0.0; cars.len()];
+        // SAFETY: we have the turn; the pointers are `len` strings that end in zero; all outlive the call.
+        let code = unsafe { call!(self.read_losses(texts.pointers.as_ptr(), cars.len(), losses.as_mut_ptr())) };
+        check(code, "read the time that cars have lost").map(|()| losses)
+    }
+
+    pub(crate) fn at_stops(&mut self, cars: &[impl AsRef<str>]) -> Result<Vec<bool>> {
+        let texts = Texts::new(cars)?;
+        let mut stops = vec![0_u8; cars.len()];
+        // SAFETY: as in `losses_s`.
+        let code = unsafe { call!(self.read_stops(texts.pointers.as_ptr(), cars.len(), stops.as_mut_ptr())) };
+        check(code, "read which cars make a stop")?;
+        Ok(stops.into_iter().map(|stop| stop != 0).collect())
+    }
+
+    pub(crate) fn co2_mg_per_s(&mut self, lanes: &[LaneId], co2: &mut Vec<f64>) -> Result<()> {
+        co2.clear();
+        co2.resize(lanes.len(), 0.0);
+        // SAFETY: we have the turn; a `LaneId` is laid out as a `u32`; both have `len` elements and outlive the call.
+        let code = unsafe { call!(self.read_co2(lanes.as_ptr().cast(), lanes.len(), co2.as_mut_ptr())) };
+        check(code, "read the emissions on lanes")
+    }
+
     pub(crate) fn time_s(&self) -> Result<f64> {
         let mut seconds = 0.0;
         // SAFETY: we have the turn, and `Crossing` is not `Sync`, so a shared reference is as good as an exclusive one.

@@ -139,6 +139,14 @@ pub struct ds_shim {
             waiting: *mut u32,
         ) -> std::ffi::c_int,
     >,
+    pub read_losses: ::std::option::Option<
+        unsafe extern "C" fn(cars: *const *const std::ffi::c_char, count: usize, losses: *mut f64) -> std::ffi::c_int,
+    >,
+    pub read_stops: ::std::option::Option<
+        unsafe extern "C" fn(cars: *const *const std::ffi::c_char, count: usize, stops: *mut u8) -> std::ffi::c_int,
+    >,
+    pub read_co2:
+        ::std::option::Option<unsafe extern "C" fn(lanes: *const u32, count: usize, co2: *mut f64) -> std::ffi::c_int>,
     pub heard: ::std::option::Option<unsafe extern "C" fn() -> *const std::ffi::c_char>,
     pub shortcuts: ::std::option::Option<unsafe extern "C" fn() -> std::ffi::c_int>,
 }

@@ -366,6 +366,24 @@ impl Simulation {
         self.whole()?.route(car)
     }
 
+    /// Returns how many seconds each of these cars has lost so far by driving slower than it would alone: what SUMO writes as
+    /// `timeLoss` of a trip. `cars`: names in SUMO of cars on the road.
+    pub fn losses_s(&mut self, cars: &[impl AsRef<str>]) -> Result<Vec<f64>> {
+        self.whole()?.losses_s(cars)
+    }
+
+    /// Returns whether each of these cars makes a stop of its plan now, such as a bus at its stop. `cars`: names in SUMO of
+    /// cars on the road.
+    pub fn at_stops(&mut self, cars: &[impl AsRef<str>]) -> Result<Vec<bool>> {
+        self.whole()?.at_stops(cars)
+    }
+
+    /// Reads how much CO2 the cars on each lane emitted in the last step, in mg/s, by the emission class of their types. `co2`
+    /// becomes as long as `lanes`.
+    pub fn co2_mg_per_s(&mut self, lanes: &[LaneId], co2: &mut Vec<f64>) -> Result<()> {
+        self.whole()?.co2_mg_per_s(lanes, co2)
+    }
+
     /// Returns the counts of the last step.
     pub fn counts(&mut self) -> Result<StepCounts> {
         self.whole()?.counts()

@@ -75,11 +75,16 @@ pub(crate) fn text_width(words: &str, pixels: f64) -> i32 {
     px(words.chars().count() as f64 * pixels * 0.56)
 }
 
+/// Returns a name with at most about this many letters. Of a longer one the beginning and the end are kept, because ids of joined
+/// junctions often begin alike.
 pub(crate) fn shortened(name: &str, letters: usize) -> String {
-    match name.char_indices().nth(letters) {
-        Some((end, _)) => format!("{}...", &name[..end]),
-        None => name.to_owned(),
+    let all: Vec<char> = name.chars().collect();
+    if all.len() <= letters {
+        return name.to_owned();
     }
+    let (begin, end) = (letters.div_ceil(2), letters / 2);
+    let part = |letters: &[char]| letters.iter().collect::<String>();
+    format!("{}...{}", part(&all[..begin]), part(&all[all.len() - end..]))
 }
 
 /// Draws axes and grid in the style of all charts. `numbers`: font size of the numbers, in pixels.
@@ -153,6 +158,11 @@ impl Svg {
         Ok(Svg(with_printable_names(&text)))
     }
 
+    /// Takes a picture that is written already: names in it are escaped, and its ink and its paper are those of all pictures.
+    pub(crate) fn of_text(text: String) -> Svg {
+        Svg(text)
+    }
+
     /// Returns the picture as an SVG file, on white.
     pub fn file(&self) -> String {
         self.0.replace(&hex(PAPER), "#FFFFFF")
@@ -192,6 +202,12 @@ fn hex(RGBColor(red, green, blue): RGBColor) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_name_that_is_too_long_keeps_its_beginning_and_its_end() {
+        assert_eq!(shortened("cluster_1", 9), "cluster_1");
+        assert_eq!(shortened("cluster_11_22_33", 9), "clust...2_33");
+    }
 
     #[test]
     fn shades_get_darker_all_the_way() {

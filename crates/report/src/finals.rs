@@ -81,6 +81,11 @@ impl Comparison {
     pub(crate) fn ends(&self) -> Vec<(&Group, Final)> {
         self.groups.iter().filter_map(|group| Some((group, Final::of(group)?))).collect()
     }
+
+    /// Returns when the agents were as [`Comparison::ends`] says. Nothing is final before its runs are finished.
+    pub(crate) fn when(&self) -> &'static str {
+        if self.ends().iter().all(|(_, end)| end.finished) { "at the end" } else { "at the last evaluation so far" }
+    }
 }
 
 pub(crate) fn played(runs: &[&RunRecord], steps: u64) -> BySeed {

@@ -11,9 +11,13 @@
 //! - `chart`, `document`, `csv_file`: pictures, pages and files. `pictures`, `tables`, `cost_tables` and `sections` fill
 //!   them.
 //! - [`words`]: formats of numbers, and warnings.
+//! - [`lights`]: figures of each light of a road network, before and after.
+//! - [`signal_plan`]: a plan of lights, as a page and a table.
 //! - [`compare`]: a comparison of two groups of runs. [`live`]: a page about runs that train. [`plot`]: an episode.
+//! - [`resco`]: the board of RESCO's maps.
 
 mod chart;
+pub mod city;
 pub mod compare;
 mod cores;
 mod cost_tables;
@@ -27,12 +31,15 @@ mod finals;
 #[cfg(test)]
 mod fixtures;
 mod group;
+pub mod lights;
 pub mod live;
 mod opponent;
 mod paper;
 mod pictures;
 pub mod plot;
+pub mod resco;
 mod sections;
+pub mod signal_plan;
 mod tables;
 pub mod words;
 
@@ -52,6 +59,8 @@ pub struct Report {
     pub files: Vec<(String, String)>,
     pub runs: usize,
     pub groups: usize,
+    /// Number of comparisons of a city's lights.
+    pub cities: usize,
     /// Sentences about runs that are missing, unfinished or cannot be used.
     pub warnings: Vec<String>,
 }
@@ -60,16 +69,34 @@ pub struct Report {
 ///
 /// No run there was evaluated and can be read: an error, which lists the first reasons.
 pub fn report(folders: &[PathBuf]) -> Result<Report> {
-    let (comparisons, warnings) = compared(dials_session::records::find::find(folders)?)?;
+    let cities = city::cities(folders)?;
+    // A folder with a comparison need not have a run.
+    let is_city =
+        |folder: &PathBuf| cities.iter().any(|cities| cities.folders.iter().any(|city| city.starts_with(folder)));
+    let with_runs = |folder: &&PathBuf| !is_city(folder) || dials_session::records::find::has_runs(folder);
+    let of_runs: Vec<PathBuf> = folders.iter().filter(with_runs).cloned().collect();
+    let (comparisons, warnings) = compared(dials_session::records::find::find(&of_runs)?)?;
     let groups = || comparisons.iter().flat_map(|comparison| &comparison.groups);
-    let names: Vec<String> = folders.iter().map(|folder| folder.display().to_string()).collect();
-    ensure!(groups().any(|group| group.finals().is_some()), words::no_run(&names.join(", "), &warnings));
-    let document = sections::document(&comparisons, &warnings)?;
+    let names: Vec<String> = of_runs.iter().map(|folder| folder.display().to_string()).collect();
+    let has_finals = groups().any(|group| group.finals().is_some());
+    ensure!(has_finals || (cities.is_some() && of_runs.is_empty()), words::no_run(&names.join(", "), &warnings));
+    let compared_cities = cities.as_ref().map_or(0, |cities| cities.folders.len());
+    let document = match cities {
+        None => sections::document(&comparisons, &warnings)?,
+        Some(city::Cities { title, mut blocks, .. }) => {
+            if has_finals {
+                blocks.extend(sections::document(&comparisons, &warnings)?.blocks);
+            }
+            document::Document { title, blocks }
+        }
+    };
     let mut files = vec![(PAGE.to_owned(), document.to_html()), (MARKDOWN.to_owned(), document.to_markdown())];
     files.extend(document.figures().map(|figure| (format!("{}.svg", figure.name), figure.svg.file())));
-    files.extend(csv_file::files(&comparisons)?);
+    if has_finals {
+        files.extend(csv_file::files(&comparisons)?);
+    }
     let runs = groups().map(|group| group.runs.len()).sum();
-    Ok(Report { files, runs, groups: groups().count(), warnings })
+    Ok(Report { files, runs, groups: groups().count(), cities: compared_cities, warnings })
 }
 
 /// Makes the figures of a report about these runs, and only them. None was evaluated yet: no figures.

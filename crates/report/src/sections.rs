@@ -70,12 +70,13 @@ fn overview(comparisons: &[Comparison]) -> String {
     let groups = || comparisons.iter().flat_map(|comparison| &comparison.groups);
     let runs: usize = groups().map(|group| group.runs.len()).sum();
     let scenarios: Vec<&str> = comparisons.iter().map(|comparison| comparison.title.as_str()).collect();
+    let own = format!("{} in {}; {}.", counted(runs, "run"), counted(groups().count(), "group"), scenarios.join("; "));
+    if comparisons.iter().all(|comparison| !paper::has(&comparison.scenario)) {
+        return own;
+    }
     format!(
-        "{} in {}; {}. Paper: Suau et al., Distributed Influence-Augmented Local Simulators for Parallel \
-         MARL in Large Networked Systems, NeurIPS 2022.",
-        counted(runs, "run"),
-        counted(groups().count(), "group"),
-        scenarios.join("; ")
+        "{own} Paper: Suau et al., Distributed Influence-Augmented Local Simulators for Parallel MARL in Large Networked \
+         Systems, NeurIPS 2022."
     )
 }
 
@@ -96,6 +97,7 @@ fn scenario(comparison: &Comparison, looks: &Looks) -> Result<Vec<Block>> {
     let evaluations = comparison.runs().map(|run| run.evaluations.len()).max().unwrap_or(0);
     let has_curves = evaluations > 1;
     let learning = |against| if has_curves { pictures::learning(comparison, looks, against) } else { Ok(None) };
+    let agents_caption = format!("Every agent {}, {{title}}.", comparison.when());
     let figures = [
         (
             "ablation",
@@ -110,7 +112,7 @@ fn scenario(comparison: &Comparison, looks: &Looks) -> Result<Vec<Block>> {
              draws it against runtime.",
             pictures::cross_entropy(comparison, looks)?,
         ),
-        ("agents", "Every agent at the end, {title}.", pictures::agents(comparison, looks)?),
+        ("agents", &agents_caption, pictures::agents(comparison, looks)?),
     ];
     blocks.extend(figures.into_iter().filter_map(|(name, caption, svg)| {
         Some(figure(format!("{name}_{slug}"), caption.replace("{title}", title), svg?))

@@ -32,7 +32,7 @@ pub(crate) fn finals(comparison: &Comparison) -> Table {
     let mut header = header("method | n | steps | episodes | mean return | 95 % interval or seeds");
     header.extend(opponents.iter().map(|opponent| format!("− {}", opponent.name())));
     header.extend(words(&["median run", "median agent", "stuck agents", "paper", "ours − paper"]));
-    let mut rows = Vec::new();
+    let mut rows: Vec<Vec<String>> = Vec::new();
     for (group, end) in comparison.ends() {
         let unfinished = if end.finished { "" } else { ", unfinished" };
         let mut row = vec![
@@ -83,6 +83,11 @@ pub(crate) fn finals(comparison: &Comparison) -> Table {
     if let (true, Some(hand_coded)) = (comparison.baselines.is_empty(), paper::hand_coded(scenario)) {
         rows.push(with_paper(words(&["hand-coded"]), figure(hand_coded)));
     }
+    // Only the paper's scenarios have columns for it.
+    if paper::figure(scenario).is_none() {
+        header.truncate(header.len() - 2);
+        rows.iter_mut().for_each(|row| row.truncate(header.len()));
+    }
     Table { caption: caption_of_finals(comparison), header, rows }
 }
 
@@ -104,10 +109,9 @@ fn caption_of_finals(comparison: &Comparison) -> String {
     {
         caption += &format!(" Reward: {}.", rules.reward);
     }
-    caption += &match paper::figure(&comparison.scenario) {
-        Some(figure) => format!(" Paper: {figure}, ± its standard error where it draws one."),
-        None => " The paper has no such scenario.".to_owned(),
-    };
+    if let Some(figure) = paper::figure(&comparison.scenario) {
+        caption += &format!(" Paper: {figure}, ± its standard error where it draws one.");
+    }
     caption
 }
 
@@ -140,7 +144,8 @@ pub(crate) fn agents(comparison: &Comparison) -> Table {
     });
     Table {
         caption: format!(
-            "Agents at the end, {}. The median agent is taken per run, then averaged over seeds.",
+            "Agents {}, {}. The median agent is taken per run, then averaged over seeds.",
+            comparison.when(),
             comparison.title
         ),
         header: words(&["method", "mean", "median agent", "worst agent", "best agent", "stuck: seed (agents)"]),

@@ -18,6 +18,7 @@ use dials_core::domain::{Domain, DomainTable};
 use dials_learn::config::Simulator;
 use dials_traffic::Traffic;
 use dials_traffic::config::TrafficTable;
+use dials_traffic::events::EventLog;
 use dials_traffic::sim::recording::Tape;
 use dials_warehouse::config::WarehouseConfig;
 use stacknets::use_vectors;
@@ -123,6 +124,37 @@ pub fn traffic(config: &RunConfig) -> Result<Option<Traffic>> {
     }
 }
 
+/// Returns the config of a scenario with more or fewer vehicles, and with further edges closed: `traffic.demand` and
+/// `traffic.closed`. `demand` multiplies that of the config.
+pub fn changed_traffic(config: &RunConfig, demand: f64, closed: &[String]) -> Result<RunConfig> {
+    let mut changed = config.clone();
+    let Some(DomainConfig::Traffic(TrafficTable::Scenario(table))) = &mut changed.domain else {
+        bail!(
+            "--demand, --closed: are for scenarios of SUMO (a .sumocfg); for a grid of the paper make a net with another inflow: \
+             dials-traffic nets grid --inflow"
+        )
+    };
+    table.demand *= demand;
+    table.closed.extend(closed.iter().filter(|edge| !config_closes(config, edge)).cloned());
+    table.check()?;
+    Ok(changed)
+}
+
+fn config_closes(config: &RunConfig, edge: &str) -> bool {
+    match domain(config) {
+        DomainConfig::Traffic(TrafficTable::Scenario(table)) => table.closed.iter().any(|closed| closed == edge),
+        _ => false,
+    }
+}
+
+/// Opens changed traffic, after a trial. Controllers that measure flows measure those of the unchanged config, `usual`.
+pub fn open_changed(changed: &RunConfig, usual: &RunConfig) -> Result<Traffic> {
+    let open = |config| traffic(config)?.context("only traffic has demand and edges");
+    let changed_traffic = open(changed)?;
+    trial::survive(changed, &changed_traffic)?;
+    Ok(if changed == usual { changed_traffic } else { changed_traffic.planned_for(open(usual)?) })
+}
+
 /// Like [`traffic`], with cars that all dawdle as much as `sigma` says. Only the cars of a scenario may.
 pub fn dawdling(config: &RunConfig, sigma: f64) -> Result<Option<Traffic>> {
     match domain(config) {
@@ -132,6 +164,15 @@ pub fn dawdling(config: &RunConfig, sigma: f64) -> Result<Option<Traffic>> {
         }
         _ => traffic(config),
     }
+}
+
+/// Opens the traffic domain of a config. What its global simulators play and measure goes into `log`.
+pub fn open_logged(config: &RunConfig, log: &EventLog) -> Result<Traffic> {
+    let Some(traffic) = traffic(config)? else {
+        bail!("only traffic lights write such a log, and this is {}; leave the option out", domain(config).name())
+    };
+    trial::survive(config, &traffic)?;
+    Ok(traffic.log_events(log))
 }
 
 /// Opens the traffic domain of a config. The first episode that its simulators play is recorded on `tape`.

@@ -68,6 +68,13 @@ impl RowLanes {
         Ok(simulation.read_lanes(&self.lanes, &mut self.cars)?)
     }
 
+    /// Returns how much CO2 the cars on the lanes of each row emitted in the last step, in mg/s.
+    pub(crate) fn co2_mg_per_s(&self, simulation: &mut Simulation) -> Result<Vec<f64>> {
+        let mut of_lanes = Vec::new();
+        simulation.co2_mg_per_s(&self.lanes, &mut of_lanes)?;
+        Ok(self.starts.windows(2).map(|row| of_lanes[row[0]..row[1]].iter().sum()).collect())
+    }
+
     pub(crate) fn at(&self, row: usize) -> CarsAt<'_> {
         self.of(&self.cars, row)
     }

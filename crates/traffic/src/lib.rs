@@ -8,7 +8,11 @@
 //! - `road_network`: a grid or a scenario, and what differs between them.
 //! - `prepared`: what local simulators of a scenario are made from, kept and sent as bytes.
 //! - [`sim`]: the simulators, their recordings and replays.
-//! - [`controllers`]: hand-coded baselines; [`tuning`]: the search for the best fixed-time lights.
+//! - [`streets`]: the roads of a net, for maps.
+//! - [`counts`]: from traffic counts to routes.
+//! - [`controllers`]: hand-coded baselines; [`tuning`]: the search for the best fixed-time lights. [`timing`]: plans of
+//!   them that plain SUMO plays.
+//! - [`events`]: the event log of the street, as a signal controller writes it.
 //! - [`fidelity`]: how far the local simulators are like the global one.
 //!
 //! # Words
@@ -28,11 +32,15 @@ pub mod agents;
 mod cars_at;
 pub mod config;
 pub mod controllers;
+pub mod counts;
 pub mod cut;
 mod d_set;
+pub mod events;
 pub mod fidelity;
 mod inflow;
 pub mod light;
+#[cfg(test)]
+mod light_limits_test;
 pub mod network;
 mod observe;
 pub mod paper_grid;
@@ -42,8 +50,12 @@ mod road_network;
 pub mod scenario;
 pub mod side;
 pub mod sim;
+pub mod streets;
 mod task;
+pub mod timing;
 pub mod tuning;
+#[cfg(test)]
+mod watchdog;
 
 use std::borrow::Cow;
 use std::path::{Path, PathBuf};
@@ -62,6 +74,8 @@ use dials_core::domain::{
     Baseline, Beginning, BuiltInControl, Domain, GlobalSimulator, Kind, Kinds, LocalSimulator, Measures, Result,
     RoughCosts, Scenario, Task,
 };
+use events::EventLog;
+use events::site::Site;
 use libsumo::Simulation;
 pub use libsumo::{Error as SumoError, Library as Sumo, Place as SumoPlace};
 use network::way_out::{Role, cannot_be_simulated};
@@ -69,6 +83,7 @@ use paper_grid::grid::Grid;
 use prepared::Prepared;
 use road_network::{Files, RoadNetwork, open_grid, scenario as of_scenario};
 use scenario::SumoScenario;
+use scenario::closing::Detours;
 use sim::control::SignalControl;
 use sim::global::GlobalTraffic;
 use sim::local::{DROPPED, Demand, LocalTraffic};
@@ -113,7 +128,10 @@ pub struct Traffic {
     plan: Arc<JointPlan>,
     network: Arc<RoadNetwork>,
     tape: Option<Tape>,
+    events: Option<EventLog>,
     visits: Arc<OnceLock<Arc<VisitTables>>>,
+    /// Traffic on which controllers such as `webster` measure what they need. `None`: this one.
+    planned_for: Option<Arc<Traffic>>,
 }
 
 impl Traffic {
@@ -134,7 +152,14 @@ impl Traffic {
     }
 
     fn new((network, plan): (RoadNetwork, JointPlan)) -> Traffic {
-        Traffic { plan: Arc::new(plan), network: Arc::new(network), tape: None, visits: Arc::default() }
+        Traffic {
+            plan: Arc::new(plan),
+            network: Arc::new(network),
+            tape: None,
+            events: None,
+            visits: Arc::default(),
+            planned_for: None,
+        }
     }
 
     /// Returns the borders of the agents' regions, in their order. A grid of the paper has none.
@@ -160,13 +185,44 @@ impl Traffic {
         Ok(self.visits.get_or_init(|| tables).clone())
     }
 
+    /// Lets controllers that measure flows before an episode, such as `webster`, do so on other traffic with the same lights: so a
+    /// plan for the usual demand can meet another one.
+    pub fn planned_for(self, usual: Traffic) -> Traffic {
+        Traffic { planned_for: Some(Arc::new(usual)), ..self }
+    }
+
+    /// Returns what becomes of vehicles because of closed edges. `None`: all edges are open.
+    pub fn detours(&self) -> Option<Detours> {
+        match &self.network.files {
+            Files::Grid(_) => None,
+            Files::Scenario(files) => files.files.detours(),
+        }
+    }
+
+    /// Checks ids of edges that shall be closed.
+    pub fn check_edges(&self, ids: &[String]) -> Result<()> {
+        let Files::Scenario(files) = &self.network.files else { bail!("the edges of a grid cannot be closed") };
+        files.files.check_edges(ids)
+    }
+
     fn off_tape(&self) -> Traffic {
-        Traffic { tape: None, ..self.clone() }
+        Traffic { tape: None, events: None, ..self.clone() }
     }
 
     /// Makes the first episode of its simulators, global or local, go on this tape.
     pub fn record_on(self, tape: &Tape) -> Traffic {
         Traffic { tape: Some(tape.clone()), ..self }
+    }
+
+    /// Makes the episodes that its global simulators play and [measure in full](GlobalSimulator::measure_in_full) go into
+    /// this log.
+    pub fn log_events(self, log: &EventLog) -> Traffic {
+        Traffic { events: Some(log.clone()), ..self }
+    }
+
+    /// Returns the lights with the phases and detectors that the event log knows.
+    pub fn sites(&self) -> Result<Vec<Site>> {
+        self.network.sites(&self.plan)
     }
 
     pub fn grid(&self) -> Option<Grid> {
@@ -206,7 +262,13 @@ impl Traffic {
         if let Some(why) = self.network.refuses_actuated.as_ref().filter(|_| control.is_actuated()) {
             bail!("{why}");
         }
-        GlobalTraffic::new(self.plan.clone(), self.network.clone(), control, self.tape.as_ref())
+        GlobalTraffic::new(self.plan.clone(), self.network.clone(), control, self.tape.as_ref(), self.events.as_ref())
+    }
+
+    /// Returns the seconds of the simulation at which an episode begins and ends.
+    pub(crate) fn window_s(&self) -> (u64, u64) {
+        let begin_s = self.network.begin_s();
+        (begin_s, begin_s + self.seconds() as u64)
     }
 
     pub fn seconds(&self) -> usize {
@@ -231,6 +293,11 @@ impl Traffic {
     pub fn road_map(&self) -> Result<Option<RoadMap>> {
         let roads = self.network.recorded(&self.plan)?;
         Ok(roads.grid().is_none().then(|| map(&roads)))
+    }
+
+    /// Returns the controller that a name means. What it needs to know is measured first, on simulators of its own.
+    pub fn hand_coded(&self, name: &str) -> Result<HandCoded> {
+        controllers::recipe(name, self.plans())?(&self.off_tape())
     }
 
     pub fn everywhere(&self, by: HandCoded) -> SignalControl {
@@ -307,7 +374,8 @@ impl Domain for Traffic {
 
     fn with_background(&self, name: &str, agents: &[AgentId]) -> Result<Box<dyn GlobalSimulator>> {
         // An episode in which a controller measures something before it begins does not go on the tape.
-        let by = controllers::recipe(name, self.plans())?(&self.off_tape())?;
+        let measured = self.planned_for.as_ref().map_or_else(|| self.off_tape(), |usual| usual.off_tape());
+        let by = controllers::recipe(name, self.plans())?(&measured)?;
         Ok(Box::new(self.global(SignalControl::HandCoded { by, agents: agents.to_vec() })?))
     }
 

@@ -9,7 +9,8 @@ use super::cars_at::CarsAt;
 use super::reward::{PERSONS, Waiting};
 use crate::config::DSet;
 use crate::sim::others::OthersNow;
-use dials_core::domain::{ApproachView, CarView, RoadView};
+use crate::sim::readings::Readings;
+use dials_core::domain::{Action, ApproachView, CarView, RoadView};
 use libsumo::Car;
 
 /// Seconds after which an observation no longer shows that time goes on.
@@ -52,12 +53,19 @@ pub(crate) fn observe(plan: &AgentPlan, cars: CarsAt<'_>, light: LightView, obs:
                 pair[1] = (lane.len() as f64 / room).min(1.0) as f32;
             }
         }
+        // What they have seen since the last decision: `observe_detectors`.
+        CarColumns::Detectors(_) => {}
     }
     let (shown, others) = others.split_at_mut(plan.sensor.light.columns());
     show(plan.sensor.light, light, shown);
     if plan.sensor.clock > 0 {
         others[light.clock % plan.sensor.clock] = 1.0;
     }
+}
+
+/// Writes what the detectors have seen into the columns of cars, if the agent sees detectors.
+pub(crate) fn observe_detectors(plan: &AgentPlan, readings: &Readings, obs: &mut [f32]) {
+    readings.write(&mut obs[..plan.sensor.car_columns()]);
 }
 
 /// Writes buses, trams and persons into the columns behind all others, if the agent sees them.
@@ -108,15 +116,15 @@ pub(super) fn show(columns: LightColumns, light: LightView, bits: &mut [f32]) {
     }
 }
 
-/// Writes which actions a light may take: one per green, and only to stay while it may not leave its green.
-pub(crate) fn mask(plan: &AgentPlan, shown: Shown, may_leave: bool, mask: &mut [bool]) {
+/// Writes which actions a light may take: those for a green that it may show, as `allows` says of each green.
+pub(crate) fn mask(plan: &AgentPlan, shown: Shown, allows: impl Fn(usize) -> bool, mask: &mut [bool]) {
     for (action, allowed) in mask.iter_mut().enumerate() {
-        *allowed = action < plan.phases.actions() && (may_leave || action == shown.target());
+        *allowed = action < plan.phases.actions() && allows(plan.phases.asked_for(shown, action as Action));
     }
 }
 
 /// Writes the d-set of a grid: the cells in which cars are, the arrivals or the light if the plan says so, and the clock if
-/// the observation has one. The AIP sees cells also where the agent sees queues.
+/// the observation has one. The AIP sees cells also where the agent sees queues or detectors.
 ///
 /// DEVIATION 9: the arrivals (`d_set = "cells+arrivals"`). The cells do not show a car that has just entered, but an
 /// arrival in the next step is then very unlikely. With the arrivals, the AIP's cross-entropy falls by 4 %.
@@ -125,7 +133,9 @@ pub(crate) fn d_separate(plan: &AgentPlan, cars: CarsAt<'_>, obs: &[f32], arriva
     let (cells, others) = d_set.split_at_mut(region::OCCUPANCY);
     match &plan.sensor.cars {
         CarColumns::Cells(_) => cells.copy_from_slice(&obs[..cells.len()]),
-        CarColumns::QueueAndDensity(_) => occupy(plan, cars, &[region::CELLS; region::EDGES], cells),
+        CarColumns::QueueAndDensity(_) | CarColumns::Detectors(_) => {
+            occupy(plan, cars, &[region::CELLS; region::EDGES], cells);
+        }
     }
     let clock = match plan.sensor.d_set {
         DSet::Cells => others,

@@ -9,7 +9,7 @@ use crate::config::{Reward, RewardTerm};
 use crate::sim::others::OthersNow;
 use libsumo::CarId;
 
-/// Number of cars that count 1 in the terms `queue`, `lost-time` and `pressure`.
+/// Number of cars that count 1 in the terms `queue`, `lost-time`, `pressure` and `stops`.
 const CARS: f64 = 10.0;
 /// Number of persons that count 1.
 pub(crate) const PERSONS: f64 = 10.0;
@@ -18,13 +18,20 @@ const WAITING_S: f64 = 100.0;
 /// Most that the term `wait` counts, so that one jam does not outweigh all else.
 const MOST_WAIT: f64 = 10.0;
 
-/// How long the cars on the approaches of one light have stood there.
+/// Grams of CO2 that count 1.
+const CO2_G: f64 = 100.0;
+
+/// How long the cars on the approaches of one light have stood there, and what else is noted second by second.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Waiting {
-    seconds: HashMap<CarId, u32>,
+    /// Seconds that each car has stood, and whether it stands now.
+    seconds: HashMap<CarId, (u32, bool)>,
     /// Sum over the cars, and the sum at the last decision.
     sum: u64,
     sum_before: u64,
+    /// Cars that came to a stand, and CO2 that was emitted, since the decision.
+    stops: u32,
+    co2_g: f64,
 }
 
 impl Waiting {
@@ -33,25 +40,38 @@ impl Waiting {
         self.sum = 0;
         for lane in cars.iter() {
             for (car, stands) in lane.standing() {
-                let waited = self.seconds.get(&car).copied().unwrap_or(0) + u32::from(stands);
+                // A car that is first seen standing, such as one that enters, has not come to a stand here.
+                let (before, stood) = self.seconds.get(&car).copied().unwrap_or((0, stands));
+                let waited = before + u32::from(stands);
                 self.sum += u64::from(waited);
-                seconds.insert(car, waited);
+                self.stops += u32::from(stands && !stood);
+                seconds.insert(car, (waited, stands));
             }
         }
         self.seconds = seconds;
     }
 
     pub(crate) fn of(&self, car: CarId) -> u32 {
-        self.seconds.get(&car).copied().unwrap_or(0)
+        self.seconds.get(&car).map_or(0, |&(waited, _)| waited)
+    }
+
+    /// Notes the CO2 of a second, in mg.
+    pub(crate) fn note_co2(&mut self, mg: f64) {
+        self.co2_g += mg / 1e3;
     }
 
     pub(crate) fn decide(&mut self) {
         self.sum_before = self.sum;
+        (self.stops, self.co2_g) = (0, 0.0);
     }
 }
 
 pub(crate) fn needs_waiting(reward: &Reward) -> bool {
-    reward.terms().any(|(term, _)| matches!(term, RewardTerm::Wait | RewardTerm::DiffWaitingTime))
+    reward.terms().any(|(term, _)| matches!(term, RewardTerm::Wait | RewardTerm::DiffWaitingTime | RewardTerm::Stops))
+}
+
+pub(crate) fn needs_co2(reward: &Reward) -> bool {
+    reward.terms().any(|(term, _)| term == RewardTerm::Co2)
 }
 
 pub(crate) fn needs_others(reward: &Reward) -> bool {
@@ -81,6 +101,8 @@ pub(crate) fn reward(
         RewardTerm::Wait => -(waiting.sum as f64 / WAITING_S).min(MOST_WAIT),
         RewardTerm::BusDelay => -others.map_or(0.0, |others| others.lost),
         RewardTerm::PersonWait => -others.map_or(0.0, |others| f64::from(others.waiting.iter().sum::<u32>()) / PERSONS),
+        RewardTerm::Stops => -f64::from(waiting.stops) / CARS,
+        RewardTerm::Co2 => -waiting.co2_g / CO2_G,
         RewardTerm::DiffWaitingTime => (waiting.sum_before as f64 - waiting.sum as f64) / WAITING_S,
     };
     reward.terms().map(|(name, weight)| weight * term(name)).sum::<f64>() as f32
@@ -95,6 +117,24 @@ mod tests {
     fn west(cars: &[(u64, f64)]) -> CarTable {
         let cars = cars.iter().map(|&(id, speed)| (CarId(id), 50.0, speed)).collect();
         CarTable::of([cars, Vec::new(), Vec::new(), Vec::new()])
+    }
+
+    #[test]
+    fn stops_and_co2_are_those_since_the_decision() {
+        let mut waiting = Waiting::default();
+        // Car 1 enters standing, car 2 comes to a stand; then car 1 moves and stands again.
+        for seconds in [[(1, 0.0), (2, 9.0)], [(1, 0.0), (2, 0.0)], [(1, 3.0), (2, 0.0)], [(1, 0.0), (2, 0.0)]] {
+            waiting.note(CarsAt::all(&west(&seconds)));
+            waiting.note_co2(12_500.0);
+        }
+        let cars = west(&[]);
+        let of = |term, waiting: &Waiting| {
+            let cars = CarsAt::all(&cars);
+            reward(&Reward::from(term), &middle().region, cars, cars, waiting, None)
+        };
+        assert_eq!((of(RewardTerm::Stops, &waiting), of(RewardTerm::Co2, &waiting)), (-0.2, -0.5));
+        waiting.decide();
+        assert_eq!((of(RewardTerm::Stops, &waiting), of(RewardTerm::Co2, &waiting)), (0.0, 0.0));
     }
 
     #[test]

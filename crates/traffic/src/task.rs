@@ -25,6 +25,7 @@ pub(crate) fn rules(plan: &JointPlan) -> Rules {
     let cars = match &sensor.cars {
         CarColumns::Cells(_) => "cells",
         CarColumns::QueueAndDensity(_) => "queues",
+        CarColumns::Detectors(_) => "detectors",
     };
     let others = if sensor.sees_others { ", buses and persons" } else { "" };
     let light = match sensor.light {
@@ -43,7 +44,7 @@ pub(crate) fn rules(plan: &JointPlan) -> Rules {
 
 fn actions(plan: &AgentPlan) -> Vec<String> {
     match plan.phases.choice() {
-        Choice::KeepOrSwitch => ["keep", "switch to the next green"].map(str::to_owned).to_vec(),
+        Choice::KeepOrSwitch | Choice::InOrder => ["keep", "switch to the next green"].map(str::to_owned).to_vec(),
         Choice::Target => plan.phases.greens().iter().map(|green| format!("go to green {green}, or keep it")).collect(),
     }
 }

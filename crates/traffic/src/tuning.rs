@@ -56,13 +56,11 @@ pub fn tune(
     let horizon = traffic.network.horizon;
     let mut earned = |plan: &ClockPlan, episode: usize| {
         gs.hand_over(traffic.everywhere(HandCoded::rule(ClockLights::new(plan.clone()))));
-        let rewards = play(&mut gs, Seed::new(seed).fork(RandomPurpose::Tuning).for_episode(episode), horizon)?;
-        if grid.is_some() {
-            return Ok(rewards / plans.len() as f64);
+        if grid.is_none() {
+            return Ok(-delay_s(&mut gs, seed, episode, horizon)?);
         }
-        let measures = gs.measures()?.system;
-        let delay = measures.iter().find(|(name, _)| name == "delay_s");
-        delay.map(|(_, seconds)| -seconds).context("the GS does not measure the delay")
+        let rewards = play(&mut gs, Seed::new(seed).fork(RandomPurpose::Tuning).for_episode(episode), horizon)?;
+        Ok(rewards / plans.len() as f64)
     };
     let score = |best: f64| if grid.is_some() { Score::Return(best) } else { Score::DelaySeconds(-best) };
     let mut report = |played, at_most, best| report(TuningProgress { played, at_most, best: score(best) });
@@ -76,6 +74,14 @@ pub fn tune(
         None => net::search(plans, &ratios, leeway, judge)?,
     };
     Ok(TimingFile::new(plans, &found, score(mean), wanted))
+}
+
+/// Plays an episode of the tuning. Returns the mean delay of a car in seconds.
+pub(crate) fn delay_s(gs: &mut GlobalTraffic, seed: u64, episode: usize, horizon: usize) -> Result<f64> {
+    play(gs, Seed::new(seed).fork(RandomPurpose::Tuning).for_episode(episode), horizon)?;
+    let measures = gs.measures()?.system;
+    let delay = measures.iter().find(|(name, _)| name == "delay_s");
+    delay.map(|&(_, seconds)| seconds).context("the GS does not measure the delay")
 }
 
 fn play(gs: &mut GlobalTraffic, episode: Seed, horizon: usize) -> Result<f64> {

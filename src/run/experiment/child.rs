@@ -72,7 +72,8 @@ impl RunProcess {
                 let printed =
                     tempfile::tempfile().context("the result of a process has no place until it is complete")?;
                 let (stdout, name) = (printed.try_clone()?, name_of(result)?.to_owned());
-                (Some(Output { printed, folder: folder.make_subdirectory(BASELINES)?, name }), stdout)
+                let within = name_of(result.parent().context("a result is in a folder")?)?;
+                (Some(Output { printed, folder: folder.make_subdirectory(within)?, name }), stdout)
             }
             None => (None, log.file()?),
         };

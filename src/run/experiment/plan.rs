@@ -19,7 +19,7 @@ use dials_session::terminal::experiment::Planned;
 
 /// One process of the experiment.
 #[derive(Clone, Debug)]
-pub(super) struct PlannedWork {
+pub(in crate::run) struct PlannedWork {
     pub name: String,
     pub arguments: Vec<OsString>,
     /// File for its standard output, if that is its result.
@@ -34,9 +34,36 @@ pub(super) struct PlannedWork {
     pub share: f64,
     pub agents: usize,
     pub estimate: Estimate,
+    /// What is measured on the result. It begins right after this task, if this one ends well.
+    pub then: Vec<PlannedWork>,
+    /// Whether it follows a task that has ended.
+    pub follows: bool,
 }
 
 impl PlannedWork {
+    /// Makes a task that prints its result into a file, on one core. `arguments`: of this program.
+    pub(in crate::run) fn measurement(
+        name: String,
+        arguments: Vec<OsString>,
+        result: PathBuf,
+        estimate: Estimate,
+    ) -> PlannedWork {
+        PlannedWork {
+            name,
+            arguments,
+            result: Some(result),
+            config: None,
+            width: 1,
+            steps: 0,
+            stage: Stage::New,
+            share: 0.0,
+            agents: 0,
+            estimate,
+            then: Vec::new(),
+            follows: false,
+        }
+    }
+
     fn of_run(
         run: &PlannedRun,
         folder: &Path,
@@ -69,6 +96,8 @@ impl PlannedWork {
             stage,
             agents: run.agents(),
             estimate: estimate(run, width, measured),
+            then: Vec::new(),
+            follows: false,
         })
     }
 
@@ -90,12 +119,19 @@ impl PlannedWork {
             stage,
             agents: 0,
             estimate: estimate_controller(baseline),
+            then: Vec::new(),
+            follows: false,
         })
     }
 
     pub(super) fn planned(&self) -> Planned {
         let PlannedWork { name, estimate, width, share, steps, .. } = self;
         Planned { name: name.clone(), seconds: estimate.seconds, width: *width, share: *share, steps: *steps }
+    }
+
+    /// Returns this task and those that follow it.
+    pub(super) fn with_following(&self) -> impl Iterator<Item = &PlannedWork> {
+        [self].into_iter().chain(&self.then)
     }
 
     /// Returns why the task cannot begin: its run is damaged.
@@ -112,14 +148,14 @@ impl PlannedWork {
     }
 }
 
-pub(super) struct Tasks {
+pub(in crate::run) struct Tasks {
     tasks: Vec<PlannedWork>,
     cores: usize,
 }
 
 impl Tasks {
     /// Looks which tasks are done. `accept_other_build`: whether to resume runs that another build wrote.
-    pub(super) fn look(
+    pub(in crate::run) fn look(
         experiment: &Experiment,
         folder: &Path,
         cores: usize,
@@ -137,7 +173,15 @@ impl Tasks {
         Ok(Tasks { tasks, cores })
     }
 
-    pub(super) fn finished(&self) -> usize {
+    pub(in crate::run) fn of(tasks: Vec<PlannedWork>, cores: usize) -> Tasks {
+        Tasks { tasks, cores }
+    }
+
+    pub(in crate::run) fn all(self) -> Vec<PlannedWork> {
+        self.tasks
+    }
+
+    pub(in crate::run) fn finished(&self) -> usize {
         self.tasks.iter().filter(|task| task.stage == Stage::Finished).count()
     }
 
@@ -145,7 +189,7 @@ impl Tasks {
         self.tasks.into_iter().filter(|task| task.stage != Stage::Finished).collect()
     }
 
-    pub(super) fn table(&self) -> String {
+    pub(in crate::run) fn table(&self) -> String {
         let begins = |task: &&PlannedWork| task.stage != Stage::Finished && task.obstacle().is_none();
         let to_do: Vec<&PlannedWork> = self.tasks.iter().filter(begins).collect();
         let jobs: Vec<Job> = to_do.iter().map(|task| task.job()).collect();

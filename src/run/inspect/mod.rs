@@ -22,7 +22,7 @@ use dials_session::terminal::{self, answer, note, program};
 use dials_traffic::agents::derive::border::Seconds;
 use dials_traffic::agents::derive::overrides::Overrides;
 use dials_traffic::agents::derive::padding::{InfluencePadding, Padding};
-use dials_traffic::agents::derive::warnings::warnings;
+use dials_traffic::agents::derive::warnings::{never_walked, too_short_for_people, walk_s, warnings};
 use dials_traffic::agents::derive::{Agent, Derived, Rules, derive};
 use dials_traffic::agents::phase_plan::{Interval, PhasePlan};
 use dials_traffic::agents::plan::Border;
@@ -75,9 +75,8 @@ impl Inspected {
             "{}: is a config of this program; inspect the .sumocfg or the net that it names",
             path.display()
         );
-        let Subject { net, roads, departs_on, seconds, notes } = Subject::of(path, &args.settings.all())?;
+        let Subject { net, roads, departs_on, seconds, rules, notes } = Subject::of(path, &args.settings.all())?;
         let overrides = args.agents.as_deref().map_or(Ok(Overrides::default()), read_overrides)?;
-        let rules = Rules::default();
         let derived = derive(&roads, &rules, &overrides).map_err(|error| anyhow!("{}: {error:#}", net.display()));
         let derived = match &args.agents {
             Some(file) => derived.with_context(|| format!("{}: does not go with this network", file.display()))?,
@@ -88,6 +87,14 @@ impl Inspected {
         let influence = InfluencePadding::of(borders.iter());
         let columns_of_grid = columns_of_grid(&net);
         Ok(Inspected { net, roads, derived, padding, borders, influence, rules, notes, columns_of_grid })
+    }
+
+    /// Returns a sentence for each thing that is odd about the programs.
+    fn warnings(&self) -> Vec<String> {
+        let mut found = warnings(&self.roads);
+        found.extend(too_short_for_people(&self.derived.agents));
+        found.extend(never_walked(&self.derived.agents));
+        found
     }
 
     fn text(&self, args: &InspectArgs) -> Result<String> {
@@ -109,6 +116,7 @@ struct Subject {
     roads: Roads,
     departs_on: BTreeSet<EdgeNo>,
     seconds: Seconds,
+    rules: Rules,
     notes: Notes,
 }
 
@@ -131,14 +139,15 @@ impl Subject {
         let roads = scenario.roads()?;
         let departs_on = scenario.departs_on(&roads);
         let (net, notes) = (scenario.net_path().to_owned(), scenario.notes().clone());
-        Ok(Subject { net, roads, departs_on, seconds: Seconds::of(&config), notes })
+        Ok(Subject { net, roads, departs_on, seconds: Seconds::of(&config), rules: Rules::of(&config), notes })
     }
 
     /// Nobody departs on a net alone, and an episode would be an hour of decisions of the usual length.
     fn of_net(net: PathBuf, notes: Notes) -> Result<Subject> {
         let decision = ScenarioConfig::new(&net).decision_s as usize;
         let (roads, departs_on) = (Roads::of_file(&net)?, BTreeSet::new());
-        Ok(Subject { net, roads, departs_on, seconds: Seconds { decision, episode: 3600 }, notes })
+        let seconds = Seconds { decision, episode: 3600 };
+        Ok(Subject { net, roads, departs_on, seconds, rules: Rules::default(), notes })
     }
 }
 
@@ -208,9 +217,10 @@ fn as_json(inspected: &Inspected) -> Value {
         "approach_m": rules.approach_m,
         "yellow_s": rules.yellow,
         "min_green_s": rules.min_green_s,
+        "walking": rules.walking.map(|walking| json!({ "speed_mps": walking.speed_mps, "walk_s": walking.walk_s })),
         "kind": { "columns": padding.columns, "actions": padding.actions, "padded_share": padding.padded },
         "influence": { "d_set_columns": inspected.influence.columns, "sources": inspected.influence.sources },
-        "warnings": warnings(&inspected.roads),
+        "warnings": inspected.warnings(),
         "left_out": notes.left_out,
         "not_in_local_simulators": notes.without_locally,
         "no_local_simulators": notes.not_local,
@@ -219,7 +229,8 @@ fn as_json(inspected: &Inspected) -> Value {
     })
 }
 
-fn light(inspected: &Inspected, Agent { plan, region, .. }: &Agent, border: &Border) -> Value {
+fn light(inspected: &Inspected, agent: &Agent, border: &Border) -> Value {
+    let Agent { plan, region, .. } = agent;
     let roads = &inspected.roads;
     let ids = |junctions: &mut dyn Iterator<Item = _>| -> Vec<&str> {
         junctions.map(|&junction| roads.junction(junction).id.as_str()).collect()
@@ -232,6 +243,18 @@ fn light(inspected: &Inspected, Agent { plan, region, .. }: &Agent, border: &Bor
         "uncontrolled_junctions": ids(&mut region.passed.iter()),
         "greens": plan.phases.greens().iter().map(|green| green.as_str()).collect::<Vec<_>>(),
         "min_green_s": plan.phases.min_green_steps(),
+        "min_green_because": agent.shortest.iter().map(|shortest| shortest.because.to_string()).collect::<Vec<_>>(),
+        "max_green_s": plan.phases.max_green_steps(),
+        "max_red_s": plan.phases.max_red_steps().map(|(letter, seconds)| json!({ "letter": letter, "seconds": seconds }))
+            .collect::<Vec<_>>(),
+        "crossings": agent.crossings.iter().map(|crossing| json!({
+            "edge": crossing.edge,
+            "letter": crossing.letter,
+            "length_m": crossing.length_m,
+            "needed_s": crossing.needed_s,
+            "program_walk_s": walk_s(&agent.program, crossing),
+            "greens": agent.greens_of(crossing),
+        })).collect::<Vec<_>>(),
         "changes": changes(&plan.phases),
         "approaches": approaches.iter().map(|approach| json!({
             "lane": approach.lane,

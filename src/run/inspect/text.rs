@@ -3,11 +3,13 @@
 use super::Inspected;
 use crate::run::listing::Listing;
 use dials_core::base::counted;
+use dials_traffic::agents::derive::crossings::Walking;
 use dials_traffic::agents::derive::keeping::{Keeping, sentences};
+use dials_traffic::agents::derive::limits::Because;
 use dials_traffic::agents::derive::safety;
-use dials_traffic::agents::derive::warnings::warnings;
+use dials_traffic::agents::derive::warnings::walk_s;
 use dials_traffic::agents::derive::{Agent, Derived};
-use dials_traffic::agents::phase_plan::{Interval, PhasePlan};
+use dials_traffic::agents::phase_plan::Interval;
 use dials_traffic::agents::plan::{AgentPlan, Border};
 
 pub(super) fn overview(inspected: &Inspected) -> String {
@@ -72,10 +74,24 @@ fn summary(text: &mut Listing, inspected: &Inspected) {
         "an agent sees {} m before its stop lines\nyellow: {}; green: {} s at least",
         rules.approach_m, rules.yellow, rules.min_green_s
     ));
-    let is_longer = |agent: &&Agent| agent.plan.phases.min_green_steps().iter().any(|&s| s > rules.min_green_s);
-    let longer = derived.agents.iter().filter(is_longer).count();
-    if longer > 0 {
-        text.line(format_args!("longer at {}, as their programs say (minDur)", counted(longer, "light")));
+    let bound = |binds: fn(&Because) -> bool| {
+        derived.agents.iter().filter(|agent| agent.shortest.iter().any(|shortest| binds(&shortest.because))).count()
+    };
+    for (count, why) in [
+        (bound(|because| *because == Because::Program), "as their programs say (minDur)"),
+        (bound(|because| matches!(because, Because::Crossing(_))), "so that people on foot get across"),
+        (bound(|because| *because == Because::Overrides), "as agents.toml says"),
+    ] {
+        if count > 0 {
+            text.line(format_args!("another shortest green at {}, {why}", counted(count, "light")));
+        }
+    }
+    let crossings: usize = derived.agents.iter().map(|agent| agent.crossings.len()).sum();
+    if let Some(Walking { speed_mps, walk_s }) = rules.walking.filter(|_| crossings > 0) {
+        text.line(format_args!(
+            "{} with a signal: a green lasts {walk_s} s and the length of its longest one at {speed_mps} m/s",
+            counted(crossings, "crossing")
+        ));
     }
     text.line(format_args!(
         "all agents are of one kind: {} columns ({:.0} % of them padding), {} actions",
@@ -92,7 +108,7 @@ fn summary(text: &mut Listing, inspected: &Inspected) {
         "{states} states checked: where links cross, at most one has G, but for those to which the light's own program \
          gives it together"
     ));
-    warnings(&inspected.roads).iter().for_each(|what| text.paragraph(format_args!("warning: {what}")));
+    inspected.warnings().iter().for_each(|what| text.paragraph(format_args!("warning: {what}")));
     notes.left_out.iter().for_each(|what| text.paragraph(format_args!("not simulated: {what}")));
     notes.without_locally.iter().for_each(|what| text.paragraph(format_args!("local simulators: {what}")));
     notes.not_local.iter().for_each(|why| text.paragraph(format_args!("no local simulators: {why}")));
@@ -113,7 +129,8 @@ fn describe(text: &mut Listing, inspected: &Inspected, number: usize, agent: &Ag
     };
     text.line(format_args!("  junctions under the light: {}", ids(&mut region.own.iter())));
     text.line(format_args!("  uncontrolled junctions on the way to it: {}", ids(&mut region.passed.iter())));
-    describe_phases(text, &plan.phases);
+    describe_phases(text, agent);
+    describe_crossings(text, agent);
     describe_lanes(text, plan);
     let Border { plan: border, d_set } = &inspected.borders[number];
     for (what, names) in [
@@ -126,10 +143,14 @@ fn describe(text: &mut Listing, inspected: &Inspected, number: usize, agent: &Ag
     }
 }
 
-fn describe_phases(text: &mut Listing, phases: &PhasePlan) {
+fn describe_phases(text: &mut Listing, Agent { plan, shortest, .. }: &Agent) {
+    let phases = &*plan.phases;
     text.line(format_args!("  {}, and what is shown before another one:", counted(phases.greens().len(), "green")));
     for (from, green) in phases.greens().iter().enumerate() {
-        text.line(format_args!("    {from}  {green}  at least {} s", phases.min_green_steps()[from]));
+        let least = &shortest[from];
+        let because = if least.because == Because::Config { String::new() } else { format!(" ({})", least.because) };
+        let most = phases.max_green_steps()[from].map_or(String::new(), |most| format!(", at most {most} s"));
+        text.line(format_args!("    {from}  {green}  at least {} s{because}{most}", least.seconds));
         // Often the way to several greens is the same.
         let mut ways: Vec<(&[Interval], Vec<String>)> = Vec::new();
         for to in (0..phases.greens().len()).filter(|&to| to != from) {
@@ -146,6 +167,40 @@ fn describe_phases(text: &mut Listing, phases: &PhasePlan) {
             text.line(format_args!("       {states}  before {}", targets.join(", ")));
         }
     }
+}
+
+/// Writes the crossings and the longest reds, if there are some.
+fn describe_crossings(text: &mut Listing, agent: &Agent) {
+    let longest: Vec<(usize, u32)> = agent.plan.phases.max_red_steps().collect();
+    for group in longest.chunk_by(|one, other| one.1 == other.1) {
+        let letters: Vec<String> = group.iter().map(|(letter, _)| letter.to_string()).collect();
+        text.line(format_args!("  red for at most {} s: letters {}", group[0].1, letters.join(" ")));
+    }
+    if agent.crossings.is_empty() {
+        return;
+    }
+    text.line(format_args!("  {}:", counted(agent.crossings.len(), "crossing")));
+    let head = ["crossing", "letter", "length m", "needs s", "program s", "in greens", "binds"].map(str::to_owned);
+    let rows = agent.crossings.iter().map(|crossing| {
+        let greens = agent.greens_of(crossing);
+        let binds = greens.iter().filter(
+            |&&green| matches!(&agent.shortest[green].because, Because::Crossing(edge) if *edge == crossing.edge),
+        );
+        let names = |greens: &mut dyn Iterator<Item = &usize>| {
+            let names: Vec<String> = greens.map(usize::to_string).collect();
+            if names.is_empty() { "none".to_owned() } else { names.join(" ") }
+        };
+        [
+            crossing.edge.clone(),
+            crossing.letter.to_string(),
+            format!("{:.1}", crossing.length_m),
+            crossing.needed_s.to_string(),
+            walk_s(&agent.program, crossing).map_or("-".to_owned(), |seconds| seconds.to_string()),
+            names(&mut greens.iter()),
+            names(&mut { binds }),
+        ]
+    });
+    text.table([head].into_iter().chain(rows).collect());
 }
 
 fn describe_lanes(text: &mut Listing, plan: &AgentPlan) {

@@ -3,7 +3,8 @@
 //! - `room`: a folder with a scenario to break; `config`: the ways to name one; `broken`: what is refused; `kept`: copies
 //!   and SUMO; `play`: the global simulator; `influence`: what it observes at the borders of regions;
 //!   `local`: local simulators, and training on them; `fidelity`: how far they are like the global one;
-//!   `numbers`: those of which SUMO dies, or never comes back; `opened`: what is said when a command begins.
+//!   `lights`: where cars lose time; `plan`: plans that plain SUMO plays; `numbers`: those of which SUMO dies, or never comes back;
+//!   `opened`: what is said when a command begins.
 
 mod admitted;
 mod broken;
@@ -11,8 +12,10 @@ mod config;
 mod fidelity;
 mod influence;
 mod kept;
+mod lights;
 mod local;
 mod numbers;
 mod opened;
+mod plan;
 mod play;
 mod room;

@@ -49,11 +49,11 @@ pub(super) fn opened(scenario: &Path, seconds: u64) -> Traffic {
     Traffic::open_scenario(&config).unwrap()
 }
 
-fn dials_traffic() -> Command {
+pub(super) fn dials_traffic() -> Command {
     assert_cmd::cargo::cargo_bin_cmd!("dials-traffic")
 }
 
-fn json(output: &[u8]) -> Value {
+pub(super) fn json(output: &[u8]) -> Value {
     serde_json::from_slice(output).unwrap()
 }
 

@@ -12,11 +12,13 @@
 //! smallest domains. Pictures of episodes are drawn from a [`Scene`] or a [`road_trace`].
 
 mod kinds;
+pub mod light_figures;
 mod percept;
 pub mod road_trace;
 mod rough_costs;
 mod scenario;
 mod scene;
+pub mod signal_sheet;
 mod spec;
 mod table;
 
@@ -26,6 +28,8 @@ use anyhow::bail;
 use serde::{Deserialize, Serialize};
 
 use crate::base::{AgentId, Ragged, Rows, Seed, Stopwatch};
+
+use light_figures::{LightPlace, LightsEpisode};
 
 pub use kinds::{Kind, Kinds, Place};
 pub use percept::{JointPercept, JointTransition, Percept, Transition};
@@ -98,6 +102,23 @@ pub trait GlobalSimulator {
     /// Calling it then ends the episode: only a reset may follow.
     fn measure_in_full(&mut self) -> Result<()> {
         Ok(())
+    }
+
+    /// Makes [`GlobalSimulator::light_figures`] return something from the next reset on, together with
+    /// [`GlobalSimulator::measure_in_full`]. Returns the lights. A domain without lights: `None`.
+    fn measure_lights(&mut self) -> Result<Option<Vec<LightPlace>>> {
+        Ok(None)
+    }
+
+    /// Returns the figures of the lights of the episode that [`GlobalSimulator::measures`] has ended, if they are measured.
+    fn light_figures(&mut self) -> Option<LightsEpisode> {
+        None
+    }
+
+    /// Makes [`GlobalSimulator::measures`] return emissions as well from the next reset on, together with
+    /// [`GlobalSimulator::measure_in_full`]. Returns whether the domain has any.
+    fn measure_emissions(&mut self) -> Result<bool> {
+        Ok(false)
     }
 
     /// Makes [`GlobalSimulator::roads`] return something from the next reset on. Returns whether the domain has roads.

@@ -1,5 +1,7 @@
 //! Errors of files in TOML and JSON in plain words. Their readers speak of Rust's types.
 
+use super::did_you_mean;
+
 /// Rust's types, and what a person writes for one.
 const NEEDED: [(&str, &str); 10] = [
     ("u64", WHOLE),
@@ -36,6 +38,12 @@ pub fn in_plain_words(message: &str) -> String {
         let allowed = allowed.strip_prefix("one of ").unwrap_or(allowed);
         return format!("{before}{given} is no allowed value; allowed: {allowed}");
     }
+    if let Some((before, given, known)) = found("unknown field ") {
+        // Every second piece is a name in backquotes. What follows the names says where it is.
+        let names = known.lines().next().unwrap_or_default().split('`').skip(1).step_by(2);
+        let near = did_you_mean(given.trim_matches('`'), names);
+        return format!("{before}unknown field {given}{near}, expected {known}");
+    }
     let Some((before, given, expected)) = found("invalid type: ").or_else(|| found("invalid value: ")) else {
         return message.to_owned();
     };
@@ -56,7 +64,11 @@ mod tests {
     fn what_is_given_stands_beside_what_is_needed() {
         for (message, plain) in [
             ("unknown variant `c`, expected `a` or `b`", "`c` is no allowed value; allowed: `a` or `b`"),
-            ("unknown field `c`, expected `a`", "unknown field `c`, expected `a`"),
+            ("unknown field `c`, expected `ab`", "unknown field `c`, expected `ab`"),
+            (
+                "unknown field `mingreen_s`, expected one of `seed`, `min_green_s`\nin `traffic`",
+                "unknown field `mingreen_s` (did you mean `min_green_s`?), expected one of `seed`, `min_green_s`\nin `traffic`",
+            ),
             (
                 "invalid type: string \"a\", expected f64\nin `ppo.gamma`",
                 "\"a\" is given, but a number is needed\nin `ppo.gamma`",

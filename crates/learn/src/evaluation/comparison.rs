@@ -10,20 +10,12 @@ type Figures = Vec<(String, Vec<f64>)>;
 
 /// Returns a table of several players, one line each, and a table of their differences from the first player.
 pub fn comparison(findings: &[Finding]) -> String {
-    let episodes = findings[0].episodes.len();
     let figures: Vec<Figures> = findings.iter().map(|finding| figures(&finding.episodes)).collect();
     let names: Vec<&str> = figures[0].iter().map(|(name, _)| name.as_str()).collect();
     let labels: Vec<String> = findings.iter().map(|finding| finding.player.label.clone()).collect();
     let means: Vec<Vec<String>> =
         figures.iter().map(|figures| figures.iter().map(|(_, values)| cell(Interval::of(values))).collect()).collect();
-    let policies = match findings.iter().find_map(|finding| finding.player.policies) {
-        Some(Selection::Greedy) => ", greedy policies",
-        Some(Selection::Sampled) => ", sampled policies",
-        None => "",
-    };
-    let played = counted(episodes, "episode");
-    let title = format!("mean +- half of its 95 % interval over {played}, the same traffic for all{policies}");
-    let title = wrapped(&title, TERMINAL_COLUMNS).join("\n");
+    let title = wide_title(findings);
     let mut text = format!("{title}\n{}", blocks(&names, &labels, &means));
     if let [reference, others @ ..] = &figures[..]
         && !others.is_empty()
@@ -32,12 +24,10 @@ pub fn comparison(findings: &[Finding]) -> String {
         let differs = |column: &usize| others.iter().any(|figures| figures[*column] != reference[*column]);
         let columns: Vec<usize> = (0..names.len()).filter(differs).collect();
         let names: Vec<&str> = columns.iter().map(|&column| names[column]).collect();
-        let difference = |figures: &Figures, column: usize| {
-            let cell = cell(Interval::of_differences(&figures[column].1, &reference[column].1));
-            if cell.starts_with('-') { cell } else { format!("+{cell}") }
+        let of_player = |figures: &Figures| -> Vec<String> {
+            columns.iter().map(|&column| difference(&figures[column].1, &reference[column].1)).collect()
         };
-        let differences: Vec<Vec<String>> =
-            others.iter().map(|figures| columns.iter().map(|&column| difference(figures, column)).collect()).collect();
+        let differences: Vec<Vec<String>> = others.iter().map(of_player).collect();
         let table = match columns.is_empty() {
             true => "no figure differs in any episode".to_owned(),
             false => blocks(&names, &labels[1..], &differences),
@@ -47,8 +37,26 @@ pub fn comparison(findings: &[Finding]) -> String {
     text
 }
 
+/// Returns what the numbers of these players are.
+pub(super) fn wide_title(findings: &[Finding]) -> String {
+    let policies = match findings.iter().find_map(|finding| finding.player.policies) {
+        Some(Selection::Greedy) => ", greedy policies",
+        Some(Selection::Sampled) => ", sampled policies",
+        None => "",
+    };
+    let played = counted(findings[0].episodes.len(), "episode");
+    let title = format!("mean +- half of its 95 % interval over {played}, the same traffic for all{policies}");
+    wrapped(&title, TERMINAL_COLUMNS).join("\n")
+}
+
+/// Returns the mean difference, episode by episode, with its sign.
+pub(super) fn difference(values: &[f64], reference: &[f64]) -> String {
+    let cell = cell(Interval::of_differences(values, reference));
+    if cell.starts_with('-') { cell } else { format!("+{cell}") }
+}
+
 /// Returns a mean with the half-width of its interval, such as `215.7 +- 2.3`.
-fn cell(Interval { mean, half_width }: Interval) -> String {
+pub(super) fn cell(Interval { mean, half_width }: Interval) -> String {
     let digits = decimals(mean, half_width);
     match half_width {
         // All values are the same, or there is only one.

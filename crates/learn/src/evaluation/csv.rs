@@ -8,6 +8,17 @@ pub struct Lines {
     pub lines: Vec<Vec<String>>,
 }
 
+impl Lines {
+    /// Adds columns behind that of the controller, with the same value in all lines.
+    pub fn with(mut self, columns: &[(&str, String)]) -> Lines {
+        for (number, (name, value)) in columns.iter().enumerate() {
+            self.header.insert(1 + number, (*name).to_owned());
+            self.lines.iter_mut().for_each(|line| line.insert(1 + number, csv_name(value)));
+        }
+        self
+    }
+}
+
 /// Returns one line per episode.
 pub fn by_episode(finding: &Finding) -> Lines {
     let label = csv_name(&finding.player.label);

@@ -560,6 +560,30 @@ int ds_count_waiting(const uint32_t *areas, const uint32_t *crossings, size_t co
     });
 }
 
+int ds_read_losses(const char *const *cars, size_t count, double *losses) {
+    return guarded([&] {
+        for (size_t i = 0; i < count; ++i) {
+            losses[i] = Vehicle::getTimeLoss(cars[i]);
+        }
+    });
+}
+
+int ds_read_stops(const char *const *cars, size_t count, uint8_t *stops) {
+    return guarded([&] {
+        for (size_t i = 0; i < count; ++i) {
+            stops[i] = (Vehicle::getStopState(cars[i]) & 1) != 0;
+        }
+    });
+}
+
+int ds_read_co2(const uint32_t *lanes, size_t count, double *co2) {
+    return guarded([&] {
+        for (size_t i = 0; i < count; ++i) {
+            co2[i] = Lane::getCO2Emission(name(DS_LANE, lanes[i]));
+        }
+    });
+}
+
 const char *ds_heard(void) { return Hush::ear.heard.c_str(); }
 
 int ds_shortcuts(void) {
@@ -573,7 +597,7 @@ const struct ds_shim functions = {
     ds_load, ds_unload, ds_close, ds_register_names, ds_step, ds_time, ds_read_lanes, ds_read_lights, ds_set_lights, ds_set_programs,
     ds_insert, ds_enter, ds_place, ds_seed_generators, ds_clear_pending, ds_remove_cars, ds_read_departures,
     ds_read_departed, ds_read_gone, ds_read_route, ds_counts,
-    ds_count_waiting, ds_heard, ds_shortcuts,
+    ds_count_waiting, ds_read_losses, ds_read_stops, ds_read_co2, ds_heard, ds_shortcuts,
 };
 
 // Looks for SUMO's insides.

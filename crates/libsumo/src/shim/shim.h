@@ -126,6 +126,12 @@ struct ds_shim {
     int (*counts)(struct ds_counts *counts);
     /* waiting[i]: how many persons stand on the edge areas[i] and go to the edge crossings[i] next. */
     int (*count_waiting)(const uint32_t *areas, const uint32_t *crossings, size_t count, uint32_t *waiting);
+    /* losses[i]: seconds that a car on the road has lost so far, as its trip counts them. */
+    int (*read_losses)(const char *const *cars, size_t count, double *losses);
+    /* stops[i]: whether a car on the road makes a stop of its plan now, such as a bus at its stop. */
+    int (*read_stops)(const char *const *cars, size_t count, uint8_t *stops);
+    /* co2[i]: mass of CO2 that the cars on a lane emit, in mg/s, in the last step. */
+    int (*read_co2)(const uint32_t *lanes, size_t count, double *co2);
     /* What SUMO wrote to the terminal in the last call. Valid until the next one. */
     const char *(*heard)(void);
     /* The shortcuts that are taken: bits of ds_shortcut. */

@@ -7,7 +7,9 @@ use plotters::style::text_anchor::{HPos, VPos};
 use super::legend::{self, LegendEntry, LegendSample};
 use super::look::{Dash, Look, Marker, mark, stroke};
 use super::{Axis, LEGEND, WIDTH, with_air};
-use crate::drawing::{Area, BoundedAxis, INK, Svg, draw_mesh, ends_of, pen, px, shortened, write, write_at};
+use crate::drawing::{
+    Area, BoundedAxis, INK, SCALE, Svg, draw_mesh, ends_of, pen, px, shortened, text_width, write, write_at,
+};
 
 /// Height of an axis of a row chart, and of the note below it.
 const AXIS: u32 = 48;
@@ -27,7 +29,7 @@ const NAMED_ROW: u32 = 16;
 const TITLE: u32 = 34;
 const NAMED_AXIS: u32 = 52;
 const NAMES: u32 = 190;
-const LONGEST_NAME: usize = 28;
+const LONGEST_NAME: usize = 60;
 
 pub(crate) struct Row {
     pub(crate) label: String,
@@ -159,20 +161,24 @@ impl NamedChart {
         let entries: Vec<LegendEntry> = series.chain([LegendEntry::new(LegendSample::Nothing, &self.note)]).collect();
         let rows = self.names.len() as u32 * NAMED_ROW;
         let height = TITLE + (rows + NAMED_AXIS).max(legend::height(&entries));
-        Svg::draw(WIDTH, height, |root| {
+        let names: Vec<String> = self.names.iter().map(|name| shortened(name, LONGEST_NAME)).collect();
+        let widest = names.iter().map(|name| text_width(name, 11.0) as u32 / SCALE).max().unwrap_or(0);
+        let left = NAMES.max(widest + 12);
+        let width = WIDTH + left - NAMES;
+        Svg::draw(width, height, |root| {
             write(root, &self.title, (px(12), px(8)), 15)?;
-            let (_, right) = root.split_horizontally(px(WIDTH - LEGEND));
+            let (_, right) = root.split_horizontally(px(width - LEGEND));
             legend::draw(&right.margin(px(TITLE), 0, px(6), 0), &entries)?;
             let values = self.series.iter().flat_map(|series| series.values.iter().map(|(value, _)| *value));
-            let rows = Rows { top: TITLE, height: rows, left: NAMES, right: LEGEND + 12, axis: NAMED_AXIS };
+            let rows = Rows { top: TITLE, height: rows, left, right: LEGEND + 12, axis: NAMED_AXIS };
             let chart = rows.chart(root, &self.x, values)?;
             let area = chart.plotting_area();
             let x = area.get_x_range();
-            for (row, name) in self.names.iter().enumerate() {
+            for (row, name) in names.iter().enumerate() {
                 let middle = f64::from(NAMED_ROW) * (row as f64 + 0.5);
                 area.draw(&PathElement::new([(x.start, -middle), (x.end, -middle)], pen(INK.mix(0.13), 1)))?;
-                let at = (px(NAMES - 8), px(f64::from(TITLE) + middle));
-                write_at(root, &shortened(name, LONGEST_NAME), at, 11, (HPos::Right, VPos::Center))?;
+                let at = (px(left - 8), px(f64::from(TITLE) + middle));
+                write_at(root, name, at, 11, (HPos::Right, VPos::Center))?;
                 for series in &self.series {
                     let (value, stuck) = series.values[row];
                     mark(area, (value, -middle), series.look, 8.0, true)?;

@@ -101,7 +101,7 @@ fn progress(runs: &[RunRecord]) -> Table {
         vec![
             run.dir.file_name().unwrap_or_default().to_string_lossy().into_owned(),
             state.to_owned(),
-            format!("{about}{} of {}", status.about_steps, status.last_step),
+            format!("{about}{} of {}", status.about_steps, status.end),
             last.map_or(NONE.to_owned(), |last| last.steps.to_string()),
             status.agent_steps_per_s.map_or(NONE.to_owned(), |speed| format!("{speed:.0}")),
             status.left.map_or(NONE.to_owned(), |left| duration(left.as_secs_f64())),

@@ -22,7 +22,8 @@ pub(crate) struct RunStatus {
     pub(crate) steps: u64,
     /// Timesteps per agent now, if the run goes on at the speed of its last period.
     pub(crate) about_steps: u64,
-    pub(crate) last_step: u64,
+    /// Timesteps per agent at which the run ends, as the terminal shows them: at the first update of the policies from its last step on.
+    pub(crate) end: u64,
     /// Timesteps of all agents per second of the last period, with evaluations and AIPs; `None` before its end.
     pub(crate) agent_steps_per_s: Option<f64>,
     /// Time until the last step at this speed, for a run that goes on.
@@ -41,21 +42,21 @@ impl RunStatus {
 
 /// `locked`: whether a process is writing the run. `idle`: time since the end of the last period was written.
 fn of(run: &RunRecord, locked: bool, idle: Duration) -> RunStatus {
-    let last_step = run.config.learning.last_step();
+    let end = run.config.learning.end();
     let state = match (run.status(), locked) {
         (_, true) => State::Running,
         (Status::Finished, false) => State::Finished,
         (Status::Unfinished { .. } | Status::Empty, false) => State::Stopped,
     };
-    let steps = run.trained_to().min(last_step);
+    let steps = run.trained_to().min(end);
     let steps_per_s = last_period(run);
     let since = if state == State::Running { idle.as_secs_f64() } else { 0.0 };
-    let about_steps = steps_per_s.map_or(steps, |speed| steps + (speed * since) as u64).min(last_step);
+    let about_steps = steps_per_s.map_or(steps, |speed| steps + (speed * since) as u64).min(end);
     let left = steps_per_s.filter(|_| state == State::Running);
-    let left = left.map(|speed| Duration::from_secs_f64((last_step - about_steps) as f64 / speed));
+    let left = left.map(|speed| Duration::from_secs_f64((end - about_steps) as f64 / speed));
     let agents = run.scenario().id.agents;
     let agent_steps_per_s = steps_per_s.map(|speed| speed * agents as f64).filter(|_| agents > 0);
-    RunStatus { state, steps, about_steps, last_step, agent_steps_per_s, left, aip_loss: aip_loss(run) }
+    RunStatus { state, steps, about_steps, end, agent_steps_per_s, left, aip_loss: aip_loss(run) }
 }
 
 /// Returns the loss on new episodes, or on held-out ones if the AIPs have been trained since.
@@ -83,7 +84,7 @@ mod tests {
     use crate::fixtures;
     use dials_session::records::run_record::{AipTrainingRecord, FreshLossRecord, PeriodTime};
 
-    /// A run of 1000 timesteps that was evaluated at these steps, at these seconds.
+    /// A run of 1000 timesteps, so of 8 updates after 128 timesteps each: it ends at 1024. It was evaluated at these steps, at these seconds.
     fn run(ends: &[(u64, f64)]) -> RunRecord {
         let period = |&(steps, elapsed_s): &(u64, f64)| PeriodTime { steps, elapsed_s, ..PeriodTime::default() };
         RunRecord {
@@ -95,14 +96,14 @@ mod tests {
 
     #[test]
     fn a_run_that_is_written_goes_on_at_the_speed_of_its_last_period_and_others_stand_still() {
-        let seconds = |seconds: u64| Some(Duration::from_secs(seconds));
+        let seconds = |seconds: f64| Some(Duration::from_secs_f64(seconds));
         // It was evaluated at its beginning only, and has trained since.
         let mut between = run(&[(0, 1.0), (300, 30.0)]);
         between.evaluations.pop();
         for (run, locked, idle_s, expected) in [
-            (run(&[(100, 10.0), (300, 30.0)]), true, 20, (State::Running, 300, 500, seconds(50))),
+            (run(&[(100, 10.0), (300, 30.0)]), true, 20, (State::Running, 300, 500, seconds(52.4))),
             // It cannot have passed its last step.
-            (run(&[(100, 10.0), (900, 90.0)]), true, 600, (State::Running, 900, 1000, seconds(0))),
+            (run(&[(100, 10.0), (900, 90.0)]), true, 600, (State::Running, 900, 1024, seconds(0.0))),
             (run(&[(100, 10.0), (300, 30.0)]), false, 20, (State::Stopped, 300, 300, None)),
             (between, false, 20, (State::Stopped, 300, 300, None)),
             (run(&[]), true, 20, (State::Running, 0, 0, None)),

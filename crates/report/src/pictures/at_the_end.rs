@@ -162,7 +162,7 @@ fn short(value: f64) -> String {
     }
 }
 
-/// Draws every agent at the end of its runs; `None` if nothing was evaluated.
+/// Draws every agent at the end of its runs, or at the last evaluation so far; `None` if nothing was evaluated.
 pub(crate) fn agents(comparison: &Comparison, looks: &Looks) -> Result<Option<Svg>> {
     match comparison.map() {
         Some(map) => agents_in_rows(comparison, map),
@@ -190,7 +190,7 @@ fn agents_in_rows(comparison: &Comparison, map: Map) -> Result<Option<Svg>> {
     if groups.is_empty() {
         return Ok(None);
     }
-    let map = HeatMap { title: format!("{}: every agent at the end", comparison.heading()), groups };
+    let map = HeatMap { title: format!("{}: every agent {}", comparison.heading(), comparison.when()), groups };
     map.draw().map(Some)
 }
 
@@ -219,7 +219,7 @@ fn agents_by_name(comparison: &Comparison, looks: &Looks) -> Result<Option<Svg>>
     let any_stuck = series.iter().flat_map(|series| &series.values).any(|(_, stuck)| *stuck);
     let cross = if any_stuck { "; black cross: stuck" } else { "" };
     let chart = NamedChart {
-        title: format!("{}: every agent at the end", comparison.heading()),
+        title: format!("{}: every agent {}", comparison.heading(), comparison.when()),
         x: return_axis(comparison),
         names: order.iter().map(|&agent| run.about.agent_name(agent)).collect(),
         series,

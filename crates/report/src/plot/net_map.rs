@@ -23,8 +23,8 @@ const NAME_HEIGHT: i32 = 22;
 /// Longest list of names. A longer one would not fit.
 const MOST_NAMES: usize = 40;
 /// Longest name in the list, in letters: alone, and before a value.
-const LONGEST_NAME: usize = 38;
-const LONGEST_BEFORE_VALUE: usize = 28;
+const LONGEST_NAME: usize = 60;
+const LONGEST_BEFORE_VALUE: usize = 60;
 const LANE_M: f64 = 3.2;
 
 /// A light on the map. Its number is its place among the others.

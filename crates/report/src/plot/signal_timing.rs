@@ -3,6 +3,7 @@
 use anyhow::Result;
 
 use super::*;
+use crate::drawing::SCALE;
 use dials_core::domain::road_trace::{RoadTrace, Shown};
 
 /// Number of bars from which on the time axis stands above them, too.
@@ -10,7 +11,9 @@ const MANY: usize = 26;
 const AROUND: i32 = HEAD + MARGIN + LEGEND + AXIS;
 const LEGEND: i32 = 26;
 const AXIS: i32 = 44;
-const LONGEST_NAME: usize = 28;
+const LONGEST_NAME: usize = 60;
+/// Width in pixels for names. Longer ones make the picture wider.
+const NAMES: i32 = 250;
 
 /// Draws one bar per intersection, with agent 0 at the bottom as on the map.
 pub fn signal_timing(trace: &RoadTrace, about: &About) -> Result<Svg> {
@@ -24,7 +27,8 @@ pub fn signal_timing(trace: &RoadTrace, about: &About) -> Result<Svg> {
     let letters = f64::from(bar_height.min(14) - 3);
     let widest = names.iter().map(|name| text_width(name, letters)).max().unwrap_or(0);
     let above = if count >= MANY { AXIS } else { 0 };
-    let size = (width_for(&trace.seconds), AROUND + above + bar_height * count as i32);
+    let wider = (widest / SCALE as i32 - NAMES).max(0);
+    let size = (width_for(&trace.seconds) + wider, AROUND + above + bar_height * count as i32);
     picture(size, &title, &about.of_episode(), |area| {
         let (legend, area) = area.split_vertically(px(LEGEND));
         let mut chart = ChartBuilder::on(&area)

@@ -9,6 +9,7 @@ use super::RunConfig;
 use dials_core::outside::{in_plain_words, read_text};
 use dials_learn::config::ShortForm;
 use dials_traffic::config::sumocfg::Sumocfg;
+use dials_traffic::network::osm;
 
 /// Largest config file. One with every key has three kibibytes.
 pub const LARGEST_FILE: u64 = 1 << 20;
@@ -70,6 +71,7 @@ fn table_in(path: &Path) -> Result<Table> {
     let inside = path.join("config.toml");
     ensure!(!inside.is_file(), "{shown}: is a run directory, not a config; its config is {}", inside.display());
     ensure!(!path.is_dir(), "{shown}: is a folder, not a config; name a .toml file in it, or a .sumocfg");
+    ensure!(!osm::is_one(path), "{shown}: {}", osm::way_out(path));
     let text = read_text(path, LARGEST_FILE).with_context(|| format!("{shown}: cannot be read"))?;
     let parsed = text.parse::<Table>().ok();
     let is_experiment = parsed.as_ref().is_some_and(|table| table.contains_key("grid"));

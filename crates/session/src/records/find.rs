@@ -145,6 +145,11 @@ impl Found {
     }
 }
 
+/// Returns whether a folder holds a run, or the plan of one.
+pub fn has_runs(folder: &Path) -> bool {
+    search(folder, DEPTH, &mut BTreeMap::new(), &mut Found::default()).unwrap_or(false)
+}
+
 /// Searches folders. A folder without any run in it is an error.
 pub fn find(folders: &[PathBuf]) -> Result<Found> {
     let mut found = Found::default();

@@ -28,7 +28,10 @@ pub struct Progress {
     begun: Instant,
     rate: RefCell<Rate>,
     last_line: Cell<Instant>,
-    mean_return: Cell<Option<f64>>,
+    /// Last return, and the step at which it was measured.
+    mean_return: Cell<Option<(u64, f64)>>,
+    /// Number of episodes of an evaluation, and of the last one.
+    episodes: [usize; 2],
     aip_loss: Cell<Option<f64>>,
     stop: Arc<AtomicBool>,
     doing: Doing,
@@ -103,6 +106,7 @@ impl Progress {
             rate: RefCell::default(),
             last_line: Cell::new(now),
             mean_return: Cell::default(),
+            episodes: [config.learning.evaluation.episodes, config.learning.evaluation.final_episodes],
             aip_loss: Cell::default(),
             stop,
             doing,
@@ -121,11 +125,25 @@ impl Progress {
         self.bar.suspend(|| note(line));
     }
 
-    fn note(&self, activity: Activity) {
+    /// Notes what the run does. Returns whether it did something else before.
+    fn note(&self, activity: Activity) -> bool {
         let before = self.doing.lock().unwrap_or_else(PoisonError::into_inner).replace(activity);
         if talks(Talk::Verbose) && before != Some(activity) {
             self.say(&format!("  {}", doing(activity)));
         }
+        before != Some(activity)
+    }
+
+    /// Says how far an evaluation is, where no bar shows it. The last one may take long, so its beginning is said, too.
+    fn evaluating(&self, begins: bool, share: f64) {
+        let is_last = self.rate.borrow().at >= self.end;
+        let now = Instant::now();
+        if shows_bars() || !(begins && is_last || now - self.last_line.get() >= PLAIN_LINE_EVERY) {
+            return;
+        }
+        self.last_line.set(now);
+        let episodes = self.episodes[usize::from(is_last)];
+        note(evaluating(is_last, episodes, share));
     }
 
     /// Returns `12345 agent-steps/s, 3 min 20 s left, return 201.2, AIP 0.301`: with the bar, it fits 80 columns.
@@ -134,7 +152,10 @@ impl Progress {
         let mut parts = Vec::new();
         parts.extend(rate.per_second().map(|speed| format!("{:.0} agent-steps/s", speed * self.agents as f64)));
         parts.extend(rate.left(self.end, Instant::now()).map(|left| format!("{} left", duration(left))));
-        parts.extend(self.mean_return.get().map(|value| format!("return {value:.0$}", decimals(value, None))));
+        parts.extend(self.mean_return.get().map(|(steps, value)| {
+            let step = if shows_bars() { String::new() } else { format!(" at step {steps}") };
+            format!("return {value:.0$}{step}", decimals(value, None))
+        }));
         parts.extend(self.aip_loss.get().map(|value| format!("AIP {value:.3}")));
         parts.join(", ")
     }
@@ -154,7 +175,10 @@ impl Observer for Progress {
     }
 
     fn busy(&self, activity: Activity, share: f64) {
-        self.note(activity);
+        let begins = self.note(activity);
+        if activity == Activity::Evaluation {
+            self.evaluating(begins, share);
+        }
         self.rate.borrow_mut().since = None;
         self.bar.set_message(format!("{} {:.0} %", doing(activity), 100.0 * share));
     }
@@ -186,7 +210,7 @@ impl Observer for Progress {
             "step {steps}: return {:.digits$}{half_width}, median agent {:.digits$}{stuck}",
             all.mean, all.median
         ));
-        self.mean_return.set(Some(all.mean));
+        self.mean_return.set(Some((steps, all.mean)));
     }
 
     fn aips_trained(&self, steps: u64, losses: &[AipLoss]) {
@@ -204,7 +228,7 @@ impl Observer for Progress {
         let grown = match drift.percent() {
             percent if percent.is_finite() => {
                 let worse = if percent < 0.0 { "better" } else { "worse" };
-                format!("\n  as a share of theirs {:.1} % {worse} than after the last training", percent.abs())
+                format!("\n  relative to constants: {:.1} % {worse} than right after the last training", percent.abs())
             }
             _ => String::new(),
         };
@@ -284,6 +308,13 @@ impl Observer for BenchProgress {
     }
 }
 
+/// Returns the line about an evaluation of which this share is done.
+fn evaluating(is_last: bool, episodes: usize, share: f64) -> String {
+    let what = if is_last { "final evaluation" } else { "evaluation" };
+    let done = (share * episodes as f64).round();
+    format!("{what}: {done} of {} played", counted(episodes, "episode"))
+}
+
 /// Compares an AIP loss with that of the best constants. After a short training AIPs are often no better than these.
 fn judged(loss: f64, constants: f64) -> String {
     let [shown, of_constants] = [loss, constants].map(|loss| format!("{loss:.3}"));
@@ -324,6 +355,12 @@ mod tests {
         assert_eq!(plain_line("step 128/512: 900 agent-steps/s"), Some((128, "900 agent-steps/s")));
         assert_eq!(plain_line("step 256: return 1.0 +- 0.1, median 1.0"), Some((256, "return 1.0 +- 0.1, median 1.0")));
         assert_eq!(plain_line("warning: step 3: x"), None);
+    }
+
+    #[test]
+    fn a_line_about_an_evaluation_counts_its_episodes() {
+        assert_eq!(evaluating(true, 100, 0.0), "final evaluation: 0 of 100 episodes played");
+        assert_eq!(evaluating(false, 1, 1.0), "evaluation: 1 of 1 episode played");
     }
 
     #[test]

@@ -5,10 +5,12 @@
 
 pub mod border_plan;
 pub mod derive;
+pub(crate) mod loops;
 pub mod others_plan;
 pub mod phase_plan;
 pub mod phases;
 pub mod plan;
+pub(crate) mod red_limits;
 pub mod region;
 pub mod region_plan;
 pub(crate) mod sensor;

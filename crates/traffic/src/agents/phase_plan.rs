@@ -2,6 +2,7 @@
 
 use std::collections::BTreeSet;
 
+use super::red_limits::{RedLimits, TooShort};
 use dials_core::domain::Action;
 use libsumo::SignalState;
 
@@ -16,6 +17,11 @@ pub struct PhasePlan {
     pub(crate) program: Vec<ProgramChange>,
     /// Least number of steps of each green.
     min_green_steps: Vec<u32>,
+    /// Part of it that timings of lights that go by the clock are raised to; 0 for a green whose minimum they only wait for.
+    strict_min_steps: Vec<u32>,
+    /// Most number of steps of each green; `None`: no limit.
+    max_green_steps: Vec<Option<u32>>,
+    red_limits: Option<RedLimits>,
     /// Number of steps after which the light leaves a green by itself, until it is switched in an episode.
     pub(crate) own_green_steps: Option<u32>,
     choice: Choice,
@@ -67,6 +73,8 @@ pub(crate) enum Choice {
     KeepOrSwitch,
     /// The index of a green: the light goes to it or stays there.
     Target,
+    /// As `KeepOrSwitch`, for a light of any net with any number of greens.
+    InOrder,
 }
 
 impl PhasePlan {
@@ -82,8 +90,19 @@ impl PhasePlan {
         let between = |from: usize, to: usize| if from == to { Vec::new() } else { clearing(from, to) };
         let clearings = (0..greens.len()).map(|from| (0..greens.len()).map(|to| between(from, to)).collect()).collect();
         let cars = (0..greens[0].links()).collect();
-        let min_green_steps = vec![min_green_steps; greens.len()];
-        PhasePlan { greens, cars, clearings, program: Vec::new(), min_green_steps, own_green_steps: None, choice }
+        let (min_green_steps, count) = (vec![min_green_steps; greens.len()], greens.len());
+        PhasePlan {
+            greens,
+            cars,
+            clearings,
+            program: Vec::new(),
+            min_green_steps,
+            strict_min_steps: vec![0; count],
+            max_green_steps: vec![None; count],
+            red_limits: None,
+            own_green_steps: None,
+            choice,
+        }
     }
 
     /// Lets the plan recognise states of other programs by these letters, those that cars obey. Without it all count.
@@ -95,6 +114,26 @@ impl PhasePlan {
     pub(crate) fn with_min_greens(mut self, steps: impl IntoIterator<Item = u32>) -> PhasePlan {
         self.min_green_steps.iter_mut().zip(steps).for_each(|(known, least)| *known = least.max(*known));
         self
+    }
+
+    /// As [`PhasePlan::with_min_greens`], for limits that timings of lights that go by the clock must fit, too.
+    pub(crate) fn with_strict_min_greens(mut self, steps: impl IntoIterator<Item = u32>) -> PhasePlan {
+        self.strict_min_steps.iter_mut().zip(steps).for_each(|(known, least)| *known = least.max(*known));
+        let strict = self.strict_min_steps.clone();
+        self.with_min_greens(strict)
+    }
+
+    /// Sets the most steps of each green; none is less than its least. `None`: no limit.
+    pub(crate) fn with_max_greens(self, steps: Vec<Option<u32>>) -> PhasePlan {
+        let fits = |(least, most): (&u32, &Option<u32>)| most.is_none_or(|most| *least <= most);
+        assert!(self.min_green_steps.iter().zip(&steps).all(fits), "the caller has checked the limits");
+        PhasePlan { max_green_steps: steps, ..self }
+    }
+
+    /// Limits the steps for which letters are without green. The least durations must be set before.
+    pub(crate) fn with_red_limits(self, limits: &[(usize, u32)]) -> Result<PhasePlan, TooShort> {
+        let red_limits = RedLimits::of(&self, limits)?;
+        Ok(PhasePlan { red_limits, ..self })
     }
 
     pub(crate) fn cars(&self) -> &BTreeSet<usize> {
@@ -115,13 +154,61 @@ impl PhasePlan {
         &self.min_green_steps
     }
 
+    /// Returns the steps that a timing must give each green at least, if it shows it. They are no more than
+    /// [`PhasePlan::min_green_steps`].
+    pub(crate) fn strict_min_steps(&self) -> &[u32] {
+        &self.strict_min_steps
+    }
+
+    /// Returns the lengths of greens of a timing within the limits. A green of no length stays left out.
+    pub(crate) fn fitted(&self, greens: &[u32]) -> Vec<u32> {
+        let limits = self.strict_min_steps.iter().zip(&self.max_green_steps);
+        let fit = |(&steps, (&least, &most)): (&u32, (&u32, &Option<u32>))| match steps {
+            0 => 0,
+            _ => steps.max(least).min(most.unwrap_or(u32::MAX)),
+        };
+        greens.iter().zip(limits).map(fit).collect()
+    }
+
+    /// Returns why a light cannot show greens of these lengths in turn, if it cannot.
+    pub(crate) fn misfit(&self, greens: &[u32]) -> Option<String> {
+        if self.choice == Choice::InOrder
+            && let Some(green) = greens.iter().position(|&steps| steps == 0)
+        {
+            return Some(format!("green {green} is left out, but traffic.actions = \"fixed-order\" shows all"));
+        }
+        let fitted = self.fitted(greens);
+        let (green, fits) = fitted.iter().enumerate().find(|&(green, fits)| *fits != greens[green])?;
+        let (has, limit) = (greens[green], if *fits > greens[green] { "least" } else { "most" });
+        Some(format!("green {green} has {has} steps, but {fits} are the {limit}"))
+    }
+
+    /// Returns the most steps of each green; `None`: no limit.
+    pub fn max_green_steps(&self) -> &[Option<u32>] {
+        &self.max_green_steps
+    }
+
+    pub(crate) fn red_limits(&self) -> Option<&RedLimits> {
+        self.red_limits.as_ref()
+    }
+
+    /// Returns the letters that have a longest red, each with its steps.
+    pub fn max_red_steps(&self) -> impl Iterator<Item = (usize, u32)> {
+        self.red_limits.iter().flat_map(RedLimits::letters)
+    }
+
     pub(crate) fn choice(&self) -> Choice {
         self.choice
     }
 
+    /// Returns whether a green can only be followed by the next one.
+    pub(crate) fn keeps_order(&self) -> bool {
+        self.choice != Choice::Target
+    }
+
     pub fn actions(&self) -> usize {
         match self.choice {
-            Choice::KeepOrSwitch => 2,
+            Choice::KeepOrSwitch | Choice::InOrder => 2,
             Choice::Target => self.greens.len(),
         }
     }
@@ -137,7 +224,7 @@ impl PhasePlan {
     /// Returns the action that makes a light that shows `shown` go to a green, or stay there.
     pub(crate) fn towards(&self, shown: Shown, green: usize) -> Action {
         match self.choice {
-            Choice::KeepOrSwitch => Action::from(shown.target() != green),
+            Choice::KeepOrSwitch | Choice::InOrder => Action::from(shown.target() != green),
             Choice::Target => Action::try_from(green).expect("a plan has at most 256 greens"),
         }
     }
@@ -145,10 +232,15 @@ impl PhasePlan {
     /// Returns the green that an action asks for at a light that shows `shown`.
     pub(crate) fn asked_for(&self, shown: Shown, action: Action) -> usize {
         match self.choice {
-            Choice::KeepOrSwitch if action == 0 => shown.target(),
-            Choice::KeepOrSwitch => self.next(shown.target()),
+            Choice::KeepOrSwitch | Choice::InOrder if action == 0 => shown.target(),
+            Choice::KeepOrSwitch | Choice::InOrder => self.next(shown.target()),
             Choice::Target => usize::from(action),
         }
+    }
+
+    /// Returns the green that a state of another program is for cars, if it is one.
+    pub(crate) fn green_of(&self, state: &SignalState) -> Option<usize> {
+        self.recognise(state, 0).green()
     }
 
     /// Returns what a state of another program means after the green `last`. Letters of people on foot do not matter.

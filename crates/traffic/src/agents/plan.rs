@@ -6,8 +6,8 @@ use super::border_plan::BorderPlan;
 use super::others_plan::OthersPlan;
 use super::phase_plan::PhasePlan;
 use super::region_plan::RegionPlan;
-use super::sensor::Sensor;
-use crate::config::Reward;
+use super::sensor::{CarColumns, Sensor};
+use crate::config::{DetectorFaults, Reward};
 use crate::d_set::DSetPlan;
 use dials_core::domain::Kinds;
 
@@ -21,6 +21,8 @@ pub(crate) struct JointPlan {
     /// Number of steps of SUMO, seconds, from one decision of the agents to the next.
     pub(crate) decision_steps: usize,
     pub(crate) reward: Reward,
+    /// Faults of the detectors, if agents see detectors.
+    pub(crate) faults: DetectorFaults,
     /// Deceleration in metres per second squared above which braking is an emergency. `None` if cars of several types
     /// drive: then only the stops are counted that SUMO calls emergencies.
     pub(crate) emergency_decel_mps2: Option<f64>,
@@ -43,6 +45,13 @@ pub struct AgentPlan {
     pub others: OthersPlan,
     pub phases: Arc<PhasePlan>,
     pub sensor: Sensor,
+}
+
+impl JointPlan {
+    /// Returns whether its agents see detectors.
+    pub(crate) fn sees_detectors(&self) -> bool {
+        self.agents.iter().any(|agent| matches!(agent.sensor.cars, CarColumns::Detectors(_)))
+    }
 }
 
 impl AgentPlan {

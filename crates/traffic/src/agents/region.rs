@@ -7,6 +7,7 @@
 use super::phases::Light;
 use crate::config::{DSet, Observation, TrafficConfig};
 use crate::side::Side;
+use crate::sim::readings::COLUMNS;
 use dials_core::domain::{RegionSpec, SourceSpec};
 
 /// Number of incoming edges, in the order of [`Side::ALL`]. Each is an influence source.
@@ -25,6 +26,8 @@ pub fn spec(config: &TrafficConfig) -> RegionSpec {
         // A grid has no buses; its config is checked for that.
         Observation::Cells | Observation::CellsAndBuses => OCCUPANCY,
         Observation::Queues => 2 * EDGES,
+        // Two on each edge.
+        Observation::Detectors => 2 * COLUMNS * EDGES,
     };
     let beside_cells = match d_set {
         DSet::Cells => 0,

@@ -2,12 +2,14 @@
 
 use std::ops::Range;
 
+use super::loops::Loop;
 use super::others_plan::OthersPlan;
 use super::region_plan::RegionPlan;
 use crate::config::DSet;
+use crate::sim::readings::COLUMNS;
 
 /// Which columns an observation has, in this order: cars, light, clock.
-#[derive(Clone, Debug, PartialEq, Eq)]
+#[derive(Clone, Debug, PartialEq)]
 pub struct Sensor {
     pub(crate) cars: CarColumns,
     pub(crate) light: LightColumns,
@@ -21,12 +23,15 @@ pub struct Sensor {
     pub(crate) d_set: DSet,
 }
 
-#[derive(Clone, Debug, PartialEq, Eq)]
+#[derive(Clone, Debug, PartialEq)]
 pub(crate) enum CarColumns {
     /// A bit for each cell of 10 m, from the lane's end on. One entry per approach: its number of visible cells.
     Cells(Vec<usize>),
     /// Two numbers from 0 to 1 for each approach: the share of it that a queue fills, and the share that cars fill.
     QueueAndDensity(usize),
+    /// Three numbers from 0 to 1 for each detector: cars that came and the share of time with a car over it, since the
+    /// last decision, and the time since a car was over it.
+    Detectors(Vec<Loop>),
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -49,6 +54,10 @@ impl Sensor {
             }
             CarColumns::QueueAndDensity(_) => {
                 lanes.flat_map(|lane| [format!("queue {lane}"), format!("density {lane}")]).collect()
+            }
+            CarColumns::Detectors(detectors) => {
+                let names = detectors.iter().map(|detector| detector.name(&region.approaches));
+                names.flat_map(|name| ["count", "occupancy", "gap"].map(|what| format!("{what} {name}"))).collect()
             }
         };
         names.extend(self.light.names());
@@ -74,6 +83,7 @@ impl Sensor {
         match &self.cars {
             CarColumns::Cells(cells) => cells.iter().sum(),
             CarColumns::QueueAndDensity(approaches) => 2 * approaches,
+            CarColumns::Detectors(detectors) => COLUMNS * detectors.len(),
         }
     }
 

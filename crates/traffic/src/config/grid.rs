@@ -7,6 +7,7 @@ use anyhow::ensure;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
+use super::detectors::DetectorFaults;
 use super::reward::{Reward, RewardTerm};
 use super::scenario::Observation;
 use crate::Traffic;
@@ -30,6 +31,10 @@ pub struct TrafficConfig {
     /// DEVIATION 18: other observations than the paper's, if the config asks for them.
     #[schemars(extend("source" = "P, C"))]
     pub observation: Observation,
+    /// Faults of the detectors, if agents see detectors.
+    #[serde(skip_serializing_if = "is_default")]
+    #[schemars(extend("default" = DetectorFaults::default()))]
+    pub detector_faults: DetectorFaults,
     /// What an agent is rewarded for: a name, or weights of several: `{ queue = 0.5, wait = 0.5 }`. See
     /// [environments](environments.md#rewards).
     ///
@@ -65,6 +70,11 @@ pub struct TrafficConfig {
     #[serde(skip_serializing_if = "is_default")]
     #[schemars(extend("default" = UntilFirstSwitch::Agent))]
     pub until_first_switch: UntilFirstSwitch,
+    /// Number of steps at the beginning of an episode that the figures of `evaluate` and `baseline` leave out, as for a
+    /// scenario.
+    #[serde(skip_serializing_if = "is_default")]
+    #[schemars(extend("default" = 0))]
+    pub warm_up_s: u64,
 }
 
 impl Default for TrafficConfig {
@@ -80,6 +90,7 @@ impl TrafficConfig {
             local_network: local_network.into(),
             horizon: 300,
             observation: Observation::default(),
+            detector_faults: DetectorFaults::default(),
             reward: Reward::from(RewardTerm::MeanSpeed),
             d_set: DSet::default(),
             clock: None,
@@ -87,6 +98,7 @@ impl TrafficConfig {
             entry: EntryRule::default(),
             initial_switch_bias: 0.0,
             until_first_switch: UntilFirstSwitch::default(),
+            warm_up_s: 0,
         }
     }
 }
@@ -140,7 +152,7 @@ pub enum UntilFirstSwitch {
     Program,
 }
 
-fn is_default<T: Default + PartialEq>(value: &T) -> bool {
+pub(super) fn is_default<T: Default + PartialEq>(value: &T) -> bool {
     *value == T::default()
 }
 
@@ -154,9 +166,15 @@ impl DomainTable for TrafficConfig {
 
     fn check(&self) -> Result<()> {
         self.reward.check()?;
+        self.detector_faults.check(self.observation)?;
         ensure!(
             self.observation != Observation::CellsAndBuses && !needs_others(&self.reward),
             "traffic.observation and traffic.reward: a grid has neither buses nor persons; use a scenario for these"
+        );
+        let (warm_up, horizon) = (self.warm_up_s, self.horizon);
+        ensure!(
+            warm_up < horizon as u64,
+            "traffic.warm_up_s = {warm_up}: must be less than traffic.horizon = {horizon}"
         );
         let bias = self.initial_switch_bias;
         ensure!(bias.is_finite(), "traffic.initial_switch_bias = {bias}: must be a finite number");

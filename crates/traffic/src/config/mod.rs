@@ -1,5 +1,6 @@
 //! The table `[traffic]` of a config. There are two ways to fill it: a grid of the paper, or a scenario of the user.
 
+mod detectors;
 mod grid;
 mod reward;
 mod scenario;
@@ -20,9 +21,10 @@ use toml::{Table, Value};
 use dials_core::base::keys_of;
 use dials_core::domain::{Domain, DomainTable};
 
+pub use detectors::DetectorFaults;
 pub use grid::{ClockOffsets, DSet, EntryRule, TrafficConfig, UntilFirstSwitch};
 pub use reward::{Reward, RewardTerm};
-pub use scenario::{Observation, ScenarioConfig, Yellow};
+pub use scenario::{Actions, Observation, Pedestrians, ScenarioConfig, Yellow};
 
 /// Traffic lights, on a grid of the paper, which `network` and `local_network` name, or on a scenario of yours, which
 /// `scenario` names. A key of the other way is an error.

@@ -11,9 +11,12 @@ use serde::de::{Error, Unexpected};
 use serde::{Deserialize, Deserializer, Serialize, Serializer};
 use toml::Value;
 
+use super::detectors::DetectorFaults;
+use super::grid::is_default;
 use super::reward::Reward;
 use super::sumocfg::{MOST_SECONDS, Sumocfg};
 use crate::Traffic;
+use crate::agents::derive::crossings::Walking;
 use crate::scenario::end;
 use dials_core::domain::{Domain, DomainTable};
 
@@ -50,6 +53,21 @@ pub struct ScenarioConfig {
     #[serde(skip)]
     #[schemars(skip)]
     pub end_is_derived: bool,
+    /// Number of seconds at the beginning of an episode that the figures of `evaluate` and `baseline` leave out. Trips count if the
+    /// car wanted to enter later: travel time, delay, stops, emissions, and the figures of lights. Queues, speeds and the waiting of
+    /// persons are those of the seconds after it. Rewards, returns and the counts of the whole net are of the whole episode.
+    #[serde(skip_serializing_if = "is_default")]
+    #[schemars(extend("default" = 0))]
+    pub warm_up_s: u64,
+    /// Factor by which there are more vehicles than the files say: 1.2 is 20 % more. It multiplies SUMO's option `scale`, which makes
+    /// no more persons.
+    #[serde(skip_serializing_if = "is_one")]
+    #[schemars(extend("default" = 1.0))]
+    pub demand: f64,
+    /// Ids of edges that are closed for everything that drives on roads. Cars with a route across them get another one, and those
+    /// that cannot get to their destination are left out. A note says how many these are.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub closed: Vec<String>,
     /// Number of seconds of a decision, which is a step of the domain. The horizon is the number of whole decisions from
     /// begin to end. Hand-coded controllers decide every second.
     pub decision_s: u32,
@@ -57,6 +75,15 @@ pub struct ScenarioConfig {
     pub min_green_s: u32,
     /// Whether greens also last at least as long as the phases of the light's own program say (`minDur`).
     pub program_min_green: bool,
+    /// Whether people on foot get across: a green with a walk signal lasts at least as long as its longest crossing needs.
+    pub pedestrians: Pedestrians,
+    /// Walking speed in metres per second for the shortest green of a crossing: 3.5 ft/s in MUTCD 2009 and HCM 2010.
+    pub walking_speed_mps: f64,
+    /// Number of seconds in which people on foot may start to cross, before the time for walking. MUTCD 2009: 7, and 4 where
+    /// few people walk.
+    pub walk_s: f64,
+    /// What an agent chooses from.
+    pub actions: Actions,
     /// Program that counts for lights that have one of this name (`programID`), such as that of the night. If left out, the last
     /// one counts, which SUMO runs. `program` in the file of `agents` chooses for one light.
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -68,6 +95,9 @@ pub struct ScenarioConfig {
     pub approach_m: f64,
     /// What an agent sees of the cars on its approaches.
     pub observation: Observation,
+    /// Faults of the detectors, if agents see detectors.
+    #[serde(skip_serializing_if = "is_default")]
+    pub detector_faults: DetectorFaults,
     /// What an agent is rewarded for, as on a grid. Keep returns within a few units: a value moves by at most `ppo.clip` in
     /// an update. With a weight of 1, `"queue"` and `"wait"` got agents stuck on RESCO's map cologne1. The default comes
     /// from six runs there, one seed each, so it is no proof that other rewards are worse. Returns of
@@ -92,12 +122,48 @@ pub enum Observation {
     /// crossing, in tens. Local simulators have no trams and no persons.
     #[serde(rename = "cells+buses")]
     CellsAndBuses,
+    /// Detectors in the road, as in the street: on each lane before a stop line one over the last 12 m, and one 60 m before
+    /// it. Of each the count and the occupancy since the last decision, and the time since a car. See
+    /// [networks](networks.md#detectors).
+    Detectors,
+}
+
+/// What people on foot do to the shortest greens.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "kebab-case")]
+pub enum Pedestrians {
+    /// A green with a walk signal lasts `walk_s` and the length of its longest crossing over `walking_speed_mps` at least.
+    #[default]
+    MinGreen,
+    /// Crossings make no green longer.
+    Off,
+}
+
+/// What an agent chooses from.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "kebab-case")]
+pub enum Actions {
+    /// Any green of its light.
+    #[default]
+    Greens,
+    /// To keep the green, or to go to the next one in the order of the light's program.
+    FixedOrder,
+    /// Any pair of a phase of ring 1 and one of ring 2 on the same side of the barrier, as of a NEMA controller. Rings are
+    /// those of a program of type `NEMA`, or follow from a junction of four arms with left-turn lanes.
+    RingBarrier,
 }
 
 const LONGEST_S: u32 = 300;
+const WALKING_SPEED_MPS: std::ops::RangeInclusive<f64> = 0.2..=3.0;
+const WALK_S: std::ops::RangeInclusive<f64> = 0.0..=60.0;
 const APPROACH_M: std::ops::RangeInclusive<f64> = 10.0..=1000.0;
+const DEMAND: std::ops::RangeInclusive<f64> = 0.01..=100.0;
 /// Largest number of decisions of an episode, as in the check of a horizon.
 const MOST_DECISIONS: u64 = 1_000_000;
+
+fn is_one(factor: &f64) -> bool {
+    *factor == 1.0
+}
 
 impl Default for ScenarioConfig {
     fn default() -> Self {
@@ -113,13 +179,21 @@ impl ScenarioConfig {
             begin_s: None,
             end_s: None,
             end_is_derived: false,
+            warm_up_s: 0,
+            demand: 1.0,
+            closed: Vec::new(),
             decision_s: 5,
             min_green_s: 5,
             program_min_green: true,
+            pedestrians: Pedestrians::default(),
+            walking_speed_mps: Walking::default().speed_mps,
+            walk_s: Walking::default().walk_s,
+            actions: Actions::default(),
             program: None,
             yellow_s: Yellow::Program,
             approach_m: 150.0,
             observation: Observation::default(),
+            detector_faults: DetectorFaults::default(),
             reward: Reward::default(),
             local_horizon: 120,
         }
@@ -131,6 +205,12 @@ impl ScenarioConfig {
         config.complete()?;
         config.check()?;
         Ok(config)
+    }
+
+    /// Returns how people on foot cross; `None`: their crossings make no green longer.
+    pub(crate) fn walking(&self) -> Option<Walking> {
+        let walking = Walking { speed_mps: self.walking_speed_mps, walk_s: self.walk_s };
+        (self.pedestrians == Pedestrians::MinGreen).then_some(walking)
     }
 
     /// Returns the seconds at which an episode begins and ends. An error names the key of the one that is missing.
@@ -182,14 +262,34 @@ impl DomainTable for ScenarioConfig {
         }
         let approach = self.approach_m;
         ensure!(APPROACH_M.contains(&approach), "traffic.approach_m = {approach}: must be from 10 to 1000 metres");
+        let (speed, walk) = (self.walking_speed_mps, self.walk_s);
+        ensure!(
+            WALKING_SPEED_MPS.contains(&speed),
+            "traffic.walking_speed_mps = {speed}: must be from 0.2 to 3 metres per second"
+        );
+        ensure!(WALK_S.contains(&walk), "traffic.walk_s = {walk}: must be from 0 to 60 seconds");
         ensure!(self.local_horizon >= 1, "traffic.local_horizon = 0: must be at least 1 decision; 120 is the default");
         self.reward.check()?;
+        let demand = self.demand;
+        ensure!(
+            DEMAND.contains(&demand),
+            "traffic.demand = {demand}: must be from {} to {}; 1 is the demand of the files",
+            DEMAND.start(),
+            DEMAND.end()
+        );
+        self.detector_faults.check(self.observation)?;
         let (begin, end) = self.window_s()?;
         ensure!(end <= MOST_SECONDS, "traffic.end_s = {end}: must be at most {MOST_SECONDS}");
         ensure!(
             begin < end,
             "traffic.begin_s = {begin}: must be before traffic.end_s = {end}; where a config names neither, they are \
              <begin> and <end> of the .sumocfg"
+        );
+        let warm_up = self.warm_up_s;
+        ensure!(
+            warm_up < end - begin,
+            "traffic.warm_up_s = {warm_up}: must be less than the {} s of an episode",
+            end - begin
         );
         let decisions = (end - begin) / u64::from(self.decision_s);
         ensure!(
@@ -231,6 +331,10 @@ impl DomainTable for ScenarioConfig {
     fn open(&self) -> Result<Arc<dyn Domain>> {
         Ok(Arc::new(Traffic::open_scenario(self)?))
     }
+}
+
+fn is_default(faults: &DetectorFaults) -> bool {
+    *faults == DetectorFaults::default()
 }
 
 const PROGRAM: &str = "program";

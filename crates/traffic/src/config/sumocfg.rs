@@ -32,14 +32,14 @@ const TELEPORT: (&str, &str) = ("time-to-teleport", "300");
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Sumocfg {
     pub net: PathBuf,
-    pub(crate) routes: Vec<PathBuf>,
-    pub(crate) additional: Vec<PathBuf>,
+    pub routes: Vec<PathBuf>,
+    pub additional: Vec<PathBuf>,
     pub begin_s: u64,
-    pub(crate) end_s: Option<u64>,
+    pub end_s: Option<u64>,
     /// SUMO's steps in a second.
     pub(crate) steps_per_s: u32,
     /// Options that change traffic, without `--`, in the order of the file. [`TELEPORT`] is always among them.
-    pub(crate) options: Vec<(String, String)>,
+    pub options: Vec<(String, String)>,
     /// What this program makes of the rest, a sentence each.
     pub(crate) notes: Notes,
 }

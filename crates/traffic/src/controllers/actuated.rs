@@ -12,22 +12,30 @@ pub(crate) const PROGRAM: &str = "actuated";
 /// Shortest and longest green in seconds, unless the own program gives its own.
 const GREEN_S: [f64; 2] = [5.0, 50.0];
 
+/// Shortest and longest seconds of a phase beside those of its program; `None`: no other limit.
+pub(crate) type PhaseLimits = [Option<u32>; 2];
+
 /// Returns an additional file with an actuated program of this name for each own program of a light. With each program
-/// come the letters that cars obey.
+/// come the letters that cars obey, and the limits of its phases; without these they have none.
 ///
 /// Greens last as long as cars come, within their limits. All other phases last as long as in the own program. Offset
 /// and parameters, such as `max-gap`, are those of an own program that is actuated, too.
-pub(crate) fn programs<'a>(name: &str, lights: impl IntoIterator<Item = (&'a Program, &'a BTreeSet<usize>)>) -> String {
+pub(crate) fn programs<'a>(
+    name: &str,
+    lights: impl IntoIterator<Item = (&'a Program, &'a BTreeSet<usize>, Vec<PhaseLimits>)>,
+) -> String {
     document("additional", |xml| {
-        lights.into_iter().try_for_each(|(program, cars)| {
+        lights.into_iter().try_for_each(|(program, cars, limits)| {
             let is_actuated = program.kind == "actuated";
             let greens = Greens::of(program, cars);
             let offset_s = (if is_actuated { program.offset_s } else { 0.0 }).to_string();
             let head = [("id", &*program.light), ("type", "actuated"), ("programID", name), ("offset", &offset_s)];
             nest(xml, "tlLogic", head, |xml| {
                 let mut phases = program.phases.iter().enumerate();
-                phases
-                    .try_for_each(|(number, phase)| leaf(xml, "phase", attributes(phase, greens.is_green(number))))?;
+                phases.try_for_each(|(number, phase)| {
+                    let limits = limits.get(number).copied().unwrap_or_default();
+                    leaf(xml, "phase", attributes(phase, greens.is_green(number), limits))
+                })?;
                 let mut parameters = program.parameters.iter().filter(|_| is_actuated);
                 parameters.try_for_each(|(key, value)| leaf(xml, "param", [("key", key), ("value", value)]))
             })
@@ -37,11 +45,13 @@ pub(crate) fn programs<'a>(name: &str, lights: impl IntoIterator<Item = (&'a Pro
 
 /// Returns what is written of a phase. `is_green`: whether it lasts as long as cars come. A link may also have green in
 /// yellow and all red of the others.
-fn attributes(phase: &Phase, is_green: bool) -> Vec<(&'static str, String)> {
-    let &Phase { ref state, duration_s, limits_s: [least_s, most_s], ref next } = phase;
+fn attributes(phase: &Phase, is_green: bool, limits: PhaseLimits) -> Vec<(&'static str, String)> {
+    let &Phase { ref state, duration_s, limits_s: [least_s, most_s], ref next, .. } = phase;
     let (least_s, most_s) = if is_green {
         let most_s = most_s.unwrap_or(GREEN_S[1].max(least_s.unwrap_or(0.0)));
-        (least_s.unwrap_or(GREEN_S[0]).min(most_s), most_s)
+        let [shortest, longest] = limits.map(|limit| limit.map(f64::from));
+        let most_s = most_s.min(longest.unwrap_or(f64::INFINITY)).max(shortest.unwrap_or(0.0));
+        (least_s.unwrap_or(GREEN_S[0]).max(shortest.unwrap_or(0.0)).min(most_s), most_s)
     } else {
         (duration_s, duration_s)
     };
@@ -60,7 +70,19 @@ mod tests {
 
     fn made(own: &str) -> String {
         let program = Program::read(&parse(own).unwrap()).unwrap();
-        programs(PROGRAM, [(&program, &BTreeSet::from([0, 1, 2, 3]))])
+        programs(PROGRAM, [(&program, &BTreeSet::from([0, 1, 2, 3]), Vec::new())])
+    }
+
+    #[test]
+    fn phases_keep_limits_of_others() {
+        let own = r#"<tlLogic id="J" programID="0"><phase duration="9" state="GGrr"/><phase duration="3" state="yyrr"/>
+            <phase duration="9" minDur="30" state="rrGG"/></tlLogic>"#;
+        let program = Program::read(&parse(own).unwrap()).unwrap();
+        let limits = vec![[Some(24), None], [Some(24), None], [Some(8), Some(20)]];
+        let made = programs(PROGRAM, [(&program, &BTreeSet::from([0, 1, 2, 3]), limits)]);
+        assert!(made.contains(r#"<phase duration="24" minDur="24" maxDur="50" state="GGrr"/>"#), "{made}");
+        assert!(made.contains(r#"<phase duration="3" minDur="3" maxDur="3" state="yyrr"/>"#), "no green");
+        assert!(made.contains(r#"<phase duration="20" minDur="20" maxDur="20" state="rrGG"/>"#), "{made}");
     }
 
     #[test]

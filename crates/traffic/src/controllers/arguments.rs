@@ -125,6 +125,10 @@ fn clock(arguments: &mut Arguments<'_>, plans: &[AgentPlan], usual: &'static str
         let cycle = arguments.steps("cycle")?;
         let timing = |plan: &AgentPlan| {
             let greens = greens.clone().unwrap_or_else(|| vec![green; plan.greens()]);
+            let greens = plan.phases.fitted(&greens);
+            if let Some(why) = plan.phases.misfit(&greens) {
+                return Err(arguments.refuse(format!("light {}: {why}", Printable(&plan.light))));
+            }
             let timing = Timing::new(&plan.phases, &greens, 0);
             cycle.map_or(Ok(timing.clone()), |cycle| of_cycle(arguments, plan, &timing, cycle))
         };
@@ -159,12 +163,16 @@ fn steps(text: &str) -> Option<Vec<u32>> {
 fn of_cycle(arguments: &Arguments<'_>, plan: &AgentPlan, timing: &Timing, cycle: u32) -> Result<Timing> {
     let lost = timing.cycle() - timing.greens().iter().sum::<u32>();
     let shares: Vec<f64> = timing.greens().iter().map(|&steps| f64::from(steps)).collect();
-    let greens =
-        cycle.checked_sub(lost).and_then(|green| split(green, &shares, &vec![1; shares.len()])).ok_or_else(|| {
-            let least = lost as usize + shares.iter().filter(|&&share| share > 0.0).count();
-            let light = Printable(&plan.light);
-            arguments.refuse(format!("cycle = {cycle}: light {light} needs {least} steps at least"))
-        })?;
+    let least: Vec<u32> = plan.phases.strict_min_steps().iter().map(|&steps| steps.max(1)).collect();
+    let greens = cycle.checked_sub(lost).and_then(|green| split(green, &shares, &least)).ok_or_else(|| {
+        let shown = least.iter().zip(&shares).filter(|(_, share)| **share > 0.0);
+        let least = lost + shown.map(|(least, _)| least).sum::<u32>();
+        let light = Printable(&plan.light);
+        arguments.refuse(format!("cycle = {cycle}: light {light} needs {least} steps at least"))
+    })?;
+    if let Some(why) = plan.phases.misfit(&greens) {
+        return Err(arguments.refuse(format!("cycle = {cycle}: light {}: {why}", Printable(&plan.light))));
+    }
     Ok(Timing::new(&plan.phases, &greens, timing.offset()))
 }
 
@@ -189,7 +197,7 @@ fn offsets(arguments: &mut Arguments<'_>, plans: &[AgentPlan], timings: &[Timing
 
 /// Divides steps in proportion to `weights`, which are not negative. Every weight above 0 gets its `least` steps at least,
 /// and a weight of 0 gets none. Returns `None` if there are too few steps.
-pub(super) fn split(steps: u32, weights: &[f64], least: &[u32]) -> Option<Vec<u32>> {
+pub(crate) fn split(steps: u32, weights: &[f64], least: &[u32]) -> Option<Vec<u32>> {
     let mut parts: Vec<u32> =
         weights.iter().zip(least).map(|(&weight, &least)| if weight > 0.0 { least } else { 0 }).collect();
     let free = steps.checked_sub(parts.iter().sum()).filter(|_| weights.iter().any(|&weight| weight > 0.0))?;

@@ -26,9 +26,15 @@ pub struct Timing {
 impl Timing {
     /// `greens`: the length of each green, 0 to leave it out; one of them at least is above 0.
     pub(crate) fn new(phases: &PhasePlan, greens: &[u32], offset: u32) -> Timing {
-        assert_eq!(greens.len(), phases.greens().len(), "a length for each green");
         let shown: Vec<usize> = (0..greens.len()).filter(|&green| greens[green] > 0).collect();
+        Timing::in_order(phases, greens, &shown, offset)
+    }
+
+    /// Like [`Timing::new`], with the greens that are shown in this order: each with a length above 0, once.
+    pub(crate) fn in_order(phases: &PhasePlan, greens: &[u32], shown: &[usize], offset: u32) -> Timing {
+        assert_eq!(greens.len(), phases.greens().len(), "a length for each green");
         assert!(!shown.is_empty(), "a light shows some green");
+        assert_eq!(shown.len(), greens.iter().filter(|&&green| green > 0).count(), "each green once");
         let (mut ends, mut cycle) = (Vec::with_capacity(shown.len()), 0);
         for (place, &green) in shown.iter().enumerate() {
             cycle += greens[green];
@@ -50,6 +56,22 @@ impl Timing {
         self.cycle
     }
 
+    /// Returns the greens that are shown, in their order.
+    pub(crate) fn order(&self) -> impl Iterator<Item = usize> + '_ {
+        self.ends.iter().map(|&(green, _)| green)
+    }
+
+    /// Returns the place in the cycle at which a green begins that is shown.
+    pub(crate) fn begin_of(&self, green: usize) -> u32 {
+        let shown = self.ends.iter().find(|&&(shown, _)| shown == green);
+        shown.map_or(0, |&(_, end)| end - self.greens[green])
+    }
+
+    /// Returns the same greens in the same order, with other lengths.
+    pub(crate) fn with_lengths(&self, phases: &PhasePlan, greens: &[u32]) -> Timing {
+        Timing::in_order(phases, greens, &self.order().collect::<Vec<_>>(), self.offset)
+    }
+
     pub(crate) fn shifted(&self, offset: u32) -> Timing {
         Timing { offset, ..self.clone() }
     }
@@ -62,7 +84,10 @@ impl Timing {
     }
 
     pub(crate) fn after(&self, green: usize) -> usize {
-        let next = self.ends.iter().find(|&&(shown, _)| shown > green).unwrap_or(&self.ends[0]);
+        let next = match self.ends.iter().position(|&(shown, _)| shown == green) {
+            Some(place) => &self.ends[(place + 1) % self.ends.len()],
+            None => self.ends.iter().find(|&&(shown, _)| shown > green).unwrap_or(&self.ends[0]),
+        };
         next.0
     }
 

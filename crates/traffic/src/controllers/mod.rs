@@ -7,7 +7,8 @@
 //! name in [`recipe`] and [`NAMES`]. A program of its own needs no name: it passes its controller to
 //! [`crate::Traffic::global`].
 //!
-//! - [`intersections`]: what a controller sees. `responsive`, `max_pressure`: lights that look at the traffic.
+//! - [`intersections`]: what a controller sees. `responsive`, `max_pressure`, `max_wave`: lights that look at the
+//!   traffic.
 //! - `clock`, `webster`: lights that go by the clock; [`actuated`]: the programs of SUMO's actuated lights.
 //! - [`timing_file`]: files of the tuner; [`search`]: its search for the best timings.
 //! - `arguments`: the text that names a controller. `examples`: lights made by hand, for tests.
@@ -19,12 +20,14 @@ mod clock;
 pub(crate) mod examples;
 pub(crate) mod intersections;
 mod max_pressure;
+mod max_wave;
 mod responsive;
 pub(crate) mod search;
 pub mod timing_file;
-mod webster;
+pub(crate) mod webster;
 
 use std::path::Path;
+use std::sync::Arc;
 
 use anyhow::{Result, bail, ensure};
 use rand::Rng;
@@ -33,11 +36,14 @@ use crate::Traffic;
 use crate::agents::phase_plan::Choice;
 use crate::agents::plan::AgentPlan;
 use arguments::Arguments;
+pub(crate) use arguments::split;
 use dials_core::base::{Dice, RandomPurpose, Seed};
 use dials_core::domain::Action;
+use dials_core::outside::did_you_mean;
+use max_wave::MaxWave;
 use responsive::GreenLimits;
 
-pub(crate) use clock::{ClockLights, ClockPlan, Leeway};
+pub(crate) use clock::{ClockLights, ClockPlan, Leeway, Timing};
 pub use intersections::{Intersection, Intersections};
 pub(crate) use webster::Webster;
 
@@ -74,6 +80,8 @@ pub enum HandCoded {
     /// The program of each light in its net.
     OwnProgram,
     Actuated,
+    /// Programs that SUMO loads last: the text of an additional file.
+    Programs(Arc<str>),
     Rule(Box<dyn LightController>),
 }
 
@@ -96,6 +104,7 @@ pub const NAMES: &[&str] = &[
     COORDINATED,
     "webster",
     "max-pressure",
+    "max-wave",
     "longest-queue",
 ];
 
@@ -121,6 +130,10 @@ pub fn recipe(text: &str, plans: &[AgentPlan]) -> Result<Recipe> {
         "actuated" => Box::new(|_| Ok(HandCoded::Actuated)),
         "gap-out" => each(responsive::gap_out, GreenLimits::longest(&mut arguments, plans)?),
         "max-pressure" => each(max_pressure::decide, GreenLimits::of(&mut arguments, plans)?),
+        "max-wave" => {
+            let every = max_wave::every(&mut arguments)?;
+            Box::new(move |_| Ok(HandCoded::rule(MaxWave::new(every))))
+        }
         "longest-queue" => each(responsive::longest_queue, GreenLimits::of(&mut arguments, plans)?),
         FIXED_TIME => by_the_clock(arguments::fixed_time(&mut arguments, plans)?),
         COORDINATED => by_the_clock(arguments::coordinated(&mut arguments, plans)?),
@@ -134,7 +147,7 @@ pub fn recipe(text: &str, plans: &[AgentPlan]) -> Result<Recipe> {
         name => match name.strip_prefix(SWITCH_EVERY).map(str::parse::<usize>) {
             Some(Ok(steps)) if steps >= 1 => Box::new(move |_| Ok(HandCoded::rule(SwitchEvery { steps, step: 0 }))),
             Some(_) => bail!("controller `{text}`: K must be a number of steps, at least 1, as in {SWITCH_EVERY}10"),
-            None => bail!("controller `{text}`: unknown; one of {}", NAMES.join(", ")),
+            None => bail!("{}", unknown(text, name)),
         },
     };
     arguments.all_taken()?;
@@ -145,8 +158,35 @@ pub fn recipe(text: &str, plans: &[AgentPlan]) -> Result<Recipe> {
 pub fn check_name(text: &str) -> Result<()> {
     let Arguments { name, .. } = Arguments::of(text);
     let is_known = NAMES.contains(&name) || name.starts_with(SWITCH_EVERY);
-    ensure!(is_known, "controller `{text}`: unknown; one of {}", NAMES.join(", "));
+    ensure!(is_known, "{}", unknown(text, name));
     Ok(())
+}
+
+fn unknown(text: &str, name: &str) -> String {
+    let near = did_you_mean(name, NAMES.iter().copied());
+    format!("controller `{text}`: unknown{near}; one of {}", NAMES.join(", "))
+}
+
+/// A controller whose timings are known before an episode begins, so that SUMO can play them.
+pub(crate) enum Timed {
+    Timings(Vec<Timing>),
+    Webster(Webster),
+    /// One cycle for all lights, and offsets that suit the traffic.
+    Coordinated,
+}
+
+/// Returns what a text names. `None`: a controller that looks at the traffic. Errors: those of [`recipe`].
+pub(crate) fn timed(text: &str, plans: &[AgentPlan]) -> Result<Option<Timed>> {
+    let mut arguments = Arguments::of(text);
+    let timed = match arguments.name {
+        COORDINATED if text == COORDINATED && !are_of_a_grid(plans) => Timed::Coordinated,
+        FIXED_TIME => Timed::Timings(arguments::fixed_time(&mut arguments, plans)?.timings),
+        COORDINATED => Timed::Timings(arguments::coordinated(&mut arguments, plans)?.timings),
+        "webster" => Timed::Webster(Webster::of(&mut arguments)?),
+        _ => return recipe(text, plans).map(|_| None),
+    };
+    arguments.all_taken()?;
+    Ok(Some(timed))
 }
 
 fn each(decide: fn(&Intersection<'_>, GreenLimits) -> usize, limits: GreenLimits) -> Recipe {

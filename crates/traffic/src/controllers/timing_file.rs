@@ -229,6 +229,9 @@ fn of_light(plan: &AgentPlan, LightTiming { name, greens, offset }: &LightTiming
         greens.len(),
         plan.greens()
     );
+    if let Some(why) = plan.phases.misfit(greens) {
+        bail!("does not fit light {wanted}: {why}");
+    }
     Ok(Timing::new(&plan.phases, greens, *offset))
 }
 

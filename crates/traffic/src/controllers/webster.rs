@@ -57,28 +57,55 @@ impl Webster {
     }
 
     pub(crate) fn ratios(&self, traffic: &Traffic) -> Result<Vec<FlowRatios>> {
+        let flows = self.flows(traffic, usize::MAX)?;
+        Ok(self.ratios_of(traffic.plans(), &flows[0]))
+    }
+
+    /// Measures the flows on the GS, on separate episodes: those of each slice of this number of seconds. The last one may
+    /// be shorter.
+    pub(crate) fn flows(&self, traffic: &Traffic, slice_s: usize) -> Result<Vec<Flows>> {
         let plans = traffic.plans();
-        let Flows { cars, seconds } = if are_of_a_grid(plans) {
+        if are_of_a_grid(plans) {
             let timings = arguments::usual(plans);
-            measure(traffic, self.episodes, ClockLights::new(ClockPlan::fixed(timings)))?
+            measure(traffic, self.episodes, slice_s, ClockLights::new(ClockPlan::fixed(timings)))
         } else {
             // Lights that jam would hide what wants to pass.
             let limits = GreenLimits::usual(plans);
-            measure(traffic, self.episodes, Each(move |at: &Intersection<'_>| max_pressure::decide(at, limits)))?
+            let by = Each(move |at: &Intersection<'_>| max_pressure::decide(at, limits));
+            measure(traffic, self.episodes, slice_s, by)
+        }
+    }
+
+    pub(crate) fn ratios_of(&self, plans: &[AgentPlan], flows: &Flows) -> Vec<FlowRatios> {
+        let of_light = |(plan, ratios): (&AgentPlan, Vec<f64>)| flow_ratios(plan, &ratios);
+        plans.iter().zip(self.of_approaches(flows)).map(of_light).collect()
+    }
+
+    /// Returns the ratios of lights that show the same greens as in `known`, with other flows.
+    pub(crate) fn ratios_like(&self, plans: &[AgentPlan], known: &[FlowRatios], flows: &Flows) -> Vec<FlowRatios> {
+        let lights = plans.iter().zip(known).zip(self.of_approaches(flows));
+        let of_light = |((plan, known), ratios): ((&AgentPlan, &FlowRatios), Vec<f64>)| {
+            let greens: Vec<usize> = known.greens.iter().map(|&(green, _)| green).collect();
+            of_choice(plan, &ratios, &greens)
         };
-        let saturation = self.saturation_per_h / 3600.0 * f64::from(seconds);
-        let of_light = |(plan, cars): (&AgentPlan, &[u32])| {
-            let ratios: Vec<f64> = cars.iter().map(|&cars| f64::from(cars) / saturation).collect();
-            flow_ratios(plan, &ratios)
-        };
-        Ok(plans.iter().zip(cars.iter()).map(of_light).collect())
+        lights.map(of_light).collect()
+    }
+
+    /// Returns flow over saturation flow of the approaches of each light.
+    fn of_approaches(&self, Flows { cars, seconds }: &Flows) -> impl Iterator<Item = Vec<f64>> {
+        let saturation = self.saturation_per_h / 3600.0 * f64::from(*seconds);
+        cars.iter().map(move |cars| cars.iter().map(|&cars| f64::from(cars) / saturation).collect())
     }
 }
 
-pub(super) fn timing(plan: &AgentPlan, ratios: &FlowRatios) -> Timing {
+/// Returns Webster's cycle in seconds for a sum of flow ratios and the lost time of a cycle, at most the longest one.
+pub(crate) fn cycle_s(sum: f64, lost_s: f64) -> f64 {
+    if sum < 1.0 { ((1.5 * lost_s + 5.0) / (1.0 - sum)).min(LONGEST_CYCLE_S) } else { LONGEST_CYCLE_S }
+}
+
+pub(crate) fn timing(plan: &AgentPlan, ratios: &FlowRatios) -> Timing {
     let (sum, lost_s) = (ratios.sum(), ratios.lost_s);
-    let cycle_s = if sum < 1.0 { ((1.5 * lost_s + 5.0) / (1.0 - sum)).min(LONGEST_CYCLE_S) } else { LONGEST_CYCLE_S };
-    let green_s = (cycle_s - lost_s).max(0.0);
+    let green_s = (cycle_s(sum, lost_s) - lost_s).max(0.0);
     let mut greens = vec![0; plan.greens()];
     // The last share is what is left, so that the shares sum up to 1.
     let mut left = 1.0;
@@ -89,7 +116,7 @@ pub(super) fn timing(plan: &AgentPlan, ratios: &FlowRatios) -> Timing {
         greens[green] = ((green_s * share).round() as u32).max(plan.phases.min_green_steps()[green]);
         left -= share;
     }
-    Timing::new(&plan.phases, &greens, 0)
+    Timing::new(&plan.phases, &plan.phases.fitted(&greens), 0)
 }
 
 /// Longest cycle. Near saturation, Webster's formula goes to infinity.
@@ -121,7 +148,7 @@ impl FlowRatios {
 fn flow_ratios(plan: &AgentPlan, ratios: &[f64]) -> FlowRatios {
     let all = plan.greens();
     let every_green: Vec<usize> = (0..all).collect();
-    if all > FEW_GREENS {
+    if all > FEW_GREENS || plan.phases.keeps_order() {
         return of_choice(plan, ratios, &every_green);
     }
     let choices = (1..1_usize << all).rev().map(|bits| (0..all).filter(|green| bits >> green & 1 == 1).collect());
@@ -137,7 +164,7 @@ fn flow_ratios(plan: &AgentPlan, ratios: &[f64]) -> FlowRatios {
 
 /// Returns whether each link that has green somewhere has it in these greens, and as well as anywhere. Letters of
 /// vehicles that no agent sees, such as bicycles, have green in them, too.
-fn is_enough(plan: &AgentPlan, greens: &[usize]) -> bool {
+pub(crate) fn is_enough(plan: &AgentPlan, greens: &[usize]) -> bool {
     let served = |link: usize, greens: &[usize]| greens.iter().any(|&green| plan.serves_best(green, link));
     let all: Vec<usize> = (0..plan.greens()).collect();
     let state = |green: usize| plan.phases.greens()[green].as_str().as_bytes();
@@ -178,24 +205,40 @@ fn carriers(plan: &AgentPlan, greens: &[usize], approach: usize) -> Vec<usize> {
     if places.is_empty() { (0..greens.len()).filter(part).collect() } else { places }
 }
 
-struct Flows {
+/// Cars that came to the lights in a slice of an episode, over all episodes.
+#[derive(Clone, Debug)]
+pub(crate) struct Flows {
     /// Number of cars that came to each approach, one row per light. A car that changes lanes counts on the lane of the
-    /// road on which it was last.
-    cars: Ragged<u32>,
-    seconds: u32,
+    /// road on which it was last, in the slice in which it came to the road.
+    pub(crate) cars: Ragged<u32>,
+    pub(crate) seconds: u32,
+}
+
+impl Flows {
+    /// Returns both together. They are of the same lights.
+    pub(crate) fn and(&self, other: &Flows) -> Flows {
+        let mut sum = self.clone();
+        sum.seconds += other.seconds;
+        for row in 0..sum.cars.len() {
+            sum.cars.row_mut(row).iter_mut().zip(other.cars.row(row)).for_each(|(sum, more)| *sum += more);
+        }
+        sum
+    }
 }
 
 /// Counts cars on the GS on separate episodes, with the lights under this rule.
-fn measure(traffic: &Traffic, episodes: u32, by: impl LightController + 'static) -> Result<Flows> {
+fn measure(traffic: &Traffic, episodes: u32, slice_s: usize, by: impl LightController + 'static) -> Result<Vec<Flows>> {
     let plans = traffic.plans();
     let approaches: Vec<usize> = plans.iter().map(|plan| plan.region.approaches.len()).collect();
-    let flows = Rc::new(RefCell::new(Flows { cars: Ragged::new(approaches), seconds: 0 }));
+    let none = Flows { cars: Ragged::new(approaches), seconds: 0 };
+    let flows = Rc::new(RefCell::new(vec![none; traffic.seconds().div_ceil(slice_s)]));
     let counter = Counter {
         by: Box::new(by),
         flows: flows.clone(),
         roads: plans.iter().map(|plan| roads(&plan.region.approaches)).collect(),
         last: HashMap::new(),
-        is_first: true,
+        slice_s,
+        asked: 0,
     };
     let mut gs = traffic.global(traffic.everywhere(HandCoded::rule(counter)))?;
     let mut actions = vec![0; plans.len()];
@@ -220,39 +263,51 @@ fn roads(approaches: &[Approach]) -> Vec<usize> {
 
 type CarOnRoad = (AgentId, usize, CarId);
 
+/// The slice in which a car came to a road, and the approach on which it was last.
+type Seen = (usize, usize);
+
 /// Counts a car on an approach, and no longer on the one of the same road where it was before.
-fn count(counts: &mut [u32], last: &mut HashMap<CarOnRoad, usize>, car: CarOnRoad, approach: usize) {
-    if let Some(before) = last.insert(car, approach) {
+fn count(flows: &mut [Flows], last: &mut HashMap<CarOnRoad, Seen>, slice: usize, car: CarOnRoad, approach: usize) {
+    let (agent, ..) = car;
+    let (slice, before) = last.get(&car).map_or((slice, None), |&(slice, before)| (slice, Some(before)));
+    let counts = flows[slice].cars.row_mut(agent.0);
+    if let Some(before) = before {
         counts[before] -= 1;
     }
     counts[approach] += 1;
+    last.insert(car, (slice, approach));
 }
 
 /// A rule that counts cars and lets another rule decide.
 struct Counter {
     by: Box<dyn LightController>,
-    flows: Rc<RefCell<Flows>>,
+    /// Those of each slice.
+    flows: Rc<RefCell<Vec<Flows>>>,
     roads: Vec<Vec<usize>>,
-    /// The approach on which a car of this episode was last.
-    last: HashMap<CarOnRoad, usize>,
-    /// Whether it has not been asked in this episode.
-    is_first: bool,
+    /// Where a car of this episode was last.
+    last: HashMap<CarOnRoad, Seen>,
+    slice_s: usize,
+    /// Number of times that it has been asked in this episode.
+    asked: usize,
 }
 
 impl LightController for Counter {
     fn begin(&mut self, episode: Seed) {
         self.last.clear();
-        self.is_first = true;
+        self.asked = 0;
         self.by.begin(episode);
     }
 
     fn act(&mut self, intersections: &Intersections<'_>, targets: &mut [usize]) {
         let mut flows = self.flows.borrow_mut();
-        flows.seconds += u32::from(!std::mem::take(&mut self.is_first));
+        // Asked for the second time, it sees the cars after the first second.
+        let slice = (self.asked.saturating_sub(1) / self.slice_s).min(flows.len() - 1);
+        flows[slice].seconds += u32::from(self.asked > 0);
+        self.asked += 1;
         for at in intersections.iter() {
-            let counts = flows.cars.row_mut(at.agent.0);
             for (approach, (lane, &road)) in at.approaches.iter().zip(&self.roads[at.agent.0]).enumerate() {
-                lane.ids.iter().for_each(|&car| count(counts, &mut self.last, (at.agent, road, car), approach));
+                let cars = lane.ids.iter();
+                cars.for_each(|&car| count(&mut flows, &mut self.last, slice, (at.agent, road, car), approach));
             }
         }
         self.by.act(intersections, targets);
@@ -340,15 +395,15 @@ mod tests {
 
     #[test]
     fn a_car_that_changes_lanes_counts_on_the_last_one() {
-        let (mut counts, mut last) = ([0; 3], HashMap::new());
-        let mut seen = |car, road, approach| {
-            count(&mut counts, &mut last, (AgentId(0), road, CarId(car)), approach);
-            counts
+        let (mut flows, mut last) = (vec![Flows { cars: Ragged::new([3]), seconds: 0 }; 2], HashMap::new());
+        let mut seen = |slice, car, road, approach| {
+            count(&mut flows, &mut last, slice, (AgentId(0), road, CarId(car)), approach);
+            [0, 1].map(|slice| flows[slice].cars.row(0).to_vec())
         };
-        assert_eq!(seen(5, 0, 0), [1, 0, 0]);
-        assert_eq!(seen(5, 0, 0), [1, 0, 0]);
-        assert_eq!(seen(6, 0, 0), [2, 0, 0]);
-        assert_eq!(seen(5, 0, 1), [1, 1, 0]);
-        assert_eq!(seen(5, 2, 2), [1, 1, 1], "on another road it counts again");
+        assert_eq!(seen(0, 5, 0, 0), [[1, 0, 0], [0; 3]]);
+        assert_eq!(seen(0, 5, 0, 0), [[1, 0, 0], [0; 3]]);
+        assert_eq!(seen(0, 6, 0, 0), [[2, 0, 0], [0; 3]]);
+        assert_eq!(seen(1, 5, 0, 1), [[1, 1, 0], [0; 3]], "in the slice in which it came");
+        assert_eq!(seen(1, 5, 2, 2), [[1, 1, 0], [0, 0, 1]], "on another road it counts again");
     }
 }

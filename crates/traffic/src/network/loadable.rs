@@ -87,6 +87,13 @@ impl Loadable {
         self
     }
 
+    /// Adds a file that SUMO loads after the others. `path`: what messages call it.
+    pub(crate) fn with_additional(mut self, text: &str, path: &Path) -> Result<Loadable> {
+        self.files.push((MemoryFile::new(text)?, path.to_owned()));
+        self.additional.push(self.files[self.files.len() - 1].0.path());
+        Ok(self)
+    }
+
     /// `scenario`: path of the .sumocfg, for the message if SUMO dies.
     pub(crate) fn of_scenario(self, scenario: &Path) -> Loadable {
         Loadable { name: scenario.display().to_string(), way_out: way_out_of(scenario), ..self }
@@ -109,6 +116,17 @@ impl Loadable {
         simulation.set_steps_per_second(self.steps_per_s);
         simulation.few_devices(!self.has_devices);
         Ok(simulation)
+    }
+
+    /// Gives every vehicle SUMO's device that computes emissions, in a simulation that is loaded with `options`. Each load needs it
+    /// again.
+    pub(crate) fn equip_for_emissions(&self, simulation: &mut Simulation, options: &mut Vec<String>) {
+        const DEVICE: &str = "--device.emissions.probability";
+        simulation.few_devices(false);
+        // SUMO refuses an option that is given twice.
+        if !options.iter().any(|option| option == DEVICE) {
+            options.extend([DEVICE.to_owned(), "1".to_owned()]);
+        }
     }
 
     /// Loads it with these options: those of [`Loadable::options`], and further ones.

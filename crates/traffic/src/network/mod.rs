@@ -4,6 +4,7 @@ pub mod contents;
 pub mod files;
 pub(crate) mod loadable;
 pub(super) mod memory_file;
+pub mod osm;
 pub(crate) mod other_files;
 pub mod roads;
 pub mod way_out;

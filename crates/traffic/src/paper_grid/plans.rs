@@ -3,6 +3,7 @@
 use std::sync::Arc;
 
 use super::grid::{Grid, Node, lane};
+use crate::agents::loops::Loop;
 use crate::agents::others_plan::OthersPlan;
 use crate::agents::phase_plan::{Choice, Interval, PhasePlan};
 use crate::agents::phases::Light;
@@ -31,6 +32,7 @@ pub(crate) fn joint_plan(grid: Grid, config: &TrafficConfig) -> JointPlan {
         kinds,
         decision_steps: 1,
         reward: config.reward.clone(),
+        faults: config.detector_faults,
         emergency_decel_mps2: Some(DECEL_MPS2),
     }
 }
@@ -63,6 +65,7 @@ fn sensor(grid: Grid, agent: AgentId, config: &TrafficConfig) -> Sensor {
     let cars = match config.observation {
         Observation::Cells | Observation::CellsAndBuses => CarColumns::Cells(vec![CELLS; EDGES]),
         Observation::Queues => CarColumns::QueueAndDensity(EDGES),
+        Observation::Detectors => CarColumns::Detectors(Loop::of(&around(grid, agent).approaches)),
     };
     let clock = config.clock.unwrap_or(0);
     let (row, col) = grid.place(agent);

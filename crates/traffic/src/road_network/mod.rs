@@ -2,6 +2,7 @@
 
 pub(crate) mod scenario;
 
+use std::collections::HashMap;
 use std::path::{Path, PathBuf};
 
 use anyhow::Context;
@@ -10,19 +11,24 @@ use crate::agents::plan::JointPlan;
 use crate::config::{Reward, RewardTerm, TrafficConfig};
 use crate::cut::forest::Region;
 use crate::cut::mixed::prefix;
+use crate::events::site::{Site, sites};
 use crate::network::contents::Network;
 use crate::network::files::{NetworkFiles, for_sumo};
 use crate::network::loadable::Loadable;
+use crate::network::roads::Roads;
+use crate::network::tree::Element;
 use crate::network::way_out::{Role, cannot_be_simulated};
 use crate::paper_grid::grid::Grid;
 use crate::paper_grid::plans::{joint_plan, plans};
 use crate::paper_grid::recognise::{recognise_grid, recognise_local};
 use crate::scenario::kept::KEPT;
+use crate::scenario::programs::Chosen;
 use crate::scenario::stops::Stops;
 use crate::scenario::travellers::Travellers;
 use crate::sim::local_forest::LocalForest;
 use crate::sim::recorded_roads::RecordedRoads;
 use dials_core::domain::{FirstRow, Map, Result, RoughCosts, Scenario};
+use dials_core::outside::quoted;
 use scenario::ScenarioFiles;
 
 /// Share of switches above which an agent is stuck: its lights are yellow most of the time. Agents that learn are near
@@ -56,6 +62,8 @@ pub(crate) struct GridFiles {
 pub(crate) struct RoadNetwork {
     pub(crate) files: Files,
     pub(crate) horizon: usize,
+    /// Number of seconds at the beginning of an episode that figures leave out.
+    pub(crate) warm_up_s: u64,
     /// Why SUMO cannot load the actuated programs of the lights, if it cannot. SUMO's own error would come after it has
     /// taken all memory.
     pub(crate) refuses_actuated: Option<String>,
@@ -85,6 +93,51 @@ impl RoadNetwork {
             Files::Grid(files) => Some(files.grid),
             Files::Scenario(_) => None,
         }
+    }
+
+    /// Returns the second of the simulation at which an episode begins.
+    pub(crate) fn begin_s(&self) -> u64 {
+        match &self.files {
+            Files::Grid(_) => 0,
+            Files::Scenario(scenario) => scenario.files.window_s().0,
+        }
+    }
+
+    pub(crate) fn roads(&self) -> Result<Roads> {
+        match &self.files {
+            Files::Grid(files) => files.network.roads(),
+            Files::Scenario(scenario) => scenario.files.roads(),
+        }
+    }
+
+    /// Returns the path of the net, for messages.
+    pub(crate) fn net_name(&self) -> String {
+        match &self.files {
+            Files::Grid(files) => quoted(&files.network.files.net),
+            Files::Scenario(scenario) => quoted(scenario.files.net_path()),
+        }
+    }
+
+    /// Returns the names of the streets, by the ids of their edges. Many nets have none.
+    pub(crate) fn street_names(&self) -> HashMap<String, String> {
+        let Files::Scenario(scenario) = &self.files else { return HashMap::new() };
+        let named =
+            |edge: &Element| Some((edge.attribute("id")?.to_owned(), edge.attribute("name")?.trim().to_owned()));
+        scenario.files.net().all("edge").filter_map(named).filter(|(_, name)| !name.is_empty()).collect()
+    }
+
+    /// Returns which programs of lights were chosen, and the elements `<tlLogic>`, in SUMO's order.
+    pub(crate) fn chosen_programs(&self) -> Option<(&Chosen, Vec<&Element>)> {
+        let Files::Scenario(scenario) = &self.files else { return None };
+        let roots = [scenario.files.net()].into_iter().chain(scenario.files.additional());
+        Some((scenario.files.chosen(), roots.flat_map(|root| root.all("tlLogic")).collect()))
+    }
+
+    /// Returns the ids of the elements `<WAUT>` of the additional files.
+    pub(crate) fn wauts(&self) -> Vec<String> {
+        let Files::Scenario(scenario) = &self.files else { return Vec::new() };
+        let wauts = scenario.files.additional().flat_map(|root| root.all("WAUT"));
+        wauts.filter_map(|waut| waut.attribute("id")).map(str::to_owned).collect()
     }
 
     /// Returns the message about files that SUMO cannot simulate, with the way out.
@@ -131,6 +184,14 @@ impl RoadNetwork {
             Files::Grid(files) => RecordedRoads::of_grid(files.grid, &files.network, plan.agents.clone()),
             Files::Scenario(files) => RecordedRoads::of_scenario(&files.files, plan.agents.clone()),
         }
+    }
+
+    /// Returns the lights with the phases and detectors of the event log.
+    pub(crate) fn sites(&self, plan: &JointPlan) -> Result<Vec<Site>> {
+        Ok(match &self.files {
+            Files::Grid(files) => sites(&files.network.roads()?, &files.network.net.root, &plan.agents),
+            Files::Scenario(files) => sites(&files.files.roads()?, files.files.net(), &plan.agents),
+        })
     }
 
     /// Returns the roads of the first row of a local simulator, and the prefix of their names there.
@@ -212,6 +273,7 @@ pub(crate) fn open_grid(config: &TrafficConfig) -> Result<(RoadNetwork, JointPla
     let reward = &config.reward;
     let network = RoadNetwork {
         horizon: config.horizon,
+        warm_up_s: config.warm_up_s,
         refuses_actuated: None,
         rough_costs: ROUGH_COSTS_OF_A_GRID,
         unusual_reward: (*reward != Reward::from(RewardTerm::MeanSpeed)).then(|| reward.name()),

@@ -39,11 +39,9 @@ pub(crate) fn open(files: SumoScenario, config: &ScenarioConfig) -> Result<(Road
     let place = || files.path().display().to_string();
     let roads = files.roads()?;
     let overrides = files.overrides()?;
-    let &ScenarioConfig { approach_m, yellow_s, min_green_s, program_min_green, observation, .. } = config;
-    let rules = Rules { approach_m, yellow: yellow_s, min_green_s, program_min_green, cars: observation };
-    let derived = derive(&roads, &rules, &overrides).with_context(place)?;
+    let derived = derive(&roads, &Rules::of(config), &overrides).with_context(place)?;
     derived.check_learning(&roads).with_context(place)?;
-    let borders = derived.borders(&roads, &files.departs_on(&roads), approach_m, Seconds::of(config));
+    let borders = derived.borders(&roads, &files.departs_on(&roads), config.approach_m, Seconds::of(config));
     let refuses_actuated = derived.agents.iter().find_map(|Agent { program, .. }| {
         let states: Vec<_> = program.phases.iter().map(|phase| &phase.state).collect();
         let [one, other] = roads.waiting_for_each_other(&program.light, &states)?;
@@ -62,11 +60,13 @@ pub(crate) fn open(files: SumoScenario, config: &ScenarioConfig) -> Result<(Road
         borders,
         decision_steps: config.decision_s as usize,
         reward: config.reward.clone(),
+        faults: config.detector_faults,
         emergency_decel_mps2: None,
     };
     let keeps = sentences(&derived.keeping).into_iter().map(|(sentence, _)| sentence);
     let network = RoadNetwork {
         horizon: config.horizon(),
+        warm_up_s: config.warm_up_s,
         refuses_actuated,
         rough_costs: rough_costs(f64::from(config.decision_s)),
         unusual_reward: (config.reward != Reward::default()).then(|| config.reward.name()),
@@ -117,7 +117,7 @@ impl ScenarioFiles {
 
     pub(super) fn source(&self) -> Result<Loadable> {
         let agents = self.derived.agents.iter();
-        let lights = agents.map(|Agent { plan, program, .. }| (program, plan.phases.cars()));
+        let lights = agents.map(|agent| (&agent.program, agent.plan.phases.cars(), agent.limits_of_phases()));
         let roots = [self.files.net()].into_iter().chain(self.files.additional());
         let taken: HashSet<&str> =
             roots.flat_map(|root| root.all("tlLogic")).filter_map(|light| light.attribute("programID")).collect();

@@ -4,6 +4,7 @@
 //! What was read is what SUMO loads and what a run directory keeps. Nothing of it writes a file: outputs and
 //! detectors are left out, and everything else by which SUMO would open another file is refused.
 
+pub mod closing;
 pub(crate) mod dawdling;
 mod demand;
 mod departing;
@@ -14,12 +15,13 @@ mod include;
 pub(crate) mod kept;
 mod locally;
 mod newer;
-mod programs;
+pub(crate) mod programs;
 mod reading;
 pub(crate) mod stops;
 pub(crate) mod travellers;
+pub(crate) mod ways;
 
-use std::collections::BTreeSet;
+use std::collections::{BTreeSet, HashSet};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
@@ -29,15 +31,21 @@ use super::network::contents::Content;
 use super::network::loadable::Loadable;
 use super::network::roads::{EdgeNo, Roads};
 use super::network::tree::Element;
+use super::network::xml;
+use crate::agents::derive::crossings::Walking;
 use crate::agents::derive::overrides::Overrides;
-use crate::config::ScenarioConfig;
 use crate::config::sumocfg::{Notes, Sumocfg};
+use closing::{Closed, Detours};
+use crate::config::{Actions, ScenarioConfig};
 use demand::{Demand, Departures, Order};
 use dials_core::outside::{excerpt, quoted, read_text};
-use programs::Choice;
+use programs::{Choice, Chosen};
 use reading::Files;
 
 const MOST_OVERRIDES: u64 = 1 << 20;
+
+/// Option that says how many vehicles SUMO makes of each one.
+const SCALE: &str = "scale";
 
 #[derive(Clone, Debug)]
 pub struct SumoScenario {
@@ -54,8 +62,17 @@ pub struct SumoScenario {
     options: Vec<(String, String)>,
     notes: Notes,
     departures: Departures,
+    chosen: Chosen,
     /// Values of the config that decide what returns mean.
     rules: String,
+    /// Factor by which there are more vehicles than the files and the option `scale` say.
+    demand: f64,
+    /// Ids of closed edges, and the files that SUMO gets with them.
+    closed: Vec<String>,
+    without_closed: Option<Arc<Closed>>,
+    /// How people on foot cross, if the config says that it counts.
+    walking: Option<Walking>,
+    actions: Actions,
 }
 
 #[derive(Clone, Debug)]
@@ -71,7 +88,7 @@ impl SumoScenario {
         let agents = config.agents.as_deref().map(overrides).transpose()?;
         let parsed = agents.as_ref().map_or(Ok(Overrides::default()), |(path, text)| parsed(path, text))?;
         let programs = Choice::of(config.program.clone(), &parsed);
-        let Files { net, additional, routes, left_out } = Files::read(&config.scenario, &sumocfg, &programs)?;
+        let Files { net, additional, routes, left_out, chosen } = Files::read(&config.scenario, &sumocfg, &programs)?;
         let mut notes = sumocfg.notes;
         notes.left_out.extend(left_out);
         let mut scenario = SumoScenario {
@@ -86,7 +103,13 @@ impl SumoScenario {
             options: sumocfg.options,
             notes,
             departures: Departures::default(),
+            chosen,
             rules: rules(config)?,
+            demand: config.demand,
+            closed: config.closed.clone(),
+            without_closed: None,
+            walking: config.walking(),
+            actions: config.actions,
         };
         let (departures, notes) = scenario.check()?;
         scenario.departures = departures;
@@ -94,6 +117,11 @@ impl SumoScenario {
         scenario.notes.extend(locally::notes(&scenario));
         scenario.notes.left_out.extend(config.about_the_end());
         scenario.notes.left_out.extend(config.unplayed());
+        if !scenario.closed.is_empty() {
+            let closed = scenario.close_edges()?;
+            scenario.notes.left_out.push(format!("closed {}: {}", scenario.closed.join(", "), closed.detours));
+            scenario.without_closed = Some(Arc::new(closed));
+        }
         Ok(scenario)
     }
 
@@ -106,8 +134,7 @@ impl SumoScenario {
             "{file}: has no traffic light (<tlLogic>); make some with: netconvert -s {file} --tls.set JUNCTION,... -o \
              NEW.net.xml"
         );
-        let scale = self.option("scale").and_then(|scale| scale.parse().ok()).unwrap_or(1.0);
-        let mut demand = Demand::new(self.window_s, scale);
+        let mut demand = Demand::new(self.window_s, self.scale());
         for file in &self.additional {
             demand.read(&file.path, &file.content.root, Order::Free)?;
         }
@@ -124,6 +151,31 @@ impl SumoScenario {
             );
         }
         Ok((departures, notes))
+    }
+
+    fn close_edges(&self) -> Result<Closed> {
+        let (begin, end) = self.window_s;
+        let files = closing::Files {
+            net: self.net(),
+            additional: self.additional().collect(),
+            routes: self.routes().collect(),
+            window_s: (begin as f64, end as f64),
+        };
+        closing::close(&files, &self.roads()?, &self.closed)
+            .with_context(|| format!("{}: traffic.closed", self.net.path.display()))
+    }
+
+    /// Checks that the net has roads of these ids.
+    pub(crate) fn check_edges(&self, ids: &[String]) -> Result<()> {
+        let roads = self.roads()?;
+        ids.iter()
+            .try_for_each(|id| closing::edge_called(&roads, id).map(drop))
+            .with_context(|| self.net.path.display().to_string())
+    }
+
+    /// Returns what becomes of vehicles because of closed edges. `None`: all edges are open.
+    pub(crate) fn detours(&self) -> Option<Detours> {
+        Some(self.without_closed.as_ref()?.detours)
     }
 
     fn lights(&self) -> impl Iterator<Item = &Element> {
@@ -190,6 +242,10 @@ impl SumoScenario {
         self.window_s
     }
 
+    pub(crate) fn chosen(&self) -> &Chosen {
+        &self.chosen
+    }
+
     /// Returns the options with which SUMO plays the scenario, without `--`.
     pub(crate) fn options(&self) -> &[(String, String)] {
         &self.options
@@ -197,6 +253,11 @@ impl SumoScenario {
 
     fn option(&self, name: &str) -> Option<&str> {
         self.options.iter().find(|(key, _)| key == name).map(|(_, value)| &**value)
+    }
+
+    /// Returns how many vehicles SUMO makes of each one of the files.
+    fn scale(&self) -> f64 {
+        self.option(SCALE).and_then(|scale| scale.parse().ok()).unwrap_or(1.0) * self.demand
     }
 
     /// Returns the roads on which vehicles of an episode may depart. `roads`: those of this scenario.
@@ -245,18 +306,28 @@ impl SumoScenario {
 
     /// Puts the scenario where SUMO of this process can load it, with a file of actuated programs of this name.
     pub fn for_sumo(&self, actuated: &str, program: &str) -> Result<Loadable> {
-        let texts = |files: &'_ [File]| -> Vec<(String, PathBuf)> {
-            files.iter().map(|file| (file.content.text(), file.path.clone())).collect()
+        let closed = self.without_closed.as_deref();
+        let texts = |files: &'_ [File], closed: Option<&[Element]>| -> Vec<(String, PathBuf)> {
+            let text = |(number, file): (usize, &File)| match closed {
+                Some(closed) => (xml::text(&closed[number]), file.path.clone()),
+                None => (file.content.text(), file.path.clone()),
+            };
+            files.iter().enumerate().map(text).collect()
         };
-        let net = self.net.content.text();
+        let routes = texts(&self.routes, closed.map(|closed| &*closed.routes));
+        let additional = texts(&self.additional, closed.map(|closed| &*closed.additional));
+        let net = closed.map_or_else(|| self.net.content.text(), |closed| xml::text(&closed.net));
         let (begin, end) = self.window_s;
         let time = [("begin", begin.to_string()), ("end", end.to_string()), self.step_length()];
         let actuated = (actuated, Path::new("ACTUATED-PROGRAMS"));
-        let loadable =
-            Loadable::new(program, (&net, &self.net.path), &texts(&self.routes), &texts(&self.additional), actuated)?;
+        let loadable = Loadable::new(program, (&net, &self.net.path), &routes, &additional, actuated)?;
         let loadable =
             loadable.of_scenario(&self.path).with_steps_per_s(self.steps_per_s).with_devices(self.may_have_devices());
-        Ok(loadable.with(time).with(self.options.iter().cloned()))
+        // Without a factor SUMO gets the option as the .sumocfg has it.
+        let is_scaled = self.demand != 1.0;
+        let options = self.options.iter().filter(|(name, _)| !(is_scaled && name == SCALE)).cloned();
+        let scale = is_scaled.then(|| (SCALE.to_owned(), self.scale().to_string()));
+        Ok(loadable.with(time).with(options.chain(scale)))
     }
 
     /// Returns whether vehicles may have devices, such as one that finds new ways.
@@ -280,12 +351,34 @@ impl SumoScenario {
         {
             add("greens last as long as programs say");
         }
+        // Neither counts where it changes nothing.
+        if let Some(Walking { speed_mps, walk_s }) = self.walking.filter(|_| self.has_signalled_crossing()) {
+            add(&format!("people on foot walk for {walk_s} s and then at {speed_mps} m/s"));
+        }
+        if self.actions != Actions::default() {
+            add(&format!("{:?}", self.actions));
+        }
         if self.steps_per_s != 1 {
             add(&format!("{} steps per second", self.steps_per_s));
+        }
+        if self.demand != 1.0 {
+            add(&format!("demand {}", self.demand));
+        }
+        if !self.closed.is_empty() {
+            add(&format!("closed {:?}", self.closed));
         }
         add(self.agents().map_or("", |(_, text)| text));
         add(&self.rules);
         hasher.finalize()
+    }
+
+    /// Returns whether a light has a crossing.
+    fn has_signalled_crossing(&self) -> bool {
+        let edges = self.net().all("edge").filter(|edge| edge.attribute("function") == Some("crossing"));
+        let crossings: HashSet<&str> = edges.filter_map(|edge| edge.attribute("id")).collect();
+        let leads_to_one = |link: &Element| link.attribute("to").is_some_and(|to| crossings.contains(to));
+        !crossings.is_empty()
+            && self.net().all("connection").any(|link| link.attribute("tl").is_some() && leads_to_one(link))
     }
 
     fn all(&self) -> impl Iterator<Item = &File> {

@@ -10,6 +10,15 @@ use crate::network::roads::program::name;
 use crate::network::tree::Element;
 use dials_core::outside::excerpt;
 
+/// What a choice has changed. Plain SUMO, which loads the files as they are, does not know it.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct Chosen {
+    /// Lights whose program was chosen.
+    pub(crate) lights: Vec<String>,
+    /// Those of them that a `<WAUT>` would switch to other programs.
+    pub(crate) switched: Vec<String>,
+}
+
 /// The choice of a config and of its `agents.toml`.
 #[derive(Debug, Default)]
 pub(super) struct Choice {
@@ -31,11 +40,12 @@ impl Choice {
 
     /// Takes out the programs that come after the chosen ones, so that SUMO runs these, and what would switch to another one.
     /// `roots`: of the net and the additional files, in SUMO's order, each with whether it was changed. `scenario`: its path.
+    /// Returns the lights that this concerns.
     pub(super) fn apply<'a>(
         &self,
         scenario: &Path,
         roots: impl Iterator<Item = (&'a mut Element, &'a mut bool)>,
-    ) -> Result<()> {
+    ) -> Result<Chosen> {
         let mut roots: Vec<_> = roots.collect();
         let chosen: Vec<String> = {
             let programs = roots.iter().flat_map(|(root, _)| root.all("tlLogic")).filter(|program| self.is_it(program));
@@ -57,6 +67,7 @@ impl Choice {
             );
         }
         let mut seen: Vec<&str> = Vec::new();
+        let mut switched = Vec::new();
         for (root, is_changed) in &mut roots {
             let before = root.children.len();
             root.children.retain(|child| {
@@ -68,12 +79,15 @@ impl Choice {
                         true
                     }
                     "tlLogic" => !seen.contains(&id("id")),
-                    "wautJunction" => of_chosen(id("junctionID")).is_none(),
+                    "wautJunction" => {
+                        switched.extend(of_chosen(id("junctionID")).cloned());
+                        of_chosen(id("junctionID")).is_none()
+                    }
                     _ => true,
                 }
             });
             **is_changed |= root.children.len() < before;
         }
-        Ok(())
+        Ok(Chosen { lights: chosen, switched })
     }
 }

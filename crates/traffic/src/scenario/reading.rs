@@ -7,7 +7,7 @@ use std::sync::Arc;
 use anyhow::{Result, anyhow, ensure};
 
 use super::elements::{self, Left};
-use super::programs::Choice;
+use super::programs::{Choice, Chosen};
 use super::{File, include, newer};
 use crate::config::sumo_numbers::check_elements;
 use crate::config::sumocfg::Sumocfg;
@@ -23,6 +23,7 @@ pub(super) struct Files {
     pub(super) routes: Vec<File>,
     /// What was left out of them, a sentence each.
     pub(super) left_out: Vec<String>,
+    pub(super) chosen: Chosen,
 }
 
 /// A file that was read, and the option that names it.
@@ -44,7 +45,7 @@ impl Files {
         let all: Vec<_> = [(NET_FILE, sumocfg.net.clone())].into_iter().chain(additional).chain(routes).collect();
         let mut files = all.iter().map(|(option, path)| read(scenario, option, path)).collect::<Result<Vec<_>>>()?;
         let in_nets = files.iter_mut().filter(|file| file.option != ROUTE_FILES);
-        programs.apply(scenario, in_nets.map(|file| (&mut file.content.root, &mut file.is_changed)))?;
+        let chosen = programs.apply(scenario, in_nets.map(|file| (&mut file.content.root, &mut file.is_changed)))?;
         let mut asked = BTreeSet::new();
         files.iter().for_each(|file| elements::asked_for(&file.content.root, &mut asked));
         let (mut left, mut left_out) = (Left::default(), Vec::new());
@@ -68,7 +69,8 @@ impl Files {
             some.map(|file| File { path: file.path.to_owned(), content: Arc::new(file.content) }).collect()
         };
         let net = of(1).remove(0);
-        Ok(Files { net, additional: of(sumocfg.additional.len()), routes: of(sumocfg.routes.len()), left_out })
+        let (additional, routes) = (of(sumocfg.additional.len()), of(sumocfg.routes.len()));
+        Ok(Files { net, additional, routes, left_out, chosen })
     }
 }
 

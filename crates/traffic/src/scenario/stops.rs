@@ -11,7 +11,7 @@ use crate::network::roads::Roads;
 use crate::network::tree::Element;
 
 /// Elements at which vehicles stop, with the attribute of a `<stop>` that names one.
-const PLACES: [(&str, &str); 5] = [
+pub(super) const PLACES: [(&str, &str); 5] = [
     ("busStop", "busStop"),
     ("trainStop", "trainStop"),
     ("containerStop", "containerStop"),

@@ -22,10 +22,19 @@ impl SignalControl {
 
     pub(super) fn by_program(&self) -> Vec<usize> {
         match self {
-            SignalControl::HandCoded { by: HandCoded::Actuated | HandCoded::OwnProgram, agents } => {
-                agents.iter().map(|agent| agent.0).collect()
-            }
+            SignalControl::HandCoded {
+                by: HandCoded::Actuated | HandCoded::OwnProgram | HandCoded::Programs(_),
+                agents,
+            } => agents.iter().map(|agent| agent.0).collect(),
             _ => Vec::new(),
+        }
+    }
+
+    /// Returns the text of an additional file that SUMO loads last, if there is one.
+    pub(super) fn programs(&self) -> Option<&str> {
+        match self {
+            SignalControl::HandCoded { by: HandCoded::Programs(text), .. } => Some(text),
+            _ => None,
         }
     }
 }

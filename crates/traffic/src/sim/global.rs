@@ -1,18 +1,21 @@
 //! The GS: the whole network in SUMO, with cars that flow in at its boundary.
 
 use std::collections::BTreeSet;
+use std::path::Path;
 use std::sync::Arc;
 use std::time::Instant;
 
-use anyhow::ensure;
+use anyhow::{Context, ensure};
 
 use super::border::Borders;
 use super::control::{Decisions, SignalControl};
 use super::crossings::Crossings;
-use super::lights::{Lights, ShownLights};
-use super::metrics::TrafficMetrics;
+use super::light_delays::LightDelays;
+use super::lights::{History, Lights, ShownLights, Stay};
+use super::metrics::{TrafficMetrics, Window};
 use super::others::Others;
 use super::picture::Camera;
+use super::readings::Readings;
 use super::recording::{Recorder, Tape};
 use super::tally::Tally;
 use super::visits::Visits;
@@ -20,15 +23,19 @@ use crate::agents::others_plan::OthersPlan;
 use crate::agents::plan::JointPlan;
 use crate::cars_at::{CarsAt, RowLanes};
 use crate::controllers::intersections::Intersections;
+use crate::events::{EventLog, EventRecorder};
 use crate::inflow::has_arrival;
 use crate::network::loadable::Loadable;
 use crate::observe::{self, LightView};
 use crate::reward::{self, Waiting};
 use crate::road_network::RoadNetwork;
-use dials_core::base::{Phase, Ragged, Seed, Stopwatch};
+use dials_core::base::{AgentId, Phase, Ragged, Seed, Stopwatch};
+use dials_core::domain::light_figures::{LightPlace, LightsEpisode};
 use dials_core::domain::{
     Action, GlobalSimulator, InfluenceSample, JointPercept, JointTransition, Kinds, Measures, Result, RoadView, Scene,
 };
+#[cfg(test)]
+use libsumo::SignalState;
 use libsumo::{Car, CarTable, Simulation};
 
 /// The traffic GS: one row per intersection. A step of it is a decision of the agents, which may take several seconds.
@@ -51,6 +58,8 @@ pub struct GlobalTraffic {
     waiting: Vec<Waiting>,
     /// Buses, trams and persons, if an agent needs them.
     others: Option<Others>,
+    /// Detectors of each row, if agents see them.
+    readings: Vec<Readings>,
     watches_roads: bool,
     /// Read only for hand-coded control and for a reward that needs them.
     exits: RowLanes,
@@ -63,10 +72,15 @@ pub struct GlobalTraffic {
     tally: Tally,
     watch: Stopwatch,
     recorder: Option<Recorder>,
+    /// Logs what is measured in full, if somebody wants the events of the street.
+    events: Option<EventRecorder>,
     camera: Option<Camera>,
     metrics: Option<TrafficMetrics>,
     /// Crossings, if persons' waiting is measured.
     crossings: Option<Crossings>,
+    light_delays: Option<LightDelays>,
+    /// What the lights have shown in this episode, if it is kept.
+    history: Option<History>,
 }
 
 impl GlobalTraffic {
@@ -76,9 +90,14 @@ impl GlobalTraffic {
         network: Arc<RoadNetwork>,
         control: SignalControl,
         tape: Option<&Tape>,
+        log: Option<&EventLog>,
     ) -> Result<GlobalTraffic> {
         let last = JointTransition::new(&plan.kinds);
         let source = network.source()?;
+        let source = match control.programs() {
+            Some(text) => source.with_additional(text, Path::new("PROGRAMS"))?,
+            None => source,
+        };
         let mut simulation = source.simulation()?;
         let agents = plan.agents.iter();
         let lights = agents.clone().map(|agent| (agent.light.clone(), agent.phases.clone()));
@@ -89,6 +108,8 @@ impl GlobalTraffic {
         let exits = RowLanes::register(&mut simulation, exits)?;
         let record = |tape| Recorder::new(tape, &mut simulation, network.recorded(&plan)?, String::new());
         let recorder = tape.map(record).transpose()?;
+        let events = |log| EventRecorder::new(log, network.sites(&plan)?, &mut simulation);
+        let events = log.map(events).transpose()?;
         let agents = agents.len();
         let others = Others::of_rows(&plan, plan.agents.iter());
         let others = others.map(|others| others.on_foot(&mut simulation, &plan.agents)).transpose()?;
@@ -97,6 +118,7 @@ impl GlobalTraffic {
             network,
             waiting: vec![Waiting::default(); agents],
             others,
+            readings: Vec::new(),
             watches_roads: false,
             decisions: Decisions::new(control, agents),
             simulation,
@@ -113,9 +135,12 @@ impl GlobalTraffic {
             tally: Tally::default(),
             watch: Stopwatch::default(),
             recorder,
+            events,
             camera: None,
             metrics: None,
             crossings: None,
+            light_delays: None,
+            history: None,
             plan,
         })
     }
@@ -128,6 +153,12 @@ impl GlobalTraffic {
 
     pub fn cars_on(&self, agent: usize) -> CarsAt<'_> {
         self.approaches.at(agent)
+    }
+
+    /// Returns the letters that SUMO says all lights show.
+    #[cfg(test)]
+    pub(super) fn states(&mut self) -> Result<Vec<SignalState>> {
+        self.lights.states(&mut self.simulation)
     }
 
     /// Returns the actions of the last step that the lights obeyed. They mean nothing if SUMO runs the lights.
@@ -145,6 +176,16 @@ impl GlobalTraffic {
 
     pub(crate) fn visits(&self) -> Option<&Visits> {
         self.borders.as_ref().and_then(Borders::visits)
+    }
+
+    /// Keeps what the lights show from the next reset on.
+    pub(crate) fn keep_history(&mut self) {
+        self.history = Some(History::default());
+    }
+
+    /// Returns what each light has shown in this episode, one stay after the other. Nothing unless it is kept.
+    pub(crate) fn history(&self) -> &[Vec<Stay>] {
+        self.history.as_ref().map_or(&[], |history| &history.0)
     }
 
     pub fn hand_over(&mut self, control: SignalControl) {
@@ -178,15 +219,31 @@ impl GlobalTraffic {
         self.age += 1;
         self.note_sources(number)?;
         self.others.as_mut().map_or(Ok(()), |others| others.second(&mut self.simulation))?;
+        for (row, readings) in self.readings.iter_mut().enumerate() {
+            readings.second(&self.plan.agents[row], self.approaches.at(row));
+        }
         if self.watches_roads || reward::needs_waiting(&self.plan.reward) {
             for (row, waiting) in self.waiting.iter_mut().enumerate() {
                 waiting.note(self.approaches.at(row));
             }
         }
+        if reward::needs_co2(&self.plan.reward) {
+            let of_rows = self.approaches.co2_mg_per_s(&mut self.simulation)?;
+            self.waiting.iter_mut().zip(of_rows).for_each(|(waiting, mg)| waiting.note_co2(mg));
+        }
+        self.history.iter_mut().for_each(|history| history.note(&self.shown.now));
         self.tally.lights(&self.shown.before, &self.shown.now);
         self.tally.cars(&self.approaches.cars, &self.cars_before);
         self.tally.step(&mut self.simulation)?;
-        if let Some(metrics) = &mut self.metrics {
+        let warm_up_s = self.network.warm_up_s as usize;
+        let is_warm = self.age > warm_up_s;
+        if let Some(metrics) = self.metrics.as_mut().filter(|_| self.age == warm_up_s) {
+            metrics.arrived_in_warm_up = self.tally.arrived;
+        }
+        if let Some(delays) = &mut self.light_delays {
+            delays.second(&mut self.simulation, is_warm)?;
+        }
+        if let Some(metrics) = self.metrics.as_mut().filter(|_| is_warm) {
             metrics.step(&self.approaches, &self.cars_before, &self.simulation.gone()?);
             if let Some(crossings) = &mut self.crossings {
                 metrics.note_waiting(crossings.waiting(&mut self.simulation)?.map(u64::from).sum());
@@ -196,7 +253,7 @@ impl GlobalTraffic {
         if let Some(recorder) = &mut self.recorder {
             recorder.step(&mut self.simulation, &[])?;
         }
-        Ok(())
+        self.events.as_mut().map_or(Ok(()), |events| events.second(&mut self.simulation))
     }
 
     fn note_sources(&mut self, second: usize) -> Result<()> {
@@ -252,9 +309,11 @@ impl GlobalTraffic {
             }
             let (waiting, others) = (&self.waiting[row], self.others.as_ref().map(|others| &others.now[row]));
             others.iter().for_each(|others| observe::observe_others(plan, others, percept.obs.row_mut(row)));
+            if let Some(readings) = self.readings.get(row) {
+                observe::observe_detectors(plan, readings, percept.obs.row_mut(row));
+            }
             *reward = reward::reward(&self.plan.reward, &plan.region, cars, self.exits.at(row), waiting, others);
-            let may_leave = self.lights.signal(row).may_leave(&plan.phases);
-            observe::mask(plan, shown, may_leave, percept.masks.row_mut(row));
+            observe::mask(plan, shown, |green| self.lights.allows(row, green), percept.masks.row_mut(row));
         }
     }
 }
@@ -271,8 +330,16 @@ impl GlobalSimulator for GlobalTraffic {
         if let Some(metrics) = &mut self.metrics {
             metrics.begin();
             options.extend(metrics.options());
+            if metrics.measures_emissions() {
+                self.source.equip_for_emissions(&mut self.simulation, &mut options);
+            }
+            self.events.iter().for_each(|events| events.add_to(&mut options));
         }
+        self.light_delays.iter_mut().for_each(LightDelays::begin);
         self.source.load(&mut self.simulation, &options)?;
+        if let Some(events) = self.events.as_mut().filter(|_| self.metrics.is_some()) {
+            events.begin(&self.simulation)?;
+        }
         let by_program = self.decisions.control.by_program();
         let program = self.decisions.control.is_actuated().then(|| self.source.actuated_program());
         let ours: Vec<usize> = (0..self.agents()).filter(|row| !by_program.contains(row)).collect();
@@ -285,9 +352,14 @@ impl GlobalSimulator for GlobalTraffic {
         if let Some(borders) = &mut self.borders {
             borders.reset(&mut self.simulation)?;
         }
+        self.history.iter_mut().for_each(|history| history.begin(self.plan.agents.len()));
         self.tally = Tally::new(self.agents(), self.plan.emergency_decel_mps2);
         self.waiting.fill(Waiting::default());
         self.others.iter_mut().for_each(Others::begin);
+        if self.plan.sees_detectors() {
+            let of_agent = |(row, plan)| Readings::begin(plan, self.plan.faults, episode.for_agent(AgentId(row)));
+            self.readings = self.plan.agents.iter().enumerate().map(of_agent).collect();
+        }
         self.read_others()?;
         self.take_picture()?;
         self.perceive();
@@ -303,6 +375,7 @@ impl GlobalSimulator for GlobalTraffic {
         self.d_set_before.copy_from(&self.last.percept.d_set);
         self.shown.decide();
         self.waiting.iter_mut().for_each(Waiting::decide);
+        self.readings.iter_mut().for_each(Readings::decide);
         self.sources.fill(0);
         for number in 0..self.plan.decision_steps {
             self.second(number, actions)?;
@@ -376,7 +449,8 @@ impl GlobalSimulator for GlobalTraffic {
     fn measure_in_full(&mut self) -> Result<()> {
         let agents = self.plan.agents.iter().map(|agent| &agent.region.approaches);
         let at_stop_line = agents.map(|lanes| lanes.iter().map(|lane| lane.ahead_m == 0.0).collect()).collect();
-        let metrics = TrafficMetrics::new(at_stop_line, self.network.travellers())?;
+        let window = Window { begin_s: self.network.begin_s(), end_s: 0.0, warm_up_s: self.network.warm_up_s };
+        let metrics = TrafficMetrics::new(at_stop_line, self.network.travellers(), window)?;
         if metrics.has_persons() {
             let roads = self.network.recorded(&self.plan)?.roads;
             let lights: BTreeSet<&str> = roads.programs.iter().map(|program| &*program.light).collect();
@@ -392,13 +466,33 @@ impl GlobalSimulator for GlobalTraffic {
         let Some(metrics) = &mut self.metrics else { return Ok(self.tally.measures()) };
         if !metrics.finished() {
             // SUMO writes the trips of the cars that are still on the road when it ends.
+            let end_s = self.simulation.time_s()?;
             self.simulation.unload()?;
-            metrics.finish()?;
+            metrics.finish(end_s)?;
+            self.events.as_mut().map_or(Ok(()), EventRecorder::finish)?;
         }
         let mut measures = self.tally.measures();
         measures.system.splice(1..1, metrics.of_net(self.tally.arrived));
         measures.per_agent.extend(metrics.of_agents());
         Ok(measures)
+    }
+
+    fn measure_lights(&mut self) -> Result<Option<Vec<LightPlace>>> {
+        let delays = LightDelays::register(&mut self.simulation, &self.network.recorded(&self.plan)?)?;
+        let lights = delays.ways.lights.clone();
+        self.light_delays = Some(delays);
+        Ok(Some(lights))
+    }
+
+    fn light_figures(&mut self) -> Option<LightsEpisode> {
+        let metrics = self.metrics.as_ref().filter(|metrics| metrics.finished())?;
+        Some(self.light_delays.as_ref()?.figures(metrics.counted_trips()))
+    }
+
+    fn measure_emissions(&mut self) -> Result<bool> {
+        let metrics = self.metrics.as_mut().context("emissions are measured together with all else")?;
+        metrics.measure_emissions();
+        Ok(true)
     }
 
     fn take_watch(&mut self) -> Stopwatch {
@@ -409,13 +503,11 @@ impl GlobalSimulator for GlobalTraffic {
 #[cfg(test)]
 mod tests {
     use std::collections::BTreeMap;
-    use std::path::Path;
 
     use super::*;
     use crate::Traffic;
     use crate::config::TrafficConfig;
     use crate::controllers::HandCoded;
-    use dials_core::base::AgentId;
 
     /// Returns when every car wanted to enter, in seconds, in an episode with this action at every step.
     fn wished_departures(control: SignalControl, action: Action) -> BTreeMap<String, i64> {

@@ -30,8 +30,13 @@ impl Lights {
     }
 
     /// Returns what a light shows, if no program of SUMO runs it.
-    pub(crate) fn signal(&self, row: usize) -> Signal {
-        self.signals[row]
+    pub(crate) fn shown(&self, row: usize) -> Shown {
+        self.signals[row].shown()
+    }
+
+    /// Returns whether a light may go to a green, or keep it. One that a program of SUMO runs may do anything.
+    pub(crate) fn allows(&self, row: usize, green: usize) -> bool {
+        self.by_program[row].is_some() || self.signals[row].allows(&self.plans[row], green)
     }
 
     pub(crate) fn reset(&mut self, simulation: &mut Simulation, rows: &[usize]) -> Result<()> {
@@ -50,13 +55,22 @@ impl Lights {
             if self.by_program[row].is_some() {
                 continue;
             }
-            let (plan, before) = (&*self.plans[row], *signal);
+            let plan = &*self.plans[row];
+            let before = signal.state(plan);
             signal.act(plan, action);
-            if signal.state(plan) != before.state(plan) {
+            if signal.state(plan) != before {
                 changed.push(row);
             }
         }
         self.show(simulation, &changed)
+    }
+
+    /// Returns the letters that SUMO says all lights show.
+    #[cfg(test)]
+    pub(super) fn states(&self, simulation: &mut Simulation) -> Result<Vec<SignalState>> {
+        let mut states = Vec::new();
+        simulation.read_lights(&self.lights, &mut states)?;
+        Ok(states)
     }
 
     fn read(&mut self, simulation: &mut Simulation, shown: &mut [Shown]) -> Result<()> {
@@ -126,5 +140,31 @@ impl ShownLights {
             *steps = if before == now { *steps + 1 } else { 1 };
         }
         Ok(())
+    }
+}
+
+/// A light shows the same for some seconds.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) struct Stay {
+    pub(crate) shown: Shown,
+    pub(crate) seconds: u32,
+}
+
+/// What every light of a GS has shown in an episode, `[agents]`.
+#[derive(Default)]
+pub(super) struct History(pub(super) Vec<Vec<Stay>>);
+
+impl History {
+    pub(super) fn begin(&mut self, agents: usize) {
+        self.0 = vec![Vec::new(); agents];
+    }
+
+    pub(super) fn note(&mut self, shown: &[Shown]) {
+        for (stays, &shown) in self.0.iter_mut().zip(shown) {
+            match stays.last_mut().filter(|stay| stay.shown == shown) {
+                Some(stay) => stay.seconds += 1,
+                None => stays.push(Stay { shown, seconds: 1 }),
+            }
+        }
     }
 }

@@ -18,6 +18,7 @@ use super::entries::Entries;
 use super::local_forest::LocalForest;
 use super::options::LOCAL_SEED;
 use super::others::Others;
+use super::readings::Readings;
 use super::recording::Recorder;
 use super::visit_tables::VisitTables;
 use crate::agents::phase_plan::Shown;
@@ -84,12 +85,14 @@ struct RowNow {
     shown_steps: u32,
     history: History,
     waiting: Waiting,
+    /// Detectors, if the agent sees them.
+    readings: Option<Readings>,
 }
 
 impl RowNow {
     fn new(dice: Dice, begun: usize, border: Option<&Border>) -> RowNow {
         let history = border.map(|border| History::new(&border.plan)).unwrap_or_default();
-        RowNow { dice, second: begun, begun, shown_steps: 0, history, waiting: Waiting::default() }
+        RowNow { dice, second: begun, begun, shown_steps: 0, history, waiting: Waiting::default(), readings: None }
     }
 }
 
@@ -179,6 +182,10 @@ impl LocalTraffic {
         let mut dice = seed.fork(RandomPurpose::LocalCars).dice();
         let begin = dice.random_range(0..=self.spec.horizon - self.spec.local_horizon);
         self.rows[row] = RowNow::new(dice, begin * self.plan.decision_steps, self.border(row));
+        if self.plan.sees_detectors() {
+            let plan = &self.plan.agents[self.forest.rows[row].agent.0];
+            self.rows[row].readings = Some(Readings::begin(plan, self.plan.faults, seed));
+        }
         self.entries.begin(row, &self.forest.rows[row]);
         self.others.iter_mut().for_each(|others| others.begin_row(row));
         self.came_true.row_mut(row).fill(0);
@@ -186,7 +193,10 @@ impl LocalTraffic {
     }
 
     fn decide(&mut self) {
-        self.rows.iter_mut().for_each(|now| now.waiting.decide());
+        for now in &mut self.rows {
+            now.waiting.decide();
+            now.readings.iter_mut().for_each(Readings::decide);
+        }
         self.came_true.fill(0);
     }
 
@@ -217,7 +227,7 @@ impl LocalTraffic {
 
     fn second(&mut self, second: usize, actions: &[Action]) -> Result<()> {
         let begun = Instant::now();
-        let before: Vec<Shown> = (0..self.rows.len()).map(|row| self.forest.lights.signal(row).shown()).collect();
+        let before: Vec<Shown> = (0..self.rows.len()).map(|row| self.forest.lights.shown(row)).collect();
         self.forest.lights.act(&mut self.forest.simulation, actions)?;
         self.forest.simulation.begin_second()?;
         let tried = self.entries.let_in(&mut self.forest)?;
@@ -235,17 +245,29 @@ impl LocalTraffic {
         let begun = Instant::now();
         for (row, (now, before)) in self.rows.iter_mut().zip(before).enumerate() {
             now.second += 1;
-            let same = before == self.forest.lights.signal(row).shown();
+            let same = before == self.forest.lights.shown(row);
             now.shown_steps = if same { now.shown_steps + 1 } else { 1 };
         }
         let is_last = second + 1 == self.plan.decision_steps;
         let needs_waiting = reward::needs_waiting(&self.plan.reward);
-        if is_last || needs_waiting {
+        let sees_detectors = self.plan.sees_detectors();
+        if is_last || needs_waiting || sees_detectors {
             self.forest.approaches.read(&mut self.forest.simulation)?;
         }
         if needs_waiting {
             for (row, now) in self.rows.iter_mut().enumerate() {
                 now.waiting.note(self.forest.approaches.at(row));
+            }
+        }
+        if reward::needs_co2(&self.plan.reward) {
+            let of_rows = self.forest.approaches.co2_mg_per_s(&mut self.forest.simulation)?;
+            self.rows.iter_mut().zip(of_rows).for_each(|(now, mg)| now.waiting.note_co2(mg));
+        }
+        if sees_detectors {
+            for (row, now) in self.rows.iter_mut().enumerate() {
+                let plan = &self.plan.agents[self.forest.rows[row].agent.0];
+                let cars = self.forest.approaches.at(row);
+                now.readings.iter_mut().for_each(|readings| readings.second(plan, cars));
             }
         }
         self.watch.note(Phase::Reading, begun.elapsed());
@@ -256,12 +278,15 @@ impl LocalTraffic {
     fn show(&mut self, row: usize, [cars, at_border]: [CarsAt<'_>; 2]) {
         let (now, agent) = (&self.rows[row], self.forest.rows[row].agent.0);
         let plan = &self.plan.agents[agent];
-        let signal = self.forest.lights.signal(row);
+        let lights = &self.forest.lights;
         let clock = now.second + plan.sensor.clock_ahead;
-        let light = LightView { shown: signal.shown(), shown_steps: now.shown_steps, age: now.second, clock };
+        let light = LightView { shown: lights.shown(row), shown_steps: now.shown_steps, age: now.second, clock };
         let Percept { obs, d_set, masks } = &mut self.last.percept;
         let (obs, d_set) = (obs.row_mut(row), d_set.row_mut(row));
         observe::observe(plan, cars, light, obs);
+        if let Some(readings) = &now.readings {
+            observe::observe_detectors(plan, readings, obs);
+        }
         if let Some(others) = &self.others {
             observe::observe_others(plan, &others.now[row], obs);
         }
@@ -270,7 +295,7 @@ impl LocalTraffic {
             None => observe::d_separate(plan, cars, obs, self.came_true.row(row), d_set),
         }
         if let Some(masks) = masks {
-            observe::mask(plan, light.shown, signal.may_leave(&plan.phases), masks.row_mut(row));
+            observe::mask(plan, light.shown, |green| lights.allows(row, green), masks.row_mut(row));
         }
     }
 

@@ -7,8 +7,9 @@ use std::io::{Read, Seek, SeekFrom};
 use std::os::fd::AsRawFd;
 
 use anyhow::{Context, Result};
-use roxmltree::{Document, Node};
+use roxmltree::Document;
 
+use super::trips::{AllTrips, Trip, number};
 use crate::cars_at::{CarsAt, RowLanes};
 use crate::scenario::travellers::Travellers;
 use dials_core::outside::temporary_file;
@@ -20,6 +21,12 @@ pub(crate) struct TrafficMetrics {
     /// The file to which SUMO writes counts of every step, if it may remove vehicles that could not enter.
     count_file: Option<File>,
     trips: Option<Trips>,
+    /// All trips of the episode, once it is over.
+    all_trips: AllTrips,
+    window: Window,
+    measures_emissions: bool,
+    /// Number of cars that have left the net in the warm-up.
+    pub(super) arrived_in_warm_up: u64,
     steps: u64,
     intersections: Vec<Sums>,
     /// Whether each approach of each intersection ends at its stop line.
@@ -28,6 +35,22 @@ pub(crate) struct TrafficMetrics {
     travellers: Option<Travellers>,
     /// Seconds that persons have stood at crossings with a signal.
     person_waiting_s: u64,
+}
+
+/// The seconds of an episode, and how many of them at its beginning are not counted.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct Window {
+    /// Seconds of SUMO's clock.
+    pub(super) begin_s: u64,
+    pub(super) end_s: f64,
+    pub(super) warm_up_s: u64,
+}
+
+impl Window {
+    /// Returns whether a trip is counted: the car wanted to enter after the warm-up. These are the same cars whatever the lights do.
+    fn counts(&self, trip: &Trip) -> bool {
+        self.warm_up_s == 0 || trip.wished_s(self.end_s) >= (self.begin_s + self.warm_up_s) as f64
+    }
 }
 
 #[derive(Clone, Copy, Debug, Default)]
@@ -54,15 +77,24 @@ struct Trips {
     /// Number of cars that SUMO has taken out: because they could not enter, or out of a jam.
     removed: u64,
     persons: u64,
+    /// How often a car came to a stand. The mean is over all cars that entered.
+    stops: f64,
+    /// Mass of CO2 and of fuel per car that entered, in grams, if they are measured, and of all cars together, in kilograms.
+    emissions: Option<[f64; 3]>,
 }
 
 impl TrafficMetrics {
-    pub(super) fn new(at_stop_line: Vec<Vec<bool>>, travellers: Option<Travellers>) -> Result<Self> {
+    /// `window`: its end is known when the episode is over.
+    pub(super) fn new(at_stop_line: Vec<Vec<bool>>, travellers: Option<Travellers>, window: Window) -> Result<Self> {
         let may_remove = travellers.as_ref().is_some_and(|travellers| travellers.removed_after_s.is_some());
         Ok(TrafficMetrics {
             trip_file: temporary_file().context("SUMO's trips have no place")?,
             count_file: may_remove.then(temporary_file).transpose().context("SUMO's counts have no place")?,
             trips: None,
+            all_trips: AllTrips::default(),
+            window,
+            measures_emissions: false,
+            arrived_in_warm_up: 0,
             steps: 0,
             intersections: vec![Sums::default(); at_stop_line.len()],
             at_stop_line,
@@ -74,6 +106,15 @@ impl TrafficMetrics {
     /// Returns whether there are persons, whose waiting is to be noted.
     pub(super) fn has_persons(&self) -> bool {
         self.travellers.as_ref().is_some_and(|travellers| travellers.has_persons)
+    }
+
+    /// Makes SUMO compute emissions.
+    pub(super) fn measure_emissions(&mut self) {
+        self.measures_emissions = true;
+    }
+
+    pub(super) fn measures_emissions(&self) -> bool {
+        self.measures_emissions
     }
 
     /// Notes how many persons stand at crossings in this second.
@@ -93,6 +134,7 @@ impl TrafficMetrics {
 
     pub(super) fn begin(&mut self) {
         self.trips = None;
+        self.arrived_in_warm_up = 0;
         self.steps = 0;
         self.person_waiting_s = 0;
         self.intersections.fill(Sums::default());
@@ -117,7 +159,10 @@ impl TrafficMetrics {
     }
 
     /// Reads the trips. SUMO writes those of cars on the road when it closes the simulation, so call it after that.
-    pub(super) fn finish(&mut self) -> Result<()> {
+    ///
+    /// `end_s`: SUMO's clock at the end.
+    pub(super) fn finish(&mut self, end_s: f64) -> Result<()> {
+        self.window.end_s = end_s;
         let no_classes = BTreeMap::new();
         let travellers = self.travellers.as_ref();
         let class_of = travellers.map_or(&no_classes, |travellers| &travellers.class_of);
@@ -125,8 +170,15 @@ impl TrafficMetrics {
             (Some(file), Some(waited_s)) => Removed { cars: never_entered(&end_of(file)?)?, waited_s },
             _ => Removed::default(),
         };
-        self.trips = Some(means(&text_of(&mut self.trip_file)?, class_of, not_entered)?);
+        let all = AllTrips::read(&text_of(&mut self.trip_file)?)?;
+        self.trips = Some(means(&all, |trip| self.window.counts(trip), class_of, not_entered));
+        self.all_trips = all;
         Ok(())
+    }
+
+    /// Returns all trips that are counted, once the episode is over.
+    pub(super) fn counted_trips(&self) -> impl Iterator<Item = &Trip> {
+        self.all_trips.cars.iter().filter(|trip| self.window.counts(trip))
     }
 
     #[cfg(test)]
@@ -144,9 +196,18 @@ impl TrafficMetrics {
             ("delay_s", trips.delay_s),
             ("waiting_time_s", trips.waiting_time_s),
             ("queue_length", self.per_approach_step(halting, approaches)),
-            ("throughput_per_h", 3600.0 * arrived as f64 / self.steps.max(1) as f64),
+            ("throughput_per_h", 3600.0 * (arrived - self.arrived_in_warm_up) as f64 / self.steps.max(1) as f64),
         ];
         let mut all: Vec<(String, f64)> = of_all.map(|(name, value)| (name.to_owned(), value)).into();
+        all.extend(self.of_travellers(trips));
+        all.push(("stops_per_car".to_owned(), trips.stops));
+        let names = ["co2_g_per_car", "fuel_g_per_car", "co2_kg"].map(str::to_owned);
+        all.extend(trips.emissions.into_iter().flat_map(|figures| names.clone().into_iter().zip(figures)));
+        all
+    }
+
+    fn of_travellers(&self, trips: &Trips) -> Vec<(String, f64)> {
+        let mut all = Vec::new();
         let Some(travellers) = &self.travellers else { return all };
         all.push(("removed".to_owned(), trips.removed as f64));
         if let [_, _, ..] = travellers.classes[..] {
@@ -223,47 +284,50 @@ fn never_entered(counts: &str) -> Result<u64> {
     Ok((number(last, "ended")? - number(last, "arrived")?) as u64)
 }
 
-/// Returns the means of the trips that SUMO wrote; 0 if there are no cars. A car that was removed before it entered counts as
+/// Returns the means of the trips that are counted; 0 if there are no cars. A car that was removed before it entered counts as
 /// one that never entered.
-fn means(text: &str, class_of: &BTreeMap<String, String>, never_entered: Removed) -> Result<Trips> {
-    let document = Document::parse(text).context("SUMO's trips are not XML")?;
+fn means(
+    all: &AllTrips,
+    counts: impl Fn(&Trip) -> bool,
+    class_of: &BTreeMap<String, String>,
+    never_entered: Removed,
+) -> Trips {
     let (mut sums, mut cars, mut entered) = (Trips::default(), never_entered.cars, 0_u32);
     sums.delay_s = never_entered.cars as f64 * never_entered.waited_s;
     sums.removed = never_entered.cars;
+    sums.persons = all.persons;
     let mut of_classes: BTreeMap<&str, (f64, u32)> = BTreeMap::new();
-    let is = |node: &Node<'_, '_>, name| node.has_tag_name(name);
-    for trip in document.root_element().children().filter(|node| is(node, "tripinfo")) {
+    for trip in all.cars.iter().filter(|trip| counts(trip)) {
         cars += 1;
-        let delay_s = number(trip, "timeLoss")? + number(trip, "departDelay")?;
+        let delay_s = trip.delay_s();
         sums.delay_s += delay_s;
-        if let Some(class) = trip.attribute("vType").and_then(|kind| class_of.get(kind)) {
+        if let Some(class) = class_of.get(&trip.vehicle_type) {
             let (sum_s, count) = of_classes.entry(class).or_default();
             (*sum_s, *count) = (*sum_s + delay_s, *count + 1);
         }
-        // Those that are on the road at the end are vaporized, too.
-        sums.removed += u64::from(trip.attribute("vaporized").is_some_and(|why| !["", "end"].contains(&why)));
-        // A car that never entered departs at -1.
-        if number(trip, "depart")? >= 0.0 {
+        sums.removed += u64::from(trip.removed);
+        if trip.entered() {
             entered += 1;
-            sums.travel_time_s += number(trip, "duration")?;
-            sums.waiting_time_s += number(trip, "waitingTime")?;
+            sums.travel_time_s += trip.duration_s;
+            sums.waiting_time_s += trip.waiting_s;
+            sums.stops += trip.stops;
+        }
+        if let Some([co2_mg, fuel_mg]) = trip.emissions {
+            let [co2, fuel, _] = sums.emissions.get_or_insert([0.0; 3]);
+            (*co2, *fuel) = (*co2 + co2_mg, *fuel + fuel_mg);
         }
     }
-    sums.persons = document.root_element().children().filter(|node| is(node, "personinfo")).count() as u64;
     sums.delay_of_class_s =
         of_classes.into_iter().map(|(class, (sum_s, count))| (class.to_owned(), sum_s / f64::from(count))).collect();
     let (cars, entered) = (cars.max(1) as f64, f64::from(entered.max(1)));
-    Ok(Trips {
+    Trips {
         travel_time_s: sums.travel_time_s / entered,
         delay_s: sums.delay_s / cars,
         waiting_time_s: sums.waiting_time_s / entered,
+        stops: sums.stops / entered,
+        emissions: sums.emissions.map(|[co2, fuel, _]| [co2 / 1e3 / entered, fuel / 1e3 / entered, co2 / 1e6]),
         ..sums
-    })
-}
-
-fn number(trip: Node<'_, '_>, name: &str) -> Result<f64> {
-    let number = trip.attribute(name).and_then(|text| text.parse().ok()).filter(|number: &f64| number.is_finite());
-    number.with_context(|| format!("a trip of SUMO's has no number `{name}`"))
+    }
 }
 
 #[cfg(test)]
@@ -288,14 +352,15 @@ mod tests {
     fn of(text: &str) -> Result<Trips> {
         let class_of =
             BTreeMap::from([("car", "passenger"), ("bus", "bus")].map(|(id, class)| (id.to_owned(), class.to_owned())));
-        means(&format!("<tripinfos>{text}</tripinfos>"), &class_of, Removed { cars: 2, waited_s: 30.0 })
+        let all = AllTrips::read(&format!("<tripinfos>{text}</tripinfos>"))?;
+        Ok(means(&all, |_| true, &class_of, Removed { cars: 2, waited_s: 30.0 }))
     }
 
     #[test]
     fn cars_that_sumo_removed_count_as_such_that_never_entered_and_classes_have_delays_of_their_own() {
         let trip = |kind: &str, depart: i32, loss: f64, vaporized: &str| {
             format!(
-                "<tripinfo depart='{depart}' duration='100' waitingTime='5' timeLoss='{loss}' departDelay='10' vType='{kind}' \
+                "<tripinfo depart='{depart}' duration='100' waitingTime='5' waitingCount='2' timeLoss='{loss}' departDelay='10' vType='{kind}' \
                  vaporized='{vaporized}'/>"
             )
         };
@@ -308,7 +373,7 @@ mod tests {
         let trips = of(&text.concat()).unwrap();
         // 30 + 50 + 10 s of three cars, and 30 s of each that never entered.
         assert_eq!((trips.delay_s, trips.removed, trips.persons), (30.0, 3, 1));
-        assert_eq!((trips.travel_time_s, trips.waiting_time_s), (100.0, 5.0));
+        assert_eq!((trips.travel_time_s, trips.waiting_time_s, trips.stops), (100.0, 5.0, 2.0));
         assert_eq!(trips.delay_of_class_s, BTreeMap::from([("passenger".to_owned(), 30.0), ("bus".to_owned(), 30.0)]));
         let counts = "<summary><step ended='1' arrived='1'/><step ended='9' arrived='6'/></summary>";
         assert_eq!(never_entered(counts).unwrap(), 3);
@@ -316,16 +381,26 @@ mod tests {
     }
 
     #[test]
+    fn the_cars_of_the_warm_up_are_those_that_wanted_to_enter_in_it_whenever_they_did() {
+        let window = Window { begin_s: 100, end_s: 1000.0, warm_up_s: 300 };
+        let trip = |depart_s, depart_delay_s| Trip { depart_s, depart_delay_s, ..Trip::default() };
+        // Wanted to enter at 390 and entered at 500; at 400; never entered and waits since 350, since 450.
+        let trips = [trip(500.0, 110.0), trip(400.0, 0.0), trip(-1.0, 650.0), trip(-1.0, 550.0)];
+        assert_eq!(trips.map(|trip| window.counts(&trip)), [false, true, false, true]);
+        assert!(Window { warm_up_s: 0, ..window }.counts(&trip(0.0, 0.0)));
+    }
+
+    #[test]
     fn an_episode_without_cars_or_steps_has_figures_that_are_numbers() {
-        let mut metrics = TrafficMetrics::new(vec![vec![true; 4], vec![true; 3]], None).unwrap();
-        metrics.trips = Some(means("<tripinfos/>", &BTreeMap::new(), Removed::default()).unwrap());
+        let mut metrics = TrafficMetrics::new(vec![vec![true; 4], vec![true; 3]], None, Window::default()).unwrap();
+        metrics.trips = Some(means(&AllTrips::default(), |_| true, &BTreeMap::new(), Removed::default()));
         assert!(metrics.of_net(0).iter().all(|(_, value)| *value == 0.0));
         assert!(metrics.of_agents().iter().all(|(_, values)| values == &[0.0, 0.0]));
     }
 
     #[test]
     fn a_torn_file_or_a_number_that_is_none_is_an_error() {
-        let torn = means("<tripinfos>", &BTreeMap::new(), Removed::default()).unwrap_err();
+        let torn = AllTrips::read("<tripinfos>").unwrap_err();
         assert_eq!(torn.to_string(), "SUMO's trips are not XML");
         for odd in ["nan", "inf", "", "1e999"] {
             let text = format!("<tripinfo depart=\"1\" timeLoss=\"{odd}\" departDelay=\"0\"/>");

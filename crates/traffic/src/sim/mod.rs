@@ -6,7 +6,9 @@
 //!   exits that are blocked; `arriving`: which cars come; [`visit_tables`]: visits to draw them from; `local_routes`:
 //!   their routes.
 //! - `lights`: the lights of a loaded net; `options`: SUMO's options.
-//! - [`tally`]: what every episode counts; `metrics`: what only evaluations measure.
+//! - `readings`: what the detectors of lights have seen.
+//! - [`tally`]: what every episode counts; `metrics`: what only evaluations measure, from SUMO's `trips`; `light_delays`: where
+//!   cars lose time.
 //! - `picture`: pictures of the GS. [`recording`]: an episode recorded, on [`recorded_roads`]. [`replay`]: a recording as
 //!   files that SUMO plays; [`trace`]: a recording for pictures.
 
@@ -16,7 +18,8 @@ pub mod control;
 mod crossings;
 pub(super) mod entries;
 pub mod global;
-mod lights;
+mod light_delays;
+pub(crate) mod lights;
 pub mod local;
 pub(super) mod local_forest;
 mod local_routes;
@@ -24,10 +27,15 @@ pub(super) mod metrics;
 pub(super) mod options;
 pub(super) mod others;
 mod picture;
+pub(crate) mod readings;
 pub mod recorded_roads;
 pub mod recording;
 pub mod replay;
 pub(crate) mod tally;
 pub mod trace;
+mod trips;
 pub(crate) mod visit_tables;
 pub(crate) mod visits;
+
+#[cfg(test)]
+mod limits_test;

@@ -5,6 +5,7 @@ use std::collections::{BTreeMap, BTreeSet, HashMap};
 
 use super::Rules;
 use super::region::Region;
+use crate::agents::loops::Loop;
 use crate::agents::region::CELL_M;
 use crate::agents::region_plan::{Approach, Exit, Link, RegionPlan};
 use crate::agents::sensor::{CarColumns, LightColumns, Sensor};
@@ -124,6 +125,7 @@ pub(super) fn sensor(region: &RegionPlan, rules: &Rules, greens: usize) -> Senso
     let cars = match rules.cars {
         Observation::Cells | Observation::CellsAndBuses => CarColumns::Cells(cells.collect()),
         Observation::Queues => CarColumns::QueueAndDensity(region.approaches.len()),
+        Observation::Detectors => CarColumns::Detectors(Loop::of(&region.approaches)),
     };
     Sensor {
         cars,

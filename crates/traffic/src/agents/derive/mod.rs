@@ -4,12 +4,15 @@
 
 pub mod border;
 pub mod clearing;
+pub mod crossings;
 pub mod greens;
 pub mod keeping;
 pub(crate) mod lanes;
+pub mod limits;
 pub mod overrides;
 pub mod padding;
 pub(crate) mod region;
+pub(crate) mod ring_barrier;
 pub mod safety;
 #[cfg(test)]
 mod tests;
@@ -23,14 +26,16 @@ use anyhow::{Result, bail, ensure};
 use super::others_plan::OthersPlan;
 use super::phase_plan::{Choice, PhasePlan, ProgramChange};
 use super::plan::{AgentPlan, Border};
-use crate::config::{Observation, Yellow};
+use crate::config::{Actions, Observation, ScenarioConfig, Yellow};
 use crate::d_set::{DSetPlan, Parts};
-use crate::network::roads::program::Program;
+use crate::network::roads::program::{Phase, Program};
 use crate::network::roads::{EdgeNo, JunctionNo, Roads};
 use border::Seconds;
+use crossings::{TimedCrossing, Walking};
 use greens::{Change, Greens, MOST_GREENS};
 use keeping::{Keeping, Why};
 use libsumo::SignalState;
+use limits::{Because, Shortest};
 use overrides::{LightOverride, Overrides};
 use region::Region;
 
@@ -43,7 +48,26 @@ pub struct Rules {
     pub min_green_s: u32,
     /// Whether the shortest durations of the phases of a program hold, too.
     pub program_min_green: bool,
+    /// How people on foot cross; `None`: their crossings make no green longer.
+    pub walking: Option<Walking>,
+    /// What an agent chooses from.
+    pub actions: Actions,
     pub(crate) cars: Observation,
+}
+
+impl Rules {
+    pub fn of(config: &ScenarioConfig) -> Rules {
+        let &ScenarioConfig { approach_m, yellow_s, min_green_s, program_min_green, observation, actions, .. } = config;
+        Rules {
+            approach_m,
+            yellow: yellow_s,
+            min_green_s,
+            program_min_green,
+            walking: config.walking(),
+            actions,
+            cars: observation,
+        }
+    }
 }
 
 impl Default for Rules {
@@ -53,6 +77,8 @@ impl Default for Rules {
             yellow: Yellow::default(),
             min_green_s: 5,
             program_min_green: true,
+            walking: Some(Walking::default()),
+            actions: Actions::Greens,
             cars: Observation::Cells,
         }
     }
@@ -77,6 +103,35 @@ pub struct Agent {
     pub plan: AgentPlan,
     pub region: Region,
     pub program: Program,
+    /// Crossings under the light; empty if they do not count.
+    pub crossings: Vec<TimedCrossing>,
+    /// Shortest duration of each green, and why.
+    pub shortest: Vec<Shortest>,
+}
+
+impl Agent {
+    /// Returns the greens in which people may walk on a crossing.
+    pub fn greens_of(&self, crossing: &TimedCrossing) -> Vec<usize> {
+        let greens = self.plan.phases.greens().iter().enumerate();
+        greens.filter(|(_, green)| crossing.walks(green)).map(|(number, _)| number).collect()
+    }
+
+    /// Returns the limits of each phase of its program, for lights that play these phases by rules of their own.
+    ///
+    /// A green may have several phases, such as one with a walk signal and one after it. What `agents.toml` says of the green
+    /// counts for the first of them.
+    pub(crate) fn limits_of_phases(&self) -> Vec<[Option<u32>; 2]> {
+        let phases = &self.plan.phases;
+        let mut seen = BTreeSet::new();
+        let of_phase = |phase: &Phase| {
+            let crossing = crossings::slowest(&self.crossings, &phase.state).map(|crossing| crossing.needed_s);
+            let green = phases.green_of(&phase.state);
+            let written = green.filter(|&green| seen.insert(green)).map(|green| &self.shortest[green]);
+            let written = written.filter(|shortest| shortest.because == Because::Overrides).map(|it| it.seconds);
+            [crossing.max(written), green.and_then(|green| phases.max_green_steps()[green])]
+        };
+        self.program.phases.iter().map(of_phase).collect()
+    }
 }
 
 impl Derived {
@@ -185,21 +240,37 @@ fn agent(
     let cars = roads.letters_of_vehicles(light);
     let of_program = Greens::of(program, &cars);
     let written = own.greens();
-    let greens = written.as_deref().unwrap_or(of_program.states());
+    let of_rings = match rules.actions {
+        Actions::RingBarrier if written.is_none() => Some(ring_barrier::greens(roads, program)?),
+        _ => None,
+    };
+    let greens = written.as_deref().or(of_rings.as_ref().map(|rings| &rings.greens[..])).unwrap_or(of_program.states());
     if !(2..=MOST_GREENS).contains(&greens.len()) {
         return Ok(Err(Why::Greens(greens.len())));
     }
     let LightOverride { yellow_s, all_red_s, .. } = own;
-    let yellow = yellow_s.map_or(rules.yellow, Yellow::Seconds);
-    let times = clearing::Times::of(&of_program, yellow, *all_red_s);
+    let rings = of_rings.as_ref();
+    let all_red_s = all_red_s.or(rings.and_then(|rings| rings.all_red_s));
+    let of_rules = match (rules.yellow, rings.and_then(|rings| rings.yellow_s)) {
+        (Yellow::Program, Some(seconds)) => Yellow::Seconds(seconds),
+        (yellow, _) => yellow,
+    };
+    let times = clearing::Times::of(&of_program, yellow_s.map_or(of_rules, Yellow::Seconds), all_red_s);
     let clearing = |from: usize, to: usize| clearing::between(&greens[from], &greens[to], &times);
-    let mut phases =
-        PhasePlan::new(greens.to_vec(), Choice::Target, rules.min_green_s, clearing).for_cars(cars.clone());
-    if rules.program_min_green {
-        let least =
-            |green: &SignalState| of_program.least_s(green).unwrap_or(0.0).ceil().min(LONGEST_MIN_GREEN_S) as u32;
-        phases = phases.with_min_greens(greens.iter().map(least));
-    }
+    let choice = if rules.actions == Actions::FixedOrder { Choice::InOrder } else { Choice::Target };
+    let mut phases = PhasePlan::new(greens.to_vec(), choice, 1, clearing).for_cars(cars.clone());
+    let min_dur_s = |green: usize| {
+        let seconds = match rings {
+            Some(rings) => rings.least_s[green],
+            None => of_program.least_s(&greens[green]),
+        };
+        let seconds = seconds.filter(|_| rules.program_min_green)?;
+        Some(seconds.ceil().min(LONGEST_MIN_GREEN_S) as u32)
+    };
+    let crossings = rules.walking.map_or_else(Vec::new, |walking| crossings::of(roads, light, walking));
+    let shortest = limits::shortest(greens, rules, own, min_dur_s, &crossings);
+    let links = roads.of_light(light).filter_map(|link| Some(link.signal.as_ref()?.letter)).collect();
+    phases = limits::apply(light, phases, &shortest, own, &links)?;
     phases.program = program_changes(&of_program, greens);
     safety::check(roads, program, &phases)?;
     let region = Region::of(roads, lit, light, rules.approach_m, own.approaches.as_deref())?;
@@ -213,5 +284,5 @@ fn agent(
         phases: Arc::new(phases),
         sensor,
     };
-    Ok(Ok(Agent { plan, region, program: program.clone() }))
+    Ok(Ok(Agent { plan, region, program: program.clone(), crossings, shortest }))
 }

@@ -2,11 +2,13 @@
 
 use std::collections::{BTreeSet, HashMap};
 
+use super::Agent;
+use super::crossings::TimedCrossing;
 use super::greens::{Greens, goes};
 use super::keeping::names;
 use super::programs;
 use crate::network::roads::Roads;
-use crate::network::roads::program::Program;
+use crate::network::roads::program::{Phase, Program};
 use dials_core::base::counted;
 
 /// Largest number of links that are named.
@@ -34,6 +36,61 @@ pub fn warnings(roads: &Roads) -> Vec<String> {
     });
     let closed = counting.iter().filter_map(|program| never_green(roads, program));
     several.chain(jumping).chain(closed).collect()
+}
+
+/// Returns a sentence about lights whose own program has walk signals that are shorter than people on foot need, if there are
+/// some. Such a program is played as it is.
+pub fn too_short_for_people(agents: &[Agent]) -> Option<String> {
+    let short = |agent: &Agent| {
+        let lacks = agent.crossings.iter().filter_map(|it| Some((it.clone(), walk_s(&agent.program, it)?)));
+        let lacks = lacks.filter(|(crossing, seconds)| *seconds < f64::from(crossing.needed_s));
+        let lack = |(crossing, seconds): &(TimedCrossing, f64)| f64::from(crossing.needed_s) - seconds;
+        let worst = lacks.max_by(|one, other| lack(one).total_cmp(&lack(other)))?;
+        Some((agent.program.light.clone(), lack(&worst), worst))
+    };
+    let found: Vec<_> = agents.iter().filter_map(short).collect();
+    let (light, _, (TimedCrossing { edge, length_m, needed_s, .. }, seconds)) =
+        found.iter().max_by(|one, other| one.1.total_cmp(&other.1))?;
+    let lights: Vec<&str> = found.iter().map(|(light, ..)| &**light).collect();
+    let (programs, their) = match lights.len() {
+        1 => ("a program has".to_owned(), "it"),
+        count => (format!("{count} programs have"), "them"),
+    };
+    Some(format!(
+        "{programs} walk signals that are too short for people on foot ({}); at light `{light}` crossing {edge} has {seconds} s, \
+         but its {length_m:.1} m need {needed_s} s; `program` plays {their} all the same",
+        names(&lights)
+    ))
+}
+
+/// Returns a sentence about crossings on which no green lets people walk, if there are some. Often a program lets them walk in
+/// a phase of their own.
+pub fn never_walked(agents: &[Agent]) -> Option<String> {
+    let closed = |agent: &Agent| agent.crossings.iter().any(|crossing| agent.greens_of(crossing).is_empty());
+    let lights: Vec<&str> = agents.iter().filter(|agent| closed(agent)).map(|agent| &*agent.plan.light).collect();
+    (!lights.is_empty()).then(|| {
+        format!(
+            "{} ({}) with a crossing on which no green lets people walk, so under agents and rules nobody crosses there; write \
+             greens with a walk signal into agents.toml",
+            counted(lights.len(), "light"),
+            names(&lights)
+        )
+    })
+}
+
+/// Returns the shortest walk signal of a crossing in a program, in seconds; `None`: it has none, or it never ends.
+pub fn walk_s(program: &Program, crossing: &TimedCrossing) -> Option<f64> {
+    // An actuated program may cut a phase down.
+    let least_s = |phase: &Phase| match &*program.kind {
+        "static" => phase.duration_s,
+        _ => phase.limits_s[0].unwrap_or(phase.duration_s),
+    };
+    let phases = &program.phases;
+    let walks = |place: usize| crossing.walks(&phases[place % phases.len()].state);
+    let begins = (0..phases.len()).filter(|&place| walks(place) && !walks(place + phases.len() - 1));
+    let lasts = begins
+        .map(|begin| (begin..).take_while(|&place| walks(place)).map(|it| least_s(&phases[it % phases.len()])).sum());
+    lasts.reduce(f64::min)
 }
 
 /// Returns a sentence about the programs of a light, if it has several.

@@ -81,6 +81,12 @@ impl<'a> Judge<'a> {
         champion
     }
 
+    /// Plays all episodes of the only candidate.
+    fn champion_of<T>(&mut self, candidate: T, plan: impl Fn(&T) -> ClockPlan) -> Result<Played<T>> {
+        let mut ranked = self.rank(vec![candidate], plan, 1)?;
+        Ok(ranked.swap_remove(0))
+    }
+
     /// Returns what the challenger earned, if it earns more, also in the first few episodes.
     fn challenge(&mut self, challenger: &ClockPlan, champion: &[f64]) -> Result<Option<Vec<f64>>> {
         let mut earned = Vec::new();

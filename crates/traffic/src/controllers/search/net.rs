@@ -57,6 +57,27 @@ pub(crate) fn search(
     walk(plans, best, earned, judge)
 }
 
+/// Walks from these timings and keeps changes that earn more. Lights that share a cycle go on to share one.
+pub(crate) fn improve(plans: &[AgentPlan], timings: Vec<Timing>, mut judge: Judge<'_>) -> Result<(ClockPlan, f64)> {
+    judge.at_most = (1 + WALK) * judge.episodes;
+    let (best, earned) = judge.champion_of(Candidate { timings, leeway: None }, Candidate::plan)?;
+    walk(plans, best, earned, judge)
+}
+
+/// Returns timings of lights that share a cycle, with Webster's greens. One whose least greens do not fit has a longer one.
+pub(crate) fn of_cycle(plans: &[AgentPlan], ratios: &[FlowRatios], cycle: u32) -> Vec<Timing> {
+    let timing = |(plan, ratios): (&AgentPlan, &FlowRatios)| {
+        let mut weights = vec![0.0; plan.greens()];
+        ratios.greens.iter().for_each(|&(green, ratio)| weights[green] = ratio.max(LEAST_RATIO));
+        let least = plan.phases.min_green_steps();
+        let shortest: u32 = ratios.greens.iter().map(|&(green, _)| least[green]).sum();
+        let steps = cycle.saturating_sub(ratios.lost_s as u32).max(shortest);
+        let greens = split(steps, &weights, least).expect("there are steps for the least greens");
+        Timing::new(&plan.phases, &plan.phases.fitted(&greens), 0)
+    };
+    plans.iter().zip(ratios).map(timing).collect()
+}
+
 fn walk(
     plans: &[AgentPlan],
     mut best: Candidate,
@@ -125,16 +146,7 @@ enum Change {
 impl Candidate {
     /// Returns lights that share a cycle, with Webster's greens. One whose least greens do not fit has a longer one.
     fn of_cycle(plans: &[AgentPlan], ratios: &[FlowRatios], cycle: u32, leeway: Option<Leeway>) -> Candidate {
-        let timing = |(plan, ratios): (&AgentPlan, &FlowRatios)| {
-            let mut weights = vec![0.0; plan.greens()];
-            ratios.greens.iter().for_each(|&(green, ratio)| weights[green] = ratio.max(LEAST_RATIO));
-            let least = plan.phases.min_green_steps();
-            let shortest: u32 = ratios.greens.iter().map(|&(green, _)| least[green]).sum();
-            let steps = cycle.saturating_sub(ratios.lost_s as u32).max(shortest);
-            let greens = split(steps, &weights, least).expect("there are steps for the least greens");
-            Timing::new(&plan.phases, &greens, 0)
-        };
-        Candidate { timings: plans.iter().zip(ratios).map(timing).collect(), leeway }
+        Candidate { timings: of_cycle(plans, ratios, cycle), leeway }
     }
 
     /// Returns the same greens with other offsets, in seconds; they may be larger than a cycle.
@@ -192,10 +204,11 @@ impl Candidate {
                 let mut greens = timing.greens().to_vec();
                 greens[from] = greens[from].checked_sub(steps)?;
                 greens[to] += steps;
-                if greens[from] < plans[light].phases.min_green_steps()[from] {
+                let phases = &plans[light].phases;
+                if greens[from] < phases.min_green_steps()[from] || phases.misfit(&greens).is_some() {
                     return None;
                 }
-                *timing = Timing::new(&plans[light].phases, &greens, timing.offset());
+                *timing = timing.with_lengths(&plans[light].phases, &greens);
             }
             Change::Offset { light, by } => {
                 let timing = &mut changed.timings[light];
@@ -218,7 +231,11 @@ fn lengthened(timing: &Timing, plan: &AgentPlan, by: i64) -> Option<Timing> {
     let before: u32 = timing.greens().iter().sum();
     let steps = u32::try_from(i64::from(before) + by).ok()?;
     let weights: Vec<f64> = timing.greens().iter().map(|&green| f64::from(green)).collect();
-    let longer = Timing::new(&plan.phases, &split(steps, &weights, plan.phases.min_green_steps())?, 0);
+    let greens = split(steps, &weights, plan.phases.min_green_steps())?;
+    if plan.phases.misfit(&greens).is_some() {
+        return None;
+    }
+    let longer = timing.with_lengths(&plan.phases, &greens);
     let offset = f64::from(timing.offset()) * f64::from(longer.cycle()) / f64::from(timing.cycle());
     Some(longer.shifted(offset.round() as u32))
 }

@@ -31,6 +31,21 @@ impl Roads {
     ///
     /// Errors: a junction has another number of requests than of links.
     pub fn crossing_letters(&self, light: &str) -> Result<BTreeSet<[usize; 2]>> {
+        self.crossing_letters_where(light, |link| self.carries_cars(link))
+    }
+
+    /// Returns all pairs of letters of a light whose ways cross, also those of people on foot.
+    ///
+    /// Errors: as those of [`Roads::crossing_letters`].
+    pub(crate) fn crossing_letters_of_all(&self, light: &str) -> Result<BTreeSet<[usize; 2]>> {
+        self.crossing_letters_where(light, |_| true)
+    }
+
+    fn crossing_letters_where(
+        &self,
+        light: &str,
+        counts: impl Fn(&Connection) -> bool,
+    ) -> Result<BTreeSet<[usize; 2]>> {
         let mut pairs = BTreeSet::new();
         for junction in self.junctions_of(light) {
             let links = self.links_of(junction);
@@ -43,7 +58,7 @@ impl Roads {
                 links.len()
             );
             let letter = |link: &Connection| match &link.signal {
-                Some(signal) if signal.light == light && self.carries_cars(link) => Some(signal.letter),
+                Some(signal) if signal.light == light && counts(link) => Some(signal.letter),
                 _ => None,
             };
             for (link, request) in links.iter().zip(requests) {

@@ -91,6 +91,8 @@ pub enum Function {
 #[derive(Clone, Debug)]
 pub struct Edge {
     pub(crate) id: String,
+    /// Name of the street. Many nets name only some.
+    pub(crate) street: Option<String>,
     pub function: Function,
     /// Junctions where a road begins and ends. Parts of a junction have none.
     pub ends: Option<[JunctionNo; 2]>,
@@ -120,6 +122,10 @@ pub struct Connection {
     pub(crate) via: Option<LaneNo>,
     pub signal: Option<Signal>,
     pub(crate) turns_around: bool,
+    /// Whether cars on it need not yield to anybody: SUMO's state `M`.
+    pub(crate) has_priority: bool,
+    /// SUMO's letter for where it leads: `l`, `s`, `r`, `t` and so on.
+    pub(crate) direction: Option<char>,
 }
 
 #[derive(Clone, Debug, PartialEq, Eq)]

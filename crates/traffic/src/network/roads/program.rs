@@ -33,6 +33,10 @@ pub struct Phase {
     /// Shortest and longest duration of an actuated light, as far as the program gives them.
     pub(crate) limits_s: [Option<f64>; 2],
     pub state: SignalState,
+    /// Name of the phase; in a program of type NEMA its number in a ring.
+    pub(crate) name: Option<String>,
+    /// Yellow and red after the phase in a program of type NEMA.
+    pub(crate) change_s: [Option<f64>; 2],
     /// Phases that may follow; empty: the next one in their order.
     pub(crate) next: Vec<usize>,
 }
@@ -98,5 +102,12 @@ fn read_phase(element: &Element) -> Result<Phase> {
     let limit = |name: &str| time_if_there(element, name, 0.0);
     let next = element.attribute("next").unwrap_or_default().split_whitespace();
     let next = next.map(|index| index.parse().map_err(|_| wrong(element, "next", "must be indices of phases")));
-    Ok(Phase { duration_s, limits_s: [limit("minDur")?, limit("maxDur")?], state, next: next.collect::<Result<_>>()? })
+    Ok(Phase {
+        duration_s,
+        limits_s: [limit("minDur")?, limit("maxDur")?],
+        state,
+        name: element.attribute("name").map(str::to_owned),
+        change_s: [limit("yellow")?, limit("red")?],
+        next: next.collect::<Result<_>>()?,
+    })
 }

@@ -10,6 +10,7 @@ use super::carries::Classes;
 use super::program::Program;
 use super::{Connection, Edge, EdgeNo, Function, Junction, JunctionNo, Lane, LaneNo, Place, Request, Roads, Signal};
 use crate::network::contents::Content;
+use crate::network::osm;
 use crate::network::tree::Element;
 
 /// What is said of a name that leads nowhere. Only an editor or another program leaves such a net behind.
@@ -21,6 +22,7 @@ const SLOWEST_MPS: f64 = 0.1;
 impl Roads {
     /// Reads a `.net.xml`. An error names file, element, id and attribute.
     pub fn of_file(net: &Path) -> Result<Roads> {
+        ensure!(!osm::is_one(net), "{}: {}", net.display(), osm::way_out(net));
         let content = Content::parse(net)?;
         Roads::read(&content.root).map_err(|error| anyhow!("{}: {error:#}", net.display()))
     }
@@ -76,7 +78,8 @@ impl Roads {
         let ends = if function == Function::Road { Some([end("from")?, end("to")?]) } else { None };
         let lanes = element.all("lane").map(|lane| self.read_lane(lane, number)).collect::<Result<Vec<_>>>()?;
         ensure!(!lanes.is_empty(), "{}: has no <lane>; remove it from the net", tag(element));
-        self.edges.push(Edge { id: id.to_owned(), function, ends, lanes });
+        let street = element.attribute("name").map(str::trim).filter(|name| !name.is_empty()).map(str::to_owned);
+        self.edges.push(Edge { id: id.to_owned(), street, function, ends, lanes });
         Ok(())
     }
 
@@ -145,6 +148,8 @@ impl Roads {
             via: via.transpose()?,
             signal,
             turns_around: element.attribute("dir") == Some("t"),
+            has_priority: element.attribute("state") == Some("M"),
+            direction: element.attribute("dir").and_then(|dir| dir.chars().next()),
         })
     }
 }

@@ -7,7 +7,7 @@ use anyhow::{Result, bail, ensure};
 use crate::network::roads::{Connection, EdgeNo, Roads};
 use crate::sim::recorded_roads::RecordedRoads;
 use crate::sim::recording::Recording;
-use dials_core::outside::excerpt;
+use dials_core::outside::{did_you_mean, excerpt};
 
 /// Edges that follow each other, each of them once; at least one.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -22,7 +22,8 @@ impl Route {
         for name in names {
             let edge = roads.edge_named(name).filter(|&edge| roads.edge(edge).ends.is_some());
             let Some(edge) = edge else {
-                bail!("the net has no edge `{}`; sumo-gui shows the names of edges", excerpt(name))
+                let near = did_you_mean(name, roads.roads().map(|(_, edge)| &*edge.id));
+                bail!("the net has no edge `{}`{near}; sumo-gui shows the names of edges", excerpt(name))
             };
             ensure!(!edges.contains(&edge), "names edge `{name}` twice; a picture can show each edge once");
             if let Some(&before) = edges.last()

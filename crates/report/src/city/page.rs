@@ -1,0 +1,337 @@
+//! The sections of a city's report: before and after, the map, each light, what was assumed.
+
+use std::path::Path;
+
+use super::map::{is_unclear, map};
+use super::read::{City, CityLight, CityPlayer, Figure, PartFigures};
+use crate::document::{self, Block, Table};
+use dials_core::base::counted;
+
+/// The controller that runs the lights' own programs.
+const TODAY: &str = "program";
+/// Number of approaches in the table of the worst ones.
+const WORST_APPROACHES: usize = 10;
+const NOTHING: &str = "\u{2013}";
+const MINUS: &str = "\u{2212}";
+
+/// Figures of the whole city that the first table shows, with what they are called.
+const FIGURES: [(&str, &str); 9] = [
+    ("delay_s", "delay, s per car"),
+    ("travel_time_s", "travel time, s"),
+    ("stops_per_car", "stops per car"),
+    ("waiting_time_s", "standing, s per car"),
+    ("delay_s_bus", "delay of buses, s"),
+    ("person_wait_s", "waiting at crossings, s per person"),
+    ("co2_g_per_car", "CO2, g per car"),
+    ("fuel_g_per_car", "fuel, g per car"),
+    ("teleports", "cars moved out of jams"),
+];
+
+/// What a figure means, and how it was measured.
+const MEANING: [&str; 6] = [
+    "Delay: time that a car loses by driving slower than it would alone (SUMO's timeLoss), and by waiting to enter the net.",
+    "Delay at a light: the time that a car loses on an approach and in the junction. An approach begins at the light before, or where \
+     cars last had to yield. The time to gain speed behind the junction counts for the next road.",
+    "Level of service: the letter of the Highway Capacity Manual for the delay at a light: A to 10 s, B to 20, C to 35, D to 55, E to \
+     80, then F.",
+    "Queue: number of standing cars on the worst approach, all lanes, exceeded in 5 % of the seconds.",
+    "\u{b1}: half of a 95 % interval over episodes (Student's t). Differences are taken episode by episode on the same traffic.",
+    "Cars that are still on their way at the end count with the time that they have lost by then.",
+];
+
+/// Makes the sections of a city. `folder`: where its file is.
+pub(super) fn blocks(folder: &Path, city: &City, is_only_one: bool) -> Vec<Block> {
+    let before = &city.players[0];
+    let after = best(city);
+    let shown = after.unwrap_or(before);
+    let order: Vec<&str> = before.lights.iter().map(|light| &*light.id).collect();
+    let title = |words: &str| if is_only_one { words.to_owned() } else { format!("{words}: {}", city.title()) };
+    let mut blocks = vec![Block::Heading(title("Before and after")), Block::Paragraph(summary(city, after))];
+    blocks.push(Block::Table(whole_city(city)));
+    if !before.lights.is_empty() {
+        blocks.push(Block::Heading(title("Map")));
+        let caption = match after {
+            Some(after) => format!(
+                "{}: where {} saves time against {}. Numbers are those of the next table.",
+                city.title(),
+                after.label,
+                name_of(before)
+            ),
+            None => format!(
+                "{}: delay at each light with {}. Numbers are those of the next table.",
+                city.title(),
+                before.label
+            ),
+        };
+        let slug = slug(&city.title());
+        let svg = map(city, shown, &order, after.is_some());
+        blocks.push(Block::Figure(document::Figure { name: format!("map_{slug}"), caption, svg }));
+        blocks.push(Block::Heading(title("Each light")));
+        blocks.push(Block::Table(lights(before, after)));
+        blocks.push(Block::Table(approaches(before, after)));
+        blocks.push(Block::Table(shares(city)));
+    }
+    blocks.extend(
+        robustness(folder).into_iter().flat_map(|table| [Block::Heading(title("Robustness")), Block::Table(table)]),
+    );
+    blocks.push(Block::Heading(title("What was assumed")));
+    blocks.push(Block::List(assumed(city)));
+    blocks
+}
+
+/// Returns the player that is shown against the first one: the best learned one, or else the best of the others.
+fn best(city: &City) -> Option<&CityPlayer> {
+    let delay = |player: &CityPlayer| player.figures.get("delay_s").map_or(f64::INFINITY, |found| found.mean);
+    let of = |learned: bool| {
+        let players = city.players.iter().skip(1).filter(move |player| player.learned == learned);
+        players.min_by(|one, other| delay(one).total_cmp(&delay(other)))
+    };
+    of(true).or_else(|| of(false))
+}
+
+fn name_of(player: &CityPlayer) -> String {
+    match &*player.label {
+        TODAY => "today's plan".to_owned(),
+        label => label.to_owned(),
+    }
+}
+
+fn role(city: &City, player: &CityPlayer) -> String {
+    let is_best = |learned: bool| {
+        let delay = |player: &CityPlayer| player.figures.get("delay_s").map_or(f64::INFINITY, |found| found.mean);
+        let players = city.players.iter().skip(1).filter(|other| other.learned == learned && other.label != TODAY);
+        player.learned == learned
+            && players
+                .min_by(|one, other| delay(one).total_cmp(&delay(other)))
+                .is_some_and(|it| it.label == player.label)
+    };
+    let role = match () {
+        () if player.label == TODAY => "today",
+        () if is_best(true) => "learned",
+        () if is_best(false) && player.label != city.players[0].label => "best rule",
+        () => return player.label.clone(),
+    };
+    format!("{role}: {}", player.label)
+}
+
+fn summary(city: &City, after: Option<&CityPlayer>) -> String {
+    let before = &city.players[0];
+    let delay = |player: &CityPlayer| player.figures.get("delay_s").copied();
+    let played = counted(city.episodes, "episode");
+    let Some(own) = delay(before) else { return String::new() };
+    let first = format!("With {} a car loses {} s.", name_of(before), with_error(own));
+    let Some(after) = after else {
+        return format!(
+            "{first} These are means over {played}. Compare several controllers with --compare to see what changes."
+        );
+    };
+    let difference = after.differences.as_ref().and_then(|all| all.get("delay_s")).copied();
+    let (Some(theirs), Some(difference)) = (delay(after), difference) else { return first };
+    let words = match (is_unclear(Some(difference)), difference.mean < 0.0) {
+        (true, _) => {
+            "The difference is within its interval, so these episodes do not show which one is better.".to_owned()
+        }
+        (false, true) => format!("That is {:.0} % less.", -100.0 * difference.mean / own.mean.max(1e-9)),
+        (false, false) => format!("That is {:.0} % more.", 100.0 * difference.mean / own.mean.max(1e-9)),
+    };
+    format!(
+        "{first} With {} it loses {} s: a difference of {} s over {played} of the same traffic. {words}",
+        after.label,
+        with_error(theirs),
+        signed(difference)
+    )
+}
+
+/// The figures of the whole city: one line per figure, one column per player, and the differences.
+fn whole_city(city: &City) -> Table {
+    let mut header = vec!["figure".to_owned()];
+    for (number, player) in city.players.iter().enumerate() {
+        header.push(role(city, player));
+        header.extend((number > 0).then(|| "difference".to_owned()));
+    }
+    let mut rows = Vec::new();
+    for (name, words) in FIGURES {
+        if !city.players[0].figures.contains_key(name) {
+            continue;
+        }
+        let mut row = vec![words.to_owned()];
+        for (number, player) in city.players.iter().enumerate() {
+            row.push(player.figures.get(name).map_or(NOTHING.to_owned(), |&found| with_error(found)));
+            let difference = player.differences.as_ref().and_then(|all| all.get(name));
+            row.extend((number > 0).then(|| difference.map_or(NOTHING.to_owned(), |&found| signed(found))));
+        }
+        rows.push(row);
+    }
+    let caption = format!("The whole city, means over {}.", counted(city.episodes, "episode"));
+    Table { caption, header, rows }
+}
+
+fn lights(before: &CityPlayer, after: Option<&CityPlayer>) -> Table {
+    let rows = before.lights.iter().enumerate().map(|(number, light)| {
+        let name = match light.name == light.id {
+            true => light.id.clone(),
+            false => format!("{} ({})", light.name, light.id),
+        };
+        let others = after.and_then(|after| after.lights.iter().find(|other| other.id == light.id));
+        let first = format!("{} {name}", number + 1);
+        [first].into_iter().chain(cells(&light.figures, others.map(|other: &CityLight| &other.figures))).collect()
+    });
+    let caption = "Delay at each light in seconds per car, where cars lose the most time first. LOS: level of service."
+        .to_owned();
+    Table { caption, header: header("light", before, after), rows: rows.collect() }
+}
+
+fn approaches(before: &CityPlayer, after: Option<&CityPlayer>) -> Table {
+    let mut all: Vec<_> =
+        before.lights.iter().flat_map(|light| light.approaches.iter().map(move |approach| (light, approach))).collect();
+    let lost_s = |figures: &PartFigures| figures.cars * figures.delay_s.unwrap_or(0.0);
+    all.sort_by(|(_, one), (_, other)| lost_s(&other.figures).total_cmp(&lost_s(&one.figures)));
+    all.truncate(WORST_APPROACHES);
+    let rows = all.into_iter().map(|(light, approach)| {
+        let name = match &approach.street {
+            Some(street) => format!("{street} ({}) to {}", approach.edge, light.id),
+            None => format!("{} to {}", approach.edge, light.id),
+        };
+        let others = after.and_then(|after| after.lights.iter().find(|other| other.id == light.id));
+        let others = others.and_then(|other| other.approaches.iter().find(|other| other.edge == approach.edge));
+        [name].into_iter().chain(cells(&approach.figures, others.map(|other| &other.figures))).collect()
+    });
+    let caption = "The approaches where cars lose the most time: delay in seconds per car. All, with their movements, are in lights.csv.".to_owned();
+    Table { caption, header: header("approach", before, after), rows: rows.collect() }
+}
+
+fn header(first: &str, before: &CityPlayer, after: Option<&CityPlayer>) -> Vec<String> {
+    let mut header = vec![first.to_owned(), name_of(before), "LOS".to_owned()];
+    if let Some(after) = after {
+        header.extend([after.label.clone(), "LOS".to_owned(), "difference".to_owned()]);
+    }
+    header.extend(["cars", "stops per car", "queue"].map(str::to_owned));
+    header
+}
+
+fn cells(before: &PartFigures, after: Option<&PartFigures>) -> Vec<String> {
+    let number =
+        |value: Option<f64>, digits: usize| value.map_or(NOTHING.to_owned(), |value| format!("{value:.digits$}"));
+    let level = |figures: &PartFigures| figures.level_of_service.clone().unwrap_or(NOTHING.to_owned());
+    let mut cells = vec![number(before.delay_s, 1), level(before)];
+    let pair = |value: fn(&PartFigures) -> Option<f64>, digits: usize| match after {
+        Some(after) => format!("{}\u{a0}\u{2192}\u{a0}{}", number(value(before), digits), number(value(after), digits)),
+        None => number(value(before), digits),
+    };
+    if let Some(after) = after {
+        let difference = after.delay_difference().map_or(NOTHING.to_owned(), signed);
+        cells.extend([number(after.delay_s, 1), level(after), difference]);
+    }
+    cells.push(format!("{:.0}", before.cars));
+    cells.extend([pair(|figures| figures.stops_per_car, 2), pair(|figures| figures.queue_p95_cars, 1)]);
+    cells
+}
+
+fn shares(city: &City) -> Table {
+    let header = ["", "at lights", "on other roads", "before entering", "all"].map(str::to_owned).to_vec();
+    let rows = city.players.iter().filter_map(|player| {
+        let lost = player.lost_time.as_ref()?;
+        let share = |key: &str| match (lost.get(key), lost.get("all_s")) {
+            (Some(part), Some(all)) if *all > 0.0 => format!("{:.1} h ({:.0} %)", part / 3600.0, 100.0 * part / all),
+            (Some(part), _) => format!("{:.1} h", part / 3600.0),
+            (None, _) => NOTHING.to_owned(),
+        };
+        let all = lost.get("all_s").map_or(NOTHING.to_owned(), |all| format!("{:.1} h", all / 3600.0));
+        Some(vec![role(city, player), share("at_lights_s"), share("elsewhere_s"), share("before_entering_s"), all])
+    });
+    let caption = "Where all cars together lose their time in an episode, in hours.".to_owned();
+    Table { caption, header, rows: rows.collect() }
+}
+
+/// Returns the table of variants beside the file of a city, as it is written: `variants.csv`.
+fn robustness(folder: &Path) -> Option<Table> {
+    let mut reader = csv::Reader::from_path(folder.join("variants.csv")).ok()?;
+    let header: Vec<String> = reader.headers().ok()?.iter().map(str::to_owned).collect();
+    let rows = reader.records().filter_map(|record| Some(record.ok()?.iter().map(short).collect::<Vec<_>>()));
+    let rows: Vec<Vec<String>> = rows.filter(|row| row.len() == header.len()).collect();
+    let caption = "The same players with another demand, or with roads closed.".to_owned();
+    (!rows.is_empty()).then_some(Table { caption, header, rows })
+}
+
+/// Returns a cell with two digits after the point, if it is a number with more.
+fn short(cell: &str) -> String {
+    match cell.parse::<f64>() {
+        Ok(value) if cell.contains('.') && value.is_finite() => format!("{value:.2}"),
+        _ => cell.to_owned(),
+    }
+}
+
+fn assumed(city: &City) -> Vec<String> {
+    let setting = |key: &str| city.settings.get("traffic")?.get(key).cloned();
+    let mut lines = Vec::new();
+    if let (Some(begin), Some(end)) = (setting("begin_s"), setting("end_s")) {
+        lines.push(format!("An episode is from {begin} s to {end} s of the scenario's clock."));
+    }
+    let warm_up = setting("warm_up_s").unwrap_or_else(|| 0.into());
+    lines.push(format!("Cars that want to enter in the first {warm_up} s are not counted (traffic.warm_up_s)."));
+    lines.push(format!(
+        "{} with random numbers of seed {}; every controller plays the same ones.",
+        counted(city.episodes, "episode"),
+        city.seed
+    ));
+    if let Some(sumo) = &city.sumo_version {
+        lines.push(format!("Simulated with {sumo}."));
+    }
+    for (key, words) in [
+        ("decision_s", "Seconds between two decisions of a policy"),
+        ("min_green_s", "Least seconds of a green"),
+        ("yellow_s", "Yellow"),
+    ] {
+        lines.extend(setting(key).map(|value| format!("{words}: {}.", value.to_string().trim_matches('"'))));
+    }
+    lines.extend(city.rules.as_ref().map(|rules| format!("Policies are rewarded for: {}.", rules.reward)));
+    lines.extend(MEANING.map(str::to_owned));
+    lines.extend(city.left_out.iter().map(|line| format!("Not simulated: {line}")));
+    lines.extend(city.warnings.iter().map(|line| format!("Note: {line}")));
+    lines
+}
+
+fn with_error(Figure { mean, half_width_95 }: Figure) -> String {
+    let digits = digits(mean, half_width_95);
+    match half_width_95 {
+        Some(half_width) if half_width > 0.0 => format!("{mean:.digits$}\u{a0}\u{b1}\u{a0}{half_width:.digits$}"),
+        _ => format!("{mean:.digits$}"),
+    }
+}
+
+fn signed(figure: Figure) -> String {
+    let text = with_error(Figure { mean: figure.mean.abs(), ..figure });
+    let is_zero = !text.contains(|letter: char| ('1'..='9').contains(&letter));
+    let sign = if is_zero {
+        ""
+    } else if figure.mean < 0.0 {
+        MINUS
+    } else {
+        "+"
+    };
+    format!("{sign}{text}")
+}
+
+fn digits(mean: f64, half_width: Option<f64>) -> usize {
+    let least = half_width.filter(|half_width| *half_width > 0.0).unwrap_or(mean.abs());
+    if least >= 1.0 || mean.abs() >= 50.0 { 1 } else { 2 }
+}
+
+/// Returns a plain word for the name of a file.
+fn slug(title: &str) -> String {
+    title.chars().map(|letter| if letter.is_ascii_alphanumeric() || letter == '-' { letter } else { '_' }).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn differences_have_a_sign_and_as_many_digits_as_they_need() {
+        let figure = |mean, half_width_95| Figure { mean, half_width_95 };
+        assert_eq!(signed(figure(-39.84, Some(2.81))), "\u{2212}39.8\u{a0}\u{b1}\u{a0}2.8");
+        assert_eq!(signed(figure(0.234, Some(0.051))), "+0.23\u{a0}\u{b1}\u{a0}0.05");
+        assert_eq!(signed(figure(0.0, None)), "0.00");
+        assert_eq!(with_error(figure(76.44, None)), "76.4");
+    }
+}

@@ -1,0 +1,176 @@
+//! Plans as engineers read them: the phases of each light, and which approach has green when.
+
+use std::collections::{BTreeMap, HashMap};
+
+use anyhow::Result;
+
+use super::day::{DayPlan, Stage};
+use super::programs::{Phase, Programs, phases};
+use crate::Traffic;
+use crate::agents::plan::AgentPlan;
+use crate::network::roads::{Connection, Function, Roads};
+use dials_core::domain::signal_sheet::{Aspect, PhaseSheet, ProgramSheet, SignalGroup, SignalSheet};
+
+/// Largest number of streets that the name of a group says where it leads to.
+const MOST_TARGETS: usize = 2;
+
+/// Returns a sheet for each light of a plan. `programs`: those that were written of it.
+pub fn sheets(traffic: &Traffic, plan: &DayPlan, programs: &Programs) -> Result<Vec<SignalSheet>> {
+    let (roads, names) = (traffic.network.roads()?, traffic.network.street_names());
+    let words = Words { roads: &roads, names: &names };
+    let sheet = |(light, agent): (usize, &AgentPlan)| {
+        let limits = programs.limits_s.as_ref().map(|limits| &limits[light][..]);
+        let program = |(stage, id): (&Stage<'_>, &String)| words.program(agent, stage, id, limits);
+        SignalSheet {
+            light: agent.light.clone(),
+            streets: words.streets(&agent.light),
+            programs: plan.stages(light).iter().zip(&programs.ids[light]).map(program).collect(),
+        }
+    };
+    Ok(traffic.plans().iter().enumerate().map(sheet).collect())
+}
+
+struct Words<'a> {
+    roads: &'a Roads,
+    names: &'a HashMap<String, String>,
+}
+
+impl Words<'_> {
+    fn edge_from<'b>(&'b self, link: &Connection) -> &'b str {
+        &self.roads.edge(self.roads.lane(link.from).edge).id
+    }
+
+    fn edge_to<'b>(&'b self, link: &Connection) -> &'b str {
+        &self.roads.edge(self.roads.lane(link.to).edge).id
+    }
+
+    fn crosses_on_foot(&self, link: &Connection) -> bool {
+        self.roads.edge(self.roads.lane(link.to).edge).function == Function::Crossing
+    }
+
+    /// Returns the name of a road: that of its street, or its id.
+    fn name<'b>(&'b self, edge: &'b str) -> &'b str {
+        self.names.get(edge).map_or(edge, String::as_str)
+    }
+
+    fn streets(&self, light: &str) -> Vec<String> {
+        let mut streets: Vec<String> = Vec::new();
+        for link in self.roads.of_light(light) {
+            if let Some(name) = self.names.get(self.edge_from(link))
+                && !streets.contains(name)
+            {
+                streets.push(name.clone());
+            }
+        }
+        streets
+    }
+
+    fn program(&self, agent: &AgentPlan, stage: &Stage<'_>, id: &str, limits_s: Option<&[[u32; 2]]>) -> ProgramSheet {
+        let phases = phases(agent, stage.timing);
+        let groups = self.groups(&agent.light, &phases);
+        let mut of_greens: Vec<PhaseSheet> = Vec::new();
+        let mut begun_s = 0;
+        for phase in &phases {
+            match (phase.green, of_greens.last_mut()) {
+                (Some(green), _) => of_greens.push(PhaseSheet {
+                    green,
+                    green_s: phase.seconds,
+                    yellow_s: 0,
+                    all_red_s: 0,
+                    limits_s: limits_s.map(|limits| limits[green]),
+                    state: phase.state.as_str().to_owned(),
+                    serves: groups
+                        .iter()
+                        .filter(|group| has_green(group, begun_s))
+                        .map(|group| group.name.clone())
+                        .collect(),
+                }),
+                (None, Some(last)) if phase.state.as_str().contains(['y', 'Y']) => last.yellow_s += phase.seconds,
+                (None, Some(last)) => last.all_red_s += phase.seconds,
+                (None, None) => unreachable!("a cycle begins with a green"),
+            }
+            begun_s += phase.seconds;
+        }
+        ProgramSheet {
+            id: id.to_owned(),
+            from_s: stage.from_s,
+            to_s: stage.to_s,
+            cycle_s: stage.timing.cycle(),
+            offset_s: stage.offset_s,
+            phases: of_greens,
+            groups,
+        }
+    }
+
+    /// Returns the groups of a light: links from the same road that always show the same, and crossings. Those of cars
+    /// come first.
+    fn groups(&self, light: &str, phases: &[Phase<'_>]) -> Vec<SignalGroup> {
+        let shown =
+            |letter: usize| -> Vec<u8> { phases.iter().map(|phase| phase.state.as_str().as_bytes()[letter]).collect() };
+        // By road, in the order of the file.
+        let mut groups: Vec<(bool, &str, Vec<u8>, Vec<&Connection>)> = Vec::new();
+        for link in self.roads.of_light(light) {
+            let Some(signal) = &link.signal else { continue };
+            let on_foot = self.crosses_on_foot(link);
+            let (edge, shown) = (if on_foot { self.edge_to(link) } else { self.edge_from(link) }, shown(signal.letter));
+            match groups.iter_mut().find(|(_, other, letters, _)| *other == edge && *letters == shown) {
+                Some((.., links)) => links.push(link),
+                None => groups.push((on_foot, edge, shown, vec![link])),
+            }
+        }
+        groups.sort_by_key(|&(on_foot, ..)| on_foot);
+        let mut of_edge: BTreeMap<&str, usize> = BTreeMap::new();
+        groups.iter().for_each(|(_, edge, ..)| *of_edge.entry(edge).or_default() += 1);
+        let mut named: Vec<SignalGroup> = Vec::new();
+        for (on_foot, edge, letters, links) in &groups {
+            let name = match (*on_foot, of_edge[edge]) {
+                (true, _) => format!("on foot, {edge}"),
+                (false, 1) => self.both(edge),
+                (false, _) => format!("{} to {}", self.both(edge), self.targets(links)),
+            };
+            named.push(SignalGroup { name, bars: bars(letters, phases) });
+        }
+        named
+    }
+
+    /// Returns the street with the id of the road, which says which side it comes from.
+    fn both(&self, edge: &str) -> String {
+        let name = self.name(edge);
+        if name == edge { edge.to_owned() } else { format!("{name} ({edge})") }
+    }
+
+    fn targets(&self, links: &[&Connection]) -> String {
+        let mut targets: Vec<&str> = links.iter().map(|link| self.name(self.edge_to(link))).collect();
+        targets.sort_unstable();
+        targets.dedup();
+        let more = if targets.len() > MOST_TARGETS { " and others" } else { "" };
+        targets.truncate(MOST_TARGETS);
+        targets.join(", ") + more
+    }
+}
+
+fn has_green(group: &SignalGroup, second: u32) -> bool {
+    let mut end = 0;
+    let at = group.bars.iter().find(|(_, seconds)| {
+        end += seconds;
+        second < end
+    });
+    at.is_some_and(|(aspect, _)| matches!(aspect, Aspect::Green | Aspect::YieldingGreen))
+}
+
+fn bars(letters: &[u8], phases: &[Phase<'_>]) -> Vec<(Aspect, u32)> {
+    let mut bars: Vec<(Aspect, u32)> = Vec::new();
+    for (letter, phase) in letters.iter().zip(phases) {
+        let aspect = match letter {
+            b'G' | b'O' => Aspect::Green,
+            b'g' | b'o' => Aspect::YieldingGreen,
+            b'y' | b'Y' | b'u' => Aspect::Yellow,
+            _ => Aspect::Red,
+        };
+        match bars.last_mut().filter(|(last, _)| *last == aspect) {
+            Some((_, seconds)) => *seconds += phase.seconds,
+            None => bars.push((aspect, phase.seconds)),
+        }
+    }
+    bars
+}

@@ -1,0 +1,289 @@
+//! `plan`: a plan of all lights that plain SUMO loads. It makes the timings, plays them by the file that it will write, and
+//! compares them with today's programs on the same traffic.
+
+use std::path::Path;
+use std::sync::Arc;
+
+use anyhow::{Context, anyhow, bail};
+use serde_json::json;
+
+use super::evaluate::tune;
+use super::plan_files::{Outcome, files};
+use super::subject::Subject;
+use crate::cli;
+use dials_core::base::statistics::{Interval, mean};
+use dials_core::base::{RandomPurpose, Seed};
+use dials_core::domain::{Baseline, BuiltInControl, Controller, Domain};
+use dials_learn::evaluation::{Finding, Player, play, play_episodes};
+use dials_session::config::{RunConfig, load};
+use dials_session::error::{Error, Result};
+use dials_session::outputs::{check_can_be_made, check_not_a_run};
+use dials_session::places::{self, Existing};
+use dials_session::terminal::counting::EpisodeBar;
+use dials_session::terminal::{answer, json as in_json, note};
+use dials_session::{directory, domains};
+use dials_traffic::Traffic;
+use dials_traffic::config::sumocfg::Sumocfg;
+use dials_traffic::controllers::{FIXED_TIME, HandCoded};
+use dials_traffic::sim::control::SignalControl;
+use dials_traffic::timing::freeze::Watched;
+use dials_traffic::timing::programs::{Programs, actuated, fixed};
+use dials_traffic::timing::{self, DayPlan, plain_run};
+
+/// Today's programs, with which plans are compared.
+const TODAY: &str = "program";
+/// Number of episodes in which the candidates of a frozen plan are compared.
+const TRIALS: usize = 3;
+
+pub(super) fn plan(args: &cli::PlanArgs) -> Result<()> {
+    if Sumocfg::is_one(&args.config) {
+        Subject::check_names(&args.controller).map_err(Error::Usage)?;
+    }
+    let existing = Existing::of_named(args.force);
+    check_not_a_run("--out", &args.out).map_err(Error::Usage)?;
+    let place = places::place(&args.out, existing).map_err(Error::Usage)?;
+    check_can_be_made(&args.out).map_err(Error::Usage)?;
+    let config = load(&args.config, &args.settings.all()).map_err(Error::Usage)?;
+    let domain = domains::open(&config).map_err(Error::Usage)?;
+    domains::check(&config).map_err(Error::Usage)?;
+    let traffic = domains::traffic(&config).map_err(Error::Usage)?;
+    let traffic = traffic.ok_or_else(|| Error::Usage(anyhow!("plan: only traffic lights have plans")))?;
+    let subject = subject(args, &*domain).map_err(Error::Usage)?;
+    let (label, name) = (subject.label(), programs_called(args, &subject));
+    domains::note_left_out(&*domain);
+    let work = Work { args, config: &config, traffic: &traffic };
+    let made = work.make(subject, &name)?;
+    let findings = work.measure(&made)?;
+    let plain = plain_run(&traffic).map_err(Error::Run)?;
+    let outcome = Outcome::new(&traffic, &plain, &place, &findings, work.seed(), &label, &made.plan);
+    let written = files(&traffic, &made.plan, &made.programs, &outcome).map_err(Error::Run)?;
+    let names: Vec<&str> = written.iter().map(|(name, _)| *name).collect();
+    places::make(&args.out, existing, |dir| written.iter().try_for_each(|(name, text)| dir.put(name, text.as_bytes())))
+        .map_err(Error::Run)?;
+    let found = if args.json {
+        let mut object = outcome.json(&*domain);
+        object.insert("config".into(), json!(dials_core::outside::path_as_text(&args.config)));
+        object.insert("directory".into(), json!(dials_core::outside::path_as_text(&place)));
+        object.insert("files".into(), json!(names));
+        in_json(serde_json::Value::Object(object))
+    } else {
+        outcome.text(&names)
+    };
+    answer(found).map_err(Error::Run)
+}
+
+fn subject(args: &cli::PlanArgs, domain: &dyn Domain) -> anyhow::Result<Subject> {
+    let mut subjects = Subject::list(&args.controller, args.greedy, domain)?;
+    let subject = subjects.remove(0);
+    if !subjects.is_empty() {
+        bail!("--controller `{}`: names several; a plan is made of one", args.controller);
+    }
+    if args.greedy && matches!(subject, Subject::Controller(_)) {
+        bail!("--greedy: is for the policies of a run directory, and `{}` is a controller", args.controller);
+    }
+    subject.check(domain)?;
+    Ok(subject)
+}
+
+/// Returns the name of the programs in SUMO's files.
+fn programs_called(args: &cli::PlanArgs, subject: &Subject) -> String {
+    let base = match subject {
+        Subject::Controller(name) => name.split(':').next().unwrap_or_default(),
+        Subject::Run { .. } => "learned",
+    };
+    let ending = if args.tune { "-tuned" } else { "" };
+    if args.actuated { format!("{base}-actuated") } else { format!("{base}{ending}") }
+}
+
+struct Work<'a> {
+    args: &'a cli::PlanArgs,
+    config: &'a RunConfig,
+    traffic: &'a Traffic,
+}
+
+/// A plan with its programs.
+struct Made {
+    plan: DayPlan,
+    programs: Programs,
+    /// Who was watched and frozen, if somebody was.
+    watched: Option<Subject>,
+}
+
+impl Work<'_> {
+    fn seed(&self) -> u64 {
+        self.args.episodes.seed.unwrap_or(self.config.learning.evaluation.seed)
+    }
+
+    fn episodes(&self) -> usize {
+        let given = self.args.episodes.episodes.map(|count| count as usize);
+        given.unwrap_or(self.config.learning.evaluation.final_episodes)
+    }
+
+    /// Returns the seed of an episode in which plans are made. None is an evaluation episode.
+    fn seed_of_making(&self, episode: usize) -> Seed {
+        Seed::new(self.config.learning.seed).fork(RandomPurpose::Tuning).for_episode(episode)
+    }
+
+    fn make(&self, subject: Subject, name: &str) -> Result<Made> {
+        let mut subjects = [subject];
+        let mut searched = false;
+        if self.args.tune && self.traffic.grid().is_none() && subjects[0] == Subject::Controller(FIXED_TIME.to_owned())
+        {
+            tune(self.config, self.args.tune_episodes as usize, &mut subjects)?;
+            searched = true;
+        }
+        let [subject] = subjects;
+        if let Subject::Controller(controller) = &subject
+            && let Some(plan) = timing::timed(self.traffic, controller).map_err(Error::Run)?
+        {
+            if self.args.actuated {
+                return Err(Error::Usage(anyhow!(
+                    "--actuated: needs greens that vary, and those of `{controller}` do not; name a run directory, or a rule \
+                     such as max-pressure"
+                )));
+            }
+            let plan = if self.args.tune && !searched { self.tuned(&plan)? } else { plan };
+            let programs = fixed(self.traffic, &plan, name).map_err(Error::Usage)?;
+            return Ok(Made { plan, programs, watched: None });
+        }
+        let watched = self.watch(&subject).map_err(Error::Run)?;
+        let candidates = watched.candidates(self.traffic).map_err(Error::Run)?;
+        let (plan, programs) = if self.args.actuated {
+            let plan = candidates.into_iter().next().expect("there is a plan with the mean greens");
+            let programs = actuated(self.traffic, &plan, &watched, name).map_err(Error::Usage)?;
+            (plan, programs)
+        } else {
+            let plan = self.best(candidates, name)?;
+            let plan = if self.args.tune { self.tuned(&plan)? } else { plan };
+            let programs = fixed(self.traffic, &plan, name).map_err(Error::Usage)?;
+            (plan, programs)
+        };
+        Ok(Made { plan, programs, watched: Some(subject) })
+    }
+
+    fn tuned(&self, plan: &DayPlan) -> Result<DayPlan> {
+        let bar = EpisodeBar::of(1, "episodes");
+        let found = timing::tune(
+            self.traffic,
+            plan,
+            self.args.tune_episodes as usize,
+            self.config.learning.seed,
+            &mut |progress| {
+                bar.set_length(progress.at_most);
+                bar.set(progress.played);
+                bar.set_message(format_args!("(at most); best {} so far", progress.best));
+            },
+        );
+        bar.finish();
+        found.map_err(if plan.periods() > 1 { Error::Usage } else { Error::Run })
+    }
+
+    /// Lets somebody play, and notes what the lights show.
+    fn watch(&self, subject: &Subject) -> anyhow::Result<Watched> {
+        let (control, mut controller): (_, Box<dyn Controller>) = match subject {
+            Subject::Controller(name) => {
+                let by = self.traffic.hand_coded(name)?;
+                (self.traffic.everywhere(by), Box::new(BuiltInControl))
+            }
+            Subject::Run { dir, greedy, .. } => {
+                let run = directory::open(dir)?;
+                run.note_still_trained(dir);
+                (SignalControl::Agents, Box::new(run.controller(super::subject::selection(*greedy))))
+            }
+        };
+        let episodes = self.args.watch_episodes as usize;
+        note(format_args!("watching the greens of {}", subject.label()));
+        let bar = EpisodeBar::of(episodes, "episodes");
+        let mut simulator = self.traffic.global(control)?;
+        Watched::prepare(&mut simulator);
+        let mut watched = Watched::nothing(self.traffic);
+        for episode in 0..episodes {
+            play(&mut simulator, &mut *controller, self.seed_of_making(episode))?;
+            watched.note(&simulator);
+            bar.set(episode + 1);
+        }
+        bar.finish();
+        Ok(watched)
+    }
+
+    /// Returns the candidate with the least mean delay.
+    fn best(&self, candidates: Vec<DayPlan>, name: &str) -> Result<DayPlan> {
+        let bar = EpisodeBar::of(candidates.len() * TRIALS, "episodes");
+        let mut best: Option<(f64, DayPlan)> = None;
+        for (number, candidate) in candidates.into_iter().enumerate() {
+            let programs = fixed(self.traffic, &candidate, name).map_err(Error::Usage)?;
+            let delay = self.trial(&programs, &mut |done| bar.set(number * TRIALS + done)).map_err(Error::Run)?;
+            if best.as_ref().is_none_or(|(least, _)| delay < *least) {
+                best = Some((delay, candidate));
+            }
+        }
+        bar.finish();
+        Ok(best.expect("there is a candidate").1)
+    }
+
+    fn trial(&self, programs: &Programs, progress: &mut dyn FnMut(usize)) -> anyhow::Result<f64> {
+        let Baseline { mut simulator, mut controller } = self.player(programs)?;
+        simulator.measure_in_full()?;
+        let mut delays = Vec::new();
+        for episode in 0..TRIALS {
+            let report = play(&mut *simulator, &mut *controller, self.seed_of_making(episode))?;
+            let delay = report.measures.system.iter().find(|(name, _)| name == "delay_s");
+            delays.push(delay.context("SUMO measured no delay")?.1);
+            progress(episode + 1);
+        }
+        Ok(mean(&delays))
+    }
+
+    fn player(&self, programs: &Programs) -> anyhow::Result<Baseline> {
+        let by = HandCoded::Programs(Arc::from(&*programs.text));
+        let simulator = Box::new(self.traffic.global(self.traffic.everywhere(by))?);
+        Ok(Baseline { simulator, controller: Box::new(BuiltInControl) })
+    }
+
+    /// Lets today's programs, who was watched, and the plan play the same episodes, in this order.
+    fn measure(&self, made: &Made) -> Result<Vec<Finding>> {
+        let today = Subject::Controller(TODAY.to_owned());
+        let watched = made.watched.iter().filter(|subject| **subject != today);
+        let subjects: Vec<&Subject> = [&today].into_iter().chain(watched).collect();
+        let episodes = self.episodes();
+        let bar = EpisodeBar::of((subjects.len() + 1) * episodes, "episodes");
+        let mut findings: Vec<Finding> = Vec::new();
+        let mut add = |player: Player, opened: anyhow::Result<Baseline>| -> Result<()> {
+            let Baseline { mut simulator, mut controller } = opened.map_err(Error::Run)?;
+            let before = findings.len() * episodes;
+            let played = simulator.measure_in_full().and_then(|()| {
+                let progress = &mut |done| bar.set(before + done);
+                play_episodes(&mut *simulator, &mut *controller, Seed::new(self.seed()), episodes, progress)
+            });
+            findings.push(Finding { player, episodes: played.map_err(Error::Run)? });
+            Ok(())
+        };
+        for subject in subjects {
+            let player = subject.player(self.traffic).map_err(Error::Usage)?;
+            add(player, subject.open(self.traffic))?;
+        }
+        let label = format!("plan of {}", self.args.controller);
+        let keys = vec![("plan", json!(self.args.controller))];
+        add(Player { label, keys, policies: None, others: None }, self.player(&made.programs))?;
+        bar.finish();
+        Ok(findings)
+    }
+}
+
+/// Returns the delay of a player in each episode, in seconds.
+pub(super) fn delays_s(finding: &Finding) -> Vec<f64> {
+    let delay =
+        |system: &[(String, f64)]| system.iter().find(|(name, _)| name == "delay_s").map(|&(_, seconds)| seconds);
+    let episodes = finding.episodes.iter();
+    episodes.map(|episode| delay(&episode.measures.system).expect("SUMO measures the delay")).collect()
+}
+
+/// Returns the differences between two players, paired by episode.
+pub(super) fn difference(finding: &Finding, reference: &Finding) -> Interval {
+    Interval::of_differences(&delays_s(finding), &delays_s(reference))
+}
+
+/// Returns a path as it is typed in a shell.
+pub(super) fn word(path: &Path) -> String {
+    dials_core::outside::quoted(path)
+}

@@ -1,0 +1,235 @@
+//! What `plan` writes and prints: the files of a plan, the command that plays it, and what it gains.
+
+use std::path::Path;
+
+use anyhow::Result;
+use serde_json::{Map, Value, json};
+
+use super::plan::{delays_s, difference, word};
+use dials_core::base::statistics::{Interval, mean};
+use dials_core::base::{Seed, counted, decimals};
+use dials_core::domain::Domain;
+use dials_learn::evaluation::{Finding, comparison, episode_seed, json};
+use dials_report::signal_plan::{About, csv, page};
+use dials_traffic::Traffic;
+use dials_traffic::timing::programs::Programs;
+use dials_traffic::timing::sheets::sheets;
+use dials_traffic::timing::{DayPlan, PlainRun};
+
+const PROGRAMS: &str = "programs.add.xml";
+const TABLE: &str = "plan.csv";
+const PAGE: &str = "plan.html";
+
+/// What the playing found.
+pub(super) struct Outcome<'a> {
+    findings: &'a [Finding],
+    seed: u64,
+    label: &'a str,
+    lights: usize,
+    periods: usize,
+    directory: String,
+    /// Command that plays the plan in plain SUMO.
+    command: String,
+    /// Command that plays the first episode and writes the trips.
+    check: String,
+}
+
+impl<'a> Outcome<'a> {
+    /// `findings`: today's programs, perhaps the one that was watched, and the plan. `place`: the output directory.
+    pub(super) fn new(
+        traffic: &Traffic,
+        plain: &PlainRun,
+        place: &Path,
+        findings: &'a [Finding],
+        seed: u64,
+        label: &'a str,
+        plan: &DayPlan,
+    ) -> Outcome<'a> {
+        let programs = place.join(PROGRAMS);
+        let additional: Vec<String> =
+            plain.additional.iter().chain([&programs]).map(|path| path.display().to_string()).collect();
+        let additional = word(Path::new(&additional.join(",")));
+        let mut command = format!("sumo -c {} -a {additional}", word(&plain.config));
+        for (option, second) in [("--begin", plain.begin_s), ("--end", plain.end_s)] {
+            command += &second.map_or(String::new(), |second| format!(" {option} {second}"));
+        }
+        if plain.validates {
+            command += " --xml-validation never";
+        }
+        let check = format!(
+            "{command} --seed {} --precision 6 --tripinfo-output trips.xml --tripinfo-output.write-unfinished \
+             --tripinfo-output.write-undeparted",
+            sumo_seed(seed, 0)
+        );
+        Outcome {
+            findings,
+            seed,
+            label,
+            lights: traffic.plans().len(),
+            periods: plan.periods(),
+            directory: place.display().to_string(),
+            command,
+            check,
+        }
+    }
+
+    fn today(&self) -> &Finding {
+        &self.findings[0]
+    }
+
+    fn plan(&self) -> &Finding {
+        &self.findings[self.findings.len() - 1]
+    }
+
+    /// Returns the one whose greens were frozen, if that is not today's programs.
+    fn watched(&self) -> Option<&Finding> {
+        (self.findings.len() == 3).then(|| &self.findings[1])
+    }
+
+    fn episodes(&self) -> usize {
+        self.plan().episodes.len()
+    }
+
+    /// Returns the delays in sentences.
+    fn sentences(&self) -> Vec<String> {
+        let [today, plan] = [self.today(), self.plan()].map(|finding| seconds(Interval::of(&delays_s(finding))));
+        let saved = change(difference(self.plan(), self.today()));
+        let episodes = counted(self.episodes(), "episode");
+        let mut sentences = vec![format!(
+            "delay per vehicle: {today} with today's programs, {plan} with the plan; difference {saved} (95 % interval, \
+             {episodes}, the same traffic)"
+        )];
+        if let Some(watched) = self.watched() {
+            let own = seconds(Interval::of(&delays_s(watched)));
+            let lost = change(difference(self.plan(), watched));
+            sentences.push(format!("{} itself has {own}; the plan differs from it by {lost}", self.label));
+        }
+        sentences
+    }
+
+    pub(super) fn text(&self, files: &[&str]) -> String {
+        let plans =
+            if self.periods > 1 { format!(", {} in turn", counted(self.periods, "plan")) } else { String::new() };
+        format!(
+            "{}\n\nwritten to {}: {}; {}{plans}\n{}\nplay it with: {}\nto check the first episode, {} s: {}",
+            comparison(self.findings),
+            self.directory,
+            files.join(", "),
+            counted(self.lights, "light"),
+            self.sentences().join("\n"),
+            self.command,
+            delays_s(self.plan())[0],
+            self.check
+        )
+    }
+
+    pub(super) fn json(&self, domain: &dyn Domain) -> Map<String, Value> {
+        let interval = |Interval { mean, half_width }: Interval| json!({ "mean": mean, "half_width_95": half_width });
+        let delays = delays_s(self.plan());
+        let episodes = delays
+            .iter()
+            .enumerate()
+            .map(|(episode, delay)| json!({ "sumo_seed": sumo_seed(self.seed, episode), "delay_s": delay }));
+        let mut object = json::of_all(domain, self.findings);
+        object.insert("seed".into(), json!(self.seed));
+        object.insert("lights".into(), json!(self.lights));
+        object.insert("periods".into(), json!(self.periods));
+        object.insert("delay_today_s".into(), json!(mean(&delays_s(self.today()))));
+        object.insert("delay_plan_s".into(), json!(mean(&delays)));
+        object.insert("delay_difference_s".into(), interval(difference(self.plan(), self.today())));
+        if let Some(watched) = self.watched() {
+            object.insert("delay_of_watched_s".into(), json!(mean(&delays_s(watched))));
+            object.insert("delay_lost_by_freezing_s".into(), interval(difference(self.plan(), watched)));
+        }
+        object.insert("episodes_of_plan".into(), episodes.collect());
+        object.insert("command".into(), json!(self.command));
+        object.insert("check_command".into(), json!(self.check));
+        object
+    }
+
+    fn about(&self) -> About {
+        let row = |finding: &Finding| {
+            let name =
+                if finding == self.today() { "today's programs".to_owned() } else { finding.player.label.clone() };
+            let difference = match finding == self.today() {
+                true => String::new(),
+                false => change(difference(finding, self.today())),
+            };
+            vec![name, seconds(Interval::of(&delays_s(finding))), difference]
+        };
+        let mut words = self.sentences();
+        if self.periods > 1 {
+            words.push(format!(
+                "The demand changes, so there are {} for one period after the other. Each light goes to its next plan when \
+                 a cycle ends (WAUT).",
+                counted(self.periods, "plan")
+            ));
+        }
+        About {
+            title: format!("Signal plan: {}", self.label),
+            words: words.iter().map(|sentence| sentence_of(sentence)).collect(),
+            caption: format!(
+                "Delay per vehicle, mean +- half of its 95 % interval over {}. The difference is paired by episode.",
+                counted(self.episodes(), "episode")
+            ),
+            header: ["lights", "delay", "difference from today"].map(str::to_owned).to_vec(),
+            rows: self.findings.iter().map(row).collect(),
+            commands: vec![
+                ("Plain SUMO plays the plan with this command:".to_owned(), self.command.clone()),
+                (
+                    format!(
+                        "The first episode has a delay of {} s: the mean of timeLoss + departDelay of all trips in trips.xml \
+                         after this command:",
+                        delays_s(self.plan())[0]
+                    ),
+                    self.check.clone(),
+                ),
+            ],
+            assumed: vec![
+                "Delay is what SUMO calls timeLoss, and the time that a vehicle waited to enter. Vehicles that never entered \
+                 count."
+                    .to_owned(),
+                "Phases, yellow and all red come from the programs of the net, or from the settings of the config.".to_owned(),
+                "Lights that are not listed keep their programs.".to_owned(),
+                "An offset is the second of the simulation, modulo the cycle, at which phase 1 begins.".to_owned(),
+            ],
+        }
+    }
+}
+
+/// Returns the seed with which SUMO plays an evaluation episode.
+fn sumo_seed(seed: u64, episode: usize) -> u32 {
+    episode_seed(Seed::new(seed), episode).for_sumo()
+}
+
+fn seconds(Interval { mean, half_width }: Interval) -> String {
+    let digits = decimals(mean, half_width);
+    match half_width {
+        None | Some(0.0) => format!("{mean:.digits$} s"),
+        Some(half_width) => format!("{mean:.digits$} +- {half_width:.digits$} s"),
+    }
+}
+
+/// Returns a difference with its sign.
+fn change(interval: Interval) -> String {
+    let words = seconds(interval);
+    if words.starts_with('-') { words } else { format!("+{words}") }
+}
+
+fn sentence_of(words: &str) -> String {
+    let mut letters = words.chars();
+    let first: String = letters.next().into_iter().flat_map(char::to_uppercase).collect();
+    let end = if words.ends_with('.') { "" } else { "." };
+    format!("{first}{}{end}", letters.as_str())
+}
+
+/// Returns the names and texts of all files.
+pub(super) fn files(
+    traffic: &Traffic,
+    plan: &DayPlan,
+    programs: &Programs,
+    outcome: &Outcome<'_>,
+) -> Result<Vec<(&'static str, String)>> {
+    let sheets = sheets(traffic, plan, programs)?;
+    Ok(vec![(PROGRAMS, programs.text.clone()), (TABLE, csv(&sheets)?), (PAGE, page(&outcome.about(), &sheets)?)])
+}

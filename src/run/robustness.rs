@@ -1,0 +1,219 @@
+//! `--demand` and `--closed` of `evaluate` and `baseline`: the same players on several variants of a scenario. A variant has
+//! another demand, or closed edges. On each one all players drive the same traffic, episode by episode.
+
+use anyhow::{Context, anyhow};
+use serde_json::{Map, Value, json};
+
+use super::evaluate::CsvFiles;
+use super::subject::Subject;
+use crate::cli;
+use dials_core::base::{Seed, for_terminal};
+use dials_core::domain::Baseline;
+use dials_learn::evaluation::{Finding, json as figures, of_variants, play_episodes};
+use dials_session::config::RunConfig;
+use dials_session::domains;
+use dials_session::error::{Error, Result};
+use dials_session::terminal::counting::EpisodeBar;
+use dials_session::terminal::{answer, json as in_json};
+use dials_traffic::Traffic;
+use dials_traffic::scenario::closing::Detours;
+
+/// Figures in the tables for a terminal. `--json` and `--csv` have all.
+const SHOWN: [&str; 2] = ["delay_s", "throughput_per_h"];
+/// Longest id of an edge in the title of a column.
+const LONGEST_ID: usize = 12;
+
+/// Other demand, closed edges, or both.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) struct Variant {
+    /// Factor on the number of vehicles of the scenario.
+    demand: f64,
+    closed: Vec<String>,
+}
+
+/// Returns the variants that the command line asks for: each demand with all edges open, then with each closure. `None`: it asks
+/// for none.
+pub(super) fn asked_for(args: &cli::VariantArgs) -> Option<Vec<Variant>> {
+    if args.demand.is_empty() && args.closed.is_empty() {
+        return None;
+    }
+    let demands = if args.demand.is_empty() { &[1.0][..] } else { &args.demand };
+    let closures: Vec<Vec<String>> =
+        args.closed.iter().map(|edges| edges.split(',').map(|edge| edge.trim().to_owned()).collect()).collect();
+    let all = [Vec::new()].into_iter().chain(closures);
+    let mut variants = Vec::new();
+    for closed in all {
+        for &demand in demands {
+            let variant = Variant { demand, closed: closed.clone() };
+            if !variants.contains(&variant) {
+                variants.push(variant);
+            }
+        }
+    }
+    Some(variants)
+}
+
+/// Checks that a scenario can have these variants, before anything is tried or played.
+pub(super) fn check(config: &RunConfig, variants: &[Variant]) -> anyhow::Result<()> {
+    for variant in variants {
+        domains::changed_traffic(config, variant.demand, &variant.closed)?;
+    }
+    let traffic = domains::traffic(config)?.context("only traffic has demand and edges")?;
+    variants.iter().try_for_each(|variant| traffic.check_edges(&variant.closed)).context("--closed")
+}
+
+/// What all players of a command play.
+pub(super) struct Plan<'a> {
+    pub(super) config: &'a RunConfig,
+    pub(super) variants: &'a [Variant],
+    pub(super) subjects: &'a [Subject],
+    pub(super) episodes: usize,
+    pub(super) seed: u64,
+}
+
+/// A variant with what was played on it.
+struct Played {
+    variant: Variant,
+    detours: Option<Detours>,
+    /// Figures as JSON, which need the domain.
+    figures: Map<String, Value>,
+    findings: Vec<Finding>,
+}
+
+/// Lets all subjects play all variants, and prints their figures. `about`: further keys of the JSON object.
+pub(super) fn play(plan: &Plan<'_>, mut csv: Option<CsvFiles>, is_json: bool, about: Map<String, Value>) -> Result<()> {
+    let Plan { config, variants, subjects, episodes, .. } = *plan;
+    let opened = |variant: &Variant| -> anyhow::Result<Traffic> {
+        domains::open_changed(&domains::changed_traffic(config, variant.demand, &variant.closed)?, config)
+    };
+    // All are tried before the first one is played.
+    for variant in variants {
+        opened(variant).with_context(|| variant.name()).map_err(Error::Usage)?;
+    }
+    let bar = EpisodeBar::of(variants.len() * subjects.len() * episodes, "episodes");
+    let (mut all, mut written, mut done) = (Vec::new(), Ok(()), 0);
+    for variant in variants {
+        bar.set_message(variant.name());
+        let traffic = opened(variant).map_err(Error::Usage)?;
+        let columns = [("demand", variant.demand.to_string()), ("closed", variant.closed.join(" "))];
+        let mut findings = Vec::new();
+        for subject in subjects {
+            let player = subject.player(&traffic).map_err(Error::Usage)?;
+            let Baseline { mut simulator, mut controller } = subject.open(&traffic).map_err(Error::Usage)?;
+            let (simulator, controller) = (&mut *simulator, &mut *controller);
+            let progress = &mut |now| bar.set(done + now);
+            let played = simulator
+                .measure_in_full()
+                .and_then(|()| play_episodes(simulator, controller, Seed::new(plan.seed), episodes, progress));
+            done += episodes;
+            let place = || format!("{} with {}", subject.label(), variant.name());
+            let finding = Finding { player, episodes: played.with_context(place).map_err(Error::Run)? };
+            if let (Ok(()), Some(csv)) = (&written, &mut csv) {
+                written = csv.append(&finding, &columns, None).map_err(Error::Run);
+            }
+            findings.push(finding);
+        }
+        let (variant, detours) = (variant.clone(), traffic.detours());
+        all.push(Played { variant, detours, figures: figures::of_all(&traffic, &findings), findings });
+    }
+    bar.finish();
+    let found = if is_json { as_json(plan, &all, about) } else { as_text(&all) };
+    answer(found).map_err(Error::Run)?;
+    written
+}
+
+fn as_json(plan: &Plan<'_>, all: &[Played], about: Map<String, Value>) -> String {
+    let variants = all.iter().map(|played| {
+        let Variant { demand, closed } = &played.variant;
+        let mut object = Map::new();
+        object.insert("demand".into(), json!(demand));
+        object.insert("closed".into(), json!(closed));
+        if let Some(detours) = played.detours {
+            object.insert("vehicles_of_files".into(), json!(detours.vehicles));
+            object.insert("rerouted".into(), json!(detours.rerouted));
+            object.insert("without_way".into(), json!(detours.without_way));
+            object.insert("stops_left_out".into(), json!(detours.stops_left_out));
+        }
+        object.extend(played.figures.clone());
+        Value::Object(object)
+    });
+    let mut object = about;
+    object.insert("episodes".into(), json!(plan.episodes));
+    object.insert("seed".into(), json!(plan.seed));
+    object.insert("variants".into(), variants.collect());
+    in_json(Value::Object(object))
+}
+
+fn as_text(all: &[Played]) -> String {
+    let is_short = |played: &Played| played.variant.closed.join(",").chars().count() <= LONGEST_ID;
+    let closures: Vec<&Vec<String>> = all
+        .iter()
+        .map(|played| &played.variant.closed)
+        .filter(|closed| !closed.is_empty())
+        .fold(Vec::new(), |mut known, closed| {
+            if !known.contains(&closed) {
+                known.push(closed);
+            }
+            known
+        });
+    let short = all.iter().all(is_short);
+    let label = |played: &Played| {
+        let Variant { demand, closed } = &played.variant;
+        let place = closures.iter().position(|known| *known == closed);
+        match place {
+            None => format!("demand {demand}"),
+            Some(_) if short => format!("{demand}, closed {}", closed.join(",")),
+            Some(place) => format!("{demand}, closure {}", place + 1),
+        }
+    };
+    let labels: Vec<String> = all.iter().map(label).collect();
+    // What becomes of the vehicles is the same for every demand.
+    let of_closure = |(number, closed): (usize, &&Vec<String>)| {
+        let detours = all.iter().find(|played| played.variant.closed == **closed)?.detours?;
+        let name = if short { closed.join(",") } else { format!("{}, {}", number + 1, closed.join(",")) };
+        Some(for_terminal(&format!("closure {name}: {detours}")))
+    };
+    let legend: Vec<String> = closures.iter().enumerate().filter_map(of_closure).collect();
+    let findings: Vec<Vec<Finding>> = all.iter().map(|played| played.findings.clone()).collect();
+    let table = of_variants(&labels, &findings, &SHOWN);
+    if legend.is_empty() { table } else { format!("{table}\n\n{}", legend.join("\n")) }
+}
+
+impl Variant {
+    fn name(&self) -> String {
+        match &self.closed[..] {
+            [] => format!("demand {}", self.demand),
+            closed => format!("demand {}, closed {}", self.demand, closed.join(",")),
+        }
+    }
+}
+
+/// Returns an error for outputs that are of one variant only.
+pub(super) fn check_output(output: &cli::OutputArgs) -> anyhow::Result<()> {
+    let places = [("--plot", &output.plot), ("--render", &output.render), ("--events", &output.events)];
+    match places.into_iter().find(|(_, place)| place.is_some()) {
+        None => Ok(()),
+        Some((option, _)) => {
+            Err(anyhow!("{option}: is of one scenario, but --demand and --closed play several variants; leave one out"))
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn names(demand: &[f64], closed: &[&str]) -> Option<Vec<String>> {
+        let closed = closed.iter().map(|edges| (*edges).to_owned()).collect();
+        let variants = asked_for(&cli::VariantArgs { demand: demand.to_vec(), closed })?;
+        Some(variants.iter().map(Variant::name).collect())
+    }
+
+    #[test]
+    fn every_demand_is_played_with_all_edges_open_and_with_each_closure() {
+        assert_eq!(names(&[], &[]), None);
+        assert_eq!(names(&[0.8, 1.0, 0.8], &[]).unwrap(), ["demand 0.8", "demand 1"]);
+        assert_eq!(names(&[], &["a", "b,c"]).unwrap(), ["demand 1", "demand 1, closed a", "demand 1, closed b,c"]);
+        assert_eq!(names(&[1.2], &["a"]).unwrap(), ["demand 1.2", "demand 1.2, closed a"]);
+    }
+}
