@@ -7,7 +7,7 @@ use anyhow::{Context, anyhow, bail, ensure};
 use serde_json::{Map, Value, json};
 
 use super::events::EventFiles;
-use super::lights::{CITY, LIGHTS, LightFigures, has_lights};
+use super::lights::{CITY, LIGHTS, LightFigures, VARIANTS, has_lights};
 use super::plot::Plots;
 use super::robustness::{self, Plan, Variant};
 use super::subject::{Background, Subject, agent_called};
@@ -311,14 +311,19 @@ impl CsvFiles {
     /// Makes the directory. If one of the files exists, `existing` says what becomes of it.
     fn create(dir: &Path, existing: Existing, has_lights: bool) -> anyhow::Result<CsvFiles> {
         let names = ["episodes.csv", "agents.csv"];
-        let of_lights = [LIGHTS, CITY].into_iter().filter(|_| has_lights);
-        let paths: Vec<PathBuf> = names.into_iter().chain(of_lights).map(|name| dir.join(name)).collect();
+        let others = if has_lights { &[LIGHTS, CITY][..] } else { &[VARIANTS] };
+        let paths: Vec<PathBuf> = names.iter().chain(others).map(|name| dir.join(name)).collect();
         paths.iter().try_for_each(|file| outputs::check_free(file, "--csv", existing))?;
         outputs::check_writable(dir)?;
         paths.iter().try_for_each(|file| places::clear(file, existing))?;
         let [episodes, agents] = names.map(|name| GrowingFile::new(name, Mark::default()));
         let lights = has_lights.then(|| GrowingFile::new(LIGHTS, Mark::default()));
         Ok(CsvFiles { directory: Directory::open(dir)?, episodes, agents, lights })
+    }
+
+    /// Writes the table of variants, from which `report` makes a section.
+    pub(super) fn write_variants(&self, table: &[u8]) -> anyhow::Result<()> {
+        self.directory.write(VARIANTS, table)
     }
 
     /// `columns`: further names and values of all lines of episodes and agents. `lights`: lines of the lights' own file.

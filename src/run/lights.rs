@@ -16,6 +16,7 @@ use dials_session::domains;
 /// Name of the file from which `report` makes the page of a city.
 pub(super) const CITY: &str = dials_report::city::CITY;
 pub(super) const LIGHTS: &str = "lights.csv";
+pub(super) const VARIANTS: &str = dials_report::city::VARIANTS;
 
 /// What was measured at the lights, player by player.
 pub(super) struct LightFigures {

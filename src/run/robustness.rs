@@ -117,6 +117,9 @@ pub(super) fn play(plan: &Plan<'_>, mut csv: Option<CsvFiles>, is_json: bool, ab
         all.push(Played { variant, detours, figures: figures::of_all(&traffic, &findings), findings });
     }
     bar.finish();
+    if let (Ok(()), Some(csv)) = (&written, &csv) {
+        written = as_csv(&all).and_then(|table| csv.write_variants(&table)).map_err(Error::Run);
+    }
     let found = if is_json { as_json(plan, &all, about) } else { as_text(&all) };
     answer(found).map_err(Error::Run)?;
     written
@@ -142,6 +145,23 @@ fn as_json(plan: &Plan<'_>, all: &[Played], about: Map<String, Value>) -> String
     object.insert("seed".into(), json!(plan.seed));
     object.insert("variants".into(), variants.collect());
     in_json(Value::Object(object))
+}
+
+/// Returns the delays as a table: a line for each player, a column for each variant.
+fn as_csv(all: &[Played]) -> anyhow::Result<Vec<u8>> {
+    let mut writer = csv::Writer::from_writer(Vec::new());
+    let labels = all.iter().map(|played| played.variant.name());
+    writer.write_record(["player".to_owned()].into_iter().chain(labels))?;
+    let players = all.first().map_or(&[][..], |played| &played.findings);
+    for (number, finding) in players.iter().enumerate() {
+        let delay = |played: &Played| {
+            let figures = &played.figures["controllers"][number];
+            let number = |value: &Value| value.as_f64().map_or_else(|| "-".to_owned(), |value| format!("{value:.2}"));
+            format!("{} +- {}", number(&figures[SHOWN[0]]), number(&figures["half_width_95"][SHOWN[0]]))
+        };
+        writer.write_record([finding.player.label.clone()].into_iter().chain(all.iter().map(delay)))?;
+    }
+    Ok(writer.into_inner()?)
 }
 
 fn as_text(all: &[Played]) -> String {

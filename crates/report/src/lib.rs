@@ -80,7 +80,7 @@ pub fn report(folders: &[PathBuf]) -> Result<Report> {
     let names: Vec<String> = of_runs.iter().map(|folder| folder.display().to_string()).collect();
     let has_finals = groups().any(|group| group.finals().is_some());
     ensure!(has_finals || (cities.is_some() && of_runs.is_empty()), words::no_run(&names.join(", "), &warnings));
-    let compared_cities = cities.as_ref().map_or(0, |cities| cities.folders.len());
+    let compared_cities = cities.as_ref().map_or(0, |cities| cities.count);
     let document = match cities {
         None => sections::document(&comparisons, &warnings)?,
         Some(city::Cities { title, mut blocks, .. }) => {

@@ -397,7 +397,7 @@ impl Domain for Traffic {
             Files::Grid(_) => "configs of the paper's grids train on local simulators, as the paper does",
             Files::Scenario(_) => {
                 "a scenario trains on the global simulator (gs) unless its config says otherwise: with the shipped scenarios \
-                 that took 35 to 50 % of the CPU time of DIALS, and was as good"
+                 that cost less than DIALS, and was as good (n = 3)"
             }
         })
     }

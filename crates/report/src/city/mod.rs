@@ -13,12 +13,15 @@ use crate::document::Block;
 
 /// Name of the file that `evaluate` and `baseline` write with `--csv`.
 pub const CITY: &str = "city.json";
+/// Name of the table that they write with `--csv` if they play variants of the traffic.
+pub const VARIANTS: &str = "variants.csv";
 
 /// The sections about all cities in some folders.
 pub(crate) struct Cities {
     pub(crate) title: String,
     pub(crate) blocks: Vec<Block>,
-    /// Folders that hold a city.
+    pub(crate) count: usize,
+    /// Folders that hold a city, or a table of variants.
     pub(crate) folders: Vec<PathBuf>,
 }
 
@@ -30,6 +33,14 @@ pub(crate) fn cities(folders: &[PathBuf]) -> Result<Option<Cities>> {
         1 => format!("Traffic lights of {}", first.title()),
         count => format!("Traffic lights of {count} comparisons"),
     };
-    let blocks = found.iter().flat_map(|(folder, city)| page::blocks(folder, city, found.len() == 1)).collect();
-    Ok(Some(Cities { title, blocks, folders: found.into_iter().map(|(folder, _)| folder).collect() }))
+    // Nothing in a table of variants names its city: with several cities, each takes that of its own folder only.
+    let tables: Vec<PathBuf> = folders.iter().filter(|folder| folder.join(VARIANTS).is_file()).cloned().collect();
+    let is_only_one = found.len() == 1;
+    let of_city = |(folder, city): &(PathBuf, read::City)| {
+        let own = [folder.clone()];
+        page::blocks(if is_only_one { &tables } else { &own }, city, is_only_one)
+    };
+    let blocks = found.iter().flat_map(of_city).collect();
+    let folders = found.iter().map(|(folder, _)| folder.clone()).chain(tables.iter().cloned()).collect();
+    Ok(Some(Cities { title, blocks, count: found.len(), folders }))
 }

@@ -1,7 +1,8 @@
 //! The sections of a city's report: before and after, the map, each light, what was assumed.
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
+use super::VARIANTS;
 use super::map::{is_unclear, map};
 use super::read::{City, CityLight, CityPlayer, Figure, PartFigures};
 use crate::document::{self, Block, Table};
@@ -39,8 +40,8 @@ const MEANING: [&str; 6] = [
     "Cars that are still on their way at the end count with the time that they have lost by then.",
 ];
 
-/// Makes the sections of a city. `folder`: where its file is.
-pub(super) fn blocks(folder: &Path, city: &City, is_only_one: bool) -> Vec<Block> {
+/// Makes the sections of a city. `variants`: folders that may have tables of variants.
+pub(super) fn blocks(variants: &[PathBuf], city: &City, is_only_one: bool) -> Vec<Block> {
     let before = &city.players[0];
     let after = best(city);
     let shown = after.unwrap_or(before);
@@ -72,7 +73,10 @@ pub(super) fn blocks(folder: &Path, city: &City, is_only_one: bool) -> Vec<Block
         blocks.push(Block::Table(shares(city)));
     }
     blocks.extend(
-        robustness(folder).into_iter().flat_map(|table| [Block::Heading(title("Robustness")), Block::Table(table)]),
+        variants
+            .iter()
+            .filter_map(|folder| robustness(folder))
+            .flat_map(|table| [Block::Heading(title("Robustness")), Block::Table(table)]),
     );
     blocks.push(Block::Heading(title("What was assumed")));
     blocks.push(Block::List(assumed(city)));
@@ -245,11 +249,11 @@ fn shares(city: &City) -> Table {
 
 /// Returns the table of variants beside the file of a city, as it is written: `variants.csv`.
 fn robustness(folder: &Path) -> Option<Table> {
-    let mut reader = csv::Reader::from_path(folder.join("variants.csv")).ok()?;
+    let mut reader = csv::Reader::from_path(folder.join(VARIANTS)).ok()?;
     let header: Vec<String> = reader.headers().ok()?.iter().map(str::to_owned).collect();
     let rows = reader.records().filter_map(|record| Some(record.ok()?.iter().map(short).collect::<Vec<_>>()));
     let rows: Vec<Vec<String>> = rows.filter(|row| row.len() == header.len()).collect();
-    let caption = "The same players with another demand, or with roads closed.".to_owned();
+    let caption = "Delay in seconds per car with another demand, or with roads closed.".to_owned();
     (!rows.is_empty()).then_some(Table { caption, header, rows })
 }
 

@@ -333,10 +333,6 @@ impl DomainTable for ScenarioConfig {
     }
 }
 
-fn is_default(faults: &DetectorFaults) -> bool {
-    *faults == DetectorFaults::default()
-}
-
 const PROGRAM: &str = "program";
 
 /// How long lights of a scenario show yellow.
