@@ -29,6 +29,7 @@ pub(super) struct EventFiles {
 }
 
 /// The log and the two tables beside it.
+#[derive(Debug)]
 struct Files {
     log: PathBuf,
     detectors: PathBuf,
