@@ -239,7 +239,6 @@ fn scenarios_of_as_many_agents_stand_apart_and_only_the_papers_has_its_numbers()
         "## Costs, traffic, 4 agents, 100 steps",
         "| hours, ours / paper | training, 4, 300 steps | training, 25 |",
         "| hours | training, 4, 100 steps | influence, 4, 100 steps |",
-        "The paper has no such scenario.",
         "| 214.0 ± 1.0 at 4M | +0.0 |",
         "runs/baselines/traffic_4-actuated.json: left out: was measured on traffic-9-300, but there is no run of it",
     ] {

@@ -26,6 +26,7 @@ use stacknets::use_vectors;
 macro_rules! domains {
     ($($name:literal: $variant:ident($table:ty),)*) => {
         #[derive(Clone, Debug, PartialEq, Serialize)]
+        #[expect(clippy::large_enum_variant, reason = "a run has one of it")]
         pub enum DomainConfig {
             $(#[serde(rename = $name)] $variant($table),)*
         }

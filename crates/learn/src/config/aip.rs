@@ -124,6 +124,12 @@ pub(super) fn check(config: &Config) -> Result<()> {
     inner_share("aip.held_out", aip.held_out)
 }
 
+/// Returns whether so many episodes fill a batch.
+pub(super) fn fill_a_batch(config: &Config, episodes: usize, horizon: usize) -> bool {
+    let aip = &config.aip;
+    check_batch("aip.batch", aip.batch, (episodes, horizon), aip.held_out, aip.recurrent.is_some(), "a dataset").is_ok()
+}
+
 /// Checks that the episodes of a dataset fill a batch.
 pub(super) fn check_datasets(config: &Config, horizon: usize) -> Result<()> {
     let aip = &config.aip;

@@ -383,10 +383,12 @@ impl Config {
         if self.policy.imitate.is_some() { self.imitation.critic_steps } else { 0 }
     }
 
-    /// Returns the number of episodes per dataset: at least two, because one is held out. No dataset is longer than the run:
-    /// in a short trial on a large city, collecting would be nearly all of the work.
+    /// Returns the number of episodes per dataset: at least two, because one is held out. No dataset is longer than the run, if
+    /// what is left fills a batch: in a short trial on a large city, collecting would be nearly all of the work.
     pub fn dataset_episodes(&self, horizon: usize) -> usize {
         let run = usize::try_from(self.total_steps).unwrap_or(usize::MAX);
-        self.aip.dataset_steps.min(run).div_ceil(horizon).max(2)
+        let of = |steps: usize| steps.div_ceil(horizon).max(2);
+        let (short, full) = (of(self.aip.dataset_steps.min(run)), of(self.aip.dataset_steps));
+        if aip::fill_a_batch(self, short, horizon) { short } else { full }
     }
 }

@@ -17,6 +17,10 @@ pub fn is_one(path: &Path) -> bool {
     if ENDINGS.iter().any(|ending| name.ends_with(ending)) {
         return true;
     }
+    // Opening a pipe would wait for a writer.
+    if !path.is_file() {
+        return false;
+    }
     let mut begin = Vec::new();
     let read = File::open(path).and_then(|file| file.take(MOST_PROLOG).read_to_end(&mut begin));
     read.is_ok() && String::from_utf8_lossy(&begin).contains("<osm ")

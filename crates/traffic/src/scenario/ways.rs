@@ -11,6 +11,8 @@ pub(crate) type VehicleClasses = BTreeSet<String>;
 
 /// Edges that follow each edge.
 type Onward = Rc<Vec<Vec<EdgeNo>>>;
+/// Edges from one to another, both included.
+type Way = Rc<Vec<EdgeNo>>;
 
 pub(crate) struct Ways<'a> {
     roads: &'a Roads,
@@ -18,7 +20,7 @@ pub(crate) struct Ways<'a> {
     onward: HashMap<VehicleClasses, Onward>,
     /// Which edges can be reached from an edge, by number of the edge.
     reached: HashMap<(EdgeNo, VehicleClasses), Vec<bool>>,
-    found: HashMap<(EdgeNo, EdgeNo, VehicleClasses), Option<Rc<Vec<EdgeNo>>>>,
+    found: HashMap<(EdgeNo, EdgeNo, VehicleClasses), Option<Way>>,
 }
 
 impl<'a> Ways<'a> {
