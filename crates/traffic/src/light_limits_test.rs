@@ -214,8 +214,7 @@ fn the_watchdog_finds_what_it_looks_for() {
     assert!(found(&[(greens[0], 21)]).contains("longer than its longest"));
     assert!(found(&[(greens[0], 16), (greens[2], 1)]).contains("without yellow"));
     assert!(found(&[(greens[0], 16), (yellow, 2), (greens[2], 1)]).contains("was yellow for 2 s of 3"));
-    let short =
-        found(&[(greens[0], 16), (yellow, 3), (greens[2], 5), (&greens[2].replace('G', "y").replace('g', "y"), 1)]);
+    let short = found(&[(greens[0], 16), (yellow, 3), (greens[2], 5), (&greens[2].replace(['G', 'g'], "y"), 1)]);
     assert!(short.contains("lasted 5 s, and 16 are the least"), "{short}");
     assert!(found(&[("GGGGGGGGGGGGrrrr", 1)]).contains("have G at once"));
     assert!(found(&[("rrrrrrrrrrrrrrrr", 81)]).contains("is red for more than 80 s"));

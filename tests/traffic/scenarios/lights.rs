@@ -55,7 +55,7 @@ fn the_delays_of_all_lights_and_the_rest_are_the_delay_of_all_cars() {
     assert_eq!(figure(&measures, "removed"), 0.0);
     let per_car = found.delay_s() / found.cars as f64;
     let delay_s = figure(&measures, "delay_s");
-    assert!(found.cars > 500 && (per_car - delay_s).abs() < 1e-6, "{per_car} s, but {delay_s} s of all trips");
+    assert!(found.cars > 100 && (per_car - delay_s).abs() < 1e-6, "{per_car} s, but {delay_s} s of all trips");
     found.lights.iter().for_each(check_sums);
     let at_lights: f64 = found.lights.iter().map(|light| light.sums.delay_s).sum();
     assert!(found.elsewhere_s > 0.0 && at_lights > 0.5 * found.delay_s(), "{at_lights} of {}", found.delay_s());
@@ -144,8 +144,8 @@ fn a_car_at_red_loses_its_time_there_and_an_unfinished_trip_counts() {
     assert_eq!(places[red].approaches[approach].street.as_deref(), Some("West Street"));
     assert_eq!(places[red].streets, ["West Street"]);
     let waits = &found.lights[red].approaches[approach];
-    // It needs about ten of the 200 seconds to come, and stops once.
-    assert!(waits.sums.cars == 1 && waits.sums.stops == 1, "{waits:?}");
+    // It needs about ten of the 200 seconds to come. It stops, and may creep up to the line.
+    assert!(waits.sums.cars == 1 && (1..=2).contains(&waits.sums.stops), "{waits:?}");
     assert!((180.0..200.0).contains(&waits.sums.delay_s), "{waits:?}");
     assert_eq!(waits.queue_p95_cars, 1.0);
     assert!(found.lights[green].sums.delay_s < 5.0 && found.lights[green].sums.stops == 0);

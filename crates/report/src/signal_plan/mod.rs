@@ -86,7 +86,7 @@ fn caption_of(program: &ProgramSheet, programs: usize) -> String {
 fn all_lights(sheets: &[SignalSheet]) -> Table {
     let programs: usize = sheets.iter().map(|sheet| sheet.programs.len()).sum();
     let row = |(sheet, program): (&SignalSheet, &ProgramSheet)| {
-        let greens: Vec<String> = program.phases.iter().map(|phase| green(phase)).collect();
+        let greens: Vec<String> = program.phases.iter().map(green).collect();
         vec![
             title_of(sheet),
             clock(program.from_s),

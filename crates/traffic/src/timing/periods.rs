@@ -69,11 +69,11 @@ mod tests {
 
     #[test]
     fn a_demand_that_does_not_change_has_one_period() {
-        assert_eq!(periods(&slices([[200, 100, 150, 50]; 9])), [0..9]);
+        assert_eq!(periods(&slices([[200, 100, 150, 50]; 9])), vec![0..9]);
         // Counts of 10 differ by 3 by chance alone.
-        assert_eq!(periods(&slices([[10; 4], [10; 4], [13, 8, 12, 7], [9, 12, 10, 11]])), [0..4]);
-        assert_eq!(periods(&slices([[0; 4]; 4])), [0..4]);
-        assert_eq!(periods(&slices([[300; 4]])), [0..1]);
+        assert_eq!(periods(&slices([[10; 4], [10; 4], [13, 8, 12, 7], [9, 12, 10, 11]])), vec![0..4]);
+        assert_eq!(periods(&slices([[0; 4]; 4])), vec![0..4]);
+        assert_eq!(periods(&slices([[300; 4]])), vec![0..1]);
     }
 
     #[test]
