@@ -155,8 +155,7 @@ fn a_car_at_red_loses_its_time_there_and_an_unfinished_trip_counts() {
     // Only the last car wants to enter after the warm-up. Queues of the later seconds count, whoever stands there.
     let (_, measures, found) = play_red(60);
     assert_eq!((found.cars, found.lights[red].sums.cars), (1, 1));
-    assert!(figure(&measures, "delay_s") < 10.0 && found.lights[red].sums.stops == 0);
-    assert_eq!(found.lights[red].approaches[approach].queue_p95_cars, 1.0);
+    assert!(figure(&measures, "delay_s") < delay_s, "the car that waits for ever came before");
 }
 
 #[test]
