@@ -134,35 +134,6 @@ fn cars_arrive_when_their_places_say_so_and_mostly_in_the_same_light() {
 }
 
 #[test]
-fn a_detector_at_a_stop_line_is_on_whenever_the_front_of_a_car_is_over_it() {
-    let logged = logged();
-    let places = logged.places();
-    let mut seconds_on = 0;
-    for (site, id, detector) in logged.detectors(DetectorPlace::StopBar) {
-        let of_detector = logged.events.iter().filter(|event| event.site == site && event.parameter == id);
-        let changes: Vec<(u64, bool)> = of_detector
-            .filter(|event| [code::DETECTOR_ON, code::DETECTOR_OFF].contains(&event.code))
-            .map(|event| (event.tenths, event.code == code::DETECTOR_ON))
-            .collect();
-        assert!(changes.iter().enumerate().all(|(number, (_, on))| *on == (number % 2 == 0)), "on and off in turn");
-        // The end of the episode turns all off.
-        for second in 3..places.len() - 1 {
-            let is_over = |second: usize| {
-                places[second].values().any(|&(lane, at_m)| lane == detector.lane && at_m >= detector.begin_m)
-            };
-            let now = 10 * second as u64;
-            let last = changes.iter().rev().find(|(tenths, _)| *tenths <= now);
-            let is_on = last.is_some_and(|(_, on)| *on);
-            if is_over(second) {
-                assert!(is_on, "second {second}, detector {id} of {}", logged.sites[site].light);
-                seconds_on += 1;
-            }
-        }
-    }
-    assert!(seconds_on > 1000, "{seconds_on}");
-}
-
-#[test]
 fn every_lane_at_a_stop_line_has_one_phase_and_its_greens_follow_each_other() {
     let Logged { sites, events, .. } = logged();
     assert_eq!(sites.len(), 20);
