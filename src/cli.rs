@@ -384,14 +384,17 @@ pub struct OutputArgs {
     /// Print one JSON object instead of a table
     #[arg(long)]
     pub json: bool,
-    /// Also write episodes.csv and agents.csv into this directory, and for traffic lights.csv and city.json, from which `report` makes
-    /// a page
+    /// Also write episodes.csv and agents.csv into this directory; for traffic also lights.csv and city.json, from which `report`
+    /// makes a page
     #[arg(long, value_name = "DIR")]
     pub csv: Option<PathBuf>,
     /// Also print the lights where cars lose the most time: delay per car, stops, queue and level of service (traffic). --compare
     /// prints them anyway, and --json and --csv have all lights
     #[arg(long)]
     pub per_light: bool,
+    /// Without the figures of lights, which cost time; experiments do not read them
+    #[arg(long, hide = true, conflicts_with = "per_light")]
+    pub without_lights: bool,
     /// Also measure CO2 and fuel by the emission classes of the vehicles, SUMO's HBEFA (traffic). It takes CPU time
     #[arg(long)]
     pub emissions: bool,
@@ -507,7 +510,7 @@ pub struct RescoArgs {
     /// Number of episodes that each controller and each last policy plays to be measured
     #[arg(long, value_name = "EPISODES", default_value_t = 10, value_parser = values::whole::<u32>(1..=1000))]
     pub measured_episodes: u32,
-    /// Begin no further run after N minutes; what is running ends, and the page shows what there is
+    /// Begin no further run after N minutes; runs that have begun go on to their end, and the page shows what there is
     #[arg(long, value_name = "N", value_parser = values::whole::<u64>(0..=A_YEAR_S / 60))]
     pub budget_minutes: Option<u64>,
     /// Number of cores to use [default: all]

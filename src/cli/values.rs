@@ -6,6 +6,7 @@ use super::Seeds;
 use clap::builder::{PossibleValue, PossibleValuesParser};
 use dials_core::base::repeated;
 use dials_learn::config::short_forms;
+use dials_traffic::config::DEMAND;
 use dials_traffic::config::sumo_time::seconds as seconds_of;
 
 pub(super) fn short_form() -> PossibleValuesParser {
@@ -74,10 +75,11 @@ pub(super) fn sigma(text: &str) -> Result<f64, String> {
     if (0.0..=1.0).contains(&number) { Ok(number) } else { Err("must be from 0 to 1".to_owned()) }
 }
 
-/// Reads a factor on the demand. Its limits are those of `traffic.demand`.
+/// Reads a factor on the demand.
 pub(super) fn demand(text: &str) -> Result<f64, String> {
     let number = number(text)?;
-    if (0.01..=100.0).contains(&number) { Ok(number) } else { Err("must be from 0.01 to 100".to_owned()) }
+    let (least, most) = (DEMAND.start(), DEMAND.end());
+    if DEMAND.contains(&number) { Ok(number) } else { Err(format!("must be from {least} to {most}")) }
 }
 
 pub(super) fn inflow_at(text: &str) -> Result<(String, f64), String> {

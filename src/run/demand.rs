@@ -14,7 +14,7 @@ use dials_session::error::{Error, Result as CommandResult};
 use dials_session::outputs::{check_free, check_not_of_a_run, check_writable};
 use dials_session::places::{Existing, clear};
 use dials_session::terminal::{answer, json as in_json, program};
-use dials_traffic::config::sumocfg::Sumocfg;
+use dials_traffic::config::sumocfg::{self, Sumocfg};
 use dials_traffic::counts::{CountedDemand, Fitted, GOOD_GEH, demand as demand_of};
 
 const ROUTES: &str = "demand.rou.xml";
@@ -38,19 +38,12 @@ fn make(args: &DemandArgs) -> Result<(CountedDemand, [PathBuf; 2])> {
     };
     let found = demand_of(&args.counts, &net)?;
     check_writable(&args.out)?;
-    let config = config(&relative(&args.out, &net)?, found.window_s);
+    let (begin_s, end_s) = found.window_s;
+    let config = sumocfg::text(&relative(&args.out, &net)?, &[ROUTES.into()], &[], [begin_s, end_s], &[])?;
     files.iter().try_for_each(|file| clear(file, existing))?;
     let [routes, scenario] = files.clone();
     write_together(&args.out, &[(routes, found.routes.clone().into_bytes()), (scenario, config.into_bytes())])?;
     Ok((found, files))
-}
-
-fn config(net: &Path, (begin, end): (u64, u64)) -> String {
-    let net = net.display().to_string().replace('&', "&amp;").replace('"', "&quot;").replace('<', "&lt;");
-    format!(
-        "<configuration>\n    <net-file value=\"{net}\"/>\n    <route-files value=\"{ROUTES}\"/>\n    <begin value=\"{begin}\"/>\n    \
-         <end value=\"{end}\"/>\n</configuration>\n"
-    )
 }
 
 /// Returns the path of a file as seen from a folder.

@@ -141,7 +141,7 @@ const MOST_NAMES: usize = 12;
 fn as_text(described: &Described) -> String {
     let mut text = Listing::default();
     agents(&mut text, described);
-    // Who asks before a run wants to know this first, and columns may fill screens.
+    // The cost comes first: people ask for it before a run, and the columns may fill screens.
     cost(&mut text, described);
     run(&mut text, described);
     task(&mut text, described);

@@ -52,7 +52,7 @@ pub(super) fn evaluate(args: &cli::EvaluateArgs) -> Result<()> {
     let domain = watched(&*domain, plots.as_ref(), logged.as_ref());
     let session = Session::new(domain, &config, &args.episodes, &args.output)?;
     let mut lights = LightFigures::asked_for(domain, &args.output, false).map_err(Error::Usage)?;
-    let csv = session.prepare(&subjects, variants.is_none()).map_err(Error::Usage)?;
+    let csv = session.prepare(&subjects, variants.is_some()).map_err(Error::Usage)?;
     if let Some(variants) = &variants {
         return session.play_variants(variants, &subjects, csv, &[]);
     }
@@ -88,7 +88,7 @@ pub(super) fn baseline(args: &cli::BaselineArgs) -> Result<()> {
     let domain = watched(&*domain, plots.as_ref(), logged.as_ref());
     let session = Session::new(domain, &config, &args.episodes, &args.output)?;
     let mut lights = LightFigures::asked_for(domain, &args.output, args.compare.is_some()).map_err(Error::Usage)?;
-    let csv = session.prepare(&subjects, variants.is_none()).map_err(Error::Usage)?;
+    let csv = session.prepare(&subjects, variants.is_some()).map_err(Error::Usage)?;
     if args.tune {
         tune(&config, args.tune_episodes as usize, &mut subjects)?;
     }
@@ -166,16 +166,20 @@ impl<'a> Session<'a> {
     }
 
     /// Checks all subjects and all output places before anything plays. Makes the files of `--csv`.
-    /// `with_lights`: whether the figures of each light get a file, too.
-    fn prepare(&self, subjects: &[Subject], with_lights: bool) -> anyhow::Result<Option<CsvFiles>> {
+    /// `has_variants`: whether they play variants of the traffic.
+    fn prepare(&self, subjects: &[Subject], has_variants: bool) -> anyhow::Result<Option<CsvFiles>> {
         subjects.iter().try_for_each(|subject| subject.check(self.domain))?;
         if let Some(subject) = repeated(subjects) {
             bail!("--compare: `{}` is named twice", subject.label());
         }
         let existing = Existing::of_named(self.output.force);
         self.output.render.iter().try_for_each(|dir| outputs::check_free(dir, "--render", existing))?;
-        let has_lights = with_lights && has_lights(self.domain)?;
-        self.output.csv.as_deref().map(|dir| CsvFiles::create(dir, existing, has_lights)).transpose()
+        let beside = match has_variants {
+            true => &[VARIANTS][..],
+            false if has_lights(self.domain)? => &[LIGHTS, CITY],
+            false => &[],
+        };
+        self.output.csv.as_deref().map(|dir| CsvFiles::create(dir, existing, beside)).transpose()
     }
 
     /// Lets all subjects play the same episodes. The files of `--csv` and `--events` have a result of their own, because a
@@ -249,15 +253,22 @@ impl<'a> Session<'a> {
         csv: Option<CsvFiles>,
         about: &[(&str, Value)],
     ) -> Result<()> {
+        let keys = self.keys(about);
+        let plan = Plan { config: self.config, variants, subjects, episodes: self.episodes, seed: self.seed };
+        robustness::play(&plan, csv, self.output.json, keys)
+    }
+
+    /// Returns the keys of a JSON object that say what was played. `about`: further ones.
+    fn keys(&self, about: &[(&str, Value)]) -> Map<String, Value> {
         let mut keys: Map<String, Value> =
             about.iter().map(|(key, value)| ((*key).to_owned(), value.clone())).collect();
         keys.insert("scenario".into(), json!(self.scenario));
+        keys.insert("seed".into(), json!(self.seed));
         keys.insert("warnings".into(), json!(self.domain.warnings()));
         if let Some(sumo) = self.sumo {
             keys.insert("sumo_version".into(), json!(sumo.name));
         }
-        let plan = Plan { config: self.config, variants, subjects, episodes: self.episodes, seed: self.seed };
-        robustness::play(&plan, csv, self.output.json, keys)
+        keys
     }
 
     /// Prints the figures of one player, or compares all. `about`: further keys of the JSON object.
@@ -274,13 +285,7 @@ impl<'a> Session<'a> {
                 false => json::of_one(self.domain, &findings[0]),
             };
             lights.add_to(&mut object);
-            object.extend(about.iter().map(|(key, value)| ((*key).to_owned(), value.clone())));
-            object.insert("scenario".into(), json!(self.scenario));
-            object.insert("seed".into(), json!(self.seed));
-            object.insert("warnings".into(), json!(self.domain.warnings()));
-            if let Some(sumo) = self.sumo {
-                object.insert("sumo_version".into(), json!(sumo.name));
-            }
+            object.extend(self.keys(about));
             in_json(Value::Object(object))
         } else {
             let table = if compares { comparison(findings) } else { table(self.domain, &findings[0]) };
@@ -308,16 +313,15 @@ pub(super) struct CsvFiles {
 }
 
 impl CsvFiles {
-    /// Makes the directory. If one of the files exists, `existing` says what becomes of it.
-    fn create(dir: &Path, existing: Existing, has_lights: bool) -> anyhow::Result<CsvFiles> {
+    /// Makes the directory. If one of the files exists, `existing` says what becomes of it. `beside`: names of further files.
+    fn create(dir: &Path, existing: Existing, beside: &[&'static str]) -> anyhow::Result<CsvFiles> {
         let names = ["episodes.csv", "agents.csv"];
-        let others = if has_lights { &[LIGHTS, CITY][..] } else { &[VARIANTS] };
-        let paths: Vec<PathBuf> = names.iter().chain(others).map(|name| dir.join(name)).collect();
+        let paths: Vec<PathBuf> = names.iter().chain(beside).map(|name| dir.join(name)).collect();
         paths.iter().try_for_each(|file| outputs::check_free(file, "--csv", existing))?;
         outputs::check_writable(dir)?;
         paths.iter().try_for_each(|file| places::clear(file, existing))?;
         let [episodes, agents] = names.map(|name| GrowingFile::new(name, Mark::default()));
-        let lights = has_lights.then(|| GrowingFile::new(LIGHTS, Mark::default()));
+        let lights = beside.contains(&LIGHTS).then(|| GrowingFile::new(LIGHTS, Mark::default()));
         Ok(CsvFiles { directory: Directory::open(dir)?, episodes, agents, lights })
     }
 

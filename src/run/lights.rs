@@ -13,10 +13,9 @@ use dials_report::lights::{Played, csv, json as in_json, table};
 use dials_session::config::RunConfig;
 use dials_session::domains;
 
-/// Name of the file from which `report` makes the page of a city.
-pub(super) const CITY: &str = dials_report::city::CITY;
+pub(super) use dials_report::city::{CITY, VARIANTS};
+
 pub(super) const LIGHTS: &str = "lights.csv";
-pub(super) const VARIANTS: &str = dials_report::city::VARIANTS;
 
 /// What was measured at the lights, player by player.
 pub(super) struct LightFigures {
@@ -35,6 +34,7 @@ impl LightFigures {
         for (option, is_given) in [("--per-light", output.per_light), ("--emissions", output.emissions)] {
             ensure!(has_lights || !is_given, "{option}: only traffic has that; leave the option out");
         }
+        let has_lights = has_lights && !output.without_lights;
         let is_wanted = has_lights && (output.per_light || output.json || output.csv.is_some() || compares);
         let prints = has_lights && (output.per_light || compares);
         Ok(LightFigures { is_wanted, prints, places: Vec::new(), played: Vec::new() })
@@ -80,7 +80,7 @@ impl LightFigures {
             return;
         }
         let add = |object: &mut Map<String, Value>, player: usize| {
-            object.insert("lost_time".into(), in_json::shares(&self.of(player)));
+            object.insert("lost_time".into(), in_json::lost_time(&self.of(player)));
             object.insert("lights".into(), in_json::lights(&self.of(player), self.reference(player).as_ref()));
         };
         match object.get_mut("controllers").and_then(Value::as_array_mut) {
@@ -125,24 +125,25 @@ impl LightFigures {
             json!({ "edge": street.edge, "street": street.name, "lanes": street.lanes, "shape_m": shape })
         });
         let rules = domain.scenario()?.rules;
+        let reference = dials_learn::evaluation::figures(&findings[0].episodes);
         let players = findings.iter().enumerate().map(|(player, finding)| {
             let figures = |(name, values): (String, Vec<f64>)| {
                 let Interval { mean, half_width } = Interval::of(&values);
                 (name, json!({ "mean": mean, "half_width_95": half_width }))
             };
-            let reference = dials_learn::evaluation::figures(&findings[0].episodes);
             let own = dials_learn::evaluation::figures(&finding.episodes);
-            let differences = own.iter().zip(&reference).map(|((name, own), (_, reference))| {
+            let of_pair = |((name, own), (_, reference)): (&(String, Vec<f64>), &(String, Vec<f64>))| {
                 let Interval { mean, half_width } = Interval::of_differences(own, reference);
                 (name.clone(), json!({ "mean": mean, "half_width_95": half_width }))
-            });
-            let differences: Map<String, Value> = differences.collect();
+            };
+            let differences: Option<Map<String, Value>> =
+                (player > 0).then(|| own.iter().zip(&reference).map(of_pair).collect());
             json!({
                 "label": finding.player.label,
                 "learned": finding.player.policies.is_some(),
                 "figures": own.into_iter().map(figures).collect::<Map<String, Value>>(),
-                "differences": if player > 0 { Value::Object(differences) } else { Value::Null },
-                "lost_time": if self.has_any() { in_json::shares(&self.of(player)) } else { Value::Null },
+                "differences": differences,
+                "lost_time": if self.has_any() { in_json::lost_time(&self.of(player)) } else { Value::Null },
                 "lights": match self.has_any() {
                     true => in_json::lights(&self.of(player), self.reference(player).as_ref()),
                     false => json!([]),

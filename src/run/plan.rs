@@ -1,10 +1,9 @@
 //! `plan`: a plan of all lights that plain SUMO loads. It makes the timings, plays them by the file that it will write, and
 //! compares them with today's programs on the same traffic.
 
-use std::path::Path;
 use std::sync::Arc;
 
-use anyhow::{Context, anyhow, bail};
+use anyhow::{Context, anyhow, bail, ensure};
 use serde_json::json;
 
 use super::evaluate::tune;
@@ -14,15 +13,17 @@ use crate::cli;
 use dials_core::base::statistics::{Interval, mean};
 use dials_core::base::{RandomPurpose, Seed};
 use dials_core::domain::{Baseline, BuiltInControl, Controller, Domain};
-use dials_learn::evaluation::{Finding, Player, play, play_episodes};
+use dials_learn::evaluation::{EpisodeReport, Finding, Player, play, play_episodes};
 use dials_session::config::{RunConfig, load};
+use dials_session::directory;
+use dials_session::domains::{self, DomainConfig};
 use dials_session::error::{Error, Result};
 use dials_session::outputs::{check_can_be_made, check_not_a_run};
 use dials_session::places::{self, Existing};
 use dials_session::terminal::counting::EpisodeBar;
 use dials_session::terminal::{answer, json as in_json, note};
-use dials_session::{directory, domains};
 use dials_traffic::Traffic;
+use dials_traffic::config::TrafficTable;
 use dials_traffic::config::sumocfg::Sumocfg;
 use dials_traffic::controllers::{FIXED_TIME, HandCoded};
 use dials_traffic::sim::control::SignalControl;
@@ -44,6 +45,7 @@ pub(super) fn plan(args: &cli::PlanArgs) -> Result<()> {
     let place = places::place(&args.out, existing).map_err(Error::Usage)?;
     check_can_be_made(&args.out).map_err(Error::Usage)?;
     let config = load(&args.config, &args.settings.all()).map_err(Error::Usage)?;
+    check_that_sumo_can_repeat_it(&config).map_err(Error::Usage)?;
     let domain = domains::open(&config).map_err(Error::Usage)?;
     domains::check(&config).map_err(Error::Usage)?;
     let traffic = domains::traffic(&config).map_err(Error::Usage)?;
@@ -70,6 +72,23 @@ pub(super) fn plan(args: &cli::PlanArgs) -> Result<()> {
         outcome.text(&names)
     };
     answer(found).map_err(Error::Run)
+}
+
+/// Checks that plain SUMO measures what this program measures, with the files of the scenario and its own options.
+fn check_that_sumo_can_repeat_it(config: &RunConfig) -> anyhow::Result<()> {
+    let (changes, warm_up_s) = match &config.domain {
+        Some(DomainConfig::Traffic(TrafficTable::Scenario(table))) => {
+            (table.demand != 1.0 || !table.closed.is_empty(), table.warm_up_s)
+        }
+        Some(DomainConfig::Traffic(TrafficTable::Grid(table))) => (false, table.warm_up_s),
+        _ => return Ok(()),
+    };
+    ensure!(
+        !changes && warm_up_s == 0,
+        "plan: plain SUMO knows no traffic.demand, traffic.closed and traffic.warm_up_s; leave them out. `baseline` tries a plan's \
+         controller with them"
+    );
+    Ok(())
 }
 
 fn subject(args: &cli::PlanArgs, domain: &dyn Domain) -> anyhow::Result<Subject> {
@@ -227,8 +246,7 @@ impl Work<'_> {
         let mut delays = Vec::new();
         for episode in 0..TRIALS {
             let report = play(&mut *simulator, &mut *controller, self.seed_of_making(episode))?;
-            let delay = report.measures.system.iter().find(|(name, _)| name == "delay_s");
-            delays.push(delay.context("SUMO measured no delay")?.1);
+            delays.push(delay_s(&report).context("SUMO measured no delay")?);
             progress(episode + 1);
         }
         Ok(mean(&delays))
@@ -270,20 +288,16 @@ impl Work<'_> {
     }
 }
 
+fn delay_s(episode: &EpisodeReport) -> Option<f64> {
+    episode.measures.system.iter().find(|(name, _)| name == "delay_s").map(|&(_, seconds)| seconds)
+}
+
 /// Returns the delay of a player in each episode, in seconds.
 pub(super) fn delays_s(finding: &Finding) -> Vec<f64> {
-    let delay =
-        |system: &[(String, f64)]| system.iter().find(|(name, _)| name == "delay_s").map(|&(_, seconds)| seconds);
-    let episodes = finding.episodes.iter();
-    episodes.map(|episode| delay(&episode.measures.system).expect("SUMO measures the delay")).collect()
+    finding.episodes.iter().map(|episode| delay_s(episode).expect("SUMO measures the delay")).collect()
 }
 
 /// Returns the differences between two players, paired by episode.
 pub(super) fn difference(finding: &Finding, reference: &Finding) -> Interval {
     Interval::of_differences(&delays_s(finding), &delays_s(reference))
-}
-
-/// Returns a path as it is typed in a shell.
-pub(super) fn word(path: &Path) -> String {
-    dials_core::outside::quoted(path)
 }

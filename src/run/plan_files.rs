@@ -5,11 +5,12 @@ use std::path::Path;
 use anyhow::Result;
 use serde_json::{Map, Value, json};
 
-use super::plan::{delays_s, difference, word};
+use super::plan::{delays_s, difference};
 use dials_core::base::statistics::{Interval, mean};
-use dials_core::base::{Seed, counted, decimals};
+use dials_core::base::{Seed, counted};
 use dials_core::domain::Domain;
-use dials_learn::evaluation::{Finding, comparison, episode_seed, json};
+use dials_core::outside::quoted;
+use dials_learn::evaluation::{Finding, cell, comparison, episode_seed, json, signed};
 use dials_report::signal_plan::{About, csv, page};
 use dials_traffic::Traffic;
 use dials_traffic::timing::programs::Programs;
@@ -48,8 +49,8 @@ impl<'a> Outcome<'a> {
         let programs = place.join(PROGRAMS);
         let additional: Vec<String> =
             plain.additional.iter().chain([&programs]).map(|path| path.display().to_string()).collect();
-        let additional = word(Path::new(&additional.join(",")));
-        let mut command = format!("sumo -c {} -a {additional}", word(&plain.config));
+        let additional = quoted(Path::new(&additional.join(",")));
+        let mut command = format!("sumo -c {} -a {additional}", quoted(&plain.config));
         for (option, second) in [("--begin", plain.begin_s), ("--end", plain.end_s)] {
             command += &second.map_or(String::new(), |second| format!(" {option} {second}"));
         }
@@ -94,10 +95,11 @@ impl<'a> Outcome<'a> {
     fn sentences(&self) -> Vec<String> {
         let [today, plan] = [self.today(), self.plan()].map(|finding| seconds(Interval::of(&delays_s(finding))));
         let saved = change(difference(self.plan(), self.today()));
+        let interval = if self.episodes() > 1 { "95 % interval, " } else { "" };
         let episodes = counted(self.episodes(), "episode");
         let mut sentences = vec![format!(
-            "delay per vehicle: {today} with today's programs, {plan} with the plan; difference {saved} (95 % interval, \
-             {episodes}, the same traffic)"
+            "delay per vehicle: {today} with today's programs, {plan} with the plan; difference {saved} ({interval}{episodes}, \
+             the same traffic)"
         )];
         if let Some(watched) = self.watched() {
             let own = seconds(Interval::of(&delays_s(watched)));
@@ -202,18 +204,13 @@ fn sumo_seed(seed: u64, episode: usize) -> u32 {
     episode_seed(Seed::new(seed), episode).for_sumo()
 }
 
-fn seconds(Interval { mean, half_width }: Interval) -> String {
-    let digits = decimals(mean, half_width);
-    match half_width {
-        None | Some(0.0) => format!("{mean:.digits$} s"),
-        Some(half_width) => format!("{mean:.digits$} +- {half_width:.digits$} s"),
-    }
+fn seconds(interval: Interval) -> String {
+    format!("{} s", cell(interval))
 }
 
 /// Returns a difference with its sign.
 fn change(interval: Interval) -> String {
-    let words = seconds(interval);
-    if words.starts_with('-') { words } else { format!("+{words}") }
+    format!("{} s", signed(interval))
 }
 
 fn sentence_of(words: &str) -> String {

@@ -7,9 +7,11 @@ use serde_json::{Map, Value, json};
 use super::evaluate::CsvFiles;
 use super::subject::Subject;
 use crate::cli;
+use dials_core::base::statistics::Interval;
 use dials_core::base::{Seed, for_terminal};
 use dials_core::domain::Baseline;
-use dials_learn::evaluation::{Finding, json as figures, of_variants, play_episodes};
+use dials_core::outside::csv_name;
+use dials_learn::evaluation::{self, Finding, json as figures, of_variants, play_episodes};
 use dials_session::config::RunConfig;
 use dials_session::domains;
 use dials_session::error::{Error, Result};
@@ -58,8 +60,12 @@ pub(super) fn check(config: &RunConfig, variants: &[Variant]) -> anyhow::Result<
     for variant in variants {
         domains::changed_traffic(config, variant.demand, &variant.closed)?;
     }
-    let traffic = domains::traffic(config)?.context("only traffic has demand and edges")?;
+    let traffic = usual(config)?;
     variants.iter().try_for_each(|variant| traffic.check_edges(&variant.closed)).context("--closed")
+}
+
+fn usual(config: &RunConfig) -> anyhow::Result<Traffic> {
+    domains::traffic(config)?.context("only traffic has demand and edges")
 }
 
 /// What all players of a command play.
@@ -83,18 +89,17 @@ struct Played {
 /// Lets all subjects play all variants, and prints their figures. `about`: further keys of the JSON object.
 pub(super) fn play(plan: &Plan<'_>, mut csv: Option<CsvFiles>, is_json: bool, about: Map<String, Value>) -> Result<()> {
     let Plan { config, variants, subjects, episodes, .. } = *plan;
-    let opened = |variant: &Variant| -> anyhow::Result<Traffic> {
-        domains::open_changed(&domains::changed_traffic(config, variant.demand, &variant.closed)?, config)
+    let usual = usual(config).map_err(Error::Usage)?;
+    let open = |variant: &Variant| -> anyhow::Result<Traffic> {
+        let changed = domains::changed_traffic(config, variant.demand, &variant.closed)?;
+        domains::open_changed(&changed, &usual).with_context(|| variant.name())
     };
     // All are tried before the first one is played.
-    for variant in variants {
-        opened(variant).with_context(|| variant.name()).map_err(Error::Usage)?;
-    }
+    let opened = variants.iter().map(open).collect::<anyhow::Result<Vec<Traffic>>>().map_err(Error::Usage)?;
     let bar = EpisodeBar::of(variants.len() * subjects.len() * episodes, "episodes");
     let (mut all, mut written, mut done) = (Vec::new(), Ok(()), 0);
-    for variant in variants {
+    for (variant, traffic) in variants.iter().zip(opened) {
         bar.set_message(variant.name());
-        let traffic = opened(variant).map_err(Error::Usage)?;
         let columns = [("demand", variant.demand.to_string()), ("closed", variant.closed.join(" "))];
         let mut findings = Vec::new();
         for subject in subjects {
@@ -142,40 +147,36 @@ fn as_json(plan: &Plan<'_>, all: &[Played], about: Map<String, Value>) -> String
     });
     let mut object = about;
     object.insert("episodes".into(), json!(plan.episodes));
-    object.insert("seed".into(), json!(plan.seed));
     object.insert("variants".into(), variants.collect());
     in_json(Value::Object(object))
 }
 
-/// Returns the delays as a table: a line for each player, a column for each variant.
+/// Returns the delays: a line for each player on each variant.
 fn as_csv(all: &[Played]) -> anyhow::Result<Vec<u8>> {
     let mut writer = csv::Writer::from_writer(Vec::new());
-    let labels = all.iter().map(|played| played.variant.name());
-    writer.write_record(["player".to_owned()].into_iter().chain(labels))?;
-    let players = all.first().map_or(&[][..], |played| &played.findings);
-    for (number, finding) in players.iter().enumerate() {
-        let delay = |played: &Played| {
-            let figures = &played.figures["controllers"][number];
-            let number = |value: &Value| value.as_f64().map_or_else(|| "-".to_owned(), |value| format!("{value:.2}"));
-            format!("{} +- {}", number(&figures[SHOWN[0]]), number(&figures["half_width_95"][SHOWN[0]]))
-        };
-        writer.write_record([finding.player.label.clone()].into_iter().chain(all.iter().map(delay)))?;
+    writer.write_record(["controller", "demand", "closed", "delay_s", "half_width_95"])?;
+    let all = all.iter().flat_map(|played| played.findings.iter().map(|finding| (&played.variant, finding)));
+    for (Variant { demand, closed }, finding) in all {
+        let figures = evaluation::figures(&finding.episodes);
+        let Some((_, delays)) = figures.iter().find(|(name, _)| name == SHOWN[0]) else { continue };
+        let Interval { mean, half_width } = Interval::of(delays);
+        writer.write_record([
+            csv_name(&finding.player.label),
+            demand.to_string(),
+            csv_name(&closed.join(" ")),
+            mean.to_string(),
+            half_width.map_or(String::new(), |half_width| half_width.to_string()),
+        ])?;
     }
     Ok(writer.into_inner()?)
 }
 
 fn as_text(all: &[Played]) -> String {
     let is_short = |played: &Played| played.variant.closed.join(",").chars().count() <= LONGEST_ID;
-    let closures: Vec<&Vec<String>> = all
-        .iter()
-        .map(|played| &played.variant.closed)
-        .filter(|closed| !closed.is_empty())
-        .fold(Vec::new(), |mut known, closed| {
-            if !known.contains(&closed) {
-                known.push(closed);
-            }
-            known
-        });
+    let mut closures: Vec<&Vec<String>> =
+        all.iter().map(|played| &played.variant.closed).filter(|closed| !closed.is_empty()).collect();
+    // Variants of a closure stand one behind the other.
+    closures.dedup();
     let short = all.iter().all(is_short);
     let label = |played: &Played| {
         let Variant { demand, closed } = &played.variant;
@@ -210,8 +211,14 @@ impl Variant {
 
 /// Returns an error for outputs that are of one variant only.
 pub(super) fn check_output(output: &cli::OutputArgs) -> anyhow::Result<()> {
-    let places = [("--plot", &output.plot), ("--render", &output.render), ("--events", &output.events)];
-    match places.into_iter().find(|(_, place)| place.is_some()) {
+    let given = [
+        ("--plot", output.plot.is_some()),
+        ("--render", output.render.is_some()),
+        ("--events", output.events.is_some()),
+        ("--per-light", output.per_light),
+        ("--emissions", output.emissions),
+    ];
+    match given.into_iter().find(|(_, is_given)| *is_given) {
         None => Ok(()),
         Some((option, _)) => {
             Err(anyhow!("{option}: is of one scenario, but --demand and --closed play several variants; leave one out"))

@@ -18,7 +18,7 @@ use dials_core::base::statistics::{Interval, mean, median, std_error};
 use dials_core::base::{RandomPurpose, Rows, Seed};
 use dials_core::domain::{Controller, Domain, GlobalSimulator, Measures, Result};
 
-pub use comparison::comparison;
+pub use comparison::{cell, comparison, signed};
 pub use table::table;
 pub use variants::of_variants;
 

@@ -26,7 +26,7 @@ pub(crate) type Area<'a> = DrawingArea<SVGBackend<'a>, Shift>;
 pub(crate) const SCALE: u32 = 4;
 
 pub(crate) const INK: RGBColor = RGBColor(0x1a, 0x1a, 0x1a);
-const PAPER: RGBColor = RGBColor(0xfe, 0xfe, 0xfe);
+pub(crate) const PAPER: RGBColor = RGBColor(0xfe, 0xfe, 0xfe);
 
 // Okabe and Ito's palette without its yellow, which is invisible on white, and its black, which is the ink.
 pub(crate) const BLUE: RGBColor = RGBColor(0x00, 0x72, 0xb2);
@@ -75,7 +75,7 @@ pub(crate) fn text_width(words: &str, pixels: f64) -> i32 {
     px(words.chars().count() as f64 * pixels * 0.56)
 }
 
-/// Returns a name with at most about this many letters. Of a longer one the beginning and the end are kept, because ids of joined
+/// Returns a name of at most `letters` letters, and three points if it was longer. The beginning and the end are kept, because ids of joined
 /// junctions often begin alike.
 pub(crate) fn shortened(name: &str, letters: usize) -> String {
     let all: Vec<char> = name.chars().collect();
@@ -195,7 +195,7 @@ fn next_text(svg: &str) -> Option<(&str, &str, &str)> {
     Some((&svg[..content], &svg[content..end], &svg[end..]))
 }
 
-fn hex(RGBColor(red, green, blue): RGBColor) -> String {
+pub(crate) fn hex(RGBColor(red, green, blue): RGBColor) -> String {
     format!("#{red:02X}{green:02X}{blue:02X}")
 }
 

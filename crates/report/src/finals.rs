@@ -82,7 +82,7 @@ impl Comparison {
         self.groups.iter().filter_map(|group| Some((group, Final::of(group)?))).collect()
     }
 
-    /// Returns when the agents were as [`Comparison::ends`] says. Nothing is final before its runs are finished.
+    /// Returns the words for the time of [`Comparison::ends`]: the end, or the last evaluation so far.
     pub(crate) fn when(&self) -> &'static str {
         if self.ends().iter().all(|(_, end)| end.finished) { "at the end" } else { "at the last evaluation so far" }
     }

@@ -65,9 +65,9 @@ pub struct Report {
     pub warnings: Vec<String>,
 }
 
-/// Makes a report of all runs under these folders, the same files for the same runs.
+/// Makes a report of all runs and comparisons of lights under these folders, the same files for the same input.
 ///
-/// No run there was evaluated and can be read: an error, which lists the first reasons.
+/// There is no comparison, and no run was evaluated and can be read: an error, which lists the first reasons.
 pub fn report(folders: &[PathBuf]) -> Result<Report> {
     let cities = city::cities(folders)?;
     // A folder with a comparison need not have a run.

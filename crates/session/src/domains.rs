@@ -136,24 +136,20 @@ pub fn changed_traffic(config: &RunConfig, demand: f64, closed: &[String]) -> Re
         )
     };
     table.demand *= demand;
-    table.closed.extend(closed.iter().filter(|edge| !config_closes(config, edge)).cloned());
+    for edge in closed {
+        if !table.closed.contains(edge) {
+            table.closed.push(edge.clone());
+        }
+    }
     table.check()?;
     Ok(changed)
 }
 
-fn config_closes(config: &RunConfig, edge: &str) -> bool {
-    match domain(config) {
-        DomainConfig::Traffic(TrafficTable::Scenario(table)) => table.closed.iter().any(|closed| closed == edge),
-        _ => false,
-    }
-}
-
-/// Opens changed traffic, after a trial. Controllers that measure flows measure those of the unchanged config, `usual`.
-pub fn open_changed(changed: &RunConfig, usual: &RunConfig) -> Result<Traffic> {
-    let open = |config| traffic(config)?.context("only traffic has demand and edges");
-    let changed_traffic = open(changed)?;
-    trial::survive(changed, &changed_traffic)?;
-    Ok(if changed == usual { changed_traffic } else { changed_traffic.planned_for(open(usual)?) })
+/// Opens changed traffic, after a trial. Controllers that measure flows measure those of the unchanged config, which is `usual`.
+pub fn open_changed(changed: &RunConfig, usual: &Traffic) -> Result<Traffic> {
+    let opened = traffic(changed)?.context("only traffic has demand and edges")?;
+    trial::survive(changed, &opened)?;
+    Ok(opened.planned_for(usual.clone()))
 }
 
 /// Like [`traffic`], with cars that all dawdle as much as `sigma` says. Only the cars of a scenario may.

@@ -199,7 +199,7 @@ impl Traffic {
         }
     }
 
-    /// Checks ids of edges that shall be closed.
+    /// Checks that the net has these edges.
     pub fn check_edges(&self, ids: &[String]) -> Result<()> {
         let Files::Scenario(files) = &self.network.files else { bail!("the edges of a grid cannot be closed") };
         files.files.check_edges(ids)
@@ -397,7 +397,7 @@ impl Domain for Traffic {
             Files::Grid(_) => "configs of the paper's grids train on local simulators, as the paper does",
             Files::Scenario(_) => {
                 "a scenario trains on the global simulator (gs) unless its config says otherwise: with the shipped scenarios \
-                 that cost less than DIALS, and was as good (n = 3)"
+                 that is as good as DIALS (n = 3) and needs no predictors"
             }
         })
     }

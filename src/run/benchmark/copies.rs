@@ -88,8 +88,7 @@ impl MapCopy {
                 None
             }
         };
-        let text = sumocfg.as_deref().and_then(|path| std::fs::read_to_string(path).ok());
-        if text.is_some_and(|text| text.contains("step-length")) {
+        if read.as_ref().is_some_and(|read| read.steps_per_s != 1) {
             notes.push("A step of SUMO takes a second here, whatever its .sumocfg says (step-length).".to_owned());
         }
         let file = read.as_ref();
@@ -111,7 +110,7 @@ impl MapCopy {
             let file = routes.iter().filter_map(|path| path.file_name()).map(|name| name.to_string_lossy());
             let file: Vec<_> = file.collect();
             notes.push(format!(
-                "RESCO plays another file of demand in every episode. Here all episodes have {}, {demands} of such files are \
+                "RESCO plays another file of demand in every episode. Here all episodes have {}, {demands} such files are \
                  there, and the random numbers of the cars differ.",
                 file.join(" and ")
             ));
@@ -197,7 +196,7 @@ mod tests {
         let dir = folder(&["arterial4x4/arterial4x4.net.xml", ten, two, other]);
         let copy = find(dir.path(), &["arterial4x4".to_owned()]).unwrap().copies.remove(0);
         assert!(copy.routes[0].ends_with("arterial4x4_2.rou.xml"), "{:?}", copy.routes);
-        assert!(copy.notes[1].contains("2 of such files are there"), "{:?}", copy.notes);
+        assert!(copy.notes[1].contains("2 such files are there"), "{:?}", copy.notes);
     }
 
     #[test]

@@ -150,7 +150,7 @@ fn check_out(out: &Path) -> anyhow::Result<()> {
 /// Returns the command that makes the same board again.
 fn command(args: &cli::RescoArgs, out: &Path) -> String {
     let seeds: Vec<String> = args.seeds.0.iter().map(u64::to_string).collect();
-    let mut words = vec![program(), "benchmark resco".to_owned(), quoted(&args.dir).to_string()];
+    let mut words = vec![program(), "benchmark resco".to_owned(), quoted(&args.dir)];
     words.push(format!("--protocol {}", Protocol::of(args.protocol).name));
     if !args.maps.is_empty() {
         words.push(format!("--maps {}", args.maps.join(",")));

@@ -6,7 +6,7 @@
 use std::fs;
 use std::path::{Path, PathBuf};
 
-use anyhow::{Context, Result, bail};
+use anyhow::{Context, Result};
 
 use super::copies::MapCopy;
 use super::{Wanted, absolute};
@@ -17,6 +17,7 @@ use dials_report::resco::published::Map;
 use dials_session::config::{RunConfig, load};
 use dials_session::domains;
 use dials_session::experiment::file::Experiment;
+use dials_traffic::config::{ScenarioConfig, sumocfg};
 
 const MAPS: &str = "maps";
 const PROTOCOL: &str = "protocol";
@@ -74,7 +75,7 @@ impl Protocol {
     fn decision_s(&self, map: &Map) -> u64 {
         match self.which {
             RescoProtocol::Resco2021 => map.decision_s.into(),
-            RescoProtocol::Ours => 5,
+            RescoProtocol::Ours => ScenarioConfig::default().decision_s.into(),
         }
     }
 
@@ -228,32 +229,7 @@ fn write(path: &Path, text: &str) -> Result<()> {
 }
 
 /// Returns a .sumocfg that names the user's files.
-fn sumocfg(copy: &MapCopy, [begin, end]: [u64; 2], options: &[(String, String)]) -> Result<String> {
-    let files = |paths: &[PathBuf]| -> Result<String> {
-        let named: Result<Vec<String>> = paths.iter().map(|path| named(path)).collect();
-        Ok(named?.join(","))
-    };
-    let mut text =
-        "<!-- Written by `benchmark resco`, which writes it again at every call. -->\n<configuration>\n".to_owned();
-    let mut add = |name: &str, value: &str| text += &format!("    <{name} value=\"{}\"/>\n", escaped(value));
-    add("net-file", &named(&copy.net)?);
-    add("route-files", &files(&copy.routes)?);
-    if !copy.additional.is_empty() {
-        add("additional-files", &files(&copy.additional)?);
-    }
-    add("begin", &begin.to_string());
-    add("end", &end.to_string());
-    options.iter().for_each(|(name, value)| add(name, value));
-    Ok(text + "</configuration>\n")
-}
-
-/// Returns a path as SUMO reads it in a .sumocfg, where a comma would begin another one.
-fn named(path: &Path) -> Result<String> {
-    let path = absolute(path)?;
-    let Some(text) = path.to_str() else { bail!("{}: is not UTF-8; rename it", path.display()) };
-    Ok(text.replace('%', "%25").replace(',', "%2C").replace('$', "%24"))
-}
-
-fn escaped(value: &str) -> String {
-    value.replace('&', "&amp;").replace('<', "&lt;").replace('"', "&quot;")
+fn sumocfg(copy: &MapCopy, window_s: [u64; 2], options: &[(String, String)]) -> Result<String> {
+    let whole = |paths: &[PathBuf]| paths.iter().map(|path| absolute(path)).collect::<Result<Vec<_>>>();
+    sumocfg::text(&absolute(&copy.net)?, &whole(&copy.routes)?, &whole(&copy.additional)?, window_s, options)
 }

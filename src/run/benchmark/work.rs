@@ -1,4 +1,5 @@
-//! The tasks of a benchmark, and their order: hand-coded controllers, then runs seed by seed. So a short budget has the first
+//! The tasks of a benchmark, and their order: hand-coded controllers, the first seed's GS runs, the search for timings, then the other
+//! runs seed by seed. So a short budget has the first
 //! seed of all maps, and not all seeds of the first one. The last policies of a run are measured as soon as it has ended.
 
 use std::ffi::OsString;
@@ -105,8 +106,8 @@ fn tuning(ready: &Prepared, wanted: &Wanted<'_>) -> Vec<OsString> {
     arguments
 }
 
-fn episodes(wanted: &Wanted<'_>) -> [OsString; 3] {
-    ["--json".into(), "--episodes".into(), wanted.measured_episodes.to_string().into()]
+fn episodes(wanted: &Wanted<'_>) -> [OsString; 4] {
+    ["--json".into(), "--without-lights".into(), "--episodes".into(), wanted.measured_episodes.to_string().into()]
 }
 
 impl MeasuredFile<'_> {
@@ -121,7 +122,7 @@ impl MeasuredFile<'_> {
         PlannedWork::measurement(self.name.clone(), arguments, self.path.clone(), estimate)
     }
 
-    /// Returns what was measured, if it was measured as it would be now: on this scenario, with so many episodes.
+    /// Returns what was measured, if it was measured as it would be now: on this scenario, with this number of episodes.
     pub(super) fn read(&self) -> Option<Value> {
         let printed: Value = serde_json::from_slice(&fs::read(&self.path).ok()?).ok()?;
         let player = match printed.get("controllers") {

@@ -274,12 +274,9 @@ impl Batch {
         for (mut task, mut child) in std::mem::take(&mut self.working) {
             match child.ended().unwrap_or_else(|error| Some(Err(format!("error: {error:#}")))) {
                 Some(ended) => {
-                    let mut following = std::mem::take(&mut task.then);
-                    following.iter_mut().for_each(|task| task.follows = true);
-                    match (ended.is_ok(), self.outcome.interrupted) {
-                        (true, false) => self.waiting.extend(following.into_iter().rev()),
-                        (true, true) => (),
-                        (false, _) => self.outcome.tasks -= following.len(),
+                    if ended.is_ok() && !self.outcome.interrupted {
+                        let following = std::mem::take(&mut task.then).into_iter().rev();
+                        self.waiting.extend(following.map(|task| PlannedWork { follows: true, ..task }));
                     }
                     self.ended(&task, ended);
                 }
@@ -291,6 +288,9 @@ impl Batch {
 
     fn ended(&mut self, task: &PlannedWork, ended: std::result::Result<(), String>) {
         self.cores.give_back(task.width);
+        if ended.is_err() {
+            self.outcome.tasks -= task.then.len();
+        }
         if ended.is_err() && !self.outcome.interrupted {
             self.outcome.failed.push(task.name.clone());
         }

@@ -106,21 +106,15 @@ impl PlannedWork {
         let stage = stage_of_baseline(folder, baseline)?;
         let config = result.with_extension("toml");
         let mut arguments: Vec<OsString> = vec!["baseline".into(), config.clone().into()];
-        arguments.extend(["--controller", &baseline.controller, "--json", "--episodes"].map(OsString::from));
+        arguments.extend(
+            ["--controller", &baseline.controller, "--json", "--without-lights", "--episodes"].map(OsString::from),
+        );
         arguments.push(baseline.episodes.to_string().into());
         Ok(PlannedWork {
-            name: baseline.name.to_string(),
-            arguments,
-            result: Some(result),
             config: Some((config, baseline.config.clone())),
-            width: 1,
-            steps: 0,
             share: if stage == Stage::Finished { 1.0 } else { 0.0 },
             stage,
-            agents: 0,
-            estimate: estimate_controller(baseline),
-            then: Vec::new(),
-            follows: false,
+            ..PlannedWork::measurement(baseline.name.to_string(), arguments, result, estimate_controller(baseline))
         })
     }
 

@@ -26,8 +26,6 @@ pub struct ProgramSheet {
 /// A green and what is shown until the next one.
 #[derive(Clone, Debug, PartialEq)]
 pub struct PhaseSheet {
-    /// Number of the green among those of the light, from 0.
-    pub green: usize,
     pub green_s: u32,
     pub yellow_s: u32,
     pub all_red_s: u32,

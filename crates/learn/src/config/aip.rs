@@ -33,7 +33,7 @@ pub struct AipConfig {
     /// constants. The AIPs are retrained when this share has grown by more than the threshold since their last training.
     pub drift_threshold: f64,
     /// Number of GS (global simulator) steps per dataset, rounded up to whole episodes, at least two: one is held out. A run
-    /// shorter than that collects only as many steps as it has.
+    /// shorter than that collects only as many steps as it has, if they fill a batch.
     #[schemars(range(min = 1, max = 10_000_000), extend("source" = "P"))]
     pub dataset_steps: usize,
     /// Share of the episodes, the last ones, that only measure the loss. They also decide when `aip.patience` is over, and
@@ -124,7 +124,7 @@ pub(super) fn check(config: &Config) -> Result<()> {
     inner_share("aip.held_out", aip.held_out)
 }
 
-/// Returns whether so many episodes fill a batch.
+/// Returns whether this number of episodes fills a batch.
 pub(super) fn fill_a_batch(config: &Config, episodes: usize, horizon: usize) -> bool {
     let aip = &config.aip;
     check_batch("aip.batch", aip.batch, (episodes, horizon), aip.held_out, aip.recurrent.is_some(), "a dataset").is_ok()

@@ -51,12 +51,17 @@ pub(super) fn wide_title(findings: &[Finding]) -> String {
 
 /// Returns the mean difference, episode by episode, with its sign.
 pub(super) fn difference(values: &[f64], reference: &[f64]) -> String {
-    let cell = cell(Interval::of_differences(values, reference));
+    signed(Interval::of_differences(values, reference))
+}
+
+/// Returns a difference as [`cell`] does, with its sign.
+pub fn signed(difference: Interval) -> String {
+    let cell = cell(difference);
     if cell.starts_with('-') { cell } else { format!("+{cell}") }
 }
 
 /// Returns a mean with the half-width of its interval, such as `215.7 +- 2.3`.
-pub(super) fn cell(Interval { mean, half_width }: Interval) -> String {
+pub fn cell(Interval { mean, half_width }: Interval) -> String {
     let digits = decimals(mean, half_width);
     match half_width {
         // All values are the same, or there is only one.

@@ -56,7 +56,7 @@ mod tests {
                 })
                 .to_vec(),
         };
-        // 8 and 9 s less than 20 and 21, whatever the spread: -12. With more demand 30 - 40 = -10 and 34 - 40 = -6: -8.
+        // 8 - 20 = -12 and 9 - 21 = -12: -12. With more demand 30 - 40 = -10 and 34 - 40 = -6: -8.
         let findings = vec![
             vec![finding("program", [20.0, 21.0]), finding("a", [8.0, 9.0])],
             vec![finding("program", [40.0, 40.0]), finding("a", [30.0, 34.0])],

@@ -5,7 +5,7 @@ use std::fmt::Write;
 
 use super::read::{City, CityPlayer, Figure, PartFigures};
 use crate::document::escape;
-use crate::drawing::{BLUE, Svg, VERMILLION, shade};
+use crate::drawing::{BLUE, INK, PAPER, Svg, VERMILLION, ends_of, hex, shade};
 use plotters::style::RGBColor;
 
 /// Width in pixels; the page makes it narrower on a narrow screen.
@@ -40,7 +40,7 @@ impl Scale {
         let mut values: Vec<f64> = player.lights.iter().filter_map(|light| value(&light.figures)).collect();
         values.sort_by(f64::total_cmp);
         // One light in ten may be beyond the ends, so that one jam does not make all others alike.
-        let most = values.get((values.len() * 9 / 10).min(values.len().saturating_sub(1))).copied().unwrap_or(0.0);
+        let most = values.get(values.len() * 9 / 10).copied().unwrap_or(0.0);
         let rounded = [5.0, 10.0, 20.0, 30.0, 60.0, 120.0, 300.0].into_iter().find(|&end| most <= end).unwrap_or(600.0);
         if compares { Scale::Difference(rounded) } else { Scale::Delay(rounded) }
     }
@@ -73,19 +73,16 @@ fn mixed(from: RGBColor, to: RGBColor, share: f64) -> RGBColor {
     RGBColor(part(from.0, to.0), part(from.1, to.1), part(from.2, to.2))
 }
 
-fn hex(RGBColor(red, green, blue): RGBColor) -> String {
-    format!("#{red:02x}{green:02x}{blue:02x}")
-}
-
 /// Draws the map. `player`: whose figures are shown; `order`: ids of the lights in the order of their numbers.
 pub(super) fn map(city: &City, player: &CityPlayer, order: &[&str], compares: bool) -> Svg {
     let scale = Scale::of(player, compares);
     let frame = Frame::around(city, player);
     let mut svg = format!(
         "<svg width=\"{WIDTH}\" height=\"{:.0}\" viewBox=\"0 0 {WIDTH} {:.0}\" class=\"map\" \
-         font-family=\"sans-serif\" xmlns=\"http://www.w3.org/2000/svg\">\n<rect width=\"100%\" height=\"100%\" fill=\"#FEFEFE\"/>\n",
+         font-family=\"sans-serif\" xmlns=\"http://www.w3.org/2000/svg\">\n<rect width=\"100%\" height=\"100%\" fill=\"{}\"/>\n",
         frame.height + LEGEND,
         frame.height + LEGEND,
+        hex(PAPER),
     );
     let approaches = player.lights.iter().flat_map(|light| &light.approaches);
     let coloured: HashMap<&str, f64> =
@@ -108,11 +105,11 @@ pub(super) fn map(city: &City, player: &CityPlayer, order: &[&str], compares: bo
         let [x, y] = frame.place(light.place_m);
         let unclear = compares && is_unclear(light.figures.delay_difference());
         let colour = scale.value(&light.figures).map_or(NOTHING, |value| scale.colour(value));
-        let (fill, stroke) =
-            if unclear { ("#ffffff".to_owned(), hex(colour)) } else { (hex(colour), "#1A1A1A".to_owned()) };
+        let (fill, stroke) = if unclear { ("#ffffff".to_owned(), hex(colour)) } else { (hex(colour), hex(INK)) };
         let number = order.iter().position(|id| *id == light.id);
         let words = match scale.value(&light.figures) {
-            Some(value) => format!("{} ({}): {value:+.1} s per car", light.name, light.id),
+            Some(value) if compares => format!("{} ({}): {value:+.1} s per car", light.name, light.id),
+            Some(value) => format!("{} ({}): {value:.1} s per car", light.name, light.id),
             None => format!("{} ({}): no cars", light.name, light.id),
         };
         let _ = writeln!(
@@ -123,7 +120,8 @@ pub(super) fn map(city: &City, player: &CityPlayer, order: &[&str], compares: bo
         );
         if let Some(number) = number.filter(|&number| number < MOST_NUMBERS) {
             // Once in white behind it, so that it can be read over a street.
-            for look in ["fill=\"#ffffff\" stroke=\"#ffffff\" stroke-width=\"3\"", "fill=\"#1A1A1A\""] {
+            let ink = format!("fill=\"{}\"", hex(INK));
+            for look in ["fill=\"#ffffff\" stroke=\"#ffffff\" stroke-width=\"3\"", &ink] {
                 let (x, y, number) = (x + 8.0, y - 6.0, number + 1);
                 let _ = writeln!(svg, "<text x=\"{x:.1}\" y=\"{y:.1}\" font-size=\"14\" {look}>{number}</text>");
             }
@@ -146,7 +144,8 @@ fn legend(svg: &mut String, scale: Scale, top: f64) {
         let words = escape(words);
         let _ = writeln!(
             svg,
-            "<text x=\"{x:.1}\" y=\"{y:.1}\" font-size=\"14\" fill=\"#1A1A1A\" text-anchor=\"{anchor}\">{words}</text>"
+            "<text x=\"{x:.1}\" y=\"{y:.1}\" font-size=\"14\" fill=\"{}\" text-anchor=\"{anchor}\">{words}</text>",
+            hex(INK)
         );
     };
     text(MARGIN, top + 18.0, words, "start");
@@ -161,7 +160,7 @@ fn legend(svg: &mut String, scale: Scale, top: f64) {
         text(x + width / 2.0, top + 54.0, &words, "middle");
     }
     if let Scale::Difference(_) = scale {
-        text(MARGIN, top + 74.0, "a ring: the 95 % interval of the difference contains 0", "start");
+        text(MARGIN, top + 74.0, "a ring: the 95 % interval of the difference contains 0, or there is none", "start");
     }
     for (place, &value) in values.iter().enumerate() {
         let x = MARGIN + place as f64 * width;
@@ -187,10 +186,7 @@ impl Frame {
     fn around(city: &City, player: &CityPlayer) -> Frame {
         let streets = city.streets.iter().flat_map(|street| &street.shape_m);
         let places: Vec<[f64; 2]> = streets.copied().chain(player.lights.iter().map(|light| light.place_m)).collect();
-        let ends = |axis: usize| {
-            let values = places.iter().map(|place| place[axis]).filter(|value| value.is_finite());
-            values.fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), value| (low.min(value), high.max(value)))
-        };
+        let ends = |axis: usize| ends_of(places.iter().map(|place| place[axis]).filter(|value| value.is_finite()));
         let ((west_m, east_m), (south_m, north_m)) = (ends(0), ends(1));
         if !(east_m >= west_m && north_m >= south_m) {
             return Frame { west_m: 0.0, north_m: 0.0, px_per_m: 1.0, left: MARGIN, height: HEIGHT.0 };

@@ -35,12 +35,11 @@ pub(crate) fn cities(folders: &[PathBuf]) -> Result<Option<Cities>> {
     };
     // Nothing in a table of variants names its city: with several cities, each takes that of its own folder only.
     let tables: Vec<PathBuf> = folders.iter().filter(|folder| folder.join(VARIANTS).is_file()).cloned().collect();
-    let is_only_one = found.len() == 1;
-    let of_city = |(folder, city): &(PathBuf, read::City)| {
-        let own = [folder.clone()];
-        page::blocks(if is_only_one { &tables } else { &own }, city, is_only_one)
+    let of_city = |(number, (folder, city)): (usize, &(PathBuf, read::City))| match found.len() {
+        1 => page::blocks(&tables, city, None),
+        _ => page::blocks(std::slice::from_ref(folder), city, Some(number + 1)),
     };
-    let blocks = found.iter().flat_map(of_city).collect();
+    let blocks = found.iter().enumerate().flat_map(of_city).collect();
     let folders = found.iter().map(|(folder, _)| folder.clone()).chain(tables.iter().cloned()).collect();
     Ok(Some(Cities { title, blocks, count: found.len(), folders }))
 }

@@ -41,12 +41,16 @@ const MEANING: [&str; 6] = [
 ];
 
 /// Makes the sections of a city. `variants`: folders that may have tables of variants.
-pub(super) fn blocks(variants: &[PathBuf], city: &City, is_only_one: bool) -> Vec<Block> {
+/// `number`: that of the city, from 1, if there are several.
+pub(super) fn blocks(variants: &[PathBuf], city: &City, number: Option<usize>) -> Vec<Block> {
     let before = &city.players[0];
     let after = best(city);
     let shown = after.unwrap_or(before);
     let order: Vec<&str> = before.lights.iter().map(|light| &*light.id).collect();
-    let title = |words: &str| if is_only_one { words.to_owned() } else { format!("{words}: {}", city.title()) };
+    let title = |words: &str| match number {
+        None => words.to_owned(),
+        Some(number) => format!("{words}: {} ({number})", city.title()),
+    };
     let mut blocks = vec![Block::Heading(title("Before and after")), Block::Paragraph(summary(city, after))];
     blocks.push(Block::Table(whole_city(city)));
     if !before.lights.is_empty() {
@@ -64,9 +68,10 @@ pub(super) fn blocks(variants: &[PathBuf], city: &City, is_only_one: bool) -> Ve
                 before.label
             ),
         };
-        let slug = slug(&city.title());
+        let number = number.map_or(String::new(), |number| format!("_{number}"));
+        let name = format!("map_{}{number}", slug(&city.title()));
         let svg = map(city, shown, &order, after.is_some());
-        blocks.push(Block::Figure(document::Figure { name: format!("map_{slug}"), caption, svg }));
+        blocks.push(Block::Figure(document::Figure { name, caption, svg }));
         blocks.push(Block::Heading(title("Each light")));
         blocks.push(Block::Table(lights(before, after)));
         blocks.push(Block::Table(approaches(before, after)));
@@ -85,12 +90,8 @@ pub(super) fn blocks(variants: &[PathBuf], city: &City, is_only_one: bool) -> Ve
 
 /// Returns the player that is shown against the first one: the best learned one, or else the best of the others.
 fn best(city: &City) -> Option<&CityPlayer> {
-    let delay = |player: &CityPlayer| player.figures.get("delay_s").map_or(f64::INFINITY, |found| found.mean);
-    let of = |learned: bool| {
-        let players = city.players.iter().skip(1).filter(move |player| player.learned == learned);
-        players.min_by(|one, other| delay(one).total_cmp(&delay(other)))
-    };
-    of(true).or_else(|| of(false))
+    let all = |_: &&CityPlayer| true;
+    best_of(city, true, all).or_else(|| best_of(city, false, all))
 }
 
 fn name_of(player: &CityPlayer) -> String {
@@ -100,19 +101,22 @@ fn name_of(player: &CityPlayer) -> String {
     }
 }
 
+/// Returns the player of the least delay behind the first one, among the learned ones or the others.
+fn best_of<'a>(city: &'a City, learned: bool, counts: impl Fn(&&'a CityPlayer) -> bool) -> Option<&'a CityPlayer> {
+    let delay = |player: &CityPlayer| player.delay_s().map_or(f64::INFINITY, |found| found.mean);
+    let players = city.players.iter().skip(1).filter(|player| player.learned == learned).filter(counts);
+    players.min_by(|one, other| delay(one).total_cmp(&delay(other)))
+}
+
 fn role(city: &City, player: &CityPlayer) -> String {
     let is_best = |learned: bool| {
-        let delay = |player: &CityPlayer| player.figures.get("delay_s").map_or(f64::INFINITY, |found| found.mean);
-        let players = city.players.iter().skip(1).filter(|other| other.learned == learned && other.label != TODAY);
-        player.learned == learned
-            && players
-                .min_by(|one, other| delay(one).total_cmp(&delay(other)))
-                .is_some_and(|it| it.label == player.label)
+        let best = best_of(city, learned, |other| other.label != TODAY);
+        player.learned == learned && best.is_some_and(|best| best.label == player.label)
     };
     let role = match () {
         () if player.label == TODAY => "today",
         () if is_best(true) => "learned",
-        () if is_best(false) && player.label != city.players[0].label => "best rule",
+        () if is_best(false) => "best rule",
         () => return player.label.clone(),
     };
     format!("{role}: {}", player.label)
@@ -120,9 +124,8 @@ fn role(city: &City, player: &CityPlayer) -> String {
 
 fn summary(city: &City, after: Option<&CityPlayer>) -> String {
     let before = &city.players[0];
-    let delay = |player: &CityPlayer| player.figures.get("delay_s").copied();
     let played = counted(city.episodes, "episode");
-    let Some(own) = delay(before) else { return String::new() };
+    let Some(own) = before.delay_s() else { return String::new() };
     let first = format!("With {} a car loses {} s.", name_of(before), with_error(own));
     let Some(after) = after else {
         return format!(
@@ -130,8 +133,11 @@ fn summary(city: &City, after: Option<&CityPlayer>) -> String {
         );
     };
     let difference = after.differences.as_ref().and_then(|all| all.get("delay_s")).copied();
-    let (Some(theirs), Some(difference)) = (delay(after), difference) else { return first };
+    let (Some(theirs), Some(difference)) = (after.delay_s(), difference) else { return first };
     let words = match (is_unclear(Some(difference)), difference.mean < 0.0) {
+        _ if difference.half_width_95.is_none() => {
+            "One episode has no interval, so it does not show which one is better.".to_owned()
+        }
         (true, _) => {
             "The difference is within its interval, so these episodes do not show which one is better.".to_owned()
         }
@@ -247,22 +253,31 @@ fn shares(city: &City) -> Table {
     Table { caption, header, rows: rows.collect() }
 }
 
-/// Returns the table of variants beside the file of a city, as it is written: `variants.csv`.
+/// Returns the table of variants in a folder, `variants.csv`: a line per player and a column per variant.
 fn robustness(folder: &Path) -> Option<Table> {
     let mut reader = csv::Reader::from_path(folder.join(VARIANTS)).ok()?;
-    let header: Vec<String> = reader.headers().ok()?.iter().map(str::to_owned).collect();
-    let rows = reader.records().filter_map(|record| Some(record.ok()?.iter().map(short).collect::<Vec<_>>()));
-    let rows: Vec<Vec<String>> = rows.filter(|row| row.len() == header.len()).collect();
+    let mut header = vec![String::new()];
+    let mut rows: Vec<Vec<String>> = Vec::new();
+    for record in reader.records() {
+        let record = record.ok()?;
+        let [player, demand, closed, mean, half_width] = record.iter().collect::<Vec<_>>()[..] else { return None };
+        let closed = if closed.is_empty() { String::new() } else { format!(", closed {closed}") };
+        let variant = format!("demand {demand}{closed}");
+        let column = header.iter().position(|name| *name == variant).unwrap_or_else(|| {
+            header.push(variant);
+            header.len() - 1
+        });
+        let row = rows.iter().position(|row| row[0] == player).unwrap_or_else(|| {
+            rows.push(vec![player.to_owned()]);
+            rows.len() - 1
+        });
+        let row = &mut rows[row];
+        row.resize(header.len(), NOTHING.to_owned());
+        row[column] = with_error(Figure { mean: mean.parse().ok()?, half_width_95: half_width.parse().ok() });
+    }
+    rows.iter_mut().for_each(|row| row.resize(header.len(), NOTHING.to_owned()));
     let caption = "Delay in seconds per car with another demand, or with roads closed.".to_owned();
     (!rows.is_empty()).then_some(Table { caption, header, rows })
-}
-
-/// Returns a cell with two digits after the point, if it is a number with more.
-fn short(cell: &str) -> String {
-    match cell.parse::<f64>() {
-        Ok(value) if cell.contains('.') && value.is_finite() => format!("{value:.2}"),
-        _ => cell.to_owned(),
-    }
 }
 
 fn assumed(city: &City) -> Vec<String> {
@@ -271,8 +286,9 @@ fn assumed(city: &City) -> Vec<String> {
     if let (Some(begin), Some(end)) = (setting("begin_s"), setting("end_s")) {
         lines.push(format!("An episode is from {begin} s to {end} s of the scenario's clock."));
     }
-    let warm_up = setting("warm_up_s").unwrap_or_else(|| 0.into());
-    lines.push(format!("Cars that want to enter in the first {warm_up} s are not counted (traffic.warm_up_s)."));
+    if let Some(warm_up) = setting("warm_up_s").filter(|seconds| *seconds != 0) {
+        lines.push(format!("Cars that want to enter in the first {warm_up} s are not counted (traffic.warm_up_s)."));
+    }
     lines.push(format!(
         "{} with random numbers of seed {}; every controller plays the same ones.",
         counted(city.episodes, "episode"),
@@ -284,7 +300,7 @@ fn assumed(city: &City) -> Vec<String> {
     for (key, words) in [
         ("decision_s", "Seconds between two decisions of a policy"),
         ("min_green_s", "Least seconds of a green"),
-        ("yellow_s", "Yellow"),
+        ("yellow_s", "Seconds of yellow (program: those of the light's own program)"),
     ] {
         lines.extend(setting(key).map(|value| format!("{words}: {}.", value.to_string().trim_matches('"'))));
     }

@@ -80,6 +80,13 @@ pub(crate) struct PartFigures {
     pub(crate) difference: BTreeMap<String, Option<Figure>>,
 }
 
+impl CityPlayer {
+    /// Returns the delay per car of the whole city, in seconds.
+    pub(crate) fn delay_s(&self) -> Option<Figure> {
+        self.figures.get("delay_s").copied()
+    }
+}
+
 impl PartFigures {
     /// Returns by how much the delay is higher than with the first player.
     pub(crate) fn delay_difference(&self) -> Option<Figure> {

@@ -37,13 +37,7 @@ pub fn header() -> Vec<String> {
 /// Returns the lines of a player, the worst light first. `label`: what it is called. `reference`: the player from which differences
 /// are taken; of that one they are empty.
 pub fn lines(label: &str, played: &Played<'_>, reference: Option<&Played<'_>>) -> Vec<Vec<String>> {
-    let order = played.worst_first();
-    let mut parts = played.parts();
-    parts.sort_by_key(|part| {
-        let (Part::Light(light) | Part::Approach(light, _) | Part::Movement(light, ..)) = *part;
-        order.iter().position(|&number| number == light)
-    });
-    parts.into_iter().map(|part| line(label, played, reference, part)).collect()
+    played.parts().into_iter().map(|part| line(label, played, reference, part)).collect()
 }
 
 fn line(label: &str, played: &Played<'_>, reference: Option<&Played<'_>>, part: Part) -> Vec<String> {

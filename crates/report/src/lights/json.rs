@@ -38,9 +38,8 @@ pub fn lights(played: &Played<'_>, reference: Option<&Played<'_>>) -> Value {
     lights.collect()
 }
 
-/// Returns what becomes of the time that all cars lost, in seconds per episode: the lights' part, that of other roads, and that
-/// before entering.
-pub fn shares(played: &Played<'_>) -> Value {
+/// Returns where all cars lose their time, in seconds per episode: at lights, on other roads, before entering, and the sum.
+pub fn lost_time(played: &Played<'_>) -> Value {
     let count = played.episodes.len().max(1) as f64;
     let mean = |value: &dyn Fn(usize) -> f64| (0..played.episodes.len()).map(value).sum::<f64>() / count;
     let at_lights = |number: usize| played.episodes[number].lights.iter().map(|light| light.sums.delay_s).sum::<f64>();

@@ -8,7 +8,7 @@ pub mod json;
 pub mod table;
 
 use dials_core::base::statistics::Interval;
-use dials_core::domain::light_figures::{ApproachEpisode, CarSums, LightPlace, LightsEpisode};
+use dials_core::domain::light_figures::{CarSums, LightPlace, LightsEpisode};
 
 /// Largest control delay of each level of service at signalised intersections, in seconds per car. Above the last one it is F.
 /// Source: Highway Capacity Manual, 6th edition (TRB 2016), exhibit 19-8, for a volume-to-capacity ratio of at most 1.
@@ -49,12 +49,12 @@ pub const BUS_DELAY: &str = "bus_delay_s";
 pub const NAMES: [&str; 4] = [DELAY, STOPS, QUEUE, BUS_DELAY];
 
 impl Played<'_> {
-    /// Returns all parts: each light with its approaches and their movements behind it.
+    /// Returns all parts, the worst light first: each light with its approaches and their movements behind it.
     pub fn parts(&self) -> Vec<Part> {
         let mut parts = Vec::new();
-        for (light, place) in self.places.iter().enumerate() {
+        for light in self.worst_first() {
             parts.push(Part::Light(light));
-            for (approach, of) in place.approaches.iter().enumerate() {
+            for (approach, of) in self.places[light].approaches.iter().enumerate() {
                 parts.push(Part::Approach(light, approach));
                 parts.extend((0..of.movements.len()).map(|movement| Part::Movement(light, approach, movement)));
             }
@@ -64,14 +64,11 @@ impl Played<'_> {
 
     /// Returns the figures of a part.
     pub fn figures(&self, part: Part) -> PartFigures {
-        let approach_of = |episode: &'_ LightsEpisode, light: usize, approach: usize| -> ApproachEpisode {
-            episode.lights[light].approaches[approach].clone()
-        };
         let of = |episode: &LightsEpisode| -> (CarSums, Option<f64>) {
             match part {
                 Part::Light(light) => (episode.lights[light].sums, Some(episode.lights[light].queue_p95_cars())),
                 Part::Approach(light, approach) => {
-                    let found = approach_of(episode, light, approach);
+                    let found = &episode.lights[light].approaches[approach];
                     (found.sums, Some(found.queue_p95_cars))
                 }
                 Part::Movement(light, approach, movement) => {
@@ -132,7 +129,7 @@ pub fn title(place: &LightPlace) -> String {
 #[cfg(test)]
 pub(crate) mod tests {
     use super::*;
-    use dials_core::domain::light_figures::{ApproachPlace, LightEpisode, MovementPlace};
+    use dials_core::domain::light_figures::{ApproachEpisode, ApproachPlace, LightEpisode, MovementPlace};
 
     /// Returns a light with one approach and one movement.
     pub(crate) fn light(id: &str, streets: &[&str]) -> LightPlace {

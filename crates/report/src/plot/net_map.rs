@@ -24,7 +24,6 @@ const NAME_HEIGHT: i32 = 22;
 const MOST_NAMES: usize = 40;
 /// Longest name in the list, in letters: alone, and before a value.
 const LONGEST_NAME: usize = 60;
-const LONGEST_BEFORE_VALUE: usize = 60;
 const LANE_M: f64 = 3.2;
 
 /// A light on the map. Its number is its place among the others.
@@ -142,7 +141,7 @@ impl<'a> Sheet<'a> {
 
 impl MapLight<'_> {
     fn in_list(&self) -> String {
-        shortened(self.name, if self.value.is_some() { LONGEST_BEFORE_VALUE } else { LONGEST_NAME })
+        shortened(self.name, LONGEST_NAME)
     }
 }
 

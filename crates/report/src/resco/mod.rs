@@ -32,7 +32,7 @@ pub fn files(about: &About, maps: &[MapResults]) -> Result<Vec<(&'static str, St
     ])
 }
 
-/// Returns a short table for the terminal: a line per map and a column per player that was measured.
+/// Returns a short table for the terminal: a line per player, ours and published ones, and a column per map.
 pub fn summary(maps: &[MapResults]) -> String {
     board::summary_text(maps)
 }

@@ -134,7 +134,7 @@ impl Map {
         MAPS.iter().find(|map| map.name == name)
     }
 
-    /// Returns the first published figure of a kind.
+    /// Returns the first published figure of a kind, without RESCO's greedy rule.
     pub fn figure(&self, kind: Kind) -> Option<&Published> {
         self.published.iter().find(|figure| figure.kind == kind && figure.player != GREEDY)
     }

@@ -55,8 +55,8 @@ pub struct MethodResults {
 impl MethodResults {
     /// Returns the spread of the delay over seeds. `greedy`: of the most probable actions, otherwise of sampled ones.
     pub fn delay(&self, greedy: bool) -> Option<Spread> {
-        let of = |run: &RunResult| if greedy { run.greedy.clone() } else { run.sampled.clone() };
-        let delays: Vec<f64> = self.runs.iter().filter_map(of).map(|found| found.delay_s).collect();
+        let of = |run: &RunResult| Some(if greedy { run.greedy.as_ref() } else { run.sampled.as_ref() }?.delay_s);
+        let delays: Vec<f64> = self.runs.iter().filter_map(of).collect();
         Spread::of(&delays)
     }
 

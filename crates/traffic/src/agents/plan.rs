@@ -48,9 +48,9 @@ pub struct AgentPlan {
 }
 
 impl JointPlan {
-    /// Returns whether its agents see detectors.
+    /// Returns whether its agents see detectors: all of them or none.
     pub(crate) fn sees_detectors(&self) -> bool {
-        self.agents.iter().any(|agent| matches!(agent.sensor.cars, CarColumns::Detectors(_)))
+        self.agents.first().is_some_and(|agent| matches!(agent.sensor.cars, CarColumns::Detectors(_)))
     }
 }
 

@@ -24,7 +24,7 @@ use dials_core::domain::{Domain, DomainTable};
 pub use detectors::DetectorFaults;
 pub use grid::{ClockOffsets, DSet, EntryRule, TrafficConfig, UntilFirstSwitch};
 pub use reward::{Reward, RewardTerm};
-pub use scenario::{Actions, Observation, Pedestrians, ScenarioConfig, Yellow};
+pub use scenario::{Actions, DEMAND, Observation, Pedestrians, ScenarioConfig, Yellow};
 
 /// Traffic lights, on a grid of the paper, which `network` and `local_network` name, or on a scenario of yours, which
 /// `scenario` names. A key of the other way is an error.

@@ -157,7 +157,8 @@ const LONGEST_S: u32 = 300;
 const WALKING_SPEED_MPS: std::ops::RangeInclusive<f64> = 0.2..=3.0;
 const WALK_S: std::ops::RangeInclusive<f64> = 0.0..=60.0;
 const APPROACH_M: std::ops::RangeInclusive<f64> = 10.0..=1000.0;
-const DEMAND: std::ops::RangeInclusive<f64> = 0.01..=100.0;
+/// Factors that `traffic.demand` may be.
+pub const DEMAND: std::ops::RangeInclusive<f64> = 0.01..=100.0;
 /// Largest number of decisions of an episode, as in the check of a horizon.
 const MOST_DECISIONS: u64 = 1_000_000;
 

@@ -11,6 +11,7 @@ use anyhow::{Context, Result, anyhow, bail, ensure};
 use super::sumo_numbers::check_option;
 use super::sumo_options::{Fate, fate_of, whole_name};
 use super::sumo_time::seconds;
+use crate::network::xml::{document, section};
 use dials_core::outside::excerpt;
 use dials_core::outside::tree::{Element, parse_file, read_whole};
 
@@ -37,7 +38,7 @@ pub struct Sumocfg {
     pub begin_s: u64,
     pub end_s: Option<u64>,
     /// SUMO's steps in a second.
-    pub(crate) steps_per_s: u32,
+    pub steps_per_s: u32,
     /// Options that change traffic, without `--`, in the order of the file. [`TELEPORT`] is always among them.
     pub options: Vec<(String, String)>,
     /// What this program makes of the rest, a sentence each.
@@ -226,6 +227,37 @@ fn files(value: &str, folder: &Path) -> Result<Vec<PathBuf>> {
     Ok(paths.into_iter().map(|path| folder.join(path)).collect())
 }
 
+/// Returns a configuration of SUMO that names these files. Paths that are not absolute count from its folder.
+///
+/// Errors: a path is not UTF-8.
+pub fn text(
+    net: &Path,
+    routes: &[PathBuf],
+    additional: &[PathBuf],
+    [begin_s, end_s]: [u64; 2],
+    options: &[(String, String)],
+) -> Result<String> {
+    let list = |paths: &[PathBuf]| -> Result<String> {
+        Ok(paths.iter().map(|path| encoded(path)).collect::<Result<Vec<_>>>()?.join(","))
+    };
+    let (net, routes, additional) = (encoded(net)?, list(routes)?, list(additional)?);
+    let mut input = vec![("net-file", &*net), ("route-files", &*routes), ("additional-files", &*additional)];
+    input.retain(|(_, files)| !files.is_empty());
+    let [begin, end] = [begin_s, end_s].map(|second| second.to_string());
+    let options: Vec<(&str, &str)> = options.iter().map(|(name, value)| (&**name, &**value)).collect();
+    Ok(document("configuration", |xml| {
+        section(xml, "input", &input)?;
+        section(xml, "time", &[("begin", &begin), ("end", &end)])?;
+        section(xml, "processing", &options)
+    }))
+}
+
+/// Returns a path as [`file`] reads it.
+fn encoded(path: &Path) -> Result<String> {
+    let text = path.to_str().with_context(|| format!("{}: is not UTF-8; rename it", path.display()))?;
+    Ok(text.replace('%', "%25").replace(',', "%2C").replace('$', "%24"))
+}
+
 /// Returns the name of a file as SUMO reads it: a `%` and two digits stand for a character.
 fn file(name: &str) -> Result<String> {
     ensure!(!name.is_empty(), "names a file without a name; remove a comma");
@@ -257,6 +289,15 @@ mod tests {
     fn read(options: &str) -> Result<Sumocfg> {
         let root = parse(&format!("<configuration>{options}</configuration>")).unwrap();
         Sumocfg::of(&root, Path::new("dir"))
+    }
+
+    #[test]
+    fn a_configuration_that_is_written_is_read_as_what_it_was() {
+        let [net, routes] = ["a, b%.net.xml", "c$&.rou.xml"].map(PathBuf::from);
+        let text = text(&net, std::slice::from_ref(&routes), &[], [60, 3600], &[("scale".into(), "2".into())]).unwrap();
+        let read = Sumocfg::of(&parse(&text).unwrap(), Path::new("")).unwrap();
+        assert_eq!((read.net, read.routes, read.begin_s, read.end_s), (net, vec![routes], 60, Some(3600)));
+        assert!(read.options.contains(&("scale".to_owned(), "2".to_owned())), "{:?}", read.options);
     }
 
     #[test]

@@ -58,10 +58,12 @@ fn ends(roads: &Roads) -> [Vec<EdgeNo>; 2] {
     };
     let lanes = |edge: EdgeNo| roads.edge(edge).lanes.iter().copied();
     let comes = |edge: &EdgeNo| {
-        lanes(*edge).flat_map(|lane| roads.links_to(lane)).any(|link| roads.carries_cars(link) && !link.turns_around)
+        lanes(*edge).flat_map(|lane| roads.links_to(lane)).any(|link| roads.carries_cars(link) && !link.turns_around())
     };
     let goes = |edge: &EdgeNo| {
-        lanes(*edge).flat_map(|lane| roads.links_from(lane)).any(|link| roads.carries_cars(link) && !link.turns_around)
+        lanes(*edge)
+            .flat_map(|lane| roads.links_from(lane))
+            .any(|link| roads.carries_cars(link) && !link.turns_around())
     };
     [for_cars().filter(|edge| !comes(edge)).collect(), for_cars().filter(|edge| !goes(edge)).collect()]
 }

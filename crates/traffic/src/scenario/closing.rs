@@ -329,7 +329,7 @@ impl Closing<'_> {
         fate != Fate::NoWay
     }
 
-    /// Returns whether a trip has a way. Who had none on the open net is left to SUMO.
+    /// Returns whether a trip has a way. SUMO judges a trip that had none on the open net.
     fn trip(&mut self, trip: &mut Element, classes: &VehicleClasses) -> Fate {
         let (roads, ways) = (self.roads, &mut self.ways);
         for (_, via) in trip.attributes.iter_mut().filter(|(key, _)| key == "via") {
@@ -345,7 +345,7 @@ impl Closing<'_> {
         if reaches(ways) || !reaches(&mut self.open) { Fate::Same } else { Fate::NoWay }
     }
 
-    /// Changes a route. `stops`: edges on which its vehicles stop of their own.
+    /// Changes a route. `stops`: edges of its vehicles' own stops.
     fn route(&mut self, route: &mut Element, classes: &VehicleClasses, stops: &BTreeSet<EdgeNo>) -> Fate {
         if let Some(known) = route.attribute("refId") {
             return self.fates.get(known).copied().unwrap_or(Fate::Same);
@@ -353,7 +353,7 @@ impl Closing<'_> {
         let stops: BTreeSet<EdgeNo> = &self.edges_of_stops(route) | stops;
         self.leave_out_stops(route);
         let edges = words(route, "edges").map(|edge| self.roads.edge_named(edge)).collect::<Option<Vec<EdgeNo>>>();
-        // SUMO says which edges there are not.
+        // SUMO reports unknown edges.
         let Some(edges) = edges.filter(|edges| edges.iter().any(|&edge| self.ways.is_closed(edge))) else {
             return Fate::Same;
         };
@@ -365,17 +365,16 @@ impl Closing<'_> {
 
     /// Returns the way of a route around the closed edges, by its stops. `None`: there is none.
     fn detour(&mut self, edges: &[EdgeNo], stops: &BTreeSet<EdgeNo>, classes: &VehicleClasses) -> Option<Vec<EdgeNo>> {
-        let (first, last) = (*edges.first()?, *edges.last()?);
+        let &[first, ref middle @ .., last] = edges else {
+            // Its only edge is closed.
+            return None;
+        };
         // A route that no vehicle has is for cars.
         let car = VehicleClasses::from([CAR.to_owned()]);
         let classes = if classes.is_empty() { &car } else { classes };
-        let between =
-            edges[1..edges.len() - 1].iter().filter(|&&edge| stops.contains(&edge) && !self.ways.is_closed(edge));
+        let between = middle.iter().filter(|&&edge| stops.contains(&edge) && !self.ways.is_closed(edge));
         let places: Vec<EdgeNo> = [first].into_iter().chain(between.copied()).chain([last]).collect();
         let mut way = vec![first];
-        if edges.len() == 1 {
-            return (!self.ways.is_closed(first)).then_some(way);
-        }
         for pair in places.windows(2) {
             let piece: Rc<Vec<EdgeNo>> = self.ways.fastest(pair[0], pair[1], classes)?;
             way.extend(&piece[1..]);

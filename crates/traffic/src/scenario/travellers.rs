@@ -61,8 +61,10 @@ impl SumoScenario {
         let delay_s =
             self.option("max-depart-delay").and_then(|text| seconds(text).ok()).filter(|delay_s| *delay_s >= 0.0);
         // SUMO counts vehicles that it leaves out for another reason together with these.
-        let has_others =
-            self.option("scale").is_some() || self.option("ignore-route-errors").is_some() || found.has_persons;
+        let has_others = self.option(super::SCALE).is_some()
+            || self.demand != 1.0
+            || self.option("ignore-route-errors").is_some()
+            || found.has_persons;
         let removed_after_s = delay_s.or(self.departures.some_may_vanish.then_some(0.0));
         found.removed_after_s = removed_after_s.filter(|_| !has_others);
         found

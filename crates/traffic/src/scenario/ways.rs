@@ -55,18 +55,19 @@ impl<'a> Ways<'a> {
     }
 
     /// Returns the fastest way from one edge to another, with both of them. `None`: there is none.
-    pub(crate) fn fastest(&mut self, from: EdgeNo, to: EdgeNo, classes: &VehicleClasses) -> Option<Rc<Vec<EdgeNo>>> {
+    pub(crate) fn fastest(&mut self, from: EdgeNo, to: EdgeNo, classes: &VehicleClasses) -> Option<Way> {
         let key = (from, to, classes.clone());
         if let Some(known) = self.found.get(&key) {
             return known.clone();
         }
-        let found = self.reaches(from, to, classes).then(|| Rc::new(self.dijkstra(from, to, classes)));
+        let is_open = !self.is_closed(from) && !self.is_closed(to);
+        let found = if is_open { self.dijkstra(from, to, classes).map(Rc::new) } else { None };
         self.found.insert(key, found.clone());
         found
     }
 
-    /// Dijkstra's algorithm. Keys are milliseconds, because those of a heap must be in order. There must be a way.
-    fn dijkstra(&mut self, from: EdgeNo, to: EdgeNo, classes: &VehicleClasses) -> Vec<EdgeNo> {
+    /// Dijkstra's algorithm. Keys are milliseconds, because those of a heap must be in order.
+    fn dijkstra(&mut self, from: EdgeNo, to: EdgeNo, classes: &VehicleClasses) -> Option<Vec<EdgeNo>> {
         let onward = self.onward(classes);
         let mut before: Vec<Option<EdgeNo>> = vec![None; onward.len()];
         let mut queue = BinaryHeap::from([Reverse((0, from, from))]);
@@ -83,10 +84,10 @@ impl<'a> Ways<'a> {
         }
         let mut way = vec![to];
         while way[way.len() - 1] != from {
-            way.push(before[way[way.len() - 1].0].expect("there is a way"));
+            way.push(before[way[way.len() - 1].0]?);
         }
         way.reverse();
-        way
+        Some(way)
     }
 
     fn millis_on(&self, edge: EdgeNo, classes: &VehicleClasses) -> u64 {
@@ -128,7 +129,12 @@ mod tests {
     use crate::network::roads::example::roads;
 
     fn way(closed: &[&str], from: &str, to: &str, class: &str) -> Option<Vec<String>> {
-        let roads = roads(&[]);
+        way_with(&[], closed, from, to, class)
+    }
+
+    /// `changes`: texts of the example's net, and what stands there instead.
+    fn way_with(changes: &[(&str, &str)], closed: &[&str], from: &str, to: &str, class: &str) -> Option<Vec<String>> {
+        let roads = roads(changes);
         let number = |name: &str| roads.edge_named(name).unwrap();
         let mut ways = Ways::new(&roads, closed.iter().map(|name| number(name)).collect());
         let classes = VehicleClasses::from([class.to_owned()]);
@@ -143,6 +149,8 @@ mod tests {
         assert_eq!(way(&[], "north", "west", "passenger").unwrap(), ["north", "back", "west"]);
         assert_eq!(way(&["near"], "far", "out", "passenger"), None);
         assert_eq!(way(&["out"], "far", "out", "passenger"), None);
-        assert_eq!(way(&[], "far", "out", "ship").is_some(), way(&[], "far", "near", "ship").is_some());
+        let for_buses = [("<lane id='out_0'", "<lane id='out_0' allow='bus'")];
+        assert!(way_with(&for_buses, &[], "far", "out", "bus").is_some());
+        assert_eq!(way_with(&for_buses, &[], "far", "out", "passenger"), None);
     }
 }

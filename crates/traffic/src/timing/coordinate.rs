@@ -128,7 +128,7 @@ pub(super) fn of_common_cycle(plans: &[AgentPlan], timings: &[Timing], cycle: u3
         let steps = cycle.saturating_sub(timing.cycle() - green).max(shortest);
         let weights: Vec<f64> = timing.greens().iter().map(|&green| f64::from(green)).collect();
         let greens = split(steps, &weights, least).expect("there are steps for the least greens");
-        timing.with_lengths(&plan.phases, &greens)
+        timing.with_lengths(&plan.phases, &plan.phases.fitted(&greens))
     };
     plans.iter().zip(timings).map(in_cycle).collect()
 }
@@ -181,7 +181,7 @@ fn upstream(roads: &Roads, edge: EdgeNo, leaves_a_light: impl Fn(EdgeNo) -> bool
             return Some((edge, travel_s));
         }
         for link in roads.edge(edge).lanes.iter().flat_map(|&lane| roads.links_to(lane)) {
-            // Behind a light that has no agent nobody knows when cars come.
+            // Arrivals behind a light without an agent are not predictable.
             if link.signal.is_none() && roads.is_road(link.from) {
                 let before = roads.lane(link.from).edge;
                 open.push((before, travel_s + seconds(before)));

@@ -3,7 +3,7 @@
 //! For each light it takes the greens that were shown, in the cyclic order in which they followed each other most often.
 //! The lengths are the mean lengths. Where the order varies, some greens were shown more often than others. A second
 //! candidate gives each green its share of all green. Two more give all lights a common cycle, with offsets that suit
-//! the traffic. Who calls plays all candidates and takes the best one.
+//! the traffic. The caller plays all candidates and takes the best one.
 
 use anyhow::Result;
 
@@ -132,7 +132,7 @@ impl Seen {
             order.iter().for_each(|&green| weights[green] = self.all_s[green].max(1) as f64);
             steps = split(sum, &weights, least).expect("the means are no shorter than the least greens");
         }
-        Timing::in_order(&plan.phases, &steps, &order, 0)
+        Timing::in_order(&plan.phases, &plan.phases.fitted(&steps), &order, 0)
     }
 
     /// Returns the greens of the plan: those that were shown often, and what else is needed to serve every link.

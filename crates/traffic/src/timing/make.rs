@@ -36,7 +36,7 @@ fn with_least_greens(plan: &AgentPlan, timing: &Timing) -> Timing {
     let least = plan.phases.min_green_steps();
     let lengths =
         timing.greens().iter().zip(least).map(|(&green, &least)| if green > 0 { green.max(least) } else { 0 });
-    timing.with_lengths(&plan.phases, &lengths.collect::<Vec<_>>())
+    timing.with_lengths(&plan.phases, &plan.phases.fitted(&lengths.collect::<Vec<_>>()))
 }
 
 /// Returns Webster's timings of each period. All periods show the greens that the whole demand needs.

@@ -18,7 +18,8 @@ pub struct PlainRun {
     /// Seconds of begin and end that the configuration does not say.
     pub begin_s: Option<u64>,
     pub end_s: Option<u64>,
-    /// Whether SUMO would check the files against schemas. It then refuses some that it can play.
+    /// Whether the configuration does not say whether SUMO checks files against schemas. SUMO then checks, and refuses some files that
+    /// it can play.
     pub validates: bool,
 }
 

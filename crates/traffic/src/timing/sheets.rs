@@ -73,7 +73,6 @@ impl Words<'_> {
         for phase in &phases {
             match (phase.green, of_greens.last_mut()) {
                 (Some(green), _) => of_greens.push(PhaseSheet {
-                    green,
                     green_s: phase.seconds,
                     yellow_s: 0,
                     all_red_s: 0,

@@ -139,7 +139,7 @@ fn default_way(roads: &Roads, ends_outside: impl Fn(LaneNo) -> bool, lane: LaneN
     while !is_over && way.len() < MOST_ROADS {
         let lane = *way.last().expect("it begins with a lane");
         let links = || roads.links_from(lane).filter(|link| roads.carries_cars(link));
-        let Some(link) = links().find(|link| !link.turns_around).or_else(|| links().next()) else { break };
+        let Some(link) = links().find(|link| !link.turns_around()).or_else(|| links().next()) else { break };
         is_over = ends_outside(lane);
         way.push(link.to);
     }

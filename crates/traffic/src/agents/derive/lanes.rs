@@ -81,7 +81,7 @@ fn links_reached(
     loop {
         let before = reached.clone();
         for (place, &lane) in lanes.iter().enumerate() {
-            let next = roads.links_from(lane).filter(|way| way.signal.is_none() && !way.turns_around);
+            let next = roads.links_from(lane).filter(|way| way.signal.is_none() && !way.turns_around());
             for next in next.filter_map(|way| places.get(&way.to)) {
                 let more = reached[*next].clone();
                 reached[place].extend(more);
@@ -100,7 +100,7 @@ fn leaves_the_net(roads: &Roads, light: &str, exit: EdgeNo) -> bool {
     let mut open = vec![exit];
     while let Some(edge) = open.pop() {
         let ways = roads.edge(edge).lanes.iter().flat_map(|&lane| roads.links_from(lane));
-        for way in ways.filter(|way| roads.carries_cars(way) && !way.turns_around) {
+        for way in ways.filter(|way| roads.carries_cars(way) && !way.turns_around()) {
             match &way.signal {
                 Some(signal) if signal.light != light || edge == exit => return false,
                 Some(_) => {}

@@ -67,7 +67,7 @@ impl Region {
             let Some(junction) = roads.begin_of(lane).filter(|junction| !lit.contains(junction)) else { continue };
             // Cars on these have just left the light.
             let leaves = |lane: LaneNo| roads.begin_of(lane).is_some_and(|begin| self.own.contains(&begin));
-            let before = roads.links_to(lane).filter(|link| roads.carries_cars(link) && !link.turns_around);
+            let before = roads.links_to(lane).filter(|link| roads.carries_cars(link) && !link.turns_around());
             let before = before.filter(|link| roads.is_road(link.from) && may_see(link.from) && !leaves(link.from));
             let before = before.map(|link| (link.from, distance_m + roads.length_within_junction(link)));
             let before: Vec<_> = before.filter(|(_, ahead_m)| *ahead_m < self.approach_m).collect();

@@ -173,7 +173,7 @@ fn of_junction(roads: &Roads, program: &Program) -> Result<RingGreens> {
         let mixed = roads.edge(*edge).lanes.iter().any(|&lane| {
             let directions: BTreeSet<bool> = roads
                 .links_from(lane)
-                .filter(|link| link.signal.is_some() && roads.carries_cars(link) && link.direction != Some('t'))
+                .filter(|link| link.signal.is_some() && roads.carries_cars(link) && !link.turns_around())
                 .map(|link| matches!(link.direction, Some('l' | 'L')))
                 .collect();
             directions.len() == 2

@@ -121,11 +121,16 @@ pub struct Connection {
     pub(crate) to: LaneNo,
     pub(crate) via: Option<LaneNo>,
     pub signal: Option<Signal>,
-    pub(crate) turns_around: bool,
     /// Whether cars on it need not yield to anybody: SUMO's state `M`.
     pub(crate) has_priority: bool,
     /// SUMO's letter for where it leads: `l`, `s`, `r`, `t` and so on.
     pub(crate) direction: Option<char>,
+}
+
+impl Connection {
+    pub(crate) fn turns_around(&self) -> bool {
+        self.direction == Some('t')
+    }
 }
 
 #[derive(Clone, Debug, PartialEq, Eq)]

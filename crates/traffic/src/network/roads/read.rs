@@ -147,7 +147,6 @@ impl Roads {
             to: lane("to", "toLane")?,
             via: via.transpose()?,
             signal,
-            turns_around: element.attribute("dir") == Some("t"),
             has_priority: element.attribute("state") == Some("M"),
             direction: element.attribute("dir").and_then(|dir| dir.chars().next()),
         })

@@ -77,7 +77,8 @@ struct Piece {
     stops: u64,
 }
 
-/// A car that came to another edge. `crossed`: movements at which pieces end, in order; the first one may be the piece under way.
+/// A car that came to another edge. `ends`: the movement of the piece that ends, `Some(None)` on other roads. `skipped`: further
+/// movements that it crossed in the same second.
 struct Change {
     driver: usize,
     ends: Option<Option<MovementNo>>,
