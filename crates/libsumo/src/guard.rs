@@ -32,7 +32,7 @@ use super::ffi;
 
 /// Limits of one call of SUMO.
 ///
-/// The usual ones are far beyond what was seen: the largest network, of 10 000 lights, loads in 30 s.
+/// The defaults are far above what was measured: the largest network, of 10 000 lights, loads in 30 s.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Limits {
     /// Seconds of CPU time to load.

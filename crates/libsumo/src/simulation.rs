@@ -184,6 +184,11 @@ impl Simulation {
         self.steps_per_s = steps;
     }
 
+    /// Returns the number of steps of a second.
+    pub fn steps_per_second(&self) -> u32 {
+        self.steps_per_s
+    }
+
     /// Simulates a whole second. What is said of the last step elsewhere is then said of all its steps together.
     ///
     /// # Errors

@@ -297,7 +297,9 @@ impl Traffic {
 
     /// Returns the controller that a name means. What it needs to know is measured first, on simulators of its own.
     pub fn hand_coded(&self, name: &str) -> Result<HandCoded> {
-        controllers::recipe(name, self.plans())?(&self.off_tape())
+        // An episode in which a controller measures something before it begins does not go on the tape.
+        let measured = self.planned_for.as_deref().unwrap_or(self).off_tape();
+        controllers::recipe(name, self.plans())?(&measured)
     }
 
     pub fn everywhere(&self, by: HandCoded) -> SignalControl {
@@ -373,9 +375,7 @@ impl Domain for Traffic {
     }
 
     fn with_background(&self, name: &str, agents: &[AgentId]) -> Result<Box<dyn GlobalSimulator>> {
-        // An episode in which a controller measures something before it begins does not go on the tape.
-        let measured = self.planned_for.as_ref().map_or_else(|| self.off_tape(), |usual| usual.off_tape());
-        let by = controllers::recipe(name, self.plans())?(&measured)?;
+        let by = self.hand_coded(name)?;
         Ok(Box::new(self.global(SignalControl::HandCoded { by, agents: agents.to_vec() })?))
     }
 

@@ -19,7 +19,7 @@ pub struct Street {
 impl Traffic {
     /// Returns the roads on which vehicles drive. No simulator is loaded.
     pub fn streets(&self) -> Result<Vec<Street>> {
-        Ok(streets(&self.network.recorded(&self.plan)?.roads))
+        Ok(streets(&self.network.roads()?))
     }
 }
 

@@ -19,7 +19,7 @@ pub struct PhasePlan {
     min_green_steps: Vec<u32>,
     /// Part of it that timings of lights that go by the clock are raised to; 0 for a green whose minimum they only wait for.
     strict_min_steps: Vec<u32>,
-    /// Most number of steps of each green; `None`: no limit.
+    /// Largest number of steps of each green; `None`: no limit.
     max_green_steps: Vec<Option<u32>>,
     red_limits: Option<RedLimits>,
     /// Number of steps after which the light leaves a green by itself, until it is switched in an episode.
@@ -73,7 +73,7 @@ pub(crate) enum Choice {
     KeepOrSwitch,
     /// The index of a green: the light goes to it or stays there.
     Target,
-    /// As `KeepOrSwitch`, for a light of any net with any number of greens.
+    /// The same as `KeepOrSwitch`, for a light of any net with any number of greens.
     InOrder,
 }
 
@@ -116,11 +116,9 @@ impl PhasePlan {
         self
     }
 
-    /// As [`PhasePlan::with_min_greens`], for limits that timings of lights that go by the clock must fit, too.
-    pub(crate) fn with_strict_min_greens(mut self, steps: impl IntoIterator<Item = u32>) -> PhasePlan {
-        self.strict_min_steps.iter_mut().zip(steps).for_each(|(known, least)| *known = least.max(*known));
-        let strict = self.strict_min_steps.clone();
-        self.with_min_greens(strict)
+    /// Sets what timings of lights that go by the clock must give each green at least. It is no more than the least duration.
+    pub(crate) fn with_strict_min_greens(self, steps: impl IntoIterator<Item = u32>) -> PhasePlan {
+        PhasePlan { strict_min_steps: steps.into_iter().collect(), ..self }
     }
 
     /// Sets the most steps of each green; none is less than its least. `None`: no limit.

@@ -10,6 +10,7 @@
 
 use std::cell::RefCell;
 use std::collections::HashMap;
+use std::collections::hash_map::Entry;
 use std::rc::Rc;
 
 use anyhow::Result;
@@ -268,14 +269,20 @@ type Seen = (usize, usize);
 
 /// Counts a car on an approach, and no longer on the one of the same road where it was before.
 fn count(flows: &mut [Flows], last: &mut HashMap<CarOnRoad, Seen>, slice: usize, car: CarOnRoad, approach: usize) {
-    let (agent, ..) = car;
-    let (slice, before) = last.get(&car).map_or((slice, None), |&(slice, before)| (slice, Some(before)));
-    let counts = flows[slice].cars.row_mut(agent.0);
-    if let Some(before) = before {
-        counts[before] -= 1;
+    let (AgentId(agent), ..) = car;
+    match last.entry(car) {
+        Entry::Vacant(new) => {
+            new.insert((slice, approach));
+            flows[slice].cars.row_mut(agent)[approach] += 1;
+        }
+        Entry::Occupied(mut known) => {
+            let (slice, before) = known.get_mut();
+            let counts = flows[*slice].cars.row_mut(agent);
+            counts[*before] -= 1;
+            counts[approach] += 1;
+            *before = approach;
+        }
     }
-    counts[approach] += 1;
-    last.insert(car, (slice, approach));
 }
 
 /// A rule that counts cars and lets another rule decide.

@@ -12,7 +12,7 @@
 mod fit;
 mod routes;
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
 
 use anyhow::{Context, Result, anyhow, ensure};
@@ -170,6 +170,7 @@ fn read(text: &str, roads: &Roads) -> Result<Vec<Count>> {
     let [begin, end, from, to, cars] = COLUMNS.map(column);
     let [begin, end, from, to, cars] = [begin?, end?, from?, to?, cars?];
     let mut counts: Vec<Count> = Vec::new();
+    let mut seen = BTreeSet::new();
     for (number, line) in lines {
         let line = cells(line);
         let place = || format!("line {}", number + 1);
@@ -203,9 +204,8 @@ fn read(text: &str, roads: &Roads) -> Result<Vec<Count>> {
                 roads.edge(to).id
             );
         }
-        let is_same = |count: &Count| count.interval_ms == interval_ms && count.place == edges;
         ensure!(
-            !counts.iter().any(is_same),
+            seen.insert((interval_ms, edges.clone())),
             "{}: counts the same place and time as an earlier line; leave one",
             place()
         );

@@ -78,7 +78,7 @@ impl EventLog {
     /// needs: so all begin at the same time of day, and follow each other.
     fn add(&self, events: Vec<Event>, end_s: u64) {
         let mut log = self.lock();
-        let days = end_s.div_ceil(DAY_S).max(1);
+        let days = end_s / DAY_S + 1;
         let begin = 10 * DAY_S * days * log.episodes;
         log.episodes += 1;
         log.events.extend(events.into_iter().map(|event| Event { tenths: begin + event.tenths, ..event }));
@@ -103,7 +103,8 @@ mod tests {
             log.take().iter().map(|event| (event.tenths - 252_000) / 864_000).collect::<Vec<_>>()
         };
         assert_eq!(days(28_800), [0, 1, 2]);
-        assert_eq!(days(86_400), [0, 1, 2]);
+        // Its last events are at midnight.
+        assert_eq!(days(86_400), [0, 2, 4]);
         // An episode until 1 a.m. of the next day.
         assert_eq!(days(90_000), [0, 2, 4]);
     }

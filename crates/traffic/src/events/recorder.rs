@@ -1,8 +1,8 @@
 //! Logs the episodes of a GS that are measured.
 
-use std::collections::HashMap;
+use std::collections::{HashMap, HashSet};
 
-use anyhow::{Context, Result};
+use anyhow::Result;
 
 use super::loops::{LoopPlace, Loops};
 use super::phases::PhaseClock;
@@ -22,6 +22,8 @@ pub(crate) struct EventRecorder {
     lanes: Vec<LaneId>,
     stop_bars: Vec<(usize, usize, f64)>,
     loops: Loops,
+    /// Length of SUMO's step. SUMO dates what happens in the step at second `t` to the time before `t`, and lights change at `t`.
+    step_micros: u64,
     episode: Option<Episode>,
     /// Memory that is used again.
     states: Vec<SignalState>,
@@ -61,6 +63,7 @@ impl EventRecorder {
             lanes: simulation.register_lanes(&names)?,
             stop_bars: at_stop_line().map(|((detector, number), site)| (site, number, detector.begin_m)).collect(),
             loops: Loops::of(&sites)?,
+            step_micros: MICROS_PER_S / u64::from(simulation.steps_per_second()),
             episode: None,
             states: Vec::new(),
             cars: CarTable::new(),
@@ -88,7 +91,7 @@ impl EventRecorder {
         Ok(())
     }
 
-    /// Notes a second that was simulated. Lights have shown what they show now during the whole of it.
+    /// Notes a second that was simulated. Lights that this program sets have shown what they show now during the whole of it.
     pub(crate) fn second(&mut self, simulation: &mut Simulation) -> Result<()> {
         let Some(episode) = &mut self.episode else { return Ok(()) };
         simulation.read_lights(&self.lights, &mut self.states)?;
@@ -121,7 +124,8 @@ impl EventRecorder {
         let Some(mut episode) = self.episode.take() else { return Ok(()) };
         let mut passages: Vec<(u64, usize, usize, Passage)> = Vec::new();
         for crossing in self.loops.crossings()? {
-            let car = *episode.cars.get(&crossing.car).context("SUMO wrote of a car that has not entered")?;
+            // Not there: a car that entered and arrived within a second.
+            let Some(&car) = episode.cars.get(&crossing.car) else { continue };
             let ends_here = self.sites[crossing.site].detectors[crossing.detector].place == DetectorPlace::Advance;
             let passage = match (crossing.place, crossing.is_front) {
                 (LoopPlace::Begin, true) => Passage::Comes(car),
@@ -131,9 +135,10 @@ impl EventRecorder {
                 (LoopPlace::End, true) => Passage::Passes(car),
                 (LoopPlace::End, false) => Passage::Leaves(car),
             };
-            passages.push((crossing.micros, crossing.site, crossing.detector, passage));
+            passages.push((crossing.micros + self.step_micros, crossing.site, crossing.detector, passage));
         }
         passages.append(&mut episode.reads);
+        passages.extend(self.lost_unread(&passages));
         // What loops saw comes before what was read at the end of the second.
         passages.sort_by_key(|&(micros, site, detector, _)| (micros, site, detector));
         let mut events = std::mem::take(&mut episode.of_phases);
@@ -147,7 +152,7 @@ impl EventRecorder {
         let mut gone = episode.gone.iter().peekable();
         for passage in passages {
             let (micros, site, detector, _) = passage;
-            while let Some((gone_at, car)) = gone.next_if(|(gone_at, _)| *gone_at < micros) {
+            while let Some((gone_at, car)) = gone.next_if(|(gone_at, _)| *gone_at <= micros) {
                 for (site, presence) in presence.iter_mut().enumerate() {
                     for (detector, presence) in presence.iter_mut().enumerate() {
                         note(presence, (*gone_at, site, detector, Passage::Gone(*car)));
@@ -165,6 +170,30 @@ impl EventRecorder {
         events.sort_by_key(|event| (event.tenths, event.site));
         self.log.add(events, end_s);
         Ok(())
+    }
+}
+
+impl EventRecorder {
+    /// Returns when cars are lost that came to a stop bar and changed lanes within a second: they are in no read.
+    fn lost_unread(&self, passages: &[(u64, usize, usize, Passage)]) -> Vec<(u64, usize, usize, Passage)> {
+        let end_of = |micros: u64| micros.div_ceil(MICROS_PER_S) * MICROS_PER_S;
+        let known: HashSet<(u64, usize, usize, CarId)> = passages
+            .iter()
+            .filter_map(|&(micros, site, detector, passage)| match passage {
+                Passage::Passes(car) | Passage::Found(car) => Some((end_of(micros), site, detector, car)),
+                _ => None,
+            })
+            .collect();
+        let lost = passages.iter().filter_map(|&(micros, site, detector, passage)| match passage {
+            Passage::Comes(car)
+                if self.sites[site].detectors[detector].place == DetectorPlace::StopBar
+                    && !known.contains(&(end_of(micros), site, detector, car)) =>
+            {
+                Some((end_of(micros), site, detector, Passage::Lost(car)))
+            }
+            _ => None,
+        });
+        lost.collect()
     }
 }
 

@@ -4,12 +4,11 @@
 //! lanes of one road that have green at the same times, in each green of the agent and each state of the programs. A
 //! lane has green if one of its ways has. So a detector belongs to exactly one phase, and that phase serves its lane.
 
-use std::collections::{BTreeMap, BTreeSet, HashMap};
+use std::collections::{BTreeMap, BTreeSet};
 
 use super::detectors::Places;
 use crate::agents::plan::AgentPlan;
 use crate::network::roads::{Connection, Function, LaneNo, Roads};
-use crate::network::tree::Element;
 use libsumo::SignalState;
 
 /// A light with its phases and detectors.
@@ -67,34 +66,8 @@ pub enum DetectorPlace {
     Advance,
 }
 
-/// What the net says that simulation does not need: names of streets and directions of connections.
-struct Words<'a> {
-    streets: HashMap<&'a str, &'a str>,
-    /// By light, letter and lane where it begins.
-    directions: HashMap<(&'a str, &'a str, String), &'a str>,
-}
-
-impl<'a> Words<'a> {
-    fn of(net: &'a Element) -> Words<'a> {
-        let named = net.all("edge").filter_map(|edge| Some((edge.attribute("id")?, edge.attribute("name")?)));
-        let direction = |link: &'a Element| {
-            let lane = format!("{}_{}", link.attribute("from")?, link.attribute("fromLane")?);
-            Some(((link.attribute("tl")?, link.attribute("linkIndex")?, lane), link.attribute("dir")?))
-        };
-        Words { streets: named.collect(), directions: net.all("connection").filter_map(direction).collect() }
-    }
-
-    fn direction(&self, light: &str, letter: usize, lane: &str) -> Option<String> {
-        let key = (light, &*letter.to_string(), lane.to_owned());
-        self.directions.get(&key).map(|&direction| direction.to_owned())
-    }
-}
-
 /// Returns all lights of a net that cars obey: those of the agents in their order, then those that keep their program.
-///
-/// `net`: the root of its file.
-pub(crate) fn sites(roads: &Roads, net: &Element, agents: &[AgentPlan]) -> Vec<Site> {
-    let words = Words::of(net);
+pub(crate) fn sites(roads: &Roads, agents: &[AgentPlan]) -> Vec<Site> {
     let mut lights: Vec<&str> = agents.iter().map(|agent| &*agent.light).collect();
     for program in &roads.programs {
         if !lights.contains(&&*program.light) {
@@ -110,12 +83,12 @@ pub(crate) fn sites(roads: &Roads, net: &Element, agents: &[AgentPlan]) -> Vec<S
             None => of_programs.iter().map(|&state| state.clone()).collect(),
         };
         let states: Vec<&SignalState> = greens.iter().chain(of_programs).collect();
-        site(roads, light, &greens, &states, &words)
+        site(roads, light, &greens, &states)
     });
     sites.filter(|site| !site.phases.is_empty()).collect()
 }
 
-fn site(roads: &Roads, light: &str, greens: &[SignalState], states: &[&SignalState], words: &Words<'_>) -> Site {
+fn site(roads: &Roads, light: &str, greens: &[SignalState], states: &[&SignalState]) -> Site {
     let mut lanes: BTreeMap<LaneNo, BTreeSet<usize>> = BTreeMap::new();
     for link in roads.under_light(light).filter(|link| roads.is_road(link.from)) {
         lanes.entry(link.from).or_default().insert(letter(link));
@@ -141,17 +114,14 @@ fn site(roads: &Roads, light: &str, greens: &[SignalState], states: &[&SignalSta
         (in_greens(letters).first().copied().unwrap_or(usize::MAX), letters.first().copied(), lanes[0])
     });
     let vehicles = groups.iter().map(|(_, lanes, letters)| {
-        let edge = &roads.edge(roads.lane(lanes[0]).edge).id;
-        let names: Vec<String> = lanes.iter().map(|&lane| roads.lane(lane).id.clone()).collect();
-        let directions = names.iter().flat_map(|lane| {
-            letters.iter().filter_map(|&letter| words.direction(light, letter, lane)).collect::<Vec<_>>()
-        });
+        let edge = roads.edge(roads.lane(lanes[0]).edge);
+        let links = roads.under_light(light).filter(|link| lanes.contains(&link.from));
         Phase {
             kind: PhaseKind::Vehicles,
-            street: words.streets.get(&**edge).map_or(String::new(), |&street| street.to_owned()),
-            edge: edge.clone(),
-            directions: directions.collect(),
-            lanes: names.clone(),
+            street: edge.street.clone().unwrap_or_default(),
+            edge: edge.id.clone(),
+            directions: links.filter_map(|link| link.direction).map(String::from).collect(),
+            lanes: lanes.iter().map(|&lane| roads.lane(lane).id.clone()).collect(),
             letters: letters.iter().copied().collect(),
             greens: in_greens(letters),
         }

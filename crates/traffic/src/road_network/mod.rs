@@ -2,7 +2,6 @@
 
 pub(crate) mod scenario;
 
-use std::collections::HashMap;
 use std::path::{Path, PathBuf};
 
 use anyhow::Context;
@@ -118,14 +117,6 @@ impl RoadNetwork {
         }
     }
 
-    /// Returns the names of the streets, by the ids of their edges. Many nets have none.
-    pub(crate) fn street_names(&self) -> HashMap<String, String> {
-        let Files::Scenario(scenario) = &self.files else { return HashMap::new() };
-        let named =
-            |edge: &Element| Some((edge.attribute("id")?.to_owned(), edge.attribute("name")?.trim().to_owned()));
-        scenario.files.net().all("edge").filter_map(named).filter(|(_, name)| !name.is_empty()).collect()
-    }
-
     /// Returns which programs of lights were chosen, and the elements `<tlLogic>`, in SUMO's order.
     pub(crate) fn chosen_programs(&self) -> Option<(&Chosen, Vec<&Element>)> {
         let Files::Scenario(scenario) = &self.files else { return None };
@@ -188,10 +179,7 @@ impl RoadNetwork {
 
     /// Returns the lights with the phases and detectors of the event log.
     pub(crate) fn sites(&self, plan: &JointPlan) -> Result<Vec<Site>> {
-        Ok(match &self.files {
-            Files::Grid(files) => sites(&files.network.roads()?, &files.network.net.root, &plan.agents),
-            Files::Scenario(files) => sites(&files.files.roads()?, files.files.net(), &plan.agents),
-        })
+        Ok(sites(&self.roads()?, &plan.agents))
     }
 
     /// Returns the roads of the first row of a local simulator, and the prefix of their names there.

@@ -1,6 +1,6 @@
 //! Plans as engineers read them: the phases of each light, and which approach has green when.
 
-use std::collections::{BTreeMap, HashMap};
+use std::collections::BTreeMap;
 
 use anyhow::Result;
 
@@ -16,8 +16,7 @@ const MOST_TARGETS: usize = 2;
 
 /// Returns a sheet for each light of a plan. `programs`: those that were written of it.
 pub fn sheets(traffic: &Traffic, plan: &DayPlan, programs: &Programs) -> Result<Vec<SignalSheet>> {
-    let (roads, names) = (traffic.network.roads()?, traffic.network.street_names());
-    let words = Words { roads: &roads, names: &names };
+    let words = Words { roads: &traffic.network.roads()? };
     let sheet = |(light, agent): (usize, &AgentPlan)| {
         let limits = programs.limits_s.as_ref().map(|limits| &limits[light][..]);
         let program = |(stage, id): (&Stage<'_>, &String)| words.program(agent, stage, id, limits);
@@ -32,7 +31,6 @@ pub fn sheets(traffic: &Traffic, plan: &DayPlan, programs: &Programs) -> Result<
 
 struct Words<'a> {
     roads: &'a Roads,
-    names: &'a HashMap<String, String>,
 }
 
 impl Words<'_> {
@@ -50,13 +48,13 @@ impl Words<'_> {
 
     /// Returns the name of a road: that of its street, or its id.
     fn name<'b>(&'b self, edge: &'b str) -> &'b str {
-        self.names.get(edge).map_or(edge, String::as_str)
+        self.roads.edge_named(edge).and_then(|number| self.roads.edge(number).street.as_deref()).unwrap_or(edge)
     }
 
     fn streets(&self, light: &str) -> Vec<String> {
         let mut streets: Vec<String> = Vec::new();
         for link in self.roads.of_light(light) {
-            if let Some(name) = self.names.get(self.edge_from(link))
+            if let Some(name) = &self.roads.edge(self.roads.lane(link.from).edge).street
                 && !streets.contains(name)
             {
                 streets.push(name.clone());

@@ -100,7 +100,8 @@ pub(super) fn apply(
             because.way_out()
         );
     }
-    // What only waits for its minimum today goes on doing so; timings are made for what is new.
+    // A timing may be shorter than the minima of config and program: the light then waits. It must fit those of the file and of
+    // crossings.
     let strict = shortest.iter().map(|Shortest { seconds, because }| match because {
         Because::Config | Because::Program => 0,
         Because::Overrides | Because::Crossing(_) => *seconds,
@@ -108,9 +109,6 @@ pub(super) fn apply(
     let phases = phases.with_min_greens(shortest.iter().map(|shortest| shortest.seconds));
     let phases = phases.with_strict_min_greens(strict).with_max_greens(most);
     let limits = red_limits(&phases, own, links);
-    if limits.is_empty() {
-        return Ok(phases);
-    }
     phases.with_red_limits(&limits).map_err(|short| too_short(light, &short, shortest))
 }
 

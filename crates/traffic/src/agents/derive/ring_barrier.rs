@@ -191,7 +191,7 @@ fn of_junction(roads: &Roads, program: &Program) -> Result<RingGreens> {
         let opens = |phase: &Phase| {
             arms[street].through.iter().any(|&letter| matches!(phase.state.as_str().as_bytes()[letter], b'G' | b'g'))
         };
-        program.phases.iter().position(opens)
+        program.phases.iter().position(opens).unwrap_or(usize::MAX)
     };
     let streets = if first(1) < first(0) { [1, 0] } else { [0, 1] };
     let letters = program.letters().context("its program has no phases")?;
