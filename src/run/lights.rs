@@ -132,12 +132,13 @@ impl LightFigures {
                 (name, json!({ "mean": mean, "half_width_95": half_width }))
             };
             let own = dials_learn::evaluation::figures(&finding.episodes);
-            let of_pair = |((name, own), (_, reference)): (&(String, Vec<f64>), &(String, Vec<f64>))| {
-                let Interval { mean, half_width } = Interval::of_differences(own, reference);
-                (name.clone(), json!({ "mean": mean, "half_width_95": half_width }))
-            };
-            let differences: Option<Map<String, Value>> =
-                (player > 0).then(|| own.iter().zip(&reference).map(of_pair).collect());
+            let differences = (player > 0).then(|| {
+                let pairs = own.iter().zip(&reference).map(|((name, own), (_, reference))| {
+                    let Interval { mean, half_width } = Interval::of_differences(own, reference);
+                    (name.clone(), json!({ "mean": mean, "half_width_95": half_width }))
+                });
+                pairs.collect::<Map<String, Value>>()
+            });
             json!({
                 "label": finding.player.label,
                 "learned": finding.player.policies.is_some(),

@@ -144,8 +144,8 @@ fn a_detector_at_a_stop_line_is_on_whenever_the_front_of_a_car_is_over_it() {
             .collect();
         assert!(changes.iter().enumerate().all(|(number, (_, on))| *on == (number % 2 == 0)), "on and off in turn");
         // The end of the episode turns all off.
-        for second in 0..places.len() - 1 {
-            let mut cars = places[second].values();
+        for (second, cars) in places.iter().enumerate().take(places.len() - 1) {
+            let mut cars = cars.values();
             if cars.any(|&(lane, at_m)| lane == detector.lane && at_m >= detector.begin_m) {
                 let now = 10 * (second as u64 + 1);
                 let last = changes.iter().rev().find(|(tenths, _)| *tenths <= now);
