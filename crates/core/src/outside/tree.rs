@@ -40,6 +40,16 @@ impl Element {
         self.attributes.iter().find(|(key, _)| key == name).map(|(_, value)| value.as_str())
     }
 
+    /// Returns the attribute `id`; empty if it has none.
+    pub fn id(&self) -> &str {
+        self.attribute("id").unwrap_or_default()
+    }
+
+    /// Returns the words of an attribute that is a list; none if it has no such attribute.
+    pub fn words(&self, name: &str) -> impl Iterator<Item = &str> {
+        self.attribute(name).unwrap_or_default().split_ascii_whitespace()
+    }
+
     /// Returns the children of one kind.
     pub fn all<'a>(&'a self, name: &'a str) -> impl Iterator<Item = &'a Element> {
         self.children.iter().filter(move |child| child.name == name)

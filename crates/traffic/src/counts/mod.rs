@@ -20,7 +20,6 @@ use anyhow::{Context, Result, anyhow, ensure};
 use crate::config::sumo_time::seconds;
 use crate::network::roads::{EdgeNo, Roads};
 use crate::network::xml;
-use crate::scenario::closing::edge_called;
 use dials_core::outside::{did_you_mean, excerpt, read_text};
 
 const LARGEST: u64 = 64 << 20;
@@ -194,7 +193,7 @@ fn read(text: &str, roads: &Roads) -> Result<Vec<Count>> {
             format!("{}: cars = `{}`: must be a number from 0 to {MOST_CARS}", place(), excerpt(cell(cars)))
         })?;
         let edges = [cell(from), cell(to)].into_iter().enumerate().filter(|(way, edge)| *way == 0 || !edge.is_empty());
-        let edges = edges.map(|(_, edge)| edge_called(roads, edge)).collect::<Result<Vec<_>>>().with_context(place)?;
+        let edges = edges.map(|(_, edge)| roads.edge_called(edge)).collect::<Result<Vec<_>>>().with_context(place)?;
         if let [from, to] = edges[..] {
             ensure!(
                 routes::follows(roads, from, to),

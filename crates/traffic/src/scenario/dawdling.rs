@@ -3,14 +3,14 @@
 use std::sync::Arc;
 
 use super::SumoScenario;
+use super::own_types::{OWN_TYPES, USUAL_TYPE};
 use crate::network::tree::Element;
 
-/// Element of a vehicle type, its attributes, and the type of cars that name none.
+/// Element of a vehicle type, and its attribute.
 const TYPE: &str = "vType";
 const SIGMA: &str = "sigma";
-const USUAL: &str = "DEFAULT_VEHTYPE";
-/// Further types that SUMO has by itself, and their classes. They dawdle unless a file says otherwise.
-const OWN: [(&str, &str); 2] = [("DEFAULT_BIKETYPE", "bicycle"), ("DEFAULT_TAXITYPE", "taxi")];
+/// Classes of SUMO's own types, beside cars, that dawdle unless a file says otherwise.
+const DAWDLING: [&str; 2] = ["bicycle", "taxi"];
 /// Beginning of elements within a type that also have its attributes, and overrule them.
 const MODEL: &str = "carFollowing";
 
@@ -44,8 +44,9 @@ impl SumoScenario {
         let mut found = Vec::new();
         self.additional().chain(self.routes()).for_each(|root| collect(root, &mut found));
         let is_used = |id: &str| self.additional().chain(self.routes()).any(|root| has_type(root, id));
-        let own = OWN.into_iter().filter(|(id, _)| is_used(id)).map(|(id, class)| (id, Some(class)));
-        let own = [(USUAL, None)].into_iter().chain(own);
+        let dawdling = OWN_TYPES.into_iter().filter(|(_, class)| DAWDLING.contains(class));
+        let own = dawdling.filter(|(id, _)| is_used(id)).map(|(id, class)| (id, Some(class)));
+        let own = [(USUAL_TYPE, None)].into_iter().chain(own);
         own.filter(|(id, _)| found.iter().all(|kind| kind.attribute("id") != Some(id))).collect()
     }
 

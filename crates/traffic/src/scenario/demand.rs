@@ -7,6 +7,7 @@ use std::path::Path;
 use anyhow::{Result, anyhow, ensure};
 
 use super::departing::{Departing, VEHICLES, each};
+use super::own_types::{OWN_TYPES, USUAL_TYPE};
 use crate::config::sumocfg::Notes;
 use crate::network::roads::attributes::{tag, wrong};
 use crate::network::tree::Element;
@@ -24,14 +25,8 @@ const STOP_IN_EDGES: usize = 80;
 /// Seconds before the end of an episode from which on a vehicle may find no room any more.
 const LATE_S: f64 = 60.0;
 
-/// Type of vehicles that name none.
-const USUAL_TYPE: &str = "DEFAULT_VEHTYPE";
-
 /// Classes of vehicles that are often in lanes of their own, where no agent sees them.
 const APART: &str = "bicycle tram rail_urban rail rail_electric rail_fast subway cable_car ship pedestrian";
-
-/// Types that SUMO has by itself for them, with their classes.
-const OWN_TYPES: [(&str, &str); 2] = [("DEFAULT_BIKETYPE", "bicycle"), ("DEFAULT_RAILTYPE", "rail")];
 
 /// Speeds of departure with which a car waits until there is room for it, and is slowed down to fit. Cars with all others
 /// are removed if the road does not let them drive so fast. How many that are depends on the lights.
@@ -98,7 +93,7 @@ impl<'a> Demand<'a> {
             scales: HashMap::new(),
             repeated_edges: 0.0,
             at_random: 0.0,
-            apart: OWN_TYPES.into(),
+            apart: OWN_TYPES.into_iter().filter(|(_, class)| is_apart(class)).collect(),
             routes: HashMap::new(),
             zones: HashMap::new(),
             departures: Departures::default(),
@@ -124,7 +119,7 @@ impl<'a> Demand<'a> {
     fn count_repeated(&mut self, element: &Element) -> Result<()> {
         for child in &element.children {
             if let Some(repeat) = child.attribute("repeat").filter(|_| child.name == "route") {
-                let edges = words(child, "edges").count() + STOP_IN_EDGES * child.all("stop").count();
+                let edges = child.words("edges").count() + STOP_IN_EDGES * child.all("stop").count();
                 self.repeated_edges += edges as f64 * repeat.trim().parse::<f64>().unwrap_or(0.0).max(0.0);
                 let why = format!(
                     "with it the routes have {:.0} edges, and at most {MOST_REPEATED_EDGES} are allowed; correct it",
@@ -144,18 +139,18 @@ impl<'a> Demand<'a> {
             "vTypeDistribution" => {
                 element.all("vType").for_each(|kind| self.add_type(kind));
                 let inner = element.all("vType").filter_map(|kind| kind.attribute("id"));
-                let all: Vec<&str> = inner.chain(words(element, "vTypes")).collect();
+                let all: Vec<&str> = inner.chain(element.words("vTypes")).collect();
                 if let Some(class) = all.iter().find_map(|kind| self.apart.get(kind)) {
-                    self.apart.insert(id(element), class);
+                    self.apart.insert(element.id(), class);
                 }
                 let scales = all.iter().map(|kind| self.scale_of(kind));
                 let scales = scales.reduce(|one, other| (one.0.min(other.0), one.1.max(other.1)));
-                self.scales.insert(id(element), scales.unwrap_or((1.0, 1.0)));
+                self.scales.insert(element.id(), scales.unwrap_or((1.0, 1.0)));
             }
             "route" | "routeDistribution" => drop(self.routes_in(element)),
             "taz" => {
-                let sources = element.all("tazSource").map(id);
-                self.zones.insert(id(element), words(element, "edges").chain(sources).collect());
+                let sources = element.all("tazSource").map(Element::id);
+                self.zones.insert(element.id(), element.words("edges").chain(sources).collect());
             }
             _ if departing.departs() => {
                 self.has_some = true;
@@ -254,11 +249,11 @@ impl<'a> Demand<'a> {
 
     fn add_type(&mut self, kind: &'a Element) {
         if let Some(scale) = kind.attribute("scale").and_then(|scale| scale.trim().parse::<f64>().ok()) {
-            self.scales.insert(id(kind), (scale.max(0.0), scale.max(0.0)));
+            self.scales.insert(kind.id(), (scale.max(0.0), scale.max(0.0)));
         }
-        match kind.attribute("vClass").filter(|class| APART.split(' ').any(|other| other == *class)) {
-            Some(class) => self.apart.insert(id(kind), class),
-            None => self.apart.remove(id(kind)),
+        match kind.attribute("vClass").filter(|class| is_apart(class)) {
+            Some(class) => self.apart.insert(kind.id(), class),
+            None => self.apart.remove(kind.id()),
         };
     }
 
@@ -266,7 +261,7 @@ impl<'a> Demand<'a> {
     /// ids.
     fn routes_in(&mut self, element: &'a Element) -> Vec<&'a str> {
         let mut all: Vec<&str> = element.attribute("edges").into_iter().collect();
-        for known in words(element, "refId").chain(words(element, "routes")) {
+        for known in element.words("refId").chain(element.words("routes")) {
             all.extend(self.routes.get(known).into_iter().flatten());
         }
         for inner in element.all("route") {
@@ -314,12 +309,8 @@ fn type_of(driver: &Element) -> &str {
     driver.attribute("type").unwrap_or(USUAL_TYPE)
 }
 
-fn id(element: &Element) -> &str {
-    element.attribute("id").unwrap_or_default()
-}
-
-fn words<'a>(element: &'a Element, key: &str) -> impl Iterator<Item = &'a str> {
-    element.attribute(key).unwrap_or_default().split_ascii_whitespace()
+fn is_apart(class: &str) -> bool {
+    APART.split(' ').any(|other| other == class)
 }
 
 #[cfg(test)]

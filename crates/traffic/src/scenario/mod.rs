@@ -15,6 +15,7 @@ mod include;
 pub(crate) mod kept;
 mod locally;
 mod newer;
+pub(crate) mod own_types;
 pub(crate) mod programs;
 mod reading;
 pub(crate) mod stops;
@@ -169,7 +170,7 @@ impl SumoScenario {
     pub(crate) fn check_edges(&self, ids: &[String]) -> Result<()> {
         let roads = self.roads()?;
         ids.iter()
-            .try_for_each(|id| closing::edge_called(&roads, id).map(drop))
+            .try_for_each(|id| roads.edge_called(id).map(drop))
             .with_context(|| self.net.path.display().to_string())
     }
 

@@ -4,19 +4,9 @@ use std::collections::{BTreeMap, BTreeSet};
 
 use super::SumoScenario;
 use super::departing::{VEHICLES, each};
+use super::own_types::{OWN_TYPES, USUAL_CLASS, USUAL_TYPE};
 use crate::config::sumo_time::seconds;
 use crate::network::tree::Element;
-
-/// Class of vehicles whose type names none.
-const USUAL: &str = "passenger";
-/// Types that SUMO has by itself, with their classes.
-const OWN: [(&str, &str); 5] = [
-    ("DEFAULT_VEHTYPE", USUAL),
-    ("DEFAULT_BIKETYPE", "bicycle"),
-    ("DEFAULT_TAXITYPE", "taxi"),
-    ("DEFAULT_RAILTYPE", "rail"),
-    ("DEFAULT_PEDTYPE", "pedestrian"),
-];
 
 #[derive(Clone, Debug, Default, PartialEq)]
 pub(crate) struct Travellers {
@@ -35,7 +25,7 @@ impl SumoScenario {
         let mut found = Travellers::default();
         let mut members: BTreeMap<&str, Vec<&str>> = BTreeMap::new();
         let mut used: BTreeSet<&str> = BTreeSet::new();
-        found.class_of.extend(OWN.map(|(id, class)| (id.to_owned(), class.to_owned())));
+        found.class_of.extend(OWN_TYPES.map(|(id, class)| (id.to_owned(), class.to_owned())));
         for root in self.additional().chain(self.routes()) {
             for departing in each(root) {
                 let element = departing.element;
@@ -44,11 +34,11 @@ impl SumoScenario {
                     "vTypeDistribution" => {
                         element.all("vType").for_each(|kind| found.add_type(kind));
                         let inner = element.all("vType").filter_map(|kind| kind.attribute("id"));
-                        let named = element.attribute("vTypes").unwrap_or_default().split_whitespace();
-                        members.insert(element.attribute("id").unwrap_or_default(), inner.chain(named).collect());
+                        let named = element.words("vTypes");
+                        members.insert(element.id(), inner.chain(named).collect());
                     }
                     name if VEHICLES.contains(&name) => {
-                        used.insert(element.attribute("type").unwrap_or(OWN[0].0));
+                        used.insert(element.attribute("type").unwrap_or(USUAL_TYPE));
                     }
                     name => found.has_persons |= name.starts_with("person"),
                 }
@@ -56,7 +46,7 @@ impl SumoScenario {
         }
         let kinds = used.into_iter().flat_map(|kind| members.get(kind).cloned().unwrap_or_else(|| vec![kind]));
         let classes: BTreeSet<&str> =
-            kinds.map(|kind| found.class_of.get(kind).map_or(USUAL, String::as_str)).collect();
+            kinds.map(|kind| found.class_of.get(kind).map_or(USUAL_CLASS, String::as_str)).collect();
         found.classes = classes.into_iter().map(str::to_owned).collect();
         let delay_s =
             self.option("max-depart-delay").and_then(|text| seconds(text).ok()).filter(|delay_s| *delay_s >= 0.0);
@@ -73,7 +63,7 @@ impl SumoScenario {
 
 impl Travellers {
     fn add_type(&mut self, kind: &Element) {
-        let class = kind.attribute("vClass").unwrap_or(USUAL);
-        self.class_of.insert(kind.attribute("id").unwrap_or_default().to_owned(), class.to_owned());
+        let class = kind.attribute("vClass").unwrap_or(USUAL_CLASS);
+        self.class_of.insert(kind.id().to_owned(), class.to_owned());
     }
 }

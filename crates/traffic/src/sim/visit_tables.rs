@@ -8,6 +8,7 @@ use super::visits::{Visit, Visits};
 use crate::agents::border_plan::BorderPlan;
 use crate::agents::plan::Border;
 use crate::d_set::Parts;
+use crate::scenario::own_types::{USUAL_CLASS, USUAL_TYPE};
 use dials_core::base::Dice;
 
 /// Recorded visits by agent, entry and part of the episode. A draw is one of them: type and way go together.
@@ -22,8 +23,6 @@ pub struct VisitTables {
     /// Vehicle type that most visits have, and its class; those of SUMO's own cars if there are no visits.
     usual: (String, String),
 }
-
-const OWN: (&str, &str) = ("DEFAULT_VEHTYPE", "passenger");
 
 impl VisitTables {
     /// Sorts the visits of a whole episode. It leaves out those without an entry or a way, and those of vehicles that may
@@ -83,7 +82,8 @@ fn usual(visits: &Visits) -> (String, String) {
     for driver in visits.all().map(|visit| visits.driver(visit)) {
         *counts.entry((&driver.vehicle_type, &driver.vehicle_class)).or_default() += 1;
     }
-    let (name, class) = counts.into_iter().max_by_key(|(_, count)| *count).map_or(OWN, |(usual, _)| usual);
+    let (name, class) =
+        counts.into_iter().max_by_key(|(_, count)| *count).map_or((USUAL_TYPE, USUAL_CLASS), |(usual, _)| usual);
     (name.to_owned(), class.to_owned())
 }
 

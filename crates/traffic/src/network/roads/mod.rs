@@ -11,12 +11,12 @@ mod read;
 
 use std::collections::{BTreeSet, HashMap};
 
-use anyhow::{Result, ensure};
+use anyhow::{Result, anyhow, ensure};
 
 use crate::network::tree::Element;
 use attributes::{tag, text};
 use carries::Classes;
-use dials_core::outside::excerpt;
+use dials_core::outside::{did_you_mean, excerpt};
 use program::Program;
 
 /// Number of a junction in [`Roads::junctions`].
@@ -184,6 +184,15 @@ impl Roads {
 
     pub(crate) fn edge_named(&self, id: &str) -> Option<EdgeNo> {
         self.edge_numbers.get(id).copied()
+    }
+
+    /// Returns the road of this id. An error names a road that is called nearly so.
+    pub(crate) fn edge_called(&self, id: &str) -> Result<EdgeNo> {
+        let is_road = |edge: &EdgeNo| self.edge(*edge).ends.is_some();
+        self.edge_named(id).filter(is_road).ok_or_else(|| {
+            let near = did_you_mean(id, self.roads().map(|(_, edge)| &*edge.id));
+            anyhow!("the net has no edge `{}`{near}; sumo-gui shows the ids of edges", excerpt(id))
+        })
     }
 
     pub fn lane_named(&self, id: &str) -> Option<LaneNo> {
