@@ -188,7 +188,9 @@ fn clone() -> tempfile::TempDir {
     }
     rewrite(&folder.path().join("configs"), &shorten_config);
     rewrite(&folder.path().join("experiments"), &shorten_experiment);
-    shorten_scenario(&folder.path().join("sumo_nets/town/town.sumocfg"));
+    for name in ["town", "arterial"] {
+        shorten_scenario(&folder.path().join(format!("sumo_nets/{name}/{name}.sumocfg")));
+    }
     folder
 }
 
