@@ -5,6 +5,7 @@
 - :func:`vector_parallel_env`: several of these, stepped together.
 - :func:`vector_env`: copies of one agent's local simulator, for Gymnasium; :func:`local_env`: one copy.
 - :func:`load`: the trained policies of a run directory, and their episodes.
+- :func:`dials`: a run of `dials-traffic train` with a learner that is written in Python.
 
 ``config`` is always a config of dials-traffic, any ``.sumocfg``, or a run directory. ``settings`` change keys of it,
 such as ``{"traffic.horizon": 100}``. Every environment lives in a process of its own, unless ``in_process`` says
@@ -17,6 +18,7 @@ from typing import Any, Mapping, Optional
 
 from ._channel import PathLike
 from .aec import GlobalAecEnv
+from .dials import Experience, Rows, Team, Training, dials
 from .errors import ProcessDied, SimulatorError
 from .many import GlobalVectorEnv
 from .parallel import GlobalEnv, Observation, Reward
@@ -30,6 +32,7 @@ __all__ = [
     "Car",
     "Controller",
     "Episode",
+    "Experience",
     "GlobalAecEnv",
     "GlobalEnv",
     "GlobalVectorEnv",
@@ -38,9 +41,13 @@ __all__ = [
     "LocalVectorEnv",
     "Policy",
     "ProcessDied",
+    "Rows",
     "Run",
     "SimulatorError",
+    "Team",
+    "Training",
     "aec_env",
+    "dials",
     "load",
     "local_env",
     "parallel_env",

@@ -298,6 +298,10 @@ fn workers(asked: Option<usize>, config: &RunConfig, agents: usize) -> usize {
     let (learning, evaluation) = (&config.learning, &config.learning.evaluation);
     let imitated = learning.policy.imitate.as_ref().map_or(0, |_| learning.imitation.episodes(config.horizon()));
     let datasets = learning.dataset_episodes(config.horizon());
+    if learning.learns_outside() {
+        // One learner decides for all agents, in training and in episodes on the GS.
+        return asked.unwrap_or(1).min(1);
+    }
     // At some time of the run each has an agent or an episode.
     let shared = [evaluation.episodes, evaluation.final_episodes, evaluation.aip_loss_episodes, datasets, imitated];
     asked.unwrap_or_else(cores).min(shared.into_iter().fold(agents, usize::max))

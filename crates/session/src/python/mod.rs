@@ -4,7 +4,9 @@
 //! [`LINK`]. Every process of the run may open any number of [`Link`]s to it.
 //!
 //! - `link`: the connection, its messages and their arrays.
+//! - `learner`: the learner of `algorithm = "outside"`.
 
+pub(crate) mod learner;
 mod link;
 
 pub use link::{Answer, Array, LINK, Link, Number};
