@@ -164,7 +164,7 @@ def main():
     run = train(args.config, args.out, args.steps, copies=args.copies, seed=args.seed, resume=args.resume)
     returns = run.table("returns")
     of_all = returns["agent"] == "all"
-    print("mean returns:", dict(zip(returns["step"][of_all].astype(int).tolist(), returns["mean"][of_all].tolist())))
+    print("mean returns:", dict(zip(returns["steps"][of_all].astype(int).tolist(), returns["mean"][of_all].tolist())))
 
 
 if __name__ == "__main__":

@@ -29,6 +29,7 @@ use dials_session::error::{Error, Result};
 use dials_session::fleet::children::FILES_PER_WORKER;
 use dials_session::machine::allow_open_files;
 use dials_session::places::Existing;
+use dials_session::python::Link;
 use dials_session::records::checkpoint::newest_step;
 use dials_session::records::checkpoint::owner::{NotOfThisRun, Owner};
 use dials_session::records::files;
@@ -50,6 +51,7 @@ pub(super) fn train(args: &cli::TrainArgs) -> Result<()> {
         (None, Some(config)) => begin(args, config, wanted)?,
         (None, None) => unreachable!("clap asks for one of them"),
     };
+    ensure_learner(&run.config).map_err(Error::Usage)?;
     if run.has_ended {
         return answer(how_to_go_on(run.directory.path(), &run.config, &*run.domain)).map_err(Error::Run);
     }
@@ -92,6 +94,15 @@ pub(super) fn train(args: &cli::TrainArgs) -> Result<()> {
     }
 }
 
+/// Returns an error if the learner of the config is in a Python process, and none has started this one.
+fn ensure_learner(config: &RunConfig) -> anyhow::Result<()> {
+    ensure!(
+        !config.learning.learns_outside() || Link::is_there(),
+        "algorithm = \"outside\": the learner is written in Python: run it with dials_traffic.dials(...), as docs/python.md says"
+    );
+    Ok(())
+}
+
 /// A run that is ready to begin or to resume.
 struct Run {
     directory: Directory,
@@ -109,6 +120,7 @@ struct Run {
 /// Makes a new run. `wanted`: number of workers that was asked for.
 fn begin(args: &cli::TrainArgs, config_path: &Path, wanted: Option<usize>) -> Result<Run> {
     let config = load(config_path, &settings(args)).map_err(Error::Usage)?;
+    ensure_learner(&config).map_err(Error::Usage)?;
     let domain = domains::check_for_training(&config).map_err(Error::Usage)?;
     domains::note_left_out(&*domain);
     if config.learning.simulator != Simulator::Global {
