@@ -20,7 +20,7 @@ from torch import nn
 import dials_traffic
 
 MINIBATCHES = 4
-EPOCHS = 8
+EPOCHS = 4
 LEARNING_RATE = 1e-3
 GAMMA = 0.98
 GAE_LAMBDA = 0.95
