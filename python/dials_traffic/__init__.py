@@ -4,7 +4,9 @@
   one agent after another.
 - :func:`vector_parallel_env`: several of these, stepped together.
 - :func:`vector_env`: copies of one agent's local simulator, for Gymnasium; :func:`local_env`: one copy.
+- :func:`datasets`: what influence predictors learn from.
 - :func:`load`: the trained policies of a run directory, and their episodes.
+- :func:`dials`: a run of `dials-traffic train` with a learner that is written in Python.
 
 ``config`` is always a config of dials-traffic, any ``.sumocfg``, or a run directory. ``settings`` change keys of it,
 such as ``{"traffic.horizon": 100}``. Every environment lives in a process of its own, unless ``in_process`` says
@@ -18,10 +20,12 @@ from typing import Any, Mapping, Optional
 from ._channel import PathLike
 from .aec import GlobalAecEnv
 from .errors import ProcessDied, SimulatorError
+from .learner import Experience, Rows, Team, Training, dials
 from .many import GlobalVectorEnv
 from .parallel import GlobalEnv, Observation, Reward
 from .roads import Approach, Car, Intersection
 from .policy import Policy
+from .predictor import Dataset, datasets
 from .runs import Controller, Episode, Run
 from .vector import Agents, LocalEnv, LocalVectorEnv
 
@@ -29,7 +33,9 @@ __all__ = [
     "Approach",
     "Car",
     "Controller",
+    "Dataset",
     "Episode",
+    "Experience",
     "GlobalAecEnv",
     "GlobalEnv",
     "GlobalVectorEnv",
@@ -38,9 +44,14 @@ __all__ = [
     "LocalVectorEnv",
     "Policy",
     "ProcessDied",
+    "Rows",
     "Run",
     "SimulatorError",
+    "Team",
+    "Training",
     "aec_env",
+    "datasets",
+    "dials",
     "load",
     "local_env",
     "parallel_env",
@@ -100,7 +111,7 @@ def vector_env(
     config: PathLike,
     agent: Agents,
     copies: int,
-    predictor: Optional[PathLike] = None,
+    predictor: Any = None,
     *,
     seed: Optional[int] = None,
     stagger: bool = False,
@@ -111,6 +122,9 @@ def vector_env(
     ``agent``: its name, a list of names, or ``None`` for all agents, which must then be of one kind. ``predictor``:
     what drives the simulators. It is a run directory, whose influence predictors are used; ``"marginals"``: constants
     that are measured on the global simulator now; or ``"untrained"``. Without one, ``config`` must be a run directory.
+    It may also be an object of your own with two methods. ``begin(agents, rows)``: episodes begin in these rows; ``agents``
+    has the number of the agent of every row. ``sample(d_set, uniform)``: returns a class for each source, ``[rows, sources]``;
+    ``uniform`` has a number from 0 to 1 for each. :func:`datasets` has what it learns from.
     ``stagger``: the first episodes of the copies have different lengths, so that they do not all end at once.
     """
     return LocalVectorEnv(config, agent, copies, predictor, seed=seed, stagger=stagger, settings=settings)
@@ -119,7 +133,7 @@ def vector_env(
 def local_env(
     config: PathLike,
     agent: str,
-    predictor: Optional[PathLike] = None,
+    predictor: Any = None,
     *,
     seed: Optional[int] = None,
     settings: Optional[Mapping[str, Any]] = None,

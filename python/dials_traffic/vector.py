@@ -24,6 +24,7 @@ from ._channel import (
 )
 from ._process import Process
 from .errors import SimulatorError
+from .predictor import Driver, is_own
 
 Agents = Union[str, Sequence[str], None]
 
@@ -43,7 +44,7 @@ class LocalVectorEnv(VectorEnv):
         config: PathLike,
         agents: Agents,
         copies: int,
-        predictor: Optional[PathLike] = None,
+        predictor: Any = None,
         *,
         seed: Optional[int] = None,
         stagger: bool = False,
@@ -87,6 +88,8 @@ class LocalVectorEnv(VectorEnv):
         self._masks, self._last_masks = (of_rows.reshape(self.num_envs, -1) for of_rows in (masks, last_masks))
         self._rewards, self._ends, self._actions = array("rewards"), array("ends"), array("actions")
         self._never = np.zeros(self.num_envs, bool)
+        #: What drives the rows, if it is an object of the user.
+        self._own = Driver(predictor, self._process, copies) if is_own(predictor) else None
 
     @property
     def _channel(self) -> Channel:
@@ -111,6 +114,8 @@ class LocalVectorEnv(VectorEnv):
             now = int(np.random.SeedSequence((self.seed, self._resets)).generate_state(1, np.uint64)[0])
         self._whole = False
         self._process.reset(now)
+        if self._own is not None:
+            self._own.reset(now)
         self._resets += 1
         obs, infos = self._obs.copy(), self._infos()
         self._whole = True
@@ -141,6 +146,8 @@ class LocalVectorEnv(VectorEnv):
         if not np.all((actions >= 0) & (actions < self._n_actions)):
             raise ValueError(f"actions: all must be from 0 to {self._n_actions - 1}, not {actions}")
         self._whole = False
+        if self._own is not None:
+            self._own.give()
         self._actions[:] = actions
         self._process.send_step()
 
@@ -152,6 +159,8 @@ class LocalVectorEnv(VectorEnv):
     def _end_step(self) -> Tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, Dict[str, Any]]:
         self._process.receive_step()
         infos, ends = self._infos(), self._ends.copy()
+        if self._own is not None:
+            self._own.ended(ends)
         if ends.any():
             infos["final_obs"], infos["_final_obs"] = self._last_obs.copy(), ends.copy()
             final_masks = np.where(ends[:, None], self._last_masks, 0).astype(np.int8)
@@ -182,9 +191,13 @@ class LocalVectorEnv(VectorEnv):
         if hasattr(self, "_never"):
             tables = ["_obs", "_last_obs", "_masks", "_last_masks", "_rewards", "_ends", "_actions"]
             no_memory(self, *tables)
+            if self._own is not None:
+                self._own.close()
 
 
-def _predictor(predictor: PathLike) -> Union[str, Dict[str, str]]:
+def _predictor(predictor: Any) -> Union[str, Dict[str, str]]:
+    if is_own(predictor):
+        return "own"
     if isinstance(predictor, str) and predictor in ("marginals", "untrained"):
         return predictor
     return {"run": path_text("predictor", predictor)}
@@ -202,7 +215,7 @@ class LocalEnv(gymnasium.Env):
         self,
         config: PathLike,
         agent: str,
-        predictor: Optional[PathLike] = None,
+        predictor: Any = None,
         *,
         seed: Optional[int] = None,
         settings: Optional[Mapping[str, Any]] = None,

@@ -9,9 +9,11 @@
 //!   shared memory.
 //! - `in_process`: an environment in the Python process itself.
 //! - `joint`: all agents on the global simulator. `local`: local simulators with influence predictors.
+//! - `datasets`: what influence predictors learn from.
 //! - `policies`: the trained policies of a run. `agent`: what both say of an agent.
 
 mod agent;
+mod datasets;
 mod in_process;
 mod joint;
 mod local;

@@ -1,15 +1,15 @@
 //! Local simulators of some agents, driven by influence predictors: Algorithm 3, with the decisions made in Python.
 
-use std::sync::Arc;
+use std::sync::{Arc, Mutex, PoisonError};
 
 use anyhow::{Context, Result, bail, ensure};
-use dials_core::base::{AgentId, Stopwatch};
+use dials_core::base::{AgentId, Dice, Rows, Stopwatch};
 use dials_core::domain::{Action, Domain, Percept, RegionSpec};
 use dials_learn::config::{AipTraining, Period, Predictor, Simulator};
 use dials_learn::environments::Experience;
 use dials_learn::environments::ials::Ials;
 use dials_learn::observer::Silent;
-use dials_learn::predictors::TrainablePredictor;
+use dials_learn::predictors::{InfluencePredictor, TrainablePredictor};
 use dials_learn::state::stream::{AgentStream, Part};
 use dials_learn::steps::Step;
 use dials_learn::steps::collect::Collect;
@@ -34,7 +34,7 @@ pub(crate) struct Local {
     domain: Arc<dyn Domain>,
     agents: Vec<AgentId>,
     names: Vec<String>,
-    predictor: Box<dyn TrainablePredictor>,
+    predictor: Box<dyn InfluencePredictor>,
     view: View,
 }
 
@@ -47,8 +47,34 @@ struct View {
     ends: Section,
     last_obs: Section,
     last_masks: Section,
+    own: Option<Own>,
     actions: Vec<Action>,
     n_actions: usize,
+}
+
+/// What a predictor in the Python process sees, and the sources that it gives.
+struct Own {
+    d_set: Section,
+    sources: Section,
+    /// Number of classes of each source.
+    classes: Vec<u8>,
+    /// Sources of the next step, `[rows, sources]`.
+    given: Arc<Mutex<Vec<u8>>>,
+}
+
+/// Hands on the sources that the Python process has given.
+struct Given(Arc<Mutex<Vec<u8>>>);
+
+impl InfluencePredictor for Given {
+    fn begin(&mut self, _rows: usize) {}
+
+    fn forget(&mut self, _rows: &[usize]) {}
+
+    fn watch(&mut self, _d_set: &Rows<f32>) {}
+
+    fn sample(&mut self, _d_set: &Rows<f32>, _dice: &mut [Dice], sources: &mut Rows<u8>) {
+        sources.as_mut_slice().copy_from_slice(&self.0.lock().unwrap_or_else(PoisonError::into_inner));
+    }
 }
 
 /// Local simulators with episodes under way.
@@ -71,7 +97,8 @@ impl Local {
         }
         config.learning.local_simulators.copies = request.copies;
         config.learning.local_simulators.stagger = request.stagger;
-        let predictor = match request.predictor {
+        let mut given = None;
+        let predictor: Box<dyn InfluencePredictor> = match request.predictor {
             PredictorRequest::Run(path) => {
                 let (of_run, domain_of_run) = directory::open_unchanged(&path, open_tried)?;
                 ensure!(
@@ -93,8 +120,12 @@ impl Local {
                 (config.learning.simulator, config.learning.predictor) = (Simulator::Local, Predictor::Marginals);
                 fitted(&domain, &config, &agents)?
             }
+            PredictorRequest::Own => {
+                let sources = given.insert(Arc::default());
+                Box::new(Given(Arc::clone(sources)))
+            }
         };
-        let view = View::new(memory, &*domain, &agents, request.copies)?;
+        let view = View::new(memory, &*domain, &agents, request.copies, given)?;
         let names = agents.iter().map(|agent| names[agent.0].clone()).collect();
         Ok(Local { config, domain, agents, names, predictor, view })
     }
@@ -108,6 +139,9 @@ impl Local {
             "n_actions": kind.spec.n_actions,
             "masks": kind.spec.masks,
             "horizon": kind.spec.local_horizon,
+            "d_set_dim": kind.spec.d_set_dim,
+            "classes": kind.spec.sources.classes,
+            "numbers": self.agents.iter().map(|agent| agent.0).collect::<Vec<_>>(),
             "memory": self.view.memory.describe(),
         })
     }
@@ -160,7 +194,14 @@ fn fitted(domain: &Arc<dyn Domain>, config: &RunConfig, agents: &[AgentId]) -> R
 }
 
 impl View {
-    fn new(mut memory: Memory, domain: &dyn Domain, agents: &[AgentId], copies: usize) -> Result<View> {
+    /// `given`: where the sources of a predictor in the Python process go, if there is one.
+    fn new(
+        mut memory: Memory,
+        domain: &dyn Domain,
+        agents: &[AgentId],
+        copies: usize,
+        given: Option<Arc<Mutex<Vec<u8>>>>,
+    ) -> Result<View> {
         let spec = &domain.kinds().of(agents[0]).spec;
         let rows = agents.len().checked_mul(copies).context("copies: too many")?;
         let masks = if spec.masks { rows * spec.n_actions } else { 0 };
@@ -171,6 +212,12 @@ impl View {
             ends: memory.section::<bool>("ends", rows, "b1"),
             last_obs: memory.section::<f32>("last_obs", rows * spec.obs_dim, "f4"),
             last_masks: memory.section::<bool>("last_masks", masks, "b1"),
+            own: given.map(|given| Own {
+                d_set: memory.section::<f32>("d_set", rows * spec.d_set_dim, "f4"),
+                sources: memory.section::<u8>("sources", rows * spec.sources.count(), "u1"),
+                classes: spec.sources.classes.clone(),
+                given,
+            }),
             actions: vec![0; rows],
             n_actions: spec.n_actions,
             memory,
@@ -183,6 +230,20 @@ impl View {
         if let Some(masks) = &percept.masks {
             self.memory.put(&self.masks, masks.as_slice());
         }
+        if let Some(own) = &self.own {
+            self.memory.put(&own.d_set, percept.d_set.as_slice());
+        }
+    }
+
+    /// Takes the sources of the next step from the memory, if the Python process predicts them.
+    fn take_sources(&mut self) -> Result<()> {
+        let Some(Own { sources, classes, given, .. }) = &self.own else { return Ok(()) };
+        let mut values = vec![0; self.actions.len() * classes.len()];
+        self.memory.read(sources, &mut values)?;
+        let known = values.iter().zip(classes.iter().cycle()).all(|(value, classes)| value < classes);
+        ensure!(known, "an influence source has a class that it does not have");
+        *given.lock().unwrap_or_else(PoisonError::into_inner) = values;
+        Ok(())
     }
 
     fn put_experience(&mut self, experience: &Experience) {
@@ -207,6 +268,7 @@ impl Running<'_> {
         {
             bail!("row {row}: action {action}; its actions are 0 to {}", view.n_actions - 1);
         }
+        view.take_sources()?;
         ials.decide(&view.actions, &mut Stopwatch::default())?;
         let experience = ials.experience();
         view.put_experience(experience);

@@ -12,6 +12,8 @@ use dials_session::domains::open_tried;
 use dials_session::records::files;
 use serde::Deserialize;
 
+use crate::datasets::DatasetsRequest;
+
 /// The first order: which environment this process is.
 #[derive(Debug, Deserialize)]
 pub(crate) struct Request {
@@ -26,6 +28,7 @@ pub(crate) struct Request {
 #[derive(Debug, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub(crate) enum Environment {
+    Datasets(DatasetsRequest),
     Joint(JointRequest),
     Local(LocalRequest),
     Policies(PoliciesRequest),
@@ -80,6 +83,8 @@ pub(crate) enum PredictorRequest {
     Marginals,
     /// Networks that were not trained.
     Untrained,
+    /// From an object of the Python process, which puts the influence sources into the memory before each step.
+    Own,
 }
 
 /// An episode to begin. Local simulators begin the first episodes of the seed, whatever its number.

@@ -6,6 +6,7 @@ use std::os::unix::net::UnixStream;
 use anyhow::{Context, Result, bail};
 use dials_session::parent::end_with;
 
+use crate::datasets::Datasets;
 use crate::joint::Joint;
 use crate::local::{Local, Running};
 use crate::memory::Memory;
@@ -32,6 +33,10 @@ pub(crate) fn serve(memory: i32, parent: u32) -> Result<()> {
             wire::answer(&mut stream, number, &Ok(joint.describe().to_string().into_bytes()))?;
             serve_joint(*joint, &mut stream)
         }
+        Ok(Served::Datasets(datasets)) => {
+            // They are in the memory already.
+            wire::answer(&mut stream, number, &Ok(datasets.describe().to_string().into_bytes()))
+        }
         Ok(Served::Policies(policies)) => {
             wire::answer(&mut stream, number, &Ok(policies.describe().to_string().into_bytes()))?;
             serve_policies(*policies, &mut stream)
@@ -45,6 +50,7 @@ pub(crate) fn serve(memory: i32, parent: u32) -> Result<()> {
 
 /// An environment that was opened.
 enum Served {
+    Datasets(Datasets),
     Joint(Box<Joint>),
     Local(Box<Local>),
     Policies(Box<Policies>),
@@ -55,6 +61,7 @@ fn begin(payload: &[u8], memory: i32) -> Result<Served> {
     let memory = Memory::open(memory)?;
     let opened = || Opened::open(&config, &settings);
     Ok(match environment {
+        Environment::Datasets(request) => Served::Datasets(Datasets::open(opened()?, &request, memory)?),
         Environment::Policies(request) => Served::Policies(Box::new(Policies::open(&config, &request, memory)?)),
         Environment::Joint(request) => Served::Joint(Box::new(Joint::open(opened()?, request, memory)?)),
         Environment::Local(request) => Served::Local(Box::new(Local::open(opened()?, request, memory)?)),

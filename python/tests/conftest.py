@@ -44,12 +44,17 @@ SHORT = {
 }
 
 
-def program(*words, **options):
-    """Run dials-traffic and return what it prints."""
+def path_of_program():
+    """Return the path of dials-traffic: that of DIALS_TRAFFIC, or what cargo has built."""
     built = [ROOT / f"target/{profile}/dials-traffic" for profile in ("release", "debug")]
     path = os.environ.get("DIALS_TRAFFIC") or next((path for path in built if path.is_file()), None)
     assert path, "there is no program: run `cargo build`, or name one in DIALS_TRAFFIC"
-    words = [str(path), *map(str, words)]
+    return str(path)
+
+
+def program(*words, **options):
+    """Run dials-traffic and return what it prints."""
+    words = [path_of_program(), *map(str, words)]
     done = subprocess.run(words, capture_output=True, text=True, **options)
     assert done.returncode == 0, f"{words}: {done.stderr}"
     return done.stdout

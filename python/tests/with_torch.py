@@ -11,7 +11,7 @@ import matplotlib
 import numpy as np
 import pytest
 import torch
-from conftest import ROOT
+from conftest import ROOT, path_of_program
 from stable_baselines3.common.env_checker import check_env
 
 import dials_traffic
@@ -50,6 +50,42 @@ def test_the_ppo_in_one_file_learns(warehouse, capsys):
     early, late = (sum(part) / tenth for part in (returns[:tenth], returns[-tenth:]))
     assert late > 1.5 * early, (early, late)
     assert "mean return" in capsys.readouterr().out
+
+
+#: Runs of the examples inside DIALS that take seconds.
+BRIEF = {"evaluation.episodes": 1, "evaluation.final_episodes": 1, "evaluation.every_steps": 240}
+
+
+def test_mappo_in_one_file_learns_inside_dials_and_goes_on_after_a_stop(grid, tmp_path, monkeypatch):
+    import mappo
+
+    monkeypatch.setenv("DIALS_TRAFFIC", path_of_program())
+    whole = mappo.train(grid, tmp_path / "whole", 480, copies=2, settings=BRIEF, quiet=True)
+
+    class Stops(mappo.Mappo):
+        def learn(self, experience):
+            if experience.steps > 360:
+                raise InterruptedError
+            return super().learn(experience)
+
+    monkeypatch.setattr(mappo, "Mappo", Stops)
+    with pytest.raises(InterruptedError):
+        mappo.train(grid, tmp_path / "parts", 480, copies=2, settings=BRIEF, quiet=True)
+    monkeypatch.undo()
+    monkeypatch.setenv("DIALS_TRAFFIC", path_of_program())
+    parts = mappo.train(grid, tmp_path / "parts", 480, copies=2, resume=True, quiet=True)
+    for name in ("returns.csv", "training.csv"):
+        assert (parts.path / name).read_bytes() == (whole.path / name).read_bytes(), name
+
+
+def test_dqn_in_one_file_learns_inside_dials(grid, tmp_path, monkeypatch):
+    import dqn
+
+    monkeypatch.setenv("DIALS_TRAFFIC", path_of_program())
+    settings = {**BRIEF, "aip.dataset_steps": 80, "aip.batch": 16, "aip.hidden": [16], "aip.epochs": 1}
+    run = dqn.train(grid, tmp_path / "run", 480, settings=settings, quiet=True)
+    training = run.table("training")
+    assert np.isfinite(training["td_loss"]).any() and run.learner.calls == 30
 
 
 def test_the_notebook_runs_from_its_first_cell_to_its_last(monkeypatch, capsys):

@@ -9,6 +9,7 @@ use std::time::Duration;
 use anyhow::Context;
 use anyhow::{anyhow, ensure};
 
+use super::train::cores;
 use crate::cli;
 #[cfg(feature = "mpi")]
 use crate::program::PROGRAM;
@@ -81,7 +82,9 @@ impl Team {
         match self {
             Team::Here if workers == 0 => fleet::in_process(domain.clone(), config.clone(), observer),
             Team::Here => {
-                let options = Options { workers, threads: workers, patience, most_growth, prepared };
+                // The only worker of a learner outside still has all cores, for copies of the GS and AIPs.
+                let threads = if config.learning.learns_outside() { cores() } else { workers };
+                let options = Options { workers, threads, patience, most_growth, prepared };
                 let crew = Box::new(Children(directory.clone()));
                 Coordinator::start(domain.clone(), config, crew, options, observer)
             }

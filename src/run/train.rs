@@ -29,6 +29,7 @@ use dials_session::error::{Error, Result};
 use dials_session::fleet::children::FILES_PER_WORKER;
 use dials_session::machine::allow_open_files;
 use dials_session::places::Existing;
+use dials_session::python::Link;
 use dials_session::records::checkpoint::newest_step;
 use dials_session::records::checkpoint::owner::{NotOfThisRun, Owner};
 use dials_session::records::files;
@@ -50,6 +51,7 @@ pub(super) fn train(args: &cli::TrainArgs) -> Result<()> {
         (None, Some(config)) => begin(args, config, wanted)?,
         (None, None) => unreachable!("clap asks for one of them"),
     };
+    ensure_learner(&run.config).map_err(Error::Usage)?;
     if run.has_ended {
         return answer(how_to_go_on(run.directory.path(), &run.config, &*run.domain)).map_err(Error::Run);
     }
@@ -92,6 +94,15 @@ pub(super) fn train(args: &cli::TrainArgs) -> Result<()> {
     }
 }
 
+/// Returns an error if the learner of the config is in a Python process, and none has started this one.
+fn ensure_learner(config: &RunConfig) -> anyhow::Result<()> {
+    ensure!(
+        !config.learning.learns_outside() || Link::is_there(),
+        "algorithm = \"outside\": the learner is written in Python: run it with dials_traffic.dials(...), as docs/python.md says"
+    );
+    Ok(())
+}
+
 /// A run that is ready to begin or to resume.
 struct Run {
     directory: Directory,
@@ -109,6 +120,7 @@ struct Run {
 /// Makes a new run. `wanted`: number of workers that was asked for.
 fn begin(args: &cli::TrainArgs, config_path: &Path, wanted: Option<usize>) -> Result<Run> {
     let config = load(config_path, &settings(args)).map_err(Error::Usage)?;
+    ensure_learner(&config).map_err(Error::Usage)?;
     let domain = domains::check_for_training(&config).map_err(Error::Usage)?;
     domains::note_left_out(&*domain);
     if config.learning.simulator != Simulator::Global {
@@ -298,6 +310,10 @@ fn workers(asked: Option<usize>, config: &RunConfig, agents: usize) -> usize {
     let (learning, evaluation) = (&config.learning, &config.learning.evaluation);
     let imitated = learning.policy.imitate.as_ref().map_or(0, |_| learning.imitation.episodes(config.horizon()));
     let datasets = learning.dataset_episodes(config.horizon());
+    if learning.learns_outside() {
+        // One learner decides for all agents, in training and in episodes on the GS.
+        return asked.unwrap_or(1).min(1);
+    }
     // At some time of the run each has an agent or an episode.
     let shared = [evaluation.episodes, evaluation.final_episodes, evaluation.aip_loss_episodes, datasets, imitated];
     asked.unwrap_or_else(cores).min(shared.into_iter().fold(agents, usize::max))

@@ -117,6 +117,11 @@ pub fn open_with(path: &Path, open: fn(&RunConfig) -> Result<Arc<dyn Domain>>) -
         path.display()
     );
     let (config, domain) = open_unchanged(path, open)?;
+    ensure!(
+        !config.learning.learns_outside(),
+        "{}: its policies are in Python, where dials_traffic.dials(...) trained them; its returns.csv has their evaluations",
+        path.display()
+    );
     let layout = JointLayout::of_policies(domain.kinds(), &config.learning.policy);
     let (policies, steps) = layout.read_with_steps(&saved).map_err(|error| with_way_out(error, path))?;
     ensure!(

@@ -4,7 +4,7 @@
 //! sees no simulator, and nothing outside its folder knows which algorithm it is: what it keeps between periods are
 //! named [`Tables`], and what it reports are [`Metrics`] by name.
 //!
-//! - [`ppo`]: proximal policy optimisation, as in the paper. [`dqn`]: deep Q-learning.
+//! - [`ppo`]: proximal policy optimisation, as in the paper. [`dqn`]: deep Q-learning. [`outside`]: a learner in Python.
 //! - [`imitation`]: policies that begin by imitating a hand-coded controller.
 //! - [`averaging`]: agents that get the mean of their policies.
 //! - `tables`: what a learner keeps, and what it reports.
@@ -14,6 +14,7 @@
 pub(crate) mod averaging;
 pub(crate) mod dqn;
 pub mod imitation;
+pub mod outside;
 pub mod ppo;
 mod tables;
 
@@ -110,6 +111,8 @@ algorithms! {
     Ppo = ppo,
     /// Deep Q-learning from a replay.
     Dqn = dqn,
+    /// A learner in Python: `dials_traffic.dials`.
+    Outside = outside,
 }
 
 /// Acts in one lane, and writes down what that brings. Nothing that it does depends on another lane.
@@ -130,15 +133,26 @@ pub trait Learner {
     /// Returns the policies, to be changed: by an imitation, or by a state.
     fn policies_mut(&mut self) -> &mut PolicyStack;
 
+    /// Looks at what every lane shows before a round, after this number of timesteps per agent. For learners that decide for all
+    /// lanes at once.
+    fn look(&mut self, _lanes: &[&Percept], _steps: u64, _watch: &mut Stopwatch) -> Result<()> {
+        Ok(())
+    }
+
     /// Returns who acts in each lane for a round. `threads`: those that one lane may use.
     fn actors<'a>(&'a mut self, threads: &'a Threads) -> Vec<Box<dyn Actor + 'a>>;
 
     /// Takes in what all lanes brought in a round, and updates the policies if that is due. `steps`: timesteps per agent, with
     /// those of the round. Returns the metrics of the update, if there was one.
-    fn learn(&mut self, steps: u64, watch: &mut Stopwatch) -> Option<Metrics>;
+    fn learn(&mut self, steps: u64, watch: &mut Stopwatch) -> Result<Option<Metrics>>;
 
     /// Returns the metrics that its updates have, with values of 0.
     fn no_metrics(&self) -> Metrics;
+
+    /// Ends a period: gets ready to say what it keeps.
+    fn leave(&mut self) -> Result<()> {
+        Ok(())
+    }
 
     /// Returns what it keeps from one period to the next, beside the policies. It is called between two updates only.
     fn tables(&self) -> Tables;

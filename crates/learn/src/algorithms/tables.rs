@@ -28,6 +28,8 @@ pub struct Tables {
     pub dice: BTreeMap<String, Vec<Vec<Dice>>>,
     /// Counts that are the same for all agents.
     pub counts: BTreeMap<String, u64>,
+    /// What a learner outside of this program keeps for all agents together: only that can read it.
+    pub bytes: Vec<u8>,
 }
 
 /// What every learner keeps: its optimiser and its dice.
@@ -65,6 +67,7 @@ impl Base {
             numbers: vec![moments, NumberTable { name: SECOND_MOMENTS, squares: true, ..moments }],
             dice: vec![(ACTING, config.copies()), (MINIBATCHES, 1)],
             counts: vec![(GRADIENT_STEPS, gradient_steps)],
+            bytes: false,
         }
     }
 
@@ -86,6 +89,7 @@ impl Base {
             numbers: [(FIRST_MOMENTS.to_owned(), first.into()), (SECOND_MOMENTS.to_owned(), second.into())].into(),
             dice: [(ACTING.to_owned(), acting), (MINIBATCHES.to_owned(), minibatches)].into(),
             counts: [(GRADIENT_STEPS.to_owned(), u64::from(steps))].into(),
+            bytes: Vec::new(),
         }
     }
 
@@ -111,6 +115,8 @@ pub struct Layout {
     pub(crate) dice: Vec<(&'static str, usize)>,
     /// Names of the counts, and their values.
     pub(crate) counts: Vec<(&'static str, u64)>,
+    /// Whether there are bytes that only the learner can read.
+    pub bytes: bool,
 }
 
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -138,11 +144,12 @@ impl Tables {
             .dice
             .iter()
             .map(|(name, dice)| (name.clone(), agents.clone().into_iter().map(|agent| dice[agent].clone()).collect()));
-        Tables { numbers: numbers.collect(), dice: dice.collect(), counts: self.counts.clone() }
+        Tables { numbers: numbers.collect(), dice: dice.collect(), counts: self.counts.clone(), bytes: self.bytes.clone() }
     }
 
     pub(crate) fn replace(&mut self, first: usize, part: &Tables) {
         self.counts.clone_from(&part.counts);
+        self.bytes.clone_from(&part.bytes);
         for (name, table) in &part.numbers {
             self.numbers.entry(name.clone()).or_default().splice(first, table);
         }
@@ -154,6 +161,7 @@ impl Tables {
 
     pub(crate) fn extend(&mut self, other: Tables) {
         self.counts = other.counts;
+        self.bytes = other.bytes;
         for (name, table) in other.numbers {
             self.numbers.entry(name).or_default().extend(&table);
         }

@@ -24,6 +24,7 @@ use serde::{Deserialize, Serialize};
 
 pub use crate::algorithms::AlgorithmName;
 pub use crate::algorithms::dqn::DqnConfig;
+pub use crate::algorithms::outside::OutsideConfig;
 pub use crate::algorithms::ppo::{NormaliseAdvantages, PpoConfig, TimeLimit, ValueUnit};
 pub use crate::predictors::Predictor;
 use crate::state::stream::Part;
@@ -65,6 +66,8 @@ pub struct Config {
     pub ppo: PpoConfig,
     #[serde(skip_serializing_if = "is_default")]
     pub dqn: DqnConfig,
+    #[serde(skip_serializing_if = "is_default")]
+    pub outside: OutsideConfig,
     pub aip: AipConfig,
     pub evaluation: EvaluationConfig,
     pub checkpoints: CheckpointsConfig,
@@ -266,6 +269,7 @@ impl Default for Config {
             algorithm: AlgorithmName::default(),
             ppo: PpoConfig::default(),
             dqn: DqnConfig::default(),
+            outside: OutsideConfig::default(),
             aip: AipConfig::default(),
             evaluation: EvaluationConfig::default(),
             checkpoints: CheckpointsConfig::default(),
@@ -356,9 +360,15 @@ impl Config {
         self.policy.share == Share::Kind
     }
 
-    /// Returns whether all agents of a kind learn at one place: because they act in one GS, or because they have one policy.
+    /// Returns whether all agents of a kind learn at one place: because they act in one GS, because they have one policy, or
+    /// because a process outside of this program has the learner.
     pub fn learns_at_one_place(&self) -> bool {
-        self.simulator == Simulator::Global || self.shares_policies()
+        self.simulator == Simulator::Global || self.shares_policies() || self.learns_outside()
+    }
+
+    /// Returns whether the learner is in a process outside of this program.
+    pub fn learns_outside(&self) -> bool {
+        self.algorithm == AlgorithmName::Outside
     }
 
     /// Returns how many cores can be at work at most while this number of agents trains: one for each of them, for each copy of the
@@ -368,6 +378,7 @@ impl Config {
         match self.simulator {
             _ if !foreign && self.learns_at_one_place() => 1,
             Simulator::Global => self.copies(),
+            Simulator::Local if self.learns_outside() => 1,
             Simulator::Local if self.shares_policies() => most_lanes(agents * self.copies()),
             Simulator::Local => agents,
         }

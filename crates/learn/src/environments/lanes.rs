@@ -11,6 +11,7 @@
 
 use super::Environment;
 use crate::state::stream::{AgentStream, Part};
+use dials_core::domain::Percept;
 use stacknets::Threads;
 
 /// Lanes, and where they are played.
@@ -32,6 +33,14 @@ impl Lanes<'_> {
         match self {
             Lanes::Here(lanes) => lanes.iter().map(|lane| &lane.parts[..]).collect(),
             Lanes::Apart(lanes, _) => lanes.iter().map(|lane| &lane.parts[..]).collect(),
+        }
+    }
+
+    /// Returns what every lane shows, kind by kind.
+    pub(crate) fn percepts(&self) -> Vec<&[Percept]> {
+        match self {
+            Lanes::Here(lanes) => lanes.iter().map(|lane| lane.environment.percepts()).collect(),
+            Lanes::Apart(lanes, _) => lanes.iter().map(|lane| lane.environment.percepts()).collect(),
         }
     }
 

@@ -3,6 +3,7 @@
 
 use super::{JointPolicy, PolicyStack, sampling};
 use crate::algorithms;
+use crate::algorithms::outside::controller::OutsideController;
 use crate::config::Config;
 use dials_core::base::{AgentId, Dice, RandomPurpose, Rows, Seed};
 use dials_core::domain::{Action, Controller, JointPercept, Kind, Kinds, Percept, RegionSpec, Result};
@@ -60,6 +61,8 @@ pub struct JointPolicyController {
     kinds: Kinds,
     /// Stacks, one per kind, each with what its agents see.
     stacks: Vec<(StackController, Percept)>,
+    /// Decides instead of them.
+    outside: Option<OutsideController>,
 }
 
 impl JointPolicyController {
@@ -70,17 +73,24 @@ impl JointPolicyController {
             let stack = StackController::new(&kind.spec, config, &policies, selection);
             (stack, Percept::new(kind.agents.len(), &kind.spec))
         };
-        JointPolicyController { stacks: kinds.iter().map(of_kind).collect(), kinds: kinds.clone() }
+        let outside = config.learns_outside().then(|| OutsideController::new(kinds));
+        JointPolicyController { stacks: kinds.iter().map(of_kind).collect(), kinds: kinds.clone(), outside }
     }
 }
 
 impl Controller for JointPolicyController {
     fn begin(&mut self, episode: Seed) {
+        if let Some(outside) = &mut self.outside {
+            return outside.begin(episode);
+        }
         let stacks = self.stacks.iter_mut().zip(self.kinds.iter());
         stacks.for_each(|((stack, _), kind)| stack.begin(episode, &kind.agents));
     }
 
     fn act(&mut self, percept: &JointPercept, actions: &mut [Action]) -> Result<()> {
+        if let Some(outside) = &mut self.outside {
+            return outside.act(percept, actions);
+        }
         for (index, (stack, seen)) in self.stacks.iter_mut().enumerate() {
             percept.of_kind(&self.kinds, index, seen);
             let chosen = stack.act(seen);

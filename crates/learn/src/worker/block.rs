@@ -23,7 +23,7 @@ use crate::state::AgentsState;
 use crate::state::stream::{AgentStream, Part};
 use crate::steps::train_policies::{AgentTraining, PolicyTraining};
 use dials_core::base::{AgentId, Phase, Ragged, RandomPurpose, Seed, Stopwatch, Work};
-use dials_core::domain::{Action, Domain, Kinds, RegionSpec, Result};
+use dials_core::domain::{Action, Domain, Kinds, Percept, RegionSpec, Result};
 use stacknets::Threads;
 
 /// All that belongs to some agents of one kind during the whole run.
@@ -250,6 +250,10 @@ fn learn(
     let begin = learners.iter().zip(so_far);
     let mut done: Vec<PolicyTraining> = begin.map(|(kind, so_far)| so_far.unwrap_or_else(|| nothing(kind))).collect();
     while steps < end {
+        for (number, kind) in learners.iter_mut().enumerate() {
+            let shown: Vec<&Percept> = lanes.percepts().into_iter().map(|of_lane| &of_lane[number]).collect();
+            kind.learner.look(&shown, steps, watch)?;
+        }
         let mut players: Vec<Player<'_>> =
             returns.iter_mut().map(|returns| Player { actors: Vec::new(), returns }).collect();
         for kind in &mut *learners {
@@ -263,7 +267,7 @@ fn learn(
         watch.add(&if lanes.are_apart() { phases.scaled_to(begun.elapsed()) } else { phases });
         steps += (decisions * config.copies()) as u64;
         for (kind, done) in learners.iter_mut().zip(&mut done) {
-            if let Some(update) = kind.learner.learn(steps, watch) {
+            if let Some(update) = kind.learner.learn(steps, watch)? {
                 done.metrics.add(update);
                 done.updates += 1;
             }
@@ -275,6 +279,7 @@ fn learn(
     done[0].counters = lanes.leave(&mut learners.iter_mut().map(|kind| &mut kind.streams[..]).collect::<Vec<_>>());
     for (number, (kind, done)) in learners.iter_mut().zip(&mut done).enumerate() {
         kind.steps = steps;
+        kind.learner.leave()?;
         let returns: Vec<&EpisodeReturns> = returns.iter().map(|of_lane| &of_lane[number]).collect();
         returns.iter().for_each(|returns| returns.leave(&mut kind.streams));
         EpisodeReturns::add_up(&returns, &mut done.agents);

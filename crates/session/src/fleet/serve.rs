@@ -12,6 +12,7 @@ use super::channel::{receive, send};
 use super::message::{Order, WorkerReport};
 use super::process::{CpuClock, footprint, resident_kib};
 use crate::config::RunConfig;
+use crate::python::learner;
 use dials_core::base::Activity;
 use dials_core::domain::Domain;
 use dials_learn::fleet::WorkerLoad;
@@ -65,6 +66,7 @@ impl Server {
         let config: RunConfig = serde_json::from_str(&config_json)?;
         let domain = open_domain(&config)?;
         prepared.as_ref().map_or(Ok(()), |prepared| domain.take_prepared(prepared))?;
+        learner::connect(&config, &*domain)?;
         let worker = Worker::new(domain, &config.learning, agents, &Threads::new(threads)?);
         let worker = worker.with_makers(Box::new(Apart { config_json, prepared, at_once: threads }));
         Ok(Server { worker, clock })

@@ -398,7 +398,7 @@ impl Learner for Dqn {
         lanes.map(|(decided, dice)| Box::new(DqnActor { policies, threads, epsilon, decided, dice }) as _).collect()
     }
 
-    fn learn(&mut self, steps: u64, watch: &mut Stopwatch) -> Option<Metrics> {
+    fn learn(&mut self, steps: u64, watch: &mut Stopwatch) -> Result<Option<Metrics>> {
         watch.time(Phase::Bookkeeping, || self.remember());
         let before = std::mem::replace(&mut self.steps, steps);
         let due = steps.is_multiple_of(self.config.update_every_steps as u64) && steps >= self.config.learning_starts;
@@ -406,7 +406,7 @@ impl Learner for Dqn {
         if steps / self.config.target_every_steps > before / self.config.target_every_steps {
             self.target.load(self.policies.parameters().values());
         }
-        metrics
+        Ok(metrics)
     }
 
     fn no_metrics(&self) -> Metrics {

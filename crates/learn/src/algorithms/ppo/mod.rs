@@ -211,7 +211,7 @@ impl Learner for Ppo {
     }
 
     /// After a round every lane has a whole rollout.
-    fn learn(&mut self, steps: u64, watch: &mut Stopwatch) -> Option<Metrics> {
+    fn learn(&mut self, steps: u64, watch: &mut Stopwatch) -> Result<Option<Metrics>> {
         let Ppo { memory, rollouts, in_memory, config, .. } = self;
         let copies = config.copies();
         watch.time(Phase::Bookkeeping, || {
@@ -221,10 +221,10 @@ impl Learner for Ppo {
         });
         *in_memory += 1;
         if *in_memory * copies * config.ppo.rollout_steps < config.ppo.memory {
-            return None;
+            return Ok(None);
         }
         *in_memory = 0;
-        Some(self.update(steps - self.config.ppo.memory as u64, watch))
+        Ok(Some(self.update(steps - self.config.ppo.memory as u64, watch)))
     }
 
     fn no_metrics(&self) -> Metrics {
@@ -291,7 +291,7 @@ mod tests {
                 actors[0].act(&percept);
                 actors[0].take_in(&experience, &percept, watch);
             }
-            ppo.learn(round * config.ppo.rollout_steps as u64, watch);
+            ppo.learn(round * config.ppo.rollout_steps as u64, watch).unwrap();
         }
         let judgement = ppo.policies.judge(0..2, &threads, &percept.obs, &mut ppo.policies.states(2));
         let outputs: Vec<f32> = judgement.rows().map(|(_, output)| output).collect();

@@ -90,6 +90,8 @@ const AIPS: &str = "aips";
 const LEARNERS: &str = "learners.";
 /// Name of what is no table of numbers, in postcard's format: the agents' streams, the learners' dice and counts.
 const STREAMS: &str = "streams";
+/// Name of the bytes of a learner outside of this program. Other learners have none.
+const OUTSIDE: &str = "outside";
 type Streams = (Vec<AgentStream>, BTreeMap<String, Vec<Vec<Dice>>>, BTreeMap<String, u64>);
 
 /// Writes a checkpoint of a run into `folder` and removes those that are no longer kept.
@@ -110,6 +112,9 @@ pub fn write(folder: &Directory, owner: &Owner, agents: &AgentsState, progress: 
     let tables = tables.map(|(name, table)| Ok((name, flat(Dtype::F32, bytemuck::cast_slice(table.as_slice()))?)));
     let mut tensors: Tensors<'_> = tables.collect::<Result<_>>()?;
     tensors.insert(STREAMS.to_owned(), flat(Dtype::U8, &streams)?);
+    if owner.config.learning.learns_outside() {
+        tensors.insert(OUTSIDE.to_owned(), flat(Dtype::U8, &learners.bytes)?);
+    }
     let metadata = seal(serde_json::to_string(&about)?, &tensors);
     // Directly to the file: the tables of a hundred agents need no second copy in memory.
     let write = |beside: &Path| Ok(safetensors::serialize_to_file(tensors, Some(metadata), beside)?);
@@ -165,7 +170,7 @@ impl Checkpoint {
             .map(|kind| algorithms::of(&config.learning).layout(&config.learning, kind, steps))
             .collect();
         let names = layouts[0].numbers.iter().map(|table| format!("{LEARNERS}{}", table.name));
-        check_names(&tensors, [POLICIES, AIPS].map(str::to_owned).into_iter().chain(names))?;
+        check_names(&tensors, [POLICIES, AIPS].map(str::to_owned).into_iter().chain(names), layouts[0].bytes)?;
         let widths = Widths::of(&owner.config.learning, &owner.kinds);
         let numbers = layouts[0].numbers.iter().enumerate().map(|(index, table)| {
             let of_agent = |agent| layouts[owner.kinds.place(agent).kind].numbers[index].width;
@@ -176,10 +181,11 @@ impl Checkpoint {
         let ((streams, dice, counts), rest) = postcard::take_from_bytes::<Streams>(tensors[STREAMS].data())
             .context("the state of training cannot be read")?;
         ensure!(rest.is_empty(), "it has {} bytes after the state of training", rest.len());
+        let bytes = tensors.get(OUTSIDE).map_or(Vec::new(), |bytes| bytes.data().to_vec());
         let agents = AgentsState {
             steps,
             policies: rows(&tensors, POLICIES, &widths.policies)?,
-            learners: Tables { numbers, dice, counts },
+            learners: Tables { numbers, dice, counts, bytes },
             aips: rows(&tensors, AIPS, &widths.aips)?,
             streams,
         };
@@ -246,10 +252,11 @@ fn digest(text: &str, tensors: &Tensors<'_>) -> String {
     })
 }
 
-/// Checks that there are tables with these names, the streams, and nothing else.
-fn check_names(tensors: &Tensors<'_>, tables: impl Iterator<Item = String>) -> Result<()> {
-    let expected: BTreeMap<String, Dtype> =
-        tables.map(|name| (name, Dtype::F32)).chain([(STREAMS.to_owned(), Dtype::U8)]).collect();
+/// Checks that there are tables with these names, the streams, and nothing else. `outside`: whether there are bytes of a
+/// learner outside.
+fn check_names(tensors: &Tensors<'_>, tables: impl Iterator<Item = String>, outside: bool) -> Result<()> {
+    let bytes = [STREAMS].into_iter().chain(outside.then_some(OUTSIDE)).map(|name| (name.to_owned(), Dtype::U8));
+    let expected: BTreeMap<String, Dtype> = tables.map(|name| (name, Dtype::F32)).chain(bytes).collect();
     for (name, dtype) in &expected {
         let tensor = tensors.get(name).with_context(|| format!("it has no tensor `{name}`"))?;
         ensure!(
