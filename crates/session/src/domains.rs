@@ -18,6 +18,7 @@ use dials_core::domain::{Domain, DomainTable};
 use dials_learn::config::Simulator;
 use dials_traffic::Traffic;
 use dials_traffic::config::TrafficTable;
+use dials_traffic::config::python::split;
 use dials_traffic::events::EventLog;
 use dials_traffic::sim::recording::Tape;
 use dials_warehouse::config::WarehouseConfig;
@@ -123,6 +124,16 @@ pub fn traffic(config: &RunConfig) -> Result<Option<Traffic>> {
         DomainConfig::Traffic(TrafficTable::Scenario(table)) => Traffic::open_scenario(table).map(Some),
         _ => Ok(None),
     }
+}
+
+/// Takes the names of functions of Python out of a config, the reward and the observation: for a process in which Python
+/// itself calls them. The config then has its built-in reward and observation.
+pub fn take_own(config: &mut RunConfig) -> (Option<String>, Option<String>) {
+    let Some(DomainConfig::Traffic(table)) = &mut config.domain else { return (None, None) };
+    let [reward, observation] = table.functions_mut().map(Option::take);
+    // The name without the number of columns.
+    let name = |text: String| split(&text).map_or_else(|_| text.clone(), |(name, _)| name.to_owned());
+    (reward, observation.map(name))
 }
 
 /// Returns the config of a scenario with more or fewer vehicles, and with further edges closed: `traffic.demand` and
