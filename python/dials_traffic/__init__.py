@@ -4,6 +4,7 @@
   one agent after another.
 - :func:`vector_parallel_env`: several of these, stepped together.
 - :func:`vector_env`: copies of one agent's local simulator, for Gymnasium; :func:`local_env`: one copy.
+- :func:`train`: a training run of the program, with rewards and observations of your own.
 - :func:`load`: the trained policies of a run directory, and their episodes.
 
 ``config`` is always a config of dials-traffic, any ``.sumocfg``, or a run directory. ``settings`` change keys of it,
@@ -24,6 +25,7 @@ from .parallel import GlobalEnv
 from .policy import Policy
 from .roads import Lanes, Neighbours, Roads, Vehicles
 from .runs import Controller, Episode, Run
+from .training import train
 from .vector import Agents, LocalEnv, LocalVectorEnv
 
 __all__ = [
@@ -49,6 +51,7 @@ __all__ = [
     "parallel_env",
     "register_observation",
     "register_reward",
+    "train",
     "vector_env",
     "vector_parallel_env",
 ]

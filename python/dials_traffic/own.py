@@ -92,26 +92,26 @@ class Own:
         if observation is not None:
             self.width = self._see(layout.empty()).shape[1]
 
-    def begin(self, data: bytes) -> Optional[np.ndarray]:
+    def begin(self, data: Any) -> Optional[np.ndarray]:
         """Take the roads at the beginning of episodes. Return observations, `[rows, width]`, if they are own ones."""
         return self._timed(self._begin, data)
 
-    def _begin(self, data: bytes) -> Optional[np.ndarray]:
+    def _begin(self, data: Any) -> Optional[np.ndarray]:
         self._before = Roads(self.layout, data)
         return None if self.observation is None else self._see(self._before)
 
-    def step(self, data: bytes) -> Tuple[Optional[np.ndarray], Optional[np.ndarray]]:
+    def step(self, data: Any) -> Tuple[Optional[np.ndarray], Optional[np.ndarray]]:
         """Take the roads after a step. Return rewards `[rows]` and observations, those that are own ones."""
         return self._timed(self._step, data)
 
-    def _step(self, data: bytes) -> Tuple[Optional[np.ndarray], Optional[np.ndarray]]:
+    def _step(self, data: Any) -> Tuple[Optional[np.ndarray], Optional[np.ndarray]]:
         now = Roads(self.layout, data)
         rewards = None if self.reward is None else self._pay(now)
         obs = None if self.observation is None else self._see(now)
         self._before = now
         return rewards, obs
 
-    def _timed(self, work: Callable[[bytes], Any], data: bytes) -> Any:
+    def _timed(self, work: Callable[[Any], Any], data: Any) -> Any:
         begun = time.perf_counter()
         try:
             return work(data)

@@ -169,7 +169,8 @@ class Layout:
 class Roads:
     """All lights and vehicles at a moment. Rows are lights; of local simulators, lights and copies."""
 
-    def __init__(self, layout: Layout, data: bytes) -> None:
+    def __init__(self, layout: Layout, data: Any) -> None:
+        """``data``: what the simulator wrote, `RoadsNow::put` in crates/core/src/domain/roads.rs."""
         rows, detectors = len(layout.agent), 3 * len(layout.detector_row)
         numbers = np.frombuffer(data, np.uint32)
         floats = numbers.view(np.float32)

@@ -414,7 +414,9 @@ impl Domain for Traffic {
         let scenario = self.network.described(self.agents());
         let mut rules = task::rules(&self.plan);
         self.own.describe_rules(&mut rules);
-        let of_python = self.own.reward().map(|name| format!("python-{name}"));
+        // A word of letters, digits and hyphens: reports name files after it.
+        let word = |name: &str| name.replace(|c: char| !c.is_ascii_alphanumeric(), "-");
+        let of_python = self.own.reward().map(|name| format!("python-{}", word(name)));
         Ok(scenario.with_rules(rules, of_python.or(self.network.unusual_reward.clone())))
     }
 
