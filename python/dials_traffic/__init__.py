@@ -5,6 +5,7 @@
 - :func:`vector_parallel_env`: several of these, stepped together.
 - :func:`vector_env`: copies of one agent's local simulator, for Gymnasium; :func:`local_env`: one copy.
 - :func:`datasets`: what influence predictors learn from.
+- :func:`train`: a training run of the program, with rewards and observations of your own.
 - :func:`load`: the trained policies of a run directory, and their episodes.
 - :func:`dials`: a run of `dials-traffic train` with a learner that is written in Python.
 
@@ -15,23 +16,23 @@ otherwise.
 
 from __future__ import annotations
 
-from typing import Any, Mapping, Optional
+from typing import Any, Mapping, Optional, Union
 
 from ._channel import PathLike
 from .aec import GlobalAecEnv
 from .errors import ProcessDied, SimulatorError
 from .learner import Experience, Rows, Team, Training, dials
 from .many import GlobalVectorEnv
-from .parallel import GlobalEnv, Observation, Reward
-from .roads import Approach, Car, Intersection
+from .own import Observation, OwnCost, Reward, register_observation, register_reward
+from .parallel import GlobalEnv
 from .policy import Policy
 from .predictor import Dataset, datasets
+from .roads import Lanes, Neighbours, Roads, Vehicles
 from .runs import Controller, Episode, Run
+from .training import train
 from .vector import Agents, LocalEnv, LocalVectorEnv
 
 __all__ = [
-    "Approach",
-    "Car",
     "Controller",
     "Dataset",
     "Episode",
@@ -39,22 +40,29 @@ __all__ = [
     "GlobalAecEnv",
     "GlobalEnv",
     "GlobalVectorEnv",
-    "Intersection",
+    "Lanes",
     "LocalEnv",
     "LocalVectorEnv",
+    "Neighbours",
+    "OwnCost",
     "Policy",
     "ProcessDied",
+    "Roads",
     "Rows",
     "Run",
     "SimulatorError",
     "Team",
     "Training",
+    "Vehicles",
     "aec_env",
     "datasets",
     "dials",
     "load",
     "local_env",
     "parallel_env",
+    "register_observation",
+    "register_reward",
+    "train",
     "vector_env",
     "vector_parallel_env",
 ]
@@ -66,8 +74,8 @@ def parallel_env(
     seed: Optional[int] = None,
     controller_for: Optional[Mapping[str, str]] = None,
     full_metrics: bool = False,
-    observation: Optional[Observation] = None,
-    reward: Optional[Reward] = None,
+    observation: Union[Observation, str, None] = None,
+    reward: Union[Reward, str, None] = None,
     settings: Optional[Mapping[str, Any]] = None,
     render_mode: Optional[str] = None,
     record: bool = False,
@@ -77,9 +85,9 @@ def parallel_env(
 
     ``seed``: of the episodes, from the system if there is none. ``controller_for``: the hand-coded controller that
     decides for some agents, such as ``{"A0": "gap-out"}``; these agents are not seen. ``full_metrics``: measure all
-    that `dials-traffic evaluate` prints, which costs time. ``observation`` and ``reward``: functions that replace ours.
-    They get an :class:`Intersection`, the reward that before the step and that after it. They are slow: at every step
-    all cars on all approaches become Python objects. ``record``: :meth:`GlobalEnv.save_replay` can write episodes for
+    that `dials-traffic evaluate` prints, which costs time. ``observation`` and ``reward``: functions that replace ours, or
+    their registered names. They get :class:`Roads` with a row for each light, the reward those before the step and those
+    after it, and return a line or a number per row. ``record``: :meth:`GlobalEnv.save_replay` can write episodes for
     sumo-gui. ``in_process``: no child process. That saves microseconds per step, but Python has room for one such
     environment, and dies with it.
     """
@@ -115,6 +123,8 @@ def vector_env(
     *,
     seed: Optional[int] = None,
     stagger: bool = False,
+    reward: Union[Reward, str, None] = None,
+    observation: Union[Observation, str, None] = None,
     settings: Optional[Mapping[str, Any]] = None,
 ) -> LocalVectorEnv:
     """Make a Gymnasium vector environment of ``copies`` local simulators of an agent.
@@ -126,8 +136,19 @@ def vector_env(
     has the number of the agent of every row. ``sample(d_set, uniform)``: returns a class for each source, ``[rows, sources]``;
     ``uniform`` has a number from 0 to 1 for each. :func:`datasets` has what it learns from.
     ``stagger``: the first episodes of the copies have different lengths, so that they do not all end at once.
+    ``reward`` and ``observation``: functions that replace ours, as for :func:`parallel_env`; they see all rows at once.
     """
-    return LocalVectorEnv(config, agent, copies, predictor, seed=seed, stagger=stagger, settings=settings)
+    return LocalVectorEnv(
+        config,
+        agent,
+        copies,
+        predictor,
+        seed=seed,
+        stagger=stagger,
+        reward=reward,
+        observation=observation,
+        settings=settings,
+    )
 
 
 def local_env(
@@ -136,10 +157,14 @@ def local_env(
     predictor: Any = None,
     *,
     seed: Optional[int] = None,
+    reward: Union[Reward, str, None] = None,
+    observation: Union[Observation, str, None] = None,
     settings: Optional[Mapping[str, Any]] = None,
 ) -> LocalEnv:
     """Make a Gymnasium environment of one local simulator of an agent, with parameters as for :func:`vector_env`."""
-    return LocalEnv(config, agent, predictor, seed=seed, settings=settings)
+    return LocalEnv(
+        config, agent, predictor, seed=seed, reward=reward, observation=observation, settings=settings
+    )
 
 
 def load(path: PathLike) -> Run:

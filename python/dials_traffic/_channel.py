@@ -19,7 +19,7 @@ import struct
 import threading
 import weakref
 from pathlib import Path
-from typing import Any, Callable, Dict, List, Mapping, Optional, Sequence, TypeVar, Union, cast
+from typing import Any, Callable, Dict, Mapping, Optional, Sequence, Tuple, TypeVar, Union, cast
 
 import numpy as np
 
@@ -29,6 +29,8 @@ PathLike = Union[str, "os.PathLike[str]"]
 
 BEGIN, RESET, STEP, MEASURE, DRAW, LOOK, KEEP, TAKE = b"BRSMDLKT"
 _IN_WORDS = {RESET: "reset", STEP: "step"}
+# Bytes of the roads after a step, and after the beginning of further episodes.
+_SIZES = struct.Struct("<II")
 
 
 class Channel:
@@ -151,41 +153,54 @@ class Channel:
         offset, count, dtype = self.about["memory"]["sections"][name]
         return np.frombuffer(self._map, dtype, count, offset)
 
-    def reset(self, seed: int, episode: int = 0) -> None:
-        """Begin an episode."""
+    def behind(self, length: int) -> bytes:
+        """Return as many bytes of the shared memory behind its sections: what is on the roads now."""
+        self.check_open()
+        return os.pread(self._memory, length, self.about["memory"]["behind"])
+
+    def reset(self, seed: int, episode: int = 0) -> bytes:
+        """Begin an episode. Return the payload of the answer."""
         self.send_reset(seed, episode)
-        self.receive_reset()
+        return self.receive_reset()
 
     def send_reset(self, seed: int, episode: int = 0) -> None:
         """Order a new episode and do not wait for it."""
         self.send(RESET, {"seed": seed, "episode": episode})
 
-    def receive_reset(self) -> None:
-        """Wait for the episode that :meth:`send_reset` ordered."""
-        self.receive(RESET)
+    def receive_reset(self) -> bytes:
+        """Wait for the episode that :meth:`send_reset` ordered. Return the payload of the answer."""
+        return self.receive(RESET)
 
-    def step(self) -> None:
-        """Make a step with the actions in the shared memory."""
+    def step(self) -> bytes:
+        """Make a step with the actions in the shared memory. Return the payload of the answer."""
         self.send_step()
-        self.receive_step()
+        return self.receive_step()
 
     def send_step(self) -> None:
         """Order a step and do not wait for it."""
         self.send(STEP)
 
-    def receive_step(self) -> None:
-        """Wait for the step that :meth:`send_step` ordered."""
-        self.receive(STEP)
+    def receive_step(self) -> bytes:
+        """Wait for the step that :meth:`send_step` ordered. Return the payload of the answer."""
+        return self.receive(STEP)
 
     def measure(self) -> Dict[str, Any]:
         """Return the figures that the simulator keeps."""
         figures: Dict[str, Any] = json.loads(self.ask(MEASURE))
         return figures
 
-    def look(self) -> List[Dict[str, Any]]:
-        """Return what is on the roads of every agent, in order."""
-        seen: List[Dict[str, Any]] = json.loads(self.ask(LOOK))
-        return seen
+    def look(self) -> Dict[str, Any]:
+        """Return the roads of all agents as they always are."""
+        tables: Dict[str, Any] = json.loads(self.ask(LOOK))
+        return tables
+
+    def roads(self, payload: bytes) -> Tuple[bytes, bytes]:
+        """Return what is on the roads after a step, and after further episodes have begun in it, as an answer says. Empty: there
+        is none.
+        """
+        now, begun = _SIZES.unpack(payload)
+        data = self.behind(now + begun)
+        return data[:now], data[now:]
 
     def draw(self) -> np.ndarray:
         """Return a picture, ``[height, width, 3]``."""

@@ -8,7 +8,9 @@ from pettingzoo.utils import BaseWrapper, parallel_to_aec
 
 from ._channel import Channel, alone
 from .errors import SimulatorError
+from .own import OwnCost
 from .parallel import GlobalEnv
+from .roads import Neighbours
 
 
 class GlobalAecEnv(BaseWrapper):  # type: ignore[misc]
@@ -34,6 +36,15 @@ class GlobalAecEnv(BaseWrapper):  # type: ignore[misc]
     def reset(self, seed: Optional[int] = None, options: Optional[Any] = None) -> None:
         super().reset(seed=seed, options=options)
         self._begun = True
+
+    @property
+    def own_cost(self) -> OwnCost:
+        """Time that own functions took since the environment was made, beside that of all steps."""
+        return self._parallel.own_cost
+
+    def neighbours(self) -> Neighbours:
+        """Return which light feeds which, as :meth:`GlobalEnv.neighbours` does."""
+        return self._parallel.neighbours()
 
     def _check_begun(self) -> None:
         # Before the first reset, PettingZoo's wrapper has failed assertions and missing attributes.

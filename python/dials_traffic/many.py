@@ -9,7 +9,9 @@ import numpy as np
 
 from ._channel import Channel, PathLike, alone, check_dict, free_memory, fresh_seed, whole_number
 from .errors import SimulatorError
+from .own import OwnCost
 from .parallel import GlobalEnv, Infos, Observations
+from .roads import Neighbours
 
 Table = Dict[str, np.ndarray]
 #: Memory of a copy in bytes, less than any needs: a Python and SUMO.
@@ -50,6 +52,20 @@ class GlobalVectorEnv:
     def _channel(self) -> Channel:
         """What :func:`alone` waits for: the first copy stands for all."""
         return self.envs[0]._channel
+
+    def state(self) -> np.ndarray:
+        """Return what a central critic sees in every copy, `[copies, width]`: all observations, one after another."""
+        return np.stack([env.state() for env in self.envs])
+
+    def neighbours(self) -> Neighbours:
+        """Return which light feeds which, as :meth:`GlobalEnv.neighbours` does."""
+        return self.envs[0].neighbours()
+
+    @property
+    def own_cost(self) -> OwnCost:
+        """Time that own functions took in all copies, and the time of all steps."""
+        costs = [env.own_cost for env in self.envs]
+        return OwnCost(sum(cost.functions_s for cost in costs), sum(cost.steps_s for cost in costs))
 
     def observation_space(self, agent: str) -> "gymnasium.Space[Any]":
         """Return the space of one copy's observations."""

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import operator
+import time
 from pathlib import Path
-from typing import Any, Callable, Dict, List, Mapping, Optional, Tuple
+from typing import Any, Dict, List, Mapping, Optional, Tuple, Union
 
 import gymnasium
 import numpy as np
@@ -28,15 +29,12 @@ from ._channel import (
 from ._in_process import InProcess
 from ._process import Process
 from .errors import SimulatorError
-from .roads import Intersection, intersection
+from .own import Observation, Own, OwnCost, Reward, chosen
+from .roads import Layout, Neighbours
 
 Observations = Dict[str, np.ndarray]
 Infos = Dict[str, Dict[str, Any]]
 RENDER_MODES = ["rgb_array"]
-#: A function of what is on an agent's roads. It returns an array or a list, of the same shape every time for an agent.
-Observation = Callable[[Intersection], Any]
-#: A function of what was on an agent's roads before a step, and what is on them after it.
-Reward = Callable[[Intersection, Intersection], float]
 Steps = Tuple[Observations, Dict[str, float], Dict[str, bool], Dict[str, bool], Infos]
 
 
@@ -59,8 +57,8 @@ class GlobalEnv(ParallelEnv):  # type: ignore[misc]
         seed: Optional[int] = None,
         controller_for: Optional[Mapping[str, str]] = None,
         full_metrics: bool = False,
-        observation: Optional[Observation] = None,
-        reward: Optional[Reward] = None,
+        observation: Union[Observation, str, None] = None,
+        reward: Union[Reward, str, None] = None,
         settings: Optional[Mapping[str, Any]] = None,
         render_mode: Optional[str] = None,
         record: bool = False,
@@ -70,7 +68,6 @@ class GlobalEnv(ParallelEnv):  # type: ignore[misc]
             raise ValueError(f"render_mode {render_mode!r}: this environment has {RENDER_MODES}")
         first_seed = fresh_seed(seed)
         _check_names("controller_for", controller_for)
-        self._observe, self._reward = observation, reward
         self._made_of: Dict[str, Any] = {
             "config": config,
             "seed": first_seed,
@@ -83,8 +80,9 @@ class GlobalEnv(ParallelEnv):  # type: ignore[misc]
             "record": record,
             "in_process": in_process,
         }
-        # What is on the roads now, by agent, if a function asks for it.
-        self._roads: Dict[str, Intersection] = {}
+        self._own: Optional[Own] = None
+        # When the step under way began.
+        self._begun = 0.0
         joint = {
             "controller_for": dict(controller_for or {}),
             "full_metrics": yes_or_no("full_metrics", full_metrics),
@@ -107,11 +105,26 @@ class GlobalEnv(ParallelEnv):  # type: ignore[misc]
         #: Seed of the episodes, and the number of the episode under way. `dials-traffic evaluate RUN --seed SEED` plays
         #: the same episodes.
         self.seed, self.episode = first_seed, -1
+        try:
+            self._take_functions(reward, observation)
+        except BaseException:
+            self._channel.close()
+            raise
         self._lay_out(about["agents"])
 
     def __reduce__(self) -> Tuple[Any, ...]:
         """Pickle and copy it as what it was made of: a copy is a new environment, before its first episode."""
         return _made, (type(self), self._made_of)
+
+    def _take_functions(self, reward: Any, observation: Any) -> None:
+        """Take the functions that were given, or those that the config names."""
+        own = self._channel.about["own"]
+        reward = chosen("reward", reward, own["reward"])
+        observation = chosen("observation", observation, own["observation"])
+        if reward is not None or observation is not None:
+            tables = self._channel.look()
+            layout = Layout(tables, range(len(tables["agents"])))
+            self._own = Own(layout, reward, observation)
 
     def _lay_out(self, agents: List[Dict[str, Any]]) -> None:
         """Work out the place of every agent in the shared memory."""
@@ -130,8 +143,8 @@ class GlobalEnv(ParallelEnv):  # type: ignore[misc]
             name, width, n_actions = agent["name"], agent["obs_dim"], agent["n_actions"]
             mask_width = n_actions if agent["masks"] else 0
             if not agent["hand_coded"]:
-                if self._observe is None:
-                    self._observation_spaces[name] = Box(-np.inf, np.inf, (width,), np.float32)
+                own_width = self._own.width if self._own is not None else 0
+                self._observation_spaces[name] = Box(-np.inf, np.inf, (own_width or width,), np.float32)
                 self._action_spaces[name] = Discrete(n_actions)
                 self._obs_places.append((name, slice(obs, obs + width)))
                 always = None if agent["masks"] else _all_allowed(n_actions)
@@ -142,14 +155,42 @@ class GlobalEnv(ParallelEnv):  # type: ignore[misc]
         self._rewards, self._actions = array("rewards"), array("actions")
         self._actions[:] = 0
         self._steps = 0
+        #: Space of :meth:`state`: all observations, one after another.
+        self.state_space = Box(-np.inf, np.inf, (sum(self._widths()),), np.float32)
+        # What the agents saw last.
+        self._seen: Optional[Observations] = None
         # Whether the last reset or step came to its end. If not, what this process knows of the episode may be old.
         self._whole = True
 
     def observation_space(self, agent: str) -> "gymnasium.Space[Any]":
-        """Return the space of an agent's observations. Of your own ones the shape is known after the first reset."""
-        if self._observe is not None and not self._observation_spaces:
-            raise SimulatorError("observation: the shape of what it returns is known after the first reset()")
+        """Return the space of an agent's observations."""
         return self._observation_spaces[agent]
+
+    def _widths(self) -> List[int]:
+        return [space.shape[0] for space in self._observation_spaces.values() if space.shape is not None]
+
+    def state(self) -> np.ndarray:
+        """Return what a central critic sees: the observations of all agents, one after another in the order of
+        ``possible_agents``. It is that of the last reset or step.
+        """
+        if self._seen is None:
+            raise SimulatorError("there is no episode under way; call reset() first")
+        return np.concatenate([self._seen[agent] for agent in self.possible_agents])
+
+    @alone
+    def neighbours(self) -> Neighbours:
+        """Return which light feeds which, and how far they are apart. Only traffic has lights."""
+        tables = self._channel.look()
+        ways = tables["adjacency"]
+        numbers = {key: np.array([way[key] for way in ways], int) for key in ("from", "to")}
+        lengths = {key: np.array([way[key] for way in ways], float) for key in ("metres", "seconds")}
+        names = [agent["name"] for agent in tables["agents"]]
+        return Neighbours(names, numbers["from"], numbers["to"], lengths["metres"], lengths["seconds"])
+
+    @property
+    def own_cost(self) -> OwnCost:
+        """Time that own functions took since the environment was made, beside that of all steps."""
+        return OwnCost() if self._own is None else self._own.cost
 
     def action_space(self, agent: str) -> "gymnasium.Space[Any]":
         return self._action_spaces[agent]
@@ -181,14 +222,10 @@ class GlobalEnv(ParallelEnv):  # type: ignore[misc]
     @alone
     def receive_reset(self) -> Tuple[Observations, Infos]:
         """Wait for the episode that :meth:`send_reset` began."""
-        self._channel.receive_reset()
+        payload = self._channel.receive_reset()
         self._steps = 0
-        self._look()
-        observations, infos = self._perceive()
-        if self._observe is not None and not self._observation_spaces:
-            self._observation_spaces = {
-                agent: Box(-np.inf, np.inf, obs.shape, np.float32) for agent, obs in observations.items()
-            }
+        own = self._own
+        observations, infos = self._perceive(None if own is None else own.begin(self._channel.roads(payload)[0]))
         self.agents = list(self.possible_agents)
         self._whole = True
         return observations, infos
@@ -235,6 +272,7 @@ class GlobalEnv(ParallelEnv):  # type: ignore[misc]
     def _send_checked(self, code: bytes) -> None:
         self._whole = False
         self._actions[self._rows] = np.frombuffer(code, np.uint8)
+        self._begun = time.perf_counter()
         self._channel.send_step()
 
     def _refuse_names(self, actions: Mapping[str, int]) -> None:
@@ -265,16 +303,16 @@ class GlobalEnv(ParallelEnv):  # type: ignore[misc]
         return self._receive_step()
 
     def _receive_step(self) -> Steps:
-        self._channel.receive_step()
+        payload = self._channel.receive_step()
         self._steps += 1
         over = self._steps == self.horizon
-        before = self._roads
-        self._look()
-        observations, infos = self._perceive()
-        if self._reward is None:
-            rewards = dict(zip(self.possible_agents, self._rewards[self._rows].tolist()))
-        else:
-            rewards = {agent: float(self._reward(before[agent], now)) for agent, now in self._roads.items()}
+        paid, obs, own = self._rewards, None, self._own
+        if own is not None:
+            own.cost.steps_s += time.perf_counter() - self._begun
+            of_own, obs = own.step(self._channel.roads(payload)[0])
+            paid = paid if of_own is None else of_own
+        rewards = dict(zip(self.possible_agents, paid[self._rows].tolist()))
+        observations, infos = self._perceive(obs)
         terminations = dict.fromkeys(self.possible_agents, False)
         truncations = dict.fromkeys(self.possible_agents, over)
         if over:
@@ -283,35 +321,21 @@ class GlobalEnv(ParallelEnv):  # type: ignore[misc]
         self._whole = True
         return observations, rewards, terminations, truncations, infos
 
-    def _look(self) -> None:
-        """Ask what is on the roads, if a function wants to know."""
-        if self._observe is not None or self._reward is not None:
-            told = self._channel.look()
-            self._roads = {name: intersection(name, told[row]) for name, row in zip(self.possible_agents, self._rows)}
-
-    def _perceive(self) -> Tuple[Observations, Infos]:
+    def _perceive(self, own: Optional[np.ndarray]) -> Tuple[Observations, Infos]:
+        """Return what all agents see. ``own``: own observations, one row for each."""
         # One copy for all agents: the memory changes with the next step, and what was returned must not.
-        obs, masks, own = self._obs.copy(), self._masks.copy(), self._observe
+        masks = self._masks.copy()
         if own is None:
+            obs = self._obs.copy()
             observations = {name: obs[place] for name, place in self._obs_places}
         else:
-            # Copies: the function may use an array of its own again.
-            observations = {name: np.array(own(roads), np.float32) for name, roads in self._roads.items()}
-            self._check_shapes(observations)
+            observations = {name: own[row] for name, row in zip(self.possible_agents, self._rows)}
+        self._seen = observations
         infos: Infos = {
             name: {"action_mask": masks[place] if always is None else always}
             for name, place, always in self._mask_places
         }
         return observations, infos
-
-    def _check_shapes(self, observations: Observations) -> None:
-        """Raise an error if an own observation has another shape than at the first reset."""
-        for name, space in self._observation_spaces.items():
-            if observations[name].shape != space.shape:
-                raise SimulatorError(
-                    f"observation: of agent {name!r} it has the shape {observations[name].shape}, and at the first "
-                    f"reset() it had {space.shape}; it must always be the same"
-                )
 
     def _add_metrics(self, infos: Infos) -> None:
         figures = self._channel.measure()

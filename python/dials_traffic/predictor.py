@@ -81,7 +81,7 @@ class Driver:
     def __init__(self, predictor: Any, process: Process, copies: int) -> None:
         about = process.about
         self._predictor = predictor
-        self._agents = np.repeat(np.array(about["numbers"]), copies)
+        self._agents = np.repeat(np.array(about["agent_numbers"]), copies)
         self._classes = np.array(about["classes"])
         rows = len(self._agents)
         self._d_set = process.array("d_set").reshape(rows, -1)

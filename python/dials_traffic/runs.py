@@ -23,6 +23,7 @@ from ._channel import (
 )
 from ._process import Process
 from .errors import SimulatorError
+from .own import OwnCost
 from .parallel import GlobalEnv, refuse_existing
 from .policy import Policy, Weights, in_torch
 
@@ -49,6 +50,8 @@ class Run:
         # All weights refer to it, and controllers copy it.
         parameters.flags.writeable = False
         self._parameters = parameters
+        #: What own functions took, if :func:`dials_traffic.train` has trained it in this process.
+        self.own_cost = OwnCost()
         #: Names of the agents, in order.
         self.agents: List[str] = [agent["name"] for agent in about["agents"]]
         #: Timesteps per agent of these policies, if somebody is still training the run.

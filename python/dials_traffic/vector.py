@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from typing import Any, Dict, List, Mapping, Optional, Sequence, Tuple, Union
 
 import gymnasium
@@ -24,7 +25,9 @@ from ._channel import (
 )
 from ._process import Process
 from .errors import SimulatorError
+from .own import Observation, Own, OwnCost, Reward, chosen
 from .predictor import Driver, is_own
+from .roads import Layout
 
 Agents = Union[str, Sequence[str], None]
 
@@ -48,6 +51,8 @@ class LocalVectorEnv(VectorEnv):
         *,
         seed: Optional[int] = None,
         stagger: bool = False,
+        reward: Union[Reward, str, None] = None,
+        observation: Union[Observation, str, None] = None,
         settings: Optional[Mapping[str, Any]] = None,
     ) -> None:
         copies, first_seed = whole_number("copies", copies, 1), fresh_seed(seed)
@@ -59,10 +64,19 @@ class LocalVectorEnv(VectorEnv):
             "copies": copies,
             "predictor": _predictor(config if predictor is None else predictor),
             "stagger": yes_or_no("stagger", stagger),
+            "watches_roads": reward is not None or observation is not None,
         }
         request = request_of(config, settings, {"local": local})
         self._process = Process(f"the local simulators of {config}", request)
         about = self._process.about
+        self._own: Optional[Own] = None
+        # When the step under way began.
+        self._begun = 0.0
+        try:
+            self._take_functions(reward, observation)
+        except BaseException:
+            self._process.close()
+            raise
         #: Names of the agents. Row ``i`` belongs to agent ``i // copies``.
         self.agents: List[str] = about["agents"]
         self.copies = copies
@@ -71,7 +85,7 @@ class LocalVectorEnv(VectorEnv):
         self.num_envs: int = about["rows"]
         self._n_actions: int = about["n_actions"]
         self.metadata = {"autoreset_mode": AutoresetMode.SAME_STEP, "render_modes": []}
-        self.single_observation_space = Box(-np.inf, np.inf, (about["obs_dim"],), np.float32)
+        self.single_observation_space = Box(-np.inf, np.inf, (self._width(),), np.float32)
         self.single_action_space = Discrete(self._n_actions)
         self.observation_space = batch_space(self.single_observation_space, self.num_envs)
         self.action_space = batch_space(self.single_action_space, self.num_envs)
@@ -89,11 +103,36 @@ class LocalVectorEnv(VectorEnv):
         self._rewards, self._ends, self._actions = array("rewards"), array("ends"), array("actions")
         self._never = np.zeros(self.num_envs, bool)
         #: What drives the rows, if it is an object of the user.
-        self._own = Driver(predictor, self._process, copies) if is_own(predictor) else None
+        self._driver = Driver(predictor, self._process, copies) if is_own(predictor) else None
 
     @property
     def _channel(self) -> Channel:
         return self._process
+
+    def _take_functions(self, reward: Any, observation: Any) -> None:
+        """Take the functions that were given, or those that the config names."""
+        about = self._process.about
+        reward = chosen("reward", reward, about["own"]["reward"])
+        observation = chosen("observation", observation, about["own"]["observation"])
+        if reward is not None or observation is not None:
+            copies = about["rows"] // len(about["agent_numbers"])
+            layout = Layout(about["roads"], np.repeat(about["agent_numbers"], copies))
+            self._own = Own(layout, reward, observation)
+
+    def _width(self) -> int:
+        own: int = 0 if self._own is None else self._own.width
+        width: int = self._process.about["obs_dim"]
+        return own or width
+
+    @property
+    def own_cost(self) -> OwnCost:
+        """Time that own functions took since the environment was made, beside that of all steps."""
+        return OwnCost() if self._own is None else self._own.cost
+
+    @alone
+    def action_masks(self) -> np.ndarray:
+        """Return which actions are allowed now, `[rows, actions]`, as sb3-contrib's MaskablePPO asks for them."""
+        return self._masks != 0
 
     @alone
     def reset(
@@ -113,11 +152,12 @@ class LocalVectorEnv(VectorEnv):
         if self._resets > 0:
             now = int(np.random.SeedSequence((self.seed, self._resets)).generate_state(1, np.uint64)[0])
         self._whole = False
-        self._process.reset(now)
-        if self._own is not None:
-            self._own.reset(now)
+        payload = self._process.reset(now)
+        if self._driver is not None:
+            self._driver.reset(now)
         self._resets += 1
-        obs, infos = self._obs.copy(), self._infos()
+        of_own = None if self._own is None else self._own.begin(self._process.roads(payload)[1])
+        obs, infos = self._obs.copy() if of_own is None else of_own, self._infos()
         self._whole = True
         return obs, infos
 
@@ -146,9 +186,10 @@ class LocalVectorEnv(VectorEnv):
         if not np.all((actions >= 0) & (actions < self._n_actions)):
             raise ValueError(f"actions: all must be from 0 to {self._n_actions - 1}, not {actions}")
         self._whole = False
-        if self._own is not None:
-            self._own.give()
+        if self._driver is not None:
+            self._driver.give()
         self._actions[:] = actions
+        self._begun = time.perf_counter()
         self._process.send_step()
 
     @alone
@@ -157,19 +198,42 @@ class LocalVectorEnv(VectorEnv):
         return self._end_step()
 
     def _end_step(self) -> Tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, Dict[str, Any]]:
-        self._process.receive_step()
+        payload = self._process.receive_step()
         infos, ends = self._infos(), self._ends.copy()
+        if self._driver is not None:
+            self._driver.ended(ends)
+        # Copies: the memory changes with the next step, and what was returned must not.
+        rewards, obs, last_obs = self._rewards.astype(np.float64), None, None
         if self._own is not None:
-            self._own.ended(ends)
+            of_own, obs, last_obs = self._step_own(payload, ends)
+            rewards = rewards if of_own is None else of_own
         if ends.any():
-            infos["final_obs"], infos["_final_obs"] = self._last_obs.copy(), ends.copy()
+            infos["final_obs"] = self._last_obs.copy() if last_obs is None else last_obs
+            infos["_final_obs"] = ends.copy()
             final_masks = np.where(ends[:, None], self._last_masks, 0).astype(np.int8)
             infos["final_info"] = {"action_mask": final_masks, "_action_mask": ends.copy()}
             infos["_final_info"] = ends.copy()
-        # Copies: the memory changes with the next step, and what was returned must not.
-        shown = self._obs.copy(), self._rewards.astype(np.float64), self._never.copy(), ends, infos
+        shown = self._obs.copy() if obs is None else obs, rewards, self._never.copy(), ends, infos
         self._whole = True
         return shown
+
+    def _step_own(
+        self, payload: bytes, ends: np.ndarray
+    ) -> Tuple[Optional[np.ndarray], Optional[np.ndarray], Optional[np.ndarray]]:
+        """Return own rewards, own observations, and those of the episodes that are over."""
+        own = self._own
+        assert own is not None
+        own.cost.steps_s += time.perf_counter() - self._begun
+        now, begun = self._process.roads(payload)
+        rewards, last_obs = own.step(now)
+        if not begun:
+            return rewards, last_obs, last_obs
+        # Rewards of the next step are of the episodes that have begun.
+        obs = own.begin(begun)
+        if obs is None or last_obs is None:
+            return rewards, None, None
+        # Other rows go on, and their function may be one that draws.
+        return rewards, np.where(ends[:, None], obs, last_obs), np.where(ends[:, None], last_obs, 0)
 
     def _infos(self) -> Dict[str, Any]:
         return {"action_mask": self._masks.copy(), "_action_mask": np.ones(self.num_envs, bool)}
@@ -191,8 +255,8 @@ class LocalVectorEnv(VectorEnv):
         if hasattr(self, "_never"):
             tables = ["_obs", "_last_obs", "_masks", "_last_masks", "_rewards", "_ends", "_actions"]
             no_memory(self, *tables)
-            if self._own is not None:
-                self._own.close()
+            if self._driver is not None:
+                self._driver.close()
 
 
 def _predictor(predictor: Any) -> Union[str, Dict[str, str]]:
@@ -218,11 +282,17 @@ class LocalEnv(gymnasium.Env):
         predictor: Any = None,
         *,
         seed: Optional[int] = None,
+        reward: Union[Reward, str, None] = None,
+        observation: Union[Observation, str, None] = None,
         settings: Optional[Mapping[str, Any]] = None,
     ) -> None:
         if not isinstance(agent, str):
             raise TypeError(f"agent {agent!r}: must be the name of one agent; vector_env takes several")
-        self._rows = LocalVectorEnv(config, agent, 1, predictor, seed=seed, settings=settings)
+        self._rows = LocalVectorEnv(
+            config, agent, 1, predictor, seed=seed, reward=reward, observation=observation, settings=settings
+        )
+        # The mask of what was shown last.
+        self._mask = self._rows._masks[0] != 0
         self.observation_space = self._rows.single_observation_space
         self.action_space = self._rows.single_action_space
         #: Number of steps of an episode.
@@ -246,6 +316,7 @@ class LocalEnv(gymnasium.Env):
             obs, infos = self._rows.reset(seed=seed)
             self._begun = obs[0], _of_row(infos)
         begun, self._begun = self._begun, None
+        self._mask = begun[1]["action_mask"] != 0
         return begun
 
     @alone
@@ -256,8 +327,20 @@ class LocalEnv(gymnasium.Env):
         info = _of_row(infos)
         if ends[0]:
             self._begun = obs[0], info
-            return infos["final_obs"][0], float(rewards[0]), False, True, _of_row(infos["final_info"])
+            last = _of_row(infos["final_info"])
+            self._mask = last["action_mask"] != 0
+            return infos["final_obs"][0], float(rewards[0]), False, True, last
+        self._mask = info["action_mask"] != 0
         return obs[0], float(rewards[0]), False, False, info
+
+    def action_masks(self) -> np.ndarray:
+        """Return which actions are allowed now, `[actions]`, as sb3-contrib's MaskablePPO asks for them."""
+        return self._mask
+
+    @property
+    def own_cost(self) -> OwnCost:
+        """Time that own functions took since the environment was made, beside that of all steps."""
+        return self._rows.own_cost
 
     def close(self) -> None:
         """End the environment and its process."""

@@ -31,7 +31,12 @@ pub(crate) struct Datasets {
 
 impl Datasets {
     pub(crate) fn open(opened: Opened, request: &DatasetsRequest, mut memory: Memory) -> Result<Datasets> {
-        let Opened { config, domain, names } = opened;
+        let Opened { config, domain, names, own } = opened;
+        ensure!(
+            own.observation.is_none(),
+            "datasets: the policies of this config see with a function of Python, and here the program acts; name a config with an \
+             observation of ours"
+        );
         let kinds = domain.kinds();
         let mut worker = Worker::new(domain.clone(), &config.learning, AgentId::all(kinds.agents()), &Threads::one());
         let policies = match &request.run {

@@ -6,6 +6,7 @@ use std::sync::Arc;
 
 use anyhow::{Context, Result, bail, ensure};
 use dials_core::base::{AgentId, Seed};
+use dials_core::domain::roads::RoadsNow;
 use dials_core::domain::{Action, GlobalSimulator, JointPercept, RegionSpec};
 use dials_learn::evaluation::episode_seed;
 use dials_session::domains::traffic;
@@ -16,7 +17,8 @@ use serde_json::{Value, json};
 
 use crate::agent;
 use crate::memory::{Memory, Section};
-use crate::request::{JointRequest, KeepRequest, Opened, ResetRequest};
+use crate::request::{JointRequest, KeepRequest, NO_ROADS, Opened, OwnNames, ResetRequest};
+use crate::roads::RoadMemory;
 use crate::wire::{self, DRAW, KEEP, LOOK, MEASURE, RESET, STEP};
 
 /// Pixels per unit of a picture.
@@ -34,6 +36,8 @@ pub(crate) struct Joint {
     under_way: bool,
     /// The last episode, if episodes are recorded.
     tape: Option<Tape>,
+    /// What is on the roads, if a function of the user sees it.
+    roads: Option<(RoadMemory, RoadsNow)>,
 }
 
 struct Sections {
@@ -76,10 +80,8 @@ impl Joint {
         if request.full_metrics {
             simulator.measure_in_full()?;
         }
-        ensure!(
-            !request.watches_roads || simulator.watch_roads(),
-            "observation, reward: this domain has no roads, and only its own observations and rewards"
-        );
+        let watches_roads = request.watches_roads || opened.own != OwnNames::default();
+        ensure!(!watches_roads || simulator.watch_roads()?, NO_ROADS);
         let sum = |width: fn(&RegionSpec) -> usize| domain.kinds().specs().map(width).sum();
         let agents = opened.names.len();
         let sections = Sections {
@@ -88,7 +90,18 @@ impl Joint {
             rewards: memory.section::<f32>("rewards", agents, "f4"),
         };
         let memory = memory.finish(agents)?;
-        Ok(Joint { simulator, hand_coded, memory, sections, actions: vec![0; agents], under_way: false, tape, opened })
+        let roads = if watches_roads { Some((memory.behind()?, RoadsNow::default())) } else { None };
+        Ok(Joint {
+            roads,
+            simulator,
+            hand_coded,
+            memory,
+            sections,
+            actions: vec![0; agents],
+            under_way: false,
+            tape,
+            opened,
+        })
     }
 }
 
@@ -116,15 +129,15 @@ impl Joint {
             "agents": agents.collect::<Vec<_>>(),
             "horizon": kinds.horizon(),
             "memory": self.memory.describe(),
+            "own": self.opened.own,
         })
     }
 
     /// Does what is ordered and returns the answer's payload.
     pub(crate) fn obey(&mut self, tag: u8, payload: &[u8]) -> Result<Vec<u8>> {
-        let done = |()| Vec::new();
         match tag {
-            STEP => self.step().map(done),
-            RESET => self.reset(&wire::read(payload)?).map(done),
+            STEP => self.step().and_then(|()| self.show_roads()),
+            RESET => self.reset(&wire::read(payload)?).and_then(|()| self.show_roads()),
             MEASURE => Ok(self.measure()?.to_string().into_bytes()),
             DRAW => self.draw(),
             LOOK => self.look(),
@@ -172,9 +185,17 @@ impl Joint {
         Ok(json!({ "per_agent": per_agent, "system": system }))
     }
 
-    /// Returns what is on the roads of every agent, in order, as JSON.
+    /// Shows what is on the roads, if a function of the user sees it.
+    fn show_roads(&mut self) -> Result<Vec<u8>> {
+        let Some((memory, now)) = &mut self.roads else { return Ok(Vec::new()) };
+        self.simulator.roads(now);
+        memory.show(now, None)
+    }
+
+    /// Returns the roads of all agents as they always are, as JSON.
     fn look(&self) -> Result<Vec<u8>> {
-        Ok(serde_json::to_vec(&self.simulator.roads())?)
+        let tables = self.opened.domain.road_tables()?.context(NO_ROADS)?;
+        Ok(serde_json::to_vec(&tables)?)
     }
 
     /// Returns width and height, four bytes each, and the pixels, three bytes each, row after row.

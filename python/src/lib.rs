@@ -10,6 +10,7 @@
 //! - `in_process`: an environment in the Python process itself.
 //! - `joint`: all agents on the global simulator. `local`: local simulators with influence predictors.
 //! - `datasets`: what influence predictors learn from.
+//! - `roads`: what is on the roads, for functions of the user.
 //! - `policies`: the trained policies of a run. `agent`: what both say of an agent.
 
 mod agent;
@@ -20,6 +21,7 @@ mod local;
 mod memory;
 mod policies;
 mod request;
+mod roads;
 mod serve;
 mod wire;
 

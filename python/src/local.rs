@@ -1,9 +1,13 @@
 //! Local simulators of some agents, driven by influence predictors: Algorithm 3, with the decisions made in Python.
 
+use std::cell::RefCell;
+use std::rc::Rc;
 use std::sync::{Arc, Mutex, PoisonError};
 
 use anyhow::{Context, Result, bail, ensure};
 use dials_core::base::{AgentId, Dice, Rows, Stopwatch};
+use dials_core::domain::own::OwnLocal;
+use dials_core::domain::roads::RoadTables;
 use dials_core::domain::{Action, Domain, Percept, RegionSpec};
 use dials_learn::config::{AipTraining, Period, Predictor, Simulator};
 use dials_learn::environments::Experience;
@@ -25,7 +29,8 @@ use serde_json::{Value, json};
 use stacknets::Threads;
 
 use crate::memory::{Memory, Section};
-use crate::request::{LocalRequest, Opened, PredictorRequest, ResetRequest};
+use crate::request::{LocalRequest, NO_ROADS, Opened, OwnNames, PredictorRequest, ResetRequest};
+use crate::roads::{RoadMemory, Tap, Tapped};
 use crate::wire::Refused;
 
 /// The local simulators of some agents of one kind: rows ordered by agent, then by copy.
@@ -36,6 +41,15 @@ pub(crate) struct Local {
     names: Vec<String>,
     predictor: Box<dyn InfluencePredictor>,
     view: View,
+    roads: Option<Roads>,
+    own: OwnNames,
+}
+
+/// What a function of the user sees of the roads.
+struct Roads {
+    memory: RoadMemory,
+    tables: RoadTables,
+    tapped: Rc<RefCell<Tapped>>,
 }
 
 /// What the Python process sees.
@@ -81,13 +95,14 @@ impl InfluencePredictor for Given {
 pub(crate) struct Running<'a> {
     ials: Ials<'a>,
     view: &'a mut View,
+    roads: &'a mut Option<Roads>,
 }
 
 impl Local {
     pub(crate) fn open(opened: Opened, request: LocalRequest, memory: Memory) -> Result<Local> {
         let names = if request.agents.is_empty() { &opened.names } else { &request.agents };
         let agents = opened.agents_of_one_kind(names)?;
-        let Opened { mut config, domain, names } = opened;
+        let Opened { mut config, domain, names, own } = opened;
         ensure!(request.copies > 0, "copies: 0, but an agent has at least one local simulator");
         let most = most_copies(&domain.kinds().of(agents[0]).spec, agents.len());
         if request.copies > most {
@@ -126,8 +141,14 @@ impl Local {
             }
         };
         let view = View::new(memory, &*domain, &agents, request.copies, given)?;
+        let roads = if request.watches_roads || own != OwnNames::default() {
+            let tables = domain.road_tables()?.context(NO_ROADS)?;
+            Some(Roads { memory: view.memory.behind()?, tables, tapped: Rc::default() })
+        } else {
+            None
+        };
         let names = agents.iter().map(|agent| names[agent.0].clone()).collect();
-        Ok(Local { config, domain, agents, names, predictor, view })
+        Ok(Local { config, domain, agents, names, predictor, view, roads, own })
     }
 
     pub(crate) fn describe(&self) -> Value {
@@ -141,17 +162,22 @@ impl Local {
             "horizon": kind.spec.local_horizon,
             "d_set_dim": kind.spec.d_set_dim,
             "classes": kind.spec.sources.classes,
-            "numbers": self.agents.iter().map(|agent| agent.0).collect::<Vec<_>>(),
             "memory": self.view.memory.describe(),
+            "agent_numbers": self.agents.iter().map(|agent| agent.0).collect::<Vec<_>>(),
+            "roads": self.roads.as_ref().map(|roads| &roads.tables),
+            "own": self.own,
         })
     }
 
     /// Makes new simulators, in which the first episodes of a seed begin: those of a run with this `seed`.
     pub(crate) fn reset(&mut self, request: &ResetRequest) -> Result<Running<'_>> {
-        let Local { config, domain, agents, predictor, view, .. } = self;
+        let Local { config, domain, agents, predictor, view, roads, .. } = self;
         config.learning.seed = request.seed;
-        let simulators =
+        let mut simulators =
             domain.local_simulator(agents, config.learning.copies(), training_episodes(&config.learning))?;
+        if let Some(roads) = roads {
+            simulators = Box::new(OwnLocal::new(simulators, Box::new(Tap(roads.tapped.clone())), None)?);
+        }
         let streams: Vec<AgentStream> =
             agents.iter().map(|&agent| AgentStream::begin(&config.learning, agent)).collect();
         let (stagger, copies) = (config.learning.local_simulators.stagger, config.learning.copies());
@@ -159,7 +185,7 @@ impl Local {
         let ials = Ials::resume(simulators, &mut **predictor, all, &streams, stagger, &mut || ())?;
         view.put(ials.percept());
         view.memory.show()?;
-        Ok(Running { ials, view })
+        Ok(Running { ials, view, roads })
     }
 }
 
@@ -260,8 +286,8 @@ impl View {
 
 impl Running<'_> {
     /// Makes one step of every row. Where an episode ends, the next one begins.
-    pub(crate) fn step(&mut self) -> Result<()> {
-        let Running { ials, view } = self;
+    pub(crate) fn step(&mut self) -> Result<Vec<u8>> {
+        let Running { ials, view, .. } = self;
         view.memory.read_actions(&mut view.actions)?;
         if let Some((row, action)) =
             view.actions.iter().enumerate().find(|(_, action)| usize::from(**action) >= view.n_actions)
@@ -273,7 +299,15 @@ impl Running<'_> {
         let experience = ials.experience();
         view.put_experience(experience);
         view.put(ials.percept());
-        view.memory.show()
+        view.memory.show()?;
+        self.show_roads()
+    }
+
+    /// Shows what is on the roads, if a function of the user sees it.
+    pub(crate) fn show_roads(&mut self) -> Result<Vec<u8>> {
+        let Some(Roads { memory, tapped, .. }) = self.roads else { return Ok(Vec::new()) };
+        let Tapped { now, begun } = &*tapped.borrow();
+        memory.show(now, begun.as_ref())
     }
 
     /// Returns totals since the simulators were made, such as influences that could not be applied.

@@ -11,6 +11,8 @@ use anyhow::{Context, Result};
 use bytemuck::{NoUninit, Pod};
 use serde_json::{Value, json};
 
+use crate::roads::RoadMemory;
+
 /// Every section begins at a multiple of this, so that no number is split between two cache lines.
 const ALIGNMENT: usize = 64;
 
@@ -65,7 +67,18 @@ impl Memory {
             .sections
             .iter()
             .map(|(name, section)| ((*name).to_owned(), json!([section.place.start, numbers(section), section.dtype])));
-        json!({ "size": self.actions.end, "sections": sections.collect::<serde_json::Map<_, _>>() })
+        json!({ "size": self.actions.end, "behind": self.size(), "sections": sections.collect::<serde_json::Map<_, _>>() })
+    }
+
+    /// Returns the memory behind all sections.
+    pub(crate) fn behind(&self) -> Result<RoadMemory> {
+        let file = self.file.try_clone().context("no shared memory")?;
+        Ok(RoadMemory::new(file, self.size() as u64))
+    }
+
+    /// Returns the number of bytes of all sections.
+    fn size(&self) -> usize {
+        self.actions.end.next_multiple_of(ALIGNMENT)
     }
 
     /// Puts values into the image.

@@ -8,9 +8,11 @@ use anyhow::{Context, Result, bail, ensure};
 use dials_core::base::AgentId;
 use dials_core::domain::Domain;
 use dials_session::config::RunConfig;
-use dials_session::domains::open_tried;
+use dials_session::domains::{self, open_tried};
 use dials_session::records::files;
-use serde::Deserialize;
+use serde::{Deserialize, Serialize};
+
+use crate::wire::Refused;
 
 use crate::datasets::DatasetsRequest;
 
@@ -43,7 +45,7 @@ pub(crate) struct JointRequest {
     pub full_metrics: bool,
     /// Whether the Python process asks for pictures.
     pub draws: bool,
-    /// Whether the Python process asks what is on the roads.
+    /// Whether a function of the Python process sees what is on the roads.
     pub watches_roads: bool,
     /// Whether episodes are recorded, so that they can be saved as a replay.
     pub records: bool,
@@ -57,6 +59,8 @@ pub(crate) struct LocalRequest {
     pub copies: usize,
     pub predictor: PredictorRequest,
     pub stagger: bool,
+    /// Whether a function of the Python process sees what is on the roads.
+    pub watches_roads: bool,
 }
 
 /// The policies of a run directory.
@@ -101,8 +105,21 @@ pub(crate) struct KeepRequest {
     pub folder: PathBuf,
 }
 
-/// A config with its domain and the names of its agents.
+/// The error for functions of the user in a domain without roads.
+pub(crate) const NO_ROADS: &str =
+    "observation, reward: this domain has no roads, and only its own observations and rewards";
+
+/// Functions of Python that a config names. The Python process calls them.
+#[derive(Clone, Debug, Default, PartialEq, Serialize)]
+pub(crate) struct OwnNames {
+    pub reward: Option<String>,
+    pub observation: Option<String>,
+}
+
+/// A config with its domain and the names of its agents. The domain has its own rewards and observations, also where the
+/// config names functions of Python.
 pub(crate) struct Opened {
+    pub own: OwnNames,
     pub config: RunConfig,
     pub domain: Arc<dyn Domain>,
     pub names: Vec<String>,
@@ -117,10 +134,12 @@ impl Opened {
             "{}: neither a config nor a run directory; name a .toml, a .sumocfg or a directory that `train` made",
             path.display()
         );
-        let config = dials_session::config::load(&file, settings)?;
+        let mut config =
+            dials_session::config::load(&file, settings).map_err(|error| refused(error, &file, settings))?;
+        let (reward, observation) = domains::take_own(&mut config);
         let domain = open_tried(&config)?;
         let names = domain.names();
-        Ok(Opened { config, domain, names })
+        Ok(Opened { own: OwnNames { reward, observation }, config, domain, names })
     }
 
     /// Returns the agent of a name.
@@ -149,4 +168,13 @@ impl Opened {
         ensure!(agents.is_sorted_by(|one, next| one < next), "agents: name each once, in the order of the config");
         Ok(agents)
     }
+}
+
+/// Returns an error of a config as a wrong argument if the settings are wrong: the config alone can be read.
+fn refused(error: anyhow::Error, file: &Path, settings: &[String]) -> anyhow::Error {
+    if settings.is_empty() || dials_session::config::load(file, &[]).is_err() {
+        return error;
+    }
+    let text = format!("{error:#}");
+    Refused(format!("settings: {}", text.strip_prefix("--set: ").unwrap_or(&text))).into()
 }

@@ -98,8 +98,8 @@ fn serve_local(mut local: Local, stream: &mut UnixStream) -> Result<()> {
             continue;
         }
         next = match wire::read(&payload).and_then(|request: ResetRequest| local.reset(&request)) {
-            Ok(running) => {
-                wire::answer(stream, number, &Ok(Vec::new()))?;
+            Ok(mut running) => {
+                wire::answer(stream, number, &running.show_roads())?;
                 serve_running(running, stream)?
             }
             Err(error) => {
@@ -115,7 +115,7 @@ fn serve_local(mut local: Local, stream: &mut UnixStream) -> Result<()> {
 fn serve_running(mut running: Running<'_>, stream: &mut UnixStream) -> Result<Option<Order>> {
     while let Some(order) = wire::receive(stream)? {
         let outcome = match order.tag {
-            STEP => running.step().map(|()| Vec::new()),
+            STEP => running.step(),
             MEASURE => Ok(running.counters().to_string().into_bytes()),
             _ => return Ok(Some(order)),
         };

@@ -28,6 +28,7 @@ fn state() -> AgentsState {
             numbers: [("first_moments".to_owned(), rows(10)), ("second_moments".to_owned(), rows(20))].into(),
             dice: [("acting".to_owned(), vec![vec![Seed::new(1).dice()]; 3])].into(),
             counts: [("gradient_steps".to_owned(), 12)].into(),
+            bytes: vec![7, 8],
         },
         aips: rows(30),
         streams: vec![AgentStream { rows: vec![row] }; 3],

@@ -215,7 +215,12 @@ pub(crate) fn crafted(place: &Place, bytes: &[u8]) -> Result<()> {
     let agents = AgentsState {
         steps: state.steps,
         policies: table(&original.policies, &state.policies)?,
-        learners: Tables { numbers: learners.collect::<Result<_>>()?, dice: state.dice, counts: state.counts },
+        learners: Tables {
+            numbers: learners.collect::<Result<_>>()?,
+            dice: state.dice,
+            counts: state.counts,
+            bytes: Vec::new(),
+        },
         aips: table(&original.aips, &state.aips)?,
         streams: state.streams,
     };

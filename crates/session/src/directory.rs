@@ -40,6 +40,7 @@ fn describe(dir: &Directory, config: &RunConfig, program: Program) -> Result<()>
     let run = RunJson {
         command: command_line(),
         kept: Kept::of(dir.path(), &kept)?,
+        python: domains::python_functions(config)?,
         versions: build::here(program, config)?,
         ..RunJson::new(domain.scenario()?, domain.names(), config.learning.seed)
     };

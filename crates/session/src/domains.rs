@@ -5,9 +5,11 @@ use std::sync::Arc;
 
 use anyhow::{Context, Result, bail};
 
+use super::python::{Link, PythonFunctions, described};
 use super::trial;
 use crate::config::RunConfig;
 use crate::records::files;
+use crate::records::run_json::PythonFunction;
 use crate::terminal::{note, warn};
 use schemars::{Schema, SchemaGenerator};
 use serde::Serialize;
@@ -18,6 +20,7 @@ use dials_core::domain::{Domain, DomainTable};
 use dials_learn::config::Simulator;
 use dials_traffic::Traffic;
 use dials_traffic::config::TrafficTable;
+use dials_traffic::config::python::{joined, split};
 use dials_traffic::events::EventLog;
 use dials_traffic::sim::recording::Tape;
 use dials_warehouse::config::WarehouseConfig;
@@ -101,7 +104,10 @@ pub fn open_tried(config: &RunConfig) -> Result<Arc<dyn Domain>> {
 
 /// Opens the domain of a config only to ask it something. Leaves the vector width as it is.
 pub fn find(config: &RunConfig) -> Result<Arc<dyn Domain>> {
-    domain(config).table().open()
+    match traffic(config)? {
+        Some(traffic) => Ok(Arc::new(traffic)),
+        None => domain(config).table().open(),
+    }
 }
 
 fn domain(config: &RunConfig) -> &DomainConfig {
@@ -118,10 +124,45 @@ pub fn sumo(config: &RunConfig) -> Result<Option<&'static dials_traffic::Sumo>> 
 
 /// Returns the traffic domain of a config, or `None` if the config names another domain.
 pub fn traffic(config: &RunConfig) -> Result<Option<Traffic>> {
-    match domain(config) {
-        DomainConfig::Traffic(TrafficTable::Grid(table)) => Traffic::open(table).map(Some),
-        DomainConfig::Traffic(TrafficTable::Scenario(table)) => Traffic::open_scenario(table).map(Some),
-        _ => Ok(None),
+    let traffic = match domain(config) {
+        DomainConfig::Traffic(TrafficTable::Grid(table)) => Traffic::open(table)?,
+        DomainConfig::Traffic(TrafficTable::Scenario(table)) => Traffic::open_scenario(table)?,
+        _ => return Ok(None),
+    };
+    Ok(Some(if Link::is_there() { traffic.computed_by(Arc::new(PythonFunctions)) } else { traffic }))
+}
+
+/// Asks the Python process that started this one how many columns an own observation has, if a config names one and that
+/// is not known yet. The config then knows it, also without that process.
+pub(crate) fn learn_width(config: &mut RunConfig) -> Result<()> {
+    let Some(DomainConfig::Traffic(table)) = &mut config.domain else { return Ok(()) };
+    let Some(observation) = table.functions_mut()[1].clone() else { return Ok(()) };
+    if split(&observation)?.1.is_some() || !Link::is_there() {
+        return Ok(());
+    }
+    let traffic = traffic(config)?.context("its table is that of traffic")?;
+    let width = traffic.width_of(&observation, &PythonFunctions)?;
+    if let Some(DomainConfig::Traffic(table)) = &mut config.domain {
+        *table.functions_mut()[1] = Some(joined(&observation, width));
+    }
+    Ok(())
+}
+
+/// Takes the names of functions of Python out of a config, the reward and the observation: for a process in which Python
+/// itself calls them. The config then has its built-in reward and observation.
+pub fn take_own(config: &mut RunConfig) -> (Option<String>, Option<String>) {
+    let Some(DomainConfig::Traffic(table)) = &mut config.domain else { return (None, None) };
+    let [reward, observation] = table.functions_mut().map(Option::take);
+    // The name without the number of columns.
+    let name = |text: String| split(&text).map_or_else(|_| text.clone(), |(name, _)| name.to_owned());
+    (reward, observation.map(name))
+}
+
+/// Returns the functions of Python that a config names, as that process describes them.
+pub(crate) fn python_functions(config: &RunConfig) -> Result<Vec<PythonFunction>> {
+    match take_own(&mut config.clone()) {
+        (None, None) => Ok(Vec::new()),
+        (reward, observation) => described(reward.as_deref(), observation.as_deref()),
     }
 }
 

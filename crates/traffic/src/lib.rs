@@ -9,6 +9,7 @@
 //! - `prepared`: what local simulators of a scenario are made from, kept and sent as bytes.
 //! - [`sim`]: the simulators, their recordings and replays.
 //! - [`streets`]: the roads of a net, for maps.
+//! - `own`: rewards and observations that are functions of the user.
 //! - [`counts`]: from traffic counts to routes.
 //! - [`controllers`]: hand-coded baselines; [`tuning`]: the search for the best fixed-time lights. [`timing`]: plans of
 //!   them that plain SUMO plays.
@@ -43,6 +44,7 @@ pub mod light;
 mod light_limits_test;
 pub mod network;
 mod observe;
+mod own;
 pub mod paper_grid;
 mod prepared;
 mod reward;
@@ -64,12 +66,14 @@ use std::time::Duration;
 
 use anyhow::{Context, bail, ensure};
 
+use crate::config::python::Functions;
 use crate::config::{ScenarioConfig, TrafficConfig};
 use agents::plan::{AgentPlan, Border, JointPlan};
 use controllers::HandCoded;
 use controllers::timing_file::TimingFile;
 use dials_core::base::{AgentId, RandomPurpose, Rows, Seed};
 use dials_core::domain::road_trace::RoadMap;
+use dials_core::domain::roads::RoadTables;
 use dials_core::domain::{
     Baseline, Beginning, BuiltInControl, Domain, GlobalSimulator, Kind, Kinds, LocalSimulator, Measures, Result,
     RoughCosts, Scenario, Task,
@@ -79,6 +83,7 @@ use events::site::Site;
 use libsumo::Simulation;
 pub use libsumo::{Error as SumoError, Library as Sumo, Place as SumoPlace};
 use network::way_out::{Role, cannot_be_simulated};
+use own::Own;
 use paper_grid::grid::Grid;
 use prepared::Prepared;
 use road_network::{Files, RoadNetwork, open_grid, scenario as of_scenario};
@@ -94,6 +99,7 @@ use sim::trace::map;
 use sim::trace::route::Route;
 use sim::visit_tables::VisitTables;
 use sim::visits::Visits;
+use sim::watched;
 
 /// Longest time in which SUMO reads the demand of a scenario for a trial. The first episode tries what comes later.
 const DEMAND_PATIENCE: Duration = Duration::from_secs(10);
@@ -132,23 +138,27 @@ pub struct Traffic {
     visits: Arc<OnceLock<Arc<VisitTables>>>,
     /// Traffic on which controllers such as `webster` measure what they need. `None`: this one.
     planned_for: Option<Arc<Traffic>>,
+    own: Own,
 }
 
 impl Traffic {
     /// Finds the networks of a grid and compares them with what this program makes. An error says which file is missing
     /// or wrong and how to make it. Cheap: [`Domain::try_out`] checks what only SUMO can say.
     pub fn open(config: &TrafficConfig) -> Result<Traffic> {
-        open_grid(config).map(Traffic::new)
+        let traffic = open_grid(config).map(Traffic::new)?;
+        traffic.with_functions(&config.functions())
     }
 
     /// Reads a scenario of the user. An error says what is wrong and what to do. Cheap, like [`Traffic::open`].
     pub fn open_scenario(config: &ScenarioConfig) -> Result<Traffic> {
-        of_scenario::open(SumoScenario::read(config)?, config).map(Traffic::new)
+        let traffic = of_scenario::open(SumoScenario::read(config)?, config).map(Traffic::new)?;
+        traffic.with_functions(&config.functions())
     }
 
     /// Reads a scenario of the user, in which all cars dawdle as much as `sigma` says: from 0, never, to 1.
     pub fn open_dawdling(config: &ScenarioConfig, sigma: f64) -> Result<Traffic> {
-        of_scenario::open(SumoScenario::read(config)?.dawdling(sigma), config).map(Traffic::new)
+        let traffic = of_scenario::open(SumoScenario::read(config)?.dawdling(sigma), config).map(Traffic::new)?;
+        traffic.with_functions(&config.functions())
     }
 
     fn new((network, plan): (RoadNetwork, JointPlan)) -> Traffic {
@@ -159,7 +169,12 @@ impl Traffic {
             events: None,
             visits: Arc::default(),
             planned_for: None,
+            own: Own::default(),
         }
+    }
+
+    fn with_functions(self, names: &Functions<'_>) -> Result<Traffic> {
+        Ok(Traffic { own: Own::of(names, &self.plan.kinds)?, ..self })
     }
 
     /// Returns the borders of the agents' regions, in their order. A grid of the paper has none.
@@ -331,29 +346,37 @@ impl Traffic {
             Recorder::new(tape, &mut forest.simulation, roads, prefix)
         };
         let recorder = self.tape.as_ref().map(record).transpose()?;
-        Ok(LocalTraffic::new(self.plan.clone(), demand, forest, recorder))
+        Ok(LocalTraffic::new(self.plan.clone(), demand, forest, recorder, self.network.travellers()))
     }
 }
 
 impl Domain for Traffic {
     fn kinds(&self) -> &Kinds {
-        &self.plan.kinds
+        self.own.kinds().unwrap_or(&self.plan.kinds)
     }
 
     fn agent_name(&self, agent: AgentId) -> String {
         self.plan.agents[agent.0].light.clone()
     }
 
+    fn road_tables(&self) -> Result<Option<RoadTables>> {
+        let roads = self.network.roads()?;
+        Ok(Some(watched::tables(&self.plan, &roads, self.network.travellers().as_ref())))
+    }
+
     fn task(&self, agent: AgentId) -> Task {
-        task::task(&self.plan, agent)
+        let mut task = task::task(&self.plan, agent);
+        self.own.describe(&mut task);
+        task
     }
 
     fn global_simulator(&self) -> Result<Box<dyn GlobalSimulator>> {
-        Ok(Box::new(self.global(SignalControl::Agents)?))
+        self.with_own_rows(Box::new(self.global(SignalControl::Agents)?))
     }
 
     fn local_simulator(&self, regions: &[AgentId], copies: usize, seed: Seed) -> Result<Box<dyn LocalSimulator>> {
-        Ok(Box::new(self.load_local(regions, copies, seed)?))
+        let rows: Vec<AgentId> = rows_of(regions, copies, seed).into_iter().map(|(agent, _)| agent).collect();
+        self.with_own_local(Box::new(self.load_local(regions, copies, seed)?), &rows)
     }
 
     fn baselines(&self) -> &'static [&'static str] {
@@ -376,7 +399,7 @@ impl Domain for Traffic {
 
     fn with_background(&self, name: &str, agents: &[AgentId]) -> Result<Box<dyn GlobalSimulator>> {
         let by = self.hand_coded(name)?;
-        Ok(Box::new(self.global(SignalControl::HandCoded { by, agents: agents.to_vec() })?))
+        self.with_own_rows(Box::new(self.global(SignalControl::HandCoded { by, agents: agents.to_vec() })?))
     }
 
     fn initial_action_bias(&self, kind: &Kind) -> Vec<f32> {
@@ -389,7 +412,12 @@ impl Domain for Traffic {
 
     fn scenario(&self) -> Result<Scenario> {
         let scenario = self.network.described(self.agents());
-        Ok(scenario.with_rules(task::rules(&self.plan), self.network.unusual_reward.clone()))
+        let mut rules = task::rules(&self.plan);
+        self.own.describe_rules(&mut rules);
+        // A word of letters, digits and hyphens: reports name files after it.
+        let word = |name: &str| name.replace(|c: char| !c.is_ascii_alphanumeric(), "-");
+        let of_python = self.own.reward().map(|name| format!("python-{}", word(name)));
+        Ok(scenario.with_rules(rules, of_python.or(self.network.unusual_reward.clone())))
     }
 
     fn default_simulator(&self) -> Option<&'static str> {

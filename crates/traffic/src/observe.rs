@@ -1,4 +1,4 @@
-//! The observation of an agent, all that is on its roads, the d-set of its AIP on a grid, and figures for its reward. Pure.
+//! The observation of an agent, the d-set of its AIP on a grid, and figures for its reward. Pure.
 
 use super::agents::phase_plan::Shown;
 use super::agents::plan::AgentPlan;
@@ -6,12 +6,11 @@ use super::agents::region::{self, CELL_M};
 use super::agents::region_plan::RegionPlan;
 use super::agents::sensor::{CarColumns, LightColumns};
 use super::cars_at::CarsAt;
-use super::reward::{PERSONS, Waiting};
+use super::reward::PERSONS;
 use crate::config::DSet;
 use crate::sim::others::OthersNow;
 use crate::sim::readings::Readings;
-use dials_core::domain::{Action, ApproachView, CarView, RoadView};
-use libsumo::Car;
+use dials_core::domain::Action;
 
 /// Seconds after which an observation no longer shows that time goes on.
 const LONGEST_AGE_S: f32 = 60.0;
@@ -24,19 +23,6 @@ pub(crate) struct LightView {
     pub(crate) age: usize,
     /// What its clock has counted: `age`, and the steps by which the clock is ahead.
     pub(crate) clock: usize,
-}
-
-/// Returns all that is on the approaches of a light, and what it has shown for `shown_s` seconds.
-pub(crate) fn view(plan: &AgentPlan, cars: CarsAt<'_>, shown: Shown, shown_s: u32, waiting: &Waiting) -> RoadView {
-    let car = |Car { id, position_m, speed_mps }| CarView { position_m, speed_mps, waited_s: waiting.of(id) };
-    let approaches = plan.region.approaches.iter().zip(cars.iter()).map(|(approach, lane)| ApproachView {
-        lane: approach.lane.clone(),
-        length_m: approach.length_m,
-        speed_limit_mps: approach.speed_limit_mps,
-        ahead_m: approach.ahead_m,
-        cars: lane.iter().map(car).collect(),
-    });
-    RoadView { green: shown.target(), between: !shown.is_green(), shown_s, approaches: approaches.collect() }
 }
 
 /// Writes the observation: cars, light and clock, as the agent's sensor says. Columns beyond them become 0.

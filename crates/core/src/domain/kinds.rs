@@ -83,6 +83,12 @@ impl Kinds {
         self
     }
 
+    /// Returns the same kinds with another number of columns of observations.
+    pub fn with_obs_dim(mut self, obs_dim: usize) -> Kinds {
+        self.kinds.iter_mut().for_each(|kind| kind.spec.obs_dim = obs_dim);
+        self
+    }
+
     pub fn agents(&self) -> usize {
         self.places.len()
     }

@@ -13,8 +13,10 @@
 
 mod kinds;
 pub mod light_figures;
+pub mod own;
 mod percept;
 pub mod road_trace;
+pub mod roads;
 mod rough_costs;
 mod scenario;
 mod scene;
@@ -30,10 +32,10 @@ use serde::{Deserialize, Serialize};
 use crate::base::{AgentId, Ragged, Rows, Seed, Stopwatch};
 
 use light_figures::{LightPlace, LightsEpisode};
+use roads::{RoadTables, RoadsNow};
 
 pub use kinds::{Kind, Kinds, Place};
 pub use percept::{JointPercept, JointTransition, Percept, Transition};
-pub use road_trace::{ApproachView, CarView, RoadView};
 pub use rough_costs::RoughCosts;
 pub use scenario::{Episode, FirstRow, Map, Rules, Scenario, ScenarioId};
 pub use scene::{Colour, Scene};
@@ -121,14 +123,14 @@ pub trait GlobalSimulator {
         Ok(false)
     }
 
-    /// Makes [`GlobalSimulator::roads`] return something from the next reset on. Returns whether the domain has roads.
-    fn watch_roads(&mut self) -> bool {
-        false
+    /// Makes [`GlobalSimulator::roads`] write something from the next reset on. Returns whether the domain has roads.
+    fn watch_roads(&mut self) -> Result<bool> {
+        Ok(false)
     }
 
-    /// Returns what is on the roads of every agent now. Empty unless they are watched.
-    fn roads(&self) -> Vec<RoadView> {
-        Vec::new()
+    /// Writes what is on the roads of every agent now, one row per agent. Nothing unless they are watched.
+    fn roads(&self, now: &mut RoadsNow) {
+        now.clear();
     }
 
     /// Makes [`GlobalSimulator::scene`] return pictures from the next reset on, if the domain draws them only on demand.
@@ -180,6 +182,16 @@ pub trait LocalSimulator {
 
     /// Makes one step of every row. `actions`: `[rows]`; `sources`: `[rows, sources]`.
     fn step(&mut self, actions: &[Action], sources: &Rows<u8>) -> Result<&Transition>;
+
+    /// Makes [`LocalSimulator::roads`] write something from the next reset on. Returns whether the domain has roads.
+    fn watch_roads(&mut self) -> Result<bool> {
+        Ok(false)
+    }
+
+    /// Writes what is on the roads of every row now. Nothing unless they are watched.
+    fn roads(&self, now: &mut RoadsNow) {
+        now.clear();
+    }
 
     /// Returns totals since the simulator was made, such as influences that could not be applied.
     fn counters(&self) -> Vec<(String, u64)> {
@@ -274,6 +286,11 @@ pub trait Domain: Send + Sync {
             Ok(number) if number < self.agents() => Some(AgentId(number)),
             _ => agents.find(|&agent| self.agent_name(agent) == word),
         }
+    }
+
+    /// Returns the roads of all agents. `None`: this domain has none.
+    fn road_tables(&self) -> Result<Option<RoadTables>> {
+        Ok(None)
     }
 
     /// Returns what an agent sees, does and is rewarded for, in words.

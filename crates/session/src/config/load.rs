@@ -6,6 +6,7 @@ use anyhow::{Context, Result, anyhow, bail, ensure};
 use toml::{Table, Value};
 
 use super::RunConfig;
+use crate::domains::learn_width;
 use dials_core::outside::{in_plain_words, read_text};
 use dials_learn::config::ShortForm;
 use dials_traffic::config::sumocfg::Sumocfg;
@@ -53,6 +54,7 @@ fn read(path: &Path, settings: &[String]) -> Result<RunConfig> {
         domain.table_mut().complete()?;
     }
     config.check().map_err(|error| anyhow!("{}: {error}", path.display()))?;
+    learn_width(&mut config)?;
     Ok(config)
 }
 

@@ -42,8 +42,21 @@ pub struct RunJson {
     /// Number of workers that was last asked for. A resume uses it again.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub workers: Option<usize>,
+    /// Functions of Python that took part, when the run began.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub python: Vec<PythonFunction>,
     /// Build that the run was begun with.
     pub versions: Versions,
+}
+
+/// A function of the user's Python process.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct PythonFunction {
+    /// `reward` or `observation`.
+    pub kind: String,
+    pub name: String,
+    /// Its text; empty if Python does not know it.
+    pub source: String,
 }
 
 /// The domain of a run as it was when the run began, so that a change to a run directory can be named.
@@ -168,6 +181,7 @@ impl RunJson {
             seed,
             kept: Kept::default(),
             workers: None,
+            python: Vec::new(),
             versions: Versions::default(),
         }
     }

@@ -3,6 +3,7 @@
 //! [`plan`] holds everything about one agent. [`mod@derive`] makes plans for the lights of any road network; [`region`]
 //! and [`phases`] are of the paper's grids only.
 
+pub(crate) mod adjacency;
 pub mod border_plan;
 pub mod derive;
 pub(crate) mod loops;

@@ -8,6 +8,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::detectors::DetectorFaults;
+use super::python::Functions;
 use super::reward::{Reward, RewardTerm};
 use super::scenario::Observation;
 use crate::Traffic;
@@ -41,6 +42,13 @@ pub struct TrafficConfig {
     /// DEVIATION 18: other rewards than the paper's, if the config asks for them.
     #[schemars(extend("source" = "P"))]
     pub reward: Reward,
+    /// Name of a function of Python that computes the reward instead. `reward = "python:NAME"` is the same. See
+    /// [Python](python.md#your-own-reward-and-observation).
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub python_reward: Option<String>,
+    /// The same for the observation, written as NAME, or as NAME[WIDTH] where the number of columns is known.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub python_observation: Option<String>,
     /// What an AIP sees.
     ///
     /// DEVIATION 9: our configs have `"cells+arrivals"`.
@@ -92,6 +100,8 @@ impl TrafficConfig {
             observation: Observation::default(),
             detector_faults: DetectorFaults::default(),
             reward: Reward::from(RewardTerm::MeanSpeed),
+            python_reward: None,
+            python_observation: None,
             d_set: DSet::default(),
             clock: None,
             clock_offsets: ClockOffsets::default(),
@@ -159,6 +169,12 @@ pub(super) fn is_default<T: Default + PartialEq>(value: &T) -> bool {
 /// The longest clock, in steps: each is an input of the networks.
 const MAX_CLOCK: usize = 300;
 
+impl TrafficConfig {
+    pub(crate) fn functions(&self) -> Functions<'_> {
+        Functions { reward: self.python_reward.as_deref(), observation: self.python_observation.as_deref() }
+    }
+}
+
 impl DomainTable for TrafficConfig {
     fn horizon(&self) -> usize {
         self.horizon
@@ -166,6 +182,7 @@ impl DomainTable for TrafficConfig {
 
     fn check(&self) -> Result<()> {
         self.reward.check()?;
+        self.functions().check()?;
         self.detector_faults.check(self.observation)?;
         ensure!(
             self.observation != Observation::CellsAndBuses && !needs_others(&self.reward),

@@ -2,6 +2,7 @@
 
 mod detectors;
 mod grid;
+pub mod python;
 mod reward;
 mod scenario;
 pub(crate) mod sumo_numbers;
@@ -47,6 +48,16 @@ impl TrafficTable {
         match self {
             TrafficTable::Grid(table) => table,
             TrafficTable::Scenario(table) => table,
+        }
+    }
+}
+
+impl TrafficTable {
+    /// Returns the keys that name functions of Python: the reward and the observation.
+    pub fn functions_mut(&mut self) -> [&mut Option<String>; 2] {
+        match self {
+            TrafficTable::Grid(table) => [&mut table.python_reward, &mut table.python_observation],
+            TrafficTable::Scenario(table) => [&mut table.python_reward, &mut table.python_observation],
         }
     }
 }
@@ -117,7 +128,7 @@ impl<'de> Visitor<'de> for EitherWay {
         let mut given = Table::new();
         while let Some(key) = map.next_key::<String>()? {
             let value = map.next_value_seed(ValueOf { key: &key })?;
-            given.insert(key, value);
+            python::add(&mut given, key, value);
         }
         let foreign = |ours: &[&str]| given.keys().find(|key| !ours.contains(&key.as_str()));
         let refused = |key: &str, why: &str| M::Error::custom(format!("traffic.{key} {why}; remove one of them"));
@@ -156,6 +167,9 @@ impl<'de> DeserializeSeed<'de> for ValueOf<'_> {
 
     fn deserialize<D: Deserializer<'de>>(self, deserializer: D) -> Result<Value, D::Error> {
         let value = Value::deserialize(deserializer)?;
+        if python::function(self.key, &value).is_some() {
+            return Ok(value);
+        }
         let alone = Table::from_iter([(self.key.to_owned(), value.clone())]);
         if KEYS.grid.contains(&self.key) {
             read::<TrafficConfig, _>(alone)?;

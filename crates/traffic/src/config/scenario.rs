@@ -13,6 +13,7 @@ use toml::Value;
 
 use super::detectors::DetectorFaults;
 use super::grid::is_default;
+use super::python::Functions;
 use super::reward::Reward;
 use super::sumocfg::{MOST_SECONDS, Sumocfg};
 use crate::Traffic;
@@ -103,6 +104,13 @@ pub struct ScenarioConfig {
     /// from six runs there, one seed each, so it is no proof that other rewards are worse. Returns of
     /// `"diff-waiting-time"` only say what waits at the end of the episode, so they mislead; compare delays instead.
     pub reward: Reward,
+    /// Name of a function of Python that computes the reward instead. `reward = "python:NAME"` is the same. See
+    /// [Python](python.md#your-own-reward-and-observation).
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub python_reward: Option<String>,
+    /// The same for the observation, written as NAME, or as NAME[WIDTH] where the number of columns is known.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub python_observation: Option<String>,
     /// Number of decisions of an episode of the local simulators, at most those from begin to end.
     ///
     /// DEVIATION 17: an episode of the local simulators begins at a drawn second of the demand.
@@ -196,6 +204,8 @@ impl ScenarioConfig {
             observation: Observation::default(),
             detector_faults: DetectorFaults::default(),
             reward: Reward::default(),
+            python_reward: None,
+            python_observation: None,
             local_horizon: 120,
         }
     }
@@ -239,6 +249,12 @@ impl ScenarioConfig {
     }
 }
 
+impl ScenarioConfig {
+    pub(crate) fn functions(&self) -> Functions<'_> {
+        Functions { reward: self.python_reward.as_deref(), observation: self.python_observation.as_deref() }
+    }
+}
+
 impl DomainTable for ScenarioConfig {
     fn horizon(&self) -> usize {
         let (begin, end) = self.window_s().expect("a checked config has both");
@@ -271,6 +287,7 @@ impl DomainTable for ScenarioConfig {
         ensure!(WALK_S.contains(&walk), "traffic.walk_s = {walk}: must be from 0 to 60 seconds");
         ensure!(self.local_horizon >= 1, "traffic.local_horizon = 0: must be at least 1 decision; 120 is the default");
         self.reward.check()?;
+        self.functions().check()?;
         let demand = self.demand;
         ensure!(
             DEMAND.contains(&demand),

@@ -52,10 +52,12 @@ struct WaitingCar {
 
 /// Cars that try to enter in a step, in the order of their numbers.
 pub(crate) struct Tried {
-    places: Vec<(usize, usize)>,
+    pub(crate) places: Vec<(usize, usize)>,
     pub(crate) insertions: Vec<Insertion>,
     /// Which of them are buses, or other vehicles that carry many persons, with their rows.
     pub(crate) buses: Vec<(usize, CarId)>,
+    /// Names of the types of all of them, and numbers of their routes. `None`: the usual type.
+    pub(crate) kinds: Vec<(Option<String>, usize)>,
 }
 
 impl RowEntries {
@@ -151,7 +153,7 @@ impl Entries {
     }
 
     pub(crate) fn let_in(&mut self, forest: &mut LocalForest) -> Result<Tried> {
-        let mut tried = Tried { places: Vec::new(), insertions: Vec::new(), buses: Vec::new() };
+        let mut tried = Tried { places: Vec::new(), insertions: Vec::new(), buses: Vec::new(), kinds: Vec::new() };
         let mut entering = Vec::new();
         for (row, entries) in self.rows.iter().enumerate() {
             let place = &forest.rows[row];
@@ -164,6 +166,7 @@ impl Entries {
                 };
                 tried.places.push((row, entry));
                 tried.buses.extend(car.is_bus.then_some((row, CarId(insertion.car))));
+                tried.kinds.push((car.vehicle_type.clone(), car.route));
                 tried.insertions.push(insertion);
                 if let Some(border) = self.plan.borders.get(place.agent.0) {
                     entering.push(Entering {

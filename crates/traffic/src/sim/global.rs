@@ -19,6 +19,7 @@ use super::readings::Readings;
 use super::recording::{Recorder, Tape};
 use super::tally::Tally;
 use super::visits::Visits;
+use super::watched::{RowShows, Watched};
 use crate::agents::others_plan::OthersPlan;
 use crate::agents::plan::JointPlan;
 use crate::cars_at::{CarsAt, RowLanes};
@@ -31,8 +32,9 @@ use crate::reward::{self, Waiting};
 use crate::road_network::RoadNetwork;
 use dials_core::base::{AgentId, Phase, Ragged, Seed, Stopwatch};
 use dials_core::domain::light_figures::{LightPlace, LightsEpisode};
+use dials_core::domain::roads::RoadsNow;
 use dials_core::domain::{
-    Action, GlobalSimulator, InfluenceSample, JointPercept, JointTransition, Kinds, Measures, Result, RoadView, Scene,
+    Action, GlobalSimulator, InfluenceSample, JointPercept, JointTransition, Kinds, Measures, Result, Scene,
 };
 #[cfg(test)]
 use libsumo::SignalState;
@@ -60,8 +62,9 @@ pub struct GlobalTraffic {
     others: Option<Others>,
     /// Detectors of each row, if agents see them.
     readings: Vec<Readings>,
-    watches_roads: bool,
-    /// Read only for hand-coded control and for a reward that needs them.
+    /// What is known of vehicles, if the roads are watched, and the crossings with persons.
+    watched: Option<(Watched, Crossings)>,
+    /// Read only for hand-coded control, for a reward that needs them, and if the roads are watched.
     exits: RowLanes,
     last: JointTransition,
     /// Borders of a scenario's regions, once influence is observed.
@@ -119,7 +122,7 @@ impl GlobalTraffic {
             waiting: vec![Waiting::default(); agents],
             others,
             readings: Vec::new(),
-            watches_roads: false,
+            watched: None,
             decisions: Decisions::new(control, agents),
             simulation,
             lights,
@@ -222,7 +225,10 @@ impl GlobalTraffic {
         for (row, readings) in self.readings.iter_mut().enumerate() {
             readings.second(&self.plan.agents[row], self.approaches.at(row));
         }
-        if self.watches_roads || reward::needs_waiting(&self.plan.reward) {
+        if let Some((watched, _)) = &mut self.watched {
+            watched.entered(&self.simulation.departures()?);
+        }
+        if self.watched.is_some() || reward::needs_waiting(&self.plan.reward) {
             for (row, waiting) in self.waiting.iter_mut().enumerate() {
                 waiting.note(self.approaches.at(row));
             }
@@ -283,6 +289,13 @@ impl GlobalTraffic {
     }
 
     fn read_others(&mut self) -> Result<()> {
+        if let Some((watched, crossings)) = &mut self.watched {
+            self.exits.read(&mut self.simulation)?;
+            let mut waiting = crossings.waiting(&mut self.simulation)?;
+            for (persons, plan) in watched.persons.iter_mut().zip(&self.plan.agents) {
+                *persons = waiting.by_ref().take(plan.others.crossings.len()).sum();
+            }
+        }
         let Some(others) = &mut self.others else { return Ok(()) };
         others.read(&mut self.simulation, self.plan.agents.iter(), |row| self.approaches.at(row))
     }
@@ -356,6 +369,7 @@ impl GlobalSimulator for GlobalTraffic {
         self.tally = Tally::new(self.agents(), self.plan.emergency_decel_mps2);
         self.waiting.fill(Waiting::default());
         self.others.iter_mut().for_each(Others::begin);
+        self.watched.iter_mut().for_each(|(watched, _)| watched.begin());
         if self.plan.sees_detectors() {
             let of_agent = |(row, plan)| Readings::begin(plan, self.plan.faults, episode.for_agent(AgentId(row)));
             self.readings = self.plan.agents.iter().enumerate().map(of_agent).collect();
@@ -422,18 +436,26 @@ impl GlobalSimulator for GlobalTraffic {
         }
     }
 
-    fn watch_roads(&mut self) -> bool {
-        self.watches_roads = true;
-        true
+    fn watch_roads(&mut self) -> Result<bool> {
+        let crossings = self.plan.agents.iter().flat_map(|agent| &agent.others.crossings);
+        let crossings = Crossings::register(&mut self.simulation, crossings)?;
+        self.watched = Some((Watched::new(&self.plan, self.network.travellers().as_ref()), crossings));
+        Ok(true)
     }
 
-    fn roads(&self) -> Vec<RoadView> {
-        let rows = 0..if self.watches_roads { self.agents() } else { 0 };
-        let view = |row: usize| {
-            let plan = &self.plan.agents[row];
-            observe::view(plan, self.cars_on(row), self.shown.now[row], self.shown.steps[row], &self.waiting[row])
-        };
-        rows.map(view).collect()
+    fn roads(&self, now: &mut RoadsNow) {
+        now.clear();
+        let Some((watched, _)) = &self.watched else { return };
+        for row in 0..self.plan.agents.len() {
+            let shows = RowShows {
+                shown: self.shown.now[row],
+                shown_s: self.shown.steps[row],
+                waiting: &self.waiting[row],
+                readings: self.readings.get(row),
+                persons: watched.persons[row],
+            };
+            watched.put_row(row, &shows, [self.approaches.at(row), self.exits.at(row)], now);
+        }
     }
 
     fn watch_scene(&mut self) -> Result<()> {

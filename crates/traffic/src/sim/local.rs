@@ -21,6 +21,7 @@ use super::others::Others;
 use super::readings::Readings;
 use super::recording::Recorder;
 use super::visit_tables::VisitTables;
+use super::watched::{RowShows, Watched};
 use crate::agents::phase_plan::Shown;
 use crate::agents::plan::{Border, JointPlan};
 use crate::agents::region::EDGES;
@@ -29,9 +30,11 @@ use crate::config::EntryRule;
 use crate::inflow::History;
 use crate::observe::{self, LightView};
 use crate::reward::{self, Waiting};
+use crate::scenario::travellers::Travellers;
 use dials_core::base::{Dice, Phase, RandomPurpose, Rows, Stopwatch};
+use dials_core::domain::roads::RoadsNow;
 use dials_core::domain::{Action, Beginning, LocalSimulator, Percept, RegionSpec, Result, Transition};
-use libsumo::LaneId;
+use libsumo::{CarId, LaneId};
 
 /// Name of the counter of sampled arrivals that found no room, or on a scenario no car that may use their entry.
 pub(crate) const DROPPED: &str = "dropped_arrivals";
@@ -56,12 +59,15 @@ pub struct LocalTraffic {
     entries: Entries,
     rows: Vec<RowNow>,
     border_lanes: RowLanes,
-    /// Lanes on which cars leave the lights; read only for a reward that needs them.
+    /// Lanes on which cars leave the lights; read only for a reward that needs them, and if the roads are watched.
     exits: RowLanes,
     /// Influence sources of this decision as they came true, `[rows, sources]`: a car arrives when it gets in.
     came_true: Rows<u8>,
     /// Buses, if an agent needs them.
     others: Option<Others>,
+    /// What is known of vehicles, if the roads are watched.
+    watched: Option<Watched>,
+    travellers: Option<Travellers>,
     last: Transition,
     counts: Counts,
     watch: Stopwatch,
@@ -107,11 +113,13 @@ impl Counts {
 
 impl LocalTraffic {
     /// Makes the simulators of a forest that was loaded. The first episode of the first row goes on the `recorder`.
+    /// `travellers`: those of a scenario.
     pub(crate) fn new(
         plan: Arc<JointPlan>,
         demand: Demand,
         forest: LocalForest,
         recorder: Option<Recorder>,
+        travellers: Option<Travellers>,
     ) -> LocalTraffic {
         let spec = plan.kinds.of(forest.rows[0].agent).spec.clone();
         let rows = forest.rows.iter().map(|row| RowNow::new(row.seed.dice(), 0, plan.borders.get(row.agent.0)));
@@ -119,6 +127,8 @@ impl LocalTraffic {
         let others = Others::of_rows(&plan, agents);
         LocalTraffic {
             others,
+            watched: None,
+            travellers,
             rows: rows.collect(),
             border_lanes: RowLanes::new(forest.rows.iter().map(|row| &*row.border)),
             exits: RowLanes::new(forest.rows.iter().map(|row| &*row.exits)),
@@ -188,6 +198,7 @@ impl LocalTraffic {
         }
         self.entries.begin(row, &self.forest.rows[row]);
         self.others.iter_mut().for_each(|others| others.begin_row(row));
+        self.watched.iter_mut().for_each(|watched| watched.begin_row(row));
         self.came_true.row_mut(row).fill(0);
         Ok(())
     }
@@ -234,6 +245,15 @@ impl LocalTraffic {
         if let Some(others) = &mut self.others {
             tried.buses.iter().for_each(|&(row, car)| others.bus_enters(row, car));
         }
+        if let Some(watched) = &mut self.watched {
+            for ((insertion, &(row, _)), (kind, route)) in tried.insertions.iter().zip(&tried.places).zip(&tried.kinds)
+            {
+                let place = &self.forest.rows[row];
+                let edges = place.local_routes.routes.get(*route).map_or(&[][..], |route| &route.edges);
+                let kind = kind.as_deref().or(self.forest.usual_type());
+                watched.enters(CarId(insertion.car), [row, place.agent.0], kind, edges);
+            }
+        }
         self.watch.note(Phase::Insertion, begun.elapsed());
         self.watch.time(Phase::SimulatorStep, || self.forest.simulation.step())?;
         let begun = Instant::now();
@@ -249,7 +269,7 @@ impl LocalTraffic {
             now.shown_steps = if same { now.shown_steps + 1 } else { 1 };
         }
         let is_last = second + 1 == self.plan.decision_steps;
-        let needs_waiting = reward::needs_waiting(&self.plan.reward);
+        let needs_waiting = self.watched.is_some() || reward::needs_waiting(&self.plan.reward);
         let sees_detectors = self.plan.sees_detectors();
         if is_last || needs_waiting || sees_detectors {
             self.forest.approaches.read(&mut self.forest.simulation)?;
@@ -303,7 +323,7 @@ impl LocalTraffic {
     fn perceive(&mut self) -> Result<()> {
         let begun = Instant::now();
         self.border_lanes.read(&mut self.forest.simulation)?;
-        if reward::needs_exits(&self.plan.reward) {
+        if self.watched.is_some() || reward::needs_exits(&self.plan.reward) {
             self.exits.read(&mut self.forest.simulation)?;
         }
         if let Some(others) = &mut self.others {
@@ -372,6 +392,31 @@ impl LocalSimulator for LocalTraffic {
         }
         self.perceive()?;
         Ok(&self.last)
+    }
+
+    fn watch_roads(&mut self) -> Result<bool> {
+        self.watched = Some(Watched::new(&self.plan, self.travellers.as_ref()));
+        Ok(true)
+    }
+
+    fn roads(&self, now: &mut RoadsNow) {
+        now.clear();
+        let Some(watched) = &self.watched else { return };
+        for (row, of_row) in self.rows.iter().enumerate() {
+            let shows = RowShows {
+                shown: self.forest.lights.shown(row),
+                shown_s: of_row.shown_steps,
+                waiting: &of_row.waiting,
+                readings: of_row.readings.as_ref(),
+                persons: 0,
+            };
+            let lanes = [&self.forest.approaches, &self.exits].map(|lanes| lanes.at(row));
+            // The cars of an episode that is over were not read again.
+            let [cars, exits] = lanes.map(|lanes| no_cars(lanes.iter().len()));
+            let is_new = of_row.second == of_row.begun;
+            let lanes = if is_new { [&cars, &exits].map(CarsAt::all) } else { lanes };
+            watched.put_row(row, &shows, lanes, now);
+        }
     }
 
     fn counters(&self) -> Vec<(String, u64)> {

@@ -209,6 +209,11 @@ impl LocalForest {
         Ok(self.simulation.seed_lanes(self.rows[row].first_lane, seeds)?)
     }
 
+    /// Returns the name of the usual vehicle type. A grid has only one, without a number.
+    pub(crate) fn usual_type(&self) -> Option<&str> {
+        self.types.first().map(|(name, _)| &**name)
+    }
+
     /// Returns the number of a vehicle type. `None`: of the usual one.
     pub(crate) fn type_named(&self, name: Option<&str>) -> TypeId {
         let named = name.and_then(|name| self.types.iter().find(|(other, _)| other == name));

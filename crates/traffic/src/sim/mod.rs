@@ -6,7 +6,7 @@
 //!   exits that are blocked; `arriving`: which cars come; [`visit_tables`]: visits to draw them from; `local_routes`:
 //!   their routes.
 //! - `lights`: the lights of a loaded net; `options`: SUMO's options.
-//! - `readings`: what the detectors of lights have seen.
+//! - `readings`: what the detectors of lights have seen. `watched`: all that is on the roads, for functions of the user.
 //! - [`tally`]: what every episode counts; `metrics`: what only evaluations measure, from SUMO's `trips`; `light_delays`: where
 //!   cars lose time.
 //! - `picture`: pictures of the GS. [`recording`]: an episode recorded, on [`recorded_roads`]. [`replay`]: a recording as
@@ -36,6 +36,7 @@ pub mod trace;
 mod trips;
 pub(crate) mod visit_tables;
 pub(crate) mod visits;
+pub(crate) mod watched;
 
 #[cfg(test)]
 mod limits_test;

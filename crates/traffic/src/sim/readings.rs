@@ -62,6 +62,11 @@ impl Readings {
         Readings { now: vec![empty; count], dead, faults, dice, seconds: 0 }
     }
 
+    /// Returns the number of detectors.
+    pub(crate) fn len(&self) -> usize {
+        self.now.len()
+    }
+
     pub(crate) fn decide(&mut self) {
         self.seconds = 0;
         for reading in &mut self.now {
