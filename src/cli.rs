@@ -109,6 +109,9 @@ pub enum Command {
     /// Tries the files of a config in their simulator; this program starts it
     #[command(hide = true)]
     TryOut,
+    /// A process that plays for the map of a run's delays; `watch` starts it
+    #[command(hide = true)]
+    MapPlayer { run: PathBuf },
 }
 
 #[derive(Debug, Args)]
@@ -561,6 +564,9 @@ pub struct WatchArgs {
     /// Port on 127.0.0.1; 0: any free one
     #[arg(long, default_value_t = 0)]
     pub port: u16,
+    /// Play no episodes for the map of delays, which runs on scenarios have
+    #[arg(long)]
+    pub no_map: bool,
 }
 
 #[derive(Debug, Args)]

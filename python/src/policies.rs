@@ -44,7 +44,7 @@ impl Policies {
             PoliciesRequest::Act { greedy: false } => (Selection::Sampled, None),
         };
         let (config, domain, policies, still_trained_at) = match read {
-            Some(TrainedRun { config, domain, policies, still_trained_at }) => {
+            Some(TrainedRun { config, domain, policies, still_trained_at, .. }) => {
                 (config, domain, policies, still_trained_at)
             }
             None => {

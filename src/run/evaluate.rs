@@ -203,7 +203,7 @@ impl<'a> Session<'a> {
                 let existing = Existing::of_named(self.output.force);
                 render(simulator, controller, Seed::new(self.seed), dir, existing).map_err(Error::Usage)?;
             }
-            lights.begin(simulator, self.output).map_err(Error::Run)?;
+            lights.begin(simulator, self.output.emissions).map_err(Error::Run)?;
             let mut episodes = Vec::with_capacity(self.episodes);
             for episode in 0..self.episodes {
                 let seed = episode_seed(Seed::new(self.seed), episode);
@@ -236,12 +236,7 @@ impl<'a> Session<'a> {
         if csv.lights.is_none() {
             return Ok(());
         }
-        let mut about = Map::new();
-        about.insert("name".into(), json!(self.domain.scenario()?.name));
-        about.insert("scenario".into(), json!(self.scenario));
-        about.insert("seed".into(), json!(self.seed));
-        about.insert("sumo_version".into(), json!(self.sumo.map(|sumo| &sumo.name)));
-        let city = lights.city(self.config, self.domain, findings, about)?;
+        let city = lights.city(self.config, self.domain, findings, self.seed)?;
         csv.directory.write(CITY, &serde_json::to_vec(&city)?)
     }
 

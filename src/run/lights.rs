@@ -40,10 +40,20 @@ impl LightFigures {
         Ok(LightFigures { is_wanted, prints, places: Vec::new(), played: Vec::new() })
     }
 
+    /// Measures lights for [`LightFigures::city`], and prints nothing.
+    pub(super) fn for_a_city() -> LightFigures {
+        LightFigures { is_wanted: true, prints: false, places: Vec::new(), played: Vec::new() }
+    }
+
+    /// Forgets all players but the first ones.
+    pub(super) fn keep(&mut self, players: usize) {
+        self.played.truncate(players);
+    }
+
     /// Makes a simulator measure what is asked for, and begins with the next player.
-    pub(super) fn begin(&mut self, simulator: &mut dyn GlobalSimulator, output: &OutputArgs) -> Result<()> {
+    pub(super) fn begin(&mut self, simulator: &mut dyn GlobalSimulator, with_emissions: bool) -> Result<()> {
         simulator.measure_in_full()?;
-        if output.emissions {
+        if with_emissions {
             simulator.measure_emissions()?;
         }
         if self.is_wanted
@@ -109,13 +119,13 @@ impl LightFigures {
         (self.prints && self.has_any()).then(|| table::table(&players, &labels))
     }
 
-    /// Returns the contents of `city.json`. `about`: keys of the scenario.
+    /// Returns the contents of `city.json`. `seed`: that of the traffic.
     pub(super) fn city(
         &self,
         config: &RunConfig,
         domain: &dyn Domain,
         findings: &[Finding],
-        about: Map<String, Value>,
+        seed: u64,
     ) -> Result<Value> {
         let traffic = domains::traffic(config)?;
         let streets = traffic.map(|traffic| traffic.streets()).transpose()?.unwrap_or_default();
@@ -124,7 +134,8 @@ impl LightFigures {
             let shape: Vec<[f64; 2]> = street.shape_m.iter().map(|place| place.map(rounded)).collect();
             json!({ "edge": street.edge, "street": street.name, "lanes": street.lanes, "shape_m": shape })
         });
-        let rules = domain.scenario()?.rules;
+        let scenario = domain.scenario()?;
+        let sumo = domains::sumo(config)?;
         let reference = dials_learn::evaluation::figures(&findings[0].episodes);
         let players = findings.iter().enumerate().map(|(player, finding)| {
             let figures = |(name, values): (String, Vec<f64>)| {
@@ -151,9 +162,13 @@ impl LightFigures {
                 },
             })
         });
-        let mut city = about;
+        let mut city = Map::new();
+        city.insert("name".into(), json!(scenario.name));
+        city.insert("scenario".into(), json!(scenario.id.word()));
+        city.insert("seed".into(), json!(seed));
+        city.insert("sumo_version".into(), json!(sumo.map(|sumo| &sumo.name)));
         city.insert("episodes".into(), json!(findings[0].episodes.len()));
-        city.insert("rules".into(), json!(rules));
+        city.insert("rules".into(), json!(scenario.rules));
         city.insert("left_out".into(), json!(domain.left_out()));
         city.insert("warnings".into(), json!(domain.warnings()));
         city.insert("settings".into(), serde_json::to_value(&config.domain)?);

@@ -91,6 +91,7 @@ pub(crate) fn run(cli: Cli) -> Result<()> {
         Command::Schema => complete::print_schema(),
         Command::Worker => serve_the_parent(domains::open_tried).map_err(Error::Run),
         Command::Simulator => serve_a_worker(domains::open_tried).map_err(Error::Run),
+        Command::MapPlayer { run } => watch::play_for_the_map(&run),
         Command::TryOut => dials_session::trial::try_out(),
     }
 }

@@ -7,6 +7,7 @@ use std::path::Path;
 use std::process::{Child, Command, Stdio};
 
 use rustix::process::{Pid, Signal, kill_process};
+use serde_json::Value;
 
 const CONFIG: &str = "total_steps = 256\n[warehouse]\nagents_per_side = 2\nhorizon = 16\n\
                       [policy]\nhidden = [16]\n[ppo]\nrollout_steps = 8\n\
@@ -37,7 +38,11 @@ pub(super) struct View {
 
 impl View {
     fn of(folder: &Path, runs: &str) -> View {
-        let mut child = program(folder, &["watch", runs]).stdout(Stdio::piped()).spawn().unwrap();
+        View::with(folder, &["watch", runs])
+    }
+
+    fn with(folder: &Path, words: &[&str]) -> View {
+        let mut child = program(folder, words).stdout(Stdio::piped()).spawn().unwrap();
         let mut address = String::new();
         BufReader::new(child.stdout.take().unwrap()).read_line(&mut address).unwrap();
         let (host, path) = parts(address.trim());
@@ -96,6 +101,98 @@ fn a_page_shows_the_runs_of_a_folder_and_those_that_come_later() {
     }
     let now = view.get("now");
     assert!(now.contains("several versions of SUMO (1 with SUMO 1.15.0, 1 with SUMO 1.28.0)"), "{now}");
+}
+
+/// Returns the files of a run directory with their contents.
+fn contents(run: &Path) -> Vec<(String, Vec<u8>)> {
+    let files = fs::read_dir(run).unwrap().map(|entry| entry.unwrap().path()).filter(|path| path.is_file());
+    let mut files: Vec<_> = files.map(|path| (path.display().to_string(), fs::read(&path).unwrap())).collect();
+    files.sort();
+    files
+}
+
+/// Trains a run of 20 lights in `run`, for five minutes of the town's traffic.
+fn train_on_the_town(folder: &Path) {
+    let town = Path::new(env!("CARGO_MANIFEST_DIR")).join("sumo_nets/town/town.sumocfg");
+    let config = format!(
+        "simulator = 'gs'\ntotal_steps = 60\n[traffic]\nscenario = '{}'\nend_s = 300\n[gs]\ncopies = 1\n\
+         [policy]\nhidden = [8]\n[evaluation]\nepisodes = 1\nfinal_episodes = 2\n",
+        town.display()
+    );
+    fs::write(folder.join("town.toml"), config).unwrap();
+    let output = program(folder, &["train", "town.toml", "--out", "run", "--workers", "0"]).output().unwrap();
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+}
+
+/// Asks for the page until it has this text.
+fn wait_for(view: &View, text: &str) -> String {
+    for _ in 0..2400 {
+        let now = view.get("now");
+        if now.contains(text) {
+            return now;
+        }
+        std::thread::sleep(std::time::Duration::from_millis(50));
+    }
+    panic!("`{text}` does not come: {}", view.get("now"));
+}
+
+#[test]
+fn a_scenario_has_a_map_against_todays_plan_that_names_its_step_and_leaves_the_run_as_it_is() {
+    let folder = tempfile::tempdir().unwrap();
+    train_on_the_town(folder.path());
+    let run = folder.path().join("run");
+    let before = contents(&run);
+    let view = View::of(folder.path(), "run");
+    let first = view.get("now");
+    assert!(first.contains("newest evaluation: step 60"), "it says what it does: {first}");
+    let now = wait_for(&view, "Map of step ");
+    assert!(now.contains("Map of step 60, the end of this run: its final policies."), "{now}");
+    assert!(now.contains("class=\"map\"") && now.contains("the policies of step 60"), "{now}");
+    assert!(!now.contains("every agent at the last evaluation"), "one map is enough: {now}");
+    assert_eq!(contents(&run), before);
+
+    let quiet = View::with(folder.path(), &["watch", "run", "--no-map"]);
+    let now = quiet.get("now");
+    assert!(!now.contains("Map of step") && now.contains("every agent at the last evaluation"), "{now}");
+}
+
+#[test]
+fn the_map_is_of_the_episodes_that_the_run_was_evaluated_on() {
+    let folder = tempfile::tempdir().unwrap();
+    train_on_the_town(folder.path());
+    let mut player = program(folder.path(), &["map-player", "run"]);
+    let mut player = player.stdin(Stdio::piped()).stdout(Stdio::piped()).spawn().unwrap();
+    let mut input = player.stdin.take().unwrap();
+    let mut lines = BufReader::new(player.stdout.take().unwrap()).lines().map(Result::unwrap);
+    let mut ask = |episodes: usize| -> (usize, Value) {
+        writeln!(input, "{{\"episodes\": {episodes}}}").unwrap();
+        let mut played = 0;
+        for line in lines.by_ref() {
+            let said: Value = serde_json::from_str(&line).unwrap();
+            match said.get("City") {
+                Some(found) => return (played, found.clone()),
+                None => assert!(said.get("Playing").is_some(), "{said}"),
+            }
+            played += 1;
+        }
+        panic!("it has ended");
+    };
+    // Two players, two episodes each; the second time today's plan is known.
+    let (played, found) = ask(2);
+    assert_eq!((played, &found["steps"]), (4, &Value::from(60)));
+    assert_eq!(ask(2), (2, found.clone()));
+    let mean =
+        |player: usize, figure: &str| found["city"]["players"][player]["figures"][figure]["mean"].as_f64().unwrap();
+    let returns = fs::read_to_string(folder.path().join("run/returns.csv")).unwrap();
+    let last = returns.lines().rfind(|line| line.starts_with("60,all,")).unwrap();
+    let evaluated: f64 = last.split(',').nth(2).unwrap().parse().unwrap();
+    assert!((mean(1, "return") - evaluated).abs() < 1e-9, "{} and {evaluated}", mean(1, "return"));
+    let words = ["baseline", "run/config.toml", "--controller", "program", "--episodes", "2", "--json"];
+    let output = program(folder.path(), &words).output().unwrap();
+    let today: Value = serde_json::from_slice(&output.stdout).unwrap();
+    assert_eq!(today["figures"]["delay_s"]["mean"].as_f64(), Some(mean(0, "delay_s")), "{today}");
+    drop(input);
+    assert!(player.wait().unwrap().success());
 }
 
 #[test]

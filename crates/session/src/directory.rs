@@ -65,7 +65,9 @@ pub struct TrainedRun {
     pub config: RunConfig,
     pub domain: Arc<dyn Domain>,
     pub policies: JointPolicy,
-    /// Timesteps per agent of these policies, if somebody is still training the run.
+    /// Timesteps per agent of these policies, if their file says so.
+    pub steps: Option<u64>,
+    /// The same, if somebody is still training the run.
     pub still_trained_at: Option<u64>,
 }
 
@@ -131,7 +133,7 @@ pub fn open_with(path: &Path, open: fn(&RunConfig) -> Result<Arc<dyn Domain>>) -
         path.display()
     );
     let still_trained_at = steps.filter(|_| Directory::is_locked(path));
-    Ok(TrainedRun { config, domain, policies, still_trained_at })
+    Ok(TrainedRun { config, domain, policies, steps, still_trained_at })
 }
 
 /// Reads the AIPs of `agents`, of one kind, from a run with this config. `domain`: one with the same agents.

@@ -122,6 +122,11 @@ pub fn sumo(config: &RunConfig) -> Result<Option<&'static dials_traffic::Sumo>> 
     }
 }
 
+/// Returns whether a config names a scenario of SUMO.
+pub fn is_scenario(config: &RunConfig) -> bool {
+    matches!(domain(config), DomainConfig::Traffic(TrafficTable::Scenario(_)))
+}
+
 /// Returns the traffic domain of a config, or `None` if the config names another domain.
 pub fn traffic(config: &RunConfig) -> Result<Option<Traffic>> {
     let traffic = match domain(config) {

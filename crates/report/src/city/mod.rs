@@ -1,6 +1,8 @@
 //! The report for a city, from what `evaluate` and `baseline` write with `--csv`: today's plan, the best rule and what was learned,
-//! a map, each light before and after, and what was assumed. The runs' learning curves come behind it.
+//! a map, each light before and after, and what was assumed. The runs' learning curves come behind it. [`live`] is the same in short,
+//! for a run that trains.
 
+mod live;
 mod map;
 mod page;
 mod read;
@@ -10,6 +12,8 @@ use std::path::PathBuf;
 use anyhow::Result;
 
 use crate::document::Block;
+
+pub use live::DelayMap;
 
 /// Name of the file that `evaluate` and `baseline` write with `--csv`.
 pub const CITY: &str = "city.json";

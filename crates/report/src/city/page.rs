@@ -122,7 +122,7 @@ fn role(city: &City, player: &CityPlayer) -> String {
     format!("{role}: {}", player.label)
 }
 
-fn summary(city: &City, after: Option<&CityPlayer>) -> String {
+pub(super) fn summary(city: &City, after: Option<&CityPlayer>) -> String {
     let before = &city.players[0];
     let played = counted(city.episodes, "episode");
     let Some(own) = before.delay_s() else { return String::new() };
@@ -176,14 +176,14 @@ fn whole_city(city: &City) -> Table {
     Table { caption, header, rows }
 }
 
-fn lights(before: &CityPlayer, after: Option<&CityPlayer>) -> Table {
+pub(super) fn lights(before: &CityPlayer, after: Option<&CityPlayer>) -> Table {
     let rows = before.lights.iter().enumerate().map(|(number, light)| {
         let name = match light.name == light.id {
             true => light.id.clone(),
             false => format!("{} ({})", light.name, light.id),
         };
         let others = after.and_then(|after| after.lights.iter().find(|other| other.id == light.id));
-        let first = format!("{} {name}", number + 1);
+        let first = format!("{}. {name}", number + 1);
         [first].into_iter().chain(cells(&light.figures, others.map(|other: &CityLight| &other.figures))).collect()
     });
     let caption = "Delay at each light in seconds per car, where cars lose the most time first. LOS: level of service."

@@ -7,6 +7,7 @@ use std::time::SystemTime;
 use anyhow::Result;
 
 use super::status::{RunStatus, State};
+use crate::city::DelayMap;
 use crate::compared_figures;
 use crate::document::{Block, Figure, Table, to_html};
 use crate::drawing::Svg;
@@ -20,19 +21,36 @@ const NONE: &str = "-";
 /// Most maps on the page. Runs that are being written come first.
 const MAPS: usize = 4;
 
-/// Draws the agents of a run at their places; `None` if the report's own picture of them says as much.
-pub(crate) type DrawMap = Box<dyn FnMut(&RunRecord) -> Option<Svg>>;
+/// Draws the maps of runs.
+pub trait Maps {
+    /// Draws the agents of a run at their places, in the colours of their returns; `None` if the report's own picture of them says
+    /// as much.
+    fn returns(&mut self, run: &RunRecord) -> Option<Svg>;
+
+    /// Returns where cars lose time, beside today's plan, as far as it is known now; `None` if the run has no such map.
+    fn delays(&mut self, run: &RunRecord) -> Option<DelayView>;
+}
+
+/// Where cars lose time in a run.
+pub struct DelayView {
+    /// Of which step the map is, and what is being played, in sentences.
+    pub words: String,
+    /// `None`: nothing has been played yet.
+    pub map: Option<DelayMap>,
+}
 
 /// The view of a folder. It reads the runs again only when one of their files has changed.
 pub struct Page {
     folder: PathBuf,
-    draw_map: DrawMap,
+    maps: Box<dyn Maps>,
     /// Files of the runs as they were when `runs` and `figures` were made.
     seen: Option<Vec<Trace>>,
     runs: Vec<RunRecord>,
     left_out: Vec<LeftOut>,
-    /// Figures and maps, as HTML.
+    /// Figures, as HTML.
     figures: String,
+    /// The runs that have a map, by their place in `runs`, with the map of their returns as HTML.
+    mapped: Vec<(usize, String)>,
 }
 
 /// A file at a time: path, length in bytes and time of its last change.
@@ -40,9 +58,9 @@ type Trace = (PathBuf, u64, Option<SystemTime>);
 
 impl Page {
     /// `folder`: a run directory, or a folder of some.
-    pub fn new(folder: &Path, draw_map: DrawMap) -> Page {
-        let folder = folder.to_owned();
-        Page { folder, draw_map, seen: None, runs: Vec::new(), left_out: Vec::new(), figures: String::new() }
+    pub fn new(folder: &Path, maps: Box<dyn Maps>) -> Page {
+        let (folder, figures) = (folder.to_owned(), String::new());
+        Page { folder, maps, seen: None, runs: Vec::new(), left_out: Vec::new(), figures, mapped: Vec::new() }
     }
 
     pub(crate) fn now(&mut self) -> String {
@@ -58,7 +76,22 @@ impl Page {
         if !warnings.is_empty() {
             blocks.push(Block::List(warnings));
         }
-        to_html(&blocks) + &self.figures
+        let (mut before, mut behind) = (to_html(&blocks), String::new());
+        for (place, returns) in &self.mapped {
+            let run = &self.runs[*place];
+            let delays = self.maps.delays(run);
+            if let Some(DelayView { words, .. }) = &delays
+                && !words.is_empty()
+            {
+                let name = Printable(run.dir.display());
+                before += &to_html(&[Block::Paragraph(format!("{name}: {words}"))]);
+            }
+            match delays.and_then(|view| view.map) {
+                Some(map) => before += &map.html,
+                None => behind += returns,
+            }
+        }
+        before + &self.figures + &behind
     }
 
     /// Reads the runs, and draws what only changes with their files.
@@ -66,14 +99,17 @@ impl Page {
         let Found { runs, unreadable, .. } = find(std::slice::from_ref(&self.folder))?;
         (self.runs, self.left_out) = (runs, unreadable);
         self.figures.clear();
-        let evaluated = self.runs.iter().filter(|run| !run.evaluations.is_empty());
-        let mut order: Vec<(RunStatus, &RunRecord)> = evaluated.map(|run| (RunStatus::of(run), run)).collect();
+        self.mapped.clear();
+        let evaluated = self.runs.iter().enumerate().filter(|(_, run)| !run.evaluations.is_empty());
+        let mut order: Vec<(RunStatus, usize)> = evaluated.map(|(place, run)| (RunStatus::of(run), place)).collect();
         order.sort_by_key(|(status, _)| status.state != State::Running);
         let found = Found { runs: self.runs.clone(), ..Found::default() };
-        let mut figures = compared_figures(found)?;
-        for (_, run) in order.into_iter().take(MAPS) {
+        let figures = compared_figures(found)?;
+        for (_, place) in order.into_iter().take(MAPS) {
+            let run = &self.runs[place];
             let caption = format!("{}: every agent at the last evaluation.", Printable(run.dir.display()));
-            figures.extend((self.draw_map)(run).map(|svg| Figure { name: "map".to_owned(), caption, svg }));
+            let returns = self.maps.returns(run).map(|svg| Figure { name: "map".to_owned(), caption, svg });
+            self.mapped.push((place, returns.map_or(String::new(), |map| to_html(&[Block::Figure(map)]))));
         }
         let mut blocks: Vec<Block> = figures.into_iter().map(Block::Figure).collect();
         if blocks.is_empty() {

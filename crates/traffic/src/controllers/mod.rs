@@ -108,7 +108,7 @@ pub const NAMES: &[&str] = &[
     "longest-queue",
 ];
 
-pub(crate) const PROGRAM: &str = "program";
+pub const PROGRAM: &str = "program";
 pub const FIXED_TIME: &str = "fixed-time";
 pub const COORDINATED: &str = "coordinated";
 

@@ -1,4 +1,10 @@
 //! `watch`: a live view of runs, as a page for a browser on this machine.
+//!
+//! `delays`: the map of delays of runs on scenarios. `player`: the process that plays for it. `messages`: what the two say.
+
+mod delays;
+mod messages;
+mod player;
 
 use std::collections::BTreeMap;
 use std::io::{BufRead, BufReader};
@@ -8,11 +14,14 @@ use std::process::{Child, Command, Stdio};
 
 use anyhow::{Context, Result as Anyhow, anyhow, ensure};
 
+pub(super) use player::play_for_the_map;
+
 use crate::cli;
+use delays::DelayMaps;
 use dials_core::domain::road_trace::RoadMap;
 use dials_core::outside::path_as_text;
 use dials_report::drawing::Svg;
-use dials_report::live::page::Page;
+use dials_report::live::page::{DelayView, Maps, Page};
 use dials_report::live::server::LiveServer;
 use dials_report::plot::means_on_map;
 use dials_session::domains;
@@ -30,12 +39,29 @@ pub(super) fn watch(args: &cli::WatchArgs) -> Result<()> {
     }
     let server = LiveServer::new(args.port).map_err(Error::Usage)?;
     answer(server.address()).map_err(Error::Run)?;
-    let mut maps = BTreeMap::new();
-    let mut page = Page::new(folder, Box::new(move |run| map_of(run, &mut maps)));
+    let delays = (!args.no_map).then(DelayMaps::default);
+    let mut page = Page::new(folder, Box::new(MapsOfRuns { places: BTreeMap::new(), delays }));
     server.serve(&mut page, &path_as_text(folder)).map_err(Error::Run)
 }
 
 type Place = (RoadMap, Vec<String>);
+
+struct MapsOfRuns {
+    /// Places of the agents of runs that were drawn before.
+    places: BTreeMap<PathBuf, Option<Place>>,
+    /// `None`: nothing is to be played.
+    delays: Option<DelayMaps>,
+}
+
+impl Maps for MapsOfRuns {
+    fn returns(&mut self, run: &RunRecord) -> Option<Svg> {
+        map_of(run, &mut self.places)
+    }
+
+    fn delays(&mut self, run: &RunRecord) -> Option<DelayView> {
+        self.delays.as_mut()?.of(run)
+    }
+}
 
 /// Draws the agents on the map of their network; `None` for a single one, in rows, or if files cannot be read. `maps`:
 /// those that were drawn before.
