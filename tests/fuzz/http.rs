@@ -7,8 +7,10 @@ use std::thread;
 use std::time::Duration;
 
 use anyhow::{Result, ensure};
-use dials_report::live::page::Page;
+use dials_report::drawing::Svg;
+use dials_report::live::page::{DelayView, Maps, Page};
 use dials_report::live::server::LiveServer;
+use dials_session::records::run_record::RunRecord;
 
 use super::of_project;
 use super::place::Place;
@@ -24,6 +26,19 @@ struct Known {
     token: String,
 }
 
+/// The runs of this page have no maps.
+struct NoMaps;
+
+impl Maps for NoMaps {
+    fn returns(&mut self, _: &RunRecord) -> Option<Svg> {
+        None
+    }
+
+    fn delays(&mut self, _: &RunRecord) -> Option<DelayView> {
+        None
+    }
+}
+
 /// Returns where the server of this process is. It begins with the first call.
 fn server() -> &'static Known {
     static KNOWN: OnceLock<Known> = OnceLock::new();
@@ -35,7 +50,7 @@ fn server() -> &'static Known {
         let known = Known { host: next(), token: next() };
         thread::spawn(move || {
             let folder = of_project("tests/report/runs");
-            server.serve(&mut Page::new(&folder, Box::new(|_| None)), "runs").expect("it serves until the end");
+            server.serve(&mut Page::new(&folder, Box::new(NoMaps)), "runs").expect("it serves until the end");
         });
         known
     })
