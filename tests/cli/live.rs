@@ -166,14 +166,12 @@ fn the_map_is_of_the_episodes_that_the_run_was_evaluated_on() {
     let mut lines = BufReader::new(player.stdout.take().unwrap()).lines().map(Result::unwrap);
     let mut ask = |episodes: usize| -> (usize, Value) {
         writeln!(input, "{{\"episodes\": {episodes}}}").unwrap();
-        let mut played = 0;
-        for line in lines.by_ref() {
+        for (played, line) in lines.by_ref().enumerate() {
             let said: Value = serde_json::from_str(&line).unwrap();
             match said.get("City") {
                 Some(found) => return (played, found.clone()),
                 None => assert!(said.get("Playing").is_some(), "{said}"),
             }
-            played += 1;
         }
         panic!("it has ended");
     };
