@@ -3,7 +3,7 @@
 
     python-env/bin/python benches/python/own_functions.py
 
-Both lines of a pair play the same actions, so the same traffic. They take turns, `--pairs` times, in processes of their own.
+All play the same actions, so the same traffic, each in a process of its own. They take turns, block by block, `--pairs` times.
 A negative number is a loss. Each is the median over the pairs. Run it on a machine that does nothing else.
 """
 
@@ -33,36 +33,46 @@ def lost_by_type(before, now):
     return -0.1 * cars.per_row(lost) - 0.01 * waited
 
 
-def on_the_gs(config, steps, reward):
-    env = dials_traffic.parallel_env(config, seed=0, reward=reward)
-    env.reset()
-    zeros = dict.fromkeys(env.agents, 0)
-    taken = 0.0
-    for number in range(steps + 20):
-        if not env.agents:
-            env.reset()
-        begun = time.perf_counter()
+class Gs:
+    def __init__(self, config, reward):
+        self.env = dials_traffic.parallel_env(config, seed=0, reward=reward)
+        self.env.reset()
+
+    def step(self, number):
+        if not self.env.agents:
+            self.env.reset()
         # Every light turns to another green from time to time.
-        env.step({agent: number // 6 % 2 for agent in zeros})
-        taken += time.perf_counter() - begun if number >= 20 else 0
-    share = env.own_cost.share
-    env.close()
-    return taken / steps, share
+        actions = dict.fromkeys(self.env.agents, number // 6 % 2)
+        begun = time.perf_counter()
+        self.env.step(actions)
+        return time.perf_counter() - begun
 
 
-def locally(config, agent, copies, steps, reward):
-    env = dials_traffic.vector_env(config, agent, copies, "untrained", seed=0, reward=reward)
-    _, infos = env.reset()
-    taken = 0.0
-    for number in range(steps + 20):
-        masks = infos["action_mask"]
+class Local:
+    def __init__(self, config, agent, copies, reward):
+        self.env = dials_traffic.vector_env(config, agent, copies, "untrained", seed=0, reward=reward)
+        _, self.infos = self.env.reset()
+
+    def step(self, number):
+        masks = self.infos["action_mask"]
         actions = np.where(number // 6 % 2, masks.argmax(axis=1), masks.shape[1] - 1 - masks[:, ::-1].argmax(axis=1))
         begun = time.perf_counter()
-        _, _, _, _, infos = env.step(actions)
-        taken += time.perf_counter() - begun if number >= 20 else 0
-    share = env.own_cost.share
-    env.close()
-    return taken / steps, share
+        _, _, _, _, self.infos = self.env.step(actions)
+        return time.perf_counter() - begun
+
+
+def paired(make, rewards, pairs, steps):
+    """Return seconds per step of each reward in each pair, and the share of it that the function took in all."""
+    sides = [make(reward) for reward in rewards]
+    taken = [[] for _ in rewards]
+    # The first block is not counted: roads fill, and caches too.
+    for pair in range(pairs + 1):
+        for side, of_side in zip(sides, taken):
+            of_side.append(sum(side.step(pair * steps + number) for number in range(steps)) / steps)
+    shares = [side.env.own_cost.share for side in sides]
+    for side in sides:
+        side.env.close()
+    return [of_side[1:] for of_side in taken], shares
 
 
 def main():
@@ -70,8 +80,8 @@ def main():
     parser.add_argument("--config", type=Path, default=ROOT / "configs/town.toml")
     parser.add_argument("--agent", help="of the local simulators [default: the first one]")
     parser.add_argument("--copies", type=int, default=8)
-    parser.add_argument("--steps", type=int, default=600, help="per repeat")
-    parser.add_argument("--pairs", type=int, default=7)
+    parser.add_argument("--steps", type=int, default=100, help="of a block")
+    parser.add_argument("--pairs", type=int, default=15)
     parser.add_argument("--json", action="store_true", help="print one JSON object instead of a table")
     arguments = parser.parse_args()
     config, steps = arguments.config, arguments.steps
@@ -79,20 +89,16 @@ def main():
     agent = arguments.agent or env.possible_agents[0]
     env.close()
     places = {
-        "GS": lambda reward: on_the_gs(config, steps, reward),
-        f"{arguments.copies} copies of a local simulator": lambda reward: locally(
-            config, agent, arguments.copies, steps, reward
-        ),
+        "GS": lambda reward: Gs(config, reward),
+        f"{arguments.copies} copies of a local simulator": lambda reward: Local(config, agent, arguments.copies, reward),
     }
     found = []
-    for place, play in places.items():
-        pairs = {function.__name__: [] for function in (queue, lost_by_type)}
-        for _ in range(arguments.pairs):
-            built_in, _ = play(None)
-            for function in (queue, lost_by_type):
-                seconds, share = play(function)
-                pairs[function.__name__].append({"built_in_s": built_in, "own_s": seconds, "share": share})
-        found += [{"place": place, "reward": name, "pairs": of_name} for name, of_name in pairs.items()]
+    functions = [queue, lost_by_type]
+    for place, make in places.items():
+        (built_in, *own), (_, *shares) = paired(make, [None, *functions], arguments.pairs, steps)
+        for function, seconds, share in zip(functions, own, shares):
+            pairs = [{"built_in_s": before, "own_s": after} for before, after in zip(built_in, seconds)]
+            found.append({"place": place, "reward": function.__name__, "share": share, "pairs": pairs})
     if arguments.json:
         print(json.dumps({"config": str(config), "agent": agent, "steps": steps, "lines": found}))
         return
@@ -102,10 +108,9 @@ def main():
         pairs = line["pairs"]
         changes = [pair["built_in_s"] / pair["own_s"] - 1 for pair in pairs]
         rates = [1 / statistics.median(pair[key] for pair in pairs) for key in ("built_in_s", "own_s")]
-        share = statistics.median(pair["share"] for pair in pairs)
         each = " ".join(f"{change:+.0%}" for change in changes)
         change = statistics.median(changes)
-        print(f"{line['place']:32} {line['reward']:14} {rates[0]:12.0f} {rates[1]:9.0f} {change:+11.1%} {share:16.1%}   {each}")
+        print(f"{line['place']:32} {line['reward']:14} {rates[0]:12.0f} {rates[1]:9.0f} {change:+11.1%} {line['share']:16.1%}   {each}")
 
 
 if __name__ == "__main__":

@@ -52,6 +52,8 @@ class Run:
         self._parameters = parameters
         #: What own functions took, if :func:`dials_traffic.train` has trained it in this process.
         self.own_cost = OwnCost()
+        # Functions with which it was trained in this process, by kind.
+        self._functions: Dict[str, Any] = {}
         #: Names of the agents, in order.
         self.agents: List[str] = [agent["name"] for agent in about["agents"]]
         #: Timesteps per agent of these policies, if somebody is still training the run.
@@ -111,7 +113,14 @@ class Run:
         """
         if replay is not None:
             refuse_existing(replay)
-        env = GlobalEnv(self.path, seed=seed, full_metrics=True, settings=settings, record=replay is not None)
+        env = GlobalEnv(
+            self.path,
+            seed=seed,
+            full_metrics=True,
+            settings=settings,
+            record=replay is not None,
+            **self._functions,
+        )
         controller = self.controller(greedy=greedy)
         try:
             observations, infos = env.reset(options={"episode": episode})

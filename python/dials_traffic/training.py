@@ -47,6 +47,7 @@ def train(
         link.run(words, quiet=yes_or_no("quiet", quiet))
     run = Run(out)
     run.own_cost = cost
+    run._functions = {kind: function for kind, (_, function) in functions.items()}
     if cost.functions_s > 0 and not quiet:
         print(f"{cost} (all processes together)", file=sys.stderr)
     return run

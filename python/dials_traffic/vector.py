@@ -116,7 +116,7 @@ class LocalVectorEnv(VectorEnv):
         observation = chosen("observation", observation, about["own"]["observation"])
         if reward is not None or observation is not None:
             copies = about["rows"] // len(about["agent_numbers"])
-            layout = Layout(about["roads"], np.repeat(about["agent_numbers"], copies))
+            layout = Layout(about["roads"], np.repeat(about["agent_numbers"], copies).tolist())
             self._own = Own(layout, reward, observation)
 
     def _width(self) -> int:

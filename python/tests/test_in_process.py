@@ -25,7 +25,7 @@ def played(env):
 def refused(make):
     try:
         make()
-    except dials_traffic.SimulatorError as error:
+    except (dials_traffic.SimulatorError, ValueError) as error:
         return str(error)
     raise AssertionError("it was not refused")
 """

@@ -107,7 +107,7 @@ def test_local_simulators_of_a_scenario_know_types_and_exits(scenario_run):
     options = {"copies": 2, "seed": 1}
     ours = dials_traffic.vector_env(scenario_run, None, **options)
     own = dials_traffic.vector_env(scenario_run, None, reward=look, **options)
-    (_, paid), (_, own_paid) = play(ours, 15), play(own, 15)
+    (_, paid), (_, own_paid) = play(ours, 11), play(own, 11)
     np.testing.assert_allclose(own_paid, paid, atol=1e-6)
     assert paid.min() < 0
     last = seen[-1]
@@ -221,7 +221,7 @@ def test_a_registered_function_has_a_name_for_settings_and_configs(grid, tmp_pat
 
 
 def test_a_name_that_nobody_registered_is_a_value_error_that_says_what_to_call(grid):
-    with pytest.raises(ValueError, match="reward 'nobody': no function of this name .* register_reward"):
+    with pytest.raises(ValueError, match=r"reward 'nobody': no function of this name .*\.register_reward"):
         dials_traffic.parallel_env(grid, settings={"traffic.reward": "python:nobody"})
     with pytest.raises(ValueError, match="observation 'nobody': no function of this name"):
         dials_traffic.local_env(grid, "r0c0", "untrained", observation="nobody")
@@ -345,6 +345,8 @@ def test_training_with_a_reward_of_ones_own_is_the_same_for_one_and_two_workers(
     about = json.loads((runs[0].path / "run.json").read_text())
     assert [function["name"] for function in about["python"]] == ["squares", "counts"]
     assert "waits**2" in about["python"][0]["source"]
+    played = runs[0].play(settings={"traffic.end_s": 60})
+    assert set(played.returns) == set(runs[0].agents)
 
 
 def test_a_reward_that_fails_ends_the_run_with_its_own_error(scenario, tmp_path):
