@@ -127,7 +127,8 @@ def test_what_a_learner_sees_fits_together(warehouse, tmp_path):
 def test_the_same_actions_give_the_same_predictors_and_evaluations_as_our_algorithm(grid, tmp_path, simulator):
     # PPO whose steps are too small to change a number. Both draw with the same dice.
     settings = {
-        **{key: value for key, value in SHORT.items() if key != "policy.hidden"},
+        **{key: value for key, value in SHORT.items() if not key.endswith("hidden")},
+        "aip.hidden": [16],
         "policy.hidden": [16],
         "simulator": simulator,
         "local_simulators.copies": 2,
