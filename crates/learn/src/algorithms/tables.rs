@@ -144,7 +144,12 @@ impl Tables {
             .dice
             .iter()
             .map(|(name, dice)| (name.clone(), agents.clone().into_iter().map(|agent| dice[agent].clone()).collect()));
-        Tables { numbers: numbers.collect(), dice: dice.collect(), counts: self.counts.clone(), bytes: self.bytes.clone() }
+        Tables {
+            numbers: numbers.collect(),
+            dice: dice.collect(),
+            counts: self.counts.clone(),
+            bytes: self.bytes.clone(),
+        }
     }
 
     pub(crate) fn replace(&mut self, first: usize, part: &Tables) {

@@ -16,9 +16,10 @@ pub(crate) fn connect(config: &RunConfig, domain: &dyn Domain) -> Result<()> {
     }
     let kinds = domain.kinds();
     let names = domain.names();
-    let agents = names.iter().zip(kinds.specs()).map(|(name, spec)| {
-        json!({ "name": name, "obs_dim": spec.obs_dim, "n_actions": spec.n_actions })
-    });
+    let agents = names
+        .iter()
+        .zip(kinds.specs())
+        .map(|(name, spec)| json!({ "name": name, "obs_dim": spec.obs_dim, "n_actions": spec.n_actions }));
     let mut kind_of = vec![0; kinds.agents()];
     for (number, kind) in kinds.iter().enumerate() {
         kind.agents.iter().for_each(|agent| kind_of[agent.0] = number);

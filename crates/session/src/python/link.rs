@@ -205,7 +205,8 @@ fn gone(error: std::io::Error) -> anyhow::Error {
 /// Returns the number of bytes of an array.
 fn size_of_array(dtype: &str, shape: &[usize]) -> Result<usize> {
     let size: Option<usize> = dtype.get(1..).and_then(|size| size.parse().ok());
-    let size = size.filter(|size| matches!(size, 1 | 2 | 4 | 8)).with_context(|| format!("the unknown type {dtype}"))?;
+    let size =
+        size.filter(|size| matches!(size, 1 | 2 | 4 | 8)).with_context(|| format!("the unknown type {dtype}"))?;
     let bytes = shape.iter().try_fold(size, |bytes, &of| bytes.checked_mul(of));
     bytes.filter(|&bytes| bytes <= LARGEST_BODY).with_context(|| format!("an array of the shape {shape:?}"))
 }
@@ -244,7 +245,8 @@ mod tests {
     #[test]
     fn arrays_arrive_as_they_were_sent_each_at_a_multiple_of_eight_bytes() {
         let header = json!({ "values": 3, "arrays": [["flags", "b1", [2]], ["sums", "f8", [1, 2]]] });
-        let body = [vec![1, 0, 0, 0, 0, 0, 0, 0], 1.5_f64.to_le_bytes().to_vec(), 2.5_f64.to_le_bytes().to_vec()].concat();
+        let body =
+            [vec![1, 0, 0, 0, 0, 0, 0, 0], 1.5_f64.to_le_bytes().to_vec(), 2.5_f64.to_le_bytes().to_vec()].concat();
         let (answer, message) = ask(header, body);
         let answer = answer.unwrap();
         assert_eq!(answer.values, 3);

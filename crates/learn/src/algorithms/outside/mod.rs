@@ -360,10 +360,7 @@ impl Learner for Outside {
     fn no_metrics(&self) -> Metrics {
         let names = installed().map(|installed| installed.learner.metrics().to_vec()).unwrap_or_default();
         let none = vec![0.0; self.policies.agents()];
-        Metrics {
-            of_agents: names.into_iter().map(|name| (name, none.clone())).collect(),
-            settings: Vec::new(),
-        }
+        Metrics { of_agents: names.into_iter().map(|name| (name, none.clone())).collect(), settings: Vec::new() }
     }
 
     fn leave(&mut self) -> Result<()> {
