@@ -1,5 +1,6 @@
 """Learners that are written in Python, inside DIALS."""
 
+import json
 import os
 import signal
 import subprocess
@@ -82,6 +83,10 @@ def test_a_run_that_ended_with_an_error_of_the_learner_goes_on_to_the_same_files
     assert contents(parts) == contents(whole)
     assert np.array_equal(parts.learner.biases, whole.learner.biases)
     assert whole.table("training")["reward"].size > 0
+    about = json.loads((whole.path / "learner.json").read_text())
+    assert about["learner"] == "Softmax" and "A policy gradient of one layer" in about["source"]
+    with pytest.raises(FileExistsError, match="resume=True goes on with it"):
+        dials_traffic.dials(warehouse, learner=Softmax, out=whole.path, quiet=True)
     program("report", whole.path, "--out", tmp_path / "report.html")
 
 
