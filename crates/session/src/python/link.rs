@@ -183,7 +183,7 @@ impl Link {
     fn receive(&mut self) -> Result<(Header, Vec<u8>)> {
         let mut head = [0; HEAD];
         self.stream.read_exact(&mut head).map_err(gone)?;
-        let ([header @ ..], [body @ ..]) = head.split_first_chunk::<4>().expect("the head is longer");
+        let (header, body) = head.split_first_chunk::<4>().expect("the head is longer");
         let lengths = (u32::from_le_bytes(*header) as usize, u64::from_le_bytes(body.try_into()?) as usize);
         ensure!(lengths.0 <= LARGEST_HEADER && lengths.1 <= LARGEST_BODY, "a message of {lengths:?} bytes");
         let (mut header, mut body) = (vec![0; lengths.0], vec![0; lengths.1]);
