@@ -18,7 +18,7 @@ import dials_traffic
 
 STEPS = 300
 LEARNING_RATE = 0.5
-PENALTY = 1e-3
+PENALTY = 3e-3
 
 
 def entropy(p, sources):

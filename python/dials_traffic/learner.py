@@ -6,7 +6,9 @@ The learner stays in this process, and the run asks it over a :mod:`~dials_traff
 
 from __future__ import annotations
 
+import contextlib
 import csv
+import inspect
 import io
 import json
 from dataclasses import dataclass
@@ -138,11 +140,12 @@ def dials(
     One learner has all agents, so there is one worker process. Agents of one kind are asked together. If there are several
     kinds in local simulators, one kind learns after the other, each for a whole period.
 
-    ``out``: the run directory, which must not exist. With ``force`` an old one is moved aside, and with ``resume`` the run in it
+    ``out``: the run directory, which must not exist; `learner.json` in it has the source of the learner. With ``force`` an old one is moved aside, and with ``resume`` the run in it
     goes on; then ``config`` and ``settings`` are those of the run. An error in the learner ends the run and is raised here.
     Ctrl-C stops the run where nothing is lost.
     """
     place = path_text("out", out)
+    yes_or_no("force", force)
     if yes_or_no("resume", resume):
         words = ["train", "--resume", place]
     else:
@@ -151,12 +154,14 @@ def dials(
         if every is not None:
             sets.setdefault("outside.update_every_steps", every)
         request = request_of(config, sets, {})
+        if not force and Path(place).exists():
+            raise FileExistsError(f"out {place!r}: exists already; resume=True goes on with it, force=True moves it aside")
         words = ["train", request["config"], "--out", place]
         words += [word for text in request["settings"] for word in ("--set", text)]
-        if yes_or_no("force", force):
+        if force:
             words.append("--force")
     words += ["--patience", str(_PATIENCE_S)]
-    seat = _Seat(learner)
+    seat = _Seat(learner, Path(place).absolute())
     with Link({"learner": seat.open}) as link:
         link.run(words, quiet=quiet)
     return Training(Path(place).absolute(), seat.learner)
@@ -165,8 +170,8 @@ def dials(
 class _Seat:
     """Where the learner of a run sits. A worker that was lost comes back and gets a new learner, with the saved state."""
 
-    def __init__(self, make: Learner) -> None:
-        self._make = make
+    def __init__(self, make: Learner, run: Path) -> None:
+        self._make, self._run = make, run
         self.learner: Any = None
 
     def open(self, about: Dict[str, Any]) -> Tuple[Any, Dict[str, Any]]:
@@ -186,12 +191,21 @@ class _Seat:
             total_steps=about["total_steps"],
             seed=about["seed"],
         )
+        self._note_source()
         self.learner = self._make(self.team)
         for method in ("act", "learn", "state"):
             if not callable(getattr(self.learner, method, None)):
                 raise TypeError(f"learner: {type(self.learner).__name__} has no method {method}")
         self._metrics = list(getattr(self.learner, "metrics", ()))
         return self._answer, {"metrics": self._metrics}
+
+    def _note_source(self) -> None:
+        """Write into the run directory what the learner is called, and its source. It is for people: nothing reads it."""
+        about = {"learner": getattr(self._make, "__qualname__", repr(self._make)), "source": None}
+        with contextlib.suppress(OSError, TypeError):
+            about["source"] = inspect.getsource(self._make)
+        with contextlib.suppress(OSError):
+            (self._run / "learner.json").write_text(json.dumps(about, indent=2) + "\n", encoding="utf-8")
 
     def _answer(self, call: str, values: Any, arrays: Arrays) -> Tuple[Any, Optional[Mapping[str, np.ndarray]]]:
         if call == "act":

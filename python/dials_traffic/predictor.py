@@ -121,4 +121,5 @@ def checked(sources: Any, shape: Sequence[int], classes: np.ndarray) -> np.ndarr
         raise ValueError(
             f"sample: returned class {sources[row, source]} for source {source} of row {row}, which has {classes[source]} classes"
         )
-    return sources.astype(np.uint8)
+    right: np.ndarray = sources.astype(np.uint8)
+    return right

@@ -1,12 +1,18 @@
 """Learners that are written in Python, inside DIALS."""
 
+import json
+import os
+import signal
+import subprocess
+from pathlib import Path
+
 import numpy as np
 import pytest
 
 import dials_traffic
 from dials_traffic.learner import from_bytes, to_bytes
 
-from conftest import SHORT, program
+from conftest import SHORT, path_of_program, program
 
 # Several periods: AIPs are trained at 0 and at 128, and evaluations are at 0, 64, 128 and 192.
 WAREHOUSE = {
@@ -23,9 +29,7 @@ FILES = ["returns.csv", "training.csv", "aip_loss.csv", "episodes.csv"]
 @pytest.fixture(autouse=True)
 def built(monkeypatch):
     """The program of this build, and not one that is installed."""
-    import conftest
-
-    monkeypatch.setenv("DIALS_TRAFFIC", conftest.path_of_program())
+    monkeypatch.setenv("DIALS_TRAFFIC", path_of_program())
 
 
 class Softmax:
@@ -79,7 +83,57 @@ def test_a_run_that_ended_with_an_error_of_the_learner_goes_on_to_the_same_files
     assert contents(parts) == contents(whole)
     assert np.array_equal(parts.learner.biases, whole.learner.biases)
     assert whole.table("training")["reward"].size > 0
+    about = json.loads((whole.path / "learner.json").read_text())
+    assert about["learner"] == "Softmax" and "A policy gradient of one layer" in about["source"]
+    with pytest.raises(FileExistsError, match="resume=True goes on with it"):
+        dials_traffic.dials(warehouse, learner=Softmax, out=whole.path, quiet=True)
     program("report", whole.path, "--out", tmp_path / "report.html")
+
+
+def test_a_run_whose_worker_is_killed_or_that_ctrl_c_stops_comes_to_the_same_files(warehouse, tmp_path):
+    whole = dials_traffic.dials(warehouse, learner=Softmax, out=tmp_path / "whole", settings=WAREHOUSE, quiet=True)
+    made = []
+
+    class Killed(Softmax):
+        def __init__(self, team):
+            super().__init__(team)
+            made.append(self)
+
+        def learn(self, experience):
+            if len(made) == 1 and experience.steps == 160:
+                (run,) = children(os.getpid(), "train")
+                for worker in children(run, "worker"):
+                    os.kill(worker, signal.SIGKILL)
+            return super().learn(experience)
+
+    killed = dials_traffic.dials(warehouse, learner=Killed, out=tmp_path / "killed", settings=WAREHOUSE, quiet=True)
+    assert len(made) == 2, "the second worker got a new learner, with the saved state"
+    assert contents(killed) == contents(whole)
+    assert np.array_equal(killed.learner.biases, whole.learner.biases)
+
+    class Stopped(Softmax):
+        def learn(self, experience):
+            if experience.steps == 80:
+                os.kill(os.getpid(), signal.SIGINT)
+            return super().learn(experience)
+
+    with pytest.raises(KeyboardInterrupt, match="the run was stopped; it can be resumed"):
+        dials_traffic.dials(warehouse, learner=Stopped, out=tmp_path / "stopped", settings=WAREHOUSE, quiet=True)
+    stopped = dials_traffic.dials(warehouse, learner=Softmax, out=tmp_path / "stopped", resume=True, quiet=True)
+    assert contents(stopped) == contents(whole)
+
+
+def children(parent, word):
+    """Return the numbers of the children of a process whose command line has a word."""
+    found = []
+    for folder in Path("/proc").iterdir():
+        try:
+            status, words = (folder / "stat").read_text(), (folder / "cmdline").read_bytes().split(b"\0")
+        except OSError:
+            continue
+        if int(status.rsplit(")", 1)[1].split()[1]) == parent and word.encode() in words:
+            found.append(int(folder.name))
+    return found
 
 
 def test_what_a_learner_sees_fits_together(warehouse, tmp_path):
@@ -127,7 +181,8 @@ def test_what_a_learner_sees_fits_together(warehouse, tmp_path):
 def test_the_same_actions_give_the_same_predictors_and_evaluations_as_our_algorithm(grid, tmp_path, simulator):
     # PPO whose steps are too small to change a number. Both draw with the same dice.
     settings = {
-        **{key: value for key, value in SHORT.items() if key != "policy.hidden"},
+        **{key: value for key, value in SHORT.items() if not key.endswith("hidden")},
+        "aip.hidden": [16],
         "policy.hidden": [16],
         "simulator": simulator,
         "local_simulators.copies": 2,
@@ -227,11 +282,7 @@ def test_what_a_learner_does_wrong_is_said(warehouse, tmp_path):
 
 
 def test_a_run_of_a_learner_in_python_says_how_to_run_it(warehouse, tmp_path):
-    import subprocess
-
-    import conftest
-
-    command = [conftest.path_of_program(), "train", str(warehouse), "--set", "algorithm=outside", "--out", str(tmp_path / "run")]
+    command = [path_of_program(), "train", str(warehouse), "--set", "algorithm=outside", "--out", str(tmp_path / "run")]
     done = subprocess.run(command, capture_output=True, text=True)
     assert done.returncode == 2 and "run it with dials_traffic.dials(...)" in done.stderr, done.stderr
     settings = {**WAREHOUSE, "total_steps": 16}
