@@ -187,11 +187,12 @@ fn the_map_is_of_the_episodes_that_the_run_was_evaluated_on() {
     let returns = fs::read_to_string(folder.path().join("run/returns.csv")).unwrap();
     let last = returns.lines().rfind(|line| line.starts_with("120,all,")).unwrap();
     let evaluated: f64 = last.split(',').nth(2).unwrap().parse().unwrap();
-    assert!((mean(1, "return") - evaluated).abs() < 1e-9, "{} and {evaluated}", mean(1, "return"));
+    // The file has four decimals.
+    assert!((mean(1, "return") - evaluated).abs() < 6e-5, "{} and {evaluated}", mean(1, "return"));
     let words = ["baseline", "run/config.toml", "--controller", "program", "--episodes", "2", "--json"];
     let output = program(folder.path(), &words).output().unwrap();
     let today: Value = serde_json::from_slice(&output.stdout).unwrap();
-    assert_eq!(today["figures"]["delay_s"]["mean"].as_f64(), Some(mean(0, "delay_s")), "{today}");
+    assert_eq!(today["delay_s"].as_f64(), Some(mean(0, "delay_s")));
     drop(input);
     assert!(player.wait().unwrap().success());
 }
