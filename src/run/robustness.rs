@@ -140,6 +140,7 @@ fn as_json(plan: &Plan<'_>, all: &[Played], about: Map<String, Value>) -> String
             object.insert("vehicles_of_files".into(), json!(detours.vehicles));
             object.insert("rerouted".into(), json!(detours.rerouted));
             object.insert("without_way".into(), json!(detours.without_way));
+            object.insert("trips".into(), json!(detours.trips));
             object.insert("stops_left_out".into(), json!(detours.stops_left_out));
         }
         object.extend(played.figures.clone());

@@ -31,6 +31,8 @@ const SHORTER: &[(&str, &str, &str)] = &[
         "bench configs/traffic_4.toml --workers 2 --seconds 1",
         "time",
     ),
+    ("--seed 1 --steps 20000", "--seed 1 --steps 240", "time"),
+    ("--episodes 10 --seed 0", "--episodes 1 --seed 0", "time"),
     ("--steps 4000000", "--steps 384", "time"),
     ("--rows 32 --cols 32", "--rows 2 --cols 2", "time"),
     ("big/grid_32x32", "big/grid_2x2", "it follows from the row above"),

@@ -95,7 +95,7 @@ impl MapPlayer {
         let Some((_, input)) = &mut self.process else { return };
         let written = wish(input, evaluated.1);
         (self.doing, self.failed) = match written {
-            Ok(()) => (Some("the map of this step will be played".to_owned()), None),
+            Ok(()) => (Some("today's plan and the newest policies are about to play for the map".to_owned()), None),
             Err(error) => (None, Some(format!("{error:#}"))),
         };
     }

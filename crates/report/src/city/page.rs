@@ -261,6 +261,7 @@ fn robustness(folder: &Path) -> Option<Table> {
     for record in reader.records() {
         let record = record.ok()?;
         let [player, demand, closed, mean, half_width] = record.iter().collect::<Vec<_>>()[..] else { return None };
+        let (player, closed) = (name_in_csv(player), name_in_csv(closed));
         let closed = if closed.is_empty() { String::new() } else { format!(", closed {closed}") };
         let variant = format!("demand {demand}{closed}");
         let column = header.iter().position(|name| *name == variant).unwrap_or_else(|| {
@@ -278,6 +279,11 @@ fn robustness(folder: &Path) -> Option<Table> {
     rows.iter_mut().for_each(|row| row.resize(header.len(), NOTHING.to_owned()));
     let caption = "Delay in seconds per car with another demand, or with roads closed.".to_owned();
     (!rows.is_empty()).then_some(Table { caption, header, rows })
+}
+
+/// Returns a name as it was before it became the field of a CSV file: see `csv_name`.
+fn name_in_csv(field: &str) -> &str {
+    field.strip_prefix('\'').filter(|name| name.starts_with(['=', '+', '-', '@'])).unwrap_or(field)
 }
 
 fn assumed(city: &City) -> Vec<String> {
@@ -345,6 +351,12 @@ fn slug(title: &str) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn names_from_a_csv_file_are_those_of_the_net() {
+        let written = ["-10109", "main", "'main"].map(dials_core::outside::csv_name);
+        assert_eq!(written.each_ref().map(|field| name_in_csv(field)), ["-10109", "main", "'main"]);
+    }
 
     #[test]
     fn differences_have_a_sign_and_as_many_digits_as_they_need() {

@@ -15,11 +15,13 @@ use crate::words::{duration, figure, of_versions};
 use dials_core::outside::Printable;
 use dials_session::records::files::{AIP_LOSS, RETURNS, RUN, TIMING};
 use dials_session::records::find::{DEPTH, Found, LeftOut, find};
-use dials_session::records::run_record::{EvaluationRecord, RunRecord};
+use dials_session::records::run_record::{EvaluationRecord, RunRecord, Status};
 
 const NONE: &str = "-";
 /// Most maps on the page. Runs that are being written come first.
 const MAPS: usize = 4;
+/// Beginnings of the names of figures about the ends of runs. They are shown when all runs have ended.
+const OF_ENDS: [&str; 2] = ["final_return", "ablation"];
 
 /// Draws the maps of runs.
 pub trait Maps {
@@ -104,7 +106,10 @@ impl Page {
         let mut order: Vec<(RunStatus, usize)> = evaluated.map(|(place, run)| (RunStatus::of(run), place)).collect();
         order.sort_by_key(|(status, _)| status.state != State::Running);
         let found = Found { runs: self.runs.clone(), ..Found::default() };
-        let figures = compared_figures(found)?;
+        let mut figures = compared_figures(found)?;
+        if self.runs.iter().any(|run| run.status() != Status::Finished) {
+            figures.retain(|figure| !OF_ENDS.iter().any(|of_end| figure.name.starts_with(of_end)));
+        }
         for (_, place) in order.into_iter().take(MAPS) {
             let run = &self.runs[place];
             let caption = format!("{}: every agent at the last evaluation.", Printable(run.dir.display()));
@@ -138,9 +143,9 @@ fn progress(runs: &[RunRecord]) -> Table {
             run.dir.file_name().unwrap_or_default().to_string_lossy().into_owned(),
             state.to_owned(),
             format!("{about}{} of {}", status.about_steps, status.end),
+            status.left.map_or(NONE.to_owned(), |left| duration(left.as_secs_f64())),
             last.map_or(NONE.to_owned(), |last| last.steps.to_string()),
             status.agent_steps_per_s.map_or(NONE.to_owned(), |speed| format!("{speed:.0}")),
-            status.left.map_or(NONE.to_owned(), |left| duration(left.as_secs_f64())),
             mean(first),
             mean(last),
             aip,
@@ -153,7 +158,7 @@ fn progress(runs: &[RunRecord]) -> Table {
                   that of constants in brackets; lower is better. As on the terminal it is of new episodes, or of \
                   held-out ones if the AIPs have been trained since."
                 .to_owned(),
-        header: ["run", "state", "steps", "evaluated at", "speed", "time left", "return at first", "return now", "AIP"]
+        header: ["run", "state", "steps", "time left", "evaluated at", "speed", "return at first", "return now", "AIP"]
             .map(str::to_owned)
             .to_vec(),
         rows: runs.iter().map(row).collect(),

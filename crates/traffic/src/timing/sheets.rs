@@ -121,7 +121,7 @@ impl Words<'_> {
         let mut named: Vec<SignalGroup> = Vec::new();
         for (on_foot, edge, letters, links) in &groups {
             let name = match (*on_foot, of_edge[edge]) {
-                (true, _) => format!("on foot, {edge}"),
+                (true, _) => self.on_foot(edge),
                 (false, 1) => self.both(edge),
                 (false, _) => format!("{} to {}", self.both(edge), self.targets(links)),
             };
@@ -136,14 +136,29 @@ impl Words<'_> {
         if name == edge { edge.to_owned() } else { format!("{name} ({edge})") }
     }
 
-    fn targets(&self, links: &[&Connection]) -> String {
-        let mut targets: Vec<&str> = links.iter().map(|link| self.name(self.edge_to(link))).collect();
-        targets.sort_unstable();
-        targets.dedup();
-        let more = if targets.len() > MOST_TARGETS { " and others" } else { "" };
-        targets.truncate(MOST_TARGETS);
-        targets.join(", ") + more
+    /// Returns the streets that a crossing leads across, with its id: a street may have a crossing on either side.
+    fn on_foot(&self, crossing: &str) -> String {
+        let number = self.roads.edge_named(crossing);
+        let across = number.map_or(&[][..], |number| &self.roads.edge(number).crosses);
+        match across {
+            [] => format!("on foot, {crossing}"),
+            _ => format!("on foot across {} ({crossing})", names(across.iter().map(|edge| self.name(edge)))),
+        }
     }
+
+    fn targets(&self, links: &[&Connection]) -> String {
+        names(links.iter().map(|link| self.name(self.edge_to(link))))
+    }
+}
+
+/// Lists names, each once.
+fn names<'n>(all: impl Iterator<Item = &'n str>) -> String {
+    let mut names: Vec<&str> = all.collect();
+    names.sort_unstable();
+    names.dedup();
+    let more = if names.len() > MOST_TARGETS { " and others" } else { "" };
+    names.truncate(MOST_TARGETS);
+    names.join(", ") + more
 }
 
 fn has_green(group: &SignalGroup, second: u32) -> bool {
@@ -170,4 +185,28 @@ fn bars(letters: &[u8], phases: &[Phase<'_>]) -> Vec<(Aspect, u32)> {
         }
     }
     bars
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::light_limits_test::{CROSSING, crossing_roads};
+    use crate::network::tree::parse;
+
+    #[test]
+    fn a_crossing_is_called_by_the_street_that_people_cross() {
+        let roads = crossing_roads();
+        assert_eq!(Words { roads: &roads }.on_foot(":A0_c0"), "on foot across A0top0, top0A0.40.00 (:A0_c0)");
+        let named = |edge: &str| (format!("<edge id=\"{edge}\""), format!("<edge name=\"High Street\" id=\"{edge}\""));
+        let changes = ["A0top0", "top0A0.40.00"].map(named);
+        let net = changes.iter().fold(CROSSING.to_owned(), |net, (from, to)| net.replace(from, to));
+        let roads = Roads::read(&parse(&net).unwrap()).unwrap();
+        assert_eq!(Words { roads: &roads }.on_foot(":A0_c0"), "on foot across High Street (:A0_c0)");
+    }
+
+    #[test]
+    fn names_are_listed_once_and_long_lists_are_cut() {
+        assert_eq!(names(["b", "a", "b"].into_iter()), "a, b");
+        assert_eq!(names(["c", "b", "a"].into_iter()), "a, b and others");
+    }
 }

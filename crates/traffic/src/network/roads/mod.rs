@@ -98,6 +98,8 @@ pub struct Edge {
     pub ends: Option<[JunctionNo; 2]>,
     /// Lanes from the right to the left.
     pub(crate) lanes: Vec<LaneNo>,
+    /// Ids of the roads that a crossing leads across; empty for all other edges.
+    pub(crate) crosses: Vec<String>,
 }
 
 /// A lane of an edge, or of the inside of a junction.

@@ -79,7 +79,9 @@ impl Roads {
         let lanes = element.all("lane").map(|lane| self.read_lane(lane, number)).collect::<Result<Vec<_>>>()?;
         ensure!(!lanes.is_empty(), "{}: has no <lane>; remove it from the net", tag(element));
         let street = element.attribute("name").map(str::trim).filter(|name| !name.is_empty()).map(str::to_owned);
-        self.edges.push(Edge { id: id.to_owned(), street, function, ends, lanes });
+        let crosses = element.attribute("crossingEdges").unwrap_or_default().split_whitespace();
+        let crosses = crosses.map(str::to_owned).collect();
+        self.edges.push(Edge { id: id.to_owned(), street, function, ends, lanes, crosses });
         Ok(())
     }
 

@@ -37,18 +37,23 @@ pub struct Detours {
     pub rerouted: f64,
     /// Those that cannot get to their destination, and are left out.
     pub without_way: f64,
+    /// Trips among the rest. They have no route in the files: SUMO finds their ways on the roads that are open.
+    pub trips: f64,
     /// Stops on closed edges, which are left out.
     pub stops_left_out: usize,
 }
 
 impl Display for Detours {
     fn fmt(&self, f: &mut Formatter<'_>) -> fmt::Result {
-        let Detours { vehicles, rerouted, without_way, stops_left_out } = self;
+        let Detours { vehicles, rerouted, without_way, trips, stops_left_out } = self;
         write!(
             f,
             "of {vehicles:.0} vehicles in the files {rerouted:.0} get another route; {without_way:.0} cannot get to their \
              destination and are left out"
         )?;
+        if *trips > 0.0 {
+            write!(f, "; {trips:.0} are trips, whose ways SUMO finds on the open roads")?;
+        }
         match stops_left_out {
             0 => Ok(()),
             stops => write!(f, "; {} on closed edges left out", counted(*stops, "stop")),
@@ -205,7 +210,7 @@ mod tests {
         assert_eq!(routes(&["near"], named), ["far bypass out"]);
         let (kept, detours) = closed(&["near"], &format!("{named}{OTHER}")).unwrap();
         assert_eq!(kept[1].attribute("departEdge"), None, "it counts edges of the route that it had");
-        let expected = Detours { vehicles: 2.0, rerouted: 1.0, without_way: 0.0, stops_left_out: 0 };
+        let expected = Detours { vehicles: 2.0, rerouted: 1.0, without_way: 0.0, trips: 0.0, stops_left_out: 0 };
         assert_eq!(detours, expected);
     }
 
@@ -217,7 +222,10 @@ mod tests {
         let (kept, detours) = closed(&["near", "bypass"], &format!("{flow}{OTHER}{trips}")).unwrap();
         // From `side` there is no way to `west` but by `near`.
         assert_eq!(kept.iter().map(Element::id).collect::<Vec<_>>(), ["other"]);
-        assert_eq!((detours.vehicles, detours.rerouted, detours.without_way), (13.0, 0.0, 12.0));
+        assert_eq!((detours.vehicles, detours.rerouted, detours.without_way, detours.trips), (13.0, 0.0, 12.0, 0.0));
+        let (_, detours) = closed(&["near"], "<trip id='t' depart='5' from='far' to='out'/>").unwrap();
+        assert_eq!(detours.trips, 1.0);
+        assert!(detours.to_string().ends_with("; 1 are trips, whose ways SUMO finds on the open roads"), "{detours}");
         let error = closed(&["near", "bypass"], flow).unwrap_err().to_string();
         assert!(error.starts_with("near,bypass: no vehicle can get to its destination"), "{error}");
     }

@@ -148,7 +148,12 @@ impl Closing<'_> {
             (Some(fate), _) => fate,
             (None, Some(inner)) if inner.name == "route" => self.route(inner, &classes, &stops),
             (None, Some(inner)) => self.distribution(inner, &classes, &stops),
-            (None, None) => self.trip(driver, &classes),
+            (None, None) => {
+                let fate = self.trip(driver, &classes);
+                let is_trip = driver.attribute("route").is_none() && fate != Fate::NoWay;
+                self.detours.trips += if is_trip { count } else { 0.0 };
+                fate
+            }
         };
         self.leave_out_stops(driver);
         match fate {
