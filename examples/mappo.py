@@ -7,6 +7,9 @@ It trains inside `dials_traffic.dials`: simulators, evaluations, checkpoints and
 `dials-traffic report` compares the run with others, and `--resume` goes on with it. The critic needs all agents of a
 copy at once, so it learns on copies of the global simulator.
 
+Our one run of 9 600 steps on the town (seed 1) began with a mean return of -15.1 and ended with -2.64, over 10 evaluation
+episodes. `max-pressure` has -2.33 there (5 episodes): longer runs were not tried.
+
 The actor gets the observation of its agent and the agent's number, one-hot. The critic gets the observations of all agents
 and returns a value for each. Source: Yu et al. 2022, "The Surprising Effectiveness of PPO in Cooperative Multi-Agent Games".
 """
@@ -156,7 +159,7 @@ def main():
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("config")
     parser.add_argument("--out", required=True, help="run directory")
-    parser.add_argument("--steps", type=int, default=14_400, help="timesteps per agent")
+    parser.add_argument("--steps", type=int, default=21_600, help="timesteps per agent")
     parser.add_argument("--copies", type=int, default=4, help="copies of the global simulator; a divisor of 120")
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--resume", action="store_true")
