@@ -56,11 +56,12 @@ def test_a_killed_training_goes_on_to_the_same_bytes(grid, tmp_path):
 
     def start(out, workers, resume):
         words = [sys.executable, script, grid, out, workers, "yes" if resume else "no"]
-        return subprocess.Popen([str(word) for word in words], stderr=subprocess.PIPE, text=True)
+        with (tmp_path / "said").open("a") as said:
+            return subprocess.Popen([str(word) for word in words], stderr=said)
 
     calm = start(tmp_path / "calm", 0, False)
     begun = time.monotonic()
-    assert calm.wait() == 0, calm.stderr.read()
+    assert calm.wait() == 0, (tmp_path / "said").read_text()
     length = time.monotonic() - begun
     killed = runs = 0
     while killed < KILLS:
@@ -81,7 +82,7 @@ def test_a_killed_training_goes_on_to_the_same_bytes(grid, tmp_path):
             resume = (out / "checkpoints").is_dir() and any((out / "checkpoints").iterdir())
             if not resume and out.exists():
                 out.rename(tmp_path / f"nothing{killed}")
-        assert process.returncode == 0, process.stderr.read()
+        assert process.returncode == 0, (tmp_path / "said").read_text()
         for name in KEPT:
             assert (out / name).read_bytes() == (tmp_path / "calm" / name).read_bytes(), f"{out}: {name}, seed {SEED}"
     print(f"{killed} kills of {runs} runs")
