@@ -13,7 +13,7 @@ use rustix::process::nice;
 use super::messages::{Said, Wish};
 use crate::run::lights::LightFigures;
 use dials_core::base::Seed;
-use dials_core::domain::{Baseline, Controller, Domain, GlobalSimulator};
+use dials_core::domain::{Baseline, Controller, GlobalSimulator};
 use dials_learn::evaluation::{Finding, Player, episode_seed, play};
 use dials_learn::policy::Selection;
 use dials_session::directory::{self, TrainedRun};
@@ -74,7 +74,7 @@ impl Players {
             steps = run.steps;
             findings.push(self.policies(&run, seed, episodes)?);
         }
-        let city = self.lights.city(&config, &*domain as &dyn Domain, &findings, seed)?;
+        let city = self.lights.city(&config, &*domain, &findings, seed)?;
         self.today = Some(findings.swap_remove(0));
         Ok(Said::City { steps, city })
     }

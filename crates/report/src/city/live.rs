@@ -3,9 +3,10 @@
 use anyhow::{Context, Result, ensure};
 
 use super::map::map;
-use super::page::{lights, summary};
+use super::page::{lights, summary, with_error};
 use super::read::City;
 use crate::document::{Block, Figure, to_html};
+use dials_core::base::counted;
 
 /// Number of lights in the table, the worst first.
 const WORST_LIGHTS: usize = 10;
@@ -34,11 +35,18 @@ impl DelayMap {
             ),
             false => format!("{}: delay at each light with today's plan.", city.title()),
         };
+        let words = match (after, before.delay_s()) {
+            (None, Some(delay)) => {
+                let played = counted(city.episodes, "episode");
+                format!("With today's plan a car loses {} s: the mean of {played}.", with_error(delay))
+            }
+            _ => summary(&city, after),
+        };
         let svg = map(&city, after.unwrap_or(before), &order, is_compared);
         let mut table = lights(before, after);
         table.rows.truncate(WORST_LIGHTS);
         let blocks = [
-            Block::Paragraph(summary(&city, after)),
+            Block::Paragraph(words),
             Block::Figure(Figure { name: "delay_map".to_owned(), caption, svg }),
             Block::Table(table),
         ];
@@ -85,6 +93,7 @@ mod tests {
     fn without_policies_it_shows_todays_plan_and_no_savings() {
         let html = DelayMap::of(&city(None), "the policies").unwrap().html;
         assert!(html.contains("delay at each light with today") && !html.contains("save time"), "{html}");
+        assert!(html.contains("a car loses 30.0") && !html.contains("--compare"), "{html}");
         assert!(html.contains("High Street (b2): 30.0 s per car"), "{html}");
         assert!(DelayMap::of("{}", "the policies").is_err());
     }

@@ -317,7 +317,7 @@ fn assumed(city: &City) -> Vec<String> {
     lines
 }
 
-fn with_error(Figure { mean, half_width_95 }: Figure) -> String {
+pub(super) fn with_error(Figure { mean, half_width_95 }: Figure) -> String {
     let digits = digits(mean, half_width_95);
     match half_width_95 {
         Some(half_width) if half_width > 0.0 => format!("{mean:.digits$}\u{a0}\u{b1}\u{a0}{half_width:.digits$}"),
