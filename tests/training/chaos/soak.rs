@@ -19,8 +19,6 @@ use super::stage::{Domain, Process, Stage, proc};
 const SECONDS: u64 = 120;
 /// Timesteps per agent of runs that are stopped before their end.
 const WITHOUT_END: u64 = 100_000_000;
-/// Most timesteps from one checkpoint to the next: 2500, rounded up to whole rollouts.
-const LONGEST_PERIOD: u64 = 2_560;
 const SAMPLE_EVERY: Duration = Duration::from_secs(2);
 /// Share of the samples, the first ones, that count as warming up.
 const WARM_UP: f64 = 0.1;
@@ -109,26 +107,18 @@ fn stop(stage: &Stage, process: &mut Process) {
     assert_eq!(stage.orphans(), 0);
 }
 
-/// Resumes whichever run is behind until both have made the same number of timesteps, and returns it.
+/// Resumes both runs, which end after the same number of timesteps, and returns it.
 fn lead_to_the_same_step(calm: &Stage, disturbed: &Stage) -> u64 {
-    // On a slow machine the one behind may get ahead.
-    for _ in 0..20 {
-        let [(behind, steps), (_, goal)] = {
-            let mut both = [calm, disturbed].map(|stage| (stage, newest_checkpoint(stage)));
-            both.sort_by_key(|&(_, steps)| steps);
-            both
-        };
-        if steps == goal {
-            return steps;
-        }
-        let mut process = behind.train(2, 600);
-        while newest_checkpoint(behind) + LONGEST_PERIOD < goal {
-            std::thread::sleep(Duration::from_millis(1));
-            assert!(process.status().is_none(), "{}", process.said());
-        }
-        stop(behind, &mut process);
-    }
-    panic!("the runs do not come to the same step");
+    let stages = [calm, disturbed];
+    let goal = stages.map(newest_checkpoint).into_iter().max().expect("there are two") + 1;
+    let ended = stages.map(|stage| {
+        let mut process = stage.train_until(goal, 2);
+        let code = process.ended_within(super::stage::FOR_EVER);
+        assert!(code.is_some_and(|code| code.success()), "it does not end well: {}", process.said());
+        newest_checkpoint(stage)
+    });
+    assert_eq!(ended[0], ended[1], "both end at the first update from {goal} on");
+    ended[0]
 }
 
 /// Returns the timesteps per agent of the newest checkpoint of a run.

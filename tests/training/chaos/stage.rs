@@ -130,6 +130,13 @@ impl Stage {
         self.start(&words)
     }
 
+    /// Goes on with the run until the first update after `steps`, and no further.
+    pub(super) fn train_until(&self, steps: u64, workers: u64) -> Process {
+        let words =
+            ["train", "--resume", &path(&self.run()), "--steps", &steps.to_string(), "--workers", &workers.to_string()];
+        self.start(&words.map(str::to_owned))
+    }
+
     pub(super) fn start(&self, words: &[String]) -> Process {
         let said = self.path("said");
         let number = fs::read_dir(&said).unwrap().count();
