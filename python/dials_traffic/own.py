@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from dataclasses import dataclass
-from typing import Any, Callable, Dict, Optional, Tuple, Union
+from typing import Any, Callable, Dict, Optional, Tuple, TypeVar, Union
 
 import numpy as np
 
@@ -14,6 +14,9 @@ from .roads import Layout, Roads
 Observation = Callable[[Roads], Any]
 #: A function of the roads before a step and after it. It returns one number per row, `[rows]`.
 Reward = Callable[[Roads, Roads], Any]
+
+_Function = TypeVar("_Function", bound=Callable[..., Any])
+_Result = TypeVar("_Result")
 
 _REGISTERED: Dict[str, Dict[str, Callable[..., Any]]] = {"reward": {}, "observation": {}}
 
@@ -30,7 +33,7 @@ def register_observation(name: str, function: Observation) -> Observation:
     return _register("observation", name, function)
 
 
-def _register(kind: str, name: str, function: Any) -> Any:
+def _register(kind: str, name: str, function: _Function) -> _Function:
     if not isinstance(name, str):
         raise TypeError(f"register_{kind}: name {name!r}: must be a text")
     if not name or not all(letter.isalnum() or letter in "_-." for letter in name):
@@ -111,7 +114,7 @@ class Own:
         self._before = now
         return rewards, obs
 
-    def _timed(self, work: Callable[[Any], Any], data: Any) -> Any:
+    def _timed(self, work: Callable[[Any], _Result], data: Any) -> _Result:
         begun = time.perf_counter()
         try:
             return work(data)

@@ -111,7 +111,8 @@ class Vehicles:
     def to_stop_line_m(self) -> np.ndarray:
         """Distance from the front of each vehicle to the stop line, in metres; on exits to the end of the lane."""
         lanes = self._lanes
-        return np.repeat(lanes.length_m + lanes.ahead_m, self._counts) - self.position_m
+        distances: np.ndarray = np.repeat(lanes.length_m + lanes.ahead_m, self._counts) - self.position_m
+        return distances
 
     @cached_property
     def exit(self) -> np.ndarray:
@@ -124,7 +125,8 @@ class Vehicles:
     @cached_property
     def is_public(self) -> np.ndarray:
         """Whether each vehicle is a bus, or another one that carries many persons."""
-        return self._roads._is_public[self.type]
+        of_each: np.ndarray = self._roads._is_public[self.type]
+        return of_each
 
     def per_row(self, values: Optional[Any] = None) -> np.ndarray:
         """Return the sum of values over the vehicles of each row, `[rows]`; without values, the number of vehicles."""

@@ -132,7 +132,8 @@ class LocalVectorEnv(VectorEnv):
     @alone
     def action_masks(self) -> np.ndarray:
         """Return which actions are allowed now, `[rows, actions]`, as sb3-contrib's MaskablePPO asks for them."""
-        return self._masks != 0
+        allowed: np.ndarray = self._masks != 0
+        return allowed
 
     @alone
     def reset(
@@ -292,7 +293,7 @@ class LocalEnv(gymnasium.Env):
             config, agent, 1, predictor, seed=seed, reward=reward, observation=observation, settings=settings
         )
         # The mask of what was shown last.
-        self._mask = self._rows._masks[0] != 0
+        self._mask: np.ndarray = self._rows._masks[0] != 0
         self.observation_space = self._rows.single_observation_space
         self.action_space = self._rows.single_action_space
         #: Number of steps of an episode.
