@@ -1,7 +1,7 @@
 """Train one intersection with stable-baselines3 on its local simulators, and measure it on the global simulator.
 
     pip install ./python stable-baselines3
-    python3 examples/sb3_local.py configs/smoke_traffic.toml r0c0 --steps 20000
+    python3 examples/sb3_local.py configs/smoke_traffic.toml r0c0 --steps 40000
 
 The influence of the other lights on this one is a constant that is measured first (`marginals`). With a run directory
 instead, `--predictor RUN`, it is what the run's influence predictors say.
@@ -72,7 +72,7 @@ def main(words=None):
     parser.add_argument("config")
     parser.add_argument("agent")
     parser.add_argument("--predictor", default="marginals", help="a run directory, marginals or untrained")
-    parser.add_argument("--steps", type=int, default=20_000)
+    parser.add_argument("--steps", type=int, default=40_000)
     parser.add_argument("--copies", type=int, default=16)
     parser.add_argument("--seed", type=int, default=1)
     arguments = parser.parse_args(words)
@@ -82,7 +82,17 @@ def main(words=None):
             arguments.config, arguments.agent, arguments.copies, arguments.predictor, seed=arguments.seed, stagger=True
         )
     )
-    policy = PPO("MlpPolicy", rows, n_steps=64, batch_size=256, gamma=0.99, seed=arguments.seed, device="cpu")
+    policy = PPO(
+        "MlpPolicy",
+        rows,
+        learning_rate=1e-3,
+        n_steps=32,
+        batch_size=128,
+        gamma=0.95,
+        ent_coef=0.005,
+        seed=arguments.seed,
+        device="cpu",
+    )
     policy.learn(arguments.steps)
     rows.close()
 

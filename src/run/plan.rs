@@ -29,6 +29,7 @@ use dials_traffic::controllers::{FIXED_TIME, HandCoded};
 use dials_traffic::sim::control::SignalControl;
 use dials_traffic::timing::freeze::Watched;
 use dials_traffic::timing::programs::{Programs, actuated, fixed};
+use dials_traffic::timing::sheets::sheets;
 use dials_traffic::timing::{self, DayPlan, plain_run};
 
 /// Today's programs, with which plans are compared.
@@ -57,8 +58,9 @@ pub(super) fn plan(args: &cli::PlanArgs) -> Result<()> {
     let made = work.make(subject, &name)?;
     let findings = work.measure(&made)?;
     let plain = plain_run(&traffic).map_err(Error::Run)?;
-    let outcome = Outcome::new(&traffic, &plain, &place, &findings, work.seed(), &label, &made.plan);
-    let written = files(&traffic, &made.plan, &made.programs, &outcome).map_err(Error::Run)?;
+    let sheets = sheets(&traffic, &made.plan, &made.programs).map_err(Error::Run)?;
+    let outcome = Outcome::new(&sheets, &plain, &place, &findings, work.seed(), &label, &made.plan);
+    let written = files(&made.programs, &outcome).map_err(Error::Run)?;
     let names: Vec<&str> = written.iter().map(|(name, _)| *name).collect();
     places::make(&args.out, existing, |dir| written.iter().try_for_each(|(name, text)| dir.put(name, text.as_bytes())))
         .map_err(Error::Run)?;

@@ -9,24 +9,28 @@ use super::plan::{delays_s, difference};
 use dials_core::base::statistics::{Interval, mean};
 use dials_core::base::{Seed, counted};
 use dials_core::domain::Domain;
+use dials_core::domain::signal_sheet::{Aspect, SignalSheet};
 use dials_core::outside::quoted;
 use dials_learn::evaluation::{Finding, cell, comparison, episode_seed, json, signed};
 use dials_report::signal_plan::{About, csv, page};
-use dials_traffic::Traffic;
 use dials_traffic::timing::programs::Programs;
-use dials_traffic::timing::sheets::sheets;
 use dials_traffic::timing::{DayPlan, PlainRun};
 
 const PROGRAMS: &str = "programs.add.xml";
 const TABLE: &str = "plan.csv";
 const PAGE: &str = "plan.html";
 
+/// What somebody who puts the plan on the street must know.
+const WALK_SIGNALS: &str = "on foot: walk signals are green as long as the cars beside them, and SUMO lets people begin until then; \
+                            today's programs may stop them earlier. In the street, let them begin in the first seconds only \
+                            (docs/networks.md, People on foot)";
+
 /// What the playing found.
 pub(super) struct Outcome<'a> {
     findings: &'a [Finding],
     seed: u64,
     label: &'a str,
-    lights: usize,
+    sheets: &'a [SignalSheet],
     periods: usize,
     directory: String,
     /// Command that plays the plan in plain SUMO.
@@ -38,7 +42,7 @@ pub(super) struct Outcome<'a> {
 impl<'a> Outcome<'a> {
     /// `findings`: today's programs, perhaps the one that was watched, and the plan. `place`: the output directory.
     pub(super) fn new(
-        traffic: &Traffic,
+        sheets: &'a [SignalSheet],
         plain: &PlainRun,
         place: &Path,
         findings: &'a [Finding],
@@ -66,7 +70,7 @@ impl<'a> Outcome<'a> {
             findings,
             seed,
             label,
-            lights: traffic.plans().len(),
+            sheets,
             periods: plan.periods(),
             directory: place.display().to_string(),
             command,
@@ -106,6 +110,9 @@ impl<'a> Outcome<'a> {
             let lost = change(difference(self.plan(), watched));
             sentences.push(format!("{} itself has {own}; the plan differs from it by {lost}", self.label));
         }
+        if self.sheets.iter().any(has_walk_signals) {
+            sentences.push(WALK_SIGNALS.to_owned());
+        }
         sentences
     }
 
@@ -113,11 +120,12 @@ impl<'a> Outcome<'a> {
         let plans =
             if self.periods > 1 { format!(", {} in turn", counted(self.periods, "plan")) } else { String::new() };
         format!(
-            "{}\n\nwritten to {}: {}; {}{plans}\n{}\nplay it with: {}\nto check the first episode, {} s: {}",
+            "{}\n\nwritten to {}: {}; {}{plans}\n{}\nplay it with: {}\nto check the first episode, \
+             whose trips lose {} s on average (timeLoss + departDelay in trips.xml): {}",
             comparison(self.findings),
             self.directory,
             files.join(", "),
-            counted(self.lights, "light"),
+            counted(self.sheets.len(), "light"),
             self.sentences().join("\n"),
             self.command,
             delays_s(self.plan())[0],
@@ -134,7 +142,7 @@ impl<'a> Outcome<'a> {
             .map(|(episode, delay)| json!({ "sumo_seed": sumo_seed(self.seed, episode), "delay_s": delay }));
         let mut object = json::of_all(domain, self.findings);
         object.insert("seed".into(), json!(self.seed));
-        object.insert("lights".into(), json!(self.lights));
+        object.insert("lights".into(), json!(self.sheets.len()));
         object.insert("periods".into(), json!(self.periods));
         object.insert("delay_today_s".into(), json!(mean(&delays_s(self.today()))));
         object.insert("delay_plan_s".into(), json!(mean(&delays)));
@@ -199,6 +207,12 @@ impl<'a> Outcome<'a> {
     }
 }
 
+fn has_walk_signals(sheet: &SignalSheet) -> bool {
+    let mut groups = sheet.programs.iter().flat_map(|program| &program.groups);
+    let is_green = |(aspect, _): &(Aspect, u32)| matches!(aspect, Aspect::Green | Aspect::YieldingGreen);
+    groups.any(|group| group.on_foot && group.bars.iter().any(is_green))
+}
+
 /// Returns the seed with which SUMO plays an evaluation episode.
 fn sumo_seed(seed: u64, episode: usize) -> u32 {
     episode_seed(Seed::new(seed), episode).for_sumo()
@@ -221,12 +235,7 @@ fn sentence_of(words: &str) -> String {
 }
 
 /// Returns the names and texts of all files.
-pub(super) fn files(
-    traffic: &Traffic,
-    plan: &DayPlan,
-    programs: &Programs,
-    outcome: &Outcome<'_>,
-) -> Result<Vec<(&'static str, String)>> {
-    let sheets = sheets(traffic, plan, programs)?;
-    Ok(vec![(PROGRAMS, programs.text.clone()), (TABLE, csv(&sheets)?), (PAGE, page(&outcome.about(), &sheets)?)])
+pub(super) fn files(programs: &Programs, outcome: &Outcome<'_>) -> Result<Vec<(&'static str, String)>> {
+    let (table, page) = (csv(outcome.sheets)?, page(&outcome.about(), outcome.sheets)?);
+    Ok(vec![(PROGRAMS, programs.text.clone()), (TABLE, table), (PAGE, page)])
 }

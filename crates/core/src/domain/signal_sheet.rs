@@ -48,6 +48,8 @@ impl PhaseSheet {
 #[derive(Clone, Debug, PartialEq)]
 pub struct SignalGroup {
     pub name: String,
+    /// Whether it is a crossing for people on foot.
+    pub on_foot: bool,
     /// What it shows during a cycle, with the seconds.
     pub bars: Vec<(Aspect, u32)>,
 }

@@ -190,7 +190,11 @@ mod tests {
             state: state.to_owned(),
             serves: vec![serves.to_owned()],
         };
-        let group = |name: &str, bars: &[(Aspect, u32)]| SignalGroup { name: name.to_owned(), bars: bars.to_vec() };
+        let group = |name: &str, bars: &[(Aspect, u32)]| SignalGroup {
+            name: name.to_owned(),
+            on_foot: false,
+            bars: bars.to_vec(),
+        };
         let (green, yields) = (Aspect::Green, Aspect::YieldingGreen);
         SignalSheet {
             light: "<J1>".to_owned(),

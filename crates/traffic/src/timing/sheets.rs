@@ -125,7 +125,7 @@ impl Words<'_> {
                 (false, 1) => self.both(edge),
                 (false, _) => format!("{} to {}", self.both(edge), self.targets(links)),
             };
-            named.push(SignalGroup { name, bars: bars(letters, phases) });
+            named.push(SignalGroup { name, on_foot: *on_foot, bars: bars(letters, phases) });
         }
         named
     }
