@@ -11,8 +11,9 @@ use serde_json::Value;
 use super::book::Fault;
 use super::stage::Stage;
 
-/// Keys of a checkpoint's metadata that depend on wall time or on the number of workers, and what sums over them.
-const UNDETERMINED: [&str; 5] = ["elapsed_s", files::TIMING, files::MEMORY, files::EVENTS, "digest"];
+/// Keys of a checkpoint's metadata that depend on wall time, on the number of workers, or on when somebody said where to stop;
+/// and what sums over them.
+const UNDETERMINED: [&str; 6] = ["elapsed_s", "stop_at_steps", files::TIMING, files::MEMORY, files::EVENTS, "digest"];
 
 /// Compares a run with an undisturbed one. Returns the faults, none if all is well.
 pub(super) fn compare(undisturbed: &Stage, stage: &Stage) -> Vec<(Fault, String)> {
