@@ -3,6 +3,9 @@
     pip install ./python stable-baselines3
     python3 examples/sb3_local.py configs/smoke_traffic.toml r0c0 --steps 40000
 
+After 40 000 steps its light had a return of 208 and 202 (seeds 1 and 2) on the whole network in one episode, and random
+play 117 and 105. The other lights follow gap-out.
+
 The influence of the other lights on this one is a constant that is measured first (`marginals`). With a run directory
 instead, `--predictor RUN`, it is what the run's influence predictors say.
 """
