@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import contextlib
 import csv
-import inspect
 import io
 import json
 from dataclasses import dataclass
@@ -19,6 +18,7 @@ import numpy as np
 
 from ._channel import PathLike, path_text, request_of, yes_or_no
 from ._link import Arrays, Link
+from .training import source
 
 # Time in which the run may be silent, in seconds: a debugger may hold the learner for hours.
 _PATIENCE_S = 10_000_000
@@ -140,9 +140,9 @@ def dials(
     One learner has all agents, so there is one worker process. Agents of one kind are asked together. If there are several
     kinds in local simulators, one kind learns after the other, each for a whole period.
 
-    ``out``: the run directory, which must not exist; `learner.json` in it has the source of the learner. With ``force`` an old one is moved aside, and with ``resume`` the run in it
-    goes on; then ``config`` and ``settings`` are those of the run. An error in the learner ends the run and is raised here.
-    Ctrl-C stops the run where nothing is lost.
+    ``out``: the run directory, which must not exist; `learner.json` in it has the source of the learner. With ``force`` an
+    old one is moved aside. With ``resume`` the run in it goes on; then ``config`` and ``settings`` are those of the run. An
+    error in the learner ends the run and is raised here. Ctrl-C stops the run where nothing is lost.
     """
     place = path_text("out", out)
     yes_or_no("force", force)
@@ -201,9 +201,7 @@ class _Seat:
 
     def _note_source(self) -> None:
         """Write into the run directory what the learner is called, and its source. It is for people: nothing reads it."""
-        about = {"learner": getattr(self._make, "__qualname__", repr(self._make)), "source": None}
-        with contextlib.suppress(OSError, TypeError):
-            about["source"] = inspect.getsource(self._make)
+        about = {"learner": getattr(self._make, "__qualname__", repr(self._make)), "source": source(self._make)}
         with contextlib.suppress(OSError):
             (self._run / "learner.json").write_text(json.dumps(about, indent=2) + "\n", encoding="utf-8")
 

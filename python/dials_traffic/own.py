@@ -100,7 +100,7 @@ class Own:
         return self._timed(self._begin, data)
 
     def _begin(self, data: Any) -> Optional[np.ndarray]:
-        self._before = Roads(self.layout, data)
+        self._before = Roads._read(self.layout, data)
         return None if self.observation is None else self._see(self._before)
 
     def step(self, data: Any) -> Tuple[Optional[np.ndarray], Optional[np.ndarray]]:
@@ -108,7 +108,7 @@ class Own:
         return self._timed(self._step, data)
 
     def _step(self, data: Any) -> Tuple[Optional[np.ndarray], Optional[np.ndarray]]:
-        now = Roads(self.layout, data)
+        now = Roads._read(self.layout, data)
         rewards = None if self.reward is None else self._pay(now)
         obs = None if self.observation is None else self._see(now)
         self._before = now

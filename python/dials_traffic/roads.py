@@ -8,7 +8,7 @@ Nothing of it changes later, so functions may keep it.
 from __future__ import annotations
 
 from functools import cached_property
-from typing import Any, Dict, List, NamedTuple, Optional, Sequence
+from typing import Any, Dict, List, NamedTuple, Optional, Sequence, TypeVar
 
 import numpy as np
 
@@ -16,6 +16,8 @@ import numpy as np
 PUBLIC = ("bus", "coach", "tram", "rail_urban")
 # The exit of a vehicle that has none, as the simulator writes it.
 _NO_EXIT = 0xFFFFFFFF
+
+_Made = TypeVar("_Made", bound="_FromSimulator")
 
 
 class Neighbours(NamedTuple):
@@ -40,10 +42,26 @@ class Neighbours(NamedTuple):
         return table
 
 
-class Lanes:
+class _FromSimulator:
+    """What the simulator has written. Only `_read` makes it, so a wrong call is an error of that call."""
+
+    def __init__(self, *_: Any, **__: Any) -> None:
+        raise TypeError(f"{type(self).__name__} cannot be made: environments give it to your functions")
+
+    @classmethod
+    def _read(cls: type[_Made], *arguments: Any) -> _Made:
+        made = cls.__new__(cls)
+        made._fill(*arguments)
+        return made
+
+    def _fill(self, *arguments: Any, **options: Any) -> None:
+        raise NotImplementedError
+
+
+class Lanes(_FromSimulator):
     """The approaches of all rows, or their exits: row by row. They are the same at every step."""
 
-    def __init__(self, rows: int, of_rows: Sequence[Sequence[Dict[str, Any]]], greens: int) -> None:
+    def _fill(self, rows: int, of_rows: Sequence[Sequence[Dict[str, Any]]], greens: int) -> None:
         self._rows = rows
         flat = [lane for lanes in of_rows for lane in lanes]
         self._begins = np.cumsum([0, *map(len, of_rows)])
@@ -73,10 +91,10 @@ class Lanes:
         return np.bincount(self.row, values, self._rows)
 
 
-class Vehicles:
+class Vehicles(_FromSimulator):
     """Vehicles on all lanes: row by row, lane by lane, the rearmost first. One entry per vehicle."""
 
-    def __init__(self, roads: "Roads", lanes: Lanes, counts: np.ndarray, numbers: np.ndarray) -> None:
+    def _fill(self, roads: "Roads", lanes: Lanes, counts: np.ndarray, numbers: np.ndarray) -> None:
         """``numbers``: five for each vehicle, `[5, vehicles]`, four bytes each."""
         self._roads, self._lanes, self._counts = roads, lanes, counts
         floats = numbers.view(np.float32)
@@ -148,8 +166,8 @@ class Layout:
         self.agent = np.array(rows, int)
         self.agent.flags.writeable = False
         most = max(agent["greens"] for agent in agents)
-        self.approaches = Lanes(len(rows), [agents[agent]["approaches"] for agent in rows], most)
-        self.exits = Lanes(len(rows), [agents[agent]["exits"] for agent in rows], most)
+        self.approaches = Lanes._read(len(rows), [agents[agent]["approaches"] for agent in rows], most)
+        self.exits = Lanes._read(len(rows), [agents[agent]["exits"] for agent in rows], most)
         detectors = [agents[agent]["detectors"] for agent in rows]
         self.detector_row = np.repeat(np.arange(len(rows)), [len(names) for names in detectors])
         self.detector_name = np.array([name for names in detectors for name in names], dtype=object)
@@ -165,13 +183,13 @@ class Layout:
         """Return roads without vehicles, on which all lights show their first green."""
         rows, detectors = len(self.agent), len(self.detector_row)
         count = 4 * rows + 3 * detectors + len(self.approaches) + len(self.exits)
-        return Roads(self, bytes(4 * count))
+        return Roads._read(self, bytes(4 * count))
 
 
-class Roads:
+class Roads(_FromSimulator):
     """All lights and vehicles at a moment. Rows are lights; of local simulators, lights and copies."""
 
-    def __init__(self, layout: Layout, data: Any) -> None:
+    def _fill(self, layout: Layout, data: Any) -> None:
         """``data``: what the simulator wrote, `RoadsNow::put` in crates/core/src/domain/roads.rs."""
         rows, detectors = len(layout.agent), 3 * len(layout.detector_row)
         numbers = np.frombuffer(data, np.uint32)
@@ -205,5 +223,5 @@ class Roads:
         on_exit = numbers[begin:end]
         begin, end = end, end + 5 * int(on_approach.sum())
         #: Vehicles on the approaches, and those on the exits.
-        self.cars = Vehicles(self, layout.approaches, on_approach, numbers[begin:end].reshape(5, -1))
-        self.leaving = Vehicles(self, layout.exits, on_exit, numbers[end:].reshape(5, -1))
+        self.cars = Vehicles._read(self, layout.approaches, on_approach, numbers[begin:end].reshape(5, -1))
+        self.leaving = Vehicles._read(self, layout.exits, on_exit, numbers[end:].reshape(5, -1))

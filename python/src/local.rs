@@ -61,13 +61,13 @@ struct View {
     ends: Section,
     last_obs: Section,
     last_masks: Section,
-    own: Option<Own>,
+    predictor: Option<PredictorMemory>,
     actions: Vec<Action>,
     n_actions: usize,
 }
 
 /// What a predictor in the Python process sees, and the sources that it gives.
-struct Own {
+struct PredictorMemory {
     d_set: Section,
     sources: Section,
     /// Number of classes of each source.
@@ -238,7 +238,7 @@ impl View {
             ends: memory.section::<bool>("ends", rows, "b1"),
             last_obs: memory.section::<f32>("last_obs", rows * spec.obs_dim, "f4"),
             last_masks: memory.section::<bool>("last_masks", masks, "b1"),
-            own: given.map(|given| Own {
+            predictor: given.map(|given| PredictorMemory {
                 d_set: memory.section::<f32>("d_set", rows * spec.d_set_dim, "f4"),
                 sources: memory.section::<u8>("sources", rows * spec.sources.count(), "u1"),
                 classes: spec.sources.classes.clone(),
@@ -256,14 +256,14 @@ impl View {
         if let Some(masks) = &percept.masks {
             self.memory.put(&self.masks, masks.as_slice());
         }
-        if let Some(own) = &self.own {
-            self.memory.put(&own.d_set, percept.d_set.as_slice());
+        if let Some(predictor) = &self.predictor {
+            self.memory.put(&predictor.d_set, percept.d_set.as_slice());
         }
     }
 
     /// Takes the sources of the next step from the memory, if the Python process predicts them.
     fn take_sources(&mut self) -> Result<()> {
-        let Some(Own { sources, classes, given, .. }) = &self.own else { return Ok(()) };
+        let Some(PredictorMemory { sources, classes, given, .. }) = &self.predictor else { return Ok(()) };
         let mut values = vec![0; self.actions.len() * classes.len()];
         self.memory.read(sources, &mut values)?;
         let known = values.iter().zip(classes.iter().cycle()).all(|(value, classes)| value < classes);

@@ -179,13 +179,17 @@ def test_a_close_does_not_wait_for_a_function_of_the_user(grid):
     def slow(before, after):
         inside.set()
         over.wait(60)
-        return 0.0
+        return np.zeros(after.rows)
 
     env = dials_traffic.parallel_env(grid, seed=1, reward=slow)
     env.reset()
+    said = []
 
     def step():
-        env.step(dict.fromkeys(env.agents, 0))
+        try:
+            env.step(dict.fromkeys(env.agents, 0))
+        except dials_traffic.SimulatorError as error:
+            said.append(str(error))
 
     stepping = threading.Thread(target=step, daemon=True)
     stepping.start()

@@ -51,7 +51,6 @@ pub(super) fn train(args: &cli::TrainArgs) -> Result<()> {
         (None, Some(config)) => begin(args, config, wanted)?,
         (None, None) => unreachable!("clap asks for one of them"),
     };
-    ensure_learner(&run.config).map_err(Error::Usage)?;
     if run.has_ended {
         return answer(how_to_go_on(run.directory.path(), &run.config, &*run.domain)).map_err(Error::Run);
     }
@@ -158,6 +157,7 @@ fn resume(args: &cli::TrainArgs, dir: &Path, wanted: Option<usize>) -> Result<Ru
 
 fn resume_locked(args: &cli::TrainArgs, dir: &Path, directory: Directory, wanted: Option<usize>) -> Result<Run> {
     let run = open(directory, domains::open)?;
+    ensure_learner(&run.config).map_err(Error::Usage)?;
     allow_workers(workers(wanted, &run.config, run.domain.agents()))?;
     let other_build = other_build(PROGRAM, dir, &run.config, args.accept_other_build).map_err(Error::Usage)?;
     let point = ResumePoint::find(&run.directory, &run.owner).map_err(|error| {
@@ -308,12 +308,12 @@ fn remember(directory: &Directory, workers: Option<usize>) -> anyhow::Result<()>
 /// Returns how many workers to start: not more than have work.
 fn workers(asked: Option<usize>, config: &RunConfig, agents: usize) -> usize {
     let (learning, evaluation) = (&config.learning, &config.learning.evaluation);
-    let imitated = learning.policy.imitate.as_ref().map_or(0, |_| learning.imitation.episodes(config.horizon()));
-    let datasets = learning.dataset_episodes(config.horizon());
     if learning.learns_outside() {
         // One learner decides for all agents, in training and in episodes on the GS.
         return asked.unwrap_or(1).min(1);
     }
+    let imitated = learning.policy.imitate.as_ref().map_or(0, |_| learning.imitation.episodes(config.horizon()));
+    let datasets = learning.dataset_episodes(config.horizon());
     // At some time of the run each has an agent or an episode.
     let shared = [evaluation.episodes, evaluation.final_episodes, evaluation.aip_loss_episodes, datasets, imitated];
     asked.unwrap_or_else(cores).min(shared.into_iter().fold(agents, usize::max))

@@ -1,6 +1,6 @@
 //! Rewards and observations that are functions of the user in another process.
 
-use std::sync::Arc;
+use std::sync::{Arc, OnceLock};
 
 use anyhow::{Context, ensure};
 
@@ -8,6 +8,7 @@ use crate::Traffic;
 use crate::config::python::Functions;
 use dials_core::base::AgentId;
 use dials_core::domain::own::{OwnFunctions, OwnGlobal, OwnLocal, OwnRows, OwnSource};
+use dials_core::domain::roads::RoadTables;
 use dials_core::domain::{Domain, GlobalSimulator, Kinds, LocalSimulator, Result, Task};
 
 /// The functions of a config. By default there are none.
@@ -19,6 +20,8 @@ pub(crate) struct Own {
     /// The kinds with the width of the own observation.
     kinds: Option<Arc<Kinds>>,
     source: Option<Arc<dyn OwnSource>>,
+    /// The roads, once a simulator has been opened: local simulators are opened in every period.
+    tables: Arc<OnceLock<RoadTables>>,
 }
 
 impl Own {
@@ -26,7 +29,7 @@ impl Own {
         let functions = names.known()?;
         let own_kinds = functions.observation.as_ref().map(|(_, width)| Arc::new(kinds.clone().with_obs_dim(*width)));
         let unknown = names.observation.filter(|_| functions.observation.is_none()).map(str::to_owned);
-        Ok(Own { functions, unknown, kinds: own_kinds, source: None })
+        Ok(Own { functions, unknown, kinds: own_kinds, ..Own::default() })
     }
 
     pub(crate) fn is_some(&self) -> bool {
@@ -88,7 +91,14 @@ impl Traffic {
             )
         })?;
         ensure!(unknown.is_none(), "`{name}`: the number of columns of this observation of Python is not known");
-        source.open(&self.road_tables()?.context("traffic has roads")?, rows, functions)
+        let tables = match self.own.tables.get() {
+            Some(known) => known,
+            None => {
+                let found = self.road_tables()?.context("traffic has roads")?;
+                self.own.tables.get_or_init(|| found)
+            }
+        };
+        source.open(tables, rows, functions)
     }
 
     pub(crate) fn with_own_rows(&self, simulator: Box<dyn GlobalSimulator>) -> Result<Box<dyn GlobalSimulator>> {

@@ -1,15 +1,15 @@
 //! Simulators with a reward or an observation of the user's own: whatever computes it sees all roads at once.
 
+use std::sync::Arc;
+use std::time::{Duration, Instant};
+
 use super::light_figures::{LightPlace, LightsEpisode};
 use super::roads::{RoadTables, RoadsNow};
 use super::{
     Action, Beginning, GlobalSimulator, InfluenceSample, JointPercept, JointTransition, Kinds, LocalSimulator,
     Measures, Percept, RegionSpec, Result, Scene, Transition,
 };
-use crate::base::{AgentId, Rows, Stopwatch};
-use crate::base::{Phase, Seed};
-use std::sync::Arc;
-use std::time::{Duration, Instant};
+use crate::base::{AgentId, Phase, Rows, Seed, Stopwatch};
 
 /// Rewards and observations of all rows of one simulator, computed elsewhere.
 pub trait OwnRows {
@@ -39,16 +39,50 @@ pub struct OwnFunctions {
     pub observation: Option<(String, usize)>,
 }
 
+/// What GS and LS have in common.
+struct Beside {
+    own: Box<dyn OwnRows>,
+    /// Whether there is an own observation.
+    sees: bool,
+    now: RoadsNow,
+    watch: Stopwatch,
+}
+
+impl Beside {
+    fn new(own: Box<dyn OwnRows>, sees: bool, has_roads: bool) -> Beside {
+        assert!(has_roads, "a domain with own functions has roads");
+        Beside { own, sees, now: RoadsNow::default(), watch: Stopwatch::default() }
+    }
+
+    /// Computes rewards and observations after a step. `stepped`: the time that it took; `look`: writes the roads.
+    fn step(
+        &mut self,
+        stepped: Duration,
+        look: impl FnOnce(&mut RoadsNow),
+        rewards: &mut [f32],
+        obs: &mut [f32],
+    ) -> Result<()> {
+        let begun = Instant::now();
+        look(&mut self.now);
+        self.own.step(&self.now, stepped, rewards, obs)?;
+        self.watch.note(Phase::Reading, begun.elapsed());
+        Ok(())
+    }
+
+    /// Adds the time that this took to that of the simulator.
+    fn add_to(&mut self, mut watch: Stopwatch) -> Stopwatch {
+        watch.add(&self.watch.take());
+        watch
+    }
+}
+
 /// A GS with own rewards or observations.
 pub struct OwnGlobal {
     simulator: Box<dyn GlobalSimulator>,
-    own: Box<dyn OwnRows>,
-    sees: bool,
+    beside: Beside,
     kinds: Arc<Kinds>,
     all: Vec<usize>,
     last: JointTransition,
-    now: RoadsNow,
-    watch: Stopwatch,
 }
 
 impl OwnGlobal {
@@ -59,17 +93,12 @@ impl OwnGlobal {
         kinds: Arc<Kinds>,
         sees: bool,
     ) -> Result<OwnGlobal> {
-        let has_roads = simulator.watch_roads()?;
-        assert!(has_roads, "a domain with own functions has roads");
         Ok(OwnGlobal {
+            beside: Beside::new(own, sees, simulator.watch_roads()?),
             last: JointTransition::new(&kinds),
             all: (0..kinds.agents()).collect(),
             simulator,
-            own,
-            sees,
             kinds,
-            now: RoadsNow::default(),
-            watch: Stopwatch::default(),
         })
     }
 }
@@ -88,9 +117,10 @@ impl GlobalSimulator for OwnGlobal {
     }
 
     fn reset(&mut self, episode: Seed) -> Result<&JointPercept> {
-        copy(self.simulator.reset(episode)?, self.sees, &mut self.last.percept);
-        self.simulator.roads(&mut self.now);
-        self.own.begin(&self.now, &self.all, self.last.percept.obs.as_mut_slice())?;
+        let Beside { own, sees, now, .. } = &mut self.beside;
+        copy(self.simulator.reset(episode)?, *sees, &mut self.last.percept);
+        self.simulator.roads(now);
+        own.begin(now, &self.all, self.last.percept.obs.as_mut_slice())?;
         Ok(&self.last.percept)
     }
 
@@ -98,12 +128,9 @@ impl GlobalSimulator for OwnGlobal {
         let begun = Instant::now();
         let JointTransition { percept, rewards } = self.simulator.step(actions)?;
         self.last.rewards.copy_from_slice(rewards);
-        copy(percept, self.sees, &mut self.last.percept);
-        let stepped = begun.elapsed();
-        let begun = Instant::now();
-        self.simulator.roads(&mut self.now);
-        self.own.step(&self.now, stepped, &mut self.last.rewards, self.last.percept.obs.as_mut_slice())?;
-        self.watch.note(Phase::Reading, begun.elapsed());
+        copy(percept, self.beside.sees, &mut self.last.percept);
+        let (stepped, look) = (begun.elapsed(), |now: &mut RoadsNow| self.simulator.roads(now));
+        self.beside.step(stepped, look, &mut self.last.rewards, self.last.percept.obs.as_mut_slice())?;
         Ok(&self.last)
     }
 
@@ -160,21 +187,16 @@ impl GlobalSimulator for OwnGlobal {
     }
 
     fn take_watch(&mut self) -> Stopwatch {
-        let mut watch = self.simulator.take_watch();
-        watch.add(&self.watch.take());
-        watch
+        self.beside.add_to(self.simulator.take_watch())
     }
 }
 
 /// An LS with own rewards or observations.
 pub struct OwnLocal {
     simulator: Box<dyn LocalSimulator>,
-    own: Box<dyn OwnRows>,
-    sees: bool,
+    beside: Beside,
     spec: RegionSpec,
     last: Transition,
-    now: RoadsNow,
-    watch: Stopwatch,
 }
 
 impl OwnLocal {
@@ -184,19 +206,10 @@ impl OwnLocal {
         own: Box<dyn OwnRows>,
         width: Option<usize>,
     ) -> Result<OwnLocal> {
-        let has_roads = simulator.watch_roads()?;
-        assert!(has_roads, "a domain with own functions has roads");
+        let beside = Beside::new(own, width.is_some(), simulator.watch_roads()?);
         let usual = simulator.spec();
         let spec = RegionSpec { obs_dim: width.unwrap_or(usual.obs_dim), ..usual.clone() };
-        Ok(OwnLocal {
-            last: Transition::new(simulator.rows(), &spec),
-            spec,
-            simulator,
-            own,
-            sees: width.is_some(),
-            now: RoadsNow::default(),
-            watch: Stopwatch::default(),
-        })
+        Ok(OwnLocal { beside, last: Transition::new(simulator.rows(), &spec), spec, simulator })
     }
 }
 
@@ -218,10 +231,11 @@ impl LocalSimulator for OwnLocal {
     }
 
     fn reset(&mut self, begin: &[Beginning]) -> Result<&Percept> {
-        copy_rows(self.simulator.reset(begin)?, self.sees, &mut self.last.percept);
-        self.simulator.roads(&mut self.now);
+        let Beside { own, sees, now, .. } = &mut self.beside;
+        copy_rows(self.simulator.reset(begin)?, *sees, &mut self.last.percept);
+        self.simulator.roads(now);
         let rows: Vec<usize> = begin.iter().map(|beginning| beginning.row).collect();
-        self.own.begin(&self.now, &rows, self.last.percept.obs.as_mut_slice())?;
+        own.begin(now, &rows, self.last.percept.obs.as_mut_slice())?;
         Ok(&self.last.percept)
     }
 
@@ -229,12 +243,9 @@ impl LocalSimulator for OwnLocal {
         let begun = Instant::now();
         let Transition { percept, rewards } = self.simulator.step(actions, sources)?;
         self.last.rewards.copy_from_slice(rewards);
-        copy_rows(percept, self.sees, &mut self.last.percept);
-        let stepped = begun.elapsed();
-        let begun = Instant::now();
-        self.simulator.roads(&mut self.now);
-        self.own.step(&self.now, stepped, &mut self.last.rewards, self.last.percept.obs.as_mut_slice())?;
-        self.watch.note(Phase::Reading, begun.elapsed());
+        copy_rows(percept, self.beside.sees, &mut self.last.percept);
+        let (stepped, look) = (begun.elapsed(), |now: &mut RoadsNow| self.simulator.roads(now));
+        self.beside.step(stepped, look, &mut self.last.rewards, self.last.percept.obs.as_mut_slice())?;
         Ok(&self.last)
     }
 
@@ -251,8 +262,6 @@ impl LocalSimulator for OwnLocal {
     }
 
     fn take_watch(&mut self) -> Stopwatch {
-        let mut watch = self.simulator.take_watch();
-        watch.add(&self.watch.take());
-        watch
+        self.beside.add_to(self.simulator.take_watch())
     }
 }

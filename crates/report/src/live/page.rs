@@ -35,7 +35,7 @@ pub trait Maps {
 
 /// Where cars lose time in a run.
 pub struct DelayView {
-    /// Of which step the map is, and what is being played, in sentences.
+    /// Sentences: the step that the map belongs to, and what is being played.
     pub words: String,
     /// `None`: nothing has been played yet.
     pub map: Option<DelayMap>,

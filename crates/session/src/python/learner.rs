@@ -7,7 +7,7 @@ use serde_json::{Value, json};
 use super::link::{Array, Link};
 use crate::config::RunConfig;
 use dials_core::domain::{Action, Domain};
-use dials_learn::algorithms::outside::{self, OutsideLearner, Rollout, Waiting};
+use dials_learn::algorithms::outside::{self, Decisions, OutsideLearner, Rollout, Waiting};
 
 /// Connects to the learner, if the config has one outside of this program and this process does not have it yet.
 pub(crate) fn connect(config: &RunConfig, domain: &dyn Domain) -> Result<()> {
@@ -68,20 +68,21 @@ impl OutsideLearner for InPython {
     }
 
     fn learn(&mut self, rollout: &Rollout<'_>) -> Result<Option<Vec<Vec<f64>>>> {
-        let Rollout { agents, copies, obs, masks, actions, rewards, ends, next_obs, next_masks, steps } = *rollout;
+        let Rollout { agents, copies, decisions, steps } = *rollout;
+        let Decisions { obs, masks, actions, rewards, ends, next_obs, next_masks } = decisions;
         let rows = agents.len();
-        let decisions = actions.len() / rows;
+        let count = actions.len() / rows;
         let (width, n_actions) = (obs.width(), masks.width());
         let arrays = [
             Array::of("agents", &[rows], agents),
             Array::of("copies", &[rows], copies),
-            Array::of("obs", &[decisions, rows, width], obs.as_slice()),
-            Array::of("masks", &[decisions, rows, n_actions], masks.as_slice()),
-            Array::of("actions", &[decisions, rows], actions),
-            Array::of("rewards", &[decisions, rows], rewards),
-            Array::of("ends", &[decisions, rows], ends),
-            Array::of("next_obs", &[decisions, rows, width], next_obs.as_slice()),
-            Array::of("next_masks", &[decisions, rows, n_actions], next_masks.as_slice()),
+            Array::of("obs", &[count, rows, width], obs.as_slice()),
+            Array::of("masks", &[count, rows, n_actions], masks.as_slice()),
+            Array::of("actions", &[count, rows], actions),
+            Array::of("rewards", &[count, rows], rewards),
+            Array::of("ends", &[count, rows], ends),
+            Array::of("next_obs", &[count, rows, width], next_obs.as_slice()),
+            Array::of("next_masks", &[count, rows, n_actions], next_masks.as_slice()),
         ];
         let answer = self.link.ask("learn", json!({ "steps": steps }), &arrays)?;
         if answer.values != Value::Bool(true) {

@@ -19,8 +19,7 @@ pub(super) fn function(key: &str, value: &Value) -> Option<(&'static str, Value)
     Some((kept, Value::String(name.to_owned())))
 }
 
-/// A key gives way to a later one that means the same: `--set traffic.reward=queue` on a config with a function of Python, and
-/// the other way round.
+/// Adds a key to a table. A function goes into its own key, which counts before the built-in reward or observation.
 pub(super) fn add(table: &mut Table, key: String, value: Value) {
     match function(&key, &value) {
         Some((kept, name)) => drop(table.insert(kept.to_owned(), name)),

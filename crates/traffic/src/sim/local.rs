@@ -411,11 +411,13 @@ impl LocalSimulator for LocalTraffic {
                 persons: 0,
             };
             let lanes = [&self.forest.approaches, &self.exits].map(|lanes| lanes.at(row));
-            // The cars of an episode that is over were not read again.
-            let [cars, exits] = lanes.map(|lanes| no_cars(lanes.iter().len()));
-            let is_new = of_row.second == of_row.begun;
-            let lanes = if is_new { [&cars, &exits].map(CarsAt::all) } else { lanes };
-            watched.put_row(row, &shows, lanes, now);
+            if of_row.second == of_row.begun {
+                // The cars of an episode that is over were not read again.
+                let none = lanes.map(|lanes| no_cars(lanes.iter().len()));
+                watched.put_row(row, &shows, none.each_ref().map(CarsAt::all), now);
+            } else {
+                watched.put_row(row, &shows, lanes, now);
+            }
         }
     }
 

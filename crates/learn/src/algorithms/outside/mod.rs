@@ -14,7 +14,7 @@ pub(crate) mod controller;
 
 use std::sync::{Mutex, MutexGuard, OnceLock};
 
-use anyhow::{Context, ensure};
+use anyhow::{Context, bail, ensure};
 use rand::Rng;
 
 use super::{Actor, Algorithm, Layout, Learner, Metrics, Tables};
@@ -45,22 +45,41 @@ pub struct Waiting<'a> {
     pub training_steps: Option<u64>,
 }
 
-/// What some decisions of the same rows brought, one after another: tables of `[decisions * rows]`.
+/// What some decisions of the same rows brought, one after another.
 pub struct Rollout<'a> {
     /// Agent and copy of each row, `[rows]`.
     pub agents: &'a [u32],
     pub copies: &'a [u32],
-    pub obs: &'a Rows<f32>,
-    pub masks: &'a Rows<bool>,
-    pub actions: &'a [Action],
-    pub rewards: &'a [f32],
-    /// Whether the episode ended with this decision.
-    pub ends: &'a [bool],
-    /// What the decision led to. If the episode ended there: its last observation, not the first one of the next episode.
-    pub next_obs: &'a Rows<f32>,
-    pub next_masks: &'a Rows<bool>,
+    pub decisions: &'a Decisions,
     /// Timesteps per agent so far, with these.
     pub steps: u64,
+}
+
+/// Decisions since the last update: tables of `[decisions * rows]`.
+pub struct Decisions {
+    pub obs: Rows<f32>,
+    pub masks: Rows<bool>,
+    pub actions: Vec<Action>,
+    pub rewards: Vec<f32>,
+    /// Whether the episode ended with the decision.
+    pub ends: Vec<bool>,
+    /// What the decision led to. If the episode ended there: its last observation, not the first one of the next episode.
+    pub next_obs: Rows<f32>,
+    pub next_masks: Rows<bool>,
+}
+
+impl Decisions {
+    fn new(obs_dim: usize, n_actions: usize) -> Decisions {
+        Decisions {
+            obs: Rows::new(0, obs_dim),
+            masks: Rows::new(0, n_actions),
+            actions: Vec::new(),
+            rewards: Vec::new(),
+            ends: Vec::new(),
+            next_obs: Rows::new(0, obs_dim),
+            next_masks: Rows::new(0, n_actions),
+        }
+    }
 }
 
 /// What the other process does. Errors are those of its code, or say that it has ended.
@@ -85,7 +104,7 @@ pub trait OutsideLearner: Send {
 /// The learner of this process, and its state between two periods.
 struct Installed {
     learner: Box<dyn OutsideLearner>,
-    /// As it was when the last period ended; empty before the first one.
+    /// What the learner had to keep when the last period ended; empty before the first period.
     state: Vec<u8>,
     /// Whether the learner does not have this state yet.
     is_to_be_loaded: bool,
@@ -164,7 +183,6 @@ impl Algorithm for OutsideConfig {
 struct Outside {
     policies: PolicyStack,
     update_every_steps: u64,
-    parts: Vec<Part>,
     /// For each lane, the rows of the kind that are in it.
     places: Vec<Vec<usize>>,
     agents: Vec<u32>,
@@ -174,32 +192,7 @@ struct Outside {
     chosen: Vec<Vec<Action>>,
     /// What each lane brought in this round.
     brought: Vec<Option<(Experience, Percept)>>,
-    rollout: Kept,
-}
-
-/// The decisions since the last update: tables as in [`Rollout`].
-struct Kept {
-    obs: Rows<f32>,
-    masks: Rows<bool>,
-    actions: Vec<Action>,
-    rewards: Vec<f32>,
-    ends: Vec<bool>,
-    next_obs: Rows<f32>,
-    next_masks: Rows<bool>,
-}
-
-impl Kept {
-    fn new(spec: &RegionSpec) -> Kept {
-        Kept {
-            obs: Rows::new(0, spec.obs_dim),
-            masks: Rows::new(0, spec.n_actions),
-            actions: Vec::new(),
-            rewards: Vec::new(),
-            ends: Vec::new(),
-            next_obs: Rows::new(0, spec.obs_dim),
-            next_masks: Rows::new(0, spec.n_actions),
-        }
-    }
+    decisions: Decisions,
 }
 
 /// Returns the mask of a row, in which everything is allowed if the kind has no masks.
@@ -227,18 +220,43 @@ impl Outside {
             policies,
             update_every_steps: own.update_every_steps as u64,
             places: parts.iter().map(places).collect(),
-            parts: parts.to_vec(),
             agents: rows().map(|(agent, _)| agent.0 as u32).collect(),
             copies: rows().map(|(_, copy)| copy as u32).collect(),
             dice: rows().map(|(agent, copy)| seed.for_agent(agent).for_copy(copy).dice()).collect(),
             chosen: vec![Vec::new(); parts.len()],
             brought: vec![None; parts.len()],
-            rollout: Kept::new(spec),
+            decisions: Decisions::new(spec.obs_dim, spec.n_actions),
         }
     }
 
     fn rows(&self) -> usize {
         self.agents.len()
+    }
+
+    /// Adds what all lanes have brought to the decisions.
+    fn remember(&mut self) {
+        let (rows, width, n_actions) = (self.rows(), self.decisions.obs.width(), self.decisions.masks.width());
+        let all = vec![true; n_actions];
+        let mut rewards = vec![0.0; rows];
+        let mut ends = vec![false; rows];
+        let mut next_obs = Rows::new(rows, width);
+        let mut next_masks = Rows::new(rows, n_actions);
+        for (places, brought) in self.places.iter().zip(&mut self.brought) {
+            let (experience, next) = brought.take().expect("every lane was played");
+            for (row, &place) in places.iter().enumerate() {
+                (rewards[place], ends[place]) = (experience.rewards[row], experience.ends[row]);
+                let (obs, masks) = match ends[place] {
+                    true => (&experience.last_obs, experience.last_masks.as_ref()),
+                    false => (&next.obs, next.masks.as_ref()),
+                };
+                next_obs.row_mut(place).copy_from_slice(obs.row(row));
+                next_masks.row_mut(place).copy_from_slice(mask(masks, row, &all));
+            }
+        }
+        self.decisions.rewards.extend(rewards);
+        self.decisions.ends.extend(ends);
+        self.decisions.next_obs.extend(&next_obs);
+        self.decisions.next_masks.extend(&next_masks);
     }
 }
 
@@ -268,10 +286,10 @@ impl Learner for Outside {
     }
 
     fn look(&mut self, lanes: &[&Percept], steps: u64, watch: &mut Stopwatch) -> Result<()> {
-        let (width, n_actions) = (self.rollout.obs.width(), self.rollout.masks.width());
+        let (width, n_actions) = (self.decisions.obs.width(), self.decisions.masks.width());
         let all = vec![true; n_actions];
         let mut obs = Rows::new(self.rows(), width);
-        let mut masks = Rows::from_vec(vec![true; self.rows() * n_actions], n_actions);
+        let mut masks = Rows::new(self.rows(), n_actions);
         for (places, shown) in self.places.iter().zip(lanes) {
             for (row, &place) in places.iter().enumerate() {
                 obs.row_mut(place).copy_from_slice(shown.obs.row(row));
@@ -292,9 +310,9 @@ impl Learner for Outside {
         for (places, chosen) in self.places.iter().zip(&mut self.chosen) {
             *chosen = places.iter().map(|&place| actions[place]).collect();
         }
-        self.rollout.obs.extend(&obs);
-        self.rollout.masks.extend(&masks);
-        self.rollout.actions.extend(actions);
+        self.decisions.obs.extend(&obs);
+        self.decisions.masks.extend(&masks);
+        self.decisions.actions.extend(actions);
         Ok(())
     }
 
@@ -304,54 +322,18 @@ impl Learner for Outside {
     }
 
     fn learn(&mut self, steps: u64, watch: &mut Stopwatch) -> Result<Option<Metrics>> {
-        let brought: Vec<(Experience, Percept)> =
-            self.brought.iter_mut().map(|lane| lane.take().expect("every lane was played")).collect();
-        let copies = self.rows() / self.policies.agents();
-        let all = vec![true; self.rollout.masks.width()];
-        for row in 0..self.rows() {
-            let mut parts = self.parts.iter().zip(&brought);
-            let found = parts.find_map(|(part, brought)| Some((part.row(row / copies, row % copies)?, brought)));
-            let (place, (experience, next)) = found.expect("a row is in a lane");
-            let ends = experience.ends[place];
-            let (obs, masks) = if ends {
-                (&experience.last_obs, experience.last_masks.as_ref())
-            } else {
-                (&next.obs, next.masks.as_ref())
-            };
-            self.rollout.rewards.push(experience.rewards[place]);
-            self.rollout.ends.push(ends);
-            self.rollout.next_obs.push(obs.row(place));
-            self.rollout.next_masks.push(mask(masks, place, &all));
-        }
+        watch.time(Phase::Bookkeeping, || self.remember());
         if !steps.is_multiple_of(self.update_every_steps) {
             return Ok(None);
         }
-        let Kept { obs, masks, actions, rewards, ends, next_obs, next_masks } = &self.rollout;
-        let rollout = Rollout {
-            agents: &self.agents,
-            copies: &self.copies,
-            obs,
-            masks,
-            actions,
-            rewards,
-            ends,
-            next_obs,
-            next_masks,
-            steps,
-        };
-        let learnt = watch.time(Phase::Backward, || with(|learner| learner.learn(&rollout)))?;
-        let names = with(|learner| Ok(learner.metrics().to_vec()))?;
-        for table in [&mut self.rollout.obs, &mut self.rollout.next_obs] {
-            *table = Rows::new(0, table.width());
-        }
-        for table in [&mut self.rollout.masks, &mut self.rollout.next_masks] {
-            *table = Rows::new(0, table.width());
-        }
-        self.rollout.actions.clear();
-        self.rollout.rewards.clear();
-        self.rollout.ends.clear();
+        let none = Decisions::new(self.decisions.obs.width(), self.decisions.masks.width());
+        let decisions = &std::mem::replace(&mut self.decisions, none);
+        let rollout = Rollout { agents: &self.agents, copies: &self.copies, decisions, steps };
+        let learn = |learner: &mut dyn OutsideLearner| Ok((learner.learn(&rollout)?, learner.metrics().to_vec()));
+        let (learnt, names) = watch.time(Phase::Backward, || with(learn))?;
         let Some(values) = learnt else { return Ok(None) };
         // The copies of an agent have one value.
+        let copies = self.rows() / self.policies.agents();
         let of_agents = |values: Vec<f64>| values.into_iter().step_by(copies).collect();
         let of_agents = names.into_iter().zip(values).map(|(name, values)| (name, of_agents(values))).collect();
         Ok(Some(Metrics { of_agents, settings: Vec::new() }))
@@ -385,18 +367,13 @@ impl Learner for Outside {
     }
 }
 
-/// Returns an error that names the first row with an action that does not exist. One that is not allowed is obeyed later, as
-/// the docs of the domain say.
+/// Returns an error that names the first row with an action that does not exist. The other process refuses those that are not
+/// allowed.
 fn check_actions(actions: &[Action], masks: &Rows<bool>) -> Result<()> {
     ensure!(actions.len() == masks.len(), "the learner returned {} actions for {} rows", actions.len(), masks.len());
     let n_actions = masks.width();
-    let bad = actions.iter().position(|&action| usize::from(action) >= n_actions);
-    ensure!(
-        bad.is_none(),
-        "the learner returned action {} for row {}; its actions are 0 to {}",
-        actions[bad.unwrap_or(0)],
-        bad.unwrap_or(0),
-        n_actions - 1
-    );
+    if let Some((row, action)) = actions.iter().enumerate().find(|(_, action)| usize::from(**action) >= n_actions) {
+        bail!("the learner returned action {action} for row {row}; its actions are 0 to {}", n_actions - 1);
+    }
     Ok(())
 }
