@@ -202,7 +202,7 @@ class Roads(_FromSimulator):
         self.agent = layout.agent
         #: Index of the green that is shown, or that comes next, `[rows]`.
         self.green: np.ndarray = numbers[:rows]
-        #: Whether yellow or red for all is shown, between two greens, `[rows]`.
+        #: Whether the light is on its way to its next green, `[rows]`: yellow, red for all, or the end of the walk on crossings.
         self.between: np.ndarray = numbers[rows : 2 * rows] != 0
         #: Number of seconds for which the light has shown what it shows, `[rows]`.
         self.shown_s: np.ndarray = floats[2 * rows : 3 * rows]

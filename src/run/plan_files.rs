@@ -20,9 +20,8 @@ const PROGRAMS: &str = "programs.add.xml";
 const TABLE: &str = "plan.csv";
 const PAGE: &str = "plan.html";
 
-/// What somebody who puts the plan on the street must know.
-const WALK_SIGNALS: &str = "on foot: walk signals are green as long as the cars beside them, and SUMO lets people begin until then; \
-                            today's programs may stop them earlier. In the street, let them begin in the first seconds only \
+/// What somebody who puts the plan on the street wants to know.
+const WALK_SIGNALS: &str = "on foot: walk signals end before the cars' green, so that people are across when others get green \
                             (docs/networks.md, People on foot)";
 
 /// What the playing found.

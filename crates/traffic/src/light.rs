@@ -55,25 +55,22 @@ impl Signal {
     /// goes nowhere from where a link would be red for too long.
     pub(crate) fn allows(&self, plan: &PhasePlan, to: usize) -> bool {
         match self.shown {
-            Shown::Green(green) if self.is_old_enough(plan, green) => self.may(plan, green, to),
-            _ => to == self.shown.target(),
+            Shown::Green(green) => self.may(plan, green, to),
+            Shown::Between { to: target, .. } => to == target,
         }
     }
 
-    fn is_old_enough(&self, plan: &PhasePlan, green: usize) -> bool {
-        self.steps >= plan.min_green_steps()[green]
-    }
-
-    /// Returns whether the limits of the plan let a light that may leave its green go to `to`, or keep it for a step more.
+    /// Returns whether the limits of the plan let a light go from its green to `to`, or keep it for a step more.
     fn may(&self, plan: &PhasePlan, green: usize, to: usize) -> bool {
-        if to == green {
-            let longest = plan.max_green_steps()[green].is_none_or(|most| self.steps < most);
-            return longest && plan.red_limits().is_none_or(|it| it.may_stay(plan, green, self.steps + 1, &self.red));
+        if to != green {
+            let is_old_enough = self.steps >= plan.least_before(green, to);
+            return is_old_enough && plan.red_limits().is_none_or(|limits| limits.may_go(plan, green, to, &self.red));
         }
-        plan.red_limits().is_none_or(|limits| limits.may_go(plan, green, to, &self.red))
+        let longest = plan.longest_stay(green).is_none_or(|most| self.steps < most);
+        longest && plan.red_limits().is_none_or(|it| it.may_stay(plan, green, self.steps + 1, &self.red))
     }
 
-    /// Returns where a light goes that may leave its green and is asked for the green `asked`; `green`: it stays.
+    /// Returns where a light goes that is asked for the green `asked`; `green`: it stays.
     ///
     /// A light that must not do what it is asked stays if it may. If not, it goes to the green whose links have waited
     /// longest, of those to which it may; of several to the first one in the order of the program.
@@ -98,11 +95,7 @@ impl Signal {
         match self.shown {
             Shown::Green(green) => {
                 let asked = Some(plan.asked_for(self.shown, action)).filter(|&asked| asked < plan.greens().len());
-                let next = if self.is_old_enough(plan, green) {
-                    self.next_green(plan, green, asked.unwrap_or(green))
-                } else {
-                    green
-                };
+                let next = self.next_green(plan, green, asked.unwrap_or(green));
                 self.steps += 1;
                 if next != green {
                     self.switched = true;

@@ -43,7 +43,8 @@ fn derived(roads: &Roads, actions: Actions, overrides: &str) -> anyhow::Result<D
 fn tight(roads: &Roads, actions: Actions) -> String {
     let lights = derived(roads, actions, "").unwrap().agents;
     let of_light = |Agent { plan, .. }: &Agent| {
-        let longest = plan.phases.min_green_steps().iter().max().unwrap() + 3;
+        let greens = 0..plan.phases.greens().len();
+        let longest = greens.map(|green| plan.phases.least_longest(green)).max().unwrap() + 3;
         let phases = PhasePlan::clone(&plan.phases).with_max_greens(vec![Some(longest); plan.phases.greens().len()]);
         let letters: Vec<usize> =
             roads.of_light(&plan.light).filter_map(|link| Some(link.signal.as_ref()?.letter)).collect();
@@ -123,30 +124,46 @@ fn a_million_seconds_of_random_actions_break_no_rule() {
 /// Makes a light of random greens, with random limits that it can keep. Returns its longest red, too.
 fn random_light(dice: &mut Dice) -> (PhasePlan, u32) {
     let state = |letters: &str| SignalState::new(letters).unwrap();
-    let letters = dice.random_range(3..9);
+    let letters = dice.random_range(4..9);
+    // The last letters are crossings.
+    let cars = letters - dice.random_range(0..3);
     let mut greens: Vec<String> = Vec::new();
     let count = dice.random_range(2..8);
     while greens.len() < count {
         let green: String = (0..letters).map(|_| ['r', 'r', 'G', 'g'][dice.random_range(0..4)]).collect();
-        if green.contains(['G', 'g']) && !greens.contains(&green) {
+        if green[..cars].contains(['G', 'g']) && !greens.iter().any(|known| known[..cars] == green[..cars]) {
             greens.push(green);
         }
     }
-    let [yellow, all_red] = [dice.random_range(1..5), dice.random_range(0..3)];
+    let [walk_end, yellow, all_red] = [0..8, 1..5, 0..3].map(|range| dice.random_range(range));
     let clearing = |from: usize, to: usize| {
-        let shown = |instead: char| -> String {
-            let letters = greens[from].chars().zip(greens[to].chars());
-            letters.map(|(old, new)| if old != 'r' && new == 'r' { instead } else { old }).collect()
+        let shown = |instead: Option<char>| -> String {
+            let letters = greens[from].chars().zip(greens[to].chars()).enumerate();
+            let shown = |(letter, (old, new)): (usize, (char, char))| match instead {
+                _ if old == 'r' || new != 'r' => old,
+                instead => {
+                    if letter < cars {
+                        instead.unwrap_or(old)
+                    } else {
+                        'r'
+                    }
+                }
+            };
+            letters.map(shown).collect()
         };
-        let between = [(shown('y'), yellow), (shown('r'), all_red)];
+        let between = [(shown(None), walk_end), (shown(Some('y')), yellow), (shown(Some('r')), all_red)];
         let between = between.iter().filter(|(letters, steps)| *steps > 0 && *letters != greens[from]);
         between.map(|(letters, steps)| Interval { state: state(letters), steps: *steps }).collect()
     };
     let choice = if dice.random() { Choice::Target } else { Choice::InOrder };
-    let least: Vec<u32> = greens.iter().map(|_| dice.random_range(1..20)).collect();
-    let most = least.iter().map(|least| dice.random::<bool>().then(|| least + dice.random_range(0..10))).collect();
     let plan = PhasePlan::new(greens.iter().map(|green| state(green)).collect(), choice, 1, clearing);
-    let plan = plan.with_min_greens(least).with_max_greens(most);
+    let plan = plan.for_cars((0..cars).collect());
+    let longest = |from: usize| (0..count).map(|to| plan.walk_end_steps(from, to)).max().unwrap_or(0);
+    let least: Vec<u32> = (0..count).map(|green| longest(green) + dice.random_range(1..20)).collect();
+    let plan = plan.with_min_greens(least);
+    let most = |green| dice.random::<bool>().then(|| plan.least_longest(green) + dice.random_range(0..10));
+    let most = (0..count).map(most).collect();
+    let plan = plan.with_max_greens(most);
     let mut red = 1;
     let limits = |red: u32| (0..letters).map(|letter| (letter, red)).collect::<Vec<_>>();
     while let Err(short) = plan.clone().with_red_limits(&limits(red)) {
@@ -176,6 +193,14 @@ fn lights_of_random_greens_keep_their_limits_and_have_some_action_at_any_time() 
             steps = if signal.shown() == before { steps + 1 } else { 1 };
             if let Some(green) = before.green().filter(|_| signal.shown() != before) {
                 let least = plan.min_green_steps()[green];
+                let lasted = lasted + plan.walk_end_steps(green, signal.shown().target());
+                let longest = plan.max_green_steps()[green];
+                // An episode begins with a green of its least length.
+                let is_first = second == 0;
+                assert!(
+                    is_first || longest.is_none_or(|most| lasted <= most),
+                    "case {case}, second {second}: green {green}"
+                );
                 assert!(lasted >= least, "case {case}, second {second}: green {green} lasted {lasted} s of {least}");
             }
             if let Some(green) = signal.shown().green() {
@@ -210,11 +235,15 @@ fn the_watchdog_finds_what_it_looks_for() {
     };
     let greens: Vec<&str> = plan.greens().iter().map(|green| green.as_str()).collect();
     let change = states(0, 2);
-    let yellow = change[0].state.as_str();
+    let [walk_end, yellow] = [0, 1].map(|place: usize| change[place].state.as_str());
     assert!(found(&[(greens[0], 21)]).contains("longer than its longest"));
+    assert!(found(&[(greens[0], 15), (walk_end, 6)]).contains("longer than its longest"));
     assert!(found(&[(greens[0], 16), (greens[2], 1)]).contains("without yellow"));
-    assert!(found(&[(greens[0], 16), (yellow, 2), (greens[2], 1)]).contains("was yellow for 2 s of 3"));
-    let short = found(&[(greens[0], 16), (yellow, 3), (greens[2], 5), (&greens[2].replace(['G', 'g'], "y"), 1)]);
+    assert!(found(&[(greens[0], 10), (walk_end, 6), (yellow, 2), (greens[2], 1)]).contains("was yellow for 2 s of 3"));
+    let people = found(&[(greens[0], 11), (walk_end, 5), (yellow, 3), (greens[2], 1)]);
+    assert!(people.contains("after the walk on"), "{people}");
+    let still = [(greens[0], 10), (walk_end, 6), (yellow, 3), (greens[2], 5)];
+    let short = found(&[&still[..], &[(&greens[2].replace(['G', 'g'], "y"), 1)]].concat());
     assert!(short.contains("lasted 5 s, and 16 are the least"), "{short}");
     assert!(found(&[("GGGGGGGGGGGGrrrr", 1)]).contains("have G at once"));
     assert!(found(&[("rrrrrrrrrrrrrrrr", 81)]).contains("is red for more than 80 s"));

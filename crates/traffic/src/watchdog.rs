@@ -5,6 +5,7 @@
 use std::collections::{BTreeMap, BTreeSet};
 
 use crate::agents::derive::Agent;
+use crate::agents::derive::crossings::TimedCrossing;
 use crate::agents::derive::safety::conflicts;
 use crate::agents::phase_plan::Interval;
 use crate::network::roads::Roads;
@@ -12,6 +13,11 @@ use libsumo::SignalState;
 
 pub(crate) struct Watchdog {
     greens: Vec<SignalState>,
+    cars: BTreeSet<usize>,
+    /// Crossings with letters of their own, each with the seconds since its walk signal ended.
+    crossings: Vec<(TimedCrossing, u32)>,
+    /// Pairs of letters whose ways cross, also those of people on foot.
+    ways: BTreeSet<[usize; 2]>,
     min_s: Vec<u32>,
     max_s: Vec<Option<u32>>,
     max_red_s: BTreeMap<usize, u32>,
@@ -38,16 +44,23 @@ impl Watchdog {
         let phases = &agent.plan.phases;
         let greens = phases.greens().to_vec();
         let pairs = (0..greens.len()).flat_map(|from| (0..greens.len()).map(move |to| (from, to)));
-        let clearings: Vec<_> =
-            pairs.map(|(from, to)| phases.clearing(from, to)).filter(|between| !between.is_empty()).collect();
+        let cars = phases.cars().clone();
+        let lost = |(from, to): (usize, usize)| {
+            let still_green = |it: &Interval| of_cars(&cars, &it.state) == of_cars(&cars, &phases.greens()[from]);
+            phases.clearing(from, to).iter().filter(|it| !still_green(it)).cloned().collect::<Vec<_>>()
+        };
+        let clearings: Vec<Vec<Interval>> = pairs.map(lost).filter(|between| !between.is_empty()).collect();
         let least = |of: fn(&str) -> bool| {
-            let seconds = |between: &&[Interval]| -> u32 {
+            let seconds = |between: &Vec<Interval>| -> u32 {
                 between.iter().filter(|interval| of(interval.state.as_str())).map(|interval| interval.steps).sum()
             };
             clearings.iter().map(seconds).min().unwrap_or(0)
         };
         let letters = greens[0].links();
+        let crossings = agent.crossings.iter().filter(|it| !cars.contains(&it.letter));
         Watchdog {
+            crossings: crossings.map(|crossing| (crossing.clone(), u32::MAX)).collect(),
+            ways: roads.crossing_letters_of_all(&agent.plan.light).unwrap(),
             min_s: phases.min_green_steps().to_vec(),
             max_s: phases.max_green_steps().to_vec(),
             max_red_s: phases.max_red_steps().collect(),
@@ -65,6 +78,7 @@ impl Watchdog {
             changes: 0,
             longest_red_s: 0,
             greens,
+            cars,
         }
     }
 
@@ -79,12 +93,14 @@ impl Watchdog {
         for letter in 0..state.links() {
             self.letter(letter, state)?;
         }
+        self.on_foot(state)?;
         self.last = Some(state.clone());
         Ok(())
     }
 
     fn durations(&mut self, state: &SignalState) -> Result<(), String> {
-        let now = self.greens.iter().position(|green| green == state);
+        let shown = of_cars(&self.cars, state);
+        let now = self.greens.iter().position(|green| of_cars(&self.cars, green) == shown);
         match (self.green, now) {
             (Some((green, seconds)), now) if now == Some(green) => {
                 if self.max_s[green].is_some_and(|most| seconds >= most) {
@@ -108,11 +124,30 @@ impl Watchdog {
         Ok(())
     }
 
+    /// Errors: cars get green across a crossing on which somebody may still be who began with the walk signal.
+    fn on_foot(&mut self, state: &SignalState) -> Result<(), String> {
+        let goes = |state: &SignalState, letter: usize| matches!(state.as_str().as_bytes()[letter], b'G' | b'g');
+        let opens = |letter: usize| goes(state, letter) && self.last.as_ref().is_some_and(|last| !goes(last, letter));
+        for (TimedCrossing { edge, letter, across_s, .. }, since) in &mut self.crossings {
+            *since = if goes(state, *letter) { 0 } else { since.saturating_add(1) };
+            let foes = self.ways.iter().filter(|pair| pair.contains(letter) && pair[0] != pair[1]);
+            let mut foes = foes.map(|pair| if pair[0] == *letter { pair[1] } else { pair[0] });
+            // The second in which the light shows this is not over.
+            if let Some(foe) =
+                foes.find(|foe| self.cars.contains(foe) && opens(*foe) && *since <= *across_s && *since > 0)
+            {
+                return Err(format!("letter {foe} has green {} s after the walk on {edge}, of {across_s}", *since - 1));
+            }
+        }
+        Ok(())
+    }
+
     fn letter(&mut self, letter: usize, state: &SignalState) -> Result<(), String> {
         let of = |state: &SignalState| state.as_str().as_bytes()[letter];
         let (now, before) = (of(state), self.last.as_ref().map(of));
         let goes = |letter: u8| matches!(letter, b'G' | b'g');
-        if before.is_some_and(goes) && matches!(now, b'r') {
+        let on_foot = self.crossings.iter().any(|(crossing, _)| crossing.letter == letter);
+        if before.is_some_and(goes) && matches!(now, b'r') && !on_foot {
             return Err(format!("{state}: letter {letter} goes from green to red without yellow"));
         }
         if before == Some(b'y') && now != b'y' {
@@ -147,4 +182,8 @@ impl Watchdog {
         }
         Ok(())
     }
+}
+
+fn of_cars(cars: &BTreeSet<usize>, state: &SignalState) -> Vec<u8> {
+    cars.iter().map(|&letter| state.as_str().as_bytes()[letter]).collect()
 }

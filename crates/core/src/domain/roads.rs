@@ -71,7 +71,7 @@ pub struct Adjacent {
 pub struct RoadsNow {
     /// Index of the green that is shown, or that comes next, `[rows]`.
     pub green: Vec<u32>,
-    /// 1 while yellow or red for all is shown, between two greens, `[rows]`.
+    /// 1 while a light is on its way to its next green: yellow, red for all, or the end of the walk on crossings, `[rows]`.
     pub between: Vec<u32>,
     /// Number of seconds for which the light has shown what it shows, `[rows]`.
     pub shown_s: Vec<f32>,

@@ -26,7 +26,10 @@ pub struct ProgramSheet {
 /// A green and what is shown until the next one.
 #[derive(Clone, Debug, PartialEq)]
 pub struct PhaseSheet {
+    /// Seconds in which cars have green.
     pub green_s: u32,
+    /// Those of them, the last ones, in which people on foot have red already and end their way across.
+    pub pedestrian_clearance_s: u32,
     pub yellow_s: u32,
     pub all_red_s: u32,
     /// Shortest and longest green, if the light is actuated.

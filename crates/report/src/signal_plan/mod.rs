@@ -116,19 +116,25 @@ fn green(phase: &PhaseSheet) -> String {
 }
 
 fn phases(program: &ProgramSheet) -> Table {
+    let on_foot = program.phases.iter().any(|phase| phase.pedestrian_clearance_s > 0);
     let row = |(number, phase): (usize, &PhaseSheet)| {
         let serves = if phase.serves.is_empty() { "nobody".to_owned() } else { phase.serves.join("; ") };
-        vec![
-            format!("{}: {serves}", number + 1),
-            green(phase),
-            phase.yellow_s.to_string(),
-            phase.all_red_s.to_string(),
-            phase.split_s().to_string(),
-        ]
+        let mut row = vec![format!("{}: {serves}", number + 1), green(phase)];
+        row.extend(on_foot.then(|| phase.pedestrian_clearance_s.to_string()));
+        row.extend([phase.yellow_s, phase.all_red_s, phase.split_s()].map(|seconds| seconds.to_string()));
+        row
     };
+    let mut caption =
+        "Phases in their order, with who has green. A split is green, yellow and all red. Seconds.".to_owned();
+    let mut header = vec!["phase", "green"];
+    if on_foot {
+        caption += " On foot: at the end of the green, people have red for so long and end their way across.";
+        header.push("on foot");
+    }
+    header.extend(["yellow", "all red", "split"]);
     Table {
-        caption: "Phases in their order, with who has green. A split is green, yellow and all red. Seconds.".to_owned(),
-        header: ["phase", "green", "yellow", "all red", "split"].map(str::to_owned).to_vec(),
+        caption,
+        header: header.into_iter().map(str::to_owned).collect(),
         rows: program.phases.iter().enumerate().map(row).collect(),
     }
 }
@@ -152,6 +158,7 @@ pub fn csv(sheets: &[SignalSheet]) -> Result<String> {
         "phase",
         "split_s",
         "green_s",
+        "pedestrian_clearance_s",
         "yellow_s",
         "all_red_s",
         "min_green_s",
@@ -162,13 +169,16 @@ pub fn csv(sheets: &[SignalSheet]) -> Result<String> {
     for sheet in sheets {
         for program in &sheet.programs {
             for (number, phase) in program.phases.iter().enumerate() {
-                let limits = phase.limits_s.unwrap_or([phase.green_s; 2]);
+                // Fixed greens have no limits.
+                let limits =
+                    phase.limits_s.map_or([const { String::new() }; 2], |limits| limits.map(|s| s.to_string()));
                 let numbers = [program.from_s, program.to_s].map(|second| second.to_string()).into_iter();
                 let numbers = numbers.chain([program.cycle_s, program.offset_s].map(|second| second.to_string()));
-                let of_phase = [phase.split_s(), phase.green_s, phase.yellow_s, phase.all_red_s, limits[0], limits[1]];
+                let on_foot = phase.pedestrian_clearance_s;
+                let of_phase = [phase.split_s(), phase.green_s, on_foot, phase.yellow_s, phase.all_red_s];
                 let line = [csv_name(&sheet.light), csv_name(&sheet.streets.join(" / ")), csv_name(&program.id)];
                 let line = line.into_iter().chain(numbers).chain([(number + 1).to_string()]);
-                let line = line.chain(of_phase.map(|second| second.to_string()));
+                let line = line.chain(of_phase.map(|second| second.to_string())).chain(limits);
                 writer.write_record(line.chain([phase.state.clone(), csv_name(&phase.serves.join("; "))]))?;
             }
         }
@@ -184,6 +194,7 @@ mod tests {
     fn sheet() -> SignalSheet {
         let phase = |green_s, state: &str, serves: &str| PhaseSheet {
             green_s,
+            pedestrian_clearance_s: 0,
             yellow_s: 3,
             all_red_s: 1,
             limits_s: None,

@@ -13,13 +13,15 @@ pub struct PhasePlan {
     cars: BTreeSet<usize>,
     /// What is shown between two greens, `[from][to]`; empty where nothing has to be cleared.
     clearings: Vec<Vec<Vec<Interval>>>,
+    /// Steps at the beginning of it in which cars keep their green, and people on foot who lose theirs have red, `[from][to]`.
+    walk_ends: Vec<Vec<u32>>,
     /// Ways of its program from green to green. Without any, a green is followed by the next one.
     pub(crate) program: Vec<ProgramChange>,
-    /// Least number of steps of each green.
+    /// Least number of steps for which cars have each green, with the end of the walk.
     min_green_steps: Vec<u32>,
     /// Part of it that timings of lights that go by the clock are raised to; 0 for a green whose minimum they only wait for.
     strict_min_steps: Vec<u32>,
-    /// Largest number of steps of each green; `None`: no limit.
+    /// Largest number of steps for which cars have each green; `None`: no limit.
     max_green_steps: Vec<Option<u32>>,
     red_limits: Option<RedLimits>,
     /// Number of steps after which the light leaves a green by itself, until it is switched in an episode.
@@ -89,12 +91,13 @@ impl PhasePlan {
         assert!(min_green_steps >= 1, "a green is shown");
         let between = |from: usize, to: usize| if from == to { Vec::new() } else { clearing(from, to) };
         let clearings = (0..greens.len()).map(|from| (0..greens.len()).map(|to| between(from, to)).collect()).collect();
-        let cars = (0..greens[0].links()).collect();
         let (min_green_steps, count) = (vec![min_green_steps; greens.len()], greens.len());
-        PhasePlan {
+        let cars = (0..greens[0].links()).collect();
+        let plan = PhasePlan {
             greens,
-            cars,
+            cars: BTreeSet::new(),
             clearings,
+            walk_ends: Vec::new(),
             program: Vec::new(),
             min_green_steps,
             strict_min_steps: vec![0; count],
@@ -102,12 +105,24 @@ impl PhasePlan {
             red_limits: None,
             own_green_steps: None,
             choice,
-        }
+        };
+        plan.for_cars(cars)
     }
 
-    /// Lets the plan recognise states of other programs by these letters, those that cars obey. Without it all count.
+    /// Sets the letters that cars obey. By them the plan recognises states of other programs, and knows how long cars keep a
+    /// green. Without it all count.
     pub(crate) fn for_cars(self, cars: BTreeSet<usize>) -> PhasePlan {
-        PhasePlan { cars, ..self }
+        let plan = PhasePlan { cars, ..self };
+        let kept = |from: usize, between: &Vec<Interval>| {
+            let green = &plan.greens[from];
+            let cars = plan.of_cars(green);
+            let go = cars.iter().any(|letter| letter.eq_ignore_ascii_case(&b'g'));
+            let for_people = |state: &SignalState| go && state != green && plan.of_cars(state) == cars;
+            between.iter().take_while(|it| for_people(&it.state)).map(|it| it.steps).sum()
+        };
+        let of_green = |(from, ways): (usize, &Vec<Vec<Interval>>)| ways.iter().map(|it| kept(from, it)).collect();
+        let walk_ends = plan.clearings.iter().enumerate().map(of_green).collect();
+        PhasePlan { walk_ends, ..plan }
     }
 
     /// Raises the least duration of each green, in steps, to these numbers where they are larger.
@@ -123,8 +138,8 @@ impl PhasePlan {
 
     /// Sets the most steps of each green; none is less than its least. `None`: no limit.
     pub(crate) fn with_max_greens(self, steps: Vec<Option<u32>>) -> PhasePlan {
-        let fits = |(least, most): (&u32, &Option<u32>)| most.is_none_or(|most| *least <= most);
-        assert!(self.min_green_steps.iter().zip(&steps).all(fits), "the caller has checked the limits");
+        let fits = |(green, most): (usize, &Option<u32>)| most.is_none_or(|most| self.least_longest(green) <= most);
+        assert!(steps.iter().enumerate().all(fits), "the caller has checked the limits");
         PhasePlan { max_green_steps: steps, ..self }
     }
 
@@ -147,7 +162,36 @@ impl PhasePlan {
         &self.clearings[from][to]
     }
 
-    /// Returns the least number of steps of each green.
+    /// Returns the number of steps after which a light has left the green `from` for `to`, but cars still have it: people on
+    /// foot end their way across. They are a part of the clearing.
+    pub(crate) fn walk_end_steps(&self, from: usize, to: usize) -> u32 {
+        self.walk_ends[from][to]
+    }
+
+    /// Returns the longest and the shortest end of the walk of a green, over all greens that may follow.
+    fn walk_end_range(&self, green: usize) -> [u32; 2] {
+        let follows = |&to: &usize| if self.keeps_order() { to == self.next(green) } else { to != green };
+        let ends = (0..self.greens.len()).filter(follows).map(|to| self.walk_ends[green][to]);
+        [ends.clone().max().unwrap_or(0), ends.min().unwrap_or(0)]
+    }
+
+    /// Returns the least number of steps for which a light shows a green before it leaves it for another one.
+    pub(crate) fn least_before(&self, green: usize, to: usize) -> u32 {
+        self.min_green_steps[green].saturating_sub(self.walk_ends[green][to])
+    }
+
+    /// Returns the number of steps after which a light must leave a green, wherever it goes. `None`: it may stay.
+    pub(crate) fn longest_stay(&self, green: usize) -> Option<u32> {
+        self.max_green_steps[green].map(|most| most - self.walk_end_range(green)[0])
+    }
+
+    /// Returns the least number of steps that a longest green must allow, so that the light can go to any other one.
+    pub(crate) fn least_longest(&self, green: usize) -> u32 {
+        let [longest, shortest] = self.walk_end_range(green);
+        self.min_green_steps[green].max(longest + 1) + longest - shortest
+    }
+
+    /// Returns the least number of steps for which cars have each green.
     pub fn min_green_steps(&self) -> &[u32] {
         &self.min_green_steps
     }
@@ -158,14 +202,14 @@ impl PhasePlan {
         &self.strict_min_steps
     }
 
-    /// Returns the lengths of greens of a timing within the limits. A green of no length stays left out.
+    /// Returns the lengths of greens of a timing, as cars have them, within the limits. A green of no length stays left out.
     pub(crate) fn fitted(&self, greens: &[u32]) -> Vec<u32> {
-        let limits = self.strict_min_steps.iter().zip(&self.max_green_steps);
-        let fit = |(&steps, (&least, &most)): (&u32, (&u32, &Option<u32>))| match steps {
-            0 => 0,
-            _ => steps.max(least).min(most.unwrap_or(u32::MAX)),
+        let fit = |(green, &steps): (usize, &u32)| {
+            let [longest, shortest] = self.walk_end_range(green);
+            let most = self.max_green_steps[green].map_or(u32::MAX, |most| most + shortest - longest);
+            if steps == 0 { 0 } else { steps.max(self.strict_min_steps[green]).max(longest + 1).min(most) }
         };
-        greens.iter().zip(limits).map(fit).collect()
+        greens.iter().enumerate().map(fit).collect()
     }
 
     /// Returns why a light cannot show greens of these lengths in turn, if it cannot.
@@ -181,7 +225,7 @@ impl PhasePlan {
         Some(format!("green {green} has {has} steps, but {fits} are the {limit}"))
     }
 
-    /// Returns the most steps of each green; `None`: no limit.
+    /// Returns the most steps for which cars have each green; `None`: no limit.
     pub fn max_green_steps(&self) -> &[Option<u32>] {
         &self.max_green_steps
     }
@@ -219,6 +263,17 @@ impl PhasePlan {
         self.clearings[from][to].iter().map(|interval| interval.steps).sum()
     }
 
+    /// Returns the steps between two greens in which a letter of the first one is closed.
+    pub(crate) fn closed_steps(&self, from: usize, to: usize, letter: usize) -> u32 {
+        let is_closed = |it: &&Interval| !it.state.as_str().as_bytes()[letter].eq_ignore_ascii_case(&b'g');
+        self.clearings[from][to].iter().filter(is_closed).map(|interval| interval.steps).sum()
+    }
+
+    /// Returns the steps between two greens in which cars have neither of them.
+    pub(crate) fn lost_steps(&self, from: usize, to: usize) -> u32 {
+        self.clearing_steps(from, to) - self.walk_ends[from][to]
+    }
+
     /// Returns the action that makes a light that shows `shown` go to a green, or stay there.
     pub(crate) fn towards(&self, shown: Shown, green: usize) -> Action {
         match self.choice {
@@ -246,17 +301,18 @@ impl PhasePlan {
         if let Some(green) = self.greens.iter().position(|green| green == state) {
             return Shown::Green(green);
         }
-        let letters = |state: &SignalState| -> Vec<u8> {
-            let letters = state.as_str().as_bytes();
-            self.cars.iter().map(|&letter| letters[letter]).collect()
-        };
-        let shown = letters(state);
+        let shown = self.of_cars(state);
         let goes = shown.iter().any(|letter| letter.eq_ignore_ascii_case(&b'g'));
         let mut likely = [last].into_iter().chain(0..self.greens.len());
-        if let Some(green) = likely.find(|&green| goes && letters(&self.greens[green]) == shown) {
+        if let Some(green) = likely.find(|&green| goes && self.of_cars(&self.greens[green]) == shown) {
             return Shown::Green(green);
         }
         Shown::Between { from: last, to: self.next_of_program(state, last) }
+    }
+
+    fn of_cars(&self, state: &SignalState) -> Vec<u8> {
+        let letters = state.as_str().as_bytes();
+        self.cars.iter().map(|&letter| letters[letter]).collect()
     }
 
     /// Returns the green to which the program is on the way if it shows this state after the green `last`.

@@ -59,7 +59,7 @@ impl RedLimits {
         if rota.len() == 1 && plan.max_green_steps()[0].is_some() {
             // The light must leave the green that opens all links, so it must be able to come back.
             let away = |&green: &usize| {
-                plan.clearing_steps(0, green) + plan.min_green_steps()[green] + plan.clearing_steps(green, 0)
+                plan.clearing_steps(0, green) + plan.least_before(green, 0) + plan.clearing_steps(green, 0)
             };
             rota.extend((1..plan.greens().len()).min_by_key(away));
         }
@@ -77,36 +77,39 @@ impl RedLimits {
                 if link.opened[green] {
                     break;
                 }
-                steps += plan.min_green_steps()[green] + plan.clearing_steps(green, next);
+                steps += plan.least_before(green, next) + plan.clearing_steps(green, next);
             }
             steps
         };
         self.links.iter().map(of_link).collect()
     }
 
+    /// Errors: the link of which the rota misses the limit by most; the first of equals.
     fn check(&self, plan: &PhasePlan) -> Result<(), TooShort> {
         let places = self.rota.len();
+        let mut worst: Option<TooShort> = None;
         for (number, link) in self.links.iter().enumerate() {
             // Between two greens that both open it, a link stays open.
             let red_after = |place: usize| {
                 let [green, next] = [self.rota[place], self.rota[(place + 1) % places]];
                 if link.opened[green] && !link.opened[next] {
-                    plan.clearing_steps(green, next) + self.until_green[(place + 1) % places][number]
+                    plan.closed_steps(green, next, link.letter) + self.until_green[(place + 1) % places][number]
                 } else {
                     0
                 }
             };
             let needed_steps = (0..places).map(red_after).max().unwrap_or(0);
-            if needed_steps > link.most_steps {
+            let misses = |it: &TooShort| it.needed_steps - it.most_steps;
+            if needed_steps > link.most_steps + worst.as_ref().map_or(0, misses) {
                 let step = |place: usize| {
                     let [green, next] = [self.rota[place], self.rota[(place + 1) % places]];
-                    (green, plan.min_green_steps()[green], plan.clearing_steps(green, next))
+                    (green, plan.min_green_steps()[green], plan.lost_steps(green, next))
                 };
                 let rota = (0..places).map(step).collect();
-                return Err(TooShort { letter: link.letter, most_steps: link.most_steps, needed_steps, rota });
+                worst = Some(TooShort { letter: link.letter, most_steps: link.most_steps, needed_steps, rota });
             }
         }
-        Ok(())
+        worst.map_or(Ok(()), Err)
     }
 
     pub(crate) fn links(&self) -> usize {
@@ -128,8 +131,14 @@ impl RedLimits {
     /// Returns whether a light may show `green` for one more step. `shown`: steps that it is then shown. `red`: steps
     /// since each link had green.
     pub(crate) fn may_stay(&self, plan: &PhasePlan, green: usize, shown: u32, red: &[u32]) -> bool {
-        let left = plan.min_green_steps()[green].saturating_sub(shown);
-        self.is_safe(plan, green, |link| if self.links[link].opened[green] { None } else { Some(red[link] + 1 + left) })
+        let left = |next: usize| plan.least_before(green, next).saturating_sub(shown);
+        self.is_safe(
+            plan,
+            green,
+            |link, next| {
+                if self.links[link].opened[green] { None } else { Some(red[link] + 1 + left(next)) }
+            },
+        )
     }
 
     /// Returns whether a light may leave the green `from` for the green `to` now.
@@ -142,22 +151,31 @@ impl RedLimits {
             let waits = link.opened[to] && !link.opened[from];
             !waits || red + clearing <= link.most_steps
         });
-        let shown = clearing + plan.min_green_steps()[to];
-        in_time
-            && self.is_safe(plan, to, |link| if self.links[link].opened[to] { None } else { Some(red[link] + shown) })
+        let of_link = |number: usize, next: usize| {
+            let link = &self.links[number];
+            let cleared = || match link.opened[from] {
+                true => plan.closed_steps(from, to, link.letter),
+                false => red[number] + clearing,
+            };
+            (!link.opened[to]).then(|| cleared() + plan.least_before(to, next))
+        };
+        in_time && self.is_safe(plan, to, of_link)
     }
 
-    /// Returns whether the rota can follow a green so that no link waits too long. `red`: the steps since a link had green
-    /// when that green can be left; `None`: it has green.
-    fn is_safe(&self, plan: &PhasePlan, green: usize, red: impl Fn(usize) -> Option<u32>) -> bool {
+    /// Returns whether the rota can follow a green so that no link waits too long. `red(link, next)`: the steps since a link
+    /// had green when that green can be left for the next one; `None`: it has green.
+    fn is_safe(&self, plan: &PhasePlan, green: usize, red: impl Fn(usize, usize) -> Option<u32>) -> bool {
         let follows = |next: usize| if self.in_order { next == plan.next(green) } else { next != green };
         let in_time = |place: usize| {
             let next = self.rota[place];
-            let clearing = plan.clearing_steps(green, next);
             self.links.iter().enumerate().all(|(number, link)| {
                 let until = self.until_green[place][number];
                 let keeps = link.opened[green] && link.opened[next];
-                keeps || red(number).unwrap_or(0) + clearing + until <= link.most_steps
+                let red = match red(number, next) {
+                    Some(red) => red + plan.clearing_steps(green, next),
+                    None => plan.closed_steps(green, next, link.letter),
+                };
+                keeps || red + until <= link.most_steps
             })
         };
         let mut places = (0..self.rota.len()).filter(|&place| follows(self.rota[place])).peekable();

@@ -76,7 +76,7 @@ pub struct ScenarioConfig {
     pub min_green_s: u32,
     /// Whether greens also last at least as long as the phases of the light's own program say (`minDur`).
     pub program_min_green: bool,
-    /// Whether people on foot get across: a green with a walk signal lasts at least as long as its longest crossing needs.
+    /// Whether people on foot get across: greens with a walk signal last long enough, and their walk signals end early enough.
     pub pedestrians: Pedestrians,
     /// Walking speed in metres per second for the shortest green of a crossing: 3.5 ft/s in MUTCD 2009 and HCM 2010.
     pub walking_speed_mps: f64,
@@ -136,14 +136,15 @@ pub enum Observation {
     Detectors,
 }
 
-/// What people on foot do to the shortest greens.
+/// What people on foot do to greens.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
 pub enum Pedestrians {
-    /// A green with a walk signal lasts `walk_s` and the length of its longest crossing over `walking_speed_mps` at least.
+    /// A green with a walk signal lasts `walk_s` and the length of its longest crossing over `walking_speed_mps` at least. The
+    /// walk signal ends so early that people are across when others get green.
     #[default]
     MinGreen,
-    /// Crossings make no green longer.
+    /// Crossings make no green longer, and walk signals end with the green of cars.
     Off,
 }
 

@@ -14,17 +14,26 @@ const HELD_M: f64 = 30.0;
 /// The timing of one light, in steps. It repeats.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Timing {
-    /// Length of each green; 0 for a green that is left out.
+    /// Number of steps for which cars have each green; 0 for a green that is left out.
     greens: Vec<u32>,
     /// Number of steps from the beginning of the episode to the beginning of the first green.
     offset: u32,
-    /// Greens that are shown, in their order, with the places in the cycle at which they end.
-    ends: Vec<(usize, u32)>,
+    /// Greens that are shown, in their order.
+    shown: Vec<ShownGreen>,
     cycle: u32,
 }
 
+/// A green of a timing, with places in the cycle.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+struct ShownGreen {
+    green: usize,
+    begin: u32,
+    /// Where the light leaves it. Cars then keep it while people on foot end their way across.
+    end: u32,
+}
+
 impl Timing {
-    /// `greens`: the length of each green, 0 to leave it out; one of them at least is above 0.
+    /// `greens`: for how long cars have each green, 0 to leave it out; one of them at least is above 0.
     pub(crate) fn new(phases: &PhasePlan, greens: &[u32], offset: u32) -> Timing {
         let shown: Vec<usize> = (0..greens.len()).filter(|&green| greens[green] > 0).collect();
         Timing::in_order(phases, greens, &shown, offset)
@@ -35,13 +44,16 @@ impl Timing {
         assert_eq!(greens.len(), phases.greens().len(), "a length for each green");
         assert!(!shown.is_empty(), "a light shows some green");
         assert_eq!(shown.len(), greens.iter().filter(|&&green| green > 0).count(), "each green once");
-        let (mut ends, mut cycle) = (Vec::with_capacity(shown.len()), 0);
-        for (place, &green) in shown.iter().enumerate() {
-            cycle += greens[green];
-            ends.push((green, cycle));
-            cycle += phases.clearing_steps(green, shown[(place + 1) % shown.len()]);
-        }
-        Timing { greens: greens.to_vec(), offset, ends, cycle }
+        let mut begin = 0;
+        let in_turn = |(place, &green): (usize, &usize)| {
+            let next = shown[(place + 1) % shown.len()];
+            let walk_end = phases.walk_end_steps(green, next);
+            let found = ShownGreen { green, begin, end: begin + greens[green].saturating_sub(walk_end).max(1) };
+            begin = found.end + phases.clearing_steps(green, next);
+            found
+        };
+        let in_turn: Vec<ShownGreen> = shown.iter().enumerate().map(in_turn).collect();
+        Timing { greens: greens.to_vec(), offset, shown: in_turn, cycle: begin }
     }
 
     pub(crate) fn greens(&self) -> &[u32] {
@@ -58,13 +70,17 @@ impl Timing {
 
     /// Returns the greens that are shown, in their order.
     pub(crate) fn order(&self) -> impl Iterator<Item = usize> + '_ {
-        self.ends.iter().map(|&(green, _)| green)
+        self.shown.iter().map(|shown| shown.green)
     }
 
     /// Returns the place in the cycle at which a green begins that is shown.
     pub(crate) fn begin_of(&self, green: usize) -> u32 {
-        let shown = self.ends.iter().find(|&&(shown, _)| shown == green);
-        shown.map_or(0, |&(_, end)| end - self.greens[green])
+        self.shown.iter().find(|shown| shown.green == green).map_or(0, |shown| shown.begin)
+    }
+
+    /// Returns the number of steps after which the light leaves a green that is shown.
+    pub(crate) fn stay_in(&self, green: usize) -> u32 {
+        self.shown.iter().find(|shown| shown.green == green).map_or(0, |shown| shown.end - shown.begin)
     }
 
     /// Returns the same greens in the same order, with other lengths.
@@ -79,30 +95,29 @@ impl Timing {
     /// Returns the green that the clock asks for at a step: it is shown or comes next.
     pub fn target(&self, step: u32) -> usize {
         let place = self.place(step);
-        let asked_for = self.ends.iter().find(|&&(_, end)| place < end).unwrap_or(&self.ends[0]);
-        asked_for.0
+        self.shown.iter().find(|shown| place < shown.end).unwrap_or(&self.shown[0]).green
     }
 
     pub(crate) fn after(&self, green: usize) -> usize {
-        let next = match self.ends.iter().position(|&(shown, _)| shown == green) {
-            Some(place) => &self.ends[(place + 1) % self.ends.len()],
-            None => self.ends.iter().find(|&&(shown, _)| shown > green).unwrap_or(&self.ends[0]),
+        let next = match self.shown.iter().position(|shown| shown.green == green) {
+            Some(place) => &self.shown[(place + 1) % self.shown.len()],
+            None => self.shown.iter().find(|shown| shown.green > green).unwrap_or(&self.shown[0]),
         };
-        next.0
+        next.green
     }
 
     /// Returns the number of steps from a step to the next one at which the clock asks for another green, at least 1.
     pub fn until_change(&self, step: u32) -> u32 {
         let place = self.place(step);
-        let until = |&(_, end): &(usize, u32)| if end > place { end - place } else { end + self.cycle - place };
-        self.ends.iter().map(until).min().expect("a light shows some green")
+        let until = |end: u32| if end > place { end - place } else { end + self.cycle - place };
+        self.shown.iter().map(|shown| until(shown.end)).min().expect("a light shows some green")
     }
 
     /// Returns the number of steps since the clock last began to ask for another green: 0 at the step of the change.
     pub fn since_change(&self, step: u32) -> u32 {
         let place = self.place(step);
-        let since = |&(_, end): &(usize, u32)| if end <= place { place - end } else { place + self.cycle - end };
-        self.ends.iter().map(since).min().expect("a light shows some green")
+        let since = |end: u32| if end <= place { place - end } else { place + self.cycle - end };
+        self.shown.iter().map(|shown| since(shown.end)).min().expect("a light shows some green")
     }
 
     fn place(&self, step: u32) -> u32 {

@@ -176,8 +176,8 @@ pub(crate) fn is_enough(plan: &AgentPlan, greens: &[usize]) -> bool {
 
 fn of_choice(plan: &AgentPlan, ratios: &[f64], greens: &[usize]) -> FlowRatios {
     let next = |place: usize| greens[(place + 1) % greens.len()];
-    let lost: u32 =
-        greens.iter().enumerate().map(|(place, &green)| plan.phases.clearing_steps(green, next(place))).sum();
+    let between = |(place, &green): (usize, &usize)| plan.phases.lost_steps(green, next(place));
+    let lost: u32 = greens.iter().enumerate().map(between).sum();
     // Lanes that few greens serve come first, and of them the busiest.
     let mut lanes: Vec<(Vec<usize>, f64)> =
         ratios.iter().enumerate().map(|(approach, &ratio)| (carriers(plan, greens, approach), ratio)).collect();

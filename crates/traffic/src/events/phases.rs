@@ -16,7 +16,8 @@ enum Colour {
 #[derive(Clone, Debug)]
 pub(super) struct PhaseClock {
     shown: Vec<Option<Colour>>,
-    /// Whether each phase has ended its yellow, and no other one has begun since.
+    /// Whether each phase has ended its yellow, and no other one has begun since. Of crossings: whether their walk has ended, and
+    /// cars keep their green.
     clears: Vec<bool>,
 }
 
@@ -27,16 +28,21 @@ impl PhaseClock {
 
     /// Returns codes and phases of the events at the beginning of a second in which the light shows `state`.
     ///
-    /// The red clearance of a phase ends when another one gets green. A phase that is red when the episode begins has no
-    /// event until its green.
+    /// The red clearance of a phase ends when another one gets green. That of people on foot ends when a phase of cars changes. A
+    /// phase that is red when the episode begins has no event until its green.
     pub(super) fn second(&mut self, site: &Site, state: &SignalState) -> Vec<(u16, u16)> {
         use Colour::{Green, Red, Yellow};
         let now: Vec<Colour> = site.phases.iter().map(|phase| colour(state, &phase.letters)).collect();
         let mut events = Vec::new();
         let mut opens = false;
+        let is_of_cars = |number: usize| site.phases[number].kind == PhaseKind::Vehicles;
+        let cars_keep = (0..now.len()).all(|number| !is_of_cars(number) || self.shown[number] == Some(now[number]));
         for (number, phase) in site.phases.iter().enumerate() {
             let parameter = u16::try_from(number + 1).expect("a light has fewer phases than letters");
             let codes: &[u16] = match (phase.kind, self.shown[number], now[number]) {
+                (PhaseKind::Pedestrians, Some(Red), Red) if self.clears[number] && !cars_keep => {
+                    &[code::PEDESTRIAN_BEGIN_DONT_WALK]
+                }
                 (_, before, now) if before == Some(now) => &[],
                 (PhaseKind::Vehicles, None | Some(Red), Green) => &[code::PHASE_BEGIN_GREEN],
                 (PhaseKind::Vehicles, Some(Green), Yellow) => {
@@ -49,6 +55,7 @@ impl PhaseClock {
                 (PhaseKind::Vehicles, Some(Yellow), Green) => &[code::PHASE_END_YELLOW, code::PHASE_BEGIN_GREEN],
                 (PhaseKind::Pedestrians, _, Green) => &[code::PEDESTRIAN_BEGIN_WALK],
                 (PhaseKind::Pedestrians, Some(Green), Yellow) => &[code::PEDESTRIAN_BEGIN_CLEARANCE],
+                (PhaseKind::Pedestrians, Some(Green), Red) if cars_keep => &[code::PEDESTRIAN_BEGIN_CLEARANCE],
                 (PhaseKind::Pedestrians, Some(_), Red) => &[code::PEDESTRIAN_BEGIN_DONT_WALK],
                 _ => &[],
             };
@@ -58,11 +65,18 @@ impl PhaseClock {
                 self.clears[number] = false;
             }
             opens |= begins;
-            self.clears[number] |= codes.contains(&code::PHASE_BEGIN_RED_CLEARANCE);
+            match phase.kind {
+                PhaseKind::Vehicles => self.clears[number] |= codes.contains(&code::PHASE_BEGIN_RED_CLEARANCE),
+                PhaseKind::Pedestrians if !codes.is_empty() => {
+                    self.clears[number] = codes == [code::PEDESTRIAN_BEGIN_CLEARANCE];
+                }
+                PhaseKind::Pedestrians => {}
+            }
             events.extend(codes.iter().map(|&code| (code, parameter)));
         }
         if opens {
-            for (number, clears) in self.clears.iter_mut().enumerate().filter(|(_, clears)| **clears) {
+            let cleared = |&(number, &mut clears): &(usize, &mut bool)| clears && is_of_cars(number);
+            for (number, clears) in self.clears.iter_mut().enumerate().filter(cleared) {
                 *clears = false;
                 events.push((code::PHASE_END_RED_CLEARANCE, number as u16 + 1));
             }
@@ -142,6 +156,14 @@ mod tests {
             (6, 11, 2),
         ];
         assert_eq!(found, expected);
+    }
+
+    #[test]
+    fn people_on_foot_have_a_clearance_while_cars_keep_their_green() {
+        let found = events(&["GGrG", "GGrr", "GGrr", "yyrr", "rrGr", "GGrG"]);
+        let of_crossing: Vec<(usize, u16)> =
+            found.into_iter().filter(|&(.., phase)| phase == 3).map(|(second, code, _)| (second, code)).collect();
+        assert_eq!(of_crossing, [(0, 21), (1, 22), (3, 23), (5, 21)]);
     }
 
     #[test]

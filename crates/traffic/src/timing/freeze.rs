@@ -5,11 +5,14 @@
 //! candidate gives each green its share of all green. Two more give all lights a common cycle, with offsets that suit
 //! the traffic. The caller plays all candidates and takes the best one.
 
+use std::sync::Arc;
+
 use anyhow::Result;
 
 use super::coordinate::{Coordination, of_common_cycle};
 use super::day::DayPlan;
 use crate::Traffic;
+use crate::agents::phase_plan::PhasePlan;
 use crate::agents::plan::AgentPlan;
 use crate::controllers::webster::is_enough;
 use crate::controllers::{Timing, split};
@@ -31,7 +34,8 @@ pub struct Watched(Vec<Seen>);
 /// What one light has shown.
 #[derive(Clone, Debug, PartialEq)]
 struct Seen {
-    /// Seconds of all whole stays in each green. The first and the last stay of an episode are not whole.
+    phases: Arc<PhasePlan>,
+    /// Seconds for which cars had each green, of all whole stays. The first and the last stay of an episode are not whole.
     stays_s: Vec<Vec<u32>>,
     /// How often a green followed another one, `[from][to]`.
     follows: Vec<Vec<u32>>,
@@ -41,7 +45,7 @@ struct Seen {
 
 impl Watched {
     pub fn nothing(traffic: &Traffic) -> Watched {
-        Watched(traffic.plans().iter().map(|plan| Seen::nothing(plan.greens())).collect())
+        Watched(traffic.plans().iter().map(|plan| Seen::nothing(&plan.phases)).collect())
     }
 
     /// Makes a simulator keep what its lights show.
@@ -103,16 +107,24 @@ enum Lengths {
 }
 
 impl Seen {
-    fn nothing(greens: usize) -> Seen {
-        Seen { stays_s: vec![Vec::new(); greens], follows: vec![vec![0; greens]; greens], all_s: vec![0; greens] }
+    fn nothing(phases: &Arc<PhasePlan>) -> Seen {
+        let greens = phases.greens().len();
+        Seen {
+            phases: phases.clone(),
+            stays_s: vec![Vec::new(); greens],
+            follows: vec![vec![0; greens]; greens],
+            all_s: vec![0; greens],
+        }
     }
 
     fn note(&mut self, stays: &[Stay]) {
         let greens = stays.iter().filter_map(|stay| Some((stay.shown.green()?, stay.seconds)));
         let greens: Vec<(usize, u32)> = greens.collect();
         for (number, &(green, seconds)) in greens.iter().enumerate() {
+            let next = greens.get(number + 1).map(|&(next, _)| next);
+            let seconds = seconds + next.map_or(0, |next| self.phases.walk_end_steps(green, next));
             self.all_s[green] += u64::from(seconds);
-            let Some(&(next, _)) = greens.get(number + 1) else { continue };
+            let Some(next) = next else { continue };
             self.follows[green][next] += 1;
             if number > 0 {
                 self.stays_s[green].push(seconds);
@@ -206,15 +218,13 @@ fn mean_s(stays: &[u32]) -> f64 {
 
 #[cfg(test)]
 mod tests {
-    use std::sync::Arc;
-
     use super::*;
     use crate::agents::phase_plan::Shown;
     use crate::controllers::examples::crossing;
 
     /// A light that showed these greens for these seconds, with four seconds between two of them.
     fn seen(greens: &[(usize, u32)]) -> Seen {
-        let mut seen = Seen::nothing(4);
+        let mut seen = Seen::nothing(&crossing().phases);
         let pairs = greens.iter().zip(&greens[1..]);
         let mut stays: Vec<Stay> = pairs
             .flat_map(|(&(from, seconds), &(to, _))| {

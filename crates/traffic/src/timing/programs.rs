@@ -31,8 +31,15 @@ pub struct Programs {
 pub(super) struct Phase<'a> {
     pub(super) state: &'a SignalState,
     pub(super) seconds: u32,
-    /// `None`: between two greens.
-    pub(super) green: Option<usize>,
+    pub(super) part: Part,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Part {
+    Green(usize),
+    /// Cars still have the green, and people on foot end their way across.
+    WalkEnd,
+    Between,
 }
 
 /// Returns the phases of a timing, from its first green on.
@@ -40,10 +47,14 @@ pub(super) fn phases<'a>(plan: &'a AgentPlan, timing: &Timing) -> Vec<Phase<'a>>
     let mut phases = Vec::new();
     for green in timing.order() {
         let state = &plan.phases.greens()[green];
-        phases.push(Phase { state, seconds: timing.greens()[green], green: Some(green) });
+        phases.push(Phase { state, seconds: timing.stay_in(green), part: Part::Green(green) });
         let next = timing.after(green);
-        let between = plan.phases.clearing(green, next).iter();
-        phases.extend(between.map(|interval| Phase { state: &interval.state, seconds: interval.steps, green: None }));
+        let mut left = plan.phases.walk_end_steps(green, next);
+        for interval in plan.phases.clearing(green, next) {
+            let part = if left > 0 { Part::WalkEnd } else { Part::Between };
+            left = left.saturating_sub(interval.steps);
+            phases.push(Phase { state: &interval.state, seconds: interval.steps, part });
+        }
     }
     phases
 }
@@ -154,7 +165,14 @@ fn program(
     let head = [("id", &*agent.light), ("type", kind), ("programID", id), ("offset", &offset)];
     nest(xml, "tlLogic", head, |xml| {
         phases(agent, stage.timing).iter().try_for_each(|phase| {
-            let limits = phase.green.and_then(|green| Some(limits_s?[green]));
+            let limits = match phase.part {
+                Part::Green(green) => limits_s.map(|limits| {
+                    // The limits are those of cars, which keep the green for the end of the walk.
+                    let walk_end = agent.phases.walk_end_steps(green, stage.timing.after(green));
+                    limits[green].map(|seconds| seconds.saturating_sub(walk_end).max(1))
+                }),
+                Part::WalkEnd | Part::Between => None,
+            };
             let seconds = limits.map_or(phase.seconds, |[least, most]| phase.seconds.clamp(least, most));
             let limits = limits.map(|[least, most]| [("minDur", least.to_string()), ("maxDur", most.to_string())]);
             let attributes = [("duration", seconds.to_string())].into_iter().chain(limits.into_iter().flatten());

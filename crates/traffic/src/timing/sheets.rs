@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 use anyhow::Result;
 
 use super::day::{DayPlan, Stage};
-use super::programs::{Phase, Programs, phases};
+use super::programs::{Part, Phase, Programs, phases};
 use crate::Traffic;
 use crate::agents::plan::AgentPlan;
 use crate::network::roads::{Connection, Function, Roads};
@@ -69,9 +69,10 @@ impl Words<'_> {
         let mut of_greens: Vec<PhaseSheet> = Vec::new();
         let mut begun_s = 0;
         for phase in &phases {
-            match (phase.green, of_greens.last_mut()) {
-                (Some(green), _) => of_greens.push(PhaseSheet {
+            match (phase.part, of_greens.last_mut()) {
+                (Part::Green(green), _) => of_greens.push(PhaseSheet {
                     green_s: phase.seconds,
+                    pedestrian_clearance_s: 0,
                     yellow_s: 0,
                     all_red_s: 0,
                     limits_s: limits_s.map(|limits| limits[green]),
@@ -82,9 +83,15 @@ impl Words<'_> {
                         .map(|group| group.name.clone())
                         .collect(),
                 }),
-                (None, Some(last)) if phase.state.as_str().contains(['y', 'Y']) => last.yellow_s += phase.seconds,
-                (None, Some(last)) => last.all_red_s += phase.seconds,
-                (None, None) => unreachable!("a cycle begins with a green"),
+                (Part::WalkEnd, Some(last)) => {
+                    last.green_s += phase.seconds;
+                    last.pedestrian_clearance_s += phase.seconds;
+                }
+                (Part::Between, Some(last)) if phase.state.as_str().contains(['y', 'Y']) => {
+                    last.yellow_s += phase.seconds;
+                }
+                (Part::Between, Some(last)) => last.all_red_s += phase.seconds,
+                (_, None) => unreachable!("a cycle begins with a green"),
             }
             begun_s += phase.seconds;
         }

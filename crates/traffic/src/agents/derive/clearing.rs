@@ -1,8 +1,12 @@
 //! What a light shows between two greens: yellow for the links that lose green, then all red for them if its program
 //! does so. Both last as long as in the program, unless somebody set their seconds.
+//!
+//! People on foot who lose their green have red from the beginning. If yellow and all red are too short for their way across,
+//! cars keep the old green until it is long enough.
 
 use std::collections::HashMap;
 
+use super::crossings::TimedCrossing;
 use super::greens::{Change, Greens, goes};
 use crate::agents::phase_plan::Interval;
 use crate::config::Yellow;
@@ -80,16 +84,33 @@ fn lasting_s(between: &[&Phase], is_such: impl Fn(&Phase) -> bool) -> f64 {
     between.iter().filter(|phase| is_such(phase)).map(|phase| phase.duration_s).sum()
 }
 
-/// Returns what is shown between two greens; nothing if no link goes from green to red.
-pub(crate) fn between(from: &SignalState, to: &SignalState, times: &Times) -> Vec<Interval> {
+/// Returns what is shown between two greens; nothing if no link goes from green to red. `crossings`: those whose walk signals
+/// end early enough.
+pub(crate) fn between(
+    from: &SignalState,
+    to: &SignalState,
+    times: &Times,
+    crossings: &[TimedCrossing],
+) -> Vec<Interval> {
     if !letters(from, to).any(|(old, new)| is_lost(old, new)) {
         return Vec::new();
     }
-    let shown = |instead: char| {
-        let state: String = letters(from, to).map(|(old, new)| if is_lost(old, new) { instead } else { old }).collect();
+    let ending: Vec<&TimedCrossing> = crossings.iter().filter(|it| it.walks(from) && !it.walks(to)).collect();
+    let walked = |letter: usize| ending.iter().any(|crossing| crossing.letter == letter);
+    // `None`: the letters of the old green.
+    let shown = |instead: Option<char>| {
+        let shown = |(letter, (old, new)): (usize, (char, char))| match instead {
+            _ if walked(letter) => 'r',
+            Some(instead) if is_lost(old, new) => instead,
+            _ => old,
+        };
+        let state: String = letters(from, to).enumerate().map(shown).collect();
         SignalState::new(state).expect("the letters are those of a state, y and r")
     };
-    let intervals = [('y', times.yellow.between(from, to)), ('r', times.all_red.between(from, to))];
+    let [yellow, all_red] = [times.yellow.between(from, to), times.all_red.between(from, to)];
+    let across = ending.iter().map(|crossing| crossing.across_s).max().unwrap_or(0);
+    let walk_end = across.saturating_sub(yellow + all_red);
+    let intervals = [(None, walk_end), (Some('y'), yellow), (Some('r'), all_red)];
     let shown = intervals.map(|(instead, steps)| Interval { state: shown(instead), steps });
     shown.into_iter().filter(|interval| interval.steps > 0).collect()
 }
@@ -112,7 +133,11 @@ mod tests {
     }
 
     fn shown(from: &str, to: &str, times: &Times) -> String {
-        let intervals = between(&state(from), &state(to), times);
+        on_foot(from, to, times, &[])
+    }
+
+    fn on_foot(from: &str, to: &str, times: &Times, crossings: &[TimedCrossing]) -> String {
+        let intervals = between(&state(from), &state(to), times, crossings);
         let shown = intervals.iter().map(|Interval { state, steps }| format!("{state} {steps}"));
         shown.collect::<Vec<_>>().join(", ")
     }
@@ -124,6 +149,25 @@ mod tests {
         assert_eq!(shown("GgGGoO", "sRgGoO", &times), "yyGGoO 3");
         assert_eq!(shown("GgrG", "gGrG", &times), "", "only g and G change");
         assert_eq!(shown("Gr", "GG", &times), "", "nobody loses green");
+    }
+
+    #[test]
+    fn walk_signals_end_so_early_that_people_are_across_when_others_get_green() {
+        // The last two letters are crossings of 9 and 4 s.
+        let crossing = |letter, across_s| TimedCrossing {
+            edge: format!("c{letter}"),
+            letter,
+            length_m: 1.0,
+            needed_s: 7 + across_s,
+            across_s,
+        };
+        let all = [crossing(2, 9), crossing(3, 4)];
+        let times = Times { yellow: Seconds::all(3), all_red: Seconds::all(1) };
+        assert_eq!(on_foot("GrGr", "rGrr", &times, &all), "Grrr 5, yrrr 3, rrrr 1");
+        assert_eq!(on_foot("GrGG", "rGrG", &times, &all), "GrrG 5, yrrG 3, rrrG 1", "the other one goes on");
+        assert_eq!(on_foot("rGrG", "Grrr", &times, &all), "ryrr 3, rrrr 1", "yellow and all red are enough");
+        assert_eq!(on_foot("GrGr", "GGrr", &times, &all), "Grrr 5, Grrr 3, Grrr 1", "only people lose green");
+        assert_eq!(on_foot("GrGr", "rGGr", &times, &all), "yrGr 3, rrGr 1", "people keep their green");
     }
 
     fn times(changes: &[(&str, &str)], yellow: Yellow, all_red_s: Option<u32>) -> Times {

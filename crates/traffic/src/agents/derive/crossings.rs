@@ -1,8 +1,9 @@
 //! Crossings of a light, and how long people on foot need for each.
 //!
 //! Source: MUTCD 2009, section 4E.06, and HCM 2010, chapter 18. The walk interval lasts 7 s (4 s where few people walk). People
-//! who start at its end then need the length of the crossing over 3.5 ft/s (1.07 m/s). Both are counted in the green: yellow and
-//! all red after it are left as a reserve, although the manuals let them count.
+//! who start at its end then need the length of the crossing over 3.5 ft/s (1.07 m/s). A green lasts as long as both. The walk
+//! signal ends so early that the way across is over when cars of another green get theirs; yellow and all red count, as the
+//! manuals let them.
 
 use super::greens::is_green;
 use crate::network::roads::{Function, Roads};
@@ -25,11 +26,20 @@ impl Default for Walking {
 impl Walking {
     /// Returns the whole seconds of green that a crossing of this length needs, at most an hour.
     fn needed_s(self, length_m: f64) -> u32 {
-        const LONGEST_S: f64 = 3600.0;
-        // The lengths of a net have two decimals. Without this, a round number could become a second more.
-        const ROUNDING: f64 = 1e-9;
-        (self.walk_s + length_m / self.speed_mps - ROUNDING).ceil().min(LONGEST_S) as u32
+        whole_s(self.walk_s + length_m / self.speed_mps)
     }
+
+    /// Returns the whole seconds that people need who begin to cross when their green ends, at most an hour.
+    fn across_s(self, length_m: f64) -> u32 {
+        whole_s(length_m / self.speed_mps)
+    }
+}
+
+fn whole_s(seconds: f64) -> u32 {
+    const LONGEST_S: f64 = 3600.0;
+    // The lengths of a net have two decimals. Without this, a round number could become a second more.
+    const ROUNDING: f64 = 1e-9;
+    (seconds - ROUNDING).ceil().min(LONGEST_S) as u32
 }
 
 /// A crossing under a light.
@@ -41,6 +51,8 @@ pub struct TimedCrossing {
     pub length_m: f64,
     /// Seconds of green that people need for it.
     pub needed_s: u32,
+    /// Seconds for the way across, from the end of the walk signal on. At most [`needed_s`](Self::needed_s).
+    pub across_s: u32,
 }
 
 impl TimedCrossing {
@@ -62,8 +74,9 @@ pub fn of(roads: &Roads, light: &str, walking: Walking) -> Vec<TimedCrossing> {
         }
         let known = found.iter().any(|known| known.edge == edge.id && known.letter == signal.letter);
         if !known {
-            let (length_m, letter) = (lane.length_m, signal.letter);
-            found.push(TimedCrossing { edge: edge.id.clone(), letter, length_m, needed_s: walking.needed_s(length_m) });
+            let (edge, length_m) = (edge.id.clone(), lane.length_m);
+            let [needed_s, across_s] = [walking.needed_s(length_m), walking.across_s(length_m)];
+            found.push(TimedCrossing { edge, letter: signal.letter, length_m, needed_s, across_s });
         }
     }
     found.sort_by_key(|crossing| crossing.letter);
@@ -93,8 +106,13 @@ mod tests {
 
     #[test]
     fn the_slowest_crossing_of_those_with_green_counts() {
-        let crossing =
-            |edge: &str, letter, needed_s| TimedCrossing { edge: edge.into(), letter, length_m: 1.0, needed_s };
+        let crossing = |edge: &str, letter, needed_s| TimedCrossing {
+            edge: edge.into(),
+            letter,
+            length_m: 1.0,
+            needed_s,
+            across_s: needed_s - 7,
+        };
         let all = [crossing("a", 2, 20), crossing("b", 3, 25), crossing("c", 4, 20)];
         let slowest = |letters: &str| slowest(&all, &SignalState::new(letters).unwrap()).map(|it| &*it.edge);
         assert_eq!(slowest("GGGrr"), Some("a"));

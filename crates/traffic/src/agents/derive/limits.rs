@@ -91,8 +91,10 @@ pub(super) fn apply(
     let greens = phases.greens().len();
     own.check_greens(greens).with_context(|| format!("agents.toml: light `{light}`"))?;
     let most: Vec<Option<u32>> = (0..greens).map(|green| own.max_green_s(green)).collect();
-    for (green, (Shortest { seconds, because }, most)) in shortest.iter().zip(&most).enumerate() {
-        let Some(most) = most.filter(|most| most < seconds) else { continue };
+    let phases = phases.with_min_greens(shortest.iter().map(|shortest| shortest.seconds));
+    for (green, (Shortest { because, .. }, most)) in shortest.iter().zip(&most).enumerate() {
+        let seconds = phases.least_longest(green);
+        let Some(most) = most.filter(|&most| most < seconds) else { continue };
         let state = &phases.greens()[green];
         bail!(
             "agents.toml: light `{light}`: max_green_s = {most}: green {green} ({state}) must last {seconds} s at least \
@@ -106,7 +108,6 @@ pub(super) fn apply(
         Because::Config | Because::Program => 0,
         Because::Overrides | Because::Crossing(_) => *seconds,
     });
-    let phases = phases.with_min_greens(shortest.iter().map(|shortest| shortest.seconds));
     let phases = phases.with_strict_min_greens(strict).with_max_greens(most);
     let limits = red_limits(&phases, own, links);
     phases.with_red_limits(&limits).map_err(|short| too_short(light, &short, shortest))
@@ -186,13 +187,16 @@ mod tests {
             "agents.toml: light `A0`: max_red_s: has 2 numbers, but the light has 4 greens; give one number for all, or one \
              for each"
         );
-        // Greens 0 and 2 open all links: 3 + 16 + 3 s of the one after the other.
+        // Greens 0 and 2 open all links: 3 + 16 + 3 s of the one after the other. The walk on a crossing ends 6 s before the
+        // green: 9.6 / 1.07 = 8.97, of which 3 s are yellow.
         assert_eq!(
-            error("max_red_s = 21"),
-            "agents.toml: light `A0`: max_red_s = 21: link 0 is red for 22 s even if greens take turns at their shortest \
+            error("max_red_s = 27"),
+            "agents.toml: light `A0`: max_red_s = 27: link 12 is red for 28 s even if greens take turns at their shortest \
              (green 0: 16 s (crossing :A0_c1) and 3 s between greens; green 2: 16 s (crossing :A0_c0) and 3 s between \
-             greens); set max_red_s to 22 at least, or shorten greens"
+             greens); set max_red_s to 28 at least, or shorten greens"
         );
-        assert!(made(Rules::default(), "max_red_s = 22").is_ok());
+        assert!(made(Rules::default(), "max_red_s = 28").is_ok());
+        let cars = Rules { walking: None, min_green_s: 16, ..Rules::default() };
+        assert!(made(cars, "max_red_s = 22").is_ok());
     }
 }

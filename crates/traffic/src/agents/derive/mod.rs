@@ -256,7 +256,10 @@ fn agent(
         (yellow, _) => yellow,
     };
     let times = clearing::Times::of(&of_program, yellow_s.map_or(of_rules, Yellow::Seconds), all_red_s);
-    let clearing = |from: usize, to: usize| clearing::between(&greens[from], &greens[to], &times);
+    let crossings = rules.walking.map_or_else(Vec::new, |walking| crossings::of(roads, light, walking));
+    // A crossing may share its letter with cars. Then it ends with them.
+    let ending: Vec<TimedCrossing> = crossings.iter().filter(|it| !cars.contains(&it.letter)).cloned().collect();
+    let clearing = |from: usize, to: usize| clearing::between(&greens[from], &greens[to], &times, &ending);
     let choice = if rules.actions == Actions::FixedOrder { Choice::InOrder } else { Choice::Target };
     let mut phases = PhasePlan::new(greens.to_vec(), choice, 1, clearing).for_cars(cars.clone());
     let min_dur_s = |green: usize| {
@@ -267,7 +270,6 @@ fn agent(
         let seconds = seconds.filter(|_| rules.program_min_green)?;
         Some(seconds.ceil().min(LONGEST_MIN_GREEN_S) as u32)
     };
-    let crossings = rules.walking.map_or_else(Vec::new, |walking| crossings::of(roads, light, walking));
     let shortest = limits::shortest(greens, rules, own, min_dur_s, &crossings);
     let links = roads.of_light(light).filter_map(|link| Some(link.signal.as_ref()?.letter)).collect();
     phases = limits::apply(light, phases, &shortest, own, &links)?;

@@ -1,6 +1,7 @@
 //! What somebody should know of the programs of a net before he compares controllers.
 
 use std::collections::{BTreeSet, HashMap};
+use std::ops::Range;
 
 use super::Agent;
 use super::crossings::TimedCrossing;
@@ -42,7 +43,7 @@ pub fn warnings(roads: &Roads) -> Vec<String> {
 /// some. Such a program is played as it is.
 pub fn too_short_for_people(agents: &[Agent]) -> Option<String> {
     let short = |agent: &Agent| {
-        let lacks = agent.crossings.iter().filter_map(|it| Some((it.clone(), walk_s(&agent.program, it)?)));
+        let lacks = agent.crossings.iter().filter_map(|it| Some((it.clone(), crossing_s(&agent.program, it)?)));
         let lacks = lacks.filter(|(crossing, seconds)| *seconds < f64::from(crossing.needed_s));
         let lack = |(crossing, seconds): &(TimedCrossing, f64)| f64::from(crossing.needed_s) - seconds;
         let worst = lacks.max_by(|one, other| lack(one).total_cmp(&lack(other)))?;
@@ -53,12 +54,12 @@ pub fn too_short_for_people(agents: &[Agent]) -> Option<String> {
         found.iter().max_by(|one, other| one.1.total_cmp(&other.1))?;
     let lights: Vec<&str> = found.iter().map(|(light, ..)| &**light).collect();
     let (programs, their) = match lights.len() {
-        1 => ("a program has".to_owned(), "it"),
-        count => (format!("{count} programs have"), "them"),
+        1 => ("a program gives".to_owned(), "it"),
+        count => (format!("{count} programs give"), "them"),
     };
     Some(format!(
-        "{programs} walk signals that are too short for people on foot ({}); at light `{light}` crossing {edge} has {seconds} s, \
-         but its {length_m:.1} m need {needed_s} s; `program` plays {their} all the same",
+        "{programs} people on foot too little time ({}); at light `{light}` crossing {edge} has {seconds} s before others get \
+         green, but its {length_m:.1} m need {needed_s} s; `program` plays {their} all the same",
         names(&lights)
     ))
 }
@@ -80,17 +81,35 @@ pub fn never_walked(agents: &[Agent]) -> Option<String> {
 
 /// Returns the shortest walk signal of a crossing in a program, in seconds; `None`: it has none, or it never ends.
 pub fn walk_s(program: &Program, crossing: &TimedCrossing) -> Option<f64> {
+    walks(program, crossing).map(|[walk, _]| walk).reduce(f64::min)
+}
+
+/// Returns the shortest time from the beginning of a walk signal until somebody else gets green, in seconds; `None`: as above.
+fn crossing_s(program: &Program, crossing: &TimedCrossing) -> Option<f64> {
+    walks(program, crossing).map(|[walk, cleared]| walk + cleared).reduce(f64::min)
+}
+
+/// Returns the seconds of each walk signal of a crossing, and those from its end until somebody gets green.
+fn walks(program: &Program, crossing: &TimedCrossing) -> impl Iterator<Item = [f64; 2]> {
     // An actuated program may cut a phase down.
-    let least_s = |phase: &Phase| match &*program.kind {
+    let least_s = move |phase: &Phase| match &*program.kind {
         "static" => phase.duration_s,
         _ => phase.limits_s[0].unwrap_or(phase.duration_s),
     };
-    let phases = &program.phases;
-    let walks = |place: usize| crossing.walks(&phases[place % phases.len()].state);
-    let begins = (0..phases.len()).filter(|&place| walks(place) && !walks(place + phases.len() - 1));
-    let lasts = begins
-        .map(|begin| (begin..).take_while(|&place| walks(place)).map(|it| least_s(&phases[it % phases.len()])).sum());
-    lasts.reduce(f64::min)
+    let count = program.phases.len();
+    let phase = move |place: usize| &program.phases[place % count];
+    let walks = move |place: usize| crossing.walks(&phase(place).state);
+    let opens = move |place: usize| {
+        let [before, now] = [place - 1, place].map(|place| phase(place).state.as_str().chars());
+        before.zip(now).any(|(before, now)| !goes(before) && goes(now))
+    };
+    let sum_s = move |places: Range<usize>| places.map(|place| least_s(phase(place))).sum();
+    let begins = (0..count).filter(move |&place| walks(place) && !walks(place + count - 1));
+    begins.map(move |begin| {
+        let end = (begin..).find(|&place| !walks(place)).expect("the phase before the first one does not walk");
+        let opened = (end..end + count).find(|&place| opens(place)).unwrap_or(end);
+        [sum_s(begin..end), sum_s(end..opened)]
+    })
 }
 
 /// Returns a sentence about the programs of a light, if it has several.
