@@ -132,6 +132,56 @@ fn a_demand_that_changes_has_plans_in_turn_and_no_light_skips_its_yellow() {
     }
 }
 
+/// A junction of four arms with a crossing of 9.6 m over each.
+const CROSSINGS: &str = include_str!("../../../crates/traffic/src/agents/derive/crossing.net.xml");
+/// Cars from all sides, and people on foot.
+const ON_FOOT: &str = r#"<routes>
+    <flow id="a" begin="0" end="600" vehsPerHour="400" from="top0A0" to="A0bottom0"/>
+    <flow id="b" begin="0" end="600" vehsPerHour="400" from="left0A0" to="A0right0"/>
+    <flow id="c" begin="0" end="600" vehsPerHour="200" from="right0A0" to="A0top0"/>
+    <personFlow id="d" begin="0" end="600" period="10"><walk from="left0A0" to="A0bottom0"/></personFlow>
+    <personFlow id="e" begin="0" end="600" period="10"><walk from="top0A0" to="A0right0"/></personFlow>
+</routes>"#;
+
+#[test]
+fn plans_let_people_who_have_just_begun_to_cross_get_across() {
+    let room = Room::new();
+    for (name, text) in [("roads.net.xml", CROSSINGS), ("on_foot.rou.xml", ON_FOOT)] {
+        fs::write(room.path(name), text).unwrap();
+    }
+    let states = "<additional><timedEvent type='SaveTLSStates' source='A0' dest='states.xml'/></additional>";
+    fs::write(room.path("states.add.xml"), states).unwrap();
+    let config = r#"<configuration><net-file value="roads.net.xml"/><route-files value="on_foot.rou.xml"/>
+        <additional-files value="states.add.xml"/><end value="700"/></configuration>"#;
+    fs::write(room.path("people.sumocfg"), config).unwrap();
+    let args = ["--controller", "webster", "--episodes", "1"];
+    let found = plan(&room.path("people.sumocfg"), &room.path("plan"), &args);
+    let (plain, printed) = (plain_delay_s(&found, room.dir.path()), printed_delay_s(&found));
+    assert!((plain - printed).abs() < 1e-9, "{printed} s, but {plain} s by plain SUMO");
+    // Letters 12 to 15 are crossings: 9.6 m at 1.07 m/s are 9 s.
+    let opens = |before: &str, now: &str, letters: std::ops::Range<usize>| {
+        let is_green = |state: &str, letter: usize| "gG".contains(state.as_bytes()[letter] as char);
+        letters.clone().any(|letter| !is_green(before, letter) && is_green(now, letter))
+    };
+    let shown = &shown_by_sumo(&room)["A0"];
+    let (mut ended, mut changes) = (None, 0);
+    for pair in shown.windows(2) {
+        let [(_, _, before), (second, _, now)] = pair else { unreachable!() };
+        if opens(now, before, 12..16) {
+            ended = Some(*second);
+        }
+        if let Some(ended) = ended.filter(|_| opens(before, now, 0..12)) {
+            assert!(second - ended >= 9, "{now} {} s after the walk", second - ended);
+            changes += 1;
+        }
+    }
+    assert!(changes > 10, "{changes} greens after a walk");
+    let table = fs::read_to_string(room.path("plan/plan.csv")).unwrap();
+    let column = table.lines().next().unwrap().split(',').position(|name| name == "pedestrian_clearance_s").unwrap();
+    let clearances: Vec<&str> = table.lines().skip(1).map(|line| line.split(',').nth(column).unwrap()).collect();
+    assert!(clearances.contains(&"6"), "3 of 9 s are yellow: {table}");
+}
+
 #[test]
 fn a_rule_that_looks_at_the_traffic_is_frozen_or_written_as_actuated_programs() {
     let room = tide();
