@@ -26,9 +26,10 @@ DECISION_S, CELL_M = 5, 10.0
 class Light:
     """What `docs/environments.md` says of a light: what it sees, which greens are allowed, and what it then shows."""
 
-    def __init__(self, plan, least_s):
-        self.plan, self.least_s = plan, least_s
-        self.green, self.clearing, self.shown_s, self.head_start_s = 0, [], 0, least_s
+    def __init__(self, plan):
+        self.plan = plan
+        self.changes = {(change["from"], change["to"]): change for change in plan["changes"]}
+        self.green, self.clearing, self.shown_s, self.head_start_s = 0, [], 0, plan["min_green_s"][0]
         self.cells = [sum(name.startswith(f"{way['lane']}[") for name in plan["columns"]) for way in plan["approaches"]]
 
     def observe(self, columns):
@@ -42,8 +43,10 @@ class Light:
         return np.pad(obs, (0, columns - len(obs)))
 
     def allowed(self, actions):
-        may_end = not self.clearing and self.shown_s + self.head_start_s >= self.least_s
-        return [action == self.green or may_end and action < len(self.plan["greens"]) for action in range(actions)]
+        """Say which greens may come next. Longest greens and reds, which agents.toml may set, are left out."""
+        shown_s = -1 if self.clearing else self.shown_s + self.head_start_s
+        ways = {to for (green, to), change in self.changes.items() if green == self.green and shown_s >= change["after_s"]}
+        return [action == self.green or action in ways for action in range(actions)]
 
     def show(self, action):
         """Show what follows from an action in the next second."""
@@ -51,8 +54,8 @@ class Light:
             self.clearing.pop(0)
             self.shown_s = self.shown_s if self.clearing else 0
         elif action != self.green and self.allowed(action + 1)[action]:
-            (change,) = [c for c in self.plan["changes"] if (c["from"], c["to"]) == (self.green, action)]
-            self.clearing = [state["state"] for state in change["states"] for _ in range(state["seconds"])]
+            states = self.changes[self.green, action]["states"]
+            self.clearing = [state["state"] for state in states for _ in range(state["seconds"])]
             self.green, self.shown_s, self.head_start_s = action, 0, 0
         self.shown_s += 1
         state = self.clearing[0] if self.clearing else self.plan["greens"][self.green]
@@ -78,7 +81,7 @@ def drive(config, lights, policies, seed=0, trips=None, sample=False):
         options += ["--tripinfo-output", str(trips), "--precision", "6"]
         options += [f"--tripinfo-output.write-{which}" for which in ("unfinished", "undeparted")]
     libsumo.start(["sumo", "-c", str(config), *options])
-    lights = [Light(plan, told["min_green_s"]) for plan in told["learning"]]
+    lights = [Light(plan) for plan in told["learning"]]
     dice = np.random.default_rng(int(seed))
     try:
         while libsumo.simulation.getTime() + DECISION_S <= libsumo.simulation.getEndTime():

@@ -279,7 +279,7 @@ fn light(inspected: &Inspected, agent: &Agent, border: &Border) -> Value {
     })
 }
 
-/// Returns what is shown between every two greens.
+/// Returns after how many seconds of a green a light may leave it for each other one, and what is shown in between.
 fn changes(phases: &PhasePlan) -> Vec<Value> {
     let greens = 0..phases.greens().len();
     let pairs = greens.clone().flat_map(|from| greens.clone().map(move |to| (from, to)));
@@ -288,7 +288,7 @@ fn changes(phases: &PhasePlan) -> Vec<Value> {
     pairs
         .map(|(from, to)| {
             let states: Vec<Value> = phases.clearing(from, to).iter().map(shown).collect();
-            json!({ "from": from, "to": to, "states": states })
+            json!({ "from": from, "to": to, "after_s": phases.least_before(from, to), "states": states })
         })
         .collect()
 }

@@ -176,7 +176,7 @@ impl PhasePlan {
     }
 
     /// Returns the least number of steps for which a light shows a green before it leaves it for another one.
-    pub(crate) fn least_before(&self, green: usize, to: usize) -> u32 {
+    pub fn least_before(&self, green: usize, to: usize) -> u32 {
         self.min_green_steps[green].saturating_sub(self.walk_ends[green][to])
     }
 
