@@ -5,11 +5,10 @@ use std::path::{Path, PathBuf};
 use super::VARIANTS;
 use super::map::{is_unclear, map};
 use super::read::{City, CityLight, CityPlayer, Figure, PartFigures};
+use super::roles::{best, name_of, role};
 use crate::document::{self, Block, Table};
 use dials_core::base::counted;
 
-/// The controller that runs the lights' own programs.
-const TODAY: &str = "program";
 /// Number of approaches in the table of the worst ones.
 const WORST_APPROACHES: usize = 10;
 const NOTHING: &str = "\u{2013}";
@@ -86,40 +85,6 @@ pub(super) fn blocks(variants: &[PathBuf], city: &City, number: Option<usize>) -
     blocks.push(Block::Heading(title("What was assumed")));
     blocks.push(Block::List(assumed(city)));
     blocks
-}
-
-/// Returns the player that is shown against the first one: the best learned one, or else the best of the others.
-fn best(city: &City) -> Option<&CityPlayer> {
-    let all = |_: &&CityPlayer| true;
-    best_of(city, true, all).or_else(|| best_of(city, false, all))
-}
-
-fn name_of(player: &CityPlayer) -> String {
-    match &*player.label {
-        TODAY => "today's plan".to_owned(),
-        label => label.to_owned(),
-    }
-}
-
-/// Returns the player of the least delay behind the first one, among the learned ones or the others.
-fn best_of<'a>(city: &'a City, learned: bool, counts: impl Fn(&&'a CityPlayer) -> bool) -> Option<&'a CityPlayer> {
-    let delay = |player: &CityPlayer| player.delay_s().map_or(f64::INFINITY, |found| found.mean);
-    let players = city.players.iter().skip(1).filter(|player| player.learned == learned).filter(counts);
-    players.min_by(|one, other| delay(one).total_cmp(&delay(other)))
-}
-
-fn role(city: &City, player: &CityPlayer) -> String {
-    let is_best = |learned: bool| {
-        let best = best_of(city, learned, |other| other.label != TODAY);
-        player.learned == learned && best.is_some_and(|best| best.label == player.label)
-    };
-    let role = match () {
-        () if player.label == TODAY => "today",
-        () if is_best(true) => "learned",
-        () if is_best(false) => "best rule",
-        () => return player.label.clone(),
-    };
-    format!("{role}: {}", player.label)
 }
 
 pub(super) fn summary(city: &City, after: Option<&CityPlayer>) -> String {
@@ -286,7 +251,8 @@ fn name_in_csv(field: &str) -> &str {
     field.strip_prefix('\'').filter(|name| name.starts_with(['=', '+', '-', '@'])).unwrap_or(field)
 }
 
-fn assumed(city: &City) -> Vec<String> {
+/// Returns sentences about the traffic that was played, and what played it.
+pub(super) fn traffic(city: &City) -> Vec<String> {
     let setting = |key: &str| city.settings.get("traffic")?.get(key).cloned();
     let mut lines = Vec::new();
     if let (Some(begin), Some(end)) = (setting("begin_s"), setting("end_s")) {
@@ -303,17 +269,28 @@ fn assumed(city: &City) -> Vec<String> {
     if let Some(sumo) = &city.sumo_version {
         lines.push(format!("Simulated with {sumo}."));
     }
+    lines
+}
+
+fn assumed(city: &City) -> Vec<String> {
+    let setting = |key: &str| city.settings.get("traffic")?.get(key).cloned();
+    let mut lines = traffic(city);
+    let has_policies = city.players.iter().any(|player| player.learned);
     for (key, words) in [
         ("decision_s", "Seconds between two decisions of a policy"),
-        ("min_green_s", "Least seconds of a green"),
+        ("min_green_s", "Least seconds of a green, longer where people on foot need more"),
         ("yellow_s", "Seconds of yellow (program: those of the light's own program)"),
     ] {
-        lines.extend(setting(key).map(|value| format!("{words}: {}.", value.to_string().trim_matches('"'))));
+        // Without a policy nothing is decided at these times.
+        let counts = key != "decision_s" || has_policies;
+        lines.extend(
+            setting(key).filter(|_| counts).map(|value| format!("{words}: {}.", value.to_string().trim_matches('"'))),
+        );
     }
-    lines.extend(city.rules.as_ref().map(|rules| format!("Policies are rewarded for: {}.", rules.reward)));
+    let rules = city.rules.as_ref().filter(|_| has_policies);
+    lines.extend(rules.map(|rules| format!("Policies are rewarded for: {}.", rules.reward)));
     lines.extend(MEANING.map(str::to_owned));
-    lines.extend(city.left_out.iter().map(|line| format!("Not simulated: {line}")));
-    lines.extend(city.warnings.iter().map(|line| format!("Note: {line}")));
+    lines.extend(city.left_out.iter().chain(&city.warnings).map(|line| format!("Note: {line}")));
     lines
 }
 
@@ -325,7 +302,7 @@ pub(super) fn with_error(Figure { mean, half_width_95 }: Figure) -> String {
     }
 }
 
-fn signed(figure: Figure) -> String {
+pub(super) fn signed(figure: Figure) -> String {
     let text = with_error(Figure { mean: figure.mean.abs(), ..figure });
     let is_zero = !text.contains(|letter: char| ('1'..='9').contains(&letter));
     let sign = if is_zero {
