@@ -2,6 +2,7 @@
 //! a map, each light before and after, and what was assumed. The runs' learning curves come behind it. [`live`] is the same in short,
 //! for a run that trains.
 
+mod assumed;
 mod live;
 mod map;
 mod page;

@@ -1,8 +1,9 @@
-//! The sections of a city's report: before and after, the map, each light, what was assumed.
+//! The sections of a city's report: before and after, the map, each light.
 
 use std::path::{Path, PathBuf};
 
 use super::VARIANTS;
+use super::assumed::assumed;
 use super::map::{is_unclear, map};
 use super::read::{City, CityLight, CityPlayer, Figure, PartFigures};
 use super::roles::{best, name_of, role};
@@ -27,18 +28,6 @@ const FIGURES: [(&str, &str); 9] = [
     ("teleports", "cars moved out of jams"),
 ];
 
-/// What a figure means, and how it was measured.
-const MEANING: [&str; 6] = [
-    "Delay: time that a car loses by driving slower than it would alone (SUMO's timeLoss), and by waiting to enter the net.",
-    "Delay at a light: the time that a car loses on an approach and in the junction. An approach begins at the light before, or where \
-     cars last had to yield. The time to gain speed behind the junction counts for the next road.",
-    "Level of service: the letter of the Highway Capacity Manual for the delay at a light: A to 10 s, B to 20, C to 35, D to 55, E to \
-     80, then F.",
-    "Queue: number of standing cars on the worst approach, all lanes, exceeded in 5 % of the seconds.",
-    "\u{b1}: half of a 95 % interval over episodes (Student's t). Differences are taken episode by episode on the same traffic.",
-    "Cars that are still on their way at the end count with the time that they have lost by then.",
-];
-
 /// Makes the sections of a city. `variants`: folders that may have tables of variants.
 /// `number`: that of the city, from 1, if there are several.
 pub(super) fn blocks(variants: &[PathBuf], city: &City, number: Option<usize>) -> Vec<Block> {
@@ -58,7 +47,7 @@ pub(super) fn blocks(variants: &[PathBuf], city: &City, number: Option<usize>) -
             Some(after) => format!(
                 "{}: where {} saves time against {}. Numbers are those of the next table.",
                 city.title(),
-                after.label,
+                name_of(after),
                 name_of(before)
             ),
             None => format!(
@@ -111,7 +100,7 @@ pub(super) fn summary(city: &City, after: Option<&CityPlayer>) -> String {
     };
     format!(
         "{first} With {} it loses {} s: a difference of {} s over {played} of the same traffic. {words}",
-        after.label,
+        name_of(after),
         with_error(theirs),
         signed(difference)
     )
@@ -249,49 +238,6 @@ fn robustness(folder: &Path) -> Option<Table> {
 /// Returns a name as it was before it became the field of a CSV file: see `csv_name`.
 fn name_in_csv(field: &str) -> &str {
     field.strip_prefix('\'').filter(|name| name.starts_with(['=', '+', '-', '@'])).unwrap_or(field)
-}
-
-/// Returns sentences about the traffic that was played, and what played it.
-pub(super) fn traffic(city: &City) -> Vec<String> {
-    let setting = |key: &str| city.settings.get("traffic")?.get(key).cloned();
-    let mut lines = Vec::new();
-    if let (Some(begin), Some(end)) = (setting("begin_s"), setting("end_s")) {
-        lines.push(format!("An episode is from {begin} s to {end} s of the scenario's clock."));
-    }
-    if let Some(warm_up) = setting("warm_up_s").filter(|seconds| *seconds != 0) {
-        lines.push(format!("Cars that want to enter in the first {warm_up} s are not counted (traffic.warm_up_s)."));
-    }
-    lines.push(format!(
-        "{} with random numbers of seed {}; every controller plays the same ones.",
-        counted(city.episodes, "episode"),
-        city.seed
-    ));
-    if let Some(sumo) = &city.sumo_version {
-        lines.push(format!("Simulated with {sumo}."));
-    }
-    lines
-}
-
-fn assumed(city: &City) -> Vec<String> {
-    let setting = |key: &str| city.settings.get("traffic")?.get(key).cloned();
-    let mut lines = traffic(city);
-    let has_policies = city.players.iter().any(|player| player.learned);
-    for (key, words) in [
-        ("decision_s", "Seconds between two decisions of a policy"),
-        ("min_green_s", "Least seconds of a green, longer where people on foot need more"),
-        ("yellow_s", "Seconds of yellow (program: those of the light's own program)"),
-    ] {
-        // Without a policy nothing is decided at these times.
-        let counts = key != "decision_s" || has_policies;
-        lines.extend(
-            setting(key).filter(|_| counts).map(|value| format!("{words}: {}.", value.to_string().trim_matches('"'))),
-        );
-    }
-    let rules = city.rules.as_ref().filter(|_| has_policies);
-    lines.extend(rules.map(|rules| format!("Policies are rewarded for: {}.", rules.reward)));
-    lines.extend(MEANING.map(str::to_owned));
-    lines.extend(city.left_out.iter().chain(&city.warnings).map(|line| format!("Note: {line}")));
-    lines
 }
 
 pub(super) fn with_error(Figure { mean, half_width_95 }: Figure) -> String {

@@ -29,14 +29,15 @@ pub(super) fn check(folder: &Path) -> Result<()> {
 /// alone although there are comparisons.
 pub(super) fn beside_the_others(found: Vec<(PathBuf, City)>) -> (Vec<(PathBuf, City)>, Vec<String>) {
     let has_plan = |(_, city): &(PathBuf, City)| city.players.iter().any(|player| player.plan);
-    // The players of a comparison come before those of the plans.
     let (plans, mut kept): (Vec<_>, Vec<_>) = found.into_iter().partition(has_plan);
     let mut warnings = Vec::new();
     for (folder, plan) in plans {
         match kept.iter_mut().find(|(_, city)| is_same_traffic(city, &plan)) {
             Some((_, city)) => {
                 let known: Vec<String> = city.players.iter().map(|player| player.label.clone()).collect();
-                city.players.extend(plan.players.into_iter().filter(|player| !known.contains(&player.label)));
+                let new = plan.players.into_iter().filter(|player| !known.contains(&player.label));
+                // Behind today's plan, because the page is about the plan.
+                city.players.splice(1..1, new.collect::<Vec<_>>());
             }
             None => {
                 warnings.extend((!kept.is_empty()).then(|| {
@@ -130,7 +131,7 @@ mod tests {
         for found in [vec![plan.clone(), rules.clone()], vec![rules, plan]] {
             let (found, warnings) = beside_the_others(found);
             assert_eq!((found.len(), warnings.len()), (1, 0));
-            assert_eq!(labels(&found[0].1), ["program", "max-pressure", "plan of webster"]);
+            assert_eq!(labels(&found[0].1), ["program", "plan of webster", "max-pressure"]);
         }
     }
 

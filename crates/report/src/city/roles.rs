@@ -44,11 +44,12 @@ fn least_delay<'a>(players: impl Iterator<Item = &'a CityPlayer>) -> Option<&'a 
     players.min_by(|one, other| delay(one).total_cmp(&delay(other)))
 }
 
-/// Returns the name of a player within a sentence.
+/// Returns the name of a player within a sentence. A plan's label is `plan of X`.
 pub(super) fn name_of(player: &CityPlayer) -> String {
-    match &*player.label {
-        TODAY => "today's plan".to_owned(),
-        label => label.to_owned(),
+    match (&*player.label, Role::of(player)) {
+        (TODAY, _) => "today's plan".to_owned(),
+        (label, Role::Plan) => format!("the {label}"),
+        (label, _) => label.to_owned(),
     }
 }
 

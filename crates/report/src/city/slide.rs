@@ -3,8 +3,9 @@
 
 use std::fmt::Write;
 
+use super::assumed::traffic;
 use super::map::{Frame, Scale, is_unclear, legend, roads_and_lights};
-use super::page::{signed, traffic, with_error};
+use super::page::{signed, with_error};
 use super::read::{City, CityPlayer};
 use super::roles::{Role, all_and_best, best, name_of, role};
 use crate::document::escape;
@@ -24,7 +25,8 @@ const FAINT: RGBColor = RGBColor(0x5c, 0x5c, 0x5c);
 const GREY: RGBColor = RGBColor(0x8c, 0x8c, 0x8c);
 /// Width of a letter as a share of its height, on average and a little more.
 const LETTER: f64 = 0.52;
-const MOST_NOTES: usize = 5;
+/// Most lines below the bars.
+const MOST_NOTES: usize = 10;
 
 pub(super) fn slide(city: &City) -> Svg {
     let [width, height] = SIZE;
@@ -125,15 +127,17 @@ fn notes(svg: &mut String, city: &City) {
     let played = counted(city.episodes, "episode");
     let mut notes = vec![match city.episodes {
         1 => "n = 1 episode, so there are no intervals.".to_owned(),
-        _ => format!("Means over n = {played}; lines and \u{b1}: 95 % intervals; differences paired by episode."),
+        _ => format!("n = {played}; lines and \u{b1}: 95 % intervals; differences paired by episode."),
     }];
-    notes.extend(traffic(city));
-    notes.push("Delay: SUMO's timeLoss, and the time that a car waits to enter.".to_owned());
     // Of the warnings, only the one that concerns the comparison itself.
-    notes.extend(city.warnings.iter().filter(|warning| warning.starts_with("today's plan")).cloned());
+    notes.extend(
+        city.warnings.iter().filter(|warning| warning.starts_with("today's plan")).map(|what| format!("Note: {what}.")),
+    );
+    notes.extend(traffic(city));
+    notes.push("Delay: timeLoss, and the time that a car waits to enter.".to_owned());
     let letters = (COLUMN.1 / (17.0 * LETTER)) as usize;
     let mut lines: Vec<String> = notes.iter().flat_map(|note| wrapped(note, letters)).collect();
-    lines.truncate(2 * MOST_NOTES);
+    lines.truncate(MOST_NOTES);
     // They end at the bottom.
     let top = f64::from(SIZE[1]) - 30.0 - 22.0 * (lines.len() - 1) as f64;
     for (number, line) in lines.iter().enumerate() {
@@ -197,7 +201,7 @@ mod tests {
     fn the_slide_has_today_the_plan_and_the_best_of_each_kind_with_n() {
         let svg = slide(&city(2.0)).file();
         assert!(
-            svg.contains("With plan of &lt;webster&gt; a car loses 25 % less time than with today's plan."),
+            svg.contains("With the plan of &lt;webster&gt; a car loses 25 % less time than with today's plan."),
             "{svg}"
         );
         for words in ["today: program", "learned: runs/a", "best rule: max-pressure", "n = 5 episodes", "seed 7"] {
@@ -210,7 +214,7 @@ mod tests {
     #[test]
     fn a_difference_within_its_interval_is_no_saving() {
         let svg = slide(&city(11.0)).file();
-        assert!(svg.contains("No clear difference between plan of &lt;webster&gt; and today's plan."), "{svg}");
+        assert!(svg.contains("No clear difference between the plan of &lt;webster&gt; and today's plan."), "{svg}");
     }
 
     #[test]
