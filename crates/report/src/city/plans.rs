@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use anyhow::{Context, Result, ensure};
 
 use super::CITY;
-use super::read::City;
+use super::read::{City, Figure};
 use crate::document::Block;
 use crate::signal_plan::{PAGE, PROGRAMS, TABLE};
 use dials_core::outside::read_text;
@@ -24,6 +24,10 @@ pub(super) fn check(folder: &Path) -> Result<()> {
     );
     Ok(())
 }
+
+/// Why a plan need not have the delay of the controller that it was made of.
+const OTHER_DELAY: &str = "A plan has fixed greens, perhaps other ones for each period of the demand, and each light begins where its \
+                           offset says. So its delay is not that of the controller from which it was made.";
 
 /// Puts every plan beside the comparison of the same traffic, if there is one. Also returns sentences about plans that stay
 /// alone although there are comparisons.
@@ -58,12 +62,13 @@ pub(super) fn beside_the_others(found: Vec<(PathBuf, City)>) -> (Vec<(PathBuf, C
 /// All its figures are equal to the last digit only if all its cars are.
 fn is_same_traffic(one: &City, other: &City) -> bool {
     let [own, theirs] = [one, other].map(|city| &city.players[0]);
-    let figures = |city: &City, name: &str| city.players[0].figures.get(name).map(|figure| figure.mean.to_bits());
-    let shared = own.figures.keys().filter(|name| theirs.figures.contains_key(*name));
+    let bits = |figure: &Figure| figure.mean.to_bits();
+    let is_same =
+        |(name, figure): (&String, &Figure)| theirs.figures.get(name).is_none_or(|other| bits(other) == bits(figure));
     let ids = |city: &City| city.players[0].lights.iter().map(|light| light.id.clone()).collect::<Vec<_>>();
     (&one.name, one.seed, one.episodes, &own.label) == (&other.name, other.seed, other.episodes, &theirs.label)
         && own.delay_s().is_some()
-        && shared.into_iter().all(|name| figures(one, name) == figures(other, name))
+        && own.figures.iter().all(is_same)
         && ids(one) == ids(other)
 }
 
@@ -98,6 +103,7 @@ pub(super) fn files(folders: &[PathBuf]) -> Result<Plans> {
             _ => Block::Heading(format!("The plan in {}", folder.display())),
         });
         plans.blocks.push(Block::Links(links));
+        plans.blocks.push(Block::Paragraph(OTHER_DELAY.to_owned()));
     }
     Ok(plans)
 }

@@ -58,8 +58,8 @@ fn inventor(begin: &str) -> Option<&'static str> {
         return Some("netgenerate");
     }
     let has = |kind: &&str| comment.contains(&format!("<{kind} "));
-    let is_made = first.contains("SUMO netconvert ") && WITHOUT_PROGRAMS.iter().any(|kind| has(&kind));
-    (is_made && !WITH_PROGRAMS.iter().any(|kind| has(&kind))).then_some("netconvert")
+    let is_made = first.contains("SUMO netconvert ") && WITHOUT_PROGRAMS.iter().any(has);
+    (is_made && !WITH_PROGRAMS.iter().any(has)).then_some("netconvert")
 }
 
 #[cfg(test)]
