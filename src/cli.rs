@@ -259,7 +259,7 @@ pub struct PlanArgs {
     pub greedy: bool,
     #[command(flatten)]
     pub episodes: EpisodesArgs,
-    /// Output directory, for programs.add.xml, plan.csv and plan.html
+    /// Output directory, for programs.add.xml, plan.csv, plan.html, and what `report` reads
     #[arg(long, value_name = "DIR")]
     pub out: PathBuf,
     /// Print one JSON object instead of a table
@@ -545,7 +545,7 @@ pub struct Seeds(pub Vec<u64>);
 
 #[derive(Debug, Args)]
 pub struct ReportArgs {
-    /// Run directories, or folders that contain them
+    /// Run directories, directories of `baseline --csv` and of `plan`, or folders that contain them
     #[arg(required = true, value_name = "DIR")]
     pub folders: Vec<PathBuf>,
     /// Output folder for the page, its pictures and its tables

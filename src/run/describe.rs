@@ -17,6 +17,7 @@ use dials_learn::config::{Simulator, short_forms};
 use dials_report::words::duration;
 use dials_session::config::{RunConfig, load};
 use dials_session::cost::Workload;
+use dials_session::domains::DomainConfig;
 use dials_session::error::{Error, Result};
 use dials_session::experiment::estimate::{Estimate, estimate};
 use dials_session::experiment::file::PlannedRun;
@@ -24,6 +25,7 @@ use dials_session::records::find::find;
 use dials_session::records::run_record::RunRecord;
 use dials_session::terminal::{answer, json as in_json, program};
 use dials_session::{build, domains};
+use dials_traffic::config::TrafficTable;
 
 /// Folder whose runs show how long a run takes here: where `train` writes.
 const RUNS: &str = "runs";
@@ -151,7 +153,14 @@ fn as_text(described: &Described) -> String {
 fn agents(text: &mut Listing, Described { path, config, domain, tasks, .. }: &Described) {
     let horizon = domain.kinds().horizon();
     let count = counted(tasks.len(), "agent");
-    text.paragraph(format_args!("{}: {count}, episodes of {horizon} steps", path.display()));
+    let of_seconds = match &config.domain {
+        Some(DomainConfig::Traffic(TrafficTable::Scenario(table))) if table.decision_s > 1 => {
+            let (each, all) = (u64::from(table.decision_s), horizon as u64 * u64::from(table.decision_s));
+            format!(" of {each} s ({all} s)")
+        }
+        _ => String::new(),
+    };
+    text.paragraph(format_args!("{}: {count}, episodes of {horizon} steps{of_seconds}", path.display()));
     let form = config.learning.short_form();
     text.paragraph(format_args!("simulator: {}: policies train on {}", form.name, form.help));
     let mut names: Vec<String> = tasks.iter().map(|agent| agent.name.clone()).take(MOST_NAMES).collect();

@@ -9,7 +9,9 @@ use std::time::Duration;
 use anyhow::{Context, anyhow, ensure};
 
 use super::info::{about_place, about_sumo};
+use super::sumo_data::{self, Data};
 use super::train::cores;
+use crate::libtorch;
 use crate::program::{PROGRAM, command_for_feature};
 use dials_core::base::counted;
 use dials_core::outside::{quoted, temporary_dir};
@@ -127,6 +129,10 @@ fn parts() -> Vec<Finding> {
     findings.extend(sumo());
     findings.extend([libtorch(), mpi()]);
     findings.extend(PROGRAMS.map(program));
+    findings.push(match sumo_data::data() {
+        Data::Found(what) => Finding::Good(what),
+        Data::Missing(what, cure) => Finding::Missing(what, cure),
+    });
     findings.push(Finding::Good(counted(cores(), "core")));
     findings.push(memory());
     findings.push(disk("for runs", Path::new(".")));
@@ -163,9 +169,11 @@ fn sumo() -> Vec<Finding> {
 }
 
 fn libtorch() -> Finding {
-    match cfg!(feature = "torch") {
-        true => Finding::Good(format!("libtorch {} for `export`", env!("DIALS_LIBTORCH_VERSION"))),
-        false => Finding::Missing("libtorch: needed for `export`".to_owned(), command_for_feature("torch")),
+    let cure = command_for_feature("torch");
+    match (cfg!(feature = "torch"), libtorch::maps()) {
+        (true, Ok(_)) => Finding::Good(format!("libtorch {} for `export`", env!("DIALS_LIBTORCH_VERSION"))),
+        (true, Err(error)) => Finding::Missing(format!("libtorch: needed for `export`: {error:#}"), cure),
+        (false, _) => Finding::Missing("libtorch: needed for `export`".to_owned(), cure),
     }
 }
 

@@ -19,7 +19,7 @@ pub(super) fn info() -> Result<()> {
     ];
     lines.extend(dials_traffic::sumo_places().iter().map(|place| format!("  {}", about_place(place))));
     lines.extend([
-        about_libtorch(&build)?,
+        about_libtorch(&build),
         format!("{} at {}", build.libm, place(loaded_library("libm.so"))),
         format!("{}, with {}", build.cpu, build.vector_instructions),
     ]);
@@ -49,13 +49,16 @@ pub(super) fn about_place(place: &SumoPlace) -> String {
     format!("looked at: {} ({}): {there}", place.library.display(), place.source)
 }
 
-fn about_libtorch(build: &Versions) -> Result<String> {
+fn about_libtorch(build: &Versions) -> String {
     if libtorch::check().is_err() {
-        return Ok("no libtorch: built without the feature `torch`".to_owned());
+        return "no libtorch: built without the feature `torch`".to_owned();
     }
-    let maps = libtorch::maps().map_err(Error::Run)?;
+    let maps = match libtorch::maps() {
+        Ok(maps) => maps,
+        Err(error) => return format!("no libtorch: {error:#}"),
+    };
     let [torch, blas] = ["libtorch_cpu.so", "blas"].map(|name| place(file_in(&maps, name)));
-    Ok(format!("libtorch {} at {torch}\nBLAS at {blas}", build.libtorch))
+    format!("libtorch {} at {torch}\nBLAS at {blas}", build.libtorch)
 }
 
 fn place(found: Option<PathBuf>) -> String {

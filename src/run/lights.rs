@@ -3,6 +3,7 @@
 use anyhow::{Result, ensure};
 use serde_json::{Map, Value, json};
 
+use super::plan::PLAN;
 use crate::cli::OutputArgs;
 use dials_core::base::statistics::Interval;
 use dials_core::domain::light_figures::{LightPlace, LightsEpisode};
@@ -104,12 +105,21 @@ impl LightFigures {
 
     /// Returns the lines of the last player for `lights.csv`.
     pub(super) fn lines(&self, label: &str) -> Lines {
-        let player = self.played.len() - 1;
-        let lines = match self.has_any() {
+        Lines { header: csv::header(), lines: self.lines_of(self.played.len() - 1, label) }
+    }
+
+    /// Returns the contents of `lights.csv` with all players.
+    pub(super) fn csv(&self, findings: &[Finding]) -> Result<String> {
+        let lines = findings.iter().enumerate();
+        let lines: Vec<_> = lines.flat_map(|(player, finding)| self.lines_of(player, &finding.player.label)).collect();
+        csv::text(&lines)
+    }
+
+    fn lines_of(&self, player: usize, label: &str) -> Vec<Vec<String>> {
+        match self.has_any() {
             true => csv::lines(label, &self.of(player), self.reference(player).as_ref()),
             false => Vec::new(),
-        };
-        Lines { header: csv::header(), lines }
+        }
     }
 
     /// Returns the table for a terminal, if it is wanted.
@@ -153,6 +163,7 @@ impl LightFigures {
             json!({
                 "label": finding.player.label,
                 "learned": finding.player.policies.is_some(),
+                "plan": finding.player.keys.iter().any(|(key, _)| *key == PLAN),
                 "figures": own.into_iter().map(figures).collect::<Map<String, Value>>(),
                 "differences": differences,
                 "lost_time": if self.has_any() { in_json::lost_time(&self.of(player)) } else { Value::Null },

@@ -7,13 +7,14 @@ use anyhow::{Context, anyhow, bail, ensure};
 use serde_json::json;
 
 use super::evaluate::tune;
+use super::lights::{CITY, LIGHTS, LightFigures};
 use super::plan_files::{Outcome, files};
 use super::subject::Subject;
 use crate::cli;
 use dials_core::base::statistics::{Interval, mean};
 use dials_core::base::{RandomPurpose, Seed};
 use dials_core::domain::{Baseline, BuiltInControl, Controller, Domain};
-use dials_learn::evaluation::{EpisodeReport, Finding, Player, play, play_episodes};
+use dials_learn::evaluation::{EpisodeReport, Finding, Player, episode_seed, play};
 use dials_session::config::{RunConfig, load};
 use dials_session::directory;
 use dials_session::domains::{self, DomainConfig};
@@ -34,6 +35,8 @@ use dials_traffic::timing::{self, DayPlan, plain_run};
 
 /// Today's programs, with which plans are compared.
 const TODAY: &str = "program";
+/// Key of a player that plays a plan.
+pub(super) const PLAN: &str = "plan";
 /// Number of episodes in which the candidates of a frozen plan are compared.
 const TRIALS: usize = 3;
 
@@ -56,11 +59,16 @@ pub(super) fn plan(args: &cli::PlanArgs) -> Result<()> {
     domains::note_left_out(&*domain);
     let work = Work { args, config: &config, traffic: &traffic };
     let made = work.make(subject, &name)?;
-    let findings = work.measure(&made)?;
+    let mut lights = LightFigures::for_a_city();
+    let findings = work.measure(&made, &mut lights)?;
     let plain = plain_run(&traffic).map_err(Error::Run)?;
     let sheets = sheets(&traffic, &made.plan, &made.programs).map_err(Error::Run)?;
     let outcome = Outcome::new(&sheets, &plain, &place, &findings, work.seed(), &label, &made.plan);
-    let written = files(&made.programs, &outcome).map_err(Error::Run)?;
+    let outcome = outcome.with_warnings(domain.warnings());
+    let mut written = files(&made.programs, &outcome).map_err(Error::Run)?;
+    let city = lights.city(&config, &*domain, &findings, work.seed()).map_err(Error::Run)?;
+    written.push((LIGHTS, lights.csv(&findings).map_err(Error::Run)?));
+    written.push((CITY, city.to_string()));
     let names: Vec<&str> = written.iter().map(|(name, _)| *name).collect();
     places::make(&args.out, existing, |dir| written.iter().try_for_each(|(name, text)| dir.put(name, text.as_bytes())))
         .map_err(Error::Run)?;
@@ -260,8 +268,9 @@ impl Work<'_> {
         Ok(Baseline { simulator, controller: Box::new(BuiltInControl) })
     }
 
-    /// Lets today's programs, who was watched, and the plan play the same episodes, in this order.
-    fn measure(&self, made: &Made) -> Result<Vec<Finding>> {
+    /// Lets today's programs, who was watched, and the plan play the same episodes, in this order. `lights` notes what happens at
+    /// each light.
+    fn measure(&self, made: &Made, lights: &mut LightFigures) -> Result<Vec<Finding>> {
         let today = Subject::Controller(TODAY.to_owned());
         let watched = made.watched.iter().filter(|subject| **subject != today);
         let subjects: Vec<&Subject> = [&today].into_iter().chain(watched).collect();
@@ -271,11 +280,15 @@ impl Work<'_> {
         let mut add = |player: Player, opened: anyhow::Result<Baseline>| -> Result<()> {
             let Baseline { mut simulator, mut controller } = opened.map_err(Error::Run)?;
             let before = findings.len() * episodes;
-            let played = simulator.measure_in_full().and_then(|()| {
-                let progress = &mut |done| bar.set(before + done);
-                play_episodes(&mut *simulator, &mut *controller, Seed::new(self.seed()), episodes, progress)
-            });
-            findings.push(Finding { player, episodes: played.map_err(Error::Run)? });
+            lights.begin(&mut *simulator, false).map_err(Error::Run)?;
+            let mut played = Vec::with_capacity(episodes);
+            for episode in 0..episodes {
+                let seed = episode_seed(Seed::new(self.seed()), episode);
+                played.push(play(&mut *simulator, &mut *controller, seed).map_err(Error::Run)?);
+                lights.note(&mut *simulator);
+                bar.set(before + episode + 1);
+            }
+            findings.push(Finding { player, episodes: played });
             Ok(())
         };
         for subject in subjects {
@@ -283,7 +296,7 @@ impl Work<'_> {
             add(player, subject.open(self.traffic))?;
         }
         let label = format!("plan of {}", self.args.controller);
-        let keys = vec![("plan", json!(self.args.controller))];
+        let keys = vec![(PLAN, json!(self.args.controller))];
         add(Player { label, keys, policies: None, others: None }, self.player(&made.programs))?;
         bar.finish();
         Ok(findings)

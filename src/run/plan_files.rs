@@ -12,17 +12,19 @@ use dials_core::domain::Domain;
 use dials_core::domain::signal_sheet::{Aspect, SignalSheet};
 use dials_core::outside::quoted;
 use dials_learn::evaluation::{Finding, cell, comparison, episode_seed, json, signed};
-use dials_report::signal_plan::{About, csv, page};
+use dials_report::signal_plan::{About, PAGE, PROGRAMS, TABLE, csv, page};
+use dials_session::terminal::program;
+use dials_traffic::controllers::COORDINATED;
 use dials_traffic::timing::programs::Programs;
 use dials_traffic::timing::{DayPlan, PlainRun};
-
-const PROGRAMS: &str = "programs.add.xml";
-const TABLE: &str = "plan.csv";
-const PAGE: &str = "plan.html";
 
 /// What somebody who puts the plan on the street wants to know.
 const WALK_SIGNALS: &str = "on foot: walk signals end before the cars' green, so that people are across when others get green \
                             (docs/networks.md, People on foot)";
+
+/// Why a plan of `coordinated` has another delay than `coordinated` itself.
+const NO_LEEWAY: &str = "a plan has fixed greens, without the leeway (`early`, `late`) of `baseline --controller coordinated`, so the \
+                         two have different delays";
 
 /// What the playing found.
 pub(super) struct Outcome<'a> {
@@ -31,6 +33,8 @@ pub(super) struct Outcome<'a> {
     label: &'a str,
     sheets: &'a [SignalSheet],
     periods: usize,
+    /// What somebody should know of the scenario's files.
+    warnings: Vec<String>,
     directory: String,
     /// Command that plays the plan in plain SUMO.
     command: String,
@@ -71,10 +75,17 @@ impl<'a> Outcome<'a> {
             label,
             sheets,
             periods: plan.periods(),
+            warnings: Vec::new(),
             directory: place.display().to_string(),
             command,
             check,
         }
+    }
+
+    /// Takes what somebody should know of the scenario's files, a sentence each.
+    pub(super) fn with_warnings(mut self, warnings: Vec<String>) -> Outcome<'a> {
+        self.warnings = warnings;
+        self
     }
 
     fn today(&self) -> &Finding {
@@ -101,13 +112,16 @@ impl<'a> Outcome<'a> {
         let interval = if self.episodes() > 1 { "95 % interval, " } else { "" };
         let episodes = counted(self.episodes(), "episode");
         let mut sentences = vec![format!(
-            "delay per vehicle: {today} with today's programs, {plan} with the plan; difference {saved} ({interval}{episodes}, \
+            "delay per car: {today} with today's programs, {plan} with the plan; difference {saved} ({interval}{episodes}, \
              the same traffic)"
         )];
         if let Some(watched) = self.watched() {
             let own = seconds(Interval::of(&delays_s(watched)));
             let lost = change(difference(self.plan(), watched));
             sentences.push(format!("{} itself has {own}; the plan differs from it by {lost}", self.label));
+        }
+        if self.label.split(':').next() == Some(COORDINATED) {
+            sentences.push(NO_LEEWAY.to_owned());
         }
         if self.sheets.iter().any(has_walk_signals) {
             sentences.push(WALK_SIGNALS.to_owned());
@@ -119,13 +133,16 @@ impl<'a> Outcome<'a> {
         let plans =
             if self.periods > 1 { format!(", {} in turn", counted(self.periods, "plan")) } else { String::new() };
         format!(
-            "{}\n\nwritten to {}: {}; {}{plans}\n{}\nplay it with: {}\nto check the first episode, \
+            "{}\n\nwritten to {}: {}; {}{plans}\n{}\nfor a page with a map, each light before and after, and a slide: {} report \
+             {}\nplay it with: {}\nto check the first episode, \
              whose trips lose {} s on average (timeLoss + departDelay in trips.xml): {}",
             comparison(self.findings),
             self.directory,
             files.join(", "),
             counted(self.sheets.len(), "light"),
             self.sentences().join("\n"),
+            program(),
+            quoted(Path::new(&self.directory)),
             self.command,
             delays_s(self.plan())[0],
             self.check
@@ -143,6 +160,7 @@ impl<'a> Outcome<'a> {
         object.insert("seed".into(), json!(self.seed));
         object.insert("lights".into(), json!(self.sheets.len()));
         object.insert("periods".into(), json!(self.periods));
+        object.insert("warnings".into(), json!(self.warnings));
         object.insert("delay_today_s".into(), json!(mean(&delays_s(self.today()))));
         object.insert("delay_plan_s".into(), json!(mean(&delays)));
         object.insert("delay_difference_s".into(), interval(difference(self.plan(), self.today())));
@@ -178,7 +196,7 @@ impl<'a> Outcome<'a> {
             title: format!("Signal plan: {}", self.label),
             words: words.iter().map(|sentence| sentence_of(sentence)).collect(),
             caption: format!(
-                "Delay per vehicle, mean +- half of its 95 % interval over {}. The difference is paired by episode.",
+                "Delay per car, mean +- half of its 95 % interval over {}. The difference is paired by episode.",
                 counted(self.episodes(), "episode")
             ),
             header: ["lights", "delay", "difference from today"].map(str::to_owned).to_vec(),
@@ -194,14 +212,14 @@ impl<'a> Outcome<'a> {
                     self.check.clone(),
                 ),
             ],
-            assumed: vec![
-                "Delay is what SUMO calls timeLoss, and the time that a vehicle waited to enter. Vehicles that never entered \
-                 count."
+            assumed: self.warnings.iter().map(|warning| sentence_of(warning)).chain([
+                "Delay is what SUMO calls timeLoss, and the time that a car waited to enter. Buses and other vehicles count as \
+                 cars, and those that never entered count, too."
                     .to_owned(),
                 "Phases, yellow and all red come from the programs of the net, or from the settings of the config.".to_owned(),
                 "Lights that are not listed keep their programs.".to_owned(),
                 "An offset is the second of the simulation, modulo the cycle, at which phase 1 begins.".to_owned(),
-            ],
+            ]).collect(),
         }
     }
 }

@@ -3,6 +3,7 @@
 use crate::cli;
 use dials_core::base::{counted, for_terminal};
 use dials_core::outside::{Directory, Printable, quoted};
+use dials_report::city::SLIDE;
 use dials_report::{MARKDOWN, PAGE};
 use dials_session::error::{Error, Result};
 use dials_session::outputs::check_not_a_run;
@@ -22,6 +23,8 @@ pub(super) fn report(args: &cli::ReportArgs) -> Result<()> {
     let of_runs = (runs > 0).then(|| format!("{} in {}", counted(runs, "run"), counted(groups, "group")));
     let of_cities = (report.cities > 0).then(|| format!("lights in {}", counted(report.cities, "comparison")));
     let what = of_cities.into_iter().chain(of_runs).collect::<Vec<_>>().join(", ");
-    let message = format!("{what}; open {} or read {}", quoted(&page), quoted(&markdown));
+    let has_slide = report.files.iter().any(|(name, _)| name == SLIDE);
+    let slide = if has_slide { format!("; {} is for a presentation", quoted(&out.join(SLIDE))) } else { String::new() };
+    let message = format!("{what}; open {} or read {}{slide}", quoted(&page), quoted(&markdown));
     answer(message).map_err(Error::Run)
 }

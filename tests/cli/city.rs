@@ -60,12 +60,62 @@ fn a_comparison_shows_the_worst_lights_and_json_and_csv_have_all_of_them() {
     let assert = dials_traffic(&["report", out.to_str().unwrap(), "--out", page.to_str().unwrap()]).assert().success();
     assert!(text(&assert.get_output().stdout).starts_with("lights in 1 comparison; open "));
     let html = fs::read_to_string(page.join("report.html")).unwrap();
-    for words in ["today: program", "best rule: max-pressure", "What was assumed", "LOS", "<svg role=\"img\""] {
+    for words in ["today: program", "rule: max-pressure", "What was assumed", "LOS", "<svg role=\"img\""] {
         assert!(html.contains(words), "{words} is not on the page");
+    }
+    // One rule has no rival, and no policy was rewarded.
+    for words in ["best rule", "Policies are rewarded", "Not simulated"] {
+        assert!(!html.contains(words), "{words} is on the page");
     }
     for outside in ["src=", "<link", "@import", "url("] {
         assert!(!html.contains(outside), "{outside} would need another file");
     }
+}
+
+#[test]
+fn a_plan_stands_beside_the_rules_with_its_files_and_a_slide() {
+    let dir = tempfile::tempdir().unwrap();
+    let path = |name: &str| dir.path().join(name).to_str().unwrap().to_owned();
+    let (rules, plan, page) = (path("rules"), path("plan"), path("page"));
+    compare(&["--csv", &rules]);
+    let town = town();
+    let args = ["plan", town.to_str().unwrap(), "--controller", "webster", "--end", "300", "--out"];
+    let assert = dials_traffic(&[&args[..], &[&plan, "--episodes", "2"]].concat()).assert().success();
+    let said = text(&assert.get_output().stdout);
+    assert!(said.contains(&format!("report {plan}\n")), "{said}");
+    let assert = dials_traffic(&["report", &plan, &rules, "--out", &page]).assert().success();
+    let said = text(&assert.get_output().stdout);
+    assert!(said.starts_with("lights in 1 comparison; open ") && said.contains("slide.svg"), "{said}");
+    let html = fs::read_to_string(dir.path().join("page/report.html")).unwrap();
+    for words in ["today: program", "rule: max-pressure", "<th>plan of webster</th>", "<a href=\"plan.html\">"] {
+        assert!(html.contains(words), "{words} is not on the page");
+    }
+    for name in ["plan.html", "plan.csv", "programs.add.xml"] {
+        let [kept, made] = ["page", "plan"].map(|folder| fs::read(dir.path().join(folder).join(name)).unwrap());
+        assert!(kept == made, "{name}");
+    }
+    let slide = fs::read_to_string(dir.path().join("page/slide.svg")).unwrap();
+    assert!(slide.contains("n = 2 episodes") && slide.contains(">plan of webster<"), "{slide}");
+    // What the plan's own folder says of today is what the comparison says, to the last digit.
+    let today = |folder: &str| -> Value {
+        let city = fs::read_to_string(dir.path().join(folder).join("city.json")).unwrap();
+        serde_json::from_str::<Value>(&city).unwrap()["players"][0].take()
+    };
+    assert_eq!(today("plan"), today("rules"));
+    // Other traffic stays apart, with a word why.
+    let other = path("other");
+    let args =
+        ["baseline", town.to_str().unwrap(), "--compare", "program,max-pressure", "--episodes", "1", "--end", "300"];
+    dials_traffic(&[&args[..], &["--csv", &other]].concat()).assert().success();
+    let assert = dials_traffic(&["report", &plan, &other, "--out", &path("apart")]).assert().success();
+    assert!(text(&assert.get_output().stderr).contains("plan: stands alone, because "));
+    assert!(text(&assert.get_output().stdout).starts_with("lights in 2 comparisons; "));
+    assert!(dir.path().join("apart/slide_2.svg").is_file());
+    // The folder of an older version has no figures.
+    fs::remove_file(dir.path().join("plan/city.json")).unwrap();
+    let assert = dials_traffic(&["report", &plan, "--out", &path("none")]).assert().code(2);
+    let said = text(&assert.get_output().stderr);
+    assert!(said.contains("is a plan without city.json") && said.contains("--force"), "{said}");
 }
 
 #[test]

@@ -1002,6 +1002,19 @@ fn info_tells_versions_and_places() {
 }
 
 #[test]
+fn without_its_program_for_libtorch_info_and_doctor_say_so_and_go_on() {
+    let room = tempfile::tempdir().unwrap();
+    let alone = room.path().join("dials-traffic");
+    let program = assert_cmd::cargo::cargo_bin!("dials-traffic");
+    // A link costs nothing, but works on the same disk only.
+    fs::hard_link(program, &alone).or_else(|_| fs::copy(program, &alone).map(drop)).unwrap();
+    let info = text(&Command::new(&alone).arg("info").assert().success().get_output().stdout);
+    assert!(info.contains("no libtorch: "), "{info}");
+    let doctor = text(&Command::new(&alone).arg("doctor").assert().success().get_output().stdout);
+    assert!(doctor.contains("missing  libtorch: needed for `export`"), "{doctor}");
+}
+
+#[test]
 fn asking_for_nothing_or_nonsense_exits_with_2() {
     dials_traffic(&[]).assert().code(2);
     dials_traffic(&["trian"]).assert().code(2);

@@ -96,6 +96,8 @@ fn what_describes_configs_and_experiments_fits_a_terminal() {
 
 #[test]
 fn every_agent_of_a_scenario_is_in_the_json_without_padding() {
+    let text = answer(&["describe", "sumo_nets/town/town.sumocfg"]);
+    assert!(text.contains(": 20 agents, episodes of 720 steps of 5 s (3600 s)"), "{text}");
     let json: Value = serde_json::from_str(&answer(&["describe", "sumo_nets/town/town.sumocfg", "--json"])).unwrap();
     let agents = json["agents"].as_array().unwrap();
     assert_eq!((agents.len(), agents[0]["name"].as_str()), (20, Some("b2")));
@@ -136,6 +138,7 @@ fn the_doctor_trains_and_says_what_is_missing_and_how_to_get_it() {
         }
     };
     assert!(out.contains(libtorch), "{out}");
+    assert!(out.contains("SUMO's data"), "{out}");
 
     // Programs are for some commands. Training needs SUMO's library alone.
     let room = tempfile::tempdir().unwrap();

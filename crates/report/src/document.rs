@@ -11,6 +11,8 @@ pub(crate) enum Block {
     Figure(Figure),
     /// Commands to copy, one line each.
     Code(Vec<String>),
+    /// Files beside the page, each with what it is. Names of files are ours: plain words without spaces.
+    Links(Vec<(String, String)>),
 }
 
 pub(crate) struct Table {
@@ -93,6 +95,7 @@ impl Block {
                 let fence = "`".repeat((longest + 1).max(3));
                 format!("{fence}sh\n{commands}\n{fence}")
             }
+            Block::Links(links) => joined(links, |(file, words)| format!("- [{file}]({file}): {}", markdown(words))),
         }
     }
 
@@ -121,6 +124,12 @@ impl Block {
                 format!("<figure>\n{}<figcaption>{caption}</figcaption>\n</figure>", svg.inline(&caption))
             }
             Block::Code(commands) => format!("<pre>{}</pre>", joined(commands, |command| escape(command))),
+            Block::Links(links) => {
+                let link = |(file, words): &(String, String)| {
+                    format!("<li><a href=\"{0}\">{0}</a>: {1}</li>", escape(file), escape(words))
+                };
+                format!("<ul>\n{}\n</ul>", joined(links, link))
+            }
         }
     }
 }

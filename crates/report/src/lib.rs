@@ -75,22 +75,26 @@ pub fn report(folders: &[PathBuf]) -> Result<Report> {
         |folder: &PathBuf| cities.iter().any(|cities| cities.folders.iter().any(|city| city.starts_with(folder)));
     let with_runs = |folder: &&PathBuf| !is_city(folder) || dials_session::records::find::has_runs(folder);
     let of_runs: Vec<PathBuf> = folders.iter().filter(with_runs).cloned().collect();
-    let (comparisons, warnings) = compared(dials_session::records::find::find(&of_runs)?)?;
+    let (comparisons, mut warnings) = compared(dials_session::records::find::find(&of_runs)?)?;
     let groups = || comparisons.iter().flat_map(|comparison| &comparison.groups);
     let names: Vec<String> = of_runs.iter().map(|folder| folder.display().to_string()).collect();
     let has_finals = groups().any(|group| group.finals().is_some());
     ensure!(has_finals || (cities.is_some() && of_runs.is_empty()), words::no_run(&names.join(", "), &warnings));
     let compared_cities = cities.as_ref().map_or(0, |cities| cities.count);
+    let mut beside = Vec::new();
     let document = match cities {
         None => sections::document(&comparisons, &warnings)?,
-        Some(city::Cities { title, mut blocks, .. }) => {
+        Some(city::Cities { title, mut blocks, files, warnings: of_cities, .. }) => {
+            beside = files;
             if has_finals {
                 blocks.extend(sections::document(&comparisons, &warnings)?.blocks);
             }
+            warnings.splice(0..0, of_cities);
             document::Document { title, blocks }
         }
     };
     let mut files = vec![(PAGE.to_owned(), document.to_html()), (MARKDOWN.to_owned(), document.to_markdown())];
+    files.extend(beside);
     files.extend(document.figures().map(|figure| (format!("{}.svg", figure.name), figure.svg.file())));
     if has_finals {
         files.extend(csv_file::files(&comparisons)?);

@@ -3,13 +3,14 @@
 //! - `room`: a folder with a scenario to break; `config`: the ways to name one; `broken`: what is refused; `kept`: copies
 //!   and SUMO; `play`: the global simulator; `influence`: what it observes at the borders of regions;
 //!   `local`: local simulators, and training on them; `fidelity`: how far they are like the global one;
-//!   `lights`: where cars lose time; `plan`: plans that plain SUMO plays; `numbers`: those of which SUMO dies, or never comes back;
+//!   `lights`: where cars lose time; `guessed`: programs that netconvert invented; `plan`: plans that plain SUMO plays; `numbers`: those of which SUMO dies, or never comes back;
 //!   `opened`: what is said when a command begins.
 
 mod admitted;
 mod broken;
 mod config;
 mod fidelity;
+mod guessed;
 mod influence;
 mod kept;
 mod lights;

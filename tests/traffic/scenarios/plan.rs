@@ -62,6 +62,7 @@ fn plain_sumo_has_the_delay_of_a_coordinated_plan_to_the_last_digit() {
     let offsets: BTreeSet<u32> = lines.iter().map(|line| number(line, "offset_s")).collect();
     assert!(offsets.len() > 2, "offsets suit the roads: {table}");
     let page = fs::read_to_string(out.join("plan.html")).unwrap();
+    assert!(page.contains("without the leeway"), "the delay is not that of `baseline --controller coordinated`");
     assert_eq!(page.matches("<figure>").count(), 1 + splits.len(), "a legend and a diagram for each light");
     // Another plan is not written over it.
     let refused =

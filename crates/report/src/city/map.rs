@@ -24,7 +24,7 @@ const STREET: RGBColor = RGBColor(0xdc, 0xdc, 0xdc);
 
 /// What colours show.
 #[derive(Clone, Copy, Debug, PartialEq)]
-enum Scale {
+pub(super) enum Scale {
     /// Seconds per car that are saved or lost; this many and more have the darkest colours.
     Difference(f64),
     /// Seconds per car, up to this many.
@@ -32,7 +32,7 @@ enum Scale {
 }
 
 impl Scale {
-    fn of(player: &CityPlayer, compares: bool) -> Scale {
+    pub(super) fn of(player: &CityPlayer, compares: bool) -> Scale {
         let value = |figures: &PartFigures| match compares {
             true => figures.delay_difference().map(|found| found.mean.abs()),
             false => figures.delay_s,
@@ -84,6 +84,22 @@ pub(super) fn map(city: &City, player: &CityPlayer, order: &[&str], compares: bo
         frame.height + LEGEND,
         hex(PAPER),
     );
+    roads_and_lights(&mut svg, city, player, order, scale, &frame);
+    legend(&mut svg, scale, [MARGIN, frame.height], 1.0);
+    svg += "</svg>\n";
+    Svg::of_text(svg)
+}
+
+/// Draws the streets and the lights within a frame. Lights in `order` have their number beside them.
+pub(super) fn roads_and_lights(
+    svg: &mut String,
+    city: &City,
+    player: &CityPlayer,
+    order: &[&str],
+    scale: Scale,
+    frame: &Frame,
+) {
+    let compares = matches!(scale, Scale::Difference(_));
     let approaches = player.lights.iter().flat_map(|light| &light.approaches);
     let coloured: HashMap<&str, f64> =
         approaches.filter_map(|approach| Some((&*approach.edge, scale.value(&approach.figures)?))).collect();
@@ -91,7 +107,7 @@ pub(super) fn map(city: &City, player: &CityPlayer, order: &[&str], compares: bo
     for with_colour in [false, true] {
         for street in city.streets.iter().filter(|street| coloured.contains_key(&*street.edge) == with_colour) {
             let colour = coloured.get(&*street.edge).map_or(STREET, |&value| scale.colour(value));
-            let width = (street.lanes as f64 * 0.7 + 0.6).min(4.0) * if with_colour { 1.4 } else { 1.0 };
+            let width = (street.lanes as f64 * 0.7 + 0.6).min(4.0) * if with_colour { 1.4 } else { 1.0 } * frame.pen;
             let points: Vec<String> = street.shape_m.iter().map(|&place| frame.point(place)).collect();
             let _ = writeln!(
                 svg,
@@ -114,8 +130,9 @@ pub(super) fn map(city: &City, player: &CityPlayer, order: &[&str], compares: bo
         };
         let _ = writeln!(
             svg,
-            "<circle cx=\"{x:.1}\" cy=\"{y:.1}\" r=\"6\" fill=\"{fill}\" stroke=\"{stroke}\" stroke-width=\"{}\"><title>{}</title></circle>",
-            if unclear { 3 } else { 1 },
+            "<circle cx=\"{x:.1}\" cy=\"{y:.1}\" r=\"{}\" fill=\"{fill}\" stroke=\"{stroke}\" stroke-width=\"{}\"><title>{}</title></circle>",
+            6.0 * frame.pen,
+            if unclear { 3.0 * frame.pen } else { 1.0 },
             escape(&words)
         );
         if let Some(number) = number.filter(|&number| number < MOST_NUMBERS) {
@@ -127,12 +144,10 @@ pub(super) fn map(city: &City, player: &CityPlayer, order: &[&str], compares: bo
             }
         }
     }
-    legend(&mut svg, scale, frame.height);
-    svg += "</svg>\n";
-    Svg::of_text(svg)
 }
 
-fn legend(svg: &mut String, scale: Scale, top: f64) {
+/// Draws what the colours stand for. `size`: 1 for letters of 14 pixels.
+pub(super) fn legend(svg: &mut String, scale: Scale, [left, top]: [f64; 2], size: f64) {
     let (values, words): (Vec<f64>, &str) = match scale {
         Scale::Difference(most) => (
             vec![-most, -most / 2.0, 0.0, most / 2.0, most],
@@ -144,59 +159,75 @@ fn legend(svg: &mut String, scale: Scale, top: f64) {
         let words = escape(words);
         let _ = writeln!(
             svg,
-            "<text x=\"{x:.1}\" y=\"{y:.1}\" font-size=\"14\" fill=\"{}\" text-anchor=\"{anchor}\">{words}</text>",
+            "<text x=\"{x:.1}\" y=\"{y:.1}\" font-size=\"{}\" fill=\"{}\" text-anchor=\"{anchor}\">{words}</text>",
+            14.0 * size,
             hex(INK)
         );
     };
-    text(MARGIN, top + 18.0, words, "start");
-    let width = 76.0;
+    text(left, top + 18.0 * size, words, "start");
+    let width = 76.0 * size;
     for (place, &value) in values.iter().enumerate() {
-        let x = MARGIN + place as f64 * width;
+        let x = left + place as f64 * width;
         let words = if matches!(scale, Scale::Difference(_)) && value != 0.0 {
             format!("{value:+}")
         } else {
             value.to_string()
         };
-        text(x + width / 2.0, top + 54.0, &words, "middle");
+        text(x + width / 2.0, top + 54.0 * size, &words, "middle");
     }
     if let Scale::Difference(_) = scale {
-        text(MARGIN, top + 74.0, "a ring: the 95 % interval of the difference contains 0, or there is none", "start");
+        let words = "a ring: the 95 % interval of the difference contains 0, or there is none";
+        text(left, top + 74.0 * size, words, "start");
     }
     for (place, &value) in values.iter().enumerate() {
-        let x = MARGIN + place as f64 * width;
+        let x = left + place as f64 * width;
         let colour = hex(scale.colour(value));
         let _ = writeln!(
             svg,
-            "<rect x=\"{x:.1}\" y=\"{:.1}\" width=\"{width}\" height=\"14\" fill=\"{colour}\"/>",
-            top + 25.0
+            "<rect x=\"{x:.1}\" y=\"{:.1}\" width=\"{width}\" height=\"{}\" fill=\"{colour}\"/>",
+            top + 25.0 * size,
+            14.0 * size
         );
     }
 }
 
 /// The part of the net that is drawn.
-struct Frame {
+pub(super) struct Frame {
     west_m: f64,
     north_m: f64,
     px_per_m: f64,
     left: f64,
     height: f64,
+    /// Sizes of lines and lights, in those of a page.
+    pen: f64,
 }
 
 impl Frame {
     fn around(city: &City, player: &CityPlayer) -> Frame {
-        let streets = city.streets.iter().flat_map(|street| &street.shape_m);
-        let places: Vec<[f64; 2]> = streets.copied().chain(player.lights.iter().map(|light| light.place_m)).collect();
-        let ends = |axis: usize| ends_of(places.iter().map(|place| place[axis]).filter(|value| value.is_finite()));
-        let ((west_m, east_m), (south_m, north_m)) = (ends(0), ends(1));
-        if !(east_m >= west_m && north_m >= south_m) {
-            return Frame { west_m: 0.0, north_m: 0.0, px_per_m: 1.0, left: MARGIN, height: HEIGHT.0 };
-        }
+        let Some([west_m, east_m, south_m, north_m]) = ends(city, player) else {
+            return Frame { west_m: 0.0, north_m: 0.0, px_per_m: 1.0, left: MARGIN, height: HEIGHT.0, pen: 1.0 };
+        };
         let (wide_m, tall_m) = ((east_m - west_m).max(1.0), (north_m - south_m).max(1.0));
         let px_per_m = ((WIDTH - 2.0 * MARGIN) / wide_m).min((HEIGHT.1 - 2.0 * MARGIN) / tall_m);
         let height = (tall_m * px_per_m + 2.0 * MARGIN).clamp(HEIGHT.0, HEIGHT.1);
         let left = (WIDTH - wide_m * px_per_m) / 2.0;
         let above = (height - tall_m * px_per_m) / 2.0;
-        Frame { west_m, north_m: north_m + above / px_per_m, px_per_m, left, height }
+        Frame { west_m, north_m: north_m + above / px_per_m, px_per_m, left, height, pen: 1.0 }
+    }
+
+    /// Fits all into a box, in its middle. There is nothing to draw: `None`.
+    pub(super) fn within(
+        city: &City,
+        player: &CityPlayer,
+        [left, top, width, height]: [f64; 4],
+        pen: f64,
+    ) -> Option<Frame> {
+        let [west_m, east_m, south_m, north_m] = ends(city, player)?;
+        let (wide_m, tall_m) = ((east_m - west_m).max(1.0), (north_m - south_m).max(1.0));
+        let px_per_m = (width / wide_m).min(height / tall_m);
+        let left = left + (width - wide_m * px_per_m) / 2.0;
+        let above = top + (height - tall_m * px_per_m) / 2.0;
+        Some(Frame { west_m, north_m: north_m + above / px_per_m, px_per_m, left, height, pen })
     }
 
     fn place(&self, [x_m, y_m]: [f64; 2]) -> [f64; 2] {
@@ -207,6 +238,15 @@ impl Frame {
         let [x, y] = self.place(place_m);
         format!("{x:.1},{y:.1}")
     }
+}
+
+/// Returns the west, east, south and north end of all streets and lights, in metres.
+fn ends(city: &City, player: &CityPlayer) -> Option<[f64; 4]> {
+    let streets = city.streets.iter().flat_map(|street| &street.shape_m);
+    let places: Vec<[f64; 2]> = streets.copied().chain(player.lights.iter().map(|light| light.place_m)).collect();
+    let ends = |axis: usize| ends_of(places.iter().map(|place| place[axis]).filter(|value| value.is_finite()));
+    let ((west_m, east_m), (south_m, north_m)) = (ends(0), ends(1));
+    (east_m >= west_m && north_m >= south_m).then_some([west_m, east_m, south_m, north_m])
 }
 
 #[cfg(test)]

@@ -2,10 +2,14 @@
 //! a map, each light before and after, and what was assumed. The runs' learning curves come behind it. [`live`] is the same in short,
 //! for a run that trains.
 
+mod assumed;
 mod live;
 mod map;
 mod page;
+mod plans;
 mod read;
+mod roles;
+mod slide;
 
 use std::path::PathBuf;
 
@@ -17,6 +21,8 @@ pub use live::DelayMap;
 
 /// Name of the file that `evaluate` and `baseline` write with `--csv`.
 pub const CITY: &str = "city.json";
+/// Name of the picture for a presentation.
+pub const SLIDE: &str = "slide.svg";
 /// Name of the table that they write with `--csv` if they play variants of the traffic.
 pub const VARIANTS: &str = "variants.csv";
 
@@ -27,11 +33,19 @@ pub(crate) struct Cities {
     pub(crate) count: usize,
     /// Folders that hold a city, or a table of variants.
     pub(crate) folders: Vec<PathBuf>,
+    /// Names and texts of files that belong beside the page.
+    pub(crate) files: Vec<(String, String)>,
+    /// Sentences about what could not be put together.
+    pub(crate) warnings: Vec<String>,
 }
 
 /// Reads the cities in these folders. There is none: `None`.
 pub(crate) fn cities(folders: &[PathBuf]) -> Result<Option<Cities>> {
+    folders.iter().try_for_each(|folder| plans::check(folder))?;
     let found = read::find(folders)?;
+    let all: Vec<PathBuf> = found.iter().map(|(folder, _)| folder.clone()).collect();
+    let (found, warnings) = plans::beside_the_others(found);
+    let plans = plans::files(&all)?;
     let Some((_, first)) = found.first() else { return Ok(None) };
     let title = match found.len() {
         1 => format!("Traffic lights of {}", first.title()),
@@ -43,7 +57,14 @@ pub(crate) fn cities(folders: &[PathBuf]) -> Result<Option<Cities>> {
         1 => page::blocks(&tables, city, None),
         _ => page::blocks(std::slice::from_ref(folder), city, Some(number + 1)),
     };
-    let blocks = found.iter().enumerate().flat_map(of_city).collect();
-    let folders = found.iter().map(|(folder, _)| folder.clone()).chain(tables.iter().cloned()).collect();
-    Ok(Some(Cities { title, blocks, count: found.len(), folders }))
+    let mut blocks: Vec<Block> = found.iter().enumerate().flat_map(of_city).collect();
+    blocks.extend(plans.blocks);
+    let mut files = plans.files;
+    let slides = found.iter().enumerate().map(|(number, (_, city))| {
+        let name = if found.len() == 1 { SLIDE.to_owned() } else { SLIDE.replace('.', &format!("_{}.", number + 1)) };
+        (name, slide::slide(city).file())
+    });
+    files.extend(slides);
+    let folders = all.into_iter().chain(tables.iter().cloned()).collect();
+    Ok(Some(Cities { title, blocks, count: found.len(), folders, files, warnings }))
 }

@@ -1,15 +1,15 @@
-//! The sections of a city's report: before and after, the map, each light, what was assumed.
+//! The sections of a city's report: before and after, the map, each light.
 
 use std::path::{Path, PathBuf};
 
 use super::VARIANTS;
+use super::assumed::assumed;
 use super::map::{is_unclear, map};
 use super::read::{City, CityLight, CityPlayer, Figure, PartFigures};
+use super::roles::{best, name_of, role};
 use crate::document::{self, Block, Table};
 use dials_core::base::counted;
 
-/// The controller that runs the lights' own programs.
-const TODAY: &str = "program";
 /// Number of approaches in the table of the worst ones.
 const WORST_APPROACHES: usize = 10;
 const NOTHING: &str = "\u{2013}";
@@ -26,18 +26,6 @@ const FIGURES: [(&str, &str); 9] = [
     ("co2_g_per_car", "CO2, g per car"),
     ("fuel_g_per_car", "fuel, g per car"),
     ("teleports", "cars moved out of jams"),
-];
-
-/// What a figure means, and how it was measured.
-const MEANING: [&str; 6] = [
-    "Delay: time that a car loses by driving slower than it would alone (SUMO's timeLoss), and by waiting to enter the net.",
-    "Delay at a light: the time that a car loses on an approach and in the junction. An approach begins at the light before, or where \
-     cars last had to yield. The time to gain speed behind the junction counts for the next road.",
-    "Level of service: the letter of the Highway Capacity Manual for the delay at a light: A to 10 s, B to 20, C to 35, D to 55, E to \
-     80, then F.",
-    "Queue: number of standing cars on the worst approach, all lanes, exceeded in 5 % of the seconds.",
-    "\u{b1}: half of a 95 % interval over episodes (Student's t). Differences are taken episode by episode on the same traffic.",
-    "Cars that are still on their way at the end count with the time that they have lost by then.",
 ];
 
 /// Makes the sections of a city. `variants`: folders that may have tables of variants.
@@ -59,7 +47,7 @@ pub(super) fn blocks(variants: &[PathBuf], city: &City, number: Option<usize>) -
             Some(after) => format!(
                 "{}: where {} saves time against {}. Numbers are those of the next table.",
                 city.title(),
-                after.label,
+                name_of(after),
                 name_of(before)
             ),
             None => format!(
@@ -88,40 +76,6 @@ pub(super) fn blocks(variants: &[PathBuf], city: &City, number: Option<usize>) -
     blocks
 }
 
-/// Returns the player that is shown against the first one: the best learned one, or else the best of the others.
-fn best(city: &City) -> Option<&CityPlayer> {
-    let all = |_: &&CityPlayer| true;
-    best_of(city, true, all).or_else(|| best_of(city, false, all))
-}
-
-fn name_of(player: &CityPlayer) -> String {
-    match &*player.label {
-        TODAY => "today's plan".to_owned(),
-        label => label.to_owned(),
-    }
-}
-
-/// Returns the player of the least delay behind the first one, among the learned ones or the others.
-fn best_of<'a>(city: &'a City, learned: bool, counts: impl Fn(&&'a CityPlayer) -> bool) -> Option<&'a CityPlayer> {
-    let delay = |player: &CityPlayer| player.delay_s().map_or(f64::INFINITY, |found| found.mean);
-    let players = city.players.iter().skip(1).filter(|player| player.learned == learned).filter(counts);
-    players.min_by(|one, other| delay(one).total_cmp(&delay(other)))
-}
-
-fn role(city: &City, player: &CityPlayer) -> String {
-    let is_best = |learned: bool| {
-        let best = best_of(city, learned, |other| other.label != TODAY);
-        player.learned == learned && best.is_some_and(|best| best.label == player.label)
-    };
-    let role = match () {
-        () if player.label == TODAY => "today",
-        () if is_best(true) => "learned",
-        () if is_best(false) => "best rule",
-        () => return player.label.clone(),
-    };
-    format!("{role}: {}", player.label)
-}
-
 pub(super) fn summary(city: &City, after: Option<&CityPlayer>) -> String {
     let before = &city.players[0];
     let played = counted(city.episodes, "episode");
@@ -146,7 +100,7 @@ pub(super) fn summary(city: &City, after: Option<&CityPlayer>) -> String {
     };
     format!(
         "{first} With {} it loses {} s: a difference of {} s over {played} of the same traffic. {words}",
-        after.label,
+        name_of(after),
         with_error(theirs),
         signed(difference)
     )
@@ -286,37 +240,6 @@ fn name_in_csv(field: &str) -> &str {
     field.strip_prefix('\'').filter(|name| name.starts_with(['=', '+', '-', '@'])).unwrap_or(field)
 }
 
-fn assumed(city: &City) -> Vec<String> {
-    let setting = |key: &str| city.settings.get("traffic")?.get(key).cloned();
-    let mut lines = Vec::new();
-    if let (Some(begin), Some(end)) = (setting("begin_s"), setting("end_s")) {
-        lines.push(format!("An episode is from {begin} s to {end} s of the scenario's clock."));
-    }
-    if let Some(warm_up) = setting("warm_up_s").filter(|seconds| *seconds != 0) {
-        lines.push(format!("Cars that want to enter in the first {warm_up} s are not counted (traffic.warm_up_s)."));
-    }
-    lines.push(format!(
-        "{} with random numbers of seed {}; every controller plays the same ones.",
-        counted(city.episodes, "episode"),
-        city.seed
-    ));
-    if let Some(sumo) = &city.sumo_version {
-        lines.push(format!("Simulated with {sumo}."));
-    }
-    for (key, words) in [
-        ("decision_s", "Seconds between two decisions of a policy"),
-        ("min_green_s", "Least seconds of a green"),
-        ("yellow_s", "Seconds of yellow (program: those of the light's own program)"),
-    ] {
-        lines.extend(setting(key).map(|value| format!("{words}: {}.", value.to_string().trim_matches('"'))));
-    }
-    lines.extend(city.rules.as_ref().map(|rules| format!("Policies are rewarded for: {}.", rules.reward)));
-    lines.extend(MEANING.map(str::to_owned));
-    lines.extend(city.left_out.iter().map(|line| format!("Not simulated: {line}")));
-    lines.extend(city.warnings.iter().map(|line| format!("Note: {line}")));
-    lines
-}
-
 pub(super) fn with_error(Figure { mean, half_width_95 }: Figure) -> String {
     let digits = digits(mean, half_width_95);
     match half_width_95 {
@@ -325,7 +248,7 @@ pub(super) fn with_error(Figure { mean, half_width_95 }: Figure) -> String {
     }
 }
 
-fn signed(figure: Figure) -> String {
+pub(super) fn signed(figure: Figure) -> String {
     let text = with_error(Figure { mean: figure.mean.abs(), ..figure });
     let is_zero = !text.contains(|letter: char| ('1'..='9').contains(&letter));
     let sign = if is_zero {

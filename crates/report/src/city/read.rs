@@ -36,6 +36,9 @@ pub(crate) struct CityPlayer {
     pub(crate) label: String,
     /// Whether it has policies.
     pub(crate) learned: bool,
+    /// Whether it is a plan that `plan` wrote.
+    #[serde(default)]
+    pub(crate) plan: bool,
     pub(crate) figures: BTreeMap<String, Figure>,
     /// Differences from the first player.
     pub(crate) differences: Option<BTreeMap<String, Figure>>,

@@ -1,5 +1,7 @@
 //! The figures of lights, as lines of a CSV file: one per light, per approach and per movement.
 
+use anyhow::{Context, Result};
+
 use super::{DELAY, NAMES, Part, Played, level_of_service};
 use dials_core::base::statistics::Interval;
 use dials_core::outside::csv_name;
@@ -38,6 +40,13 @@ pub fn header() -> Vec<String> {
 /// are taken; of that one they are empty.
 pub fn lines(label: &str, played: &Played<'_>, reference: Option<&Played<'_>>) -> Vec<Vec<String>> {
     played.parts().into_iter().map(|part| line(label, played, reference, part)).collect()
+}
+
+/// Returns these lines under their header, as a file.
+pub fn text(lines: &[Vec<String>]) -> Result<String> {
+    let mut writer = csv::Writer::from_writer(Vec::new());
+    [header()].iter().chain(lines).try_for_each(|line| writer.write_record(line))?;
+    String::from_utf8(writer.into_inner().context("a CSV file in memory")?).context("only strings were written")
 }
 
 fn line(label: &str, played: &Played<'_>, reference: Option<&Played<'_>>, part: Part) -> Vec<String> {

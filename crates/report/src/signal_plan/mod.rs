@@ -11,6 +11,11 @@ use dials_core::base::counted;
 use dials_core::domain::signal_sheet::{PhaseSheet, ProgramSheet, SignalSheet};
 use dials_core::outside::csv_name;
 
+/// Names of the files that `plan` writes: programs for SUMO, the table and the page.
+pub const PROGRAMS: &str = "programs.add.xml";
+pub const TABLE: &str = "plan.csv";
+pub const PAGE: &str = "plan.html";
+
 /// What stands on the page before the lights.
 pub struct About {
     /// What the plan is for, and what it was made from.

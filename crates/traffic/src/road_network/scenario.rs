@@ -72,7 +72,7 @@ pub(crate) fn open(files: SumoScenario, config: &ScenarioConfig) -> Result<(Road
         unusual_reward: (config.reward != Reward::default()).then(|| config.reward.name()),
         strange_files: vec![files.path().to_owned()],
         left_out: files.notes().left_out.iter().cloned().chain(keeps).collect(),
-        warnings: warnings(&roads),
+        warnings: files.guessed_programs().into_iter().chain(warnings(&roads)).collect(),
         switch_bias: 0.0,
         is_random: files.dawdles(),
         is_stuck: |p_switch| p_switch < STUCK_BELOW,

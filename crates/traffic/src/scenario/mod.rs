@@ -15,6 +15,7 @@ mod include;
 pub(crate) mod kept;
 mod locally;
 mod newer;
+mod origin;
 pub(crate) mod own_types;
 pub(crate) mod programs;
 mod reading;
