@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import copy
 import time
+from pathlib import Path
 from typing import Any, Callable, Dict, List, Mapping, Optional, Tuple, TypeVar
 
 import numpy as np
@@ -158,3 +159,14 @@ def with_predictor(settings: Optional[Mapping[str, Any]]) -> Dict[str, Any]:
         raise ValueError("settings: predictor: predictor= is the one; leave the key out")
     # A word for both keys.
     return {"simulator": "outside-dials", **changed}
+
+
+def check_resumed(run: str) -> None:
+    """Raise an error if the run in a directory goes on without a predictor of the user: it was begun without one."""
+    try:
+        config = (Path(run) / "config.toml").read_text(encoding="utf-8")
+    except OSError:
+        # The program says what is wrong.
+        return
+    if 'predictor = "outside"' not in config.splitlines():
+        raise ValueError(f"predictor: the run in {run!r} was begun without one; leave it out")

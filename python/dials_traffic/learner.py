@@ -18,7 +18,7 @@ import numpy as np
 
 from ._channel import PathLike, path_text, request_of, yes_or_no
 from ._link import Arrays, Link
-from ._predicting import PredictorSeat, with_predictor
+from ._predicting import PredictorSeat, check_resumed, with_predictor
 from ._state import from_bytes, to_bytes
 from .own import OwnCost
 from .training import PATIENCE_S, opened, source
@@ -152,6 +152,8 @@ def dials(
     place = path_text("out", out)
     yes_or_no("force", force)
     if yes_or_no("resume", resume):
+        if predictor is not None:
+            check_resumed(place)
         words = ["train", "--resume", place]
     else:
         chosen = settings or {} if predictor is None else with_predictor(settings)

@@ -12,7 +12,7 @@ import numpy as np
 
 from ._channel import PathLike, path_text, request_of, whole_number, yes_or_no
 from ._link import Link
-from ._predicting import PredictorSeat, with_predictor
+from ._predicting import PredictorSeat, check_resumed, with_predictor
 from .own import Named, Observation, Own, OwnCost, Reward, chosen, registered
 from .roads import Layout
 from .runs import Run
@@ -58,7 +58,10 @@ def train(
     makers: Dict[str, Any] = {"functions": lambda about: opened(about, functions, cost, {"predictor": predictor})}
     if predictor is not None:
         makers["predictor"] = PredictorSeat(predictor, cost).open
-        settings = settings if resume else with_predictor(settings)
+        if resume:
+            check_resumed(path_text("out", out))
+        else:
+            settings = with_predictor(settings)
     words = _words(config, out, functions, settings, seed, workers, yes_or_no("resume", resume), force)
     if predictor is not None:
         words += ["--patience", str(PATIENCE_S)]

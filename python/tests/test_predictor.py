@@ -141,6 +141,8 @@ def test_a_learner_and_a_predictor_of_ones_own_go_together(warehouse, tmp_path):
     assert contents(both.path) == contents(plain.path) and both.own_cost.functions_s > 0
     about = json.loads((both.path / "run.json").read_text())["python"]
     assert [(part["kind"], part["name"]) for part in about] == [("learner", "Softmax"), ("predictor", "Constants")]
+    with pytest.raises(ValueError, match="was begun without one; leave it out"):
+        dials_traffic.dials(warehouse, learner=Softmax, predictor=Constants(), out=plain.path, resume=True, quiet=True)
     program("report", both.path, plain.path, "--out", tmp_path / "report")
     report = (tmp_path / "report" / "report.md").read_text()
     assert "learner Softmax, predictor Constants" in report and "in Python" in report

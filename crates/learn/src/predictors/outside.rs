@@ -14,7 +14,9 @@ use anyhow::{Context, ensure};
 use rand::Rng;
 
 use super::train::{effect, fresh, split};
-use super::{AipLoss, CrossEntropies, Dataset, FreshLoss, InfluencePredictor, Lesson, PredictorKind, TrainablePredictor};
+use super::{
+    AipLoss, CrossEntropies, Dataset, FreshLoss, InfluencePredictor, Lesson, PredictorKind, TrainablePredictor,
+};
 use crate::config::AipConfig;
 use dials_core::base::{AgentId, Dice, Rows, Seed, Stopwatch, Work};
 use dials_core::domain::{Kinds, RegionSpec, Result, SourceSpec};

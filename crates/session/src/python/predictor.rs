@@ -79,7 +79,8 @@ impl OutsidePredictor for InPython {
         let agents: Vec<usize> = agents.iter().map(|agent| agent.0).collect();
         let about = json!({ "rows_of": agents, "classes": spec.sources.classes });
         let link = Link::open("predictor", &about)?;
-        let Opened { watches } = Opened::deserialize(&link.opened).context("the predictor in Python was not described")?;
+        let Opened { watches } =
+            Opened::deserialize(&link.opened).context("the predictor in Python was not described")?;
         Ok(Box::new(RowsInPython { link, watches, answered: Instant::now() }))
     }
 
@@ -136,7 +137,11 @@ impl OutsideRows for RowsInPython {
 
     fn watch(&mut self, d_set: &Rows<f32>) -> Result<()> {
         if self.watches {
-            self.link.ask("watch", Value::Null, &[Array::of("d_set", &[d_set.len(), d_set.width()], d_set.as_slice())])?;
+            self.link.ask(
+                "watch",
+                Value::Null,
+                &[Array::of("d_set", &[d_set.len(), d_set.width()], d_set.as_slice())],
+            )?;
         }
         Ok(())
     }
