@@ -1,13 +1,14 @@
-"""Deep Q-learning inside DIALS in one file, in the manner of CleanRL: one network for all agents.
+"""Deep Q-learning inside DIALS in one file, in the manner of CleanRL: a network for each agent.
 
     pip install ./python torch
     python3 examples/dqn.py configs/town.toml --out runs/dqn
 
 It trains inside `dials_traffic.dials`, on local simulators with influence predictors. Simulators, predictors, evaluations,
-checkpoints and files are those of `dials-traffic train`: `dials-traffic report` compares the run with others.
+checkpoints and files are those of `dials-traffic train`: `dials-traffic report` compares the run with others. With
+`--simulator gs` it learns on the global simulator instead, without predictors.
 
-Double Q-learning with a target network. The network gets the observation of an agent and its number, one-hot. The end of an
-episode is no end of the traffic, so the value of the last observation counts.
+Double Q-learning with a target network. Lights differ, so each agent has a network, a replay and a unit of its rewards. The end
+of an episode is no end of the traffic, so the value of the last observation counts.
 """
 
 import argparse
