@@ -152,14 +152,14 @@ fn aip_sampling(criterion: &mut Criterion) {
         let (agents, copies) = (4, 8);
         let rows = agents * copies;
         let mut aips = AipStack::new(&AgentId::all(agents), &setting.spec, &setting.config.learning.aip, Seed::new(6));
-        aips.begin(rows);
+        aips.begin(rows).expect("it is in this process");
         let width = setting.spec.d_set_dim;
         let d_set = Rows::from_vec(bits(rows * width, &mut Seed::new(7).dice()), width);
         let mut dice = streams(rows);
         let mut sources = Rows::new(rows, setting.spec.sources.count());
         group.throughput(Throughput::Elements(rows as u64));
         group.bench_function(BenchmarkId::new(setting.name, format!("{agents} agents x {copies}")), |bencher| {
-            bencher.iter(|| aips.sample(&d_set, &mut dice, &mut sources));
+            bencher.iter(|| aips.sample(&d_set, &mut dice, &mut sources).expect("it is in this process"));
         });
     }
 }

@@ -147,14 +147,14 @@ fn meet(traffic: &Traffic, behaviour: Behaviour, predictor: &mut dyn InfluencePr
     let dice_of = |seed: u64| (0..rows).map(|row| Seed::new(seed).for_copy(row).dice()).collect::<Vec<Dice>>();
     let (mut arrivals, mut decisions) = (dice_of(5), dice_of(7));
     let mut ls = traffic.local(rows)?;
-    predictor.begin(rows);
+    predictor.begin(rows)?;
     let mut came = Rows::new(rows, spec.sources.count());
     let mut percept = ls.reset(&Beginning::first(0..rows))?.clone();
     let mut sum = 0.0;
     for _ in 0..spec.horizon {
         let seen = percept.obs.iter().zip(&mut decisions);
         let actions: Vec<Action> = seen.map(|(obs, dice)| decide(behaviour, obs, dice)).collect();
-        predictor.sample(&percept.d_set, &mut arrivals, &mut came);
+        predictor.sample(&percept.d_set, &mut arrivals, &mut came)?;
         let transition = ls.step(&actions, &came)?;
         percept.clone_from(&transition.percept);
         sum += transition.rewards.iter().map(|&reward| f64::from(reward)).sum::<f64>();

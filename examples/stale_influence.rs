@@ -130,12 +130,12 @@ fn meet(traffic: &Traffic, config: &RunConfig, choice: Predictor, datasets: &[Da
     let rows = agents.len() * COPIES;
     let mut dice: Vec<Dice> = (0..rows).map(|row| Seed::new(5).for_copy(row).dice()).collect();
     let mut ls = traffic.local(rows)?;
-    predictor.begin(rows);
+    predictor.begin(rows)?;
     let (mut tally, mut came) = (Tally::new(rows), Rows::new(rows, spec.sources.count()));
     let mut percept = ls.reset(&Beginning::first(0..rows))?.clone();
     for _ in 0..spec.horizon {
         let actions: Vec<Action> = percept.obs.iter().map(gap_out).collect();
-        predictor.sample(&percept.d_set, &mut dice, &mut came);
+        predictor.sample(&percept.d_set, &mut dice, &mut came)?;
         let transition = ls.step(&actions, &came)?;
         percept.clone_from(&transition.percept);
         let rewards = transition.rewards.clone();

@@ -8,8 +8,8 @@ from __future__ import annotations
 
 import contextlib
 import csv
-import io
 import json
+import sys
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Callable, Dict, List, Mapping, Optional, Tuple
@@ -18,10 +18,10 @@ import numpy as np
 
 from ._channel import PathLike, path_text, request_of, yes_or_no
 from ._link import Arrays, Link
-from .training import source
-
-# Time in which the run may be silent, in seconds: a debugger may hold the learner for hours.
-_PATIENCE_S = 10_000_000
+from ._predicting import PredictorSeat, check_resumed, with_predictor
+from ._state import from_bytes, to_bytes
+from .own import OwnCost
+from .training import PATIENCE_S, opened, source
 
 
 @dataclass(frozen=True)
@@ -96,6 +96,8 @@ class Training:
     path: Path
     #: The learner as it was at the end.
     learner: Any
+    #: What the predictor of the user took, if there was one. Its ``steps_s`` is the time between two samples.
+    own_cost: OwnCost
 
     def table(self, name: str) -> Dict[str, np.ndarray]:
         """Return the columns of a CSV file of the run, such as ``"returns"``: numbers where all are numbers, else text."""
@@ -114,6 +116,7 @@ def dials(
     *,
     learner: Learner,
     out: PathLike,
+    predictor: Any = None,
     settings: Optional[Mapping[str, Any]] = None,
     resume: bool = False,
     force: bool = False,
@@ -140,6 +143,8 @@ def dials(
     One learner has all agents, so there is one worker process. Agents of one kind are asked together. If there are several
     kinds in local simulators, one kind learns after the other, each for a whole period.
 
+    ``predictor``: an object that drives the local simulators instead of our AIPs, as for :func:`train`.
+
     ``out``: the run directory, which must not exist; `learner.json` in it has the source of the learner. With ``force`` an
     old one is moved aside. With ``resume`` the run in it goes on; then ``config`` and ``settings`` are those of the run. An
     error in the learner ends the run and is raised here. Ctrl-C stops the run where nothing is lost.
@@ -147,9 +152,12 @@ def dials(
     place = path_text("out", out)
     yes_or_no("force", force)
     if yes_or_no("resume", resume):
+        if predictor is not None:
+            check_resumed(place)
         words = ["train", "--resume", place]
     else:
-        sets: Dict[str, Any] = {"policy.hidden": [1], **(settings or {}), "algorithm": "outside"}
+        chosen = settings or {} if predictor is None else with_predictor(settings)
+        sets: Dict[str, Any] = {"policy.hidden": [1], **chosen, "algorithm": "outside"}
         every = getattr(learner, "update_every_steps", None)
         if every is not None:
             sets.setdefault("outside.update_every_steps", every)
@@ -160,11 +168,18 @@ def dials(
         words += [word for text in request["settings"] for word in ("--set", text)]
         if force:
             words.append("--force")
-    words += ["--patience", str(_PATIENCE_S)]
-    seat = _Seat(learner, Path(place).absolute())
-    with Link({"learner": seat.open}) as link:
+    words += ["--patience", str(PATIENCE_S)]
+    seat, cost = _Seat(learner, Path(place).absolute()), OwnCost()
+    objects = {"learner": learner}
+    makers = {"learner": seat.open, "functions": lambda about: opened(about, {}, cost, objects)}
+    if predictor is not None:
+        makers["predictor"] = PredictorSeat(predictor, cost).open
+        objects["predictor"] = predictor
+    with Link(makers) as link:
         link.run(words, quiet=quiet)
-    return Training(Path(place).absolute(), seat.learner)
+    if cost.functions_s > 0 and not quiet:
+        print(f"{cost} (all processes together)", file=sys.stderr)
+    return Training(Path(place).absolute(), seat.learner, cost)
 
 
 class _Seat:
@@ -270,26 +285,6 @@ class _Seat:
         """Return a table with zeros at the end of its rows, if it is narrower."""
         missing = width - table.shape[-1]
         return np.pad(table, [(0, 0)] * (table.ndim - 1) + [(0, missing)]) if missing else table
-
-
-def to_bytes(arrays: Mapping[str, Any]) -> np.ndarray:
-    """Write arrays by name: their names in a line of JSON, and then each as `numpy.save` does."""
-    names = sorted(arrays)
-    file = io.BytesIO()
-    file.write(json.dumps(names).encode() + b"\n")
-    for name in names:
-        array = np.asarray(arrays[name])
-        if array.dtype.hasobject:
-            raise TypeError(f"state: {name!r} is no array of numbers")
-        np.save(file, array, allow_pickle=False)
-    return np.frombuffer(file.getvalue(), np.uint8)
-
-
-def from_bytes(data: np.ndarray) -> Dict[str, np.ndarray]:
-    """Read what :func:`to_bytes` wrote."""
-    file = io.BytesIO(data.tobytes())
-    names = json.loads(file.readline())
-    return {name: np.load(file, allow_pickle=False) for name in names}
 
 
 def _numbers(texts: List[str]) -> np.ndarray:

@@ -66,6 +66,8 @@ class OwnCost:
 
     functions_s: float = 0.0
     steps_s: float = 0.0
+    #: Time in which an own predictor learnt and measured its losses.
+    fits_s: float = 0.0
 
     @property
     def share(self) -> float:
@@ -74,7 +76,8 @@ class OwnCost:
         return self.functions_s / whole if whole > 0 else 0.0
 
     def __str__(self) -> str:
-        return f"own functions took {self.functions_s:.3g} s, {self.share:.1%} of the time of the steps"
+        steps = f"own functions took {self.functions_s:.3g} s, {self.share:.1%} of the time of the steps"
+        return f"{steps}; fits and losses of the predictor {self.fits_s:.3g} s" if self.fits_s > 0 else steps
 
 
 class Own:

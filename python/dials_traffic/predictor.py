@@ -28,6 +28,8 @@ class Dataset:
     classes: np.ndarray
     #: Number of sources that the agent has: the first ones.
     own_sources: int
+    #: Number of the agent: that of ``agents`` in ``begin``.
+    number: int
 
 
 def datasets(
@@ -53,7 +55,8 @@ def datasets(
     finally:
         process.close()
     steps = about["horizon"]
-    made, first_d_set, first_source = [], 0, 0
+    made: List[Dataset] = []
+    first_d_set = first_source = 0
     for agent in about["agents"]:
         width, count = agent["d_set_dim"], len(agent["classes"])
         next_d_set, next_source = first_d_set + episodes * steps * width, first_source + episodes * steps * count
@@ -64,6 +67,7 @@ def datasets(
                 sources[first_source:next_source].reshape(episodes, steps, count),
                 np.array(agent["classes"]),
                 agent["own_sources"],
+                len(made),
             )
         )
         first_d_set, first_source = next_d_set, next_source

@@ -80,14 +80,21 @@ struct PredictorMemory {
 struct Given(Arc<Mutex<Vec<u8>>>);
 
 impl InfluencePredictor for Given {
-    fn begin(&mut self, _rows: usize) {}
+    fn begin(&mut self, _rows: usize) -> Result<()> {
+        Ok(())
+    }
 
-    fn forget(&mut self, _rows: &[usize]) {}
+    fn forget(&mut self, _rows: &[usize]) -> Result<()> {
+        Ok(())
+    }
 
-    fn watch(&mut self, _d_set: &Rows<f32>) {}
+    fn watch(&mut self, _d_set: &Rows<f32>) -> Result<()> {
+        Ok(())
+    }
 
-    fn sample(&mut self, _d_set: &Rows<f32>, _dice: &mut [Dice], sources: &mut Rows<u8>) {
+    fn sample(&mut self, _d_set: &Rows<f32>, _dice: &mut [Dice], sources: &mut Rows<u8>) -> Result<()> {
         sources.as_mut_slice().copy_from_slice(&self.0.lock().unwrap_or_else(PoisonError::into_inner));
+        Ok(())
     }
 }
 

@@ -22,10 +22,11 @@ def test_the_page_runs_from_its_first_line_to_its_last(grid_run, tmp_path, monke
     for block in of_page:
         # The run of the guide is long; this one has other weights and shorter episodes.
         block = block.replace("python-run", str(tmp_path / "run")).replace("runs/own-reward", str(tmp_path / "own"))
+        block = block.replace("runs/own-predictor", str(tmp_path / "predicted"))
         if "out=" in block:
             block = block.replace("configs/smoke_traffic.toml", str(grid_run / "config.toml"))
         exec(block.replace(RUN, str(grid_run)).replace("python-replay", str(tmp_path / "replay")), names)
-    assert len(of_page) == 9 and names["played"].replay.is_file()
+    assert len(of_page) == 10 and names["played"].replay.is_file()
     told = capsys.readouterr().out
     assert "p_switch_given_green" in told and "(16, 40)" in told and "'layers.0.weight': (40, 16)" in told
     assert np.isfinite(list(names["returns"].values())).all()

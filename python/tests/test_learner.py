@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 import dials_traffic
-from dials_traffic.learner import from_bytes, to_bytes
+from dials_traffic._state import from_bytes, to_bytes
 
 from conftest import SHORT, path_of_program, program
 

@@ -4,10 +4,11 @@
 """
 
 import json
+import os
 import sys
 import warnings
 
-import matplotlib
+import notebook
 import numpy as np
 import pytest
 import torch
@@ -85,23 +86,28 @@ def test_dqn_in_one_file_learns_inside_dials(grid, tmp_path, monkeypatch):
     settings = {**BRIEF, "aip.dataset_steps": 80, "aip.batch": 16, "aip.hidden": [16], "aip.epochs": 1}
     run = dqn.train(grid, tmp_path / "run", 480, settings=settings, quiet=True)
     training = run.table("training")
-    assert np.isfinite(training["td_loss"]).any() and run.learner.calls == 30
+    assert np.isfinite(training["td_loss"]).any() and (run.learner.calls == 30).all()
 
 
-def test_the_notebook_runs_from_its_first_cell_to_its_last(monkeypatch, capsys):
-    matplotlib.use("agg")
+def test_the_notebook_runs_from_its_first_cell_to_its_last_and_has_its_outputs(monkeypatch):
     monkeypatch.chdir(ROOT / "examples")
-    cells = json.loads((ROOT / "examples/train_and_compare.ipynb").read_text())["cells"]
-    assert not any(cell.get("outputs") for cell in cells), "it is committed without outputs"
-    names = {}
-    for cell in cells:
-        if cell["cell_type"] == "code":
-            # Enough to beat random switching, and no more.
-            exec("".join(cell["source"]).replace("120_000", "24_000"), names)
+    path = ROOT / "examples/train_and_compare.ipynb"
+    if os.environ.get("UPDATE"):
+        made, _ = notebook.executed(path)
+        path.write_text(notebook.written(made))
+    kept = json.loads(path.read_text())
+    # Enough to beat random switching, and no more.
+    made, names = notebook.executed(path, lambda source: source.replace("120_000", "24_000"))
     means = {name: totals.mean() for name, (totals, _) in names["results"].items()}
     assert means["learned"] > means["random"] + 5, means
-    assert f"fixed time: {means['fixed time']:.1f}" in capsys.readouterr().out
-    assert len(names["plt"].get_fignums()) == 2
+    assert notebook.kinds(kept) == notebook.kinds(made), "a count, and outputs of the same kinds, for each cell"
+    # Only what was learnt depends on torch and on the number of steps.
+    same = [[line for line in text.splitlines() if not line.startswith("learned")] for text in notebook.printed(made)[2:]]
+    assert same == [
+        [line for line in text.splitlines() if not line.startswith("learned")] for text in notebook.printed(kept)[2:]
+    ]
+    assert f"fixed time: {means['fixed time']:.1f}" in notebook.printed(kept)[3]
+    assert str(ROOT) not in path.read_text() and path.stat().st_size < 200_000
 
 
 @pytest.mark.parametrize("gru", [False, True])

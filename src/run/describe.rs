@@ -13,7 +13,7 @@ use dials_core::base::{AgentId, counted};
 use dials_core::domain::{Domain, RegionSpec, Task};
 use dials_core::outside::{FileName, path_as_text, quoted};
 use dials_learn::algorithms;
-use dials_learn::config::{Simulator, short_forms};
+use dials_learn::config::{Predictor, Simulator, short_forms};
 use dials_report::words::duration;
 use dials_session::config::{RunConfig, load};
 use dials_session::cost::Workload;
@@ -77,7 +77,9 @@ impl Described {
         };
         let workers = args.workers.unwrap_or_else(cores);
         let measured = runs_of_this_cpu(Path::new(RUNS));
-        let simulators = short_forms().into_iter().map(|form| {
+        // What a predictor in Python costs, only Python knows.
+        let forms = short_forms().into_iter().filter(|form| form.predictor != Some(Predictor::Outside));
+        let simulators = forms.map(|form| {
             let mut other = run.clone();
             form.choose(&mut other.config.learning);
             (form.name, estimate(&other, workers, &measured))

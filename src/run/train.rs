@@ -29,7 +29,7 @@ use dials_session::error::{Error, Result};
 use dials_session::fleet::children::FILES_PER_WORKER;
 use dials_session::machine::allow_open_files;
 use dials_session::places::Existing;
-use dials_session::python::Link;
+use dials_session::python::{Link, predictor};
 use dials_session::records::checkpoint::newest_step;
 use dials_session::records::checkpoint::owner::{NotOfThisRun, Owner};
 use dials_session::records::files;
@@ -93,11 +93,16 @@ pub(super) fn train(args: &cli::TrainArgs) -> Result<()> {
     }
 }
 
-/// Returns an error if the learner of the config is in a Python process, and none has started this one.
-fn ensure_learner(config: &RunConfig) -> anyhow::Result<()> {
+/// Returns an error if the learner or the predictor of the config is in a Python process, and none has started this one.
+fn ensure_python(config: &RunConfig) -> anyhow::Result<()> {
     ensure!(
         !config.learning.learns_outside() || Link::is_there(),
         "algorithm = \"outside\": the learner is written in Python: run it with dials_traffic.dials(...), as docs/python.md says"
+    );
+    ensure!(
+        !config.learning.predicts_outside() || Link::is_there(),
+        "predictor = \"outside\": the predictor is written in Python: run it with dials_traffic.train(..., predictor=...), as \
+         docs/python.md says"
     );
     Ok(())
 }
@@ -119,7 +124,7 @@ struct Run {
 /// Makes a new run. `wanted`: number of workers that was asked for.
 fn begin(args: &cli::TrainArgs, config_path: &Path, wanted: Option<usize>) -> Result<Run> {
     let config = load(config_path, &settings(args)).map_err(Error::Usage)?;
-    ensure_learner(&config).map_err(Error::Usage)?;
+    ensure_python(&config).map_err(Error::Usage)?;
     let domain = domains::check_for_training(&config).map_err(Error::Usage)?;
     domains::note_left_out(&*domain);
     if config.learning.simulator != Simulator::Global {
@@ -157,7 +162,7 @@ fn resume(args: &cli::TrainArgs, dir: &Path, wanted: Option<usize>) -> Result<Ru
 
 fn resume_locked(args: &cli::TrainArgs, dir: &Path, directory: Directory, wanted: Option<usize>) -> Result<Run> {
     let run = open(directory, domains::open)?;
-    ensure_learner(&run.config).map_err(Error::Usage)?;
+    ensure_python(&run.config).map_err(Error::Usage)?;
     allow_workers(workers(wanted, &run.config, run.domain.agents()))?;
     let other_build = other_build(PROGRAM, dir, &run.config, args.accept_other_build).map_err(Error::Usage)?;
     let point = ResumePoint::find(&run.directory, &run.owner).map_err(|error| {
@@ -279,6 +284,7 @@ impl Run {
         };
         let resumes_at = checkpoint.as_ref().map_or(0, |checkpoint| checkpoint.agents.steps);
         other_build.as_ref().map_or(Ok(()), |build| record_resume(&directory, build, resumes_at))?;
+        predictor::install(config, &*domain);
         let plan = Plan { domain: &domain, config, directory: &directory, workers, patience };
         let mut fleet = team.fleet(&plan, progress.clone())?;
         let mut standing = TrainingProgress::default();

@@ -32,6 +32,7 @@ fn state() -> AgentsState {
         },
         aips: rows(30),
         streams: vec![AgentStream { rows: vec![row] }; 3],
+        outside_aips: vec![9],
     }
 }
 

@@ -223,6 +223,7 @@ pub(crate) fn crafted(place: &Place, bytes: &[u8]) -> Result<()> {
         },
         aips: table(&original.aips, &state.aips)?,
         streams: state.streams,
+        outside_aips: Vec::new(),
     };
     copy(&runs.dir("half"), &place.empty("run"));
     let folder = place.empty("run/checkpoints");

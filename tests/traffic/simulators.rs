@@ -762,14 +762,14 @@ fn the_closed_loop_has_the_cars_and_the_return_of_the_global_simulator() {
     let rows = agents * 5;
     let mut dice: Vec<Dice> = (0..rows).map(|row| Seed::new(5).for_copy(row).dice()).collect();
     let mut ls = domain.local(rows).unwrap();
-    aips.begin(rows);
+    aips.begin(rows).unwrap();
     let (mut actions, mut sources) = (vec![0; rows], Rows::new(rows, 4));
     let (mut local_cars, mut local_rewards) = (0.0, 0.0);
     for _ in 0..4 {
         let mut percept = ls.reset(&Beginning::first(0..rows)).unwrap().clone();
         for _ in 0..horizon {
             actions.iter_mut().zip(percept.obs.iter()).for_each(|(action, obs)| *action = gap_out(obs));
-            aips.sample(&percept.d_set, &mut dice, &mut sources);
+            aips.sample(&percept.d_set, &mut dice, &mut sources).unwrap();
             let transition = ls.step(&actions, &sources).unwrap();
             local_rewards += transition.rewards.iter().map(|&r| f64::from(r)).sum::<f64>();
             percept = transition.percept.clone();

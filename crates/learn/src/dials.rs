@@ -8,12 +8,14 @@ use crate::fleet::Fleet;
 use crate::observer::Recorder;
 use crate::observer::{Interrupted, Observer};
 use crate::pace::Pace;
+use crate::predictors::outside;
 use crate::progress::{Moment, TrainingProgress};
 use crate::steps::collect::{Purpose, collect_datasets};
 use crate::steps::evaluate::evaluate;
 use crate::steps::imitate::{collect_demonstrations, imitate};
 use crate::steps::train_aips::{measure_aips, train_aips};
 use crate::steps::train_policies::{PolicyTraining, train_policies};
+use dials_core::base::Activity;
 use dials_core::domain::Result;
 
 /// Trains the policies of all agents as the config says, from their current state.
@@ -31,6 +33,9 @@ pub fn train(
     let pace = Pace::guess(config, fleet.domain());
     let mut run = Training { config, fleet, progress, pace, recorder, observer };
     run.recorder.begun(run.fleet.agents())?; // 1: policies and AIPs, new or from a checkpoint
+    if config.predicts_outside() {
+        outside::load(&run.fleet.agents().outside_aips)?;
+    }
     run.imitate_at_the_beginning()?; // if the config names a controller; not in the paper
     run.end_a_period_that_was_cut_here()?;
     for period in &rest_of_schedule(config, run.progress.until) {
@@ -40,6 +45,7 @@ pub fn train(
         }
         if run.progress.trains_aips(period, run.fleet.agents().steps, config) {
             let datasets = collect_datasets(run.fleet, Purpose::Training { steps: period.start })?; // 3
+            observer.busy(Activity::AipTraining, 0.0);
             let losses = train_aips(run.fleet, datasets, period)?; // 4-6: in parallel, for every agent
             run.recorder.aips_trained(run.fleet.agents(), &losses)?;
             observer.aips_trained(run.fleet.agents().steps, &losses);

@@ -35,6 +35,9 @@ pub trait Fleet {
     /// Changes the state of all agents, here and at the workers.
     fn change(&mut self, change: impl FnOnce(&mut AgentsState)) -> Result<()>;
 
+    /// Keeps the new state of a predictor outside of this program: [`AgentsState::outside_aips`].
+    fn keep_outside_aips(&mut self, state: Vec<u8>);
+
     /// Shares episodes out among all workers. Returns their replies, in the order of the episodes. A request to stop
     /// takes effect at once.
     ///

@@ -198,6 +198,8 @@ fn stuck_agents(stuck: &[AgentAt], name: &dyn Fn(usize) -> String) -> String {
 }
 
 pub(crate) fn runs(comparisons: &[Comparison]) -> Table {
+    let all = || comparisons.iter().flat_map(|comparison| comparison.groups.iter().flat_map(|group| &group.runs));
+    let with_python = all().any(|run| !run.about.python.is_empty());
     let mut rows = Vec::new();
     for comparison in comparisons {
         for (group, run) in comparison.groups.iter().flat_map(|group| group.runs.iter().map(move |run| (group, run))) {
@@ -209,7 +211,7 @@ pub(crate) fn runs(comparisons: &[Comparison]) -> Table {
             let commit = run.about.versions.git_commit.as_str();
             let last = |figure: fn(&EvaluationRecord) -> String| or_nothing(run.evaluations.last().map(figure));
             let time = |figure: fn(PeriodTime) -> f64| or_nothing(run.total_time().map(|time| hours(figure(time))));
-            rows.push(vec![
+            let mut row = vec![
                 run.dir.display().to_string(),
                 comparison.title.clone(),
                 group.label(),
@@ -223,15 +225,22 @@ pub(crate) fn runs(comparisons: &[Comparison]) -> Table {
                 time(|time| time.cpu.runtime_s()),
                 run.workers.to_string(),
                 if commit.is_empty() { NOTHING } else { commit }.to_owned(),
-            ]);
+            ];
+            if with_python {
+                let parts: Vec<String> =
+                    run.about.python.iter().map(|part| format!("{} {}", part.kind, part.name)).collect();
+                row.push(if parts.is_empty() { NOTHING.to_owned() } else { parts.join(", ") });
+            }
+            rows.push(row);
         }
     }
+    let in_python = if with_python { " | in Python" } else { "" };
     Table {
         caption: "Every run at its last evaluation. Hours: wall time and CPU time, without evaluations.".to_owned(),
-        header: header(
+        header: header(&format!(
             "run | scenario | method | seed | status | evaluated at | episodes | return | stuck | hours | CPU hours | \
-             workers | commit",
-        ),
+             workers | commit{in_python}"
+        )),
         rows,
     }
 }

@@ -146,6 +146,12 @@ pub fn read_aips(
     let choice = config.learning.predictor_in_use().with_context(|| {
         format!("{}: was trained on the GS and has no AIPs, so its local simulators cannot be played", path.display())
     })?;
+    ensure!(
+        !config.learning.predicts_outside(),
+        "{}: its influence predictor is in Python; local simulators of this run need that object: \
+         dials_traffic.vector_env(..., predictor=...)",
+        path.display()
+    );
     let mut aips = initial_aips(domain, &config.learning, agents);
     // A predictor that is never trained is never written.
     if choice.kind().learns() {

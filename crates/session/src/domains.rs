@@ -163,12 +163,15 @@ pub fn take_own(config: &mut RunConfig) -> (Option<String>, Option<String>) {
     (reward, observation.map(name))
 }
 
-/// Returns the functions of Python that a config names, as that process describes them.
+/// Returns the functions of Python that a config names, its learner and its predictor, as that process describes them.
 pub(crate) fn python_functions(config: &RunConfig) -> Result<Vec<PythonFunction>> {
-    match take_own(&mut config.clone()) {
-        (None, None) => Ok(Vec::new()),
-        (reward, observation) => described(reward.as_deref(), observation.as_deref()),
+    let (reward, observation) = take_own(&mut config.clone());
+    let outside = [("learner", config.learning.learns_outside()), ("predictor", config.learning.predicts_outside())];
+    let objects: Vec<&str> = outside.into_iter().filter_map(|(name, is_there)| is_there.then_some(name)).collect();
+    if reward.is_none() && observation.is_none() && objects.is_empty() {
+        return Ok(Vec::new());
     }
+    described(reward.as_deref(), observation.as_deref(), &objects)
 }
 
 /// Returns the config of a scenario with more or fewer vehicles, and with further edges closed: `traffic.demand` and

@@ -371,6 +371,11 @@ impl Config {
         self.algorithm == AlgorithmName::Outside
     }
 
+    /// Returns whether the influence predictor is in a process outside of this program.
+    pub fn predicts_outside(&self) -> bool {
+        self.predictor_in_use() == Some(Predictor::Outside)
+    }
+
     /// Returns how many cores can be at work at most while this number of agents trains: one for each of them, for each copy of the
     /// GS, or for each lane of local simulators whose agents share a policy. `foreign`: whether simulators are processes of
     /// their own. Native ones of the GS, and of a shared policy, are all in one thread.

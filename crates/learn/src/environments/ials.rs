@@ -45,7 +45,7 @@ impl<'a, S: LocalSimulator + ?Sized> Ials<'a, S> {
         alive: &mut dyn FnMut(),
     ) -> Result<Self> {
         let trails: Vec<Trail> = part.of(streams).map(|row| row.trail.clone()).collect();
-        predictor.begin(trails.len());
+        predictor.begin(trails.len())?;
         let percept = retrace(&mut *simulator, predictor, (&part, &trails), alive)?;
         let counted = simulator.counters().into_iter().map(|(_, count)| count).collect();
         // The caller has timed this; it is not part of the steps to come.
@@ -88,8 +88,8 @@ impl<'a, S: LocalSimulator + ?Sized> Ials<'a, S> {
     pub fn decide(&mut self, actions: &[Action], watch: &mut Stopwatch) -> Result<()> {
         // u_t ~ I(. | l_t): the AIP sees the d-set from before the step.
         watch.time(Phase::AipSampling, || {
-            self.predictor.sample(&self.percept.d_set, &mut self.dice, &mut self.sources);
-        });
+            self.predictor.sample(&self.percept.d_set, &mut self.dice, &mut self.sources)
+        })?;
         // x_{t+1} ~ T(. | x_t, a_t, u_t)
         let horizon = self.simulator.spec().local_horizon;
         let begun = Instant::now();
@@ -113,7 +113,7 @@ impl<'a, S: LocalSimulator + ?Sized> Ials<'a, S> {
         let percept = if over.is_empty() {
             &transition.percept
         } else {
-            self.predictor.forget(&over.iter().map(|beginning| beginning.row).collect::<Vec<_>>());
+            self.predictor.forget(&over.iter().map(|beginning| beginning.row).collect::<Vec<_>>())?;
             let begun = Instant::now();
             let percept = self.simulator.reset(&over)?;
             watch.note(Phase::Reset, begun.elapsed());
@@ -170,11 +170,11 @@ fn retrace(
                 influences.row_mut(row).copy_from_slice(&trail.sources[step * count..][..count]);
             }
         }
-        predictor.watch(&percept.d_set);
+        predictor.watch(&percept.d_set)?;
         percept.clone_from(&simulator.step(&actions, &influences)?.percept);
         let due: Vec<usize> = (0..trails.len()).filter(|&row| trails[row].steps() + step + 1 == steps).collect();
         if !due.is_empty() {
-            predictor.forget(&due);
+            predictor.forget(&due)?;
             percept.clone_from(simulator.reset(&due.into_iter().map(beginning).collect::<Vec<_>>())?);
         }
     }
@@ -236,21 +236,23 @@ mod tests {
     }
 
     impl InfluencePredictor for Spy {
-        fn begin(&mut self, rows: usize) {
-            self.forget(&(0..rows).collect::<Vec<_>>());
+        fn begin(&mut self, rows: usize) -> Result<()> {
+            self.forget(&(0..rows).collect::<Vec<_>>())
         }
 
-        fn forget(&mut self, rows: &[usize]) {
+        fn forget(&mut self, rows: &[usize]) -> Result<()> {
             self.forgotten.push(rows.to_vec());
+            Ok(())
         }
 
-        fn watch(&mut self, d_set: &Rows<f32>) {
+        fn watch(&mut self, d_set: &Rows<f32>) -> Result<()> {
             self.seen.push(d_set.clone());
+            Ok(())
         }
 
-        fn sample(&mut self, d_set: &Rows<f32>, _dice: &mut [Dice], sources: &mut Rows<u8>) {
-            self.watch(d_set);
+        fn sample(&mut self, d_set: &Rows<f32>, _dice: &mut [Dice], sources: &mut Rows<u8>) -> Result<()> {
             sources.fill(1);
+            self.watch(d_set)
         }
     }
 

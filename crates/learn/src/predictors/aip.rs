@@ -160,23 +160,26 @@ pub(super) fn scaled(x: f32) -> f32 {
 }
 
 impl InfluencePredictor for AipStack {
-    fn begin(&mut self, rows: usize) {
+    fn begin(&mut self, rows: usize) -> Result<()> {
         self.states = self.net.states(rows);
         self.copies = rows / self.net.parameters().networks();
+        Ok(())
     }
 
-    fn forget(&mut self, rows: &[usize]) {
+    fn forget(&mut self, rows: &[usize]) -> Result<()> {
         rows.iter().for_each(|&row| self.states.clear(row));
+        Ok(())
     }
 
-    fn watch(&mut self, d_set: &Rows<f32>) {
+    fn watch(&mut self, d_set: &Rows<f32>) -> Result<()> {
         // Without memory there is nothing to remember.
         if !self.states.as_slice().is_empty() {
             self.outputs(d_set);
         }
+        Ok(())
     }
 
-    fn sample(&mut self, d_set: &Rows<f32>, dice: &mut [Dice], sources: &mut Rows<u8>) {
+    fn sample(&mut self, d_set: &Rows<f32>, dice: &mut [Dice], sources: &mut Rows<u8>) -> Result<()> {
         let mut outputs = self.outputs(d_set);
         let spec = &self.sources;
         let rows = sources.as_mut_slice().chunks_exact_mut(spec.count()).zip(dice);
@@ -187,6 +190,7 @@ impl InfluencePredictor for AipStack {
             }
             sources::sample(spec, logits, dice, sources);
         }
+        Ok(())
     }
 }
 
@@ -374,8 +378,8 @@ mod tests {
         let d_sets = (0..rows).flat_map(|row| if row < 10_000 { [1.0, 0.0, 0.0, 0.0] } else { [0.0, 1.0, 0.0, 0.0] });
         let d_sets = Rows::from_vec(d_sets.collect(), 4);
         let mut drawn = Rows::new(rows, 2);
-        aips.begin(rows);
-        aips.sample(&d_sets, &mut dice(rows), &mut drawn);
+        aips.begin(rows).unwrap();
+        aips.sample(&d_sets, &mut dice(rows), &mut drawn).unwrap();
         let share = |half: usize, source: usize| {
             (half * 10_000..(half + 1) * 10_000).filter(|&row| drawn.row(row)[source] == 1).count() as f64 / 1e4
         };

@@ -39,15 +39,20 @@ impl Marginals {
 }
 
 impl InfluencePredictor for Marginals {
-    fn begin(&mut self, rows: usize) {
+    fn begin(&mut self, rows: usize) -> Result<()> {
         self.copies = rows / self.probabilities.len();
+        Ok(())
     }
 
-    fn forget(&mut self, _rows: &[usize]) {}
+    fn forget(&mut self, _rows: &[usize]) -> Result<()> {
+        Ok(())
+    }
 
-    fn watch(&mut self, _d_set: &Rows<f32>) {}
+    fn watch(&mut self, _d_set: &Rows<f32>) -> Result<()> {
+        Ok(())
+    }
 
-    fn sample(&mut self, d_set: &Rows<f32>, dice: &mut [Dice], sources: &mut Rows<u8>) {
+    fn sample(&mut self, d_set: &Rows<f32>, dice: &mut [Dice], sources: &mut Rows<u8>) -> Result<()> {
         let count = self.sources.count();
         for (row, (sources, dice)) in sources.as_mut_slice().chunks_exact_mut(count).zip(dice).enumerate() {
             let width = self.sources.values();
@@ -59,6 +64,7 @@ impl InfluencePredictor for Marginals {
                 *source = drawn.expect("some class was seen") as u8;
             }
         }
+        Ok(())
     }
 }
 
@@ -179,8 +185,8 @@ mod tests {
     /// Draws the sources of every row once.
     fn drawn(marginals: &mut Marginals, d_set: &Rows<f32>) -> Rows<u8> {
         let mut drawn = Rows::new(d_set.len(), marginals.sources.count());
-        marginals.begin(d_set.len());
-        marginals.sample(d_set, &mut dice(d_set.len()), &mut drawn);
+        marginals.begin(d_set.len()).unwrap();
+        marginals.sample(d_set, &mut dice(d_set.len()), &mut drawn).unwrap();
         drawn
     }
 

@@ -5,7 +5,7 @@
 //! (AIP), one network per agent; without training it is the predictor of untrained-DIALS. [`Marginals`] are constants,
 //! the predictors of marginal-DIALS.
 //!
-//! - `aip`, `marginals`: the two predictors.
+//! - `aip`, `marginals`: the two predictors. [`outside`]: one in a Python process.
 //! - `train`: fits a predictor to a [`Dataset`], and measures its loss; `descent`: how AIPs learn.
 //! - `parts`: how often sources took their values in each part of an episode.
 //! - `sources`: the distribution that logits stand for: sampling, cross-entropy and its gradient.
@@ -13,6 +13,7 @@
 mod aip;
 mod descent;
 mod marginals;
+pub mod outside;
 mod parts;
 mod sources;
 mod train;
@@ -49,7 +50,7 @@ pub struct Dataset {
     /// `[samples, sources]`
     pub sources: Rows<u8>,
     /// Number of samples per episode.
-    pub(crate) horizon: usize,
+    pub horizon: usize,
     /// Number of sources that the agent has itself. The others only fill up the shape of its kind and are always 0.
     pub own_sources: usize,
 }
@@ -99,21 +100,21 @@ impl Dataset {
     }
 }
 
-/// A sampler of the influence sources of many regions, one row per (agent, copy).
+/// A sampler of the influence sources of many regions, one row per (agent, copy). Only one [`outside`] of this program can fail.
 pub trait InfluencePredictor: Send {
     /// Sets the number of rows from now on. An episode begins in each.
-    fn begin(&mut self, rows: usize);
+    fn begin(&mut self, rows: usize) -> Result<()>;
 
     /// Forgets the history of these rows, because episodes begin in them.
-    fn forget(&mut self, rows: &[usize]);
+    fn forget(&mut self, rows: &[usize]) -> Result<()>;
 
     /// Reads the d-sets of a decision whose sources are already known, and draws nothing.
-    fn watch(&mut self, d_set: &Rows<f32>);
+    fn watch(&mut self, d_set: &Rows<f32>) -> Result<()>;
 
     /// Draws `u_t` for every row, each from the dice of its row.
     ///
     /// `d_set`: `[rows, d_set_dim]` at this decision; `sources`: `[rows, sources]`, written.
-    fn sample(&mut self, d_set: &Rows<f32>, dice: &mut [Dice], sources: &mut Rows<u8>);
+    fn sample(&mut self, d_set: &Rows<f32>, dice: &mut [Dice], sources: &mut Rows<u8>) -> Result<()>;
 }
 
 /// What the predictors of some agents learn from.
@@ -208,4 +209,6 @@ predictors! {
     /// Constant probabilities instead of AIPs, measured on the global simulator (GS) when DIALS would train its AIPs.
     Marginals = "marginals", "marginal-dials",
         "local simulators with constant arrival probabilities, measured on the global simulator", marginals::Constants;
+    /// A predictor in Python: `predictor=` of `dials_traffic.train` and `dials_traffic.dials`.
+    Outside = "outside", "outside-dials", "local simulators with a predictor that is written in Python", outside::InPython;
 }

@@ -7,6 +7,7 @@ use super::parts::PartFrequencies;
 use super::{CrossEntropies, Dataset, Lesson, TrainablePredictor, mean_loss};
 use crate::config::{AipConfig, held_out_episodes};
 use dials_core::base::{AgentId, Dice, Seed, Stopwatch, Work};
+use dials_core::domain::SourceSpec;
 use stacknets::Threads;
 
 /// Effect of one training on one agent's predictor, for each source that the agent has.
@@ -48,22 +49,35 @@ pub fn train(
     predictor.learn(Lesson { datasets, samples: first, config, threads }, &mut dice, Work { watch, progress });
     let after = both(predictor, watch);
     let per_agent = datasets.iter().enumerate().map(|(agent, dataset)| {
-        let [seen, held_out] =
-            [0..first, first..last].map(|samples| PartFrequencies::of(predictor.sources(), dataset, samples));
         let of_agent = |losses: &[CrossEntropies]| dataset.only_own(losses[agent].clone());
-        AipLoss {
-            training: [of_agent(&before[0]), of_agent(&after[0])],
-            held_out: [of_agent(&before[1]), of_agent(&after[1])],
-            marginals: dataset.only_own(held_out.cross_entropies(&seen.probabilities())),
-            frequencies: dataset.only_own(seen.whole().iter().map(|classes| 1.0 - classes[0]).collect()),
-            on_marginals: dataset.only_own(predictor.on_marginals(agent)),
-        }
+        let on_marginals = dataset.only_own(predictor.on_marginals(agent));
+        let losses = [&before, &after].map(|losses| [of_agent(&losses[0]), of_agent(&losses[1])]);
+        effect(predictor.sources(), dataset, first, losses, on_marginals)
     });
     per_agent.collect()
 }
 
+/// Puts the effect of a training on one agent's predictor together. `first`: number of training samples; `losses`: before
+/// and after it, on the training samples and on the held-out ones.
+pub(super) fn effect(
+    spec: &SourceSpec,
+    dataset: &Dataset,
+    first: usize,
+    [[training, held_out], [training_after, held_out_after]]: [[CrossEntropies; 2]; 2],
+    on_marginals: Vec<bool>,
+) -> AipLoss {
+    let [seen, unseen] = [0..first, first..dataset.len()].map(|samples| PartFrequencies::of(spec, dataset, samples));
+    AipLoss {
+        training: [training, training_after],
+        held_out: [held_out, held_out_after],
+        marginals: dataset.only_own(unseen.cross_entropies(&seen.probabilities())),
+        frequencies: dataset.only_own(seen.whole().iter().map(|classes| 1.0 - classes[0]).collect()),
+        on_marginals,
+    }
+}
+
 /// Returns where the training samples end and where the held-out ones end.
-fn split(dataset: &Dataset, share: f64) -> (usize, usize) {
+pub(super) fn split(dataset: &Dataset, share: f64) -> (usize, usize) {
     let episodes = dataset.episodes();
     let training = episodes - held_out_episodes(episodes, share);
     (training * dataset.horizon, dataset.len())
@@ -92,11 +106,14 @@ impl FreshLoss {
 /// Measures every agent's predictor on its own dataset. All datasets have the same length.
 pub fn measure(predictor: &dyn TrainablePredictor, datasets: &[Dataset], watch: &mut Stopwatch) -> Vec<FreshLoss> {
     let losses = predictor.losses(datasets, 0..datasets[0].len(), watch);
-    let per_agent = losses.into_iter().zip(datasets).map(|(predictor_loss, dataset)| {
-        let seen = PartFrequencies::of(predictor.sources(), dataset, 0..dataset.len());
-        FreshLoss { predictor: dataset.only_own(predictor_loss), marginals: dataset.only_own(seen.entropies()) }
-    });
-    per_agent.collect()
+    let per_agent = losses.into_iter().zip(datasets);
+    per_agent.map(|(loss, dataset)| fresh(predictor.sources(), dataset, dataset.only_own(loss))).collect()
+}
+
+/// Puts the loss of one agent's predictor, for each source that it has, beside that of the best constants.
+pub(super) fn fresh(spec: &SourceSpec, dataset: &Dataset, predictor: CrossEntropies) -> FreshLoss {
+    let seen = PartFrequencies::of(spec, dataset, 0..dataset.len());
+    FreshLoss { predictor, marginals: dataset.only_own(seen.entropies()) }
 }
 
 #[cfg(test)]
@@ -104,7 +121,7 @@ mod tests {
     use super::*;
     use crate::fixtures::{region, trained};
     use crate::predictors::{AipStack, Marginals};
-    use dials_core::domain::{Kinds, SourceSpec};
+    use dials_core::domain::Kinds;
     use rand::Rng;
 
     #[test]

@@ -62,7 +62,7 @@ impl Fit<'_> {
     /// Networks and hidden states may hold any number: a policy that has diverged is not a damaged state. See
     /// [`Fit::check_numbers`].
     pub fn check(&self, state: &AgentsState) -> Result<()> {
-        let AgentsState { steps, policies, learners, aips, streams } = state;
+        let AgentsState { steps, policies, learners, aips, streams, outside_aips: _ } = state;
         self.check_policies(policies)?;
         self.check_aips(aips)?;
         ensure!(

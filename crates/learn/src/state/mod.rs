@@ -20,6 +20,9 @@ pub struct AgentsState {
     /// What the influence predictors have learnt: weights of AIPs, or constants.
     pub aips: Ragged<f32>,
     pub streams: Vec<AgentStream>,
+    /// What a predictor outside of this program has learnt for all agents together: only that can read it. Empty before its
+    /// first training. Workers do not have it.
+    pub outside_aips: Vec<u8>,
 }
 
 impl AgentsState {
@@ -38,6 +41,7 @@ impl AgentsState {
             learners: self.learners.share(agents.clone()),
             aips: self.aips.pick(agents.clone()),
             streams: agents.into_iter().map(|agent| self.streams[agent].clone()).collect(),
+            outside_aips: Vec::new(),
         }
     }
 

@@ -8,7 +8,7 @@ use super::{Check, Step};
 use crate::config::Period;
 use crate::fleet::{Fleet, Stop, of_owners};
 use crate::observer::Observer;
-use crate::predictors::{AipLoss, Dataset, FreshLoss};
+use crate::predictors::{AipLoss, Dataset, FreshLoss, outside};
 use crate::state::fits::Fit;
 use crate::worker::Worker;
 use dials_core::base::{Activity, AgentId, Ragged};
@@ -47,6 +47,11 @@ impl Step for TrainAips {
 
 /// Trains every agent's predictor on its dataset and returns the losses.
 pub fn train_aips(fleet: &mut impl Fleet, mut datasets: Vec<Dataset>, period: &Period) -> Result<Vec<AipLoss>> {
+    if fleet.config().predicts_outside() {
+        let (losses, state) = outside::train(fleet.domain().kinds(), &datasets, &fleet.config().aip)?;
+        fleet.keep_outside_aips(state);
+        return Ok(losses);
+    }
     let step = |agents| TrainAips { datasets: of_owners(&mut datasets, &agents), period: *period };
     let parts = fleet.ask_owners(Activity::AipTraining, Stop::AtOnce, step, |state, agents, (losses, aips)| {
         state.aips.replace(agents.start, &aips);
@@ -91,6 +96,9 @@ fn check_losses(fit: &Fit<'_>, losses: impl ExactSizeIterator<Item = Vec<usize>>
 
 /// Measures the loss of every agent's predictor on its dataset.
 pub(crate) fn measure_aips(fleet: &mut impl Fleet, mut datasets: Vec<Dataset>) -> Result<Vec<FreshLoss>> {
+    if fleet.config().predicts_outside() {
+        return outside::measure(fleet.domain().kinds(), &datasets);
+    }
     let step = |agents| MeasureAips { datasets: of_owners(&mut datasets, &agents) };
     let parts = fleet.ask_owners(Activity::Evaluation, Stop::AtOnce, step, |_, _, losses| losses)?;
     Ok(parts.concat())

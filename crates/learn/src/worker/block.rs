@@ -107,6 +107,7 @@ impl AgentBlock {
             learners: learner.tables(),
             aips: self.aips(),
             streams: streams.clone(),
+            outside_aips: Vec::new(),
         }
     }
 

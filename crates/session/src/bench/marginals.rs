@@ -60,8 +60,8 @@ mod tests {
         let rows = 20_000;
         let mut dice: Vec<Dice> = (0..rows).map(|copy| Seed::new(9).for_copy(copy).dice()).collect();
         let mut drawn = Rows::new(rows, 1);
-        aips.begin(rows);
-        aips.sample(&Rows::new(rows, 2), &mut dice, &mut drawn);
+        aips.begin(rows).unwrap();
+        aips.sample(&Rows::new(rows, 2), &mut dice, &mut drawn).unwrap();
         drawn.iter().filter(|row| row[0] == 1).count() as f64 / rows as f64
     }
 

@@ -356,6 +356,10 @@ impl Fleet for Coordinator {
         self.send_states()
     }
 
+    fn keep_outside_aips(&mut self, state: Vec<u8>) {
+        self.agents.outside_aips = state;
+    }
+
     fn ask_all<S: Step>(
         &mut self,
         activity: Activity,

@@ -12,7 +12,7 @@ use super::channel::{receive, send};
 use super::message::{Order, WorkerReport};
 use super::process::{CpuClock, footprint, resident_kib};
 use crate::config::RunConfig;
-use crate::python::learner;
+use crate::python::{learner, predictor};
 use dials_core::base::Activity;
 use dials_core::domain::Domain;
 use dials_learn::fleet::WorkerLoad;
@@ -67,6 +67,7 @@ impl Server {
         let domain = open_domain(&config)?;
         prepared.as_ref().map_or(Ok(()), |prepared| domain.take_prepared(prepared))?;
         learner::connect(&config, &*domain)?;
+        predictor::install(&config, &*domain);
         let worker = Worker::new(domain, &config.learning, agents, &Threads::new(threads)?);
         let worker = worker.with_makers(Box::new(Apart { config_json, prepared, at_once: threads }));
         Ok(Server { worker, clock })

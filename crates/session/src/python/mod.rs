@@ -4,10 +4,11 @@
 //! [`LINK`]. Every process of the run may open any number of [`Link`]s to it.
 //!
 //! - `link`: the connection, its messages and their arrays. `rows`: rewards and observations over it.
-//! - `learner`: the learner of `algorithm = "outside"`.
+//! - `learner`: the learner of `algorithm = "outside"`. [`predictor`]: the predictor of `predictor = "outside"`.
 
 pub(crate) mod learner;
 mod link;
+pub mod predictor;
 mod rows;
 
 pub(crate) use rows::{PythonFunctions, described};

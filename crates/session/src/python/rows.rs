@@ -44,9 +44,14 @@ fn open(tables: &RoadTables, rows: &[AgentId], reward: Option<&str>, observation
     Link::open(FUNCTIONS, &json!({ "tables": tables, "rows": rows, "reward": reward, "observation": observation }))
 }
 
-/// Returns functions as the Python process describes them.
-pub(crate) fn described(reward: Option<&str>, observation: Option<&str>) -> Result<Vec<PythonFunction>> {
-    let link = Link::open(FUNCTIONS, &json!({ "reward": reward, "observation": observation }))?;
+/// Returns functions as the Python process describes them. `objects`: `learner` and `predictor`, those that the run has.
+pub(crate) fn described(
+    reward: Option<&str>,
+    observation: Option<&str>,
+    objects: &[&str],
+) -> Result<Vec<PythonFunction>> {
+    let about = json!({ "reward": reward, "observation": observation, "objects": objects });
+    let link = Link::open(FUNCTIONS, &about)?;
     serde_json::from_value(link.opened.clone()).context("the Python process did not describe its functions")
 }
 

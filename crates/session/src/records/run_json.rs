@@ -42,18 +42,19 @@ pub struct RunJson {
     /// Number of workers that was last asked for. A resume uses it again.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub workers: Option<usize>,
-    /// Functions of Python that took part, when the run began.
+    /// Functions and objects of Python that took part, when the run began.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub python: Vec<PythonFunction>,
     /// Build that the run was begun with.
     pub versions: Versions,
 }
 
-/// A function of the user's Python process.
+/// A function or an object of the user's Python process.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct PythonFunction {
-    /// `reward` or `observation`.
+    /// `reward`, `observation`, `learner` or `predictor`.
     pub kind: String,
+    /// Name of the function, or of the class.
     pub name: String,
     /// Its text; empty if Python does not know it.
     pub source: String,

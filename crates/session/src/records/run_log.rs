@@ -293,7 +293,7 @@ mod tests {
         let moments = ["first_moments", "second_moments"].map(|name| (name.to_owned(), table(&[0.0; 4])));
         let learners = Tables { numbers: moments.into(), ..Tables::default() };
         let (policies, aips) = (table(&policy), table(&[0.0; 4]));
-        let state = AgentsState { steps: 128, policies, learners, aips, streams: vec![] };
+        let state = AgentsState { steps: 128, policies, learners, aips, streams: vec![], outside_aips: vec![] };
         (PolicyTraining { agents, metrics, updates: 1, counters: Vec::new() }, state)
     }
 

@@ -92,11 +92,13 @@ const LEARNERS: &str = "learners.";
 const STREAMS: &str = "streams";
 /// Name of the bytes of a learner outside of this program. Other learners have none.
 const OUTSIDE: &str = "outside";
+/// Name of the bytes of a predictor outside of this program. Other predictors have none.
+const OUTSIDE_AIPS: &str = "outside_aips";
 type Streams = (Vec<AgentStream>, BTreeMap<String, Vec<Vec<Dice>>>, BTreeMap<String, u64>);
 
 /// Writes a checkpoint of a run into `folder` and removes those that are no longer kept.
 pub fn write(folder: &Directory, owner: &Owner, agents: &AgentsState, progress: RunProgress) -> Result<()> {
-    let AgentsState { policies, learners, aips, streams, .. } = agents;
+    let AgentsState { policies, learners, aips, streams, outside_aips, .. } = agents;
     let streams = postcard::to_stdvec(&(streams, &learners.dice, &learners.counts))
         .context("the state of training cannot be encoded")?;
     let about = Metadata {
@@ -114,6 +116,9 @@ pub fn write(folder: &Directory, owner: &Owner, agents: &AgentsState, progress: 
     tensors.insert(STREAMS.to_owned(), flat(Dtype::U8, &streams)?);
     if owner.config.learning.learns_outside() {
         tensors.insert(OUTSIDE.to_owned(), flat(Dtype::U8, &learners.bytes)?);
+    }
+    if owner.config.learning.predicts_outside() {
+        tensors.insert(OUTSIDE_AIPS.to_owned(), flat(Dtype::U8, outside_aips)?);
     }
     let metadata = seal(serde_json::to_string(&about)?, &tensors);
     // Directly to the file: the tables of a hundred agents need no second copy in memory.
@@ -170,7 +175,9 @@ impl Checkpoint {
             .map(|kind| algorithms::of(&config.learning).layout(&config.learning, kind, steps))
             .collect();
         let names = layouts[0].numbers.iter().map(|table| format!("{LEARNERS}{}", table.name));
-        check_names(&tensors, [POLICIES, AIPS].map(str::to_owned).into_iter().chain(names), layouts[0].bytes)?;
+        let predicts_outside = config.learning.predicts_outside();
+        let of_bytes = layouts[0].bytes.then_some(OUTSIDE).into_iter().chain(predicts_outside.then_some(OUTSIDE_AIPS));
+        check_names(&tensors, [POLICIES, AIPS].map(str::to_owned).into_iter().chain(names), of_bytes)?;
         let widths = Widths::of(&owner.config.learning, &owner.kinds);
         let numbers = layouts[0].numbers.iter().enumerate().map(|(index, table)| {
             let of_agent = |agent| layouts[owner.kinds.place(agent).kind].numbers[index].width;
@@ -181,13 +188,15 @@ impl Checkpoint {
         let ((streams, dice, counts), rest) = postcard::take_from_bytes::<Streams>(tensors[STREAMS].data())
             .context("the state of training cannot be read")?;
         ensure!(rest.is_empty(), "it has {} bytes after the state of training", rest.len());
-        let bytes = tensors.get(OUTSIDE).map_or(Vec::new(), |bytes| bytes.data().to_vec());
+        let bytes_of = |name: &str| tensors.get(name).map_or(Vec::new(), |bytes| bytes.data().to_vec());
+        let bytes = bytes_of(OUTSIDE);
         let agents = AgentsState {
             steps,
             policies: rows(&tensors, POLICIES, &widths.policies)?,
             learners: Tables { numbers, dice, counts, bytes },
             aips: rows(&tensors, AIPS, &widths.aips)?,
             streams,
+            outside_aips: bytes_of(OUTSIDE_AIPS),
         };
         progress.standing.check(&agents, progress.elapsed_s, &config.learning)?;
         let everybody = 0..owner.kinds.agents();
@@ -252,10 +261,14 @@ fn digest(text: &str, tensors: &Tensors<'_>) -> String {
     })
 }
 
-/// Checks that there are tables with these names, the streams, and nothing else. `outside`: whether there are bytes of a
-/// learner outside.
-fn check_names(tensors: &Tensors<'_>, tables: impl Iterator<Item = String>, outside: bool) -> Result<()> {
-    let bytes = [STREAMS].into_iter().chain(outside.then_some(OUTSIDE)).map(|name| (name.to_owned(), Dtype::U8));
+/// Checks that there are tables with these names, the streams, and nothing else. `outside`: names of the bytes of a learner
+/// and of a predictor outside.
+fn check_names<'a>(
+    tensors: &Tensors<'_>,
+    tables: impl Iterator<Item = String>,
+    outside: impl Iterator<Item = &'a str>,
+) -> Result<()> {
+    let bytes = [STREAMS].into_iter().chain(outside).map(|name| (name.to_owned(), Dtype::U8));
     let expected: BTreeMap<String, Dtype> = tables.map(|name| (name, Dtype::F32)).chain(bytes).collect();
     for (name, dtype) in &expected {
         let tensor = tensors.get(name).with_context(|| format!("it has no tensor `{name}`"))?;
