@@ -237,9 +237,9 @@ mod tests {
         assert_eq!(lines.len(), 3);
         assert_eq!(
             lines[1],
-            "<J1>,\"High Street / Bridge \"\"Road\"\"\",webster,25200,28800,60,7,1,34,30,3,1,30,30,Gr,High Street (e1)"
+            "<J1>,\"High Street / Bridge \"\"Road\"\"\",webster,25200,28800,60,7,1,34,30,0,3,1,,,Gr,High Street (e1)"
         );
-        assert!(lines[2].contains(",60,7,2,26,22,3,1,22,22,rg,e2"), "{}", lines[2]);
+        assert!(lines[2].contains(",60,7,2,26,22,0,3,1,,,rg,e2"), "{}", lines[2]);
     }
 
     #[test]
