@@ -10,8 +10,8 @@ checkpoints and files are those of `dials-traffic train`: `dials-traffic report`
 Double Q-learning with a target network. Lights differ, so each agent has a network, a replay and a unit of its rewards. The end
 of an episode is no end of the traffic, so the value of the last observation counts.
 
-On the town, max-pressure has a mean return of -2.33 +- 0.07. One run of 7 200 steps on the global simulator (seed 1) began with
--15.12 and ended with -1.415 +- 0.034 (10 evaluation episodes). On local simulators the town was not tried.
+On the town, max-pressure has a mean return of -2.33 +- 0.07. Two runs of 7 200 steps on the global simulator (seeds 1 and 2) began
+with -15.12, and ended with -1.415 and -1.384 (10 evaluation episodes). On local simulators the town was not tried.
 """
 
 import argparse
