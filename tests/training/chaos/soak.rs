@@ -51,7 +51,7 @@ fn soak() {
     let mut watch = Watch::new();
     let kills = train_both(&calm, &disturbed, &mut watch, seconds, &mut Dice::seed_from_u64(seed));
     println!("{kills} workers were killed; the samples are in {}", Watch::FILE);
-    let steps = lead_to_the_same_step(&calm, &disturbed);
+    let steps = lead_to_the_same_step(&calm, &disturbed, seconds);
     println!("both runs made {steps} timesteps per agent");
     let grown = watch.grown();
     let faults = compare(&calm, &disturbed);
@@ -107,13 +107,15 @@ fn stop(stage: &Stage, process: &mut Process) {
     assert_eq!(stage.orphans(), 0);
 }
 
-/// Resumes both runs, which end after the same number of timesteps, and returns it.
-fn lead_to_the_same_step(calm: &Stage, disturbed: &Stage) -> u64 {
+/// Resumes both runs, which end after the same number of timesteps, and returns it. A run that fell behind in `seconds` needs no
+/// more than twice as many to catch up.
+fn lead_to_the_same_step(calm: &Stage, disturbed: &Stage, seconds: u64) -> u64 {
     let stages = [calm, disturbed];
+    let longest = super::stage::FOR_EVER + Duration::from_secs(2 * seconds);
     let goal = stages.map(newest_checkpoint).into_iter().max().expect("there are two") + 1;
     let ended = stages.map(|stage| {
         let mut process = stage.train_until(goal, 2);
-        let code = process.ended_within(super::stage::FOR_EVER);
+        let code = process.ended_within(longest);
         assert!(code.is_some_and(|code| code.success()), "it does not end well: {}", process.said());
         newest_checkpoint(stage)
     });
