@@ -456,9 +456,10 @@ fn an_error_in_a_local_net_of_any_name_has_its_path_and_the_command_that_makes_a
 
 /// Runs a command and returns how many processes of the program there were, itself included.
 fn processes_of(room: &Room, words: &[&str]) -> usize {
-    // A copy that no other test starts. The system opens it once for each process.
+    // A copy that no other test starts. The system opens it once for each process. Another process makes it: a test beside this
+    // one, which starts a program meanwhile, would hold it open for writing, and then nobody could start it.
     let program = room.path("program");
-    fs::copy(env!("CARGO_BIN_EXE_dials-traffic"), &program).unwrap();
+    Command::new("cp").arg(env!("CARGO_BIN_EXE_dials-traffic")).arg(&program).assert().success();
     let watch = inotify::init(inotify::CreateFlags::NONBLOCK | inotify::CreateFlags::CLOEXEC).unwrap();
     // Without reads in between, the system would count two openings as one.
     inotify::add_watch(&watch, &program, inotify::WatchFlags::OPEN | inotify::WatchFlags::ACCESS).unwrap();
