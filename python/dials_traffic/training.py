@@ -49,8 +49,8 @@ def train(
     ``watch(d_set)``, that is called instead of ``sample`` where sources are known already: for predictors with a memory.
     Worker processes are at different steps, so each gets a shallow copy of it; what ``begin`` assigns is the copy's own.
 
-    ``workers``: number of processes; it does not change the results. ``resume``: go on with the run in ``out``; functions must then be the same.
-    ``force``: move a run directory that exists aside. ``quiet``: print nothing. Without functions it is the plain
+    ``workers``: number of processes; it does not change the results. ``resume``: go on with the run in ``out``; functions must
+    then be the same. ``force``: move a run directory that exists aside. ``quiet``: print nothing. Without functions it is the plain
     command. ``run.own_cost`` says what the functions took.
     """
     functions = _functions(reward, observation)

@@ -17,7 +17,7 @@ use dials_core::base::{AgentId, Seed, counted, for_terminal, repeated};
 use dials_core::domain::{Baseline, Controller, Domain, GlobalSimulator, Measures};
 use dials_core::outside::{Directory, FileName, path_as_text, write_together};
 use dials_learn::evaluation::csv::{Lines, by_agent, by_episode};
-use dials_learn::evaluation::{Evaluation, Finding, comparison, episode_seed, json, play, play_watched, table};
+use dials_learn::evaluation::{Evaluation, Finding, comparison, episode_seed, json, play_watched, table};
 use dials_report::plot::About;
 use dials_session::config::{RunConfig, load};
 use dials_session::error::{Error, Result};
@@ -206,9 +206,7 @@ impl<'a> Session<'a> {
             lights.begin(simulator, self.output.emissions).map_err(Error::Run)?;
             let mut episodes = Vec::with_capacity(self.episodes);
             for episode in 0..self.episodes {
-                let seed = episode_seed(Seed::new(self.seed), episode);
-                episodes.push(play(simulator, controller, seed).map_err(Error::Run)?);
-                lights.note(simulator);
+                episodes.push(lights.play(simulator, controller, self.seed, episode).map_err(Error::Run)?);
                 bar.set(number * self.episodes + episode + 1);
                 if let (Ok(()), Some(events)) = (&written, &mut events) {
                     written = events.append().map_err(Error::Run);

@@ -5,11 +5,12 @@ use serde_json::{Map, Value, json};
 
 use super::plan::PLAN;
 use crate::cli::OutputArgs;
+use dials_core::base::Seed;
 use dials_core::base::statistics::Interval;
 use dials_core::domain::light_figures::{LightPlace, LightsEpisode};
-use dials_core::domain::{Domain, GlobalSimulator};
-use dials_learn::evaluation::Finding;
+use dials_core::domain::{Controller, Domain, GlobalSimulator};
 use dials_learn::evaluation::csv::Lines;
+use dials_learn::evaluation::{EpisodeReport, Finding, episode_seed, play};
 use dials_report::lights::{Played, csv, json as in_json, table};
 use dials_session::config::RunConfig;
 use dials_session::domains;
@@ -49,6 +50,19 @@ impl LightFigures {
     /// Forgets all players but the first ones.
     pub(super) fn keep(&mut self, players: usize) {
         self.played.truncate(players);
+    }
+
+    /// Plays an episode of this number and notes what happened at each light.
+    pub(super) fn play(
+        &mut self,
+        simulator: &mut dyn GlobalSimulator,
+        controller: &mut dyn Controller,
+        seed: u64,
+        episode: usize,
+    ) -> Result<EpisodeReport> {
+        let played = play(simulator, controller, episode_seed(Seed::new(seed), episode))?;
+        self.note(simulator);
+        Ok(played)
     }
 
     /// Makes a simulator measure what is asked for, and begins with the next player.

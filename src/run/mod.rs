@@ -11,7 +11,8 @@
 //! - `bench`: measures training speed. `check`: local simulators beside the global one. `export`: policies as TorchScript.
 //! - `describe`: the agents of a config, what a run of it will do, and what that costs.
 //! - `nets`: SUMO networks, made and inspected (`inspect`). `demand`: routes that fit traffic counts. `listing`: lists of names as text.
-//! - `info`: versions. `doctor`: what is missing (`sumo_data`: of SUMO's data). `complete`: completions, manual pages, and the schema of a config.
+//! - `info`: versions. `doctor`: what is missing; `sumo_data`: of SUMO's data. `complete`: completions, manual pages, and the schema
+//!   of a config.
 
 mod bench;
 mod benchmark;

@@ -14,7 +14,7 @@ use crate::cli;
 use dials_core::base::statistics::{Interval, mean};
 use dials_core::base::{RandomPurpose, Seed};
 use dials_core::domain::{Baseline, BuiltInControl, Controller, Domain};
-use dials_learn::evaluation::{EpisodeReport, Finding, Player, episode_seed, play};
+use dials_learn::evaluation::{EpisodeReport, Finding, Player, play};
 use dials_session::config::{RunConfig, load};
 use dials_session::directory;
 use dials_session::domains::{self, DomainConfig};
@@ -283,9 +283,8 @@ impl Work<'_> {
             lights.begin(&mut *simulator, false).map_err(Error::Run)?;
             let mut played = Vec::with_capacity(episodes);
             for episode in 0..episodes {
-                let seed = episode_seed(Seed::new(self.seed()), episode);
-                played.push(play(&mut *simulator, &mut *controller, seed).map_err(Error::Run)?);
-                lights.note(&mut *simulator);
+                let report = lights.play(&mut *simulator, &mut *controller, self.seed(), episode);
+                played.push(report.map_err(Error::Run)?);
                 bar.set(before + episode + 1);
             }
             findings.push(Finding { player, episodes: played });

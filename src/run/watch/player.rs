@@ -12,9 +12,8 @@ use rustix::process::nice;
 
 use super::messages::{Said, Wish};
 use crate::run::lights::LightFigures;
-use dials_core::base::Seed;
 use dials_core::domain::{Baseline, Controller, GlobalSimulator};
-use dials_learn::evaluation::{Finding, Player, episode_seed, play};
+use dials_learn::evaluation::{Finding, Player};
 use dials_learn::policy::Selection;
 use dials_session::directory::{self, TrainedRun};
 use dials_session::domains;
@@ -104,8 +103,7 @@ fn episodes_of(
     for episode in 0..count {
         let who = if player.policies.is_none() { "today's plan" } else { "the newest policies" };
         say(&Said::Playing { who: who.to_owned(), episode: episode + 1, of: count })?;
-        episodes.push(play(simulator, controller, episode_seed(Seed::new(seed), episode))?);
-        lights.note(simulator);
+        episodes.push(lights.play(simulator, controller, seed, episode)?);
     }
     Ok(Finding { player, episodes })
 }

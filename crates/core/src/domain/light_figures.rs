@@ -4,6 +4,9 @@
 //! ([`LightsEpisode`]), in the same order. An *approach* is an edge that ends at the light, a *movement* the way from an
 //! approach to an edge behind the light.
 
+/// What sentences call the lights' own programs. A warning about them begins with it.
+pub const TODAYS_PLAN: &str = "today's plan";
+
 /// A light and the ways through it.
 #[derive(Clone, Debug, PartialEq)]
 pub struct LightPlace {

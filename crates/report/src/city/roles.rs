@@ -1,6 +1,7 @@
 //! Who is who in a comparison: today's plan, a plan to put back, rules, and policies.
 
 use super::read::{City, CityPlayer};
+use dials_core::domain::light_figures::TODAYS_PLAN;
 
 /// The controller that runs the lights' own programs.
 const TODAY: &str = "program";
@@ -47,7 +48,7 @@ fn least_delay<'a>(players: impl Iterator<Item = &'a CityPlayer>) -> Option<&'a 
 /// Returns the name of a player within a sentence. A plan's label is `plan of X`.
 pub(super) fn name_of(player: &CityPlayer) -> String {
     match (&*player.label, Role::of(player)) {
-        (TODAY, _) => "today's plan".to_owned(),
+        (TODAY, _) => TODAYS_PLAN.to_owned(),
         (label, Role::Plan) => format!("the {label}"),
         (label, _) => label.to_owned(),
     }

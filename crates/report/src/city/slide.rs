@@ -11,6 +11,7 @@ use super::roles::{Role, all_and_best, best, name_of, role};
 use crate::document::escape;
 use crate::drawing::{BLUE, INK, Svg, hex, shortened};
 use dials_core::base::counted;
+use dials_core::domain::light_figures::TODAYS_PLAN;
 use plotters::style::RGBColor;
 
 /// Size in pixels.
@@ -131,7 +132,7 @@ fn notes(svg: &mut String, city: &City) {
     }];
     // Of the warnings, only the one that concerns the comparison itself.
     notes.extend(
-        city.warnings.iter().filter(|warning| warning.starts_with("today's plan")).map(|what| format!("Note: {what}.")),
+        city.warnings.iter().filter(|warning| warning.starts_with(TODAYS_PLAN)).map(|what| format!("Note: {what}.")),
     );
     notes.extend(traffic(city));
     notes.push("Delay: timeLoss, and the time that a car waits to enter.".to_owned());
@@ -145,7 +146,7 @@ fn notes(svg: &mut String, city: &City) {
     }
 }
 
-/// Breaks a text into lines of at most so many letters, between words.
+/// Breaks a text between words, into lines of at most this many letters.
 fn wrapped(text: &str, letters: usize) -> Vec<String> {
     let mut lines: Vec<String> = Vec::new();
     for word in text.split_whitespace() {

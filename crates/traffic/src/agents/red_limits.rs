@@ -132,13 +132,8 @@ impl RedLimits {
     /// since each link had green.
     pub(crate) fn may_stay(&self, plan: &PhasePlan, green: usize, shown: u32, red: &[u32]) -> bool {
         let left = |next: usize| plan.least_before(green, next).saturating_sub(shown);
-        self.is_safe(
-            plan,
-            green,
-            |link, next| {
-                if self.links[link].opened[green] { None } else { Some(red[link] + 1 + left(next)) }
-            },
-        )
+        let of_link = |link: usize, next: usize| (!self.links[link].opened[green]).then(|| red[link] + 1 + left(next));
+        self.is_safe(plan, green, of_link)
     }
 
     /// Returns whether a light may leave the green `from` for the green `to` now.

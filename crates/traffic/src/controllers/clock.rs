@@ -33,7 +33,8 @@ struct ShownGreen {
 }
 
 impl Timing {
-    /// `greens`: for how long cars have each green, 0 to leave it out; one of them at least is above 0.
+    /// `greens`: for how long cars have each green, 0 to leave it out; one of them at least is above 0. Where people walk, they
+    /// are those of [`PhasePlan::fitted`].
     pub(crate) fn new(phases: &PhasePlan, greens: &[u32], offset: u32) -> Timing {
         let shown: Vec<usize> = (0..greens.len()).filter(|&green| greens[green] > 0).collect();
         Timing::in_order(phases, greens, &shown, offset)
@@ -47,8 +48,9 @@ impl Timing {
         let mut begin = 0;
         let in_turn = |(place, &green): (usize, &usize)| {
             let next = shown[(place + 1) % shown.len()];
-            let walk_end = phases.walk_end_steps(green, next);
-            let found = ShownGreen { green, begin, end: begin + greens[green].saturating_sub(walk_end).max(1) };
+            let stay = greens[green].checked_sub(phases.walk_end_steps(green, next)).filter(|&steps| steps > 0);
+            let end = begin + stay.expect("a fitted green is longer than the end of its walk");
+            let found = ShownGreen { green, begin, end };
             begin = found.end + phases.clearing_steps(green, next);
             found
         };

@@ -16,14 +16,16 @@ enum Colour {
 #[derive(Clone, Debug)]
 pub(super) struct PhaseClock {
     shown: Vec<Option<Colour>>,
-    /// Whether each phase has ended its yellow, and no other one has begun since. Of crossings: whether their walk has ended, and
-    /// cars keep their green.
+    /// Whether each phase of cars has ended its yellow, and no other one has begun since.
     clears: Vec<bool>,
+    /// Whether the walk of each crossing has ended, and no phase of cars has changed since.
+    walk_ended: Vec<bool>,
 }
 
 impl PhaseClock {
     pub(super) fn new(site: &Site) -> PhaseClock {
-        PhaseClock { shown: vec![None; site.phases.len()], clears: vec![false; site.phases.len()] }
+        let [clears, walk_ended] = [(); 2].map(|()| vec![false; site.phases.len()]);
+        PhaseClock { shown: vec![None; site.phases.len()], clears, walk_ended }
     }
 
     /// Returns codes and phases of the events at the beginning of a second in which the light shows `state`.
@@ -35,12 +37,13 @@ impl PhaseClock {
         let now: Vec<Colour> = site.phases.iter().map(|phase| colour(state, &phase.letters)).collect();
         let mut events = Vec::new();
         let mut opens = false;
-        let is_of_cars = |number: usize| site.phases[number].kind == PhaseKind::Vehicles;
-        let cars_keep = (0..now.len()).all(|number| !is_of_cars(number) || self.shown[number] == Some(now[number]));
+        let keeps = |number: usize| self.shown[number] == Some(now[number]);
+        let mut of_cars = (0..now.len()).filter(|&number| site.phases[number].kind == PhaseKind::Vehicles);
+        let cars_keep = of_cars.all(keeps);
         for (number, phase) in site.phases.iter().enumerate() {
             let parameter = u16::try_from(number + 1).expect("a light has fewer phases than letters");
             let codes: &[u16] = match (phase.kind, self.shown[number], now[number]) {
-                (PhaseKind::Pedestrians, Some(Red), Red) if self.clears[number] && !cars_keep => {
+                (PhaseKind::Pedestrians, Some(Red), Red) if self.walk_ended[number] && !cars_keep => {
                     &[code::PEDESTRIAN_BEGIN_DONT_WALK]
                 }
                 (_, before, now) if before == Some(now) => &[],
@@ -65,18 +68,14 @@ impl PhaseClock {
                 self.clears[number] = false;
             }
             opens |= begins;
-            match phase.kind {
-                PhaseKind::Vehicles => self.clears[number] |= codes.contains(&code::PHASE_BEGIN_RED_CLEARANCE),
-                PhaseKind::Pedestrians if !codes.is_empty() => {
-                    self.clears[number] = codes == [code::PEDESTRIAN_BEGIN_CLEARANCE];
-                }
-                PhaseKind::Pedestrians => {}
+            self.clears[number] |= codes.contains(&code::PHASE_BEGIN_RED_CLEARANCE);
+            if !codes.is_empty() {
+                self.walk_ended[number] = codes == [code::PEDESTRIAN_BEGIN_CLEARANCE];
             }
             events.extend(codes.iter().map(|&code| (code, parameter)));
         }
         if opens {
-            let cleared = |&(number, &mut clears): &(usize, &mut bool)| clears && is_of_cars(number);
-            for (number, clears) in self.clears.iter_mut().enumerate().filter(cleared) {
+            for (number, clears) in self.clears.iter_mut().enumerate().filter(|(_, clears)| **clears) {
                 *clears = false;
                 events.push((code::PHASE_END_RED_CLEARANCE, number as u16 + 1));
             }

@@ -3,6 +3,7 @@
 
 use super::SumoScenario;
 use crate::network::roads::program::name;
+use dials_core::domain::light_figures::TODAYS_PLAN;
 
 /// Bytes at the beginning of a net in which its first comment is looked for.
 const HEADER: usize = 1 << 16;
@@ -39,7 +40,7 @@ impl SumoScenario {
             .any(|root| ["tlLogic", "wautJunction"].iter().any(|kind| root.all(kind).next().is_some()));
         (invented && !later).then(|| {
             format!(
-                "today's plan (`program`) may be a guess: {maker} made the lights' programs for a net that had none, so compare \
+                "{TODAYS_PLAN} (`program`) may be a guess: {maker} made the lights' programs for a net that had none, so compare \
                  with care"
             )
         })

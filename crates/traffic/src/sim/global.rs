@@ -301,7 +301,7 @@ impl GlobalTraffic {
     }
 
     fn take_picture(&mut self) -> Result<()> {
-        self.camera.as_mut().map_or(Ok(()), |camera| camera.look(&mut self.simulation))
+        self.camera.as_mut().map_or(Ok(()), |camera| camera.look(&mut self.simulation, &self.lights))
     }
 
     fn perceive(&mut self) {
@@ -465,7 +465,7 @@ impl GlobalSimulator for GlobalTraffic {
     }
 
     fn scene(&self) -> Option<Scene> {
-        Some(self.camera.as_ref()?.draw(&self.plan.agents, &self.shown.now))
+        Some(self.camera.as_ref()?.draw())
     }
 
     fn measure_in_full(&mut self) -> Result<()> {

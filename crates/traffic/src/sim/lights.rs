@@ -66,7 +66,6 @@ impl Lights {
     }
 
     /// Returns the letters that SUMO says all lights show.
-    #[cfg(test)]
     pub(super) fn states(&self, simulation: &mut Simulation) -> Result<Vec<SignalState>> {
         let mut states = Vec::new();
         simulation.read_lights(&self.lights, &mut states)?;

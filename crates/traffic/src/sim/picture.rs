@@ -1,6 +1,6 @@
 //! Pictures of the GS: all lanes, the cars on them, and what the lights show.
 
-use crate::agents::phase_plan::Shown;
+use super::lights::Lights;
 use crate::agents::plan::AgentPlan;
 use crate::agents::region_plan::Approach;
 use crate::network::roads::{Place, Roads};
@@ -27,10 +27,11 @@ const GREEN: Colour = Colour([0x2c, 0xa0, 0x2c]);
 const YELLOW: Colour = Colour([0xff, 0xc1, 0x07]);
 const RED: Colour = Colour([0xd6, 0x27, 0x28]);
 
-/// All lanes of a loaded net, and the cars on them when it last looked.
+/// All lanes of a loaded net, and the cars on them and what the lights showed when it last looked.
 pub(crate) struct Camera {
     lanes: Vec<LaneId>,
     cars: CarTable,
+    states: Vec<SignalState>,
     /// Lines of the lanes and their lengths in metres.
     shapes: Vec<(Vec<Place>, f64)>,
     /// Lanes that end at a stop line, for each agent: the lane, and the letters of the light that its cars obey.
@@ -67,15 +68,17 @@ impl Camera {
             frame: Frame::around(&shapes),
             lanes: simulation.register_lanes(&names)?,
             cars: CarTable::of(vec![Vec::new(); names.len()]),
+            states: Vec::new(),
             shapes,
         })
     }
 
-    pub(super) fn look(&mut self, simulation: &mut Simulation) -> Result<()> {
+    pub(super) fn look(&mut self, simulation: &mut Simulation, lights: &Lights) -> Result<()> {
+        self.states = lights.states(simulation)?;
         Ok(simulation.read_lanes(&self.lanes, &mut self.cars)?)
     }
 
-    pub(super) fn draw(&self, agents: &[AgentPlan], shown: &[Shown]) -> Scene {
+    pub(super) fn draw(&self) -> Scene {
         let mut scene = Scene::new(self.frame.width as f32, self.frame.height as f32, GROUND);
         let mut line = |from: Place, to: Place, width: f64, colour: Colour| {
             scene.line(self.frame.place(from), self.frame.place(to), width as f32, colour);
@@ -84,11 +87,11 @@ impl Camera {
         for (shape, _) in &self.shapes {
             shape.windows(2).for_each(|ends| line(ends[0], ends[1], wide(LANE_M, LEAST_LANE), LANE));
         }
-        for ((agent, shown), stop_lines) in agents.iter().zip(shown).zip(&self.stop_lines) {
+        for (state, stop_lines) in self.states.iter().zip(&self.stop_lines) {
             for (lane, letters) in stop_lines {
                 let (shape, length_m) = &self.shapes[*lane];
                 let [from, to] = [LIGHT_M, 0.0].map(|back_m| along(shape, *length_m, length_m - back_m));
-                line(from, to, wide(LANE_M, LEAST_LANE), aspect(agent, *shown, letters));
+                line(from, to, wide(LANE_M, LEAST_LANE), aspect(state, letters));
             }
         }
         for ((shape, length_m), cars) in self.shapes.iter().zip(self.cars.iter()) {
@@ -102,16 +105,15 @@ impl Camera {
 }
 
 /// Returns the colour that cars see who obey these letters of a light.
-fn aspect(agent: &AgentPlan, shown: Shown, letters: &[usize]) -> Colour {
-    let greens = agent.phases.greens();
-    let is_green = |state: &SignalState| {
-        letters.iter().any(|&letter| matches!(state.as_str().as_bytes().get(letter), Some(b'G' | b'g')))
+fn aspect(state: &SignalState, letters: &[usize]) -> Colour {
+    let shown = state.as_str().as_bytes();
+    let has = |wanted: u8| {
+        letters.iter().any(|&letter| shown.get(letter).is_some_and(|letter| letter.eq_ignore_ascii_case(&wanted)))
     };
-    match shown {
-        Shown::Green(green) if is_green(&greens[green]) => GREEN,
-        Shown::Between { from, to } if is_green(&greens[from]) && is_green(&greens[to]) => GREEN,
-        Shown::Between { from, .. } if is_green(&greens[from]) => YELLOW,
-        _ => RED,
+    match () {
+        () if has(b'g') => GREEN,
+        () if has(b'y') => YELLOW,
+        () => RED,
     }
 }
 

@@ -77,7 +77,7 @@ fn place_of(files: &RecordedFiles) -> String {
 }
 
 fn shown(agent: &AgentPlan, state: &SignalState) -> Shown {
-    match agent.phases.greens().iter().position(|green| green == state) {
+    match agent.phases.green_of(state) {
         Some(green) => Shown::Green(green),
         None if state.as_str().contains(['y', 'Y']) => Shown::Yellow,
         None => Shown::Other,
