@@ -81,7 +81,7 @@ impl LightFigures {
     }
 
     /// Notes the episode that a simulator has ended.
-    pub(super) fn note(&mut self, simulator: &mut dyn GlobalSimulator) {
+    fn note(&mut self, simulator: &mut dyn GlobalSimulator) {
         let played = self.played.last_mut().expect("a player has begun");
         played.extend(simulator.light_figures());
     }

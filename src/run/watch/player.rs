@@ -12,6 +12,7 @@ use rustix::process::nice;
 
 use super::messages::{Said, Wish};
 use crate::run::lights::LightFigures;
+use dials_core::domain::light_figures::TODAYS_PLAN;
 use dials_core::domain::{Baseline, Controller, GlobalSimulator};
 use dials_learn::evaluation::{Finding, Player};
 use dials_learn::policy::Selection;
@@ -101,7 +102,7 @@ fn episodes_of(
     lights.begin(simulator, false)?;
     let mut episodes = Vec::with_capacity(count);
     for episode in 0..count {
-        let who = if player.policies.is_none() { "today's plan" } else { "the newest policies" };
+        let who = if player.policies.is_none() { TODAYS_PLAN } else { "the newest policies" };
         say(&Said::Playing { who: who.to_owned(), episode: episode + 1, of: count })?;
         episodes.push(lights.play(simulator, controller, seed, episode)?);
     }

@@ -110,10 +110,12 @@ fn aspect(state: &SignalState, letters: &[usize]) -> Colour {
     let has = |wanted: u8| {
         letters.iter().any(|&letter| shown.get(letter).is_some_and(|letter| letter.eq_ignore_ascii_case(&wanted)))
     };
-    match () {
-        () if has(b'g') => GREEN,
-        () if has(b'y') => YELLOW,
-        () => RED,
+    if has(b'g') {
+        GREEN
+    } else if has(b'y') {
+        YELLOW
+    } else {
+        RED
     }
 }
 
