@@ -30,7 +30,15 @@ pub(super) fn compare(undisturbed: &Stage, stage: &Stage) -> Vec<(Fault, String)
     let temporary = temporary.iter().map(|name| (Fault::Leftover, format!("temporary file {}", name.display())));
     let common = expected.intersection(&found);
     let different = common.filter(|name| {
-        let [expected, found] = [undisturbed, stage].map(|stage| determined(&stage.runs(), name));
+        let paths = [undisturbed, stage].map(|stage| stage.runs().join(name));
+        // Evaluations and AIPs change no step, and a run that hurries may save only after them. The last one is after both.
+        if Some(*name) != newest.as_ref() && is_checkpoint(name) {
+            let [expected, found] = paths.each_ref().map(|path| last_done(path));
+            if expected != found {
+                return false;
+            }
+        }
+        let [expected, found] = paths.map(|path| determined(&path));
         expected != found
     });
     let different = different.map(|name| (Fault::Different, format!("{}: differs", name.display())));
@@ -62,13 +70,20 @@ fn is_worker_log(name: &str) -> bool {
     number.is_some_and(|number| number.parse::<u8>().is_ok())
 }
 
+/// Returns at which steps a checkpoint's run was last evaluated, and last trained its AIPs.
+fn last_done(checkpoint: &Path) -> [Value; 2] {
+    let metadata = metadata(&fs::read(checkpoint).unwrap());
+    let standing = &metadata["checkpoint"]["progress"]["standing"];
+    assert!(standing["until"].is_u64(), "{}: has no progress", checkpoint.display());
+    ["evaluated_at", "aips_trained_at"].map(|key| standing[key].clone())
+}
+
 /// Returns what the config and the seed determine in a file.
-fn determined(runs: &Path, name: &Path) -> Vec<u8> {
-    let path = runs.join(name);
+fn determined(path: &Path) -> Vec<u8> {
     if path.is_dir() {
         return Vec::new();
     }
-    let bytes = fs::read(&path).unwrap();
+    let bytes = fs::read(path).unwrap();
     let file = path.file_name().expect("a file has a name").to_str().expect("names are plain");
     match file {
         // Wall times differ, but no period is missing and none is there twice.
@@ -80,7 +95,7 @@ fn determined(runs: &Path, name: &Path) -> Vec<u8> {
         _ if file.ends_with(".json") && path.parent().is_some_and(|folder| folder.ends_with("baselines")) => {
             without("config", &bytes)
         }
-        _ if is_checkpoint(&path) => state(&bytes),
+        _ if is_checkpoint(path) => state(&bytes),
         _ => bytes,
     }
 }
@@ -102,11 +117,7 @@ fn periods(csv: &[u8]) -> String {
 /// Returns the tensors of a checkpoint and the determined part of its metadata.
 fn state(bytes: &[u8]) -> Vec<u8> {
     let file = SafeTensors::deserialize(bytes).expect("the checkpoint is whole");
-    let (_, header) = SafeTensors::read_metadata(bytes).expect("the checkpoint is whole");
-    let metadata = header.metadata().clone().unwrap_or_default();
-    // Values in JSON become JSON.
-    let metadata = metadata.into_iter().map(|(key, text)| (key, serde_json::from_str(&text).unwrap_or(text.into())));
-    let mut metadata = Value::Object(metadata.collect());
+    let mut metadata = metadata(bytes);
     remove_undetermined(&mut metadata);
     let mut tensors: Vec<_> = file.tensors();
     tensors.sort_by(|a, b| a.0.cmp(&b.0));
@@ -116,6 +127,14 @@ fn state(bytes: &[u8]) -> Vec<u8> {
         state.extend(tensor.data());
     }
     state
+}
+
+/// Returns the metadata of a checkpoint. Values in JSON become JSON.
+fn metadata(bytes: &[u8]) -> Value {
+    let (_, header) = SafeTensors::read_metadata(bytes).expect("the checkpoint is whole");
+    let metadata = header.metadata().clone().unwrap_or_default();
+    let metadata = metadata.into_iter().map(|(key, text)| (key, serde_json::from_str(&text).unwrap_or(text.into())));
+    Value::Object(metadata.collect())
 }
 
 fn remove_undetermined(value: &mut Value) {
