@@ -104,6 +104,9 @@ use sim::watched;
 /// Longest time in which SUMO reads the demand of a scenario for a trial. The first episode tries what comes later.
 const DEMAND_PATIENCE: Duration = Duration::from_secs(10);
 
+/// Seed of the episode in which the GS is tried.
+const TRIAL: u64 = 0;
+
 /// Largest number of episodes in which visits are recorded, if each plays one of several route files.
 const MOST_WATCHED: usize = 5;
 
@@ -283,7 +286,7 @@ impl Traffic {
             Some(_) => SignalControl::Agents,
         };
         let mut gs = self.global(control)?;
-        gs.reset(Seed::new(0))?;
+        gs.reset(Seed::new(TRIAL))?;
         gs.step(&vec![light::KEEP; self.agents()])?;
         Ok(())
     }
@@ -293,7 +296,7 @@ impl Traffic {
         let files = self.network.route_files();
         if files == 0 {
             let tried = self.network.source(None).and_then(|source| source.try_demand(DEMAND_PATIENCE));
-            return tried.with_context(|| self.network.cannot_be_simulated());
+            return tried.with_context(|| self.network.cannot_be_simulated(TRIAL));
         }
         let begun = Instant::now();
         let mut warnings = Vec::new();
@@ -489,7 +492,7 @@ impl Domain for Traffic {
     fn try_out(&self) -> Result<Vec<String>> {
         // That SUMO's library is missing, or too large for this process, is no fault of the network.
         libsumo::load()?;
-        self.try_global().with_context(|| self.network.cannot_be_simulated())?;
+        self.try_global().with_context(|| self.network.cannot_be_simulated(TRIAL))?;
         let warnings = self.try_demand()?;
         if let Files::Grid(files) = &self.network.files {
             self.try_local_step(&[AgentId(0)], 1)

@@ -22,8 +22,8 @@ const ROUTES: &str = "[traffic]\nscenario = 'x.sumocfg'\nroutes = ['day_*.rou.xm
 /// Returns a file with this many cars, which depart from second 100 on. They are of a type of their own.
 fn day(number: usize, cars: usize) -> String {
     let trips = (0..cars).map(|car| {
-        let from = ["w0_r0c0", "w1_r1c0"][car % 2];
-        format!("<trip id='{car}' type='kind_{number}' depart='{}' from='{from}' to='r0c1_e0'/>", 100 + 2 * car)
+        let (from, to) = [("w0_r0c0", "r0c1_e0"), ("w1_r1c0", "r1c1_e1")][car % 2];
+        format!("<trip id='{car}' type='kind_{number}' depart='{}' from='{from}' to='{to}'/>", 100 + 2 * car)
     });
     format!("<routes><vType id='kind_{number}' length='{number}'/>{}</routes>", trips.collect::<String>())
 }
@@ -51,7 +51,8 @@ fn read(room: &Room) -> SumoScenario {
 
 /// Returns why the scenario is refused, with `DIR/` for the folder.
 fn error(room: &Room) -> String {
-    let error = SumoScenario::read(&config(room, &[])).err().expect("it is refused");
+    let loaded = dials_session::config::load(&room.path("c.toml"), &[]);
+    let error = loaded.and_then(|config| SumoScenario::read(&table(config))).err().expect("it is refused");
     format!("{error:#}").replace(&format!("{}/", room.dir.path().display()), "DIR/")
 }
 

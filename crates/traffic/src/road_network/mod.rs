@@ -133,11 +133,15 @@ impl RoadNetwork {
         wauts.filter_map(|waut| waut.attribute("id")).map(str::to_owned).collect()
     }
 
-    /// Returns the message about files that SUMO cannot simulate, with the way out.
-    pub(crate) fn cannot_be_simulated(&self) -> String {
+    /// Returns the message about files that SUMO cannot simulate in the episode of a seed, with the way out.
+    pub(crate) fn cannot_be_simulated(&self, episode: u64) -> String {
         match &self.files {
             Files::Grid(files) => cannot_be_simulated(&files.network.files.net, Role::Global),
-            Files::Scenario(scenario) => scenario.files.cannot_be_simulated(),
+            Files::Scenario(scenario) => {
+                let drawn = scenario.files.drawn_by(Seed::new(episode));
+                let playing = drawn.and_then(|number| scenario.files.playing(number).ok());
+                playing.as_ref().unwrap_or(&scenario.files).cannot_be_simulated()
+            }
         }
     }
 
