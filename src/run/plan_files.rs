@@ -1,6 +1,6 @@
 //! What `plan` writes and prints: the files of a plan, the command that plays it, and what it gains.
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use anyhow::Result;
 use serde_json::{Map, Value, json};
@@ -10,7 +10,7 @@ use dials_core::base::statistics::{Interval, mean};
 use dials_core::base::{Seed, counted};
 use dials_core::domain::Domain;
 use dials_core::domain::signal_sheet::{Aspect, SignalSheet};
-use dials_core::outside::quoted;
+use dials_core::outside::{path_as_text, quoted};
 use dials_learn::evaluation::{Finding, cell, comparison, episode_seed, json, signed};
 use dials_report::signal_plan::{About, PAGE, PROGRAMS, TABLE, csv, page};
 use dials_session::terminal::program;
@@ -40,6 +40,8 @@ pub(super) struct Outcome<'a> {
     command: String,
     /// Command that plays the first episode and writes the trips.
     check: String,
+    /// Route file of each episode, if each plays one of several.
+    route_files: Vec<PathBuf>,
 }
 
 impl<'a> Outcome<'a> {
@@ -61,6 +63,7 @@ impl<'a> Outcome<'a> {
         for (option, second) in [("--begin", plain.begin_s), ("--end", plain.end_s)] {
             command += &second.map_or(String::new(), |second| format!(" {option} {second}"));
         }
+        command += &plain.routes.as_ref().map_or(String::new(), |routes| format!(" -r {}", quoted(routes)));
         if plain.validates {
             command += " --xml-validation never";
         }
@@ -79,7 +82,15 @@ impl<'a> Outcome<'a> {
             directory: place.display().to_string(),
             command,
             check,
+            route_files: Vec::new(),
         }
+    }
+
+    /// Takes the route files of the episodes. `file_of`: returns that of the episode with a seed, if each plays one of several.
+    pub(super) fn with_route_files(mut self, file_of: impl Fn(Seed) -> Option<PathBuf>) -> Outcome<'a> {
+        let seeds = (0..self.episodes()).map(|episode| episode_seed(Seed::new(self.seed), episode));
+        self.route_files = seeds.filter_map(file_of).collect();
+        self
     }
 
     /// Takes what somebody should know of the scenario's files, a sentence each.
@@ -123,6 +134,12 @@ impl<'a> Outcome<'a> {
         if self.label.split(':').next() == Some(COORDINATED) {
             sentences.push(NO_LEEWAY.to_owned());
         }
+        if let Some(first) = self.route_files.first() {
+            sentences.push(format!(
+                "each episode plays one of several route files; the commands play {}, which the first episode had",
+                first.display()
+            ));
+        }
         if self.sheets.iter().any(has_walk_signals) {
             sentences.push(WALK_SIGNALS.to_owned());
         }
@@ -152,10 +169,13 @@ impl<'a> Outcome<'a> {
     pub(super) fn json(&self, domain: &dyn Domain) -> Map<String, Value> {
         let interval = |Interval { mean, half_width }: Interval| json!({ "mean": mean, "half_width_95": half_width });
         let delays = delays_s(self.plan());
-        let episodes = delays
-            .iter()
-            .enumerate()
-            .map(|(episode, delay)| json!({ "sumo_seed": sumo_seed(self.seed, episode), "delay_s": delay }));
+        let episodes = delays.iter().enumerate().map(|(episode, delay)| {
+            let mut object = json!({ "sumo_seed": sumo_seed(self.seed, episode), "delay_s": delay });
+            if let Some(routes) = self.route_files.get(episode) {
+                object["routes"] = json!(path_as_text(routes));
+            }
+            object
+        });
         let mut object = json::of_all(domain, self.findings);
         object.insert("seed".into(), json!(self.seed));
         object.insert("lights".into(), json!(self.sheets.len()));

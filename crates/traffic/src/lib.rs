@@ -62,7 +62,7 @@ mod watchdog;
 use std::borrow::Cow;
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, OnceLock};
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 use anyhow::{Context, bail, ensure};
 
@@ -103,6 +103,12 @@ use sim::watched;
 
 /// Longest time in which SUMO reads the demand of a scenario for a trial. The first episode tries what comes later.
 const DEMAND_PATIENCE: Duration = Duration::from_secs(10);
+
+/// Seed of the episode in which the GS is tried.
+const TRIAL: u64 = 0;
+
+/// Largest number of episodes in which visits are recorded, if each plays one of several route files.
+const MOST_WATCHED: usize = 5;
 
 /// Returns the SUMO that this process simulates with.
 pub fn sumo() -> std::result::Result<&'static Sumo, SumoError> {
@@ -157,7 +163,7 @@ impl Traffic {
 
     /// Reads a scenario of the user, in which all cars dawdle as much as `sigma` says: from 0, never, to 1.
     pub fn open_dawdling(config: &ScenarioConfig, sigma: f64) -> Result<Traffic> {
-        let traffic = of_scenario::open(SumoScenario::read(config)?.dawdling(sigma), config).map(Traffic::new)?;
+        let traffic = of_scenario::open(SumoScenario::read(config)?.dawdling(sigma)?, config).map(Traffic::new)?;
         traffic.with_functions(&config.functions())
     }
 
@@ -183,19 +189,31 @@ impl Traffic {
     }
 
     /// Returns the visits to the regions of a scenario in one episode on the GS, always the same one, in which all lights
-    /// follow their own programs. It is played at the first call; then no other simulator may be loaded.
+    /// follow their own programs. If each episode plays one of several route files, these are the visits of several episodes,
+    /// with files from all over the list. They are played at the first call; then no other simulator may be loaded.
     pub fn visits(&self) -> Result<Arc<VisitTables>> {
         if let Some(known) = self.visits.get() {
             return Ok(known.clone());
         }
         let mut gs = self.off_tape().global(self.everywhere(HandCoded::OwnProgram))?;
         gs.record_visits()?;
-        gs.reset(Seed::new(0).fork(RandomPurpose::Visits))?;
         let actions = vec![light::KEEP; self.agents()];
-        for _ in 0..self.network.horizon {
-            gs.step(&actions)?;
+        let files = self.network.route_files();
+        let episodes = files.clamp(1, MOST_WATCHED);
+        let mut visits: Option<Visits> = None;
+        for episode in 0..episodes {
+            gs.play_only(episode * files / episodes);
+            gs.reset(Seed::new(0).fork(RandomPurpose::Visits))?;
+            for _ in 0..self.network.horizon {
+                gs.step(&actions)?;
+            }
+            let seen = gs.visits().context("only the regions of a scenario have visits")?.clone();
+            match &mut visits {
+                None => visits = Some(seen),
+                Some(visits) => visits.extend(seen),
+            }
         }
-        let visits = gs.visits().context("only the regions of a scenario have visits")?.clone();
+        let visits = visits.expect("at least one episode was played");
         let tables = Arc::new(VisitTables::new(visits, &self.plan.borders));
         Ok(self.visits.get_or_init(|| tables).clone())
     }
@@ -268,9 +286,45 @@ impl Traffic {
             Some(_) => SignalControl::Agents,
         };
         let mut gs = self.global(control)?;
-        gs.reset(Seed::new(0))?;
+        gs.reset(Seed::new(TRIAL))?;
         gs.step(&vec![light::KEEP; self.agents()])?;
         Ok(())
+    }
+
+    /// Returns what SUMO warns of in the demand. Of several route files it tries as many as it has time for.
+    fn try_demand(&self) -> Result<Vec<String>> {
+        let files = self.network.route_files();
+        if files == 0 {
+            let tried = self.network.source(None).and_then(|source| source.try_demand(DEMAND_PATIENCE));
+            return tried.with_context(|| self.network.cannot_be_simulated(TRIAL));
+        }
+        let begun = Instant::now();
+        let mut warnings = Vec::new();
+        for number in 0..files {
+            let left = DEMAND_PATIENCE.saturating_sub(begun.elapsed());
+            if left.is_zero() {
+                warnings.push(format!(
+                    "SUMO has tried {number} of {files} route files (traffic.routes); the others when an episode plays them"
+                ));
+                break;
+            }
+            let scenario = self.network.playing(number)?;
+            let tried = self.network.source(Some(&scenario)).and_then(|source| source.try_demand(left));
+            let found = tried.with_context(|| scenario.cannot_be_simulated())?;
+            found.into_iter().for_each(|warning| {
+                if !warnings.contains(&warning) {
+                    warnings.push(warning)
+                }
+            });
+        }
+        Ok(warnings)
+    }
+
+    /// Returns the route file that an episode plays, if each plays one of several.
+    pub fn route_file_of(&self, episode: Seed) -> Option<PathBuf> {
+        let Files::Scenario(files) = &self.network.files else { return None };
+        let number = files.files.drawn_by(episode)?;
+        files.files.drawn_files().nth(number).map(Path::to_owned)
     }
 
     pub fn global(&self, control: SignalControl) -> Result<GlobalTraffic> {
@@ -438,8 +492,8 @@ impl Domain for Traffic {
     fn try_out(&self) -> Result<Vec<String>> {
         // That SUMO's library is missing, or too large for this process, is no fault of the network.
         libsumo::load()?;
-        let tried = self.try_global().and_then(|()| self.network.source()?.try_demand(DEMAND_PATIENCE));
-        let warnings = tried.with_context(|| self.network.cannot_be_simulated())?;
+        self.try_global().with_context(|| self.network.cannot_be_simulated(TRIAL))?;
+        let warnings = self.try_demand()?;
         if let Files::Grid(files) = &self.network.files {
             self.try_local_step(&[AgentId(0)], 1)
                 .with_context(|| cannot_be_simulated(&files.local_network.files.net, Role::Local))?;

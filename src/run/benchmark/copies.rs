@@ -5,6 +5,7 @@ use std::path::{Path, PathBuf};
 use anyhow::{Context, Result, bail, ensure};
 
 use dials_report::resco::published::{MAPS, Map};
+use dials_traffic::config::files_called;
 use dials_traffic::config::sumocfg::Sumocfg;
 
 /// Folders within the user's folder where the maps may be.
@@ -22,6 +23,8 @@ pub(super) struct MapCopy {
     pub(super) map: &'static Map,
     pub(super) net: PathBuf,
     pub(super) routes: Vec<PathBuf>,
+    /// Files of which each episode plays one, as a config names them. `None`: all episodes play the same.
+    pub(super) demands: Option<PathBuf>,
     pub(super) additional: Vec<PathBuf>,
     /// Options of its .sumocfg that change traffic.
     pub(super) options: Vec<(String, String)>,
@@ -105,21 +108,27 @@ impl MapCopy {
                 name = map.name
             )
         })?;
-        let demands = numbered(folder, map.name).len();
+        let mut demands = None;
         if map.many_demands {
-            let file = routes.iter().filter_map(|path| path.file_name()).map(|name| name.to_string_lossy());
-            let file: Vec<_> = file.collect();
-            notes.push(format!(
-                "RESCO plays another file of demand in every episode. Here all episodes have {}, {demands} such files are \
-                 there, and the random numbers of the cars differ.",
-                file.join(" and ")
-            ));
+            // As RESCO numbers them: NAME_1.rou.xml to NAME_1400.rou.xml.
+            let all = folder.join(format!("{}_[0-9]*.rou.xml", map.name));
+            let count = files_called(&all).map_or(0, |files| files.len());
+            demands = Some(all).filter(|_| count > 1);
+            let here = match count {
+                0 | 1 => {
+                    "This copy has only one, so all episodes have that, and the random numbers of the cars differ."
+                        .to_owned()
+                }
+                _ => format!("So do all here: the seed of an episode draws one of the {count} files of this copy."),
+            };
+            notes.push(format!("RESCO plays another file of demand in every episode. {here}"));
         }
         let window_s = file.and_then(|file| Some([file.begin_s, file.end_s?]));
         Ok(MapCopy {
             map,
             net,
             routes,
+            demands,
             additional: file.map(|file| file.additional.clone()).unwrap_or_default(),
             options: file.map(|file| file.options.clone()).unwrap_or_default(),
             window_s,
@@ -196,7 +205,16 @@ mod tests {
         let dir = folder(&["arterial4x4/arterial4x4.net.xml", ten, two, other]);
         let copy = find(dir.path(), &["arterial4x4".to_owned()]).unwrap().copies.remove(0);
         assert!(copy.routes[0].ends_with("arterial4x4_2.rou.xml"), "{:?}", copy.routes);
-        assert!(copy.notes[1].contains("2 such files are there"), "{:?}", copy.notes);
+        assert!(copy.notes[1].ends_with("draws one of the 2 files of this copy."), "{:?}", copy.notes);
+        assert!(copy.demands.unwrap().ends_with("arterial4x4_[0-9]*.rou.xml"));
+    }
+
+    #[test]
+    fn a_copy_with_one_of_many_demands_says_so() {
+        let dir = folder(&["grid4x4/grid4x4.net.xml", "grid4x4/grid4x4_1.rou.xml"]);
+        let copy = find(dir.path(), &[]).unwrap().copies.remove(0);
+        assert_eq!(copy.demands, None);
+        assert!(copy.notes[1].contains("This copy has only one"), "{:?}", copy.notes);
     }
 
     #[test]

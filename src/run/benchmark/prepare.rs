@@ -140,7 +140,7 @@ impl Prepared {
         write(&maps.join(&file), &sumocfg(copy, window_s, &teleports(in_training))?)?;
         write(&measured.join(&file), &sumocfg(copy, window_s, &teleports(if strict { NO_TELEPORTS } else { own }))?)?;
         let horizon = (window_s[1] - window_s[0]) / protocol.decision_s(map);
-        let config = config(copy, wanted, horizon);
+        let config = config(copy, wanted, horizon)?;
         let named = |folder: &Path| folder.join(format!("{}.toml", map.name));
         write(&named(&maps), &config)?;
         let measured_on = named(&measured);
@@ -180,18 +180,28 @@ impl Prepared {
 }
 
 /// Returns the config of a map: the defaults of scenarios, for this number of episodes.
-fn config(copy: &MapCopy, wanted: &Wanted<'_>, horizon: u64) -> String {
+fn config(copy: &MapCopy, wanted: &Wanted<'_>, horizon: u64) -> Result<String> {
+    let routes = match &copy.demands {
+        Some(files) => format!("routes = [{}]\n", in_toml(&absolute(files)?)?),
+        None => String::new(),
+    };
     let total = wanted.episodes.saturating_mul(horizon);
     let [begin, end] = wanted.protocol.window_s(copy);
-    format!(
+    Ok(format!(
         "# Written by `benchmark resco`, which writes it again at every call.\n\
          total_steps = {total}\n\n\
-         [traffic]\nscenario = \"{name}.sumocfg\"\nbegin_s = {begin}\nend_s = {end}\n{keys}\n\
+         [traffic]\nscenario = \"{name}.sumocfg\"\n{routes}begin_s = {begin}\nend_s = {end}\n{keys}\n\
          [evaluation]\nevery_steps = {every}\nepisodes = 2\nfinal_episodes = 2\n",
         name = copy.map.name,
         keys = wanted.protocol.keys(copy.map),
         every = (total / 2).max(LEAST_PERIOD),
-    )
+    ))
+}
+
+/// Returns a path as text of a config.
+fn in_toml(path: &Path) -> Result<String> {
+    let text = path.to_str().with_context(|| format!("{}: is not UTF-8; rename it", path.display()))?;
+    Ok(toml::Value::String(text.to_owned()).to_string())
 }
 
 /// Least number of steps between two evaluations: at least `ppo.memory` of the defaults of scenarios.

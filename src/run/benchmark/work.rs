@@ -16,7 +16,7 @@ use crate::run::experiment::{PlannedWork, Tasks};
 use dials_session::experiment::estimate::Estimate;
 use dials_session::experiment::progress::Stage;
 
-/// Number of episodes on which the search judges timings. The demand of a map is always the same.
+/// Number of episodes on which the search judges timings. All demands of a map are alike.
 const TUNE_EPISODES: &str = "2";
 /// Number of episodes of that search, at most.
 const SEARCH_EPISODES: usize = 80;

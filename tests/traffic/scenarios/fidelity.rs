@@ -150,14 +150,14 @@ fn all_cars_of_a_scenario_dawdle_as_they_are_told() {
     let scenario = room.read().unwrap();
     assert!(scenario.dawdles());
     assert!(!read(&scenario).iter().any(|(id, _)| id == "DEFAULT_VEHTYPE"));
-    let calm = scenario.dawdling(0.0);
+    let calm = scenario.dawdling(0.0).unwrap();
     assert!(!calm.dawdles());
     let found = read(&calm);
     assert!(found.iter().all(|(_, sigma)| sigma.as_deref() == Some("0")), "{found:?}");
     for id in ["DEFAULT_VEHTYPE", "car", "lorry", "bus"] {
         assert_eq!(found.iter().filter(|(other, _)| other == id).count(), 1, "{id} in {found:?}");
     }
-    assert!(calm.dawdling(0.3).dawdles());
+    assert!(calm.dawdling(0.3).unwrap().dawdles());
 }
 
 #[test]
@@ -175,7 +175,7 @@ fn sumos_own_bicycles_and_models_within_types_dawdle_as_they_are_told_too() {
     room.change(MORE, "length=\"4.3\"/>", "length=\"4.3\"><carFollowing-Krauss sigma=\"0.5\"/></vType>");
     assert!(room.read().unwrap().dawdles(), "what stands within a type overrules it");
     room.change(CARS, "<vehicle id=\"w\"", "<vehicle id=\"w\" type=\"DEFAULT_BIKETYPE\"");
-    let calm = room.read().unwrap().dawdling(0.0);
+    let calm = room.read().unwrap().dawdling(0.0).unwrap();
     assert!(!calm.dawdles());
     let roots = calm.additional().chain(calm.routes());
     let types: Vec<_> = roots.flat_map(|root| root.all("vType").collect::<Vec<_>>()).collect();

@@ -4,11 +4,12 @@
 //!   and SUMO; `play`: the global simulator; `influence`: what it observes at the borders of regions;
 //!   `local`: local simulators, and training on them; `fidelity`: how far they are like the global one;
 //!   `lights`: where cars lose time; `guessed`: programs that netconvert invented; `plan`: plans that plain SUMO plays; `numbers`: those of which SUMO dies, or never comes back;
-//!   `opened`: what is said when a command begins.
+//!   `opened`: what is said when a command begins; `drawn`: route files of which each episode plays one.
 
 mod admitted;
 mod broken;
 mod config;
+mod drawn;
 mod fidelity;
 mod guessed;
 mod influence;

@@ -34,6 +34,8 @@ named! {
         Webster = "webster",
         /// The episode in which visits to regions are recorded.
         Visits = "visits",
+        /// Which one of several route files an episode plays.
+        RouteFile = "route file",
         /// Cars of a local simulator: when its window of the demand begins, and what arrives.
         LocalCars = "local cars",
         /// Generators of SUMO, one per lane.

@@ -3,11 +3,13 @@
 
 use std::env;
 use std::fs::{File, OpenOptions};
-use std::io::{Error, ErrorKind, Read, Result};
+use std::io::{Error, ErrorKind, Read, Result, Write};
 use std::os::unix::fs::OpenOptionsExt;
 use std::path::Path;
 
+use flate2::Compression;
 use flate2::read::MultiGzDecoder;
+use flate2::write::GzEncoder;
 use rustix::fs::OFlags;
 use tempfile::TempDir;
 
@@ -69,6 +71,13 @@ pub(super) fn unpacked(bytes: Vec<u8>, at_most: u64) -> Result<Vec<u8>> {
     Ok(content)
 }
 
+/// Returns the content packed with gzip. The same content always gives the same bytes.
+pub fn packed(content: &[u8]) -> Result<Vec<u8>> {
+    let mut packer = GzEncoder::new(Vec::new(), Compression::default());
+    packer.write_all(content)?;
+    packer.finish()
+}
+
 /// Makes a temporary directory that is removed when it is dropped.
 pub fn temporary_dir() -> Result<TempDir> {
     tempfile::tempdir().map_err(|error| cannot_write_temporary(&error))
@@ -92,10 +101,6 @@ pub fn cannot_write_temporary(error: &Error) -> Error {
 #[cfg(test)]
 mod tests {
     use std::fs;
-    use std::io::Write;
-
-    use flate2::Compression;
-    use flate2::write::GzEncoder;
 
     use super::*;
 
@@ -110,18 +115,12 @@ mod tests {
         assert_eq!(error.to_string(), "it has more than 3 bytes, the limit");
     }
 
-    fn packed(content: &[u8]) -> Vec<u8> {
-        let mut encoder = GzEncoder::new(Vec::new(), Compression::best());
-        encoder.write_all(content).unwrap();
-        encoder.finish().unwrap()
-    }
-
     #[test]
     fn a_packed_file_is_unpacked_up_to_the_limit_and_another_one_stays() {
         assert_eq!(unpacked(b"<net/>".to_vec(), 6).unwrap(), b"<net/>");
         // Programs that pack in parallel write several pieces, one after another.
-        assert_eq!(unpacked([packed(b"<net"), packed(b"/>")].concat(), 6).unwrap(), b"<net/>");
-        let bomb = packed(&vec![b' '; 10_000_000]);
+        assert_eq!(unpacked([packed(b"<net").unwrap(), packed(b"/>").unwrap()].concat(), 6).unwrap(), b"<net/>");
+        let bomb = packed(&vec![b' '; 10_000_000]).unwrap();
         assert!(bomb.len() < 20_000, "{}", bomb.len());
         let error = unpacked(bomb, 9_999_999).unwrap_err();
         let message = "it is packed with gzip, and unpacked it has more than 9999999 bytes, the limit".to_owned();

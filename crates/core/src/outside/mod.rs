@@ -22,7 +22,7 @@ pub mod tree;
 
 pub use alike::did_you_mean;
 pub use directory::{Busy, Directory, Whereabouts};
-pub use file::{LARGEST_NETWORK, cannot_write_temporary, read_bytes, read_text, temporary_dir, temporary_file};
+pub use file::{LARGEST_NETWORK, cannot_write_temporary, packed, read_bytes, read_text, temporary_dir, temporary_file};
 pub use name::FileName;
 pub use plain_words::in_plain_words;
 pub use printable::{Printable, beginning, csv_name, excerpt, is_printable};

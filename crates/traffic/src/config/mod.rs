@@ -4,6 +4,7 @@ mod detectors;
 mod grid;
 pub mod python;
 mod reward;
+mod route_files;
 mod scenario;
 pub(crate) mod sumo_numbers;
 pub(crate) mod sumo_options;
@@ -25,6 +26,7 @@ use dials_core::domain::{Domain, DomainTable};
 pub use detectors::DetectorFaults;
 pub use grid::{ClockOffsets, DSet, EntryRule, TrafficConfig, UntilFirstSwitch};
 pub use reward::{Reward, RewardTerm};
+pub use route_files::files_called;
 pub use scenario::{Actions, DEMAND, Observation, Pedestrians, ScenarioConfig, Yellow};
 
 /// Traffic lights, on a grid of the paper, which `network` and `local_network` name, or on a scenario of yours, which

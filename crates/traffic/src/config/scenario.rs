@@ -15,6 +15,7 @@ use super::detectors::DetectorFaults;
 use super::grid::is_default;
 use super::python::Functions;
 use super::reward::Reward;
+use super::route_files;
 use super::sumocfg::{MOST_SECONDS, Sumocfg};
 use crate::Traffic;
 use crate::agents::derive::crossings::Walking;
@@ -39,6 +40,11 @@ use dials_core::domain::{Domain, DomainTable};
 pub struct ScenarioConfig {
     /// Path of the .sumocfg, relative to the config file.
     pub scenario: PathBuf,
+    /// Route files of which each episode plays one, instead of those of the .sumocfg. Paths are relative to the config file. In
+    /// the name of a file `*` stands for any letters and `?` for one: `["town_*.rou.xml"]`. The seed of an episode draws its file,
+    /// so all controllers meet the same files. See [networks](networks.md#other-routes-in-every-episode).
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub routes: Vec<PathBuf>,
     /// Path of a file that overrides what is derived from the net: which lights learn, greens, approaches, yellow. It
     /// is relative to the config file.
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -185,6 +191,7 @@ impl ScenarioConfig {
     pub fn new(scenario: impl Into<PathBuf>) -> ScenarioConfig {
         ScenarioConfig {
             scenario: scenario.into(),
+            routes: Vec::new(),
             agents: None,
             begin_s: None,
             end_s: None,
@@ -223,6 +230,11 @@ impl ScenarioConfig {
     pub(crate) fn walking(&self) -> Option<Walking> {
         let walking = Walking { speed_mps: self.walking_speed_mps, walk_s: self.walk_s };
         (self.pedestrians == Pedestrians::MinGreen).then_some(walking)
+    }
+
+    /// Returns the files of which each episode plays one, for each path of `routes`.
+    pub(crate) fn route_files(&self) -> Result<Vec<Vec<PathBuf>>> {
+        route_files::all(&self.routes).context("traffic.routes")
     }
 
     /// Returns the seconds at which an episode begins and ends. An error names the key of the one that is missing.
@@ -322,7 +334,8 @@ impl DomainTable for ScenarioConfig {
 
     fn paths(&mut self) -> Vec<(&'static str, &mut PathBuf)> {
         let agents = self.agents.as_mut().map(|path| ("agents", path));
-        [("scenario", &mut self.scenario)].into_iter().chain(agents).collect()
+        let routes = self.routes.iter_mut().map(|path| ("routes", path));
+        [("scenario", &mut self.scenario)].into_iter().chain(agents).chain(routes).collect()
     }
 
     fn defaults(&self) -> &'static str {
@@ -335,6 +348,9 @@ impl DomainTable for ScenarioConfig {
             return Ok(());
         }
         let mut file = Sumocfg::read(&self.scenario)?;
+        if !self.routes.is_empty() {
+            file.routes = self.route_files()?.concat();
+        }
         file.begin_s = *self.begin_s.get_or_insert(file.begin_s);
         // SUMO's tools write an end after many years where they mean none.
         let longest_s = MOST_DECISIONS * u64::from(self.decision_s);

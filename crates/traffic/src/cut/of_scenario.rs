@@ -14,7 +14,6 @@ use crate::agents::derive::region::{Region, lit_junctions};
 use crate::agents::derive::{Agent, Derived};
 use crate::network::files::{NetworkFiles, sumocfg};
 use crate::network::roads::Roads;
-use crate::network::tree::Element;
 use crate::network::xml::text;
 use crate::scenario::SumoScenario;
 use dials_core::outside::{did_you_mean, excerpt, quoted, write_together};
@@ -68,21 +67,14 @@ pub(crate) fn cut_all(scenario: &SumoScenario, derived: &Derived) -> Result<Vec<
 }
 
 pub(crate) fn types_of(scenario: &SumoScenario) -> String {
-    types(&kinds(scenario))
-}
-
-/// Returns the elements of the vehicle types, in the order in which SUMO reads them.
-fn kinds(scenario: &SumoScenario) -> Vec<&Element> {
-    let is_type = |element: &&Element| ["vType", "vTypeDistribution"].contains(&&*element.name);
-    let roots = scenario.additional().chain(scenario.routes());
-    roots.flat_map(|root| &root.children).filter(is_type).collect()
+    types(&scenario.types())
 }
 
 /// Writes the files of a local net, a small demand and a configuration into `dir`, with the scenario's options.
 pub fn write(net: &LocalNet, scenario: &SumoScenario, dir: &Path) -> Result<NetworkFiles> {
     let files = NetworkFiles::of(&dir.join(NAME));
     files.check_paths()?;
-    let kinds = kinds(scenario);
+    let kinds = scenario.types();
     let (net_file, routes) = (format!("{NAME}.net.xml"), format!("{NAME}.rou.xml"));
     let input = [("net-file", &*net_file), ("additional-files", TYPES), ("route-files", &*routes)];
     let options: Vec<(&str, &str)> = scenario.options().iter().map(|(name, value)| (&**name, &**value)).collect();

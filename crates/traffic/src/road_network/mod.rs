@@ -4,7 +4,7 @@ pub(crate) mod scenario;
 
 use std::path::{Path, PathBuf};
 
-use anyhow::Context;
+use anyhow::{Context, bail};
 
 use crate::agents::plan::JointPlan;
 use crate::config::{Reward, RewardTerm, TrafficConfig};
@@ -20,12 +20,14 @@ use crate::network::way_out::{Role, cannot_be_simulated};
 use crate::paper_grid::grid::Grid;
 use crate::paper_grid::plans::{joint_plan, plans};
 use crate::paper_grid::recognise::{recognise_grid, recognise_local};
+use crate::scenario::SumoScenario;
 use crate::scenario::kept::KEPT;
 use crate::scenario::programs::Chosen;
 use crate::scenario::stops::Stops;
 use crate::scenario::travellers::Travellers;
 use crate::sim::local_forest::LocalForest;
 use crate::sim::recorded_roads::RecordedRoads;
+use dials_core::base::Seed;
 use dials_core::domain::{FirstRow, Map, Result, RoughCosts, Scenario};
 use dials_core::outside::quoted;
 use scenario::ScenarioFiles;
@@ -131,26 +133,54 @@ impl RoadNetwork {
         wauts.filter_map(|waut| waut.attribute("id")).map(str::to_owned).collect()
     }
 
-    /// Returns the message about files that SUMO cannot simulate, with the way out.
-    pub(crate) fn cannot_be_simulated(&self) -> String {
+    /// Returns the message about files that SUMO cannot simulate in the episode of a seed, with the way out.
+    pub(crate) fn cannot_be_simulated(&self, episode: u64) -> String {
         match &self.files {
             Files::Grid(files) => cannot_be_simulated(&files.network.files.net, Role::Global),
-            Files::Scenario(scenario) => scenario.files.cannot_be_simulated(),
+            Files::Scenario(scenario) => {
+                let drawn = scenario.files.drawn_by(Seed::new(episode));
+                let playing = drawn.and_then(|number| scenario.files.playing(number).ok());
+                playing.as_ref().unwrap_or(&scenario.files).cannot_be_simulated()
+            }
         }
     }
 
-    /// Returns an error if no episode without a vehicle is right. On a grid random numbers decide.
-    pub(crate) fn check_not_empty(&self) -> Result<()> {
+    /// Returns an error if no episode without a vehicle is right. On a grid random numbers decide. `playing`: the scenario with
+    /// the route file of the episode, if there are several.
+    pub(crate) fn check_not_empty(&self, playing: Option<&SumoScenario>) -> Result<()> {
         match &self.files {
             Files::Grid(_) => Ok(()),
-            Files::Scenario(scenario) => scenario.files.check_not_empty(),
+            Files::Scenario(scenario) => playing.unwrap_or(&scenario.files).check_not_empty(),
         }
     }
 
-    pub(crate) fn source(&self) -> Result<Loadable> {
+    /// Returns the number of route files of which each episode plays one. 0: all episodes play the same.
+    pub(crate) fn route_files(&self) -> usize {
+        match &self.files {
+            Files::Grid(_) => 0,
+            Files::Scenario(scenario) => scenario.files.drawn_files().len(),
+        }
+    }
+
+    /// Returns the number of the route file that an episode plays, if there are several.
+    pub(crate) fn drawn_by(&self, episode: Seed) -> Option<usize> {
+        match &self.files {
+            Files::Grid(_) => None,
+            Files::Scenario(scenario) => scenario.files.drawn_by(episode),
+        }
+    }
+
+    /// Returns the scenario with one of several route files.
+    pub(crate) fn playing(&self, number: usize) -> Result<SumoScenario> {
+        let Files::Scenario(scenario) = &self.files else { bail!("a grid has one route file") };
+        scenario.files.playing(number)
+    }
+
+    /// Returns what SUMO loads. `playing`: as in [`RoadNetwork::check_not_empty`].
+    pub(crate) fn source(&self, playing: Option<&SumoScenario>) -> Result<Loadable> {
         match &self.files {
             Files::Grid(files) => files.network.for_sumo(),
-            Files::Scenario(files) => files.source(),
+            Files::Scenario(files) => files.source(playing),
         }
     }
 
@@ -162,11 +192,11 @@ impl RoadNetwork {
         }
     }
 
-    /// Returns where vehicles stop on their way. On a grid nobody does.
-    pub(crate) fn stops(&self) -> Result<Stops> {
+    /// Returns where vehicles stop on their way. On a grid nobody does. `playing`: as in [`RoadNetwork::check_not_empty`].
+    pub(crate) fn stops(&self, playing: Option<&SumoScenario>) -> Result<Stops> {
         match &self.files {
             Files::Grid(_) => Ok(Stops::default()),
-            Files::Scenario(scenario) => Ok(scenario.files.stops(&scenario.files.roads()?)),
+            Files::Scenario(scenario) => Ok(playing.unwrap_or(&scenario.files).stops(&scenario.files.roads()?)),
         }
     }
 

@@ -115,14 +115,15 @@ impl ScenarioFiles {
         self.files.path().file_stem().and_then(|name| name.to_str()).unwrap_or_default()
     }
 
-    pub(super) fn source(&self) -> Result<Loadable> {
+    /// `playing`: the scenario with the route file of an episode, if there are several.
+    pub(super) fn source(&self, playing: Option<&SumoScenario>) -> Result<Loadable> {
         let agents = self.derived.agents.iter();
         let lights = agents.map(|agent| (&agent.program, agent.plan.phases.cars(), agent.limits_of_phases()));
         let roots = [self.files.net()].into_iter().chain(self.files.additional());
         let taken: HashSet<&str> =
             roots.flat_map(|root| root.all("tlLogic")).filter_map(|light| light.attribute("programID")).collect();
         let program = free_name(actuated::PROGRAM, |name| taken.contains(name));
-        self.files.for_sumo(&actuated::programs(&program, lights), &program)
+        playing.unwrap_or(&self.files).for_sumo(&actuated::programs(&program, lights), &program)
     }
 
     /// Returns what local simulators are made of. The first call cuts them out.

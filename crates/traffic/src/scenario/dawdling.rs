@@ -2,6 +2,8 @@
 
 use std::sync::Arc;
 
+use anyhow::Result;
+
 use super::SumoScenario;
 use super::own_types::{OWN_TYPES, USUAL_TYPE};
 use crate::network::tree::Element;
@@ -16,7 +18,12 @@ const MODEL: &str = "carFollowing";
 
 impl SumoScenario {
     /// Returns the same scenario, in which all types of cars dawdle as much as `sigma` says.
-    pub fn dawdling(mut self, sigma: f64) -> SumoScenario {
+    ///
+    /// Errors: a route file of which each episode plays one cannot be read any more.
+    pub fn dawdling(mut self, sigma: f64) -> Result<SumoScenario> {
+        if self.drawn.is_some() {
+            return self.drawn_dawdling(sigma);
+        }
         let own = |(id, class): (&str, Option<&str>)| {
             let attributes = [("id", id)].into_iter().chain(class.map(|class| ("vClass", class)));
             let attributes = attributes.map(|(key, value)| (key.to_owned(), value.to_owned())).collect();
@@ -36,7 +43,7 @@ impl SumoScenario {
                 types(root, &mut set);
             }));
         }
-        self
+        Ok(self)
     }
 
     /// Returns SUMO's own types that cars have here and that no file defines, with their classes.
@@ -52,6 +59,9 @@ impl SumoScenario {
 
     /// Returns whether a type of cars may dawdle, as SUMO's own one does.
     pub fn dawdles(&self) -> bool {
+        if let Some(drawn) = &self.drawn {
+            return drawn.dawdles;
+        }
         let roots = self.additional().chain(self.routes());
         let mut found = Vec::new();
         roots.for_each(|root| collect(root, &mut found));

@@ -53,6 +53,19 @@ pub(super) struct Departures {
     pub(crate) at_least: f64,
 }
 
+impl Departures {
+    /// Returns the departures of an episode that plays either of two route files.
+    pub(super) fn or(mut self, other: Departures) -> Departures {
+        self.edges.extend(other.edges);
+        self.junctions.extend(other.junctions);
+        Departures {
+            some_may_vanish: self.some_may_vanish || other.some_may_vanish,
+            at_least: self.at_least.min(other.at_least),
+            ..self
+        }
+    }
+}
+
 /// What was read so far, in SUMO's order.
 pub(crate) struct Demand<'a> {
     window_s: (f64, f64),

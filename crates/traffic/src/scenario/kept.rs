@@ -37,6 +37,7 @@ impl SumoScenario {
             files.push((AGENTS.to_owned(), text.as_bytes().to_vec()));
             kept.push(PathBuf::from(AGENTS));
         }
+        kept.extend(self.keep_drawn(folder)?);
         let files: Vec<_> = files.into_iter().map(|(name, bytes)| (folder.join(name), bytes)).collect();
         write_together(folder, &files)?;
         Ok(kept)

@@ -9,6 +9,7 @@ pub(crate) mod dawdling;
 mod demand;
 mod departing;
 mod devices;
+mod drawn;
 mod elements;
 pub(crate) mod end;
 mod include;
@@ -41,6 +42,7 @@ use crate::config::{Actions, ScenarioConfig};
 use closing::{Closed, Detours};
 use demand::{Demand, Departures, Order};
 use dials_core::outside::{excerpt, quoted, read_text};
+use drawn::Drawn;
 use programs::{Choice, Chosen};
 use reading::Files;
 
@@ -55,6 +57,10 @@ pub struct SumoScenario {
     net: File,
     additional: Vec<File>,
     routes: Vec<File>,
+    /// Route files of which each episode plays one, if the config names some. Then there are no others.
+    drawn: Option<Arc<Drawn>>,
+    /// Whether its route file is one of those.
+    plays_drawn: bool,
     /// Text of the file of overrides and its path, if the config names one.
     agents: Option<(PathBuf, Arc<str>)>,
     window_s: (u64, u64),
@@ -86,7 +92,11 @@ struct File {
 impl SumoScenario {
     /// Reads and checks the scenario that a config names. An error names the file, the element and the way out.
     pub fn read(config: &ScenarioConfig) -> Result<SumoScenario> {
-        let sumocfg = Sumocfg::read(&config.scenario)?;
+        let mut sumocfg = Sumocfg::read(&config.scenario)?;
+        let drawn = config.route_files()?;
+        if !drawn.is_empty() {
+            sumocfg.routes.clear();
+        }
         let agents = config.agents.as_deref().map(overrides).transpose()?;
         let parsed = agents.as_ref().map_or(Ok(Overrides::default()), |(path, text)| parsed(path, text))?;
         let programs = Choice::of(config.program.clone(), &parsed);
@@ -98,6 +108,8 @@ impl SumoScenario {
             net,
             additional,
             routes,
+            drawn: None,
+            plays_drawn: false,
             agents,
             window_s: config.window_s()?,
             steps_per_s: sumocfg.steps_per_s,
@@ -113,22 +125,25 @@ impl SumoScenario {
             walking: config.walking(),
             actions: config.actions,
         };
-        let (departures, notes) = scenario.check()?;
+        scenario.check_net()?;
+        scenario.notes.left_out.extend(config.about_the_end());
+        scenario.notes.left_out.extend(config.unplayed());
+        if !drawn.is_empty() {
+            return scenario.with_drawn(&drawn, None);
+        }
+        let (departures, notes) = scenario.check_demand()?;
         scenario.departures = departures;
         scenario.notes.extend(notes);
         scenario.notes.extend(locally::notes(&scenario));
-        scenario.notes.left_out.extend(config.about_the_end());
-        scenario.notes.left_out.extend(config.unplayed());
         if !scenario.closed.is_empty() {
             let closed = scenario.close_edges()?;
-            scenario.notes.left_out.push(format!("closed {}: {}", scenario.closed.join(", "), closed.detours));
+            scenario.notes.left_out.push(scenario.about_detours(&closed.detours));
             scenario.without_closed = Some(Arc::new(closed));
         }
         Ok(scenario)
     }
 
-    /// Checks what SUMO does not. Returns where vehicles depart, and what will not be simulated.
-    fn check(&self) -> Result<(Departures, Notes)> {
+    fn check_net(&self) -> Result<()> {
         let (net, file) = (self.net(), self.net.path.display());
         ensure!(net.name == "net", "{file}: is no net of SUMO: its root is <{}>, not <net>", excerpt(&net.name));
         ensure!(
@@ -136,6 +151,11 @@ impl SumoScenario {
             "{file}: has no traffic light (<tlLogic>); make some with: netconvert -s {file} --tls.set JUNCTION,... -o \
              NEW.net.xml"
         );
+        Ok(())
+    }
+
+    /// Checks what SUMO does not. Returns where vehicles depart, and what will not be simulated.
+    fn check_demand(&self) -> Result<(Departures, Notes)> {
         let mut demand = Demand::new(self.window_s, self.scale());
         for file in &self.additional {
             demand.read(&file.path, &file.content.root, Order::Free)?;
@@ -177,7 +197,14 @@ impl SumoScenario {
 
     /// Returns what becomes of vehicles because of closed edges. `None`: all edges are open.
     pub(crate) fn detours(&self) -> Option<Detours> {
-        Some(self.without_closed.as_ref()?.detours)
+        match &self.drawn {
+            Some(drawn) => drawn.detours,
+            None => Some(self.without_closed.as_ref()?.detours),
+        }
+    }
+
+    fn about_detours(&self, detours: &Detours) -> String {
+        format!("closed {}: {detours}", self.closed.join(", "))
     }
 
     fn lights(&self) -> impl Iterator<Item = &Element> {
@@ -228,6 +255,7 @@ impl SumoScenario {
         self.additional.iter().map(|file| &file.content.root)
     }
 
+    /// Returns the root elements of the route files that all episodes play.
     pub fn routes(&self) -> impl Iterator<Item = &Element> {
         self.routes.iter().map(|file| &file.content.root)
     }
@@ -288,7 +316,9 @@ impl SumoScenario {
     /// Returns the message about a scenario that SUMO cannot load, with the way out.
     pub(crate) fn cannot_be_simulated(&self) -> String {
         let newer = libsumo::load().ok().and_then(|sumo| newer::way_out(self.net(), sumo.version));
-        let way_out = newer.unwrap_or_else(|| format!("try it with: sumo -c {}", quoted(&self.path)));
+        let routes = self.routes.first().filter(|_| self.plays_drawn);
+        let routes = routes.map_or(String::new(), |file| format!(" -r {}", quoted(&file.path)));
+        let way_out = newer.unwrap_or_else(|| format!("try it with: sumo -c {}{routes}", quoted(&self.path)));
         format!("{}: SUMO cannot simulate this scenario; {way_out}", self.path.display())
     }
 
@@ -334,7 +364,19 @@ impl SumoScenario {
 
     /// Returns whether vehicles may have devices, such as one that finds new ways.
     pub(crate) fn may_have_devices(&self) -> bool {
-        devices::are_asked_for(&self.options, self.additional().chain(self.routes()))
+        match &self.drawn {
+            Some(drawn) => drawn.may_have_devices,
+            None => devices::are_asked_for(&self.options, self.additional().chain(self.routes())),
+        }
+    }
+
+    /// Returns the elements of the vehicle types, in the order in which SUMO reads them.
+    pub(crate) fn types(&self) -> Vec<&Element> {
+        let is_type = |element: &&Element| ["vType", "vTypeDistribution"].contains(&&*element.name);
+        match &self.drawn {
+            Some(drawn) => drawn.types.iter().collect(),
+            None => self.additional().chain(self.routes()).flat_map(|root| &root.children).filter(is_type).collect(),
+        }
     }
 
     /// Returns the CRC-32 of everything that decides what returns mean: the files as SUMO loads them, times, options,
@@ -346,6 +388,7 @@ impl SumoScenario {
             hasher.update(text.as_bytes());
         };
         self.all().for_each(|file| add(&file.content.text()));
+        self.drawn_checksums().iter().for_each(|checksums| add(checksums));
         add(&format!("{:?} {:?}", self.window_s, self.options));
         // Where no program says how long a green lasts at least, the checksum is what it was before that counted.
         if self.keeps_min_dur

@@ -50,17 +50,12 @@ impl Files {
         files.iter().for_each(|file| elements::asked_for(&file.content.root, &mut asked));
         let (mut left, mut left_out) = (Left::default(), Vec::new());
         let here = || libsumo::load().ok().map(|sumo| sumo.version);
-        for Read { option, path, content, is_changed } in &mut files {
-            let root = &mut content.root;
+        for file in &mut files {
+            let root = &mut file.content.root;
             let note = if root.name == "net" { newer::forget_classes(root, here) } else { None };
-            *is_changed |= note.is_some();
-            left_out.extend(note.map(|note| format!("{}: {note}", path.display())));
-            *is_changed |= elements::clean(option, path, root, &asked, &mut left);
-            other_files::refuse(path, root)?;
-            check_elements(root).map_err(|error| anyhow!("{}: {error}", path.display()))?;
-            if *is_changed {
-                content.rewrite();
-            }
+            file.is_changed |= note.is_some();
+            left_out.extend(note.map(|note| format!("{}: {note}", file.path.display())));
+            file.clean(&asked, &mut left)?;
         }
         left_out.extend(left.sentences());
         let mut files = files.into_iter();
@@ -71,6 +66,37 @@ impl Files {
         let net = of(1).remove(0);
         let (additional, routes) = (of(sumocfg.additional.len()), of(sumocfg.routes.len()));
         Ok(Files { net, additional, routes, left_out, chosen })
+    }
+}
+
+/// Reads a route file that a config names. `asked`: names of detectors that must stay. Returns also what was left out, a sentence
+/// each.
+pub(super) fn route_file(path: &Path, asked: &BTreeSet<String>) -> Result<(File, Vec<String>)> {
+    let mut content = Content::parse(path)?;
+    let is_changed = include::put_in_place(path, &mut content.root)?;
+    ensure!(
+        content.root.name != "net",
+        "{}: is a net, and traffic.routes names route files; correct it",
+        path.display()
+    );
+    let mut file = Read { option: ROUTE_FILES, path, content, is_changed };
+    let mut left = Left::default();
+    file.clean(asked, &mut left)?;
+    let content = Arc::new(file.content);
+    Ok((File { path: path.to_owned(), content }, left.sentences().collect()))
+}
+
+impl Read<'_> {
+    /// Takes out what is not needed. An error names what this program cannot take over.
+    fn clean(&mut self, asked: &BTreeSet<String>, left: &mut Left) -> Result<()> {
+        let root = &mut self.content.root;
+        self.is_changed |= elements::clean(self.option, self.path, root, asked, left);
+        other_files::refuse(self.path, root)?;
+        check_elements(root).map_err(|error| anyhow!("{}: {error}", self.path.display()))?;
+        if self.is_changed {
+            self.content.rewrite();
+        }
+        Ok(())
     }
 }
 

@@ -22,6 +22,9 @@ pub(crate) struct Travellers {
 
 impl SumoScenario {
     pub(crate) fn travellers(&self) -> Travellers {
+        if let Some(drawn) = &self.drawn {
+            return drawn.travellers.clone();
+        }
         let mut found = Travellers::default();
         let mut members: BTreeMap<&str, Vec<&str>> = BTreeMap::new();
         let mut used: BTreeSet<&str> = BTreeSet::new();
@@ -62,6 +65,19 @@ impl SumoScenario {
 }
 
 impl Travellers {
+    /// Returns who travels with either of two route files.
+    pub(super) fn and(mut self, other: Travellers) -> Travellers {
+        self.class_of.extend(other.class_of);
+        let classes: BTreeSet<String> = self.classes.into_iter().chain(other.classes).collect();
+        let has_persons = self.has_persons || other.has_persons;
+        Travellers {
+            class_of: self.class_of,
+            classes: classes.into_iter().collect(),
+            has_persons,
+            removed_after_s: self.removed_after_s.or(other.removed_after_s).filter(|_| !has_persons),
+        }
+    }
+
     fn add_type(&mut self, kind: &Element) {
         let class = kind.attribute("vClass").unwrap_or(USUAL_CLASS);
         self.class_of.insert(kind.id().to_owned(), class.to_owned());

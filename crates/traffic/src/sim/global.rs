@@ -1,7 +1,6 @@
 //! The GS: the whole network in SUMO, with cars that flow in at its boundary.
 
 use std::collections::BTreeSet;
-use std::path::Path;
 use std::sync::Arc;
 use std::time::Instant;
 
@@ -17,6 +16,7 @@ use super::others::Others;
 use super::picture::Camera;
 use super::readings::Readings;
 use super::recording::{Recorder, Tape};
+use super::route_file::{RouteFile, source};
 use super::tally::Tally;
 use super::visits::Visits;
 use super::watched::{RowShows, Watched};
@@ -47,6 +47,9 @@ pub struct GlobalTraffic {
     plan: Arc<JointPlan>,
     network: Arc<RoadNetwork>,
     source: Loadable,
+    /// Route file of the episode, if each episode plays one of several, and the further programs that SUMO loads.
+    route_file: Option<RouteFile>,
+    programs: Option<String>,
     decisions: Decisions,
     simulation: Simulation,
     lights: Lights,
@@ -96,11 +99,8 @@ impl GlobalTraffic {
         log: Option<&EventLog>,
     ) -> Result<GlobalTraffic> {
         let last = JointTransition::new(&plan.kinds);
-        let source = network.source()?;
-        let source = match control.programs() {
-            Some(text) => source.with_additional(text, Path::new("PROGRAMS"))?,
-            None => source,
-        };
+        let (route_file, programs) = (RouteFile::first(&network)?, control.programs().map(str::to_owned));
+        let source = source(&network, route_file.as_ref(), programs.as_deref())?;
         let mut simulation = source.simulation()?;
         let agents = plan.agents.iter();
         let lights = agents.clone().map(|agent| (agent.light.clone(), agent.phases.clone()));
@@ -118,6 +118,8 @@ impl GlobalTraffic {
         let others = others.map(|others| others.on_foot(&mut simulation, &plan.agents)).transpose()?;
         Ok(GlobalTraffic {
             source,
+            route_file,
+            programs,
             network,
             waiting: vec![Waiting::default(); agents],
             others,
@@ -172,9 +174,19 @@ impl GlobalTraffic {
     /// Records all visits to the regions of a scenario from the next reset on, and observes their influence.
     pub(crate) fn record_visits(&mut self) -> Result<()> {
         self.observe_influence()?;
-        let stops = Arc::new(self.network.stops()?);
+        self.note_stops()
+    }
+
+    /// Begins to record visits, with the stops of the vehicles of this episode.
+    fn note_stops(&mut self) -> Result<()> {
+        let stops = Arc::new(self.network.stops(self.route_file.as_ref().map(|file| &file.scenario))?);
         self.borders.iter_mut().for_each(|borders| borders.record_visits(stops.clone()));
         Ok(())
+    }
+
+    /// Lets all further episodes play one of several route files, by its number.
+    pub(crate) fn play_only(&mut self, number: usize) {
+        self.route_file.iter_mut().for_each(|file| file.fix(number));
     }
 
     pub(crate) fn visits(&self) -> Option<&Visits> {
@@ -337,6 +349,14 @@ impl GlobalSimulator for GlobalTraffic {
     }
 
     fn reset(&mut self, episode: Seed) -> Result<&JointPercept> {
+        if let Some(file) = &mut self.route_file
+            && file.draw(&self.network, episode)?
+        {
+            self.source = source(&self.network, Some(file), self.programs.as_deref())?;
+            if self.visits().is_some() {
+                self.note_stops()?;
+            }
+        }
         // DEVIATION 3: loading again also clears the backlog of cars that wait at the boundary. In the authors' code it
         // leaks into the next episode.
         let mut options = self.source.options(self.decisions.control.is_actuated(), episode.for_sumo());
@@ -378,7 +398,7 @@ impl GlobalSimulator for GlobalTraffic {
         self.take_picture()?;
         self.perceive();
         if let Some(recorder) = &mut self.recorder {
-            recorder.begin(episode.for_sumo());
+            recorder.begin(episode.for_sumo(), self.route_file.as_ref().map(|file| &file.scenario));
         }
         self.decisions.begin(episode);
         Ok(&self.last.percept)
@@ -397,7 +417,7 @@ impl GlobalSimulator for GlobalTraffic {
         self.decisions.advised = false;
         // Its returns would be the best possible ones.
         if self.tally.departed == 0 && self.age >= self.network.horizon * self.plan.decision_steps {
-            self.network.check_not_empty()?;
+            self.network.check_not_empty(self.route_file.as_ref().map(|file| &file.scenario))?;
         }
         let begun = Instant::now();
         self.read_others()?;
@@ -525,6 +545,8 @@ impl GlobalSimulator for GlobalTraffic {
 #[cfg(test)]
 mod tests {
     use std::collections::BTreeMap;
+
+    use std::path::Path;
 
     use super::*;
     use crate::Traffic;

@@ -176,7 +176,7 @@ impl LocalTraffic {
         let seed = self.forest.rows[row].seed.for_episode(episode as usize);
         let recorder = self.recorder.as_mut().filter(|_| row == 0);
         match &self.demand {
-            Demand::Rule(_) => recorder.into_iter().for_each(|recorder| recorder.begin(LOCAL_SEED)),
+            Demand::Rule(_) => recorder.into_iter().for_each(|recorder| recorder.begin(LOCAL_SEED, None)),
             Demand::Visits(_) => {
                 let mut of_lanes = seed.fork(RandomPurpose::Lanes).dice();
                 let mut seeds = self.forest.draw_seeds(row, &mut of_lanes);
@@ -184,7 +184,7 @@ impl LocalTraffic {
                     // Plain SUMO, which plays the recording again, seeds the lanes with the numbers from its own seed on.
                     let first = of_lanes.random_range(0..1 << 30);
                     seeds = (first..).take(seeds.len()).collect();
-                    recorder.begin(first);
+                    recorder.begin(first, None);
                 }
                 self.forest.seed_lanes(row, &seeds)?;
             }

@@ -9,6 +9,7 @@
 //! - `readings`: what the detectors of lights have seen. `watched`: all that is on the roads, for functions of the user.
 //! - [`tally`]: what every episode counts; `metrics`: what only evaluations measure, from SUMO's `trips`; `light_delays`: where
 //!   cars lose time.
+//! - `route_file`: what an episode plays, where each plays one of several route files.
 //! - `picture`: pictures of the GS. [`recording`]: an episode recorded, on [`recorded_roads`]. [`replay`]: a recording as
 //!   files that SUMO plays; [`trace`]: a recording for pictures.
 
@@ -31,6 +32,7 @@ pub(crate) mod readings;
 pub mod recorded_roads;
 pub mod recording;
 pub mod replay;
+mod route_file;
 pub(crate) mod tally;
 pub mod trace;
 mod trips;

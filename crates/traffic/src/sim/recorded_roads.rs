@@ -79,6 +79,11 @@ impl RecordedRoads {
         Ok(RecordedRoads::new(RecordedFiles::Whole(Box::new(files.clone())), roads, agents, &lights))
     }
 
+    /// Returns the same roads with the files that one episode plays.
+    pub(super) fn playing(&self, scenario: &SumoScenario) -> RecordedRoads {
+        RecordedRoads { files: RecordedFiles::Whole(Box::new(scenario.clone())), ..self.clone() }
+    }
+
     pub(crate) fn of_local(parts: &LocalParts, plan: &JointPlan, forest: &LocalForest) -> Result<RecordedRoads> {
         let row = &forest.rows[0];
         let (agent, net) = (&plan.agents[row.agent.0], &parts.nets[row.agent.0]);

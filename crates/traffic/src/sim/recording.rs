@@ -9,6 +9,7 @@ use anyhow::{Context, Result};
 
 use super::recorded_roads::RecordedRoads;
 use crate::cut::names::prefixed;
+use crate::scenario::SumoScenario;
 use libsumo::{CarId, CarTable, DepartSpeed, Departure, Insertion, LaneCars, LaneId, LightId, SignalState, Simulation};
 
 /// A tape for one episode. Clones are the same tape.
@@ -100,12 +101,16 @@ impl Recorder {
         })
     }
 
-    /// Begins an episode for which SUMO got this seed.
-    pub(super) fn begin(&mut self, seed: u32) {
+    /// Begins an episode for which SUMO got this seed. `played`: what it plays, if episodes play different route files.
+    pub(super) fn begin(&mut self, seed: u32, played: Option<&SumoScenario>) {
+        let roads = || match played {
+            Some(scenario) => Arc::new(self.roads.playing(scenario)),
+            None => self.roads.clone(),
+        };
         self.on = self.tape.with(|tape| {
             let room = tape.as_ref().is_none_or(|recording| recording.steps.is_empty());
             if room {
-                *tape = Some(Recording { roads: self.roads.clone(), seed, entries: Vec::new(), steps: Vec::new() });
+                *tape = Some(Recording { roads: roads(), seed, entries: Vec::new(), steps: Vec::new() });
             }
             room
         });

@@ -59,6 +59,15 @@ impl Visits {
     pub fn driver(&self, visit: &Visit) -> &Driver {
         &self.drivers[visit.driver]
     }
+
+    /// Adds the visits of another episode of the same length, behind those that are there.
+    pub(crate) fn extend(&mut self, other: Visits) {
+        let before = self.drivers.len();
+        self.drivers.extend(other.drivers);
+        for (of_agent, others) in self.of_agents.iter_mut().zip(other.of_agents) {
+            of_agent.extend(others.into_iter().map(|visit| Visit { driver: visit.driver + before, ..visit }));
+        }
+    }
 }
 
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]

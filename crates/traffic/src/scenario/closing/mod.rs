@@ -43,6 +43,19 @@ pub struct Detours {
     pub stops_left_out: usize,
 }
 
+impl Detours {
+    /// Returns the sum over two route files.
+    pub(super) fn plus(&self, other: &Detours) -> Detours {
+        Detours {
+            vehicles: self.vehicles + other.vehicles,
+            rerouted: self.rerouted + other.rerouted,
+            without_way: self.without_way + other.without_way,
+            trips: self.trips + other.trips,
+            stops_left_out: self.stops_left_out + other.stops_left_out,
+        }
+    }
+}
+
 impl Display for Detours {
     fn fmt(&self, f: &mut Formatter<'_>) -> fmt::Result {
         let Detours { vehicles, rerouted, without_way, trips, stops_left_out } = self;
