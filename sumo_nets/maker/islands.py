@@ -21,10 +21,12 @@ class Island:
         self.name, self.dice = name, dice
         self.roads = Roads()
         self.outside = []  # (end of an arm, whether it is a side street)
+        self.joined = False  # whether two junctions share a light
         self.streets = []  # (one place, other place), for `crosses`
 
     def light(self, name, x, y, tl=None):
         """Adds a node with a light. Nodes with the same `tl` have one light together."""
+        self.joined = self.joined or tl is not None
         return self._node(name, x, y, type="traffic_light", **({"tl": f"{self.name}_{tl}"} if tl else {}))
 
     def _node(self, name, x, y, **attributes):

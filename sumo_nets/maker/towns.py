@@ -11,6 +11,7 @@ GAP_M = 300
 # Demand of the quarters of an hour, as shares of the highest.
 SHAPES = [(0.5, 0.8, 1, 0.5), (0.6, 1, 0.7, 0.4), (0.8, 0.8, 0.8, 0.7), (0.3, 1, 0.4, 0.6), (1, 0.6, 0.8, 0.4)]
 LEVELS = (0.3, 1.1)  # the highest demand, as a share of what the lights can serve
+SHORT_STREET = 0.55  # what two joined junctions serve of it: few cars find room between them
 PLATOONS = 0.25  # share of the entries where cars come in platoons
 TRUCKS = 0.15  # share at most
 EXIT_LANE_H = 1700  # cars an hour over a lane that leaves
@@ -140,7 +141,9 @@ def traffic(island, net, dice):
     rows = [mix(kinds, {"car": 1 - trucks, "truck": trucks})]
     rows += [route(names[pair], way) for pair, way in found.items()]
     first, last = (pattern(found, starts, goals, dice) for _ in range(2))
-    level, shape, flows = dice.between(*LEVELS), SHAPES[int(dice.between(0, len(SHAPES)))], []
+    level = LEVELS[0] + (LEVELS[1] - LEVELS[0]) * dice.next() ** 0.75
+    level *= SHORT_STREET if island.joined else 1
+    shape, flows = SHAPES[int(dice.between(0, len(SHAPES)))], []
     platoons = {edge: (dice.between(60, 120), dice.between(0.25, 0.45)) for edge, _, _ in starts
                 if dice.next() < PLATOONS}
     for quarter, height in enumerate(shape):
