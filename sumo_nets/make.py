@@ -1,18 +1,43 @@
 #!/usr/bin/env python3
-"""Makes the scenarios of this directory again: `python3 sumo_nets/make.py [DIRECTORY]`.
+"""Makes scenarios with netconvert of SUMO 1.15 and nothing but Python's own library.
 
-Needs netconvert of SUMO 1.15 and nothing but Python's own library. The same bytes come out every time.
+`python3 sumo_nets/make.py [DIRECTORY]` makes the scenarios of this directory again. The same bytes come out every time.
 Without DIRECTORY the files beside this script are replaced.
+
+`python3 sumo_nets/make.py towns [--junctions N] [--seed S] DIRECTORY` makes a scenario of about N lights on islands that
+differ in all, to train policies for any light. Another seed gives other islands.
 """
 
+import argparse
 import sys
 from pathlib import Path
 
 sys.dont_write_bytecode = True  # no __pycache__ beside the makers
 
-from maker import arterial, grid_4x4_turns, town  # noqa: E402
+from maker import arterial, grid_4x4_turns, town, towns  # noqa: E402
 
-if __name__ == "__main__":
-    target = Path(sys.argv[1]) if len(sys.argv) > 1 else Path(__file__).parent
+
+def shipped(arguments):
+    parser = argparse.ArgumentParser(description="Makes the shipped scenarios again.")
+    parser.add_argument("directory", type=Path, nargs="?", default=Path(__file__).parent)
+    target = parser.parse_args(arguments).directory
     for scenario in [grid_4x4_turns, town, arterial]:
         scenario.make(target / scenario.__name__.rsplit(".", 1)[-1])
+
+
+def drawn(maker, about, number_option, number, arguments):
+    parser = argparse.ArgumentParser(prog=f"make.py {maker.__name__.rsplit('.', 1)[-1]}", description=about)
+    parser.add_argument(number_option, dest="lights", type=int, default=number, help="number of lights, about")
+    parser.add_argument("--seed", type=int, default=1, help="another seed gives another scenario")
+    parser.add_argument("directory", type=Path)
+    parsed = parser.parse_args(arguments)
+    if parsed.lights < 1:
+        parser.error(f"{number_option} must be at least 1")
+    maker.make(parsed.directory, parsed.lights, parsed.seed)
+
+
+if __name__ == "__main__":
+    if sys.argv[1:2] == ["towns"]:
+        drawn(towns, "Makes many islands of lights side by side.", "--junctions", 40, sys.argv[2:])
+    else:
+        shipped(sys.argv[1:])

@@ -38,12 +38,7 @@ def main_road(made, start, end):
     if not turns_left:
         made.edge(name, goal, 2, SPEED_MPS, 3)
         return
-    share = POCKET_M / ((goal_x - x) ** 2 + (goal_y - y) ** 2) ** 0.5
-    widening = f"{goal}_from_{name}"
-    made.node(widening, goal_x + share * (x - goal_x), goal_y + share * (y - goal_y), type="priority")
-    first = made.edge(name, widening, 2, SPEED_MPS, 3, f"{name}_{goal}")
-    pocket = made.edge(widening, goal, 3, SPEED_MPS, 3, f"{name}_{goal}_turn")
-    made.connect(first, pocket, (0, 0), (1, 1), (1, 2))
+    made.widened(name, goal, 2, SPEED_MPS, 3, POCKET_M)
 
 
 def side_road(made, name, goal, lanes, towards=None):
@@ -179,4 +174,4 @@ def make(folder):
                     cars *= 1 - TRUCKS
                 flows.append((quarter, flow(f"car_{name}_{quarter}", "car", name, quarter, cars)))
     flows.sort(key=lambda pair: pair[0])
-    write(folder, net, rows + [text for _, text in flows])
+    write(folder, folder.name, net, rows + [text for _, text in flows])

@@ -135,4 +135,4 @@ def make(folder):
                 rows.append(flow(f"truck_{name}_{quarter}", "truck", name, quarter, TRUCKS * cars))
                 cars *= 1 - TRUCKS
             rows.append(flow(f"car_{name}_{quarter}", "car", name, quarter, cars))
-    write(folder, with_programs(net, programs), rows)
+    write(folder, folder.name, with_programs(net, programs), rows)

@@ -5,9 +5,12 @@ import re
 import subprocess
 import tempfile
 import xml.etree.ElementTree as ET
+from math import hypot
 from pathlib import Path
 from xml.sax.saxutils import quoteattr
 
+# An element of a network, with all that is in it.
+PART = re.compile(r"    <(?P<kind>edge|tlLogic|junction|connection|roundabout) (?:[^>]*/>|.*?</(?P=kind)>)\n", re.DOTALL)
 XML = '<?xml version="1.0" encoding="UTF-8"?>\n'
 
 
@@ -20,6 +23,10 @@ def element(name, attributes, content=None):
     return f"<{opening}>\n{inner}</{name}>"
 
 
+class Warned(SystemExit):
+    """A program of SUMO failed or warned. Who draws networks at random draws again."""
+
+
 def run(program, *arguments):
     """Runs a program of SUMO. What it warns of is an error: the scenarios must load without warnings."""
     # Without SUMO_HOME the programs warn that they use their own tables of road types. None is used here.
@@ -27,7 +34,7 @@ def run(program, *arguments):
     done = subprocess.run([program, *map(str, arguments)], capture_output=True, text=True, check=False,
                           env=surroundings)
     if done.returncode != 0 or done.stderr.strip():
-        raise SystemExit(f"{program} failed or warned:\n{done.stderr or done.stdout}")
+        raise Warned(f"{program} failed or warned:\n{done.stderr or done.stdout}")
 
 
 class Roads:
@@ -35,8 +42,10 @@ class Roads:
 
     def __init__(self):
         self.nodes, self.edges, self.connections = {}, {}, []
+        self.places = {}
 
     def node(self, name, x, y, **attributes):
+        self.places[name] = (x, y)
         self.nodes[name] = {"id": name, "x": f"{x:.2f}", "y": f"{y:.2f}", **attributes}
 
     def edge(self, start, end, lanes, speed, priority, name=None):
@@ -46,6 +55,18 @@ class Roads:
             "id": name, "from": start, "to": end, "numLanes": lanes, "speed": f"{speed:.2f}", "priority": priority,
         }
         return name
+
+    def widened(self, start, end, lanes, speed, priority, pocket_m, side="left"):
+        """Adds a street in one direction that gets one more lane on a side, `pocket_m` before its end."""
+        (x, y), (x0, y0) = self.places[end], self.places[start]
+        share = pocket_m / hypot(x - x0, y - y0)
+        widening = f"{end}_from_{start}"
+        self.node(widening, x + share * (x0 - x), y + share * (y0 - y), type="priority")
+        first = self.edge(start, widening, lanes, speed, priority, f"{start}_{end}")
+        pocket = self.edge(widening, end, lanes + 1, speed, priority, f"{start}_{end}_turn")
+        shift = 0 if side == "left" else 1  # SUMO counts lanes from the right
+        new = (lanes - 1, lanes) if side == "left" else (0, 0)
+        self.connect(first, pocket, *sorted([(lane, lane + shift) for lane in range(lanes)] + [new]))
 
     def connect(self, start, end, *lanes):
         """Allows turns from lane to lane. Without any for an edge, netconvert guesses them."""
@@ -70,6 +91,22 @@ def without_origin(text):
     """Takes out what changes from call to call or needs the internet: comments, and the place of the schema."""
     text = re.sub(r"<!--.*?-->\s*", "", text, flags=re.DOTALL)
     return re.sub(r' xmlns:xsi="[^"]*"| xsi:noNamespaceSchemaLocation="[^"]*"', "", text)
+
+
+def side_by_side(nets):
+    """Returns one network of several that share no id and no place."""
+    parts, corners = {}, []
+    for net in nets:
+        corners.append([float(x) for x in re.search(r'convBoundary="([^"]*)"', net)[1].split(",")])
+        for part in PART.finditer(net):
+            parts.setdefault(part["kind"], []).append(part[0])
+    west, south, east, north = zip(*corners)
+    boundary = ",".join(f"{x:.2f}" for x in (min(west), min(south), max(east), max(north)))
+    head = nets[0][: nets[0].index("<location")]
+    location = element("location", {"netOffset": "0.00,0.00", "convBoundary": boundary, "origBoundary": boundary,
+                                    "projParameter": "!"})
+    rows = [row for kind in ("edge", "tlLogic", "junction", "connection", "roundabout") for row in parts.get(kind, [])]
+    return f"{head}{location}\n" + "".join(rows) + "</net>\n"
 
 
 def links(net):

@@ -135,14 +135,7 @@ def roads(dice):
         if not widens(kind, end, all_streets):
             made.edge(start, end, *street)
             continue
-        (x, y), (x0, y0) = places[end], places[start]
-        share = POCKET_M / hypot(x - x0, y - y0)
-        widening = f"{end}_from_{start}"
-        made.node(widening, x + share * (x0 - x), y + share * (y0 - y), type="priority")
-        first = made.edge(start, widening, *street, f"{start}_{end}")
-        pocket = made.edge(widening, end, street[0] + 1, *street[1:], f"{start}_{end}_turn")
-        last = street[0] - 1
-        made.connect(first, pocket, *[(lane, lane) for lane in range(street[0])], (last, last + 1))
+        made.widened(start, end, *street, POCKET_M)
     return made, all_streets
 
 
@@ -189,4 +182,4 @@ def make(folder):
     for number, (depart_s, kind, way) in enumerate(trips):
         name = names.setdefault(tuple(way), f"way_{len(names)}")
         rows.append(vehicle(f"{kind}_{number}", kind, name, depart_s))
-    write(folder, net, types("car", "truck", "bus") + [route(name, way) for way, name in names.items()] + rows)
+    write(folder, folder.name, net, types("car", "truck", "bus") + [route(name, way) for way, name in names.items()] + rows)

@@ -56,16 +56,33 @@ def vehicle(name, kind, route_name, depart_s):
 
 def flow(name, kind, route_name, quarter, rate_per_h):
     """Returns cars of one quarter of an hour that come at random: SUMO draws every second, by its seed."""
+    return flow_between(name, kind, route_name, quarter * QUARTER_S, (quarter + 1) * QUARTER_S, rate_per_h)
+
+
+def flow_between(name, kind, route_name, begin_s, end_s, rate_per_h):
     return element("flow", {
-        "id": name, "type": kind, "route": route_name, "begin": quarter * QUARTER_S, "end": (quarter + 1) * QUARTER_S,
-        "probability": f"{rate_per_h / 3600:.5f}", **ENTRY,
+        "id": name, "type": kind, "route": route_name, "begin": begin_s, "end": end_s,
+        "probability": f"{min(rate_per_h / 3600, 1):.5f}", **ENTRY,
     })
 
 
-def write(folder, net, rows):
-    """Writes NAME.net.xml, NAME.rou.xml and NAME.sumocfg, where NAME is the name of the folder."""
+def mix(name, kinds):
+    """Returns a type of vehicles that is one of `kinds` by chance, which maps types to their shares."""
+    return element("vTypeDistribution", {
+        "id": name, "vTypes": " ".join(kinds), "probabilities": " ".join(f"{share:.3f}" for share in kinds.values())})
+
+
+def any_route(name, weights):
+    """Returns a route that is one of several by chance; `weights` maps routes to how many cars they have."""
+    total = sum(weights.values())
+    return element("routeDistribution", {
+        "id": name, "routes": " ".join(weights),
+        "probabilities": " ".join(f"{weight / total:.4f}" for weight in weights.values())})
+
+
+def write(folder, name, net, rows):
+    """Writes NAME.net.xml, NAME.rou.xml and NAME.sumocfg."""
     folder.mkdir(parents=True, exist_ok=True)
-    name = folder.name
     settings = {
         "input": {"net-file": f"{name}.net.xml", "route-files": f"{name}.rou.xml"},
         "time": {"begin": 0, "end": END_S},

@@ -16,7 +16,7 @@ class Ways:
         root = ET.fromstring(net)
         self.seconds, self.after = {}, {}
         for edge in root.iter("edge"):
-            if edge.get("function") != "internal":
+            if "function" not in edge.attrib:  # no way over a junction, and no crossing
                 lane = edge.find("lane")
                 self.seconds[edge.get("id")] = float(lane.get("length")) / float(lane.get("speed"))
                 self.after[edge.get("id")] = {}
