@@ -30,6 +30,7 @@ fn settings() -> [Setting; 2] {
         obs_dim: inputs,
         d_set_dim: inputs,
         n_actions,
+        sets: None,
         masks: false,
         sources,
         horizon,

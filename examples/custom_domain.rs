@@ -194,6 +194,7 @@ pub(crate) fn main() -> Result<()> {
         obs_dim: HANDS + 1,
         d_set_dim: HANDS + 1,
         n_actions: 2,
+        sets: None,
         masks: false,
         sources,
         horizon: 60,

@@ -47,6 +47,7 @@ fn cases() -> [Case; 4] {
             obs_dim: OBS,
             d_set_dim: 1,
             n_actions: ACTIONS,
+            sets: None,
             masks: false,
             sources,
             horizon: 1,

@@ -8,7 +8,7 @@ use stacknets::Threads;
 
 /// Returns a region of two actions.
 pub(crate) fn region(obs_dim: usize, d_set_dim: usize, sources: SourceSpec, horizon: usize) -> RegionSpec {
-    RegionSpec { obs_dim, d_set_dim, n_actions: 2, masks: false, sources, horizon, local_horizon: horizon }
+    RegionSpec { obs_dim, d_set_dim, n_actions: 2, sets: None, masks: false, sources, horizon, local_horizon: horizon }
 }
 
 /// Returns the dice of this number of rows.

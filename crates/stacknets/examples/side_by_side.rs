@@ -42,7 +42,7 @@ fn main() -> Result<()> {
 
 /// Trains the networks with these seeds. Returns them, and the last loss of each.
 fn train(seeds: &[u64], threads: Threads) -> (Stack, Vec<f32>) {
-    let shape = Shape { inputs: 1, recurrent: Some(16), hidden: vec![16], outputs: 1, apart: 0 };
+    let shape = Shape { inputs: 1, recurrent: Some(16), hidden: vec![16], outputs: 1, apart: 0, sets: None };
     let dice = |&seed: &u64| Xoshiro256PlusPlus::seed_from_u64(seed);
     let mut stack = Stack::new(shape, seeds.iter().map(dice));
     let mut adam = Adam::new(stack.parameters());

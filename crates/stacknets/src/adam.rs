@@ -203,7 +203,8 @@ mod tests {
     use crate::testing::stack;
 
     fn line() -> Stack {
-        let mut stack = stack(Shape { inputs: 1, recurrent: None, hidden: vec![], outputs: 1, apart: 0 }, &[0]);
+        let mut stack =
+            stack(Shape { inputs: 1, recurrent: None, hidden: vec![], outputs: 1, apart: 0, sets: None }, &[0]);
         stack.parameters_mut().load(&Rows::from_vec(vec![1.0, -1.0], 2));
         stack
     }

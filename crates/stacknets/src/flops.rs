@@ -4,11 +4,17 @@ use std::time::{Duration, Instant};
 
 use super::Shape;
 use super::product::{Before, Matrix, multiply};
+use super::sets::Sets;
 
 impl Shape {
     /// Returns the floating-point operations in the matrix products of a forward pass, per row: a multiplication and an
     /// addition per weight. Biases and activations are not counted.
+    ///
+    /// Over sets: with as many items and choices as there is room for.
     pub fn forward_flops(&self) -> f64 {
+        if let Some(sets) = self.sets {
+            return 2.0 * self.weights_over_sets(&sets.layers(&self.hidden), sets);
+        }
         let weights = |tower: &Shape| tower.input_weights() + tower.state_weights() + tower.layer_weights();
         2.0 * self.towers().iter().map(weights).sum::<usize>() as f64
     }
@@ -17,6 +23,11 @@ impl Shape {
     /// [`Shape::forward_flops`]: by every weight, and through every weight to the layer before it. Nothing flows to the
     /// inputs of the network nor to the state before the first step.
     pub fn backward_flops(&self, steps: usize) -> f64 {
+        if let Some(sets) = self.sets {
+            let layers = sets.layers(&self.hidden);
+            let first = usize::from(self.hidden.len() > 1);
+            return self.forward_flops() + 2.0 * self.weights_over_sets(&layers[first..], sets);
+        }
         let of_tower = |tower: &Shape| {
             let first_layer = tower.layers().next().map_or(0, |(inputs, outputs)| inputs * outputs);
             let first = if tower.recurrent.is_none() { first_layer } else { 0 };
@@ -24,6 +35,16 @@ impl Shape {
             tower.forward_flops() + 2.0 * ((tower.layer_weights() - first) as f64 + through_states)
         };
         self.towers().iter().map(of_tower).sum()
+    }
+
+    /// Returns the multiplications of these layers in a row: a layer runs for each item, each choice, or once.
+    fn weights_over_sets(&self, layers: &[(&str, [usize; 2])], sets: Sets) -> f64 {
+        let runs = |part: &str| match part {
+            "items" => sets.items,
+            "choices" => sets.choices,
+            _ => 1,
+        };
+        layers.iter().map(|(part, [inputs, outputs])| (runs(part) * inputs * outputs) as f64).sum()
     }
 
     fn input_weights(&self) -> usize {
@@ -71,10 +92,10 @@ mod tests {
 
     #[test]
     fn the_products_of_small_networks_are_counted_by_hand() {
-        let shape = Shape { inputs: 4, recurrent: None, hidden: vec![3], outputs: 2, apart: 0 };
+        let shape = Shape { inputs: 4, recurrent: None, hidden: vec![3], outputs: 2, apart: 0, sets: None };
         // Weights 4 x 3 + 3 x 2 = 18: forward 36. Gradients by the weights 36, through the last layer 2 x 6 = 12.
         assert_eq!((shape.forward_flops(), shape.backward_flops(1)), (36.0, 48.0));
-        let shape = Shape { inputs: 4, recurrent: Some(2), hidden: vec![3], outputs: 1, apart: 0 };
+        let shape = Shape { inputs: 4, recurrent: Some(2), hidden: vec![3], outputs: 1, apart: 0, sets: None };
         // Weights: inputs 4 x 6 = 24, states 2 x 6 = 12, layers 2 x 3 + 3 x 1 = 9, together 45: forward 90.
         // Backward in sequences of 4: 90, through the layers 2 x 9 = 18, through the states 2 x 12 x 3/4 = 18.
         assert_eq!((shape.forward_flops(), shape.backward_flops(4)), (90.0, 126.0));

@@ -14,7 +14,7 @@
 #![warn(missing_docs, unreachable_pub)]
 
 // From top to bottom:
-// - `stack`: a stack; `network`: one network of it, forward and backward; `gru`: its recurrent part; `states`: the hidden
+// - `stack`: a stack; `network`: one network of it, forward and backward; `gru`: its recurrent part; `sets`: networks over sets; `states`: the hidden
 //   states between steps; `adam`: the optimiser; `orthogonal`: weights to begin with.
 // - `shape`: layers of a network, and its row of parameters; `rows`: tables; `stack_file`: safetensors.
 // - `product`, `few_rows`, `activations`: the arithmetic; `vectors`: the width of its registers; `order_of_sums` (tests):
@@ -31,6 +31,7 @@ mod order_of_sums;
 mod orthogonal;
 mod product;
 mod rows;
+mod sets;
 mod shape;
 mod stack;
 mod stack_file;
@@ -46,6 +47,7 @@ pub use flops::{SIDE, fastest_product, peak};
 pub use network::{Network, Sequences, Trace};
 pub use orthogonal::Gains;
 pub use rows::Rows;
+pub use sets::Sets;
 pub use shape::{Layout, Parameters, Shape};
 pub use stack::Stack;
 pub use stack_file::{

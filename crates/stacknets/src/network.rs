@@ -2,6 +2,7 @@
 
 use super::gru::{self, GruTrace};
 use super::product::{Before, Matrix, affine, multiply, resized, sum_rows};
+use super::sets::{OverSets, SetsTrace};
 use super::shape::{Block, Layout, Shape};
 
 /// One network of a stack: a shape over a row of parameters.
@@ -37,6 +38,8 @@ pub struct Trace {
     towers: [TowerTrace; 2],
     /// Outputs and last states of two towers side by side. One tower has its own.
     side_by_side: Option<SideBySide>,
+    /// The trace of a network over sets.
+    over_sets: Option<SetsTrace>,
     /// Gradient of the loss by the parameters, after a backward pass.
     gradient: Vec<f32>,
 }
@@ -60,9 +63,10 @@ struct SideBySide {
 impl Trace {
     /// Returns the outputs of the last forward pass, `[rows, outputs]`.
     pub fn output(&self) -> &[f32] {
-        match &self.side_by_side {
-            Some(both) => &both.outputs,
-            None => self.towers[0].output(),
+        match (&self.over_sets, &self.side_by_side) {
+            (Some(trace), _) => trace.outputs(),
+            (None, Some(both)) => &both.outputs,
+            (None, None) => self.towers[0].output(),
         }
     }
 
@@ -91,6 +95,7 @@ impl Trace {
     /// Returns the states after the last step, `[sequences, state_width]`; `length`: number of values in them.
     pub(crate) fn last_states(&self, length: usize) -> &[f32] {
         match &self.side_by_side {
+            _ if length == 0 => &[],
             Some(both) => &both.states,
             None => self.towers[0].last_states(length),
         }
@@ -120,6 +125,10 @@ impl Network<'_> {
     /// # Panics
     /// If the lengths do not fit each other and the network.
     pub fn forward(self, inputs: &[f32], sequences: Sequences<'_>, trace: &mut Trace) {
+        if let Some(network) = self.over_sets() {
+            return network.forward(inputs, trace.over_sets.get_or_insert_default());
+        }
+        trace.over_sets = None;
         if self.shape.apart == 0 {
             trace.side_by_side = None;
             self.tower(self.shape, 0).forward(inputs, sequences, &mut trace.towers[0]);
@@ -154,6 +163,9 @@ impl Network<'_> {
     /// If its length is another one than that of the outputs.
     pub fn backward(self, by_output: &[f32], trace: &mut Trace) {
         let gradient = resized(&mut trace.gradient, self.layout.width());
+        if let (Some(network), Some(trace)) = (self.over_sets(), &mut trace.over_sets) {
+            return network.backward(by_output, trace, gradient);
+        }
         if self.shape.apart == 0 {
             self.tower(self.shape, 0).backward(by_output, &mut trace.towers[0], gradient);
             return;
@@ -190,6 +202,11 @@ struct Tower<'a> {
 }
 
 impl<'a> Network<'a> {
+    fn over_sets(self) -> Option<OverSets<'a>> {
+        let blocks = &self.layout.blocks;
+        self.shape.sets.map(|sets| OverSets { sets, hidden: &self.shape.hidden, blocks, values: self.values })
+    }
+
     fn tower(self, shape: &'a Shape, index: usize) -> Tower<'a> {
         Tower { shape, blocks: self.layout.of_tower(shape, index), values: self.values }
     }

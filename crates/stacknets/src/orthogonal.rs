@@ -68,7 +68,7 @@ mod tests {
     #[test]
     fn layers_have_their_gains_each_output_its_own_and_no_bias_begins_with_anything() {
         for apart in [0, 1] {
-            let shape = Shape { inputs: 8, recurrent: Some(4), hidden: vec![6], outputs: 3, apart };
+            let shape = Shape { inputs: 8, recurrent: Some(4), hidden: vec![6], outputs: 3, apart, sets: None };
             let gains = Gains { hidden: 1.5, outputs: vec![0.01, 0.01, 2.0] };
             let stack = Stack::orthogonal(shape, &gains, [dice(3), dice(4)]);
             let rows = stack.parameters().values();

@@ -2,6 +2,7 @@
 
 use std::ops::Range;
 
+use super::sets::Sets;
 use super::{Rows, gru};
 
 /// The layers of a network: inputs -> GRU, if any -> hidden layers with ReLU -> linear outputs.
@@ -20,12 +21,21 @@ pub struct Shape {
     pub outputs: usize,
     /// Number of outputs, the last ones, that the second tower makes; 0 if there is one tower.
     pub apart: usize,
+    /// Whether the inputs are sets, and how they lie. Such a network has neither a GRU nor a second tower. The last hidden layer
+    /// is that of its scorer and of its value, the others encode the items.
+    pub sets: Option<Sets>,
 }
 
 /// Beginning of the names of the second tower's blocks: in most networks with two towers it is a critic.
 const APART: &str = "critic.";
 
 impl Shape {
+    /// Returns the shape of a network over sets: a number for each choice, then the value.
+    pub fn over_sets(sets: Sets, hidden: Vec<usize>) -> Shape {
+        let (inputs, outputs) = (sets.inputs(), sets.choices + 1);
+        Shape { inputs, recurrent: None, hidden, outputs, apart: 0, sets: Some(sets) }
+    }
+
     /// Returns the width of the hidden state, that of the first tower and then that of the second; 0 without a GRU.
     pub fn state_width(&self) -> usize {
         self.recurrent.unwrap_or(0) * if self.apart > 0 { 2 } else { 1 }
@@ -53,7 +63,10 @@ impl Shape {
         let layout = self.layout();
         let of_last_tower = if self.apart > 0 { self.apart } else { self.outputs };
         let mut flags = vec![false; layout.width()];
-        if of_last_tower == 1 {
+        if self.sets.is_some() {
+            let of_value = layout.blocks.iter().filter(|block| block.name.starts_with("value."));
+            of_value.for_each(|block| flags[block.place.clone()].fill(true));
+        } else if of_last_tower == 1 {
             let tower = layout.of_tower(self, self.towers().len() - 1);
             flags[tower[0].place.start..].fill(true);
         } else {
@@ -78,6 +91,9 @@ impl Shape {
 
     /// Returns the places of the weights and biases, those of the first tower first.
     pub fn layout(&self) -> Layout {
+        if let Some(sets) = self.sets {
+            return Layout::new(blocks_over_sets(sets, &self.hidden));
+        }
         let prefixes = ["", APART];
         Layout::new(prefixes.iter().zip(self.towers()).flat_map(|(prefix, tower)| tower.blocks(prefix)).collect())
     }
@@ -101,16 +117,34 @@ impl Shape {
     /// The same as torch's `Linear` and `GRU`: U(-b, b) for weights and biases, with `b = 1 / sqrt(inputs)` for a
     /// linear layer and `1 / sqrt(width)` for a GRU.
     pub(crate) fn initial_bounds(&self) -> Vec<(usize, f32)> {
+        let layer = |(inputs, outputs): (usize, usize)| ((inputs + 1) * outputs, 1.0 / (inputs as f32).sqrt());
+        if let Some(sets) = self.sets {
+            return sets
+                .layers(&self.hidden)
+                .into_iter()
+                .map(|(_, [inputs, outputs])| layer((inputs, outputs)))
+                .collect();
+        }
         let of_tower = |tower: Shape| {
             let gru = tower.recurrent.map(|width| {
                 let length = (tower.inputs + width + 2) * 3 * width;
                 (length, 1.0 / (width as f32).sqrt())
             });
-            let layer = |(inputs, outputs): (usize, usize)| ((inputs + 1) * outputs, 1.0 / (inputs as f32).sqrt());
             gru.into_iter().chain(tower.layers().map(layer)).collect::<Vec<_>>()
         };
         self.towers().into_iter().flat_map(of_tower).collect()
     }
+}
+
+/// Returns names and shapes of the weights and biases of a network over sets.
+fn blocks_over_sets(sets: Sets, hidden: &[usize]) -> Vec<(String, Vec<usize>)> {
+    let layers = sets.layers(hidden);
+    let of_layer = |(place, &(part, [inputs, outputs])): (usize, &(&str, [usize; 2]))| {
+        let number = layers[..place].iter().filter(|(other, _)| *other == part).count();
+        let name = |what: &str| format!("{part}.{number}.{what}");
+        [(name("weight"), vec![inputs, outputs]), (name("bias"), vec![1, outputs])]
+    };
+    layers.iter().enumerate().flat_map(of_layer).collect()
 }
 
 /// Places of the named weights and biases of a network within its row of parameters.
@@ -121,7 +155,7 @@ impl Shape {
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Layout {
     width: usize,
-    blocks: Vec<Block>,
+    pub(crate) blocks: Vec<Block>,
 }
 
 /// A weight or a bias.
@@ -236,7 +270,7 @@ mod tests {
 
     #[test]
     fn the_last_output_has_its_column_of_the_last_layer_or_a_tower_for_itself() {
-        let shape = Shape { inputs: 1, recurrent: None, hidden: vec![2], outputs: 3, apart: 0 };
+        let shape = Shape { inputs: 1, recurrent: None, hidden: vec![2], outputs: 3, apart: 0, sets: None };
         // Weight and bias of the hidden layer: 4. Weight of the outputs [2, 3], bias [1, 3].
         let flags: Vec<usize> = shape.only_for_the_last_output().iter().map(|&flag| usize::from(flag)).collect();
         assert_eq!(flags, [0, 0, 0, 0, 0, 0, 1, 0, 0, 1, 0, 0, 1]);

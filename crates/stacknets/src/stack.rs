@@ -59,6 +59,20 @@ impl Stack {
         let rows = stack.parameters.values_mut().as_mut_slice().chunks_exact_mut(width);
         for (row, mut generator) in rows.zip(generators) {
             let mut outputs = &gains.outputs[..];
+            if let Some(sets) = shape.sets {
+                let weights = layout.blocks.iter().filter(|block| block.is_weight());
+                for (block, (part, [_, columns])) in weights.zip(sets.layers(&shape.hidden)) {
+                    let weight = &mut row[block.place.clone()];
+                    orthogonal::fill(weight, columns, &mut generator);
+                    let gain = match part {
+                        _ if columns > 1 => gains.hidden,
+                        "value" => outputs[outputs.len() - 1],
+                        _ => outputs[0],
+                    };
+                    weight.iter_mut().for_each(|value| *value *= gain);
+                }
+                continue;
+            }
             for (index, tower) in shape.towers().iter().enumerate() {
                 let weights: Vec<&Block> =
                     layout.of_tower(shape, index).iter().filter(|block| block.is_weight()).collect();
@@ -126,7 +140,13 @@ impl Stack {
 
     /// Adds `bias` to the biases of the first tower's last layer in all networks: one value per output, or per each of the
     /// first outputs.
+    ///
+    /// # Panics
+    /// If a choice of networks over sets is to be shifted: all have one bias.
     pub fn shift_output(&mut self, bias: &[f32]) {
+        if self.shape.sets.is_some() {
+            return assert!(bias.iter().all(|&shift| shift == 0.0), "choices have no biases of their own");
+        }
         let layout = self.parameters.layout();
         let range = layout.of_tower(&self.shape, 0)[self.shape.blocks_per_tower() - 1].place.clone();
         let width = self.parameters.width();
@@ -195,7 +215,7 @@ mod tests {
 
     fn feed_forward(sizes: &[usize]) -> Shape {
         let (inputs, outputs) = (sizes[0], sizes[sizes.len() - 1]);
-        Shape { inputs, recurrent: None, hidden: sizes[1..sizes.len() - 1].to_vec(), outputs, apart: 0 }
+        Shape { inputs, recurrent: None, hidden: sizes[1..sizes.len() - 1].to_vec(), outputs, apart: 0, sets: None }
     }
 
     fn random_rows(rows: usize, width: usize, seed: u64) -> Rows<f32> {
@@ -281,7 +301,7 @@ mod tests {
 
     #[test]
     fn a_gru_of_width_one_is_worked_out_by_hand() {
-        let shape = Shape { inputs: 1, recurrent: Some(1), hidden: vec![], outputs: 1, apart: 0 };
+        let shape = Shape { inputs: 1, recurrent: Some(1), hidden: vec![], outputs: 1, apart: 0, sets: None };
         let mut stack = stack(shape, &[0]);
         // Weights of r, z, n: input (0, 0, 1), state (0, 0, 2), biases input (0, ln 3, 0), state (0, 0, 0.5);
         // output weight 1, bias 0.
@@ -315,7 +335,7 @@ mod tests {
     #[test]
     fn two_towers_compute_what_two_networks_with_their_parameters_compute() {
         for recurrent in [None, Some(6)] {
-            let both = Shape { inputs: 5, recurrent, hidden: vec![7], outputs: 3, apart: 1 };
+            let both = Shape { inputs: 5, recurrent, hidden: vec![7], outputs: 3, apart: 1, sets: None };
             let material = Material::new(&both, 1, 4, 3);
             let stack = stack(both.clone(), &[8]);
             let row = stack.parameters().values().row(0);
@@ -347,7 +367,7 @@ mod tests {
     #[test]
     fn gradients_agree_with_finite_differences() {
         for (recurrent, apart) in [(None, 0), (Some(6), 0), (None, 1), (Some(6), 1)] {
-            let shape = Shape { inputs: 5, recurrent, hidden: vec![7, 6], outputs: 3, apart };
+            let shape = Shape { inputs: 5, recurrent, hidden: vec![7, 6], outputs: 3, apart, sets: None };
             let material = Material::new(&shape, 2, 4, 3);
             // A seed with which no ReLU changes sides within the shifts.
             let mut stack = stack(shape, &[0, 1]);
@@ -376,7 +396,7 @@ mod tests {
 
     #[test]
     fn a_packed_sequence_equals_a_loop_over_its_steps() {
-        let shape = Shape { inputs: 37, recurrent: Some(64), hidden: vec![32], outputs: 5, apart: 0 };
+        let shape = Shape { inputs: 37, recurrent: Some(64), hidden: vec![32], outputs: 5, apart: 0, sets: None };
         let (steps, batch) = (8, 4);
         let material = Material::new(&shape, 1, steps, batch);
         let stack = stack(shape, &[0]);
@@ -400,7 +420,7 @@ mod tests {
     fn a_stack_of_networks_equals_single_networks_bit_for_bit() {
         let networks = [4, 0, 9];
         let layers = feed_forward(&[40, 256, 128, 3]);
-        let gru = Shape { inputs: 37, recurrent: Some(256), hidden: vec![128], outputs: 5, apart: 0 };
+        let gru = Shape { inputs: 37, recurrent: Some(256), hidden: vec![128], outputs: 5, apart: 0, sets: None };
         for (shape, steps, batch) in
             [(&layers, 1, 1), (&layers, 1, 8), (&layers, 1, 32), (&gru, 1, 1), (&gru, 5, 1), (&gru, 8, 4)]
         {

@@ -206,7 +206,7 @@ mod tests {
 
     #[test]
     fn stacks_of_one_file_come_back_by_their_prefixes() {
-        let shape = |inputs| Shape { inputs, recurrent: None, hidden: vec![5], outputs: 2, apart: 0 };
+        let shape = |inputs| Shape { inputs, recurrent: None, hidden: vec![5], outputs: 2, apart: 0, sets: None };
         let nets = [stack(shape(4), &[0, 2]), stack(shape(3), &[1])];
         let [first, second] = nets.each_ref().map(Stack::parameters);
         let stacks = [("a.", first), ("b.", second)].map(|(prefix, parameters)| StackToWrite {
@@ -234,7 +234,7 @@ mod tests {
 
     #[test]
     fn a_name_that_comes_twice_is_an_error_that_names_it() {
-        let layout = Shape { inputs: 1, recurrent: None, hidden: vec![], outputs: 1, apart: 0 }.layout();
+        let layout = Shape { inputs: 1, recurrent: None, hidden: vec![], outputs: 1, apart: 0, sets: None }.layout();
         let check = |header: &str| {
             let bytes = [&(header.len() as u64).to_le_bytes()[..], header.as_bytes()].concat();
             check_tensors(&bytes, Path::new("x"), [("", &layout)])
@@ -252,7 +252,8 @@ mod tests {
 
     #[test]
     fn a_parameter_beyond_the_largest_is_an_error_that_names_its_tensor() {
-        let mut net = stack(Shape { inputs: 4, recurrent: None, hidden: vec![5], outputs: 2, apart: 0 }, &[0, 2]);
+        let mut net =
+            stack(Shape { inputs: 4, recurrent: None, hidden: vec![5], outputs: 2, apart: 0, sets: None }, &[0, 2]);
         let mut rows = net.parameters().values().clone();
         rows.row_mut(1)[0] = -1.5e6;
         net.parameters_mut().load(&rows);

@@ -39,6 +39,7 @@ mod d_set;
 pub mod events;
 pub mod fidelity;
 mod inflow;
+mod lane_sets;
 pub mod light;
 #[cfg(test)]
 mod light_limits_test;

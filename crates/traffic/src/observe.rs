@@ -6,6 +6,7 @@ use super::agents::region::{self, CELL_M};
 use super::agents::region_plan::RegionPlan;
 use super::agents::sensor::{CarColumns, LightColumns};
 use super::cars_at::CarsAt;
+use super::lane_sets::Seen;
 use super::reward::PERSONS;
 use crate::config::DSet;
 use crate::sim::others::OthersNow;
@@ -41,6 +42,8 @@ pub(crate) fn observe(plan: &AgentPlan, cars: CarsAt<'_>, light: LightView, obs:
         }
         // What they have seen since the last decision: `observe_detectors`.
         CarColumns::Detectors(_) => {}
+        // All at once: `observe_sets`.
+        CarColumns::Sets(_) => return,
     }
     let (shown, others) = others.split_at_mut(plan.sensor.light.columns());
     show(plan.sensor.light, light, shown);
@@ -52,6 +55,13 @@ pub(crate) fn observe(plan: &AgentPlan, cars: CarsAt<'_>, light: LightView, obs:
 /// Writes what the detectors have seen into the columns of cars, if the agent sees detectors.
 pub(crate) fn observe_detectors(plan: &AgentPlan, readings: &Readings, obs: &mut [f32]) {
     readings.write(&mut obs[..plan.sensor.car_columns()]);
+}
+
+/// Writes lanes and greens as sets, if the agent sees sets.
+pub(crate) fn observe_sets(plan: &AgentPlan, seen: &Seen<'_>, obs: &mut [f32]) {
+    if let Some(sets) = plan.sensor.sets() {
+        sets.observe(plan, seen, &mut obs[..sets.columns()]);
+    }
 }
 
 /// Writes buses, trams and persons into the columns behind all others, if the agent sees them.
@@ -94,6 +104,7 @@ pub(super) fn show(columns: LightColumns, light: LightView, bits: &mut [f32]) {
             };
             bits[state] = 1.0;
         }
+        LightColumns::WithLanes => {}
         LightColumns::TargetAndAge(greens) => {
             bits[light.shown.target()] = 1.0;
             bits[greens] = f32::from(u8::from(!light.shown.is_green()));
@@ -119,7 +130,7 @@ pub(crate) fn d_separate(plan: &AgentPlan, cars: CarsAt<'_>, obs: &[f32], arriva
     let (cells, others) = d_set.split_at_mut(region::OCCUPANCY);
     match &plan.sensor.cars {
         CarColumns::Cells(_) => cells.copy_from_slice(&obs[..cells.len()]),
-        CarColumns::QueueAndDensity(_) | CarColumns::Detectors(_) => {
+        CarColumns::QueueAndDensity(_) | CarColumns::Detectors(_) | CarColumns::Sets(_) => {
             occupy(plan, cars, &[region::CELLS; region::EDGES], cells);
         }
     }

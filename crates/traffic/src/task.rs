@@ -26,11 +26,13 @@ pub(crate) fn rules(plan: &JointPlan) -> Rules {
         CarColumns::Cells(_) => "cells",
         CarColumns::QueueAndDensity(_) => "queues",
         CarColumns::Detectors(_) => "detectors",
+        CarColumns::Sets(_) => "lanes and greens as sets",
     };
     let others = if sensor.sees_others { ", buses and persons" } else { "" };
     let light = match sensor.light {
         LightColumns::FourStates => "light of two directions",
         LightColumns::TargetAndAge(_) => "green and its age",
+        LightColumns::WithLanes => "",
     };
     let are_apart = plan.agents.iter().any(|agent| agent.sensor.clock_ahead > 0);
     let apart = if are_apart { ", neighbours half a cycle apart" } else { "" };
@@ -38,7 +40,9 @@ pub(crate) fn rules(plan: &JointPlan) -> Rules {
     Rules {
         environment: ENVIRONMENT,
         reward: reward(&plan.reward),
-        observation: format!("{cars}, {light}{clock}{others}"),
+        observation: [cars, light].into_iter().filter(|part| !part.is_empty()).collect::<Vec<_>>().join(", ")
+            + &clock
+            + others,
     }
 }
 

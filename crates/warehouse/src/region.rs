@@ -40,6 +40,7 @@ pub(crate) fn spec(horizon: usize) -> RegionSpec {
         // The d-set is the observation: items that vanish show what neighbours did.
         d_set_dim: CELLS + SHELVES,
         n_actions: MOVES,
+        sets: None,
         masks: false,
         sources: SourceSpec { classes: vec![4; NEIGHBOURS], parts: 0 },
         horizon,

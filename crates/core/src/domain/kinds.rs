@@ -85,7 +85,7 @@ impl Kinds {
 
     /// Returns the same kinds with another number of columns of observations.
     pub fn with_obs_dim(mut self, obs_dim: usize) -> Kinds {
-        self.kinds.iter_mut().for_each(|kind| kind.spec.obs_dim = obs_dim);
+        self.kinds.iter_mut().for_each(|kind| (kind.spec.obs_dim, kind.spec.sets) = (obs_dim, None));
         self
     }
 
@@ -145,7 +145,8 @@ mod tests {
     fn kind(name: &str, horizon: usize, agents: &[usize]) -> Kind {
         let sources = SourceSpec::bits(1);
         let (obs_dim, d_set_dim, n_actions, local_horizon) = (1, 1, 2, horizon);
-        let spec = RegionSpec { obs_dim, d_set_dim, n_actions, masks: false, sources, horizon, local_horizon };
+        let spec =
+            RegionSpec { obs_dim, d_set_dim, n_actions, sets: None, masks: false, sources, horizon, local_horizon };
         Kind { name: name.to_owned(), spec, agents: agents.iter().map(|&agent| AgentId(agent)).collect() }
     }
 

@@ -40,6 +40,7 @@ pub use rough_costs::RoughCosts;
 pub use scenario::{Episode, FirstRow, Map, Rules, Scenario, ScenarioId};
 pub use scene::{Colour, Scene};
 pub use spec::{Action, RegionSpec, SourceSpec, Task, logits_of};
+pub use stacknets::Sets;
 pub use table::DomainTable;
 
 /// Result of a simulator. Its failures have many reasons (SUMO, files), and no caller distinguishes them.

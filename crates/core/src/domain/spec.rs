@@ -2,6 +2,7 @@
 //! for people only: nothing is computed from it.
 
 use serde::Serialize;
+use stacknets::Sets;
 
 /// An action of one agent: an index below [`RegionSpec::n_actions`].
 pub type Action = u8;
@@ -14,6 +15,8 @@ pub struct RegionSpec {
     /// Width of the d-separating set (d-set): what the AIP sees at each step. It is a part of the ALSH.
     pub d_set_dim: usize,
     pub n_actions: usize,
+    /// Whether observations are sets, one choice per action, and how they lie. Policies are then networks over sets.
+    pub sets: Option<Sets>,
     /// Whether percepts say which actions are allowed. Otherwise all are, always.
     pub masks: bool,
     pub sources: SourceSpec,

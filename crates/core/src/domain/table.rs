@@ -15,6 +15,11 @@ pub trait DomainTable {
         self.horizon()
     }
 
+    /// Returns whether observations are sets, which only some policies can read: see [`RegionSpec::sets`](super::RegionSpec).
+    fn shows_sets(&self) -> bool {
+        false
+    }
+
     /// Returns an error that names the key if a value makes no sense. The limits of a horizon are checked elsewhere, for
     /// all domains.
     fn check(&self) -> Result<()>;

@@ -30,6 +30,19 @@ impl Config {
         imitation::check(self)
     }
 
+    /// Checks whether policies can read observations that are sets, as the key `observation` asks.
+    pub fn check_for_sets(&self, observation: &str) -> Result<()> {
+        let policy = &self.policy;
+        for (key, is_set) in [("recurrent", policy.recurrent.is_some()), ("separate_critic", policy.separate_critic)] {
+            ensure!(!is_set, "policy.{key}: does not go with {observation} = \"lanes\"; remove one of the two keys");
+        }
+        ensure!(
+            !policy.hidden.is_empty(),
+            "policy.hidden = []: with {observation} = \"lanes\" it has at least one width"
+        );
+        Ok(())
+    }
+
     /// Checks the datasets: whether episodes of this many steps fill the batches.
     pub fn check_datasets(&self, horizon: usize) -> Result<()> {
         aip::check_datasets(self, horizon)?;

@@ -23,7 +23,8 @@ pub use demonstrations::Demonstrations;
 /// evaluated.
 pub type JointPolicy = Ragged<f32>;
 
-/// One policy and value network per agent: observation -> GRU, if any -> hidden layers -> logits and one value. The
+/// One policy and value network per agent: observation -> GRU, if any -> hidden layers -> logits and one value; or a
+/// network over sets, if the observation is one. The
 /// critic, which gives the value, can have a GRU and hidden layers of its own (`policy.separate_critic`).
 ///
 /// Source: DIALS paper, appendix "Hyperparameters" (traffic: 256 and 128; warehouse: GRU 256 and 128).
@@ -60,7 +61,11 @@ impl Judgement {
 
 impl PolicyStack {
     pub fn shape(spec: &RegionSpec, config: &PolicyConfig) -> Shape {
+        if let Some(sets) = spec.sets {
+            return Shape::over_sets(sets, config.hidden.clone());
+        }
         Shape {
+            sets: None,
             inputs: spec.obs_dim,
             recurrent: config.recurrent,
             hidden: config.hidden.clone(),

@@ -87,6 +87,7 @@ fn logits(classes: &[f64]) -> Vec<f64> {
 impl AipStack {
     pub fn shape(spec: &RegionSpec, config: &AipConfig) -> Shape {
         Shape {
+            sets: None,
             inputs: spec.d_set_dim,
             recurrent: config.recurrent,
             hidden: config.hidden.clone(),

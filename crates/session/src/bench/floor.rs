@@ -77,7 +77,16 @@ pub(super) mod tests {
                       evaluation = { every_steps = 100, episodes = 3, final_episodes = 5 }";
         let sources = SourceSpec::bits(2);
         let (horizon, local_horizon) = (10, 10);
-        let spec = RegionSpec { obs_dim: 4, d_set_dim: 2, n_actions: 2, masks: false, sources, horizon, local_horizon };
+        let spec = RegionSpec {
+            obs_dim: 4,
+            d_set_dim: 2,
+            n_actions: 2,
+            sets: None,
+            masks: false,
+            sources,
+            horizon,
+            local_horizon,
+        };
         (toml::from_str(config).unwrap(), spec)
     }
 

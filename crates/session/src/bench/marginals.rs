@@ -49,7 +49,16 @@ mod tests {
     /// Draws from AIPs that predict the marginals of a dataset in which a quarter of the samples have class 1.
     fn share_of_ones(sources: SourceSpec, correct_marginals: bool) -> f64 {
         let (horizon, local_horizon) = (1000, 1000);
-        let spec = RegionSpec { obs_dim: 2, d_set_dim: 2, n_actions: 2, masks: false, sources, horizon, local_horizon };
+        let spec = RegionSpec {
+            obs_dim: 2,
+            d_set_dim: 2,
+            n_actions: 2,
+            sets: None,
+            masks: false,
+            sources,
+            horizon,
+            local_horizon,
+        };
         let mut dataset = Dataset::new(&spec);
         (0..1000).for_each(|sample| dataset.push(&[1.0, 0.0], &[u8::from(sample % 4 == 0)]));
         let config = AipConfig { hidden: vec![5], correct_marginals, ..AipConfig::default() };

@@ -101,6 +101,9 @@ impl RunConfig {
         );
         ensure!(horizon <= MOST_STEPS, "{key} = {horizon}: must be at most {MOST_STEPS}");
         self.learning.check()?;
+        if domain.table().shows_sets() {
+            self.learning.check_for_sets(&domain.key("observation"))?;
+        }
         self.learning.check_datasets(horizon)
     }
 }

@@ -33,6 +33,7 @@ impl Coins {
             obs_dim: 2,
             d_set_dim: 2,
             n_actions: 2,
+            sets: None,
             masks: false,
             sources,
             horizon,

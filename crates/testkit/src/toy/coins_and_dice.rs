@@ -42,6 +42,7 @@ impl CoinsAndDice {
                 obs_dim: width,
                 d_set_dim: width,
                 n_actions,
+                sets: None,
                 masks,
                 sources: SourceSpec { classes, parts: 0 },
                 horizon,

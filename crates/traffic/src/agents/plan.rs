@@ -48,6 +48,11 @@ pub struct AgentPlan {
 }
 
 impl JointPlan {
+    /// Returns whether its agents see lanes and greens as sets: all of them or none.
+    pub(crate) fn sees_sets(&self) -> bool {
+        self.agents.first().is_some_and(|agent| agent.sensor.sets().is_some())
+    }
+
     /// Returns whether its agents see detectors: all of them or none.
     pub(crate) fn sees_detectors(&self) -> bool {
         self.agents.first().is_some_and(|agent| matches!(agent.sensor.cars, CarColumns::Detectors(_)))
@@ -71,6 +76,13 @@ impl AgentPlan {
         let served = links.iter().filter(|&&link| self.opens(green, link)).count();
         // An approach without links leads nowhere that a light could open.
         served as f64 / links.len().max(1) as f64
+    }
+
+    /// Returns the share of an approach's links that have green with priority.
+    pub(crate) fn share_with_priority(&self, green: usize, approach: usize) -> f64 {
+        let links = &self.region.approaches[approach].links;
+        let first = links.iter().filter(|&&link| self.letter(green, link) == b'G').count();
+        first as f64 / links.len().max(1) as f64
     }
 
     pub(crate) fn serves(&self, green: usize, approach: usize) -> bool {

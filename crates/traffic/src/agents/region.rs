@@ -28,6 +28,7 @@ pub fn spec(config: &TrafficConfig) -> RegionSpec {
         Observation::Queues => 2 * EDGES,
         // Two on each edge.
         Observation::Detectors => 2 * COLUMNS * EDGES,
+        Observation::Lanes => unreachable!("a grid's config is checked for it"),
     };
     let beside_cells = match d_set {
         DSet::Cells => 0,
@@ -38,6 +39,7 @@ pub fn spec(config: &TrafficConfig) -> RegionSpec {
         obs_dim: cars + Light::ALL.len() + clock,
         d_set_dim: OCCUPANCY + beside_cells + clock,
         n_actions: 2,
+        sets: None,
         masks: false,
         sources: SourceSpec::bits(EDGES),
         horizon,

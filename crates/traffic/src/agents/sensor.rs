@@ -6,6 +6,7 @@ use super::loops::Loop;
 use super::others_plan::OthersPlan;
 use super::region_plan::RegionPlan;
 use crate::config::DSet;
+use crate::lane_sets::LaneSets;
 use crate::sim::readings::COLUMNS;
 
 /// Which columns an observation has, in this order: cars, light, clock.
@@ -32,6 +33,8 @@ pub(crate) enum CarColumns {
     /// Three numbers from 0 to 1 for each detector: cars that came and the share of time with a car over it, since the
     /// last decision, and the time since a car was over it.
     Detectors(Vec<Loop>),
+    /// Lanes and greens as sets, which is all that the agent sees.
+    Sets(LaneSets),
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -41,9 +44,23 @@ pub(crate) enum LightColumns {
     /// One-hot green that is shown or comes next, a bit for the time between greens, and the steps since the green began
     /// or the last one ended, as a share of a minute, at most 1. The entry: number of greens.
     TargetAndAge(usize),
+    /// The light is seen with the lanes: [`CarColumns::Sets`].
+    WithLanes,
 }
 
 impl Sensor {
+    /// Returns the sets that the agent sees, if it sees sets.
+    pub(crate) fn sets(&self) -> Option<&LaneSets> {
+        match &self.cars {
+            CarColumns::Sets(sets) => Some(sets),
+            _ => None,
+        }
+    }
+
+    pub(crate) fn see(&mut self, sets: LaneSets) {
+        self.cars = CarColumns::Sets(sets);
+    }
+
     /// Returns the name of every column: what it shows, and of which lane. The lanes are those of the agent's region.
     pub(crate) fn columns(&self, region: &RegionPlan, others: &OthersPlan) -> Vec<String> {
         let lanes = region.approaches.iter().map(|approach| &approach.lane);
@@ -59,6 +76,7 @@ impl Sensor {
                 let names = detectors.iter().map(|detector| detector.name(&region.approaches));
                 names.flat_map(|name| ["count", "occupancy", "gap"].map(|what| format!("{what} {name}"))).collect()
             }
+            CarColumns::Sets(sets) => sets.names(lanes),
         };
         names.extend(self.light.names());
         names.extend((0..self.clock).map(|column| format!("clock[{column}]")));
@@ -84,6 +102,7 @@ impl Sensor {
             CarColumns::Cells(cells) => cells.iter().sum(),
             CarColumns::QueueAndDensity(approaches) => 2 * approaches,
             CarColumns::Detectors(detectors) => COLUMNS * detectors.len(),
+            CarColumns::Sets(sets) => sets.columns(),
         }
     }
 
@@ -108,6 +127,7 @@ impl LightColumns {
                 let greens = (0..greens).map(|green| format!("green[{green}]"));
                 greens.chain(["between greens", "time since change"].map(str::to_owned)).collect()
             }
+            LightColumns::WithLanes => Vec::new(),
         }
     }
 
@@ -115,6 +135,7 @@ impl LightColumns {
         match self {
             LightColumns::FourStates => 4,
             LightColumns::TargetAndAge(greens) => greens + 2,
+            LightColumns::WithLanes => 0,
         }
     }
 }

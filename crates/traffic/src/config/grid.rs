@@ -185,6 +185,10 @@ impl DomainTable for TrafficConfig {
         self.functions().check()?;
         self.detector_faults.check(self.observation)?;
         ensure!(
+            self.observation != Observation::Lanes,
+            "traffic.observation = \"lanes\": policies choose a green, but lights of a grid keep or switch; use a scenario"
+        );
+        ensure!(
             self.observation != Observation::CellsAndBuses && !needs_others(&self.reward),
             "traffic.observation and traffic.reward: a grid has neither buses nor persons; use a scenario for these"
         );

@@ -73,6 +73,10 @@ impl DomainTable for TrafficTable {
         self.table().local_horizon()
     }
 
+    fn shows_sets(&self) -> bool {
+        self.table().shows_sets()
+    }
+
     fn check(&self) -> anyhow::Result<()> {
         self.table().check()
     }

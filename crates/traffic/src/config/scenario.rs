@@ -140,6 +140,9 @@ pub enum Observation {
     /// it. Of each the count and the occupancy since the last decision, and the time since a car. See
     /// [networks](networks.md#detectors).
     Detectors,
+    /// What is known of each lane and of each green, for one policy that fits lights of any shape: see
+    /// [any light](any-light.md). Not on grids.
+    Lanes,
 }
 
 /// What people on foot do to greens.
@@ -278,6 +281,10 @@ impl DomainTable for ScenarioConfig {
         self.local_horizon.min(self.horizon())
     }
 
+    fn shows_sets(&self) -> bool {
+        self.observation == Observation::Lanes && self.python_observation.is_none()
+    }
+
     fn check(&self) -> Result<()> {
         let yellow = match self.yellow_s {
             Yellow::Seconds(seconds) => Some((0, "yellow_s", seconds)),
@@ -309,6 +316,10 @@ impl DomainTable for ScenarioConfig {
             DEMAND.end()
         );
         self.detector_faults.check(self.observation)?;
+        ensure!(
+            self.observation != Observation::Lanes || self.actions != Actions::FixedOrder,
+            "traffic.observation = \"lanes\": policies choose a green, so it does not go with traffic.actions = \"fixed-order\""
+        );
         let (begin, end) = self.window_s()?;
         ensure!(end <= MOST_SECONDS, "traffic.end_s = {end}: must be at most {MOST_SECONDS}");
         ensure!(

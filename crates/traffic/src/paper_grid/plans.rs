@@ -66,6 +66,7 @@ fn sensor(grid: Grid, agent: AgentId, config: &TrafficConfig) -> Sensor {
         Observation::Cells | Observation::CellsAndBuses => CarColumns::Cells(vec![CELLS; EDGES]),
         Observation::Queues => CarColumns::QueueAndDensity(EDGES),
         Observation::Detectors => CarColumns::Detectors(Loop::of(&around(grid, agent).approaches)),
+        Observation::Lanes => unreachable!("a grid's config is checked for it"),
     };
     let clock = config.clock.unwrap_or(0);
     let (row, col) = grid.place(agent);

@@ -17,6 +17,7 @@ use crate::controllers::actuated;
 use crate::cut::local_net::LocalNet;
 use crate::cut::names::free_name;
 use crate::cut::of_scenario::{cut_all, types_of};
+use crate::lane_sets;
 use crate::network::loadable::Loadable;
 use crate::scenario::SumoScenario;
 use crate::sim::local_forest::{LocalParts, driving_options};
@@ -52,7 +53,8 @@ pub(crate) fn open(files: SumoScenario, config: &ScenarioConfig) -> Result<(Road
             program.light
         ))
     });
-    let agents = derived.plans();
+    let mut agents = derived.plans();
+    lane_sets::make_room(&mut agents);
     let sources = borders.iter().map(|border| border.plan.sources()).collect();
     let plan = JointPlan {
         kinds: Kinds::one(agents.len(), spec(&agents, &borders, config)).with_sources(sources),
@@ -89,6 +91,7 @@ fn spec(agents: &[AgentPlan], borders: &[Border], config: &ScenarioConfig) -> Re
         obs_dim: columns,
         d_set_dim: influence.columns,
         n_actions: actions,
+        sets: agents.first().and_then(|agent| agent.sensor.sets()).map(|it| it.sets),
         masks: true,
         sources: SourceSpec { parts: influence.parts, ..SourceSpec::bits(influence.sources) },
         horizon: config.horizon(),

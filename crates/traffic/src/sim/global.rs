@@ -21,11 +21,12 @@ use super::tally::Tally;
 use super::visits::Visits;
 use super::watched::{RowShows, Watched};
 use crate::agents::others_plan::OthersPlan;
-use crate::agents::plan::JointPlan;
+use crate::agents::plan::{AgentPlan, JointPlan};
 use crate::cars_at::{CarsAt, RowLanes};
 use crate::controllers::intersections::Intersections;
 use crate::events::{EventLog, EventRecorder};
 use crate::inflow::has_arrival;
+use crate::lane_sets::{Seen, SinceGreen};
 use crate::network::loadable::Loadable;
 use crate::observe::{self, LightView};
 use crate::reward::{self, Waiting};
@@ -67,7 +68,7 @@ pub struct GlobalTraffic {
     readings: Vec<Readings>,
     /// What is known of vehicles, if the roads are watched, and the crossings with persons.
     watched: Option<(Watched, Crossings)>,
-    /// Read only for hand-coded control, for a reward that needs them, and if the roads are watched.
+    /// Read only for hand-coded control, for a reward or agents that need them, and if the roads are watched.
     exits: RowLanes,
     last: JointTransition,
     /// Borders of a scenario's regions, once influence is observed.
@@ -301,8 +302,10 @@ impl GlobalTraffic {
     }
 
     fn read_others(&mut self) -> Result<()> {
-        if let Some((watched, crossings)) = &mut self.watched {
+        if self.watched.is_some() || self.plan.sees_sets() {
             self.exits.read(&mut self.simulation)?;
+        }
+        if let Some((watched, crossings)) = &mut self.watched {
             let mut waiting = crossings.waiting(&mut self.simulation)?;
             for (persons, plan) in watched.persons.iter_mut().zip(&self.plan.agents) {
                 *persons = waiting.by_ref().take(plan.others.crossings.len()).sum();
@@ -334,6 +337,10 @@ impl GlobalTraffic {
             }
             let (waiting, others) = (&self.waiting[row], self.others.as_ref().map(|others| &others.now[row]));
             others.iter().for_each(|others| observe::observe_others(plan, others, percept.obs.row_mut(row)));
+            if let Some(since) = self.shown.since.get(row) {
+                let seen = Seen { cars, exits: self.exits.at(row), light, since };
+                observe::observe_sets(plan, &seen, percept.obs.row_mut(row));
+            }
             if let Some(readings) = self.readings.get(row) {
                 observe::observe_detectors(plan, readings, percept.obs.row_mut(row));
             }
@@ -393,6 +400,10 @@ impl GlobalSimulator for GlobalTraffic {
         if self.plan.sees_detectors() {
             let of_agent = |(row, plan)| Readings::begin(plan, self.plan.faults, episode.for_agent(AgentId(row)));
             self.readings = self.plan.agents.iter().enumerate().map(of_agent).collect();
+        }
+        if self.plan.sees_sets() {
+            let greens = self.plan.agents.iter().map(AgentPlan::greens);
+            self.shown.since = greens.map(SinceGreen::begin).collect();
         }
         self.read_others()?;
         self.take_picture()?;

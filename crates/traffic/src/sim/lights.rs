@@ -3,6 +3,7 @@
 use std::sync::Arc;
 
 use crate::agents::phase_plan::{PhasePlan, Shown};
+use crate::lane_sets::SinceGreen;
 use crate::light::Signal;
 use dials_core::domain::{Action, Result};
 use libsumo::{LightId, SignalState, Simulation};
@@ -115,12 +116,14 @@ pub(super) struct ShownLights {
     pub(super) before: Vec<Shown>,
     pub(super) at_decision: Vec<Shown>,
     pub(super) steps: Vec<u32>,
+    /// Kept only if the agents see lanes and greens as sets.
+    pub(super) since: Vec<SinceGreen>,
 }
 
 impl ShownLights {
     pub(super) fn new(agents: usize) -> ShownLights {
         let [now, before, at_decision] = [(); 3].map(|()| vec![Shown::Green(0); agents]);
-        ShownLights { now, before, at_decision, steps: vec![0; agents] }
+        ShownLights { now, before, at_decision, steps: vec![0; agents], since: Vec::new() }
     }
 
     pub(super) fn begin(&mut self, lights: &mut Lights, simulation: &mut Simulation) -> Result<()> {
@@ -138,6 +141,7 @@ impl ShownLights {
         for (steps, (before, now)) in self.steps.iter_mut().zip(self.before.iter().zip(&self.now)) {
             *steps = if before == now { *steps + 1 } else { 1 };
         }
+        self.since.iter_mut().zip(&self.now).for_each(|(since, &shown)| since.note(shown));
         Ok(())
     }
 }

@@ -28,6 +28,7 @@ use crate::agents::region::EDGES;
 use crate::cars_at::{CarsAt, RowLanes, no_cars};
 use crate::config::EntryRule;
 use crate::inflow::History;
+use crate::lane_sets::{Seen, SinceGreen};
 use crate::observe::{self, LightView};
 use crate::reward::{self, Waiting};
 use crate::scenario::travellers::Travellers;
@@ -59,7 +60,7 @@ pub struct LocalTraffic {
     entries: Entries,
     rows: Vec<RowNow>,
     border_lanes: RowLanes,
-    /// Lanes on which cars leave the lights; read only for a reward that needs them, and if the roads are watched.
+    /// Lanes on which cars leave the lights; read only for a reward or agents that need them, and if the roads are watched.
     exits: RowLanes,
     /// Influence sources of this decision as they came true, `[rows, sources]`: a car arrives when it gets in.
     came_true: Rows<u8>,
@@ -93,12 +94,15 @@ struct RowNow {
     waiting: Waiting,
     /// Detectors, if the agent sees them.
     readings: Option<Readings>,
+    /// Kept only if the agent sees lanes and greens as sets.
+    since: Option<SinceGreen>,
 }
 
 impl RowNow {
     fn new(dice: Dice, begun: usize, border: Option<&Border>) -> RowNow {
         let history = border.map(|border| History::new(&border.plan)).unwrap_or_default();
-        RowNow { dice, second: begun, begun, shown_steps: 0, history, waiting: Waiting::default(), readings: None }
+        let (waiting, readings, since) = (Waiting::default(), None, None);
+        RowNow { dice, second: begun, begun, shown_steps: 0, history, waiting, readings, since }
     }
 }
 
@@ -196,6 +200,10 @@ impl LocalTraffic {
             let plan = &self.plan.agents[self.forest.rows[row].agent.0];
             self.rows[row].readings = Some(Readings::begin(plan, self.plan.faults, seed));
         }
+        if self.plan.sees_sets() {
+            let greens = self.plan.agents[self.forest.rows[row].agent.0].greens();
+            self.rows[row].since = Some(SinceGreen::begin(greens));
+        }
         self.entries.begin(row, &self.forest.rows[row]);
         self.others.iter_mut().for_each(|others| others.begin_row(row));
         self.watched.iter_mut().for_each(|watched| watched.begin_row(row));
@@ -267,6 +275,7 @@ impl LocalTraffic {
             now.second += 1;
             let same = before == self.forest.lights.shown(row);
             now.shown_steps = if same { now.shown_steps + 1 } else { 1 };
+            now.since.iter_mut().for_each(|since| since.note(self.forest.lights.shown(row)));
         }
         let is_last = second + 1 == self.plan.decision_steps;
         let needs_waiting = self.watched.is_some() || reward::needs_waiting(&self.plan.reward);
@@ -294,8 +303,8 @@ impl LocalTraffic {
         self.recorder.as_mut().map_or(Ok(()), |recorder| recorder.step(&mut self.forest.simulation, &tried.insertions))
     }
 
-    /// Writes what a row shows. `cars`: those on its approaches; `at_border`: those on the lanes of its border.
-    fn show(&mut self, row: usize, [cars, at_border]: [CarsAt<'_>; 2]) {
+    /// Writes what a row shows: cars on its approaches, on its exits, and on the lanes of its border.
+    fn show(&mut self, row: usize, [cars, exits, at_border]: [CarsAt<'_>; 3]) {
         let (now, agent) = (&self.rows[row], self.forest.rows[row].agent.0);
         let plan = &self.plan.agents[agent];
         let lights = &self.forest.lights;
@@ -304,6 +313,9 @@ impl LocalTraffic {
         let Percept { obs, d_set, masks } = &mut self.last.percept;
         let (obs, d_set) = (obs.row_mut(row), d_set.row_mut(row));
         observe::observe(plan, cars, light, obs);
+        if let Some(since) = &now.since {
+            observe::observe_sets(plan, &Seen { cars, exits, light, since }, obs);
+        }
         if let Some(readings) = &now.readings {
             observe::observe_detectors(plan, readings, obs);
         }
@@ -323,30 +335,31 @@ impl LocalTraffic {
     fn perceive(&mut self) -> Result<()> {
         let begun = Instant::now();
         self.border_lanes.read(&mut self.forest.simulation)?;
-        if self.watched.is_some() || reward::needs_exits(&self.plan.reward) {
+        if self.watched.is_some() || self.plan.sees_sets() || reward::needs_exits(&self.plan.reward) {
             self.exits.read(&mut self.forest.simulation)?;
         }
         if let Some(others) = &mut self.others {
             let plans = self.forest.rows.iter().map(|row| &self.plan.agents[row.agent.0]);
             others.read(&mut self.forest.simulation, plans, |row| self.forest.approaches.at(row))?;
         }
-        let [approaches, border_lanes] = [&mut self.forest.approaches, &mut self.border_lanes].map(std::mem::take);
+        let lanes = [&mut self.forest.approaches, &mut self.exits, &mut self.border_lanes];
+        let [approaches, exits, border_lanes] = lanes.map(std::mem::take);
         for row in 0..self.rows.len() {
             let agent = self.forest.rows[row].agent.0;
             let (cars, now) = (approaches.at(row), &mut self.rows[row]);
             let region = &self.plan.agents[agent].region;
             let others = self.others.as_ref().map(|others| &others.now[row]);
             self.last.rewards[row] =
-                reward::reward(&self.plan.reward, region, cars, self.exits.at(row), &now.waiting, others);
+                reward::reward(&self.plan.reward, region, cars, exits.at(row), &now.waiting, others);
             if let Some(border) = self.plan.borders.get(agent) {
                 now.history.note(&border.plan, self.came_true.row(row));
                 if now.second - now.begun > SETTLED_S {
                     self.counts.note(cars);
                 }
             }
-            self.show(row, [cars, border_lanes.at(row)]);
+            self.show(row, [cars, exits.at(row), border_lanes.at(row)]);
         }
-        (self.forest.approaches, self.border_lanes) = (approaches, border_lanes);
+        (self.forest.approaches, self.exits, self.border_lanes) = (approaches, exits, border_lanes);
         self.watch.note(Phase::Reading, begun.elapsed());
         Ok(())
     }
@@ -369,9 +382,10 @@ impl LocalSimulator for LocalTraffic {
         begin.iter().try_for_each(|&beginning| self.begin(beginning))?;
         self.entries.set_gates(&mut self.forest, rows.iter().copied(), 0, None)?;
         for row in rows {
-            let approaches = self.plan.agents[self.forest.rows[row].agent.0].region.approaches.len();
-            let [cars, at_border] = [approaches, self.forest.rows[row].border.len()].map(no_cars);
-            self.show(row, [CarsAt::all(&cars), CarsAt::all(&at_border)]);
+            let place = &self.forest.rows[row];
+            let approaches = self.plan.agents[place.agent.0].region.approaches.len();
+            let nobody = [approaches, place.exits.len(), place.border.len()].map(no_cars);
+            self.show(row, nobody.each_ref().map(CarsAt::all));
         }
         Ok(&self.last.percept)
     }

@@ -10,6 +10,7 @@ use crate::agents::region::CELL_M;
 use crate::agents::region_plan::{Approach, Exit, Link, RegionPlan};
 use crate::agents::sensor::{CarColumns, LightColumns, Sensor};
 use crate::config::{DSet, Observation};
+use crate::lane_sets::LaneSets;
 use crate::network::roads::{Connection, EdgeNo, LaneNo, Roads};
 
 /// Approaches: first the edges at the stop line in the order of the light's letters, then the others by distance; the
@@ -126,10 +127,15 @@ pub(super) fn sensor(region: &RegionPlan, rules: &Rules, greens: usize) -> Senso
         Observation::Cells | Observation::CellsAndBuses => CarColumns::Cells(cells.collect()),
         Observation::Queues => CarColumns::QueueAndDensity(region.approaches.len()),
         Observation::Detectors => CarColumns::Detectors(Loop::of(&region.approaches)),
+        Observation::Lanes => CarColumns::Sets(LaneSets::new(region.approaches.len(), greens, rules.approach_m)),
+    };
+    let light = match rules.cars {
+        Observation::Lanes => LightColumns::WithLanes,
+        _ => LightColumns::TargetAndAge(greens),
     };
     Sensor {
         cars,
-        light: LightColumns::TargetAndAge(greens),
+        light,
         clock: 0,
         clock_ahead: 0,
         sees_others: rules.cars == Observation::CellsAndBuses,
