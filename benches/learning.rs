@@ -6,11 +6,12 @@ use std::path::Path;
 
 use criterion::{BenchmarkId, Criterion, Throughput, criterion_group, criterion_main};
 use dials_core::base::{AgentId, Dice, Rows, Seed, Stopwatch};
+use dials_core::domain::sampling;
 use dials_core::domain::{RegionSpec, SourceSpec};
 use dials_learn::algorithms::ppo::gae::advantages;
 use dials_learn::algorithms::ppo::update::{Decayed, Learns, Settings, update};
 use dials_learn::algorithms::ppo::{Memory, Sample, ValueUnits};
-use dials_learn::policy::{PolicyStack, sampling};
+use dials_learn::policy::PolicyStack;
 use dials_learn::predictors::{AipStack, InfluencePredictor};
 use dials_session::config::{RunConfig, load};
 use rand::Rng;

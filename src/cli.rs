@@ -50,7 +50,7 @@ pub enum Command {
     Train(TrainArgs),
     /// Evaluate the policies of a run directory on the global simulator
     Evaluate(EvaluateArgs),
-    /// Write the policies of a run directory as a TorchScript module, for Python and C++
+    /// Write the policies of a run directory as a TorchScript module, for Python and C++, or as one policy for any light
     Export(ExportArgs),
     /// Run a hand-coded controller on the global simulator of a config
     Baseline(BaselineArgs),
@@ -167,8 +167,11 @@ pub struct TrainArgs {
 #[derive(Debug, Args)]
 #[command(after_help = STUCK)]
 pub struct EvaluateArgs {
-    /// Run directory written by `train`
+    /// Run directory written by `train`; with --on a policy for any light, which `export` wrote
     pub run_dir: PathBuf,
+    /// Play a policy for any light on the lights of this config file or .sumocfg
+    #[arg(long, value_name = "CONFIG", conflicts_with_all = ["background", "agents"])]
+    pub on: Option<PathBuf>,
     #[command(flatten)]
     pub episodes: EpisodesArgs,
     /// Take the most probable action instead of sampling
@@ -190,7 +193,8 @@ pub struct EvaluateArgs {
 pub struct ExportArgs {
     /// Run directory written by `train`
     pub run_dir: PathBuf,
-    /// Output file, such as policies.pt; one per kind of agents (policies.KIND.pt) if there are several
+    /// Output file, such as policies.pt; one per kind of agents (policies.KIND.pt) if there are several. A name that ends in
+    /// .safetensors gets a policy for any light
     #[arg(long, value_name = "FILE")]
     pub out: PathBuf,
     /// If the file exists, move it aside instead of refusing
@@ -334,7 +338,7 @@ pub struct DescribeArgs {
 }
 
 /// Changes to a config, wherever one is taken.
-#[derive(Debug, Args)]
+#[derive(Debug, Default, Args)]
 pub struct SettingsArgs {
     /// Override a key of the config, such as ppo.clip=0.2; can be repeated
     #[arg(long = "set", value_name = "KEY=VALUE")]
@@ -361,7 +365,7 @@ impl SettingsArgs {
     }
 }
 
-#[derive(Debug, Args)]
+#[derive(Clone, Debug, Args)]
 pub struct EpisodesArgs {
     /// Number of episodes [default: evaluation.final_episodes of the config]
     #[arg(long, value_parser = values::whole::<u32>(1..=100_000))]
@@ -372,7 +376,7 @@ pub struct EpisodesArgs {
 }
 
 /// Other traffic on the same scenario. Every demand is played with all edges open, and with each closure.
-#[derive(Debug, Args)]
+#[derive(Clone, Debug, Args)]
 pub struct VariantArgs {
     /// Play with these multiples of the scenario's demand, such as 0.8,1,1.2
     #[arg(long, value_name = "FACTOR,...", value_delimiter = ',', value_parser = values::demand)]
@@ -382,7 +386,7 @@ pub struct VariantArgs {
     pub closed: Vec<String>,
 }
 
-#[derive(Debug, Args)]
+#[derive(Clone, Debug, Args)]
 pub struct OutputArgs {
     /// Print one JSON object instead of a table
     #[arg(long)]

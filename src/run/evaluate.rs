@@ -28,10 +28,13 @@ use dials_session::terminal::{answer, json as in_json, note};
 use dials_session::{directory, domains, outputs};
 use dials_traffic::config::sumocfg::Sumocfg;
 use dials_traffic::controllers::timing_file::{TimingFile, TunedOn};
-use dials_traffic::controllers::{COORDINATED, FIXED_TIME, check_name};
+use dials_traffic::controllers::{COORDINATED, FIXED_TIME, any_light_of, check_name};
 use dials_traffic::{Sumo, Traffic, tuning};
 
 pub(super) fn evaluate(args: &cli::EvaluateArgs) -> Result<()> {
+    if let Some(config) = &args.on {
+        return evaluate_on(args, config);
+    }
     // Names are checked before the files are tried, which may take long.
     let (config, domain) = directory::open_unchanged(&args.run_dir, domains::open_tried).map_err(Error::Usage)?;
     let agents = args.agents.iter().map(|word| agent_called(&*domain, word, "--agents")).collect::<anyhow::Result<_>>();
@@ -60,6 +63,25 @@ pub(super) fn evaluate(args: &cli::EvaluateArgs) -> Result<()> {
     session.print(&findings, false, &[], &lights)?;
     session.draw(plots.as_ref(), &findings[0], format!("policies of {}", findings[0].player.label))?;
     written
+}
+
+/// Plays a policy for any light on the lights of a config: it is a controller there.
+fn evaluate_on(args: &cli::EvaluateArgs, config: &Path) -> Result<()> {
+    let file = &args.run_dir;
+    let is_run = format!("{}: is a run directory; `export` writes its policy for any light as a file", file.display());
+    (!file.is_dir()).then_some(()).ok_or_else(|| Error::Usage(anyhow!(is_run)))?;
+    baseline(&cli::BaselineArgs {
+        config: config.to_owned(),
+        controller: Some(any_light_of(file, args.greedy).map_err(Error::Usage)?),
+        episodes: args.episodes.clone(),
+        variants: args.variants.clone(),
+        output: args.output.clone(),
+        settings: cli::SettingsArgs::default(),
+        compare: None,
+        greedy: false,
+        tune: false,
+        tune_episodes: 1,
+    })
 }
 
 pub(super) fn baseline(args: &cli::BaselineArgs) -> Result<()> {
@@ -169,6 +191,7 @@ impl<'a> Session<'a> {
     /// `has_variants`: whether they play variants of the traffic.
     fn prepare(&self, subjects: &[Subject], has_variants: bool) -> anyhow::Result<Option<CsvFiles>> {
         subjects.iter().try_for_each(|subject| subject.check(self.domain))?;
+        subjects.iter().try_for_each(|subject| subject.warn(self.domain))?;
         if let Some(subject) = repeated(subjects) {
             bail!("--compare: `{}` is named twice", subject.label());
         }

@@ -11,24 +11,50 @@ use dials_core::domain::{Kind, Kinds};
 use dials_core::outside::{Printable, folder_of, is_printable};
 use dials_learn::config::PolicyConfig;
 use dials_learn::policy::{JointPolicy, PolicyStack};
-use dials_session::directory;
 use dials_session::error::{Error, Result};
 use dials_session::outputs;
 use dials_session::places::{self, Existing};
-use dials_session::terminal::answer;
+use dials_session::terminal::{answer, program};
+use dials_session::{directory, domains};
 use stacknets::{StackToWrite, stack_as_bytes};
 
 pub(super) fn export(args: &cli::ExportArgs) -> Result<()> {
+    let existing = Existing::of_named(args.force);
+    if args.out.extension().is_some_and(|ending| ending == "safetensors") {
+        return for_any_light(args, existing);
+    }
     libtorch::check().map_err(Error::Usage)?;
     let run = directory::open(&args.run_dir).map_err(Error::Usage)?;
     run.note_still_trained(&args.run_dir);
-    let existing = Existing::of_named(args.force);
     let files = files_of(&args.out, run.domain.kinds());
     files.iter().try_for_each(|file| check_free(file, existing)).map_err(Error::Usage)?;
     write_scripts(run.domain.kinds(), &run.config.learning.policy, &run.policies, &files, existing)
         .map_err(Error::Run)?;
     let of_kinds = run.domain.kinds().iter().zip(&files);
     let uses: Vec<String> = of_kinds.map(|(kind, file)| how_to_use(file, kind, &run.config.learning.policy)).collect();
+    answer(uses.join("\n")).map_err(Error::Run)
+}
+
+/// Writes the one policy of all agents as a policy for any light.
+fn for_any_light(args: &cli::ExportArgs, existing: Existing) -> Result<()> {
+    let run = directory::open(&args.run_dir).map_err(Error::Usage)?;
+    run.note_still_trained(&args.run_dir);
+    check_free(&args.out, existing).map_err(Error::Usage)?;
+    let made = || {
+        let traffic = domains::traffic(&run.config)?.context("only traffic lights have a policy for any light")?;
+        let first = run.policies.row(0);
+        let are_one = (1..run.policies.len()).all(|agent| run.policies.row(agent) == first);
+        ensure!(are_one, "its agents have policies of their own; train with policy.share = \"kind\"");
+        traffic.any_light(&run.config.learning.policy.hidden, first)
+    };
+    let policy = made().with_context(|| args.run_dir.display().to_string()).map_err(Error::Usage)?;
+    places::make_file(&args.out, existing, |beside| policy.write(beside)).map_err(Error::Run)?;
+    let path = Printable(args.out.display());
+    let uses = [
+        format!("wrote {path}, a policy for any light; on other networks:"),
+        format!("  {} evaluate {path} --on X.sumocfg", program()),
+        format!("  {} baseline X.sumocfg --compare any-light:file={path},max-pressure", program()),
+    ];
     answer(uses.join("\n")).map_err(Error::Run)
 }
 

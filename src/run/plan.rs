@@ -112,6 +112,7 @@ fn subject(args: &cli::PlanArgs, domain: &dyn Domain) -> anyhow::Result<Subject>
         bail!("--greedy: is for the policies of a run directory, and `{}` is a controller", args.controller);
     }
     subject.check(domain)?;
+    subject.warn(domain)?;
     Ok(subject)
 }
 

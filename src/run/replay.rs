@@ -167,7 +167,9 @@ impl ReplayedEpisode {
             };
             domains::check(&config)?;
             let episode = with(&config, Cast::Baseline(controller.clone()))?;
-            Subject::Controller(controller.clone()).check(&episode.traffic)?;
+            let subject = Subject::Controller(controller.clone());
+            subject.check(&episode.traffic)?;
+            subject.warn(&episode.traffic)?;
             return Ok(episode);
         }
         if subject.is_file() {

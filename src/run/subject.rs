@@ -152,6 +152,17 @@ impl Subject {
         }
     }
 
+    /// Says what somebody should know who plays the subject here.
+    pub(super) fn warn(&self, domain: &dyn Domain) -> Result<()> {
+        let names = match self {
+            Subject::Controller(name) => Some(name),
+            Subject::Run { background, .. } => background.as_ref().map(|background| &background.controller),
+        };
+        let warnings = names.map_or(Ok(Vec::new()), |name| domain.baseline_warnings(name))?;
+        warnings.iter().for_each(|warning| warn(format_args!("warning: {warning}")));
+        Ok(())
+    }
+
     /// Opens the subject and the GS of `domain`. A process can hold only one SUMO simulation at a time.
     pub(super) fn open(&self, domain: &dyn Domain) -> Result<Baseline> {
         match self {

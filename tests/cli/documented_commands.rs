@@ -14,6 +14,13 @@ use toml::{Table, Value};
 /// Parts of commands that are typed in another way: what is written, what is typed, and why.
 const SHORTER: &[(&str, &str, &str)] = &[
     ("./setup.sh && cargo run --release -- ", "dials-traffic ", "all is installed and built already"),
+    (
+        "train configs/any_light.toml",
+        "train configs/town.toml --steps 256 --out runs/any_light-gs-seed1 --set traffic.observation=lanes \
+         --set policy.share=kind --set policy.separate_critic=false --set policy.hidden=[8,8]",
+        "its islands are not made here",
+    ),
+    ("town.sumocfg --steps 7200 --set policy.start", "town.sumocfg --steps 240 --set policy.start", "time"),
     (" --gui", "", "there is no screen"),
     ("sumo-gui -c", "sumo --no-step-log --end 20 -c", "there is no screen"),
     ("mpirun -n 3 dials-traffic", "dials-traffic", "tests/training/mpi.rs trains over ranks"),

@@ -3,7 +3,7 @@
 use std::path::Path;
 use std::sync::Arc;
 
-use anyhow::{Context, Result, bail};
+use anyhow::{Context, Result, bail, ensure};
 
 use super::python::{Link, PythonFunctions, described};
 use super::trial;
@@ -16,8 +16,9 @@ use serde::Serialize;
 use serde::de::MapAccess;
 
 use dials_core::base::for_terminal;
-use dials_core::domain::{Domain, DomainTable};
+use dials_core::domain::{Domain, DomainTable, Kind};
 use dials_learn::config::Simulator;
+use dials_learn::policy::PolicyStack;
 use dials_traffic::Traffic;
 use dials_traffic::config::TrafficTable;
 use dials_traffic::config::python::{joined, split};
@@ -238,8 +239,26 @@ pub fn check(config: &RunConfig) -> Result<Arc<dyn Domain>> {
     if let Some(name) = &config.learning.policy.imitate {
         domain.check_baseline(name).context("policy.imitate: not a controller of this domain")?;
     }
+    check_start(config, &*domain)?;
     trial::survive(config, &*domain)?;
     Ok(domain)
+}
+
+/// Checks that the policies can start from the one that the config names, if it names one.
+fn check_start(config: &RunConfig, domain: &dyn Domain) -> Result<()> {
+    let policy = &config.learning.policy;
+    let Some(name) = &policy.start else { return Ok(()) };
+    let start = domain.starting_policy(name).context("policy.start")?;
+    let fits = |kind: &Kind| PolicyStack::shape(&kind.spec, policy).layout().width() == start.parameters.width();
+    ensure!(
+        domain.kinds().iter().all(|kind| kind.spec.sets.is_some())
+            && policy.hidden == start.hidden
+            && domain.kinds().iter().all(fits),
+        "policy.start = \"{name}\": that is another network; set traffic.observation = \"lanes\", policy.separate_critic = \
+         false and policy.hidden = {:?}",
+        start.hidden
+    );
+    Ok(())
 }
 
 /// Tries what training needs: the files, like [`check`], and the local simulators if the policies train on them.

@@ -6,7 +6,7 @@
 use super::agents::phase_plan::Shown;
 use super::agents::plan::AgentPlan;
 use super::cars_at::CarsAt;
-use super::observe::{JAM_M, LightView};
+use super::observe::JAM_M;
 use dials_core::domain::Sets;
 
 /// Features of a lane, in this order. Counts are in tens of cars.
@@ -56,12 +56,32 @@ const LINKS: f32 = 4.0;
 const LANES: f32 = 4.0;
 const CLEARING_S: f32 = 10.0;
 
+/// Returns the names of the features of a lane, and of those of a green.
+pub(crate) fn features() -> [Vec<String>; 2] {
+    [OF_LANE.map(str::to_owned).to_vec(), OF_GREEN.map(str::to_owned).to_vec()]
+}
+
+/// Returns sets with room for so many lanes and greens.
+pub(crate) fn sets(lanes: usize, greens: usize) -> Sets {
+    Sets { items: lanes, item_features: OF_LANE.len(), choices: greens, choice_features: OF_GREEN.len(), ways: WAYS }
+}
+
+/// Returns the sets of some lights, all with the room that the largest one needs.
+pub(crate) fn of_lights(plans: &[AgentPlan], seen_m: f64) -> Vec<LaneSets> {
+    let most = |count: fn(&AgentPlan) -> usize| plans.iter().map(count).max().unwrap_or(0);
+    let (lanes, greens) = (most(|plan| plan.region.approaches.len()), most(AgentPlan::greens));
+    let of_light = |plan: &AgentPlan| {
+        LaneSets::new(plan.region.approaches.len(), plan.greens(), seen_m).fitted(plan, lanes, greens)
+    };
+    plans.iter().map(of_light).collect()
+}
+
 /// How the lanes and greens of an agent lie in its observation, and what of them never changes.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct LaneSets {
     pub(crate) sets: Sets,
     /// How far before the stop line cars are seen, in metres.
-    seen_m: f64,
+    pub(crate) seen_m: f64,
     /// An observation with all that never changes. Empty until the agents know how much room they need together.
     fixed: Vec<f32>,
 }
@@ -70,7 +90,9 @@ pub(crate) struct LaneSets {
 pub(crate) struct Seen<'a> {
     pub(crate) cars: CarsAt<'a>,
     pub(crate) exits: CarsAt<'a>,
-    pub(crate) light: LightView,
+    pub(crate) shown: Shown,
+    /// Number of steps for which it has been shown.
+    pub(crate) shown_steps: u32,
     pub(crate) since: &'a SinceGreen,
 }
 
@@ -95,9 +117,7 @@ impl SinceGreen {
 impl LaneSets {
     /// Returns the sets of an agent with this number of lanes and greens.
     pub(crate) fn new(lanes: usize, greens: usize, seen_m: f64) -> LaneSets {
-        let (item_features, choice_features) = (OF_LANE.len(), OF_GREEN.len());
-        let sets = Sets { items: lanes, item_features, choices: greens, choice_features, ways: WAYS };
-        LaneSets { sets, seen_m, fixed: Vec::new() }
+        LaneSets { sets: sets(lanes, greens), seen_m, fixed: Vec::new() }
     }
 
     /// Gives the agent as much room as the largest one of them needs, and writes down what never changes. `plan`: its own.
@@ -121,9 +141,11 @@ impl LaneSets {
             let features = &mut fixed[sets.choice(green)];
             features[0] = 1.0;
             features[8] = served as f32 / LANES;
-            for lane in 0..plan.region.approaches.len() {
-                fixed[sets.belongs(green, 0)][lane] = plan.share(green, lane) as f32;
-                fixed[sets.belongs(green, 1)][lane] = plan.share_with_priority(green, lane) as f32;
+            let shares: [fn(&AgentPlan, usize, usize) -> f64; WAYS] =
+                [AgentPlan::share, AgentPlan::share_with_priority];
+            for (way, share) in shares.into_iter().enumerate() {
+                let lanes = fixed[sets.belongs(green, way)].iter_mut().take(plan.region.approaches.len());
+                lanes.enumerate().for_each(|(lane, weight)| *weight = share(plan, green, lane) as f32);
             }
         }
         LaneSets { sets, fixed, ..*self }
@@ -152,7 +174,7 @@ impl LaneSets {
         for lane in 0..plan.region.approaches.len() {
             self.observe_lane(plan, seen, lane, &mut obs[self.sets.item(lane)]);
         }
-        let LightView { shown, shown_steps, .. } = seen.light;
+        let Seen { shown, shown_steps, .. } = *seen;
         let target = shown.target();
         for green in 0..plan.greens() {
             let features = &mut obs[self.sets.choice(green)];
@@ -192,7 +214,7 @@ impl LaneSets {
         if count > 0 {
             features[11] = (speeds_mps / f64::from(count) / approach.speed_limit_mps) as f32;
         }
-        if let Some(green) = seen.light.shown.green() {
+        if let Some(green) = seen.shown.green() {
             features[12] = plan.share(green, lane) as f32;
         }
         let opening = (0..plan.greens()).filter(|&green| plan.serves(green, lane));
@@ -233,5 +255,125 @@ pub(crate) fn make_room(agents: &mut [AgentPlan]) {
         if let Some(fitted) = agent.sensor.sets().map(|sets| sets.fitted(agent, lanes, greens)) {
             agent.sensor.see(fitted);
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::collections::BTreeSet;
+
+    use super::*;
+    use crate::cars_at::no_cars;
+    use crate::controllers::examples::{crossing, middle};
+    use libsumo::{CarId, CarTable};
+
+    /// Returns a table with these cars on each lane: metres from its beginning, and metres per second.
+    fn cars(lanes: &[&[(f64, f64)]]) -> CarTable {
+        let car = |(number, &(metres, mps)): (usize, &(f64, f64))| (CarId(number as u64), metres, mps);
+        CarTable::of(lanes.iter().map(|cars| cars.iter().enumerate().map(car).collect()))
+    }
+
+    fn observe(
+        plan: &AgentPlan,
+        room: [usize; 2],
+        shown: Shown,
+        cars_on: [&CarTable; 2],
+        since: &SinceGreen,
+    ) -> Vec<f32> {
+        let sets = LaneSets::new(plan.region.approaches.len(), plan.greens(), 150.0).fitted(plan, room[0], room[1]);
+        let mut obs = vec![7.0; sets.columns()];
+        let [cars, exits] = cars_on.map(CarsAt::all);
+        sets.observe(plan, &Seen { cars, exits, shown, shown_steps: 3, since }, &mut obs);
+        obs
+    }
+
+    fn close_to(found: &[f32], expected: &[f32]) {
+        assert_eq!(found.len(), expected.len());
+        let is_close = found.iter().zip(expected).all(|(found, expected)| (found - expected).abs() < 1e-6);
+        assert!(is_close, "{found:?} instead of {expected:?}");
+    }
+
+    #[test]
+    fn a_lane_shows_its_cars_by_distance_its_light_and_what_is_behind_it() {
+        let plan = crossing();
+        // From the south: one stands 5 m before the stop line, one drives with 5 m/s 45 m before it.
+        let approaches = cars(&[&[], &[], &[(5.0, 5.0), (45.0, 0.0)], &[], &[]]);
+        let exits = cars(&[&[], &[(10.0, 0.0), (20.0, 8.0)], &[]]);
+        let mut since = SinceGreen::begin(4);
+        (0..6).for_each(|_| since.note(Shown::Green(0)));
+        let obs = observe(&plan, [5, 4], Shown::Green(0), [&approaches, &exits], &since);
+        let filled = 2.0 * 7.5 / 100.0;
+        let red_for = 7.0_f32.ln() / 5.0;
+        close_to(
+            &obs[sets(5, 4).item(2)],
+            &[
+                1.0,
+                50.0 / 150.0,
+                0.5,
+                0.5, // there, seen, 10 m/s, two links
+                0.1,
+                0.2,
+                0.1,
+                0.0,
+                0.1,
+                0.0,
+                0.0,
+                0.25, // queue, cars, their distances, half of half the speed limit
+                0.0,
+                red_for, // red, and since when
+                0.1,
+                0.05,
+                filled / 2.0,
+                filled, // behind the light: only one of the two exits has cars
+                0.5,    // one of two exits leads to another light
+            ],
+        );
+        // Cars upstream of another lane are 10 m farther away.
+        let upstream = cars(&[&[], &[], &[], &[], &[(59.0, 0.0)]]);
+        let obs = observe(&plan, [5, 4], Shown::Green(0), [&upstream, &exits], &since);
+        close_to(&obs[sets(5, 4).item(4)][4..11], &[0.1, 0.1, 0.0, 0.1, 0.0, 0.0, 0.0]);
+        assert_eq!(obs[sets(5, 4).item(4)][12], 1.0, "it has green");
+    }
+
+    #[test]
+    fn a_green_shows_its_time_what_it_opens_and_what_a_change_costs() {
+        let plan = crossing();
+        let nobody = [5, 3].map(no_cars);
+        let mut since = SinceGreen::begin(4);
+        (0..3).for_each(|_| since.note(Shown::Green(1)));
+        let obs = observe(&plan, [5, 4], Shown::Green(1), nobody.each_ref(), &since);
+        let time = 4.0_f32.ln() / 5.0;
+        // Two of five seconds are left.
+        close_to(&obs[sets(5, 4).choice(1)], &[1.0, 1.0, 1.0, time, 0.0, 0.2, 0.0, 1.0, 0.25]);
+        // Yellow for three seconds and red for one.
+        close_to(&obs[sets(5, 4).choice(3)], &[1.0, 0.0, 0.0, 0.0, time, 0.0, 0.4, 0.0, 0.375]);
+        // The left turn from the west yields in green 3; half of the lane from the south is open.
+        close_to(&obs[sets(5, 4).belongs(3, 0)], &[0.0, 1.0, 0.5, 0.0, 0.0]);
+        close_to(&obs[sets(5, 4).belongs(3, 1)], &[0.0, 0.0, 0.5, 0.0, 0.0]);
+        let between = observe(&plan, [5, 4], Shown::Between { from: 1, to: 3 }, nobody.each_ref(), &since);
+        let marks = [0, 1, 2, 3].map(|green| between[sets(5, 4).choice(green)][1]);
+        assert_eq!(marks, [0.0, 0.0, 0.0, 1.0], "it comes next");
+        assert_eq!([0, 1, 2, 3].map(|green| between[sets(5, 4).choice(green)][7]), [0.0, 0.0, 0.0, 1.0]);
+    }
+
+    #[test]
+    fn room_for_larger_lights_stays_empty() {
+        let (plan, sets) = (crossing(), sets(9, 6));
+        let nobody = [5, 3].map(no_cars);
+        let obs = observe(&plan, [9, 6], Shown::Green(0), nobody.each_ref(), &SinceGreen::begin(4));
+        let empty = (5..9).map(|lane| sets.item(lane)).chain((4..6).map(|green| sets.choice(green)));
+        assert!(empty.flatten().all(|column| obs[column] == 0.0));
+        assert!((0..4).all(|green| obs[sets.belongs(green, 0)][5..].iter().all(|&share| share == 0.0)));
+    }
+
+    #[test]
+    fn lights_of_different_shapes_get_the_same_room_and_every_column_a_name_of_its_own() {
+        let plans = [middle(), crossing()];
+        let fitted = of_lights(&plans, 150.0);
+        assert_eq!(fitted[0].sets, fitted[1].sets);
+        assert_eq!([fitted[0].sets.items, fitted[0].sets.choices], [5, 4]);
+        let names = fitted[1].names(plans[1].region.approaches.iter().map(|approach| &approach.lane));
+        assert_eq!(names.len(), fitted[1].columns());
+        assert_eq!(names.iter().collect::<BTreeSet<_>>().len(), names.len());
     }
 }

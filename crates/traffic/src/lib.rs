@@ -30,6 +30,7 @@
 //! the next one.
 
 pub mod agents;
+pub mod any_light;
 mod cars_at;
 pub mod config;
 pub mod controllers;
@@ -70,14 +71,14 @@ use anyhow::{Context, bail, ensure};
 use crate::config::python::Functions;
 use crate::config::{ScenarioConfig, TrafficConfig};
 use agents::plan::{AgentPlan, Border, JointPlan};
-use controllers::HandCoded;
-use controllers::timing_file::TimingFile;
+use any_light::AnyLight;
+use controllers::{ANY_LIGHT, HandCoded};
 use dials_core::base::{AgentId, RandomPurpose, Rows, Seed};
 use dials_core::domain::road_trace::RoadMap;
 use dials_core::domain::roads::RoadTables;
 use dials_core::domain::{
     Baseline, Beginning, BuiltInControl, Domain, GlobalSimulator, Kind, Kinds, LocalSimulator, Measures, Result,
-    RoughCosts, Scenario, Task,
+    RoughCosts, Scenario, StartingPolicy, Task,
 };
 use events::EventLog;
 use events::site::Site;
@@ -328,6 +329,11 @@ impl Traffic {
         files.files.drawn_files().nth(number).map(Path::to_owned)
     }
 
+    /// Returns the policy of all agents as one for any light. `hidden`: widths of its layers. An error says why it is none.
+    pub fn any_light(&self, hidden: &[usize], parameters: &[f32]) -> Result<AnyLight> {
+        AnyLight::new(self.plans(), self.plan.decision_steps as u32, hidden, parameters)
+    }
+
     pub fn global(&self, control: SignalControl) -> Result<GlobalTraffic> {
         if let Some(why) = self.network.refuses_actuated.as_ref().filter(|_| control.is_actuated()) {
             bail!("{why}");
@@ -448,13 +454,22 @@ impl Domain for Traffic {
         controllers::recipe(name, self.plans()).map(drop)
     }
 
+    fn baseline_warnings(&self, name: &str) -> Result<Vec<String>> {
+        controllers::warnings(name, self.plans())
+    }
+
     fn baseline_checksum(&self, name: &str) -> Result<Option<u32>> {
-        controllers::file_of(name)?.map(TimingFile::checksum).transpose()
+        controllers::checksum(name)
     }
 
     fn with_background(&self, name: &str, agents: &[AgentId]) -> Result<Box<dyn GlobalSimulator>> {
         let by = self.hand_coded(name)?;
         self.with_own_rows(Box::new(self.global(SignalControl::HandCoded { by, agents: agents.to_vec() })?))
+    }
+
+    fn starting_policy(&self, name: &str) -> Result<StartingPolicy> {
+        ensure!(name == ANY_LIGHT, "there is no policy `{name}` to start from; write \"{ANY_LIGHT}\"");
+        Ok(AnyLight::shipped()?.to_start())
     }
 
     fn initial_action_bias(&self, kind: &Kind) -> Vec<f32> {

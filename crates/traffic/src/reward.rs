@@ -92,10 +92,12 @@ pub(crate) fn reward(
     waiting: &Waiting,
     others: Option<&OthersNow>,
 ) -> f32 {
+    let standing = || cars.iter().map(|lane| lane.halting()).sum::<usize>() as f64;
     let term = |term| match term {
         RewardTerm::MeanSpeed => f64::from(observe::mean_speed(region, cars)),
         RewardTerm::ExitSpeed => observe::exit_speed(region, exits),
-        RewardTerm::Queue => -(cars.iter().map(|lane| lane.halting()).sum::<usize>() as f64) / CARS,
+        RewardTerm::Queue => -standing() / CARS,
+        RewardTerm::LogQueue => -standing().ln_1p(),
         RewardTerm::LostTime => -observe::cars_lost(region, cars) / CARS,
         RewardTerm::Pressure => (exits.cars() as f64 - cars.cars() as f64) / CARS,
         RewardTerm::Wait => -(waiting.sum as f64 / WAITING_S).min(MOST_WAIT),
@@ -135,6 +137,18 @@ mod tests {
         assert_eq!((of(RewardTerm::Stops, &waiting), of(RewardTerm::Co2, &waiting)), (-0.2, -0.5));
         waiting.decide();
         assert_eq!((of(RewardTerm::Stops, &waiting), of(RewardTerm::Co2, &waiting)), (0.0, 0.0));
+    }
+
+    #[test]
+    fn the_logarithm_of_a_queue_counts_a_car_less_in_a_jam() {
+        let paid = |standing: u64| {
+            let cars: Vec<(u64, f64)> = (0..standing).map(|id| (id, 0.0)).chain([(99, 5.0)]).collect();
+            let table = west(&cars);
+            let cars = CarsAt::all(&table);
+            let term = Reward::from(RewardTerm::LogQueue);
+            reward(&term, &middle().region, cars, cars, &Waiting::default(), None)
+        };
+        assert_eq!([paid(0), paid(1), paid(3)], [0.0, -(2.0_f64.ln()) as f32, -(4.0_f64.ln()) as f32]);
     }
 
     #[test]

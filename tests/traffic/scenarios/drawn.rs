@@ -52,7 +52,7 @@ fn read(room: &Room) -> SumoScenario {
 /// Returns why the scenario is refused, with `DIR/` for the folder.
 fn error(room: &Room) -> String {
     let loaded = dials_session::config::load(&room.path("c.toml"), &[]);
-    let error = loaded.and_then(|config| SumoScenario::read(&table(config))).err().expect("it is refused");
+    let error = loaded.and_then(|config| SumoScenario::read(&table(config))).expect_err("it is refused");
     format!("{error:#}").replace(&format!("{}/", room.dir.path().display()), "DIR/")
 }
 

@@ -18,6 +18,7 @@ mod percept;
 pub mod road_trace;
 pub mod roads;
 mod rough_costs;
+pub mod sampling;
 mod scenario;
 mod scene;
 pub mod signal_sheet;
@@ -39,7 +40,7 @@ pub use percept::{JointPercept, JointTransition, Percept, Transition};
 pub use rough_costs::RoughCosts;
 pub use scenario::{Episode, FirstRow, Map, Rules, Scenario, ScenarioId};
 pub use scene::{Colour, Scene};
-pub use spec::{Action, RegionSpec, SourceSpec, Task, logits_of};
+pub use spec::{Action, RegionSpec, SourceSpec, StartingPolicy, Task, logits_of};
 pub use stacknets::Sets;
 pub use table::DomainTable;
 
@@ -328,6 +329,16 @@ pub trait Domain: Send + Sync {
     /// Makes a GS in which a hand-coded controller decides for these agents, whatever their actions say.
     fn with_background(&self, name: &str, _agents: &[AgentId]) -> Result<Box<dyn GlobalSimulator>> {
         bail!("controller `{name}`: this domain has no hand-coded control for some of its agents")
+    }
+
+    /// Returns what somebody should know who plays this controller here, a sentence each.
+    fn baseline_warnings(&self, _name: &str) -> Result<Vec<String>> {
+        Ok(Vec::new())
+    }
+
+    /// Returns the policy of this name from which policies of this domain may start.
+    fn starting_policy(&self, name: &str) -> Result<StartingPolicy> {
+        bail!("there is no policy `{name}` to start from in this domain; remove the key")
     }
 
     /// Returns what to add to the output biases of a new policy of this kind, per action: a prior on behaviour.

@@ -2,10 +2,19 @@
 //! for people only: nothing is computed from it.
 
 use serde::Serialize;
-use stacknets::Sets;
+use stacknets::{Rows, Sets};
 
 /// An action of one agent: an index below [`RegionSpec::n_actions`].
 pub type Action = u8;
+
+/// A trained policy from which others may start.
+#[derive(Clone, Debug, PartialEq)]
+pub struct StartingPolicy {
+    /// Widths of its hidden layers.
+    pub hidden: Vec<usize>,
+    /// Its parameters, as a network with these layers has them.
+    pub parameters: Rows<f32>,
+}
 
 /// The shape of one local region. All regions of a kind have the same shape.
 #[derive(Clone, Debug, PartialEq, Eq)]

@@ -10,8 +10,9 @@ use rand::seq::{IteratorRandom, SliceRandom};
 use serde::{Deserialize, Serialize};
 
 use crate::config::{Config, ImitationConfig, held_out_episodes};
-use crate::policy::{Demonstrations, PolicyStack, sampling};
+use crate::policy::{Demonstrations, PolicyStack};
 use dials_core::base::{AgentId, Dice, Phase, RandomPurpose, Seed, Stopwatch, Work};
+use dials_core::domain::sampling;
 use dials_core::domain::{Action, Controller, GlobalSimulator, Result};
 use stacknets::{Adam, Network, Sequences, Trace};
 

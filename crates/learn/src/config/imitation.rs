@@ -62,6 +62,10 @@ pub(super) fn check(config: &Config) -> Result<()> {
     inner_share("imitation.held_out", imitation.held_out)?;
     if let Some(name) = &config.policy.imitate {
         ensure!(
+            config.policy.start.is_none(),
+            "policy.imitate = \"{name}\": does not go with policy.start; remove one of the two keys"
+        );
+        ensure!(
             !name.contains(":file=") && !name.contains(",file="),
             "policy.imitate = \"{name}\": a run does not keep this file, so it could not be repeated; write what is in \
              it as parameters, such as \"coordinated:vertical=10,horizontal=8,offsets=0-12-12-0,early=3,late=2\""

@@ -136,6 +136,9 @@ pub struct PolicyConfig {
     /// DEVIATION 14: the paper's policies begin at random. With this key they begin with what an engineer knows.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub imitate: Option<String>,
+    /// Trained policy from which new policies start, instead of at random: `"any-light"`, see [any light](any-light.md).
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub start: Option<String>,
     /// Whether the value has a network of its own, with the same GRU and hidden layers as the policy.
     ///
     /// DEVIATION 15: in the paper policy and value share all layers but the last. Our configs of the paper's grids choose it.
@@ -189,6 +192,7 @@ impl Default for PolicyConfig {
             hidden: vec![256, 128],
             sequence_length: 8,
             imitate: None,
+            start: None,
             separate_critic: false,
             initialisation: Initialisation::Uniform,
             share: Share::None,

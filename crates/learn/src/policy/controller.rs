@@ -1,11 +1,12 @@
 //! Policies that act: a stack on rows of its kind, and a joint policy on the GS, in evaluation and
 //! in the collection of datasets.
 
-use super::{JointPolicy, PolicyStack, sampling};
+use super::{JointPolicy, PolicyStack};
 use crate::algorithms;
 use crate::algorithms::outside::controller::OutsideController;
 use crate::config::Config;
 use dials_core::base::{AgentId, Dice, RandomPurpose, Rows, Seed};
+use dials_core::domain::sampling;
 use dials_core::domain::{Action, Controller, JointPercept, Kind, Kinds, Percept, RegionSpec, Result};
 use stacknets::States;
 

@@ -1,18 +1,17 @@
 //! Policies: actor and critic of all agents of a kind as one stack.
 //!
 //! - `controller`: policies that act, in evaluation and in the collection of datasets.
-//! - [`sampling`]: how actions are drawn.
 //! - `demonstrations`: what a controller did, to be imitated.
 
 mod controller;
 mod demonstrations;
-pub mod sampling;
 
 use std::f32::consts::SQRT_2;
 use std::ops::Range;
 
 use crate::config::{Initialisation, PolicyConfig};
 use dials_core::base::{AgentId, Ragged, Rows, Seed};
+use dials_core::domain::sampling;
 use dials_core::domain::{Percept, RegionSpec};
 use stacknets::{Adam, Gains, Parameters, Shape, Stack, States, Threads, Trainer};
 

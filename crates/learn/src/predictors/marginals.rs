@@ -12,8 +12,8 @@ use super::parts::{PartFrequencies, part_of};
 use super::sources::of_sources;
 use super::{CrossEntropies, Dataset, InfluencePredictor, Lesson, PredictorKind, TrainablePredictor};
 use crate::config::AipConfig;
-use crate::policy::sampling::invert;
 use dials_core::base::{AgentId, Dice, Rows, Seed, Stopwatch, Work};
+use dials_core::domain::sampling::invert;
 use dials_core::domain::{RegionSpec, Result, SourceSpec};
 use stacknets::Layout;
 

@@ -2,8 +2,8 @@
 
 use rand::Rng;
 
-use crate::policy::sampling::invert;
 use dials_core::base::Dice;
+use dials_core::domain::sampling::invert;
 use dials_core::domain::{SourceSpec, logits_of};
 use stacknets::sigmoid;
 

@@ -22,7 +22,7 @@ use crate::side_by_side::in_threads;
 use crate::state::AgentsState;
 use crate::state::stream::{AgentStream, Part};
 use crate::steps::train_policies::{AgentTraining, PolicyTraining};
-use dials_core::base::{AgentId, Phase, Ragged, RandomPurpose, Seed, Stopwatch, Work};
+use dials_core::base::{AgentId, Phase, Ragged, RandomPurpose, Rows, Seed, Stopwatch, Work};
 use dials_core::domain::{Action, Domain, Kinds, Percept, RegionSpec, Result};
 use stacknets::Threads;
 
@@ -55,7 +55,13 @@ pub fn initial_policies(domain: &dyn Domain, config: &Config, agents: &[AgentId]
     let begins_as_one = config.shares_policies() || config.policy.average_every_steps.is_some();
     let alike = begins_as_one.then(|| vec![kind.agents[0]; agents.len()]);
     let agents = alike.as_deref().unwrap_or(agents);
-    let policies = PolicyStack::new(agents, &kind.spec, &config.policy, &domain.initial_action_bias(kind), seed);
+    let mut policies = PolicyStack::new(agents, &kind.spec, &config.policy, &domain.initial_action_bias(kind), seed);
+    if let Some(name) = &config.policy.start {
+        let start = domain.starting_policy(name).expect("the config was checked for it");
+        let mut all = Rows::new(agents.len(), start.parameters.width());
+        (0..agents.len()).for_each(|agent| all.row_mut(agent).copy_from_slice(start.parameters.row(0)));
+        policies.load(&all);
+    }
     policies.read_as(algorithms::of(config).reading())
 }
 

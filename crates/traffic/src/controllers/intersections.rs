@@ -4,6 +4,7 @@
 use crate::agents::phase_plan::Shown;
 use crate::agents::plan::AgentPlan;
 use crate::cars_at::RowLanes;
+use crate::sim::lights::Lights;
 use dials_core::base::AgentId;
 use libsumo::LaneCars;
 
@@ -12,13 +13,14 @@ pub struct Intersections<'a> {
     /// What every light showed in the last step, and for how many steps.
     pub(crate) shown: &'a [Shown],
     pub(crate) shown_steps: &'a [u32],
+    pub(crate) lights: &'a Lights,
     pub(crate) approaches: &'a RowLanes,
     pub(crate) exits: &'a RowLanes,
 }
 
 impl<'a> Intersections<'a> {
     pub fn iter(&self) -> impl Iterator<Item = Intersection<'a>> {
-        let &Intersections { plans, shown, shown_steps, approaches, exits } = self;
+        let &Intersections { plans, shown, shown_steps, approaches, exits, .. } = self;
         plans.iter().enumerate().map(move |(row, plan)| Intersection {
             plan,
             agent: AgentId(row),
@@ -27,6 +29,11 @@ impl<'a> Intersections<'a> {
             approaches: approaches.at(row).iter().collect(),
             exits: exits.at(row).iter().collect(),
         })
+    }
+
+    /// Returns whether a light may go to a green now, or keep it.
+    pub(crate) fn allows(&self, row: usize, green: usize) -> bool {
+        self.lights.allows(row, green)
     }
 }
 

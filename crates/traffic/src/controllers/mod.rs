@@ -8,12 +8,13 @@
 //! [`crate::Traffic::global`].
 //!
 //! - [`intersections`]: what a controller sees. `responsive`, `max_pressure`, `max_wave`: lights that look at the
-//!   traffic.
+//!   traffic. `any_light`: a policy that was trained on many lights.
 //! - `clock`, `webster`: lights that go by the clock; [`actuated`]: the programs of SUMO's actuated lights.
 //! - [`timing_file`]: files of the tuner; [`search`]: its search for the best timings.
 //! - `arguments`: the text that names a controller. `examples`: lights made by hand, for tests.
 
 pub(crate) mod actuated;
+mod any_light;
 mod arguments;
 mod clock;
 #[cfg(test)]
@@ -29,12 +30,13 @@ pub(crate) mod webster;
 use std::path::Path;
 use std::sync::Arc;
 
-use anyhow::{Result, bail, ensure};
+use anyhow::{Context, Result, bail, ensure};
 use rand::Rng;
 
 use crate::Traffic;
 use crate::agents::phase_plan::Choice;
 use crate::agents::plan::AgentPlan;
+use crate::any_light::AnyLight;
 use arguments::Arguments;
 pub(crate) use arguments::split;
 use dials_core::base::{Dice, RandomPurpose, Seed};
@@ -42,6 +44,7 @@ use dials_core::domain::Action;
 use dials_core::outside::did_you_mean;
 use max_wave::MaxWave;
 use responsive::GreenLimits;
+use timing_file::TimingFile;
 
 pub(crate) use clock::{ClockLights, ClockPlan, Leeway, Timing};
 pub use intersections::{Intersection, Intersections};
@@ -106,11 +109,13 @@ pub const NAMES: &[&str] = &[
     "max-pressure",
     "max-wave",
     "longest-queue",
+    ANY_LIGHT,
 ];
 
 pub const PROGRAM: &str = "program";
 pub const FIXED_TIME: &str = "fixed-time";
 pub const COORDINATED: &str = "coordinated";
+pub const ANY_LIGHT: &str = "any-light";
 
 const SWITCH_EVERY: &str = "switch-every-";
 const FILE: &str = "file";
@@ -135,6 +140,10 @@ pub fn recipe(text: &str, plans: &[AgentPlan]) -> Result<Recipe> {
             Box::new(move |_| Ok(HandCoded::rule(MaxWave::new(every))))
         }
         "longest-queue" => each(responsive::longest_queue, GreenLimits::of(&mut arguments, plans)?),
+        ANY_LIGHT => {
+            let choices = any_light::Choices::of(&mut arguments)?;
+            Box::new(move |traffic| Ok(HandCoded::rule(choices.controller(traffic.plans()))))
+        }
         FIXED_TIME => by_the_clock(arguments::fixed_time(&mut arguments, plans)?),
         COORDINATED => by_the_clock(arguments::coordinated(&mut arguments, plans)?),
         "webster" => {
@@ -152,6 +161,15 @@ pub fn recipe(text: &str, plans: &[AgentPlan]) -> Result<Recipe> {
     };
     arguments.all_taken()?;
     Ok(recipe)
+}
+
+/// Returns what somebody should know who plays the controller of this text at these lights, a sentence each.
+pub(crate) fn warnings(text: &str, plans: &[AgentPlan]) -> Result<Vec<String>> {
+    let mut arguments = Arguments::of(text);
+    if arguments.name != ANY_LIGHT {
+        return Ok(Vec::new());
+    }
+    Ok(any_light::Choices::of(&mut arguments)?.warning(plans).into_iter().collect())
 }
 
 /// Returns an error if a text names no controller. It needs no lights, so parameters are not checked.
@@ -197,10 +215,25 @@ fn by_the_clock(plan: ClockPlan) -> Recipe {
     Box::new(move |_| Ok(HandCoded::rule(ClockLights::new(plan.clone()))))
 }
 
+/// Returns the CRC-32 of the file that a controller reads. If it reads none: `None`.
+pub(crate) fn checksum(text: &str) -> Result<Option<u32>> {
+    let checksum = if Arguments::of(text).name == ANY_LIGHT { AnyLight::checksum } else { TimingFile::checksum };
+    file_of(text)?.map(checksum).transpose()
+}
+
+/// Returns the name of a controller that plays a policy for any light. `file`: its file.
+pub fn any_light_of(file: &Path, greedy: bool) -> Result<String> {
+    let path = file.to_str().filter(|path| !path.contains(','));
+    let path = path.with_context(|| {
+        format!("{}: rename it: a name of a controller has no commas, and is UTF-8", file.display())
+    })?;
+    Ok(format!("{ANY_LIGHT}:{FILE}={path}{}", if greedy { ",choice=greedy" } else { "" }))
+}
+
 /// Returns the file that a controller reads, by the text that names the controller. If it reads none: `None`.
 pub(crate) fn file_of(text: &str) -> Result<Option<&Path>> {
     let mut arguments = Arguments::of(text);
-    let reads_one = [FIXED_TIME, COORDINATED].contains(&arguments.name);
+    let reads_one = [FIXED_TIME, COORDINATED, ANY_LIGHT].contains(&arguments.name);
     if reads_one { Ok(arguments.take(FILE)?.map(Path::new)) } else { Ok(None) }
 }
 

@@ -214,6 +214,7 @@ impl GlobalTraffic {
             plans: &self.plan.agents,
             shown: &self.shown.now,
             shown_steps: &self.shown.steps,
+            lights: &self.lights,
             approaches: &self.approaches,
             exits: &self.exits,
         };
@@ -338,7 +339,7 @@ impl GlobalTraffic {
             let (waiting, others) = (&self.waiting[row], self.others.as_ref().map(|others| &others.now[row]));
             others.iter().for_each(|others| observe::observe_others(plan, others, percept.obs.row_mut(row)));
             if let Some(since) = self.shown.since.get(row) {
-                let seen = Seen { cars, exits: self.exits.at(row), light, since };
+                let seen = Seen { cars, exits: self.exits.at(row), shown, shown_steps, since };
                 observe::observe_sets(plan, &seen, percept.obs.row_mut(row));
             }
             if let Some(readings) = self.readings.get(row) {

@@ -314,7 +314,11 @@ impl LocalTraffic {
         let (obs, d_set) = (obs.row_mut(row), d_set.row_mut(row));
         observe::observe(plan, cars, light, obs);
         if let Some(since) = &now.since {
-            observe::observe_sets(plan, &Seen { cars, exits, light, since }, obs);
+            observe::observe_sets(
+                plan,
+                &Seen { cars, exits, shown: light.shown, shown_steps: light.shown_steps, since },
+                obs,
+            );
         }
         if let Some(readings) = &now.readings {
             observe::observe_detectors(plan, readings, obs);

@@ -144,7 +144,7 @@ impl Actor for DqnActor<'_> {
             self.decided.actions[row] = if dice.random_bool(self.epsilon) {
                 (0..logits.len()).filter(allowed).choose(dice).unwrap_or(0) as Action
             } else {
-                crate::policy::sampling::most_probable(logits)
+                dials_core::domain::sampling::most_probable(logits)
             };
         }
         self.decided.obs.copy_from(&percept.obs);

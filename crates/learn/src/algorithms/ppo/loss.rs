@@ -8,7 +8,7 @@
 //! - advantages come as they count: normalised by a [`Spread`], or not.
 
 use super::memory::Sample;
-use crate::policy::sampling;
+use dials_core::domain::sampling;
 
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Weights {

@@ -6,9 +6,10 @@ use super::value_unit::ValueUnits;
 use crate::algorithms::Actor;
 use crate::config::{PpoConfig, TimeLimit};
 use crate::environments::Experience;
-use crate::policy::{PolicyStack, sampling};
+use crate::policy::PolicyStack;
 use crate::state::stream::Part;
 use dials_core::base::{Dice, Phase, Rows, Stopwatch};
+use dials_core::domain::sampling;
 use dials_core::domain::{Action, Percept};
 use stacknets::{States, Threads};
 

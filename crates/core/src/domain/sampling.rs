@@ -3,18 +3,18 @@
 
 use rand::Rng;
 
-use dials_core::base::Dice;
-use dials_core::domain::Action;
+use super::Action;
+use crate::base::Dice;
 
 /// Sets the logits of the actions that are not allowed to minus infinity, so that their probability is 0. `allowed`:
 /// one per logit, or empty if all are.
-pub(crate) fn forbid(logits: &mut [f32], allowed: &[bool]) {
+pub fn forbid(logits: &mut [f32], allowed: &[bool]) {
     let forbidden = logits.iter_mut().zip(allowed).filter(|(_, allowed)| !**allowed);
     forbidden.for_each(|(logit, _)| *logit = f32::NEG_INFINITY);
 }
 
 /// Makes the best action certain: its logit becomes 0, and the others minus infinity.
-pub(crate) fn make_certain(logits: &mut [f32]) {
+pub fn make_certain(logits: &mut [f32]) {
     let best = usize::from(most_probable(logits));
     logits.iter_mut().enumerate().for_each(|(action, logit)| {
         *logit = if action == best { 0.0 } else { f32::NEG_INFINITY };
@@ -22,7 +22,7 @@ pub(crate) fn make_certain(logits: &mut [f32]) {
 }
 
 /// Computes `-sum p ln p` of log-probabilities, without the forbidden ones.
-pub(crate) fn entropy(log_probs: &[f32]) -> f32 {
+pub fn entropy(log_probs: &[f32]) -> f32 {
     let term = |&log_prob: &f32| if log_prob == f32::NEG_INFINITY { 0.0 } else { log_prob.exp() * log_prob };
     -log_probs.iter().map(term).sum::<f32>()
 }
@@ -36,7 +36,7 @@ pub fn log_softmax(logits: &[f32], log_probs: &mut [f32]) {
 
 /// Returns the first place at which the sum of the weights exceeds a number: a draw by inversion. Rounding may leave a
 /// remainder: `None`.
-pub(crate) fn invert(weights: impl IntoIterator<Item = f32>, mut rest: f32) -> Option<usize> {
+pub fn invert(weights: impl IntoIterator<Item = f32>, mut rest: f32) -> Option<usize> {
     weights.into_iter().position(|weight| {
         rest -= weight;
         rest < 0.0
@@ -52,7 +52,7 @@ pub fn draw(log_probs: &[f32], dice: &mut Dice) -> Action {
 }
 
 /// Returns the most probable action; if several are equally probable, the first.
-pub(crate) fn most_probable(log_probs: &[f32]) -> Action {
+pub fn most_probable(log_probs: &[f32]) -> Action {
     let best =
         (1..log_probs.len()).fold(0, |best, action| if log_probs[action] > log_probs[best] { action } else { best });
     best as Action
@@ -61,7 +61,7 @@ pub(crate) fn most_probable(log_probs: &[f32]) -> Action {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use dials_core::base::Seed;
+    use crate::base::Seed;
 
     #[test]
     fn what_is_forbidden_has_no_probability_and_the_rest_share_it() {

@@ -1,0 +1,149 @@
+//! A policy for any light as a controller: every few seconds it scores the greens of each light.
+
+use std::path::Path;
+use std::sync::Arc;
+
+use anyhow::Result;
+
+use super::arguments::Arguments;
+use super::intersections::Intersections;
+use super::{ANY_LIGHT, FILE, LightController};
+use crate::agents::plan::AgentPlan;
+use crate::any_light::AnyLight;
+use crate::lane_sets::{self, LaneSets, Seen, SinceGreen};
+use dials_core::base::{AgentId, Dice, RandomPurpose, Rows, Seed};
+use dials_core::domain::sampling;
+use dials_core::outside::Printable;
+use stacknets::Stack;
+
+/// Largest number of lights that a warning names.
+const MOST_NAMES: usize = 5;
+
+/// How a green is chosen from its probability.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Selection {
+    Sampled,
+    Greedy,
+}
+
+pub(super) struct AnyLightController {
+    network: Stack,
+    /// Seconds from one decision to the next. All lights decide together.
+    every: u32,
+    selection: Selection,
+    /// What of each light never changes.
+    sets: Vec<LaneSets>,
+    since: Vec<SinceGreen>,
+    /// The green that each light wants until the next decision.
+    wanted: Vec<usize>,
+    dice: Vec<Dice>,
+    second: u32,
+}
+
+/// What the parameters say.
+#[derive(Clone)]
+pub(super) struct Choices {
+    model: Arc<AnyLight>,
+    every: u32,
+    selection: Selection,
+}
+
+impl Choices {
+    pub(super) fn of(arguments: &mut Arguments<'_>) -> Result<Choices> {
+        let model = match arguments.take(FILE)? {
+            Some(file) => AnyLight::read(Path::new(file))?,
+            None => AnyLight::shipped()?,
+        };
+        let selection = match arguments.take("choice")? {
+            None | Some("sampled") => Selection::Sampled,
+            Some("greedy") => Selection::Greedy,
+            Some(other) => {
+                return Err(arguments.refuse(format!("choice = {other}: must be sampled or greedy")));
+            }
+        };
+        let every = arguments.steps("every")?.unwrap_or(model.about.decision_s);
+        Ok(Choices { model: Arc::new(model), every, selection })
+    }
+
+    /// Returns a sentence about the lights that are unlike all lights of the training, if there are some.
+    pub(super) fn warning(&self, plans: &[AgentPlan]) -> Option<String> {
+        let unlike = plans.iter().filter_map(|plan| Some((plan, self.model.unlike(plan)?)));
+        let unlike: Vec<String> = unlike.map(|(plan, how)| format!("{} ({how})", Printable(&plan.light))).collect();
+        let more = unlike.len().saturating_sub(MOST_NAMES);
+        let more = if more > 0 { format!(" and {more} more") } else { String::new() };
+        (!unlike.is_empty()).then(|| {
+            format!(
+                "{ANY_LIGHT} was trained on no light like {}{more}: compare its delay there with that of max-pressure",
+                unlike[..unlike.len().min(MOST_NAMES)].join(", ")
+            )
+        })
+    }
+
+    /// Makes a controller of these lights.
+    pub(super) fn controller(&self, plans: &[AgentPlan]) -> AnyLightController {
+        let sets = lane_sets::of_lights(plans, self.model.about.seen_m);
+        let room = sets.first().map_or_else(|| lane_sets::sets(1, 1), |sets| sets.sets);
+        AnyLightController {
+            network: self.model.network(room),
+            every: self.every,
+            selection: self.selection,
+            sets,
+            since: Vec::new(),
+            wanted: Vec::new(),
+            dice: Vec::new(),
+            second: 0,
+        }
+    }
+}
+
+impl LightController for AnyLightController {
+    fn begin(&mut self, episode: Seed) {
+        let agents = AgentId::all(self.sets.len());
+        self.dice = episode.fork(RandomPurpose::Acting).for_agents(&agents).collect();
+        self.since.clear();
+        self.second = 0;
+    }
+
+    fn act(&mut self, intersections: &Intersections<'_>, targets: &mut [usize]) {
+        if self.second == 0 {
+            self.since = intersections.plans.iter().map(|plan| SinceGreen::begin(plan.greens())).collect();
+        } else {
+            self.since.iter_mut().zip(intersections.shown).for_each(|(since, &shown)| since.note(shown));
+        }
+        if self.second.is_multiple_of(self.every) {
+            self.wanted = self.decide(intersections);
+        }
+        targets.copy_from_slice(&self.wanted);
+        self.second += 1;
+    }
+}
+
+impl AnyLightController {
+    /// Returns the green that each light wants.
+    fn decide(&mut self, intersections: &Intersections<'_>) -> Vec<usize> {
+        let lights = intersections.plans.len();
+        let mut obs = Rows::new(lights, self.network.shape().inputs);
+        for (row, plan) in intersections.plans.iter().enumerate() {
+            let (shown, shown_steps) = (intersections.shown[row], intersections.shown_steps[row]);
+            let [cars, exits] = [intersections.approaches, intersections.exits].map(|lanes| lanes.at(row));
+            let seen = Seen { cars, exits, shown, shown_steps, since: &self.since[row] };
+            self.sets[row].observe(plan, &seen, obs.row_mut(row));
+        }
+        let scores = self.network.step(&obs, &mut self.network.states(lights));
+        let mut log_probs = Vec::new();
+        let choose = |(row, (scores, dice)): (usize, (&[f32], &mut Dice))| {
+            let greens = intersections.plans[row].greens();
+            let allowed = |green: usize| intersections.allows(row, green);
+            let scores = scores[..greens].iter().enumerate();
+            let scores: Vec<f32> =
+                scores.map(|(green, &score)| if allowed(green) { score } else { f32::NEG_INFINITY }).collect();
+            log_probs.resize(greens, 0.0);
+            sampling::log_softmax(&scores, &mut log_probs);
+            usize::from(match self.selection {
+                Selection::Sampled => sampling::draw(&log_probs, dice),
+                Selection::Greedy => sampling::most_probable(&log_probs),
+            })
+        };
+        scores.iter().zip(&mut self.dice).enumerate().map(choose).collect()
+    }
+}

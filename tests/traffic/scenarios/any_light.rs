@@ -1,0 +1,176 @@
+//! One policy for any light: as a controller, as a file, and on networks that are the same in other words.
+
+use std::fs;
+use std::path::Path;
+
+use dials_core::base::Seed;
+use dials_core::domain::Domain;
+
+use super::play::{dials_traffic, json, opened, shipped};
+
+/// Settings of a run whose policy fits any light, on ten minutes of the town.
+const OF_ANY: [&str; 8] = [
+    "traffic.observation=lanes",
+    "traffic.end_s=600",
+    "policy.share=kind",
+    "policy.separate_critic=false",
+    "policy.hidden=[8,8]",
+    "total_steps=240",
+    "evaluation.every_steps=240",
+    "evaluation.final_episodes=1",
+];
+
+type Change = fn(&str) -> String;
+
+/// Plays an episode. Returns the returns of all lights by their names, and the mean delay in seconds.
+fn played(scenario: &Path, controller: &str) -> (Vec<(String, f64)>, f64) {
+    let traffic = opened(scenario, 900);
+    let mut baseline = traffic.baseline(controller).unwrap();
+    let gs = &mut *baseline.simulator;
+    gs.measure_in_full().unwrap();
+    gs.reset(Seed::new(5)).unwrap();
+    let mut returns = vec![0.0; traffic.agents()];
+    for _ in 0..traffic.kinds().horizon() {
+        let rewards = &gs.step(&vec![0; traffic.agents()]).unwrap().rewards;
+        returns.iter_mut().zip(rewards).for_each(|(sum, &reward)| *sum += f64::from(reward));
+    }
+    let measures = gs.measures().unwrap();
+    let delay_s = measures.system.iter().find(|(name, _)| name == "delay_s").unwrap().1;
+    let names = traffic.plans().iter().map(|plan| plan.light.clone());
+    let mut returns: Vec<(String, f64)> = names.zip(returns).collect();
+    returns.sort_by(|one, other| one.0.cmp(&other.0));
+    (returns, delay_s)
+}
+
+/// Returns a text with the values of an XML attribute changed.
+fn with_attribute(text: &str, name: &str, change: impl Fn(&str) -> String) -> String {
+    let attribute = format!(" {name}=\"");
+    let mut parts = text.split(&attribute);
+    let first = parts.next().unwrap().to_owned();
+    parts.fold(first, |text, part| {
+        let (value, rest) = part.split_once('"').unwrap();
+        format!("{text}{attribute}{}\"{rest}", change(value))
+    })
+}
+
+/// Returns the net with all programs in the opposite order.
+fn reordered(net: &str) -> String {
+    let begin = net.find("<tlLogic").unwrap();
+    let end = net.rfind("</tlLogic>").unwrap() + "</tlLogic>".len();
+    let mut programs: Vec<&str> = net[begin..end].split_inclusive("</tlLogic>").map(str::trim).collect();
+    programs.reverse();
+    format!("{}{}{}", &net[..begin], programs.join("\n"), &net[end..])
+}
+
+/// Returns the net with other names of its lights, in another order of the alphabet.
+fn renamed(net: &str) -> String {
+    let new_name = |name: &str| name.chars().rev().collect::<String>() + "_light";
+    let net = with_attribute(net, "tl", new_name);
+    let mut parts = net.split("<tlLogic id=\"");
+    let first = parts.next().unwrap().to_owned();
+    parts.fold(first, |text, part| {
+        let (name, rest) = part.split_once('"').unwrap();
+        format!("{text}<tlLogic id=\"{}\"{rest}", new_name(name))
+    })
+}
+
+/// Returns the net turned to the left by a right angle.
+fn rotated(net: &str) -> String {
+    let minus = |number: &str| number.strip_prefix('-').map_or_else(|| format!("-{number}"), str::to_owned);
+    let turned = |points: &str| {
+        let points = points.split_whitespace().map(|point| {
+            let (x, y) = point.split_once(',').unwrap();
+            format!("{},{x}", minus(y))
+        });
+        points.collect::<Vec<_>>().join(" ")
+    };
+    let net = with_attribute(net, "shape", turned);
+    let net = net.replace(" x=\"", " old_x=\"").replace(" y=\"", " x=\"").replace(" old_x=\"", " y=\"");
+    with_attribute(&net, "x", minus)
+}
+
+#[test]
+fn networks_that_are_reordered_renamed_or_rotated_give_the_same_delay_to_the_last_digit() {
+    let town = shipped("town");
+    let folder = town.parent().unwrap();
+    let controller = "any-light:choice=greedy";
+    let (returns, delay_s) = played(&town, controller);
+    let changes: [(&str, Change); 3] = [("reordered", reordered), ("renamed", renamed), ("rotated", rotated)];
+    let net = fs::read_to_string(folder.join("town.net.xml")).unwrap();
+    for (name, change) in changes {
+        let dir = tempfile::tempdir().unwrap();
+        for file in ["town.rou.xml", "town.sumocfg"] {
+            fs::copy(folder.join(file), dir.path().join(file)).unwrap();
+        }
+        let changed = change(&net);
+        assert_ne!(changed, net);
+        fs::write(dir.path().join("town.net.xml"), changed).unwrap();
+        let (found, found_delay_s) = played(&dir.path().join("town.sumocfg"), controller);
+        assert_eq!(found_delay_s, delay_s, "{name}");
+        if name == "renamed" {
+            assert_ne!(found[0].0, returns[0].0);
+        } else {
+            assert_eq!(found, returns, "{name}");
+        }
+    }
+    assert_ne!(played(&town, "max-pressure").1, delay_s);
+}
+
+#[test]
+fn a_run_becomes_a_file_that_plays_like_it_and_from_which_others_start() {
+    let dir = tempfile::tempdir().unwrap();
+    let (run, file) = (dir.path().join("run"), dir.path().join("any.safetensors"));
+    let config = shipped("town").with_extension("sumocfg");
+    let settings = OF_ANY.iter().flat_map(|setting| ["--set", setting]);
+    let mut train = dials_traffic();
+    train.arg("train").arg(&config).args(settings).arg("--out").arg(&run).arg("--quiet").assert().success();
+    dials_traffic().arg("export").arg(&run).arg("--out").arg(&file).assert().success();
+
+    let delay = |command: &[&str]| {
+        let options = ["--episodes", "1", "--greedy", "--json"];
+        let output = dials_traffic().args(command).args(options).assert().success();
+        json(&output.get_output().stdout)["delay_s"].as_f64().unwrap()
+    };
+    let short = dir.path().join("short.toml");
+    fs::write(&short, format!("[traffic]\nscenario = '{}'\nend_s = 600\n", config.display())).unwrap();
+    let [run, file, short] = [&run, &file, &short].map(|path| path.to_str().unwrap());
+    let of_run = delay(&["evaluate", run]);
+    assert_eq!(delay(&["evaluate", file, "--on", short]), of_run);
+
+    let error = |command: &[&str]| {
+        let output = dials_traffic().args(command).assert().code(2);
+        String::from_utf8_lossy(&output.get_output().stderr).replace(dir.path().to_str().unwrap(), "DIR")
+    };
+    assert!(error(&["evaluate", run, "--on", short]).contains("DIR/run: is a run directory; `export` writes"));
+    let policies = format!("{run}/policies.safetensors");
+    assert!(error(&["evaluate", &policies, "--on", short]).contains("holds no policy for any light"));
+    assert!(error(&["evaluate", "nothing.safetensors", "--on", short]).contains("nothing.safetensors: cannot be read"));
+}
+
+#[test]
+fn a_run_starts_from_the_policy_of_this_program() {
+    let dir = tempfile::tempdir().unwrap();
+    let (run, short) = (dir.path().join("run"), dir.path().join("short.toml"));
+    fs::write(&short, format!("[traffic]\nscenario = '{}'\nend_s = 600\n", shipped("town").display())).unwrap();
+    let start = |hidden: &str| {
+        let settings = OF_ANY.iter().filter(|setting| !setting.starts_with("policy.hidden"));
+        let settings = settings.copied().chain([hidden, "policy.start=any-light", "evaluation.episodes=1"]);
+        let mut train = dials_traffic();
+        train.arg("train").arg(&short).args(settings.flat_map(|setting| ["--set", setting]));
+        train.arg("--out").arg(&run).arg("--quiet").assert()
+    };
+    let refused = start("policy.hidden=[8,8]").code(2);
+    let why = String::from_utf8_lossy(&refused.get_output().stderr).into_owned();
+    assert!(why.contains("that is another network; set traffic.observation = \"lanes\""), "{why}");
+    start("policy.hidden=[64,64]").success();
+    let returns = fs::read_to_string(run.join("returns.csv")).unwrap();
+    let at_the_beginning = returns.lines().find_map(|line| line.strip_prefix("0,all,")).unwrap();
+    let as_controller = dials_traffic()
+        .arg("baseline")
+        .arg(&short)
+        .args(["--controller", "any-light", "--episodes", "1", "--json"])
+        .assert()
+        .success();
+    let mean = json(&as_controller.get_output().stdout)["mean_return"].as_f64().unwrap();
+    assert_eq!(at_the_beginning.split(',').next().unwrap(), format!("{mean:.4}"));
+}
