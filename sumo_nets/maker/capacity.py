@@ -31,6 +31,17 @@ def movements(net):
     return found
 
 
+def broken(net):
+    """Returns the lights that have no choice between greens, or no green for one of their links."""
+    states, turns = greens(net), movements(net)
+
+    def served(light):
+        indices = [index for links in turns.get(light, {}).values() for index, _, _ in links]
+        return all(any(state[index] in "Gg" for state in states[light]) for index in indices)
+
+    return [light for light in states if len(states[light]) < 2 or not served(light)]
+
+
 def most(states, turns, cars):
     """Returns by which factor the demand of a light may grow until it needs all greens all the time.
 
