@@ -6,6 +6,9 @@ Without DIRECTORY the files beside this script are replaced.
 
 `python3 sumo_nets/make.py towns [--junctions N] [--seed S] DIRECTORY` makes a scenario of about N lights on islands that
 differ in all, to train policies for any light. Another seed gives other islands.
+
+`python3 sumo_nets/make.py city [--lights N] [--seed S] DIRECTORY` makes a city of N lights, with a peak of demand and buses.
+Another seed gives another city. A city of 300 lights takes a minute.
 """
 
 import argparse
@@ -14,7 +17,7 @@ from pathlib import Path
 
 sys.dont_write_bytecode = True  # no __pycache__ beside the makers
 
-from maker import arterial, grid_4x4_turns, town, towns  # noqa: E402
+from maker import arterial, city, grid_4x4_turns, town, towns  # noqa: E402
 
 
 def shipped(arguments):
@@ -23,6 +26,7 @@ def shipped(arguments):
     target = parser.parse_args(arguments).directory
     for scenario in [grid_4x4_turns, town, arterial]:
         scenario.make(target / scenario.__name__.rsplit(".", 1)[-1])
+    city.make(target / "city_60", 60, 1, "city_60")
 
 
 def drawn(maker, about, number_option, number, arguments):
@@ -33,11 +37,13 @@ def drawn(maker, about, number_option, number, arguments):
     parsed = parser.parse_args(arguments)
     if parsed.lights < 1:
         parser.error(f"{number_option} must be at least 1")
-    maker.make(parsed.directory, parsed.lights, parsed.seed)
+    print(maker.make(parsed.directory, parsed.lights, parsed.seed))
 
 
 if __name__ == "__main__":
     if sys.argv[1:2] == ["towns"]:
         drawn(towns, "Makes many islands of lights side by side.", "--junctions", 40, sys.argv[2:])
+    elif sys.argv[1:2] == ["city"]:
+        drawn(city, "Makes a city of streets of all kinds.", "--lights", 300, sys.argv[2:])
     else:
         shipped(sys.argv[1:])

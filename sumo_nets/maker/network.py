@@ -19,7 +19,7 @@ def element(name, attributes, content=None):
     opening = " ".join([name] + [f"{key}={quoteattr(str(value))}" for key, value in attributes.items()])
     if content is None:
         return f"<{opening}/>"
-    inner = "".join(f"    {line}\n" for line in content)
+    inner = "".join("    " + line.replace("\n", "\n    ") + "\n" for line in content)
     return f"<{opening}>\n{inner}</{name}>"
 
 

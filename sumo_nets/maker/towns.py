@@ -156,7 +156,7 @@ def traffic(island, net, dice):
 
 
 def make(folder, lights, seed, name="towns"):
-    """Writes a scenario of about `lights` lights. Another seed gives other islands."""
+    """Writes a scenario of `lights` lights, and returns its .sumocfg. Another seed gives other islands."""
     dice, nets, rows, flows = Dice(seed), [], types("car", "truck"), []
     shelves = Shelves(600 * lights ** 0.5)
     for number, (kind, count) in enumerate(plan(lights, dice)):
@@ -166,4 +166,4 @@ def make(folder, lights, seed, name="towns"):
         flows += cars
         nets.append(net)
     flows.sort(key=lambda pair: pair[0])
-    write(folder, name, side_by_side(nets), rows + [text for _, text in flows])
+    return write(folder, name, side_by_side(nets), rows + [text for _, text in flows])
