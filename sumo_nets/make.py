@@ -29,21 +29,21 @@ def shipped(arguments):
     city.make(target / "city_60", 60, 1, "city_60")
 
 
-def drawn(maker, about, number_option, number, arguments):
+def drawn(maker, about, number_option, number, least, arguments):
     parser = argparse.ArgumentParser(prog=f"make.py {maker.__name__.rsplit('.', 1)[-1]}", description=about)
     parser.add_argument(number_option, dest="lights", type=int, default=number, help="number of lights, about")
     parser.add_argument("--seed", type=int, default=1, help="another seed gives another scenario")
     parser.add_argument("directory", type=Path)
     parsed = parser.parse_args(arguments)
-    if parsed.lights < 1:
-        parser.error(f"{number_option} must be at least 1")
+    if parsed.lights < least:
+        parser.error(f"{number_option} must be at least {least}")
     print(maker.make(parsed.directory, parsed.lights, parsed.seed))
 
 
 if __name__ == "__main__":
     if sys.argv[1:2] == ["towns"]:
-        drawn(towns, "Makes many islands of lights side by side.", "--junctions", 40, sys.argv[2:])
+        drawn(towns, "Makes many islands of lights side by side.", "--junctions", 40, 1, sys.argv[2:])
     elif sys.argv[1:2] == ["city"]:
-        drawn(city, "Makes a city of streets of all kinds.", "--lights", 300, sys.argv[2:])
+        drawn(city, "Makes a city of streets of all kinds.", "--lights", 300, 20, sys.argv[2:])
     else:
         shipped(sys.argv[1:])

@@ -1,5 +1,7 @@
 """Bus lines of a city, both ways through it, with stops and a timetable."""
 
+from math import atan2
+
 from .network import element
 from .traffic import route, vehicle
 
@@ -8,13 +10,15 @@ EVERY_S = 600
 STOP_S = 15  # least time at a stop
 STOP_M, STOPS_APART_M = 15, 250  # length of a stop, and least way between two
 LATE = 1.15  # how long a bus has by the timetable, as a share of the fastest drive
-DETOUR = 3  # how much buses avoid streets of one lane
+DETOUR = 3  # how much buses avoid streets of one lane and the ring road
 
 
 def lines(city, ways, count):
     """Returns the ways of the buses, from one end of the city to the other and back."""
-    slow = {part: DETOUR for edge, _, _, lanes in city.edges() if lanes == 1 for part in (edge, f"{edge}_turn")}
+    slow = {part: DETOUR for edge, _, kind, lanes in city.edges() if lanes == 1 or kind == "ring"
+            for part in (edge, f"{edge}_turn")}
     wide = [corner for corner in city.plan.outside if city.lanes(corner, city.plan.arms[corner][0]) > 1]
+    wide.sort(key=lambda corner: atan2(*city.plan.places[corner]))
     found = []
     for number in range(count):
         start = wide[number * len(wide) // (2 * count)]

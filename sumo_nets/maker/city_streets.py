@@ -26,14 +26,15 @@ class City:
     def candidates(self):
         """Returns corners that may have a light, or pairs that share one: most important first."""
         plan, found, taken = self.plan, [], set()
-        for corner, arms in enumerate(plan.arms):
-            if corner in taken or not self._weight(corner):
-                continue
-            near = [other for other in arms if plan.distance(corner, other) < JOINED_M
-                    and other not in taken and self._weight(other)]
-            found.append((corner, *near[:1]))
-            taken.update(found[-1])
-        return sorted(found, key=lambda corners: max(self._weight(corner) for corner in corners), reverse=True)
+        by_weight = sorted((corner for corner in range(len(plan.arms)) if self._weight(corner)),
+                           key=self._weight, reverse=True)
+        for corner in by_weight:
+            if corner not in taken:
+                near = [other for other in plan.arms[corner] if plan.distance(corner, other) < JOINED_M
+                        and other not in taken and len(plan.arms[other]) > 2]
+                found.append((corner, *near[:1]))
+                taken.update(found[-1])
+        return found
 
     def _weight(self, corner):
         """Returns how much a corner needs a light, by its second most important street. None: not at all."""

@@ -52,7 +52,7 @@ def distance(one, other):
 
 
 def choose_goal(start, starts, goals, dice):
-    """Returns a goal for a start: outside anywhere, and within the city rather near than far."""
+    """Returns a goal for a start, or None: outside anywhere, and within the city rather near than far."""
     begins, place = starts.kinds[start], starts.places[start]
     ends = "out" if dice.next() < GOES_OUT[begins] else "in"
     weights = {}
@@ -60,7 +60,7 @@ def choose_goal(start, starts, goals, dice):
         metres = distance(place, goals.places[goal])
         if metres > LEAST_M:
             weights[goal] = weight if ends == "out" else weight * exp(-metres / FAR_M)
-    return f"{begins}_{ends}", dice.choose(weights)
+    return f"{begins}_{ends}", dice.choose(weights) if weights else None
 
 
 def rooms(net, city):
@@ -91,11 +91,10 @@ def journeys(city, net, ways, lights, dice):
             if (number + order[start]) % (ROUTES["out"] // routes):
                 continue
             kind, goal = choose_goal(start, starts, goals, dice)
-            way = ways.fastest(start, goal, slower)
-            if way is None:
-                continue
-            found.append([start, kind, way, rate / routes])
-            for edge in way:
+            way = ways.fastest(start, goal, slower) if goal else None
+            if way:
+                found.append([start, kind, way, rate / routes])
+            for edge in way or []:
                 loads[edge] = loads.get(edge, 0) + rate / routes
     return found
 
