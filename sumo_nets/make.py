@@ -4,11 +4,11 @@
 `python3 sumo_nets/make.py [DIRECTORY]` makes the scenarios of this directory again. The same bytes come out every time.
 Without DIRECTORY the files beside this script are replaced.
 
-`python3 sumo_nets/make.py towns [--junctions N] [--seed S] DIRECTORY` makes a scenario of about N lights on islands that
+`python3 sumo_nets/make.py towns [--junctions N] [--seed S] DIRECTORY` makes a scenario of N lights on islands that
 differ in all, to train policies for any light. Another seed gives other islands.
 
-`python3 sumo_nets/make.py city [--lights N] [--seed S] DIRECTORY` makes a city of N lights, with a peak of demand and buses.
-Another seed gives another city. A city of 300 lights takes a minute.
+`python3 sumo_nets/make.py city [--lights N] [--seed S] DIRECTORY` makes a city of N lights with buses, for a
+peak of an hour and a half. Another seed gives another city. A city of 300 lights takes a minute.
 """
 
 import argparse

@@ -31,7 +31,7 @@ def lines(city, ways, count):
 
 
 def stops_of(way, ways, city):
-    """Returns `(edge, seconds from the start)` of the stops of a line: on streets with several lanes, behind a corner."""
+    """Returns `(edge, seconds from the start)` of the stops of a line: on wide streets, behind a corner."""
     lanes = {edge: count for edge, _, _, count in city.edges()}
     found, seconds, metres = [], 0.0, 0.0
     for edge, following in zip(way, way[1:]):
@@ -55,7 +55,7 @@ def buses(city, ways, lights, dice, end_s):
             stops[edge] = element("busStop", {"id": f"stop_{edge}", "lane": f"{edge}_0", "startPos": 2 * STOP_M,
                                               "endPos": 3 * STOP_M})
         for depart_s in range(int(dice.between(0, EVERY_S)), end_s - EVERY_S, EVERY_S):
-            times = [element("stop", {"busStop": f"stop_{edge}", "duration": STOP_S, "until": depart_s + seconds + STOP_S})
-                     for edge, seconds in calls]
+            times = [element("stop", {"busStop": f"stop_{edge}", "duration": STOP_S,
+                                      "until": depart_s + seconds + STOP_S}) for edge, seconds in calls]
             rows.append((depart_s, vehicle(f"bus{number}_{depart_s}", "bus", f"line{number}", depart_s, times)))
     return list(stops.values()), routes, rows

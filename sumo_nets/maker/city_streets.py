@@ -54,7 +54,8 @@ class City:
             if kind in ONE_WAY:
                 lines.setdefault((line, kind), []).append((one, other))
         for (_, kind), streets in lines.items():
-            if self.dice.next() < ONE_WAY[kind] and not any(end in self.plan.outside for pair in streets for end in pair):
+            drawn = self.dice.next() < ONE_WAY[kind]
+            if drawn and not any(end in self.plan.outside for street in streets for end in street):
                 self._try(self.closed, self._against(streets))
         for corner, arms in enumerate(self.plan.arms):
             if corner not in lit and len(self._through(corner)) == 2 < len(arms):
@@ -103,7 +104,8 @@ class City:
         return self._turn(start, corner, goal) < 0 and (start in through) != (goal in through)
 
     def directions(self):
-        return [way for one, other in self.plan.streets for way in ((one, other), (other, one)) if way not in self.closed]
+        both = [way for one, other in self.plan.streets for way in ((one, other), (other, one))]
+        return [way for way in both if way not in self.closed]
 
     def _connected(self):
         """Says whether every street can be reached from every other one, but for those that leave the city."""

@@ -1,4 +1,4 @@
-"""The traffic of a city: a peak of an hour and a half, with goals in the centre and outside, and buses by a timetable."""
+"""The traffic of a city: a peak of an hour and a half, with goals in the centre and outside, and with buses."""
 
 from math import exp
 
@@ -164,5 +164,5 @@ def traffic(city, net, dice):
     stops, bus_routes, bus_rows = buses(city, ways, lights, dice, END_S)
     timed = sorted([*cars, *bus_rows], key=lambda row: row[0])
     routes = [route(name, way) for way, name in names.items()]
-    return [*types("car", "truck", "bus"), mix("mix", {"car": 1 - TRUCKS, "truck": TRUCKS}), *routes, *bus_routes, *rows,
-            *[text for _, text in timed]], stops, needed
+    kinds = [*types("car", "truck", "bus"), mix("mix", {"car": 1 - TRUCKS, "truck": TRUCKS})]
+    return [*kinds, *routes, *bus_routes, *rows, *[text for _, text in timed]], stops, needed

@@ -82,7 +82,7 @@ def any_route(name, weights):
 
 
 def write(folder, name, net, rows, stops=None, end_s=END_S):
-    """Writes NAME.net.xml, NAME.rou.xml, NAME.add.xml if there are bus stops, and NAME.sumocfg. Returns the last one."""
+    """Writes the net, the routes, bus stops if there are some, and NAME.sumocfg. Returns the path of the last one."""
     folder.mkdir(parents=True, exist_ok=True)
     more = {"additional-files": f"{name}.add.xml"} if stops else {}
     settings = {
