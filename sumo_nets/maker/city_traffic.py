@@ -15,10 +15,10 @@ SHAPE = [0.4, 0.55, 0.75, 0.95, 1, 0.9, 0.65, 0.45, 0.25]
 # Journeys from outside or from within the city, to outside or to within: first and last share of the mean.
 # People drive into the city first, and out of it later.
 CHANGE = {"out_out": (1, 1), "out_in": (1.4, 0.6), "in_out": (0.5, 1.5), "in_in": (1, 1)}
-PARTS = 3  # how often the shares change
+PARTS = 3  # parts of the time with shares of their own
 GOES_OUT = {"out": 0.4, "in": 0.45}  # share of the journeys that end outside, by where they begin
-CARS_PER_LIGHT_H = 130  # that want to drive at the peak, and how many of them begin outside
-FROM_OUTSIDE = 0.55
+CARS_PER_LIGHT_H = 130  # that want to drive at the peak
+FROM_OUTSIDE = 0.55  # share of them that begin outside
 ROUTES = {"out": 24, "in": 4}  # different routes by where they begin; the second divides the first
 CENTRE = 0.45  # how far from the centre goals are, as a share of the city's radius
 FAR_M = 1800  # how far most people drive within the city
@@ -35,11 +35,11 @@ ROUNDS = 8  # in which those stay at home who would make a light too full
 class Ends:
     """Edges where journeys begin, or end if they are `leaving`: outside, and in the minor streets within."""
 
-    def __init__(self, city, net, leaving):
+    def __init__(self, city, leaving):
         self.kinds, self.places, self.weights = {}, {}, {"out": {}, "in": {}}
         for edge, (start, end), kind, lanes in city.edges():
-            where = "out" if (end if leaving else start) in city.plan.outside else "in"
             corner = end if leaving else start
+            where = "out" if corner in city.plan.outside else "in"
             if where == "in" and kind != "minor":
                 continue
             self.kinds[edge], self.places[edge] = where, city.plan.places[corner]
@@ -76,7 +76,7 @@ def rooms(net, city):
 
 def journeys(city, net, ways, lights, dice):
     """Returns `[start, kind of journey, edges, cars an hour]`, in rounds: in each one, people avoid full streets."""
-    starts, goals = Ends(city, net, False), Ends(city, net, True)
+    starts, goals = Ends(city, leaving=False), Ends(city, leaving=True)
     room, loads, found = rooms(net, city), {}, []
     rates = {}
     for where, share in (("out", FROM_OUTSIDE), ("in", 1 - FROM_OUTSIDE)):

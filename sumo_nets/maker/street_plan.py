@@ -16,6 +16,7 @@ TRIES = 30
 TURNED_DEGREES = 9  # how far a cut is off the short way through a block
 APART_DEGREES = 52  # least angle between two arms of a corner
 SHORTEST_M = 72  # least distance between two corners
+NEAR = 0.28  # how near to a corner a cut goes on there, as a share of the width of its block
 STAGGERED, STAGGER_M = 0.3, 34  # share of the crossings whose arms are a little apart, and how far
 OUTSIDE_M = (170, 260)  # length of the streets that leave the city
 WAYS_OUT = 0.35  # share of the collectors that leave it
@@ -114,7 +115,7 @@ class StreetPlan:
         length = self.distance(one, other)
         near, far = (one, other) if share < 0.5 else (other, one)
         metres = min(share, 1 - share) * length
-        if metres < 0.28 * width_m and len(self.arms[near]) == 3 and not self._has_arm_within(near, block):
+        if metres < NEAR * width_m and len(self.arms[near]) == 3 and not self._bends(near, block):
             if length > SHORTEST_M + STAGGER_M and self.dice.next() < STAGGERED:
                 metres = STAGGER_M
             else:
@@ -126,14 +127,14 @@ class StreetPlan:
         (x, y), (x0, y0) = self.places[near], self.places[far]
         return one, other, (x + metres / length * (x0 - x), y + metres / length * (y0 - y))
 
-    def _has_arm_within(self, corner, block):
-        """Says whether a corner is one where the block itself turns, so that no street comes from the other side."""
+    def _bends(self, corner, block):
+        """Says whether the side of a block bends at a corner. Elsewhere its third arm comes from the other side."""
         number = block.index(corner)
         before, after = block[number - 1], block[(number + 1) % len(block)]
         return 180 - between(self.places[before], self.places[corner], self.places[after]) > 40
 
     def _good(self, block, start, end):
-        """Says whether a cut leaves two blocks of a fair size and no sharp angles."""
+        """Says whether a cut is long enough and has no sharp angles at its ends."""
         ends = [self.places[end] if isinstance(end, int) else end[2] for end in (start, end)]
         for (here, there), cut_end in zip([ends, ends[::-1]], (start, end)):
             neighbours = self.arms[cut_end] if isinstance(cut_end, int) else cut_end[:2]
