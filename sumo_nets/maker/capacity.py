@@ -31,11 +31,28 @@ def movements(net):
     return found
 
 
-def most(states, turns, cars):
-    """Returns by which factor the demand of a light may grow until it needs all greens all the time.
+def broken(net):
+    """Returns the lights that have no choice between greens, or no green for one of their links."""
+    states, turns = greens(net), movements(net)
 
-    `cars` are cars an hour by pair of edges. They spread evenly over the lanes that lead there. The green that serves
-    the longest queues is on, step by step, until the cars of an hour are gone.
+    def served(light):
+        indices = [index for links in turns.get(light, {}).values() for index, _, _ in links]
+        return all(any(state[index] in "Gg" for state in states[light]) for index in indices)
+
+    return [light for light in states if len(states[light]) < 2 or not served(light)]
+
+
+def most(states, turns, cars):
+    """Returns by which factor the demand of a light may grow until it needs all greens all the time."""
+    hours = sum(part for _, part in needs(states, turns, cars))
+    return (1 - LOST) / hours if hours else float("inf")
+
+
+def needs(states, turns, cars):
+    """Yields greens and how long each is needed to serve the cars of an hour: `(state, hours)`, in small steps.
+
+    `cars` are cars an hour by pair of edges. They spread evenly over the lanes that lead there. In every step, the
+    green is on that serves the longest queues.
     """
     loads = {}  # share of an hour that a lane needs green for a pair, by lane
     for pair, rate in cars.items():
@@ -43,7 +60,7 @@ def most(states, turns, cars):
             need = rate / len(turns[pair]) / PER_LANE_H[direction]
             loads.setdefault((pair[0], lane), []).append((index, need))
     if not loads:
-        return float("inf")
+        return
     left = {lane: sum(need for _, need in links) for lane, links in loads.items()}
     # How fast every green serves a lane: as fast as its slowest link, or the share of the links that go.
     speeds = {}
@@ -51,11 +68,10 @@ def most(states, turns, cars):
         speeds[lane] = [min(SPEED.get(state[index], 0) for index, _ in links) for state in states]
         if not any(speeds[lane]):
             speeds[lane] = [sum(need for index, need in links if state[index] in "Gg") / left[lane] for state in states]
-    step, hours = max(left.values()) / STEPS, 0.0
+    step = max(left.values()) / STEPS
     while any(need > 0 for need in left.values()):
         served = [{lane: min(speeds[lane][green] * step, need) for lane, need in left.items()}
                   for green in range(len(states))]
         best = max(range(len(states)), key=lambda green: sum(left[lane] * part for lane, part in served[green].items()))
-        hours += max(part / speeds[lane][best] for lane, part in served[best].items() if part > 0)
+        yield states[best], max(part / speeds[lane][best] for lane, part in served[best].items() if part > 0)
         left = {lane: need - served[best][lane] for lane, need in left.items()}
-    return (1 - LOST) / hours

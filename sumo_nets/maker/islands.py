@@ -15,10 +15,10 @@ MAIN, SIDE = 3, 1  # priorities of streets
 
 
 class Island:
-    """Roads with arms that end outside. `name` begins the ids of everything on it."""
+    """Roads with arms that end outside. `name` begins the ids of everything on it; `count` is its number of lights."""
 
-    def __init__(self, name, dice):
-        self.name, self.dice = name, dice
+    def __init__(self, name, count, dice):
+        self.name, self.count, self.dice = name, count, dice
         self.roads = Roads()
         self.outside = []  # (end of an arm, whether it is a side street)
         self.joined = False  # whether two junctions share a light
@@ -122,14 +122,14 @@ def distance(p, a, b):
 
 
 def lanes(dice, most=4):
-    """Returns the lanes of a street in both directions; they mostly are the same."""
+    """Returns the lanes of a street in both directions. Mostly both have the same number."""
     towards = min(most, dice.choose(LANES))
     back = max(1, min(most, towards + dice.choose({0: 6, 1: 2, -1: 2})))
     return towards, back
 
 
 def add_arms(island, light, angles, one_way=0.15, slow=0.12):
-    """Adds arms to a light; some are one-way, but at least two lead in and two lead out unless streets do it."""
+    """Adds arms to a light. All but two of them may be one-way. `one_way` and `slow` are probabilities."""
     dice, speed = island.dice, island.dice.choose(SPEEDS_MPS)
     spare = len(angles) - 2  # arms that may be one-way
     for angle in angles:
@@ -141,7 +141,7 @@ def add_arms(island, light, angles, one_way=0.15, slow=0.12):
         island.arm(light, angle, lanes_in, lanes_out, own_speed, lanes_out > 0 and dice.next() < slow)
 
 
-def single(island, _lights):
+def single(island):
     """One light with 3 to 6 arms at odd angles."""
     dice = island.dice
     count = dice.choose({3: 3, 4: 5, 5: 2, 6: 1})
@@ -150,7 +150,7 @@ def single(island, _lights):
     add_arms(island, island.light("a", 0, 0), angles)
 
 
-def joined(island, _lights):
+def joined(island):
     """Two junctions near each other that share one light."""
     dice, turned = island.dice, island.dice.between(0, 360)
     apart = dice.between(26, 45)
@@ -163,11 +163,11 @@ def joined(island, _lights):
         add_arms(island, light, [turned + angle + dice.between(-20, 20) for angle in (along, *sides)], 0.05, 0.05)
 
 
-def arterial(island, count):
+def arterial(island):
     """A main street with 2 to 4 lights, with side roads at each."""
     dice, turned = island.dice, island.dice.between(0, 360)
     along, nodes = 0, []
-    for number in range(count):
+    for number in range(island.count):
         aside = dice.between(-18, 18)
         x = along * cos(radians(turned)) - aside * sin(radians(turned))
         y = along * sin(radians(turned)) + aside * cos(radians(turned))
@@ -186,13 +186,13 @@ def arterial(island, count):
     island.arm(nodes[-1], turned, back, towards, speed, dice.next() < 0.1)
 
 
-def grid(island, count):
+def grid(island):
     """An irregular grid of 4 to 6 lights; a street goes out wherever no neighbour is."""
     dice, turned = island.dice, island.dice.between(0, 360)
     columns = [0, dice.between(110, 260)]
     columns.append(columns[1] + dice.between(110, 260))
     rows = [0, dice.between(110, 260)]
-    cells = [(0, 0), (0, 1), (1, 0), (1, 1), (2, 0), (2, 1)][:count]
+    cells = [(0, 0), (0, 1), (1, 0), (1, 1), (2, 0), (2, 1)][:island.count]
     nodes = {}
     for number, (column, row) in enumerate(cells):
         x, y = columns[column] + dice.between(-22, 22), rows[row] + dice.between(-22, 22)

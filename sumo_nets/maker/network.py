@@ -19,22 +19,18 @@ def element(name, attributes, content=None):
     opening = " ".join([name] + [f"{key}={quoteattr(str(value))}" for key, value in attributes.items()])
     if content is None:
         return f"<{opening}/>"
-    inner = "".join(f"    {line}\n" for line in content)
+    inner = "".join("    " + line.replace("\n", "\n    ") + "\n" for line in content)
     return f"<{opening}>\n{inner}</{name}>"
 
 
-class Warned(SystemExit):
-    """A program of SUMO failed or warned. Who draws networks at random draws again."""
-
-
 def run(program, *arguments):
-    """Runs a program of SUMO. What it warns of is an error: the scenarios must load without warnings."""
+    """Runs a program of SUMO. A warning is an error, too: the scenarios must load without warnings."""
     # Without SUMO_HOME the programs warn that they use their own tables of road types. None is used here.
     surroundings = {**os.environ, "SUMO_HOME": os.environ.get("SUMO_HOME", "/usr/share/sumo")}
     done = subprocess.run([program, *map(str, arguments)], capture_output=True, text=True, check=False,
                           env=surroundings)
     if done.returncode != 0 or done.stderr.strip():
-        raise Warned(f"{program} failed or warned:\n{done.stderr or done.stdout}")
+        raise SystemExit(f"{program} failed or warned:\n{done.stderr or done.stdout}")
 
 
 class Roads:

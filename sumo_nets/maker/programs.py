@@ -6,6 +6,8 @@ from .network import element
 
 YELLOW_S = 3
 ALL_RED_S = 2
+CYCLE_S, LONGEST_CYCLE_S = {2: 64, 3: 80, 4: 96}, 110  # by number of greens, for `retimed`
+LEAST_GREEN_S = 8
 PROGRAM = re.compile(r"(<tlLogic [^>]*>\n)(.*?)(    </tlLogic>)", re.DOTALL)
 PHASE = re.compile(r'duration="(\d+)"\s+state="(\w+)"')
 
@@ -75,3 +77,27 @@ def with_programs(net, programs):
         net, count = re.subn(pattern, text.replace("\n", "\n    "), net, flags=re.DOTALL)
         assert count == 1, f"{light} has one program"
     return net
+
+
+def retimed(net, needs):
+    """Returns the network with a cycle by the number of greens, and greens by what they are needed for.
+
+    `needs` maps a light to `{state: hours}`. A green that is not in it has the least length.
+    """
+
+    def timed(found):
+        head, rows, tail = found.groups()
+        phases = [[int(seconds), state] for seconds, state in PHASE.findall(rows)]
+        needed = needs.get(re.search('id="([^"]*)"', head)[1], {})
+        weights = {number: needed.get(state, 0) for number, (_, state) in enumerate(phases)
+                   if re.search("[Gg]", state) and "y" not in state}
+        left = CYCLE_S.get(len(weights), LONGEST_CYCLE_S) - LEAST_GREEN_S * len(weights)
+        left -= sum(seconds for number, (seconds, _) in enumerate(phases) if number not in weights)
+        total = sum(weights.values())
+        for number, weight in weights.items():
+            share = weight / total if total else 1 / len(weights)
+            phases[number][0] = LEAST_GREEN_S + round(max(0, left) * share)
+        rows = "".join(f'        <phase duration="{seconds}" state="{state}"/>\n' for seconds, state in phases)
+        return head + rows + tail
+
+    return PROGRAM.sub(timed, net)

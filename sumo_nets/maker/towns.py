@@ -1,6 +1,6 @@
 """Many islands side by side, for one policy that can work any light: roads, programs and traffic all differ."""
 
-from .capacity import greens, most, movements
+from .capacity import broken, greens, most, movements
 from .islands import KINDS, Island
 from .network import side_by_side
 from .programs import with_short_reds
@@ -35,16 +35,6 @@ def options(dice):
     return [f"--{key}={value}" for key, value in drawn.items()]
 
 
-def works(net):
-    """Says whether every light has a choice between greens, and a green for all of its links."""
-    states = greens(net)
-    served = all(
-        any(state[index] in "Gg" for state in states[light])
-        for light, turns in movements(net).items() for links in turns.values() for index, _, _ in links
-    )
-    return served and all(len(found) > 1 for found in states.values())
-
-
 class Shelves:
     """Places for islands, from left to right in rows from bottom to top."""
 
@@ -64,14 +54,14 @@ class Shelves:
 def build(kind, lights, name, shelves, dice):
     """Returns an island and its network at the next free place: the first one drawn whose lights work."""
     while True:
-        island = Island(name, dice)
-        kind(island, lights)
+        island = Island(name, lights, dice)
+        kind(island)
         if island.crosses():
             continue
         size = island.move_to(*shelves.corner())
-        # Warned of are programs that would not please in a real street, such as left turns without a lane.
+        # netconvert warns of what a planner would avoid, such as left turns without a lane. Here it is wanted.
         net = with_short_reds(island.roads.convert("--tls.default-type=static", "--no-warnings", *options(dice)))
-        if works(net):
+        if not broken(net):
             shelves.take(*size)
             return island, net
 
@@ -90,12 +80,15 @@ def plan(count, dice):
 
 
 def arrival_shares(places, dice):
-    """Returns how much every place attracts or sends: main streets by their lanes, side streets little."""
+    """Returns how many cars every entry sends or every exit attracts: main streets by their lanes, side streets few."""
     return {edge: (0.15 if side else lanes) * dice.between(0.3, 1) ** 1.7 for edge, lanes, side in places}
 
 
-def journeys(island, net, dice):
-    """Returns `{(entry, exit): edges}` of all pairs that a way joins, with the places where cars begin and end."""
+def journeys(island, net):
+    """Returns the ways as `{(entry, exit): edges}`, and the entries and the exits.
+
+    Those are `(edge, lanes, whether it is a side street)`.
+    """
     edges, ways = island.roads.edges.values(), Ways(net)
     sides = dict(island.outside)
     starts = [(edge["id"], edge["numLanes"], sides[edge["from"]]) for edge in edges if edge["from"] in sides]
@@ -135,7 +128,7 @@ def capacity(island, net, found, shares):
 
 def traffic(island, net, dice):
     """Returns the routes of an island, and its flows as pairs of a second and a text."""
-    found, starts, goals = journeys(island, net, dice)
+    found, starts, goals = journeys(island, net)
     names = {pair: f"{island.name}_way{number}" for number, pair in enumerate(found)}
     kinds, trucks = f"{island.name}_mix", TRUCKS * dice.next()
     rows = [mix(kinds, {"car": 1 - trucks, "truck": trucks})]
@@ -163,7 +156,7 @@ def traffic(island, net, dice):
 
 
 def make(folder, lights, seed, name="towns"):
-    """Writes a scenario of about `lights` lights. Another seed gives other islands."""
+    """Writes a scenario of `lights` lights, and returns its .sumocfg. Another seed gives other islands."""
     dice, nets, rows, flows = Dice(seed), [], types("car", "truck"), []
     shelves = Shelves(600 * lights ** 0.5)
     for number, (kind, count) in enumerate(plan(lights, dice)):
@@ -173,4 +166,4 @@ def make(folder, lights, seed, name="towns"):
         flows += cars
         nets.append(net)
     flows.sort(key=lambda pair: pair[0])
-    write(folder, name, side_by_side(nets), rows + [text for _, text in flows])
+    return write(folder, name, side_by_side(nets), rows + [text for _, text in flows])

@@ -50,8 +50,9 @@ def route(name, edges):
     return element("route", {"id": name, "edges": " ".join(edges)})
 
 
-def vehicle(name, kind, route_name, depart_s):
-    return element("vehicle", {"id": name, "type": kind, "route": route_name, "depart": depart_s, **ENTRY})
+def vehicle(name, kind, route_name, depart_s, stops=None):
+    attributes = {"id": name, "type": kind, "route": route_name, "depart": depart_s, **ENTRY}
+    return element("vehicle", attributes, stops)
 
 
 def flow(name, kind, route_name, quarter, rate_per_h):
@@ -80,12 +81,13 @@ def any_route(name, weights):
         "probabilities": " ".join(f"{weight / total:.4f}" for weight in weights.values())})
 
 
-def write(folder, name, net, rows):
-    """Writes NAME.net.xml, NAME.rou.xml and NAME.sumocfg."""
+def write(folder, name, net, rows, stops=None, end_s=END_S):
+    """Writes the net, the routes, bus stops if there are some, and NAME.sumocfg. Returns the path of the last one."""
     folder.mkdir(parents=True, exist_ok=True)
+    more = {"additional-files": f"{name}.add.xml"} if stops else {}
     settings = {
-        "input": {"net-file": f"{name}.net.xml", "route-files": f"{name}.rou.xml"},
-        "time": {"begin": 0, "end": END_S},
+        "input": {"net-file": f"{name}.net.xml", "route-files": f"{name}.rou.xml", **more},
+        "time": {"begin": 0, "end": end_s},
         # A car that stands is never taken away: a jam is the fault of the lights and has to count.
         "processing": {"time-to-teleport": -1},
         "report": {"xml-validation": "never"},
@@ -95,7 +97,10 @@ def write(folder, name, net, rows):
         for table, keys in settings.items()
     ]
     files = {"net": net, "rou": XML + element("routes", {}, rows) + "\n"}
+    if stops:
+        files["add"] = XML + element("additional", {}, stops) + "\n"
     for kind, text in files.items():
         (folder / f"{name}.{kind}.xml").write_text(text)
-    indented = [table.replace("\n", "\n    ") for table in tables]
-    (folder / f"{name}.sumocfg").write_text(XML + element("configuration", {}, indented) + "\n")
+    config = folder / f"{name}.sumocfg"
+    config.write_text(XML + element("configuration", {}, tables) + "\n")
+    return config

@@ -14,10 +14,11 @@ class Ways:
 
     def __init__(self, net):
         root = ET.fromstring(net)
-        self.seconds, self.after = {}, {}
+        self.seconds, self.metres, self.after = {}, {}, {}
         for edge in root.iter("edge"):
             if "function" not in edge.attrib:  # no way over a junction, and no crossing
                 lane = edge.find("lane")
+                self.metres[edge.get("id")] = float(lane.get("length"))
                 self.seconds[edge.get("id")] = float(lane.get("length")) / float(lane.get("speed"))
                 self.after[edge.get("id")] = {}
         for turn in root.iter("connection"):

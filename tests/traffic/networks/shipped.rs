@@ -8,6 +8,8 @@ use std::process::Command;
 use super::{elements, elements_of, room, sumo, text};
 
 pub(super) const SCENARIOS: [&str; 3] = ["grid_4x4_turns", "town", "arterial"];
+/// All that `make.py` makes without arguments. An hour of the city is too long to play in a test.
+const MADE: [&str; 4] = ["grid_4x4_turns", "town", "arterial", "city_60"];
 /// Seeds of SUMO for the figures of `sumo_nets/README.md`.
 const SEEDS: [&str; 2] = ["1", "2"];
 
@@ -25,7 +27,7 @@ fn making_the_shipped_scenarios_again_gives_the_same_files_byte_for_byte() {
     let made = Command::new("python3").arg(nets().join("make.py")).arg(room.path()).output();
     let made = made.expect("Debian's package python3 is installed");
     assert!(made.status.success(), "{}", String::from_utf8_lossy(&made.stderr));
-    for scenario in SCENARIOS {
+    for scenario in MADE {
         let names = |folder: PathBuf| -> BTreeSet<_> {
             fs::read_dir(folder).expect("a folder").map(|entry| entry.expect("a file").file_name()).collect()
         };
@@ -35,6 +37,33 @@ fn making_the_shipped_scenarios_again_gives_the_same_files_byte_for_byte() {
             let same = fs::read(saved.join(&name)).expect("a file") == fs::read(made.join(&name)).expect("a file");
             assert!(same, "{scenario}: {name:?}: remake it with: python3 sumo_nets/make.py");
         }
+    }
+}
+
+#[test]
+fn a_drawn_scenario_has_the_lights_that_were_asked_for_and_the_same_bytes_for_a_seed_and_plays_without_a_warning() {
+    for (kind, option) in [("city", "--lights"), ("towns", "--junctions")] {
+        let room = room();
+        let made = |folder: &str, seed: &str| -> PathBuf {
+            let folder = room.path().join(folder);
+            let made = Command::new("python3")
+                .arg(nets().join("make.py"))
+                .args([kind, option, "20", "--seed", seed])
+                .arg(&folder)
+                .output()
+                .expect("Debian's package python3 is installed");
+            assert!(made.status.success(), "{}", String::from_utf8_lossy(&made.stderr));
+            folder.join(kind)
+        };
+        let [one, again, other] = [("one", "3"), ("again", "3"), ("other", "4")].map(|(name, seed)| made(name, seed));
+        for ending in ["net.xml", "rou.xml"] {
+            let [one, again, other] =
+                [&one, &again, &other].map(|files| fs::read(files.with_extension(ending)).expect("a file"));
+            assert!(one == again, "{kind}: {ending}: the same seed");
+            assert!(one != other, "{kind}: {ending}: another seed");
+        }
+        assert_eq!(elements(&one.with_extension("net.xml"), "tlLogic").len(), 20, "{kind}");
+        assert_eq!(sumo(&["-c", text(&one.with_extension("sumocfg")), "--end", "300", "--no-step-log"]), "", "{kind}");
     }
 }
 
