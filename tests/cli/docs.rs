@@ -29,7 +29,7 @@ fn texts(folder: &Path) -> Vec<String> {
 /// Returns the pages that people write, relative to the root.
 fn pages() -> Vec<String> {
     let mut pages = vec!["README.md".to_owned(), "CHANGELOG.md".to_owned()];
-    for folder in ["configs", "docs", "docs/findings", "experiments", "results", "sumo_nets"] {
+    for folder in ["configs", "docs", "docs/findings", "experiments", "models", "results", "sumo_nets"] {
         let files = fs::read_dir(root().join(folder)).unwrap().map(|entry| entry.unwrap().file_name());
         let files = files.map(|name| format!("{folder}/{}", name.to_str().unwrap()));
         pages.extend(files.filter(|path| path.ends_with(".md")));

@@ -427,7 +427,7 @@ mod tests {
             stack.network(0).forward(&inputs, Sequences::NONE, &mut trace);
             stack.network(0).backward(&by_output, &mut trace);
             let gradient = trace.gradient().to_vec();
-            for parameter in 0..gradient.len() {
+            for (parameter, &found) in gradient.iter().enumerate() {
                 let mut at = |shift: f32| -> f64 {
                     stack.parameters_mut().values_mut().as_mut_slice()[parameter] += shift;
                     stack.network(0).forward(&inputs, Sequences::NONE, &mut trace);
@@ -436,7 +436,7 @@ mod tests {
                 };
                 let step = 2e-3_f32;
                 let slope = (at(step) - at(-step)) / f64::from(2.0 * step);
-                let found = f64::from(gradient[parameter]);
+                let found = f64::from(found);
                 assert!((slope - found).abs() < 1e-2, "{hidden:?}, parameter {parameter}: {slope} {found}");
             }
         }
