@@ -334,7 +334,7 @@ fn sumo_gui_opens_every_saved_network_and_a_replay() {
     let files = entries(&nets()).into_iter().flat_map(|path| if path.is_dir() { entries(&path) } else { vec![path] });
     let configs: Vec<PathBuf> =
         files.filter(|path| path.extension().is_some_and(|ending| ending == "sumocfg")).collect();
-    assert_eq!(configs.len(), 5 + 1 + 3);
+    assert_eq!(configs.len(), 5 + 1 + 4);
     configs.iter().for_each(|config| sumo_gui_plays(config, &["--end", "20"]));
 
     let dir = tempfile::tempdir().unwrap();
