@@ -68,8 +68,10 @@ pub(super) fn evaluate(args: &cli::EvaluateArgs) -> Result<()> {
 /// Plays a policy for any light on the lights of a config: it is a controller there.
 fn evaluate_on(args: &cli::EvaluateArgs, config: &Path) -> Result<()> {
     let file = &args.run_dir;
-    let is_run = format!("{}: is a run directory; `export` writes its policy for any light as a file", file.display());
-    (!file.is_dir()).then_some(()).ok_or_else(|| Error::Usage(anyhow!(is_run)))?;
+    if file.is_dir() {
+        let is_run = "is a run directory; `export` writes its policy for any light as a file";
+        return Err(Error::Usage(anyhow!("{}: {is_run}", file.display())));
+    }
     baseline(&cli::BaselineArgs {
         config: config.to_owned(),
         controller: Some(any_light_of(file, args.greedy).map_err(Error::Usage)?),

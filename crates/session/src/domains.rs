@@ -249,11 +249,12 @@ fn check_start(config: &RunConfig, domain: &dyn Domain) -> Result<()> {
     let policy = &config.learning.policy;
     let Some(name) = &policy.start else { return Ok(()) };
     let start = domain.starting_policy(name).context("policy.start")?;
-    let fits = |kind: &Kind| PolicyStack::shape(&kind.spec, policy).layout().width() == start.parameters.width();
+    let fits = |kind: &Kind| {
+        let width = PolicyStack::shape(&kind.spec, policy).layout().width();
+        kind.spec.sets.is_some() && policy.hidden == start.hidden && width == start.parameters.width()
+    };
     ensure!(
-        domain.kinds().iter().all(|kind| kind.spec.sets.is_some())
-            && policy.hidden == start.hidden
-            && domain.kinds().iter().all(fits),
+        domain.kinds().iter().all(fits),
         "policy.start = \"{name}\": that is another network; set traffic.observation = \"lanes\", policy.separate_critic = \
          false and policy.hidden = {:?}",
         start.hidden

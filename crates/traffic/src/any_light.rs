@@ -15,7 +15,7 @@ use dials_core::domain::{Sets, StartingPolicy};
 use dials_core::outside::read_bytes;
 use stacknets::{Shape, Stack, StackToWrite, about_stacks, check_tensors, read_stack, write_stacks};
 
-/// The network that comes with this program: `models/any_light.md` says what it is.
+/// The network that comes with this program: `models/README.md` says what it is.
 const SHIPPED: &[u8] = include_bytes!("../../../models/any_light.safetensors");
 /// Largest file. A network of 64 x 64 has 120 kB.
 const MOST_BYTES: u64 = 16 << 20;

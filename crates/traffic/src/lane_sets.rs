@@ -61,7 +61,7 @@ pub(crate) fn features() -> [Vec<String>; 2] {
     [OF_LANE.map(str::to_owned).to_vec(), OF_GREEN.map(str::to_owned).to_vec()]
 }
 
-/// Returns sets with room for so many lanes and greens.
+/// Returns the places of features in an observation with room for this many lanes and greens.
 pub(crate) fn sets(lanes: usize, greens: usize) -> Sets {
     Sets { items: lanes, item_features: OF_LANE.len(), choices: greens, choice_features: OF_GREEN.len(), ways: WAYS }
 }
@@ -248,14 +248,9 @@ fn time(seconds: u32) -> f32 {
 
 /// Gives all agents that see sets the room that the largest of them needs.
 pub(crate) fn make_room(agents: &mut [AgentPlan]) {
-    let sets = |agent: &AgentPlan| agent.sensor.sets().map(|it| it.sets);
-    let [lanes, greens] = [|it: Sets| it.items, |it: Sets| it.choices]
-        .map(|size| agents.iter().filter_map(sets).map(size).max().unwrap_or(0));
-    for agent in agents {
-        if let Some(fitted) = agent.sensor.sets().map(|sets| sets.fitted(agent, lanes, greens)) {
-            agent.sensor.see(fitted);
-        }
-    }
+    let Some(seen_m) = agents.first().and_then(|agent| agent.sensor.sets()).map(|sets| sets.seen_m) else { return };
+    let fitted = of_lights(agents, seen_m);
+    agents.iter_mut().zip(fitted).for_each(|(agent, sets)| agent.sensor.see(sets));
 }
 
 #[cfg(test)]
@@ -304,30 +299,19 @@ mod tests {
         let obs = observe(&plan, [5, 4], Shown::Green(0), [&approaches, &exits], &since);
         let filled = 2.0 * 7.5 / 100.0;
         let red_for = 7.0_f32.ln() / 5.0;
-        close_to(
-            &obs[sets(5, 4).item(2)],
-            &[
-                1.0,
-                50.0 / 150.0,
-                0.5,
-                0.5, // there, seen, 10 m/s, two links
-                0.1,
-                0.2,
-                0.1,
-                0.0,
-                0.1,
-                0.0,
-                0.0,
-                0.25, // queue, cars, their distances, half of half the speed limit
-                0.0,
-                red_for, // red, and since when
-                0.1,
-                0.05,
-                filled / 2.0,
-                filled, // behind the light: only one of the two exits has cars
-                0.5,    // one of two exits leads to another light
-            ],
-        );
+        let expected = [
+            // There, seen, 10 m/s, two links.
+            &[1.0, 50.0 / 150.0, 0.5, 0.5][..],
+            // Queue, cars, their distances, half of half the speed limit.
+            &[0.1, 0.2, 0.1, 0.0, 0.1, 0.0, 0.0, 0.25],
+            // Red, and since when.
+            &[0.0, red_for],
+            // Behind the light only one of the two exits has cars.
+            &[0.1, 0.05, filled / 2.0, filled],
+            // One of two exits leads to another light.
+            &[0.5],
+        ];
+        close_to(&obs[sets(5, 4).item(2)], &expected.concat());
         // Cars upstream of another lane are 10 m farther away.
         let upstream = cars(&[&[], &[], &[], &[], &[(59.0, 0.0)]]);
         let obs = observe(&plan, [5, 4], Shown::Green(0), [&upstream, &exits], &since);

@@ -117,7 +117,7 @@ fn networks_that_are_reordered_renamed_or_rotated_give_the_same_delay_to_the_las
 }
 
 #[test]
-fn a_run_becomes_a_file_that_plays_like_it_and_from_which_others_start() {
+fn a_run_becomes_a_file_that_plays_like_it() {
     let dir = tempfile::tempdir().unwrap();
     let (run, file) = (dir.path().join("run"), dir.path().join("any.safetensors"));
     let config = shipped("town").with_extension("sumocfg");

@@ -6,6 +6,24 @@ use rand::Rng;
 use super::Action;
 use crate::base::Dice;
 
+/// How an action is chosen from its probabilities.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Selection {
+    /// Drawn from the policy, as in training.
+    Sampled,
+    Greedy,
+}
+
+impl Selection {
+    /// Chooses an action. Only a draw takes a number from the dice.
+    pub fn choose(self, log_probs: &[f32], dice: &mut Dice) -> Action {
+        match self {
+            Selection::Sampled => draw(log_probs, dice),
+            Selection::Greedy => most_probable(log_probs),
+        }
+    }
+}
+
 /// Sets the logits of the actions that are not allowed to minus infinity, so that their probability is 0. `allowed`:
 /// one per logit, or empty if all are.
 pub fn forbid(logits: &mut [f32], allowed: &[bool]) {

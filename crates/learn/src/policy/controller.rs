@@ -6,17 +6,9 @@ use crate::algorithms;
 use crate::algorithms::outside::controller::OutsideController;
 use crate::config::Config;
 use dials_core::base::{AgentId, Dice, RandomPurpose, Rows, Seed};
-use dials_core::domain::sampling;
+use dials_core::domain::sampling::{self, Selection};
 use dials_core::domain::{Action, Controller, JointPercept, Kind, Kinds, Percept, RegionSpec, Result};
 use stacknets::States;
-
-/// How an action is chosen from its probabilities.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Selection {
-    /// Drawn from the policy, as in training.
-    Sampled,
-    Greedy,
-}
 
 /// The policies of some agents of one kind, one row each.
 pub struct StackController {
@@ -48,10 +40,7 @@ impl StackController {
         let mut log_probs = vec![0.0; self.stack.n_actions()];
         let choose = |((logits, _), dice): ((&[f32], f32), &mut Dice)| {
             sampling::log_softmax(logits, &mut log_probs);
-            match self.selection {
-                Selection::Sampled => sampling::draw(&log_probs, dice),
-                Selection::Greedy => sampling::most_probable(&log_probs),
-            }
+            self.selection.choose(&log_probs, dice)
         };
         judgement.rows().zip(&mut self.dice).map(choose).collect()
     }

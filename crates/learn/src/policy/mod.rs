@@ -15,8 +15,9 @@ use dials_core::domain::sampling;
 use dials_core::domain::{Percept, RegionSpec};
 use stacknets::{Adam, Gains, Parameters, Shape, Stack, States, Threads, Trainer};
 
-pub use controller::{JointPolicyController, Selection, StackController};
+pub use controller::{JointPolicyController, StackController};
 pub use demonstrations::Demonstrations;
+pub use dials_core::domain::sampling::Selection;
 
 /// Parameters of all agents' policies, one row per agent, as wide as its kind has it. They are exchanged, saved and
 /// evaluated.

@@ -12,19 +12,12 @@ use crate::agents::plan::AgentPlan;
 use crate::any_light::AnyLight;
 use crate::lane_sets::{self, LaneSets, Seen, SinceGreen};
 use dials_core::base::{AgentId, Dice, RandomPurpose, Rows, Seed};
-use dials_core::domain::sampling;
+use dials_core::domain::sampling::{self, Selection};
 use dials_core::outside::Printable;
 use stacknets::Stack;
 
 /// Largest number of lights that a warning names.
 const MOST_NAMES: usize = 5;
-
-/// How a green is chosen from its probability.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Selection {
-    Sampled,
-    Greedy,
-}
 
 pub(super) struct AnyLightController {
     network: Stack,
@@ -133,16 +126,12 @@ impl AnyLightController {
         let mut log_probs = Vec::new();
         let choose = |(row, (scores, dice)): (usize, (&[f32], &mut Dice))| {
             let greens = intersections.plans[row].greens();
-            let allowed = |green: usize| intersections.allows(row, green);
-            let scores = scores[..greens].iter().enumerate();
-            let scores: Vec<f32> =
-                scores.map(|(green, &score)| if allowed(green) { score } else { f32::NEG_INFINITY }).collect();
+            let allowed: Vec<bool> = (0..greens).map(|green| intersections.allows(row, green)).collect();
+            let mut scores = scores[..greens].to_vec();
+            sampling::forbid(&mut scores, &allowed);
             log_probs.resize(greens, 0.0);
             sampling::log_softmax(&scores, &mut log_probs);
-            usize::from(match self.selection {
-                Selection::Sampled => sampling::draw(&log_probs, dice),
-                Selection::Greedy => sampling::most_probable(&log_probs),
-            })
+            usize::from(self.selection.choose(&log_probs, dice))
         };
         scores.iter().zip(&mut self.dice).enumerate().map(choose).collect()
     }
