@@ -62,35 +62,19 @@ class Light:
         libsumo.trafficlight.setRedYellowGreenState(self.plan["light"], state)
 
 
-def drive(config, lights, policies, seed=0, trips=None, sample=False):
-    """Play a scenario. Yield what all lights saw, `[lights, columns]`, and what they did then.
+def play(config, lights, choose, seed=0, trips=None):
+    """Play a scenario with SUMO. Yield after every decision what `choose` returns: what the lights saw, and what they do.
 
-    SUMO writes the trip of every car into the file `trips`, if there is one. `sample`: draw actions by their probabilities
-    instead of taking the most likely one.
+    `seed`: that of SUMO. SUMO writes the trip of every car into the file `trips`, if there is one.
     """
-    told, stack, states = json.loads(Path(lights).read_text()), read(policies), None
-    known = stack.get("gru.input_weight", stack["layers.0.weight"]).shape[:2]
-    there = len(told["learning"]), told["kind"]["columns"]
-    if known != there:
-        raise SystemExit(
-            f"{policies}: is of {known[0]} lights that see {known[1]} columns, and {lights} has {there[0]} that see "
-            f"{there[1]}; train on this scenario itself: dials-traffic train {config}"
-        )
     options = ["--seed", str(seed), "--no-step-log", "--no-warnings"]
     if trips:
         options += ["--tripinfo-output", str(trips), "--precision", "6"]
         options += [f"--tripinfo-output.write-{which}" for which in ("unfinished", "undeparted")]
     libsumo.start(["sumo", "-c", str(config), *options])
-    lights = [Light(plan) for plan in told["learning"]]
-    dice = np.random.default_rng(int(seed))
     try:
         while libsumo.simulation.getTime() + DECISION_S <= libsumo.simulation.getEndTime():
-            obs = np.stack([light.observe(told["kind"]["columns"]) for light in lights])
-            masks = np.array([light.allowed(told["kind"]["actions"]) for light in lights])
-            logits, _, states = judge(stack, obs[:, None], states)
-            scores = np.where(masks, logits[:, 0], -np.inf)
-            # The largest of logits with Gumbel's noise is drawn by the softmax of the logits.
-            actions = (scores + dice.gumbel(size=scores.shape) if sample else scores).argmax(axis=-1)
+            obs, actions = choose()
             for _ in range(DECISION_S):
                 for light, action in zip(lights, actions):
                     light.show(action)
@@ -100,19 +84,55 @@ def drive(config, lights, policies, seed=0, trips=None, sample=False):
         libsumo.close()
 
 
+def drawn(scores, dice, sample):
+    """Return the actions with the best scores, or draw them: the largest score with Gumbel's noise is a draw from the softmax."""
+    return (scores + dice.gumbel(size=scores.shape) if sample else scores).argmax(axis=-1)
+
+
+def drive(config, lights, policies, seed=0, trips=None, sample=False):
+    """Play a scenario. Yield what all lights saw, `[lights, columns]`, and what they did then.
+
+    `sample`: draw actions by their probabilities instead of taking the most likely one.
+    """
+    told, stack, states = json.loads(Path(lights).read_text()), read(policies), None
+    known = stack.get("gru.input_weight", stack["layers.0.weight"]).shape[:2]
+    there = len(told["learning"]), told["kind"]["columns"]
+    if known != there:
+        raise SystemExit(
+            f"{policies}: is of {known[0]} lights that see {known[1]} columns, and {lights} has {there[0]} that see "
+            f"{there[1]}; train on this scenario itself: dials-traffic train {config}"
+        )
+    lights = [Light(plan) for plan in told["learning"]]
+    dice = np.random.default_rng(int(seed))
+
+    def choose():
+        nonlocal states
+        obs = np.stack([light.observe(told["kind"]["columns"]) for light in lights])
+        masks = np.array([light.allowed(told["kind"]["actions"]) for light in lights])
+        logits, _, states = judge(stack, obs[:, None], states)
+        return obs, drawn(np.where(masks, logits[:, 0], -np.inf), dice, sample)
+
+    yield from play(config, lights, choose, seed, trips)
+
+
 def delay_s(trips):
     """Return the mean delay of all cars, as `docs/figures.md` defines it: on the way, and before they could enter."""
     cars = list(ElementTree.parse(trips).iter("tripinfo"))
     return sum(float(car.get(lost)) for car in cars for lost in ("timeLoss", "departDelay")) / max(len(cars), 1)
 
 
-if __name__ == "__main__":
+def main(drive, usage):
+    """Play the scenario of the command line, and print the mean delay."""
     sample = sys.argv[-1] == "--sample"
     arguments = sys.argv[1:-1] if sample else sys.argv[1:]
     if len(arguments) not in (3, 4) or not all(Path(file).is_file() for file in arguments[:3]):
-        sys.exit(__doc__)
+        sys.exit(usage)
     with tempfile.TemporaryDirectory() as folder:
         trips = Path(folder) / "trips.xml"
         decisions = len(list(drive(*arguments, trips=trips, sample=sample)))
         how = "drawn by their probability" if sample else "the most likely ones (--sample draws them)"
         print(f"{decisions} decisions, delay_s {delay_s(trips):.2f}; actions: {how}")
+
+
+if __name__ == "__main__":
+    main(drive, __doc__)

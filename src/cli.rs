@@ -213,7 +213,7 @@ pub struct BaselineArgs {
     #[arg(long, value_name = "NAME", required_unless_present = "compare", conflicts_with = "compare")]
     pub controller: Option<String>,
     /// Compare controllers and run directories on the same traffic; the first one is the reference
-    #[arg(long, value_name = "NAME,RUN_DIR,...", conflicts_with_all = ["render", "plot", "events"])]
+    #[arg(long, value_name = "NAME,RUN_DIR,...", conflicts_with_all = ["render", "plot"])]
     pub compare: Option<String>,
     /// Saved policies take the most probable action instead of sampling
     #[arg(long, requires = "compare", conflicts_with = "controller")]
@@ -236,15 +236,15 @@ pub struct BaselineArgs {
 
 #[derive(Debug, Args)]
 pub struct PlanArgs {
-    /// A .sumocfg, or a config file
-    #[arg(value_name = "SCENARIO")]
+    /// A .sumocfg, a config file, or a run directory, whose policies are then frozen
+    #[arg(value_name = "SCENARIO|RUN_DIR")]
     pub config: PathBuf,
     #[command(flatten)]
     pub settings: SettingsArgs,
     /// `fixed-time`, `webster` or `coordinated`, with their parameters; or a run directory or another rule, whose greens
-    /// are watched and frozen
+    /// are watched and frozen [default: the run directory, if one was named]
     #[arg(long, value_name = "NAME|RUN_DIR")]
-    pub controller: String,
+    pub controller: Option<String>,
     /// Search for better timings, from those of the controller on
     #[arg(long, conflicts_with = "actuated")]
     pub tune: bool,

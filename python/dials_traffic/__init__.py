@@ -7,6 +7,7 @@
 - :func:`datasets`: what influence predictors learn from.
 - :func:`train`: a training run of the program, with rewards and observations of your own.
 - :func:`load`: the trained policies of a run directory, and their episodes.
+- :func:`any_light`: one policy that plays any light, without training.
 - :func:`dials`: a run of `dials-traffic train` with a learner that is written in Python.
 
 ``config`` is always a config of dials-traffic, any ``.sumocfg``, or a run directory. ``settings`` change keys of it,
@@ -22,6 +23,7 @@ from ._channel import PathLike
 from .aec import GlobalAecEnv
 from .errors import ProcessDied, SimulatorError
 from .learner import Experience, Rows, Team, Training, dials
+from .light import LightPolicy, any_light
 from .many import GlobalVectorEnv
 from .own import Observation, OwnCost, Reward, register_observation, register_reward
 from .parallel import GlobalEnv
@@ -41,6 +43,7 @@ __all__ = [
     "GlobalEnv",
     "GlobalVectorEnv",
     "Lanes",
+    "LightPolicy",
     "LocalEnv",
     "LocalVectorEnv",
     "Neighbours",
@@ -55,6 +58,7 @@ __all__ = [
     "Training",
     "Vehicles",
     "aec_env",
+    "any_light",
     "datasets",
     "dials",
     "load",

@@ -30,7 +30,7 @@ class Policy:
         actions: Sequence[str] = (),
     ) -> None:
         """``agent``, ``columns`` and ``actions``: names for errors, of the agent, of what it sees and of what it does."""
-        _check_weights(weights)
+        check_weights(weights)
         self.weights = weights
         self.greedy = yes_or_no("greedy", greedy)
         self._agent, self._columns, self._actions = agent, columns, actions
@@ -97,7 +97,7 @@ class Policy:
         return hidden
 
 
-def _check_weights(weights: Any) -> None:
+def check_weights(weights: Any) -> None:
     """Raise an error if these are no weights, as :meth:`Run.weights` returns them."""
     if not isinstance(weights, dict):
         raise TypeError(f"weights {type(weights).__name__}: must be a dict of arrays by name")

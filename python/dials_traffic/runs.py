@@ -23,6 +23,7 @@ from ._channel import (
 )
 from ._process import Process
 from .errors import SimulatorError
+from .light import LightPolicy
 from .own import OwnCost
 from .parallel import GlobalEnv, refuse_existing
 from .policy import Policy, Weights, in_torch
@@ -61,6 +62,8 @@ class Run:
         self._weights: Dict[str, Weights] = {}
         # Names of the columns of an agent's observation, and of its actions.
         self._names = {agent["name"]: (agent["columns"], agent["actions"]) for agent in about["agents"]}
+        # How the sets lie that an agent sees, and its number of actions, if it sees lanes and greens as sets.
+        self._sets = {agent["name"]: agent["sets"] and (agent["sets"], agent["n_actions"]) for agent in about["agents"]}
         begin = 0
         for agent in about["agents"]:
             weights = self._weights[agent["name"]] = {}
@@ -84,6 +87,8 @@ class Run:
 
     def torch_policy(self, agent: str) -> "TorchPolicy":
         """Return the policy of one agent as a module of torch, which must be installed."""
+        if agent in self._sets and self._sets[agent] is not None:
+            raise SimulatorError(f"agent {agent!r}: sees lanes and greens as sets; policy() has its network in numpy, not in torch")
         from .torch_policy import TorchPolicy
 
         return TorchPolicy(self.state_dict(agent))
@@ -92,6 +97,9 @@ class Run:
         """Return the policy of one agent, which computes in numpy."""
         weights = self.weights(agent)
         columns, actions = self._names[agent]
+        sets = self._sets[agent]
+        if sets is not None:
+            return LightPolicy(weights, sets[0], n_actions=sets[1], greedy=greedy, seed=seed, agent=agent)
         return Policy(weights, greedy=greedy, seed=seed, agent=agent, columns=columns, actions=actions)
 
     def controller(self, *, greedy: bool = False) -> "Controller":

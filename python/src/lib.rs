@@ -11,9 +11,10 @@
 //! - `joint`: all agents on the global simulator. `local`: local simulators with influence predictors.
 //! - `datasets`: what influence predictors learn from.
 //! - `roads`: what is on the roads, for functions of the user.
-//! - `policies`: the trained policies of a run. `agent`: what both say of an agent.
+//! - `policies`: the trained policies of a run. `any_light`: one for any light. `agent`: what they say of an agent.
 
 mod agent;
+mod any_light;
 mod datasets;
 mod in_process;
 mod joint;

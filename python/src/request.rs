@@ -14,6 +14,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::wire::Refused;
 
+use crate::any_light::AnyLightRequest;
 use crate::datasets::DatasetsRequest;
 
 /// The first order: which environment this process is.
@@ -30,6 +31,8 @@ pub(crate) struct Request {
 #[derive(Debug, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub(crate) enum Environment {
+    /// A policy, and no environment: the config means nothing.
+    AnyLight(AnyLightRequest),
     Datasets(DatasetsRequest),
     Joint(JointRequest),
     Local(LocalRequest),

@@ -6,6 +6,7 @@ use std::os::unix::net::UnixStream;
 use anyhow::{Context, Result, bail};
 use dials_session::parent::end_with;
 
+use crate::any_light::ReadAnyLight;
 use crate::datasets::Datasets;
 use crate::joint::Joint;
 use crate::local::{Local, Running};
@@ -37,6 +38,9 @@ pub(crate) fn serve(memory: i32, parent: u32) -> Result<()> {
             // They are in the memory already.
             wire::answer(&mut stream, number, &Ok(datasets.describe().to_string().into_bytes()))
         }
+        Ok(Served::AnyLight(policy)) => {
+            wire::answer(&mut stream, number, &Ok(policy.describe().to_string().into_bytes()))
+        }
         Ok(Served::Policies(policies)) => {
             wire::answer(&mut stream, number, &Ok(policies.describe().to_string().into_bytes()))?;
             serve_policies(*policies, &mut stream)
@@ -50,6 +54,7 @@ pub(crate) fn serve(memory: i32, parent: u32) -> Result<()> {
 
 /// An environment that was opened.
 enum Served {
+    AnyLight(ReadAnyLight),
     Datasets(Datasets),
     Joint(Box<Joint>),
     Local(Box<Local>),
@@ -61,6 +66,7 @@ fn begin(payload: &[u8], memory: i32) -> Result<Served> {
     let memory = Memory::open(memory)?;
     let opened = || Opened::open(&config, &settings);
     Ok(match environment {
+        Environment::AnyLight(request) => Served::AnyLight(ReadAnyLight::open(&request, memory)?),
         Environment::Datasets(request) => Served::Datasets(Datasets::open(opened()?, &request, memory)?),
         Environment::Policies(request) => Served::Policies(Box::new(Policies::open(&config, &request, memory)?)),
         Environment::Joint(request) => Served::Joint(Box::new(Joint::open(opened()?, request, memory)?)),

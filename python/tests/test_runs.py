@@ -4,7 +4,7 @@ import csv
 
 import numpy as np
 import pytest
-from conftest import program
+from conftest import SCENARIO_SETTINGS, SHORT, program, train
 from safetensors.numpy import load_file
 
 import dials_traffic
@@ -133,6 +133,41 @@ def test_a_policy_draws_from_its_probabilities_and_respects_the_mask():
     assert np.all(np.abs(counts - [1000, 2000, 5000]) < 180), counts
     assert {policy([0.0], [1, 0, 0]) for _ in range(50)} == {0}
     assert policy.judge([0.0])[1] == pytest.approx(np.log(9), abs=1e-6)
+
+
+SETS = {"traffic.observation": "lanes", "policy.share": "kind", "policy.separate_critic": "false", "policy.hidden": "[8, 6]"}
+
+
+def test_a_run_whose_agents_see_sets_acts_in_numpy_as_the_program_does(scenario, folder, tmp_path):
+    settings = {**SHORT, **SCENARIO_SETTINGS, "simulator": "gs", "evaluation.every_steps": 128, "ppo.memory": 128, "ppo.minibatch": 32, **SETS}
+    run = dials_traffic.load(train(scenario, tmp_path / "sets", settings))
+    env, controller = dials_traffic.parallel_env(run.path, seed=3), run.controller(greedy=True)
+    file = tmp_path / "any.safetensors"
+    program("export", run.path, "--out", file)
+    any_light = dials_traffic.any_light(file, greedy=True)
+    policies = {agent: run.policy(agent, greedy=True) for agent in run.agents}
+    observations, infos = env.reset()
+    controller.begin(3)
+    equal = [0, 0]
+    for _ in range(20):
+        actions = controller.act(observations, infos)
+        for agent, action in actions.items():
+            obs, mask = observations[agent], infos[agent]["action_mask"]
+            equal[0] += policies[agent](obs, mask) == action
+            equal[1] += any_light(obs, mask) == action
+            assert any_light.judge(obs, mask.size)[1] == pytest.approx(policies[agent].judge(obs)[1])
+        observations, _, _, _, infos = env.step(actions)
+    assert min(equal) >= 0.99 * 20 * len(env.agents), equal
+    with pytest.raises(ValueError, match="columns are no lanes and 2 greens; make the environment with settings="):
+        any_light(observations[env.agents[0]][:-1], [1, 1])
+    with pytest.raises(TypeError, match="action_mask: a policy for any light needs it"):
+        any_light(observations[env.agents[0]])
+    with pytest.raises(dials_traffic.SimulatorError, match="as sets; policy\\(\\) has its network in numpy"):
+        run.torch_policy(env.agents[0])
+    with pytest.raises(dials_traffic.SimulatorError, match="holds no policy for any light"):
+        dials_traffic.any_light(run.path / "policies.safetensors")
+    controller.close()
+    env.close()
 
 
 def test_what_is_no_run_is_an_error_that_says_so(tmp_path, warehouse):

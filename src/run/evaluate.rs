@@ -13,7 +13,7 @@ use super::robustness::{self, Plan, Variant};
 use super::subject::{Background, Subject, agent_called};
 use crate::cli;
 use crate::film::scenes;
-use dials_core::base::{AgentId, Seed, counted, for_terminal, repeated};
+use dials_core::base::{AgentId, Seed, counted, repeated};
 use dials_core::domain::{Baseline, Controller, Domain, GlobalSimulator, Measures};
 use dials_core::outside::{Directory, FileName, path_as_text, write_together};
 use dials_learn::evaluation::csv::{Lines, by_agent, by_episode};
@@ -92,6 +92,11 @@ pub(super) fn baseline(args: &cli::BaselineArgs) -> Result<()> {
         let checked =
             alone.map(|name| check_name(name)).chain(args.compare.iter().map(|list| Subject::check_names(list)));
         checked.collect::<anyhow::Result<()>>().map_err(Error::Usage)?;
+    }
+    if args.compare.is_some() && args.output.events.is_some() {
+        return Err(Error::Usage(anyhow!(
+            "--events: a log is of one controller; use --controller NAME instead of --compare"
+        )));
     }
     let config = load(&args.config, &args.settings.all()).map_err(Error::Usage)?;
     // Names are checked before the files are tried, which may take long.
@@ -307,10 +312,7 @@ impl<'a> Session<'a> {
             in_json(Value::Object(object))
         } else {
             let table = if compares { comparison(findings) } else { table(self.domain, &findings[0]) };
-            let warnings = self.domain.warnings();
-            let lines = warnings.iter().map(|what| for_terminal(&format!("\nwarning: {what}")));
-            let of_lights = lights.table(findings).map_or(String::new(), |table| format!("\n\n{table}"));
-            table + &of_lights + &lines.collect::<String>()
+            table + &lights.table(findings).map_or(String::new(), |table| format!("\n\n{table}"))
         };
         answer(found).map_err(Error::Run)
     }

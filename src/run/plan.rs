@@ -1,6 +1,7 @@
 //! `plan`: a plan of all lights that plain SUMO loads. It makes the timings, plays them by the file that it will write, and
 //! compares them with today's programs on the same traffic.
 
+use std::path::PathBuf;
 use std::sync::Arc;
 
 use anyhow::{Context, anyhow, bail, ensure};
@@ -21,6 +22,7 @@ use dials_session::domains::{self, DomainConfig};
 use dials_session::error::{Error, Result};
 use dials_session::outputs::{check_can_be_made, check_not_a_run};
 use dials_session::places::{self, Existing};
+use dials_session::records::files::{CONFIG, is_run_dir};
 use dials_session::terminal::counting::EpisodeBar;
 use dials_session::terminal::{answer, json as in_json, note};
 use dials_traffic::Traffic;
@@ -41,23 +43,24 @@ pub(super) const PLAN: &str = "plan";
 const TRIALS: usize = 3;
 
 pub(super) fn plan(args: &cli::PlanArgs) -> Result<()> {
+    let (file, controller) = named(args).map_err(Error::Usage)?;
     if Sumocfg::is_one(&args.config) {
-        Subject::check_names(&args.controller).map_err(Error::Usage)?;
+        Subject::check_names(&controller).map_err(Error::Usage)?;
     }
     let existing = Existing::of_named(args.force);
     check_not_a_run("--out", &args.out).map_err(Error::Usage)?;
     let place = places::place(&args.out, existing).map_err(Error::Usage)?;
     check_can_be_made(&args.out).map_err(Error::Usage)?;
-    let config = load(&args.config, &args.settings.all()).map_err(Error::Usage)?;
+    let config = load(&file, &args.settings.all()).map_err(Error::Usage)?;
     check_that_sumo_can_repeat_it(&config).map_err(Error::Usage)?;
     let domain = domains::open(&config).map_err(Error::Usage)?;
     domains::check(&config).map_err(Error::Usage)?;
     let traffic = domains::traffic(&config).map_err(Error::Usage)?;
     let traffic = traffic.ok_or_else(|| Error::Usage(anyhow!("plan: only traffic lights have plans")))?;
-    let subject = subject(args, &*domain).map_err(Error::Usage)?;
+    let subject = subject(args, &controller, &*domain).map_err(Error::Usage)?;
     let (label, name) = (subject.label(), programs_called(args, &subject));
     domains::note_left_out(&*domain);
-    let work = Work { args, config: &config, traffic: &traffic };
+    let work = Work { args, controller: &controller, config: &config, traffic: &traffic };
     let made = work.make(subject, &name)?;
     let mut lights = LightFigures::for_a_city();
     let findings = work.measure(&made, &mut lights)?;
@@ -85,6 +88,19 @@ pub(super) fn plan(args: &cli::PlanArgs) -> Result<()> {
     answer(found).map_err(Error::Run)
 }
 
+/// Returns the file of the config, and who controls. A run directory is both, if it is named alone.
+fn named(args: &cli::PlanArgs) -> anyhow::Result<(PathBuf, String)> {
+    if !is_run_dir(&args.config) {
+        let controller = args.controller.clone();
+        let controller = controller.context(
+            "--controller: is missing; name `fixed-time`, `webster`, `coordinated`, another rule or a run directory",
+        )?;
+        return Ok((args.config.clone(), controller));
+    }
+    let run = args.config.to_str().with_context(|| format!("{}: is not UTF-8; rename it", args.config.display()))?;
+    Ok((args.config.join(CONFIG), args.controller.clone().unwrap_or_else(|| run.to_owned())))
+}
+
 /// Checks that plain SUMO measures what this program measures, with the files of the scenario and its own options.
 fn check_that_sumo_can_repeat_it(config: &RunConfig) -> anyhow::Result<()> {
     let (changes, warm_up_s) = match &config.domain {
@@ -102,14 +118,14 @@ fn check_that_sumo_can_repeat_it(config: &RunConfig) -> anyhow::Result<()> {
     Ok(())
 }
 
-fn subject(args: &cli::PlanArgs, domain: &dyn Domain) -> anyhow::Result<Subject> {
-    let mut subjects = Subject::list(&args.controller, args.greedy, domain)?;
+fn subject(args: &cli::PlanArgs, controller: &str, domain: &dyn Domain) -> anyhow::Result<Subject> {
+    let mut subjects = Subject::list(controller, args.greedy, domain)?;
     let subject = subjects.remove(0);
     if !subjects.is_empty() {
-        bail!("--controller `{}`: names several; a plan is made of one", args.controller);
+        bail!("--controller `{controller}`: names several; a plan is made of one");
     }
     if args.greedy && matches!(subject, Subject::Controller(_)) {
-        bail!("--greedy: is for the policies of a run directory, and `{}` is a controller", args.controller);
+        bail!("--greedy: is for the policies of a run directory, and `{controller}` is a controller");
     }
     subject.check(domain)?;
     subject.warn(domain)?;
@@ -128,6 +144,7 @@ fn programs_called(args: &cli::PlanArgs, subject: &Subject) -> String {
 
 struct Work<'a> {
     args: &'a cli::PlanArgs,
+    controller: &'a str,
     config: &'a RunConfig,
     traffic: &'a Traffic,
 }
@@ -296,8 +313,8 @@ impl Work<'_> {
             let player = subject.player(self.traffic).map_err(Error::Usage)?;
             add(player, subject.open(self.traffic))?;
         }
-        let label = format!("plan of {}", self.args.controller);
-        let keys = vec![(PLAN, json!(self.args.controller))];
+        let label = format!("plan of {}", self.controller);
+        let keys = vec![(PLAN, json!(self.controller))];
         add(Player { label, keys, policies: None, others: None }, self.player(&made.programs))?;
         bar.finish();
         Ok(findings)

@@ -19,8 +19,8 @@ use dials_traffic::timing::programs::Programs;
 use dials_traffic::timing::{DayPlan, PlainRun};
 
 /// What somebody who puts the plan on the street wants to know.
-const WALK_SIGNALS: &str = "on foot: walk signals end before the cars' green, so that people are across when others get green \
-                            (docs/networks.md, People on foot)";
+const WALK_SIGNALS: &str =
+    "on foot: walk signals end before the cars' green, so that people are across when others get green";
 
 /// Why a plan of `coordinated` has another delay than `coordinated` itself.
 const NO_LEEWAY: &str = "a plan has fixed greens, without the leeway (`early`, `late`) of `baseline --controller coordinated`, so the \
@@ -222,10 +222,13 @@ impl<'a> Outcome<'a> {
             header: ["lights", "delay", "difference from today"].map(str::to_owned).to_vec(),
             rows: self.findings.iter().map(row).collect(),
             commands: vec![
-                ("Plain SUMO plays the plan with this command:".to_owned(), self.command.clone()),
+                (
+                    "Plain SUMO plays the plan with this command, in the folder where the plan was made:".to_owned(),
+                    self.command.clone(),
+                ),
                 (
                     format!(
-                        "The first episode has a delay of {} s: the mean of timeLoss + departDelay of all trips in trips.xml \
+                        "The first episode has a delay of {:.2} s: the mean of timeLoss + departDelay of all trips in trips.xml \
                          after this command:",
                         delays_s(self.plan())[0]
                     ),

@@ -24,7 +24,7 @@ use dials_session::build::{other_build, record_resume};
 use dials_session::config::resume::with_end;
 use dials_session::config::{LARGEST_FILE as LARGEST_CONFIG, RunConfig, load};
 use dials_session::directory;
-use dials_session::domains;
+use dials_session::domains::{self, DomainConfig};
 use dials_session::error::{Error, Result};
 use dials_session::fleet::children::FILES_PER_WORKER;
 use dials_session::machine::allow_open_files;
@@ -41,6 +41,7 @@ use dials_session::records::run_log::RunLog;
 use dials_session::records::run_record::RunRecord;
 use dials_session::terminal::training::Progress;
 use dials_session::terminal::{answer, note, program, warn};
+use dials_traffic::config::TrafficTable;
 
 pub(super) fn train(args: &cli::TrainArgs) -> Result<()> {
     let Some(team) = Team::join(args)? else { return Ok(()) };
@@ -370,6 +371,11 @@ fn how_to_go_on(dir: &Path, config: &RunConfig, domain: &dyn Domain) -> String {
         let command = format!("{program} baseline {kept} --controller {rival}");
         let episodes = counted(episodes, "episode");
         commands += &format!("\nand measure a controller on the same {episodes} with:\n  {command}");
+    }
+    if let Some(DomainConfig::Traffic(TrafficTable::Scenario(_))) = &config.domain {
+        let plan =
+            quoted(&dir.with_file_name(format!("{}_plan", dir.file_name().unwrap_or_default().to_string_lossy())));
+        commands += &format!("\nand make a plan for the street of it with:\n  {program} plan {run} --out {plan}");
     }
     if config.logging.tensorboard {
         let runs = quoted(folder_of(dir));

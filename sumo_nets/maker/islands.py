@@ -1,5 +1,6 @@
-"""Islands: small road networks of 1 to 6 lights that differ as much as those of real towns. Only shapes, no demand."""
+"""Islands: small road networks of 1 to 9 lights that differ as much as those of real towns. Only shapes, no demand."""
 
+from itertools import accumulate
 from math import cos, hypot, radians, sin
 
 from .network import Roads
@@ -8,6 +9,7 @@ SPEEDS_MPS = {8.33: 1, 11.11: 2, 13.89: 4, 16.67: 2, 19.44: 1}
 LANES = {1: 4, 2: 5, 3: 3, 4: 1}
 ARM_M = (70, 400)
 BETWEEN_LIGHTS_M = (90, 350)
+BLOCK_M = (90, 260)
 SLOW_EXIT_M = 60
 # The least angle between two arms of a light, in degrees.
 APART = 40
@@ -187,16 +189,14 @@ def arterial(island):
 
 
 def grid(island):
-    """An irregular grid of 4 to 6 lights; a street goes out wherever no neighbour is."""
+    """An irregular grid of 4 to 9 lights; a street goes out wherever no neighbour is."""
     dice, turned = island.dice, island.dice.between(0, 360)
-    columns = [0, dice.between(110, 260)]
-    columns.append(columns[1] + dice.between(110, 260))
-    rows = [0, dice.between(110, 260)]
-    cells = [(0, 0), (0, 1), (1, 0), (1, 1), (2, 0), (2, 1)][:island.count]
+    columns, rows = ([0, *accumulate(dice.between(*BLOCK_M) for _ in range(2))] for _ in range(2))
+    cells = [(0, 0), (0, 1), (1, 0), (1, 1), (2, 0), (2, 1), (0, 2), (1, 2), (2, 2)][:island.count]
     nodes = {}
     for number, (column, row) in enumerate(cells):
         x, y = columns[column] + dice.between(-22, 22), rows[row] + dice.between(-22, 22)
-        nodes[column, row] = island.light("abcdef"[number], x * cos(radians(turned)) - y * sin(radians(turned)),
+        nodes[column, row] = island.light("abcdefghi"[number], x * cos(radians(turned)) - y * sin(radians(turned)),
                                           x * sin(radians(turned)) + y * cos(radians(turned)))
     for (column, row), light in nodes.items():
         for step in [(1, 0), (0, 1)]:
@@ -214,4 +214,4 @@ def grid(island):
 
 
 # Kinds of islands, with their share of the lights and the numbers of lights that they may have.
-KINDS = {single: (0.34, (1, 1)), joined: (0.1, (1, 1)), arterial: (0.32, (2, 4)), grid: (0.24, (4, 6))}
+KINDS = {single: (0.34, (1, 1)), joined: (0.1, (1, 1)), arterial: (0.32, (2, 4)), grid: (0.24, (4, 9))}

@@ -2,7 +2,7 @@
 
 import re
 
-from .network import element
+from .network import element, links
 
 YELLOW_S = 3
 ALL_RED_S = 2
@@ -68,6 +68,49 @@ def with_short_reds(net):
         return head + rows + tail
 
     return PROGRAM.sub(shorter, net)
+
+
+def with_more_greens(net, dice):
+    """Returns the network with further greens, as programs of real towns have them: in each an edge has red already.
+
+    Some lights get none, others many.
+    """
+    edges = {light: {index: edge for index, edge, _ in found} for light, found in links(net).items()}
+
+    def richer(found):
+        head, rows, tail = found.groups()
+        of_link, chance = edges[re.search('id="([^"]*)"', head)[1]], dice.choose({0: 4, 0.4: 2, 0.8: 1})
+        phases = [(int(seconds), state) for seconds, state in PHASE.findall(rows)]
+        result = []
+        for (seconds, state), (_, after) in zip(phases, phases[1:] + phases[:1]):
+            if result:
+                # What has red already is not yellow.
+                state = "".join("r" if (before, letter) == ("r", "y") else letter
+                                for before, letter in zip(result[-1][1], state))
+            result.append((seconds, state))
+            while dice.next() < chance and (ending := ends_early(state, after, of_link, dice)):
+                lengths = (max(seconds - LEAST_GREEN_S, LEAST_GREEN_S), YELLOW_S, LEAST_GREEN_S)
+                states = [state] + ["".join(letter if index in ending else kept for index, kept in enumerate(state))
+                                    for letter in "yr"]
+                result[-1:] = zip(lengths, states)
+                seconds, state = result[-1]
+        rows = "".join(f'        <phase duration="{seconds}" state="{state}"/>\n' for seconds, state in result)
+        return head + rows + tail
+
+    return PROGRAM.sub(richer, net)
+
+
+def ends_early(state, after, of_link, dice):
+    """Returns the open links of an edge that may get red before the others: they end with this green anyway."""
+    opened = {}
+    for index, letter in enumerate(state):
+        if letter in "Gg" and index in of_link:
+            opened.setdefault(of_link[index], []).append(index)
+    ending = {edge: number for number, (edge, indices) in enumerate(opened.items())
+              if all(after[index] not in "Gg" for index in indices)}
+    if "y" in state or len(opened) < 2 or not ending:
+        return []
+    return opened[dice.choose(dict.fromkeys(ending, 1))]
 
 
 def with_programs(net, programs):

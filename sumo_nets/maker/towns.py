@@ -3,14 +3,14 @@
 from .capacity import broken, greens, most, movements
 from .islands import KINDS, Island
 from .network import side_by_side
-from .programs import with_short_reds
+from .programs import with_more_greens, with_short_reds
 from .traffic import QUARTER_S, Dice, any_route, flow_between, mix, route, types, write
 from .ways import Ways
 
 GAP_M = 300
 # Demand of the quarters of an hour, as shares of the highest.
 SHAPES = [(0.5, 0.8, 1, 0.5), (0.6, 1, 0.7, 0.4), (0.8, 0.8, 0.8, 0.7), (0.3, 1, 0.4, 0.6), (1, 0.6, 0.8, 0.4)]
-LEVELS = (0.3, 1.1)  # the highest demand, as a share of what the lights can serve
+LEVELS = (0.3, 1.3)  # the highest demand, as a share of what the lights can serve
 SHORT_STREET = 0.55  # what two joined junctions serve of it: few cars find room between them
 PLATOONS = 0.25  # share of the entries where cars come in platoons
 TRUCKS = 0.15  # share at most
@@ -63,7 +63,7 @@ def build(kind, lights, name, shelves, dice):
         net = with_short_reds(island.roads.convert("--tls.default-type=static", "--no-warnings", *options(dice)))
         if not broken(net):
             shelves.take(*size)
-            return island, net
+            return island, with_more_greens(net, dice)
 
 
 def plan(count, dice):

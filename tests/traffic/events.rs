@@ -193,8 +193,9 @@ fn the_loops_change_nothing_in_the_episode() {
 fn baseline(folder: &Path, others: &[&str]) -> assert_cmd::assert::Assert {
     let scenario = Path::new(env!("CARGO_MANIFEST_DIR")).join("sumo_nets/arterial/arterial.sumocfg");
     let mut command: Command = assert_cmd::cargo::cargo_bin_cmd!("dials-traffic");
-    let settings = ["--set", "traffic.end_s=120", "--controller", "program", "--episodes", "2"];
-    command.current_dir(folder).arg("baseline").arg(scenario).args(settings).args(others).assert()
+    let who: &[&str] = if others.contains(&"--compare") { &[] } else { &["--controller", "program"] };
+    let settings = ["--set", "traffic.end_s=120", "--episodes", "2"];
+    command.current_dir(folder).arg("baseline").arg(scenario).args(settings).args(who).args(others).assert()
 }
 
 #[test]
@@ -217,4 +218,8 @@ fn the_log_has_a_day_for_each_episode_and_two_tables_beside_it() {
     let wrong = baseline(folder.path(), &["--events", "street.txt"]).failure().code(2);
     let message = String::from_utf8_lossy(&wrong.get_output().stderr).into_owned();
     assert!(message.contains("--events street.txt: must name a file that ends in .csv"), "{message}");
+    let several =
+        baseline(folder.path(), &["--events", "several.csv", "--compare", "program,max-pressure"]).failure().code(2);
+    let message = String::from_utf8_lossy(&several.get_output().stderr).into_owned();
+    assert!(message.contains("a log is of one controller; use --controller NAME instead of --compare"), "{message}");
 }

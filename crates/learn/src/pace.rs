@@ -4,11 +4,7 @@
 
 use std::time::{Duration, Instant};
 
-use crate::config::{Config, Period, Simulator};
-use dials_core::domain::Domain;
-
-/// Factor by which the first guess may be too low: costs of machines and scenarios differ as much.
-const CAUTION: f64 = 3.0;
+use crate::config::{Config, Period};
 
 /// How long a timestep takes, and how long training may go on without a checkpoint.
 #[derive(Clone, Copy, Debug)]
@@ -21,15 +17,9 @@ pub(crate) struct Pace {
 }
 
 impl Pace {
-    /// Guesses from the domain's rough costs, as if one core did all.
-    pub(crate) fn guess(config: &Config, domain: &dyn Domain) -> Pace {
-        let costs = domain.rough_costs();
-        let of_agent_s = if config.simulator == Simulator::Global { costs.training_on_gs_s } else { costs.training_s };
-        Pace {
-            every_s: 60.0 * config.checkpoints.every_minutes,
-            timestep_s: CAUTION * of_agent_s * domain.agents() as f64,
-            saved: Instant::now(),
-        }
+    /// The first part is one update: what a timestep takes differs by more than a hundred times between scenarios and machines.
+    pub(crate) fn begin(config: &Config) -> Pace {
+        Pace { every_s: 60.0 * config.checkpoints.every_minutes, timestep_s: f64::INFINITY, saved: Instant::now() }
     }
 
     pub(crate) fn saved(&mut self) {
@@ -86,5 +76,7 @@ mod tests {
         assert_eq!(next(&pace, 128).end, 192, "one update, however long it takes");
         pace.note(1_000_000, Duration::from_secs(1));
         assert_eq!(next(&pace, 0), period(0, 300));
+        // Nothing is known at the beginning.
+        assert_eq!(next(&Pace::begin(&config), 64).end, 128);
     }
 }

@@ -256,7 +256,7 @@ fn check_start(config: &RunConfig, domain: &dyn Domain) -> Result<()> {
     ensure!(
         domain.kinds().iter().all(fits),
         "policy.start = \"{name}\": that is another network; set traffic.observation = \"lanes\", policy.separate_critic = \
-         false and policy.hidden = {:?}",
+         false and policy.hidden = {:?}, or leave these keys to the defaults of a scenario",
         start.hidden
     );
     Ok(())

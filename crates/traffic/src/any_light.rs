@@ -41,9 +41,9 @@ pub(crate) struct About {
     format: String,
     hidden: Vec<usize>,
     /// How far before the stop line it sees cars, in metres.
-    pub(crate) seen_m: f64,
+    seen_m: f64,
     /// Seconds from one decision to the next.
-    pub(crate) decision_s: u32,
+    decision_s: u32,
     /// Names of the features of a lane and of a green.
     features: [Vec<String>; 2],
     trained_on: TrainedOn,
@@ -88,7 +88,7 @@ impl AnyLight {
     }
 
     /// Returns the network that comes with this program.
-    pub(crate) fn shipped() -> Result<AnyLight> {
+    pub fn shipped() -> Result<AnyLight> {
         AnyLight::of_bytes(SHIPPED, Path::new("models/any_light.safetensors"))
     }
 
@@ -139,7 +139,7 @@ impl AnyLight {
 
     /// Writes a file that [`AnyLight::read`] reads.
     pub fn write(&self, path: &Path) -> Result<()> {
-        let layout = self.shape(lane_sets::sets(1, 1)).layout();
+        let layout = self.shape().layout();
         let about = serde_json::to_string(&self.about).expect("text and finite numbers");
         let stack = StackToWrite { prefix: "", layout: &layout, rows: self.parameters.iter().collect() };
         write_stacks(&[stack], &HashMap::from([(KEY.to_owned(), about)]), path)
@@ -149,13 +149,38 @@ impl AnyLight {
         StartingPolicy { hidden: self.about.hidden.clone(), parameters: self.parameters.clone() }
     }
 
-    fn shape(&self, sets: Sets) -> Shape {
+    /// Returns the shape of its network for a light of one lane and one green. The parameters of all others are the same.
+    pub fn shape(&self) -> Shape {
+        self.shape_for(lane_sets::sets(1, 1))
+    }
+
+    fn shape_for(&self, sets: Sets) -> Shape {
         Shape::over_sets(sets, self.about.hidden.clone())
+    }
+
+    /// Returns the parameters of the network, in the order of its shape.
+    pub fn parameters(&self) -> &[f32] {
+        self.parameters.row(0)
+    }
+
+    /// Returns the widths of its layers.
+    pub fn hidden(&self) -> &[usize] {
+        &self.about.hidden
+    }
+
+    /// Returns the seconds from one decision to the next.
+    pub fn decision_s(&self) -> u32 {
+        self.about.decision_s
+    }
+
+    /// Returns how far before the stop line it sees cars, in metres.
+    pub fn seen_m(&self) -> f64 {
+        self.about.seen_m
     }
 
     /// Returns the network for lights with this much room.
     pub(crate) fn network(&self, sets: Sets) -> Stack {
-        let mut stack = Stack::blank(1, self.shape(sets));
+        let mut stack = Stack::blank(1, self.shape_for(sets));
         stack.parameters_mut().load(&self.parameters);
         stack
     }

@@ -79,7 +79,7 @@ pub(crate) fn needs_others(reward: &Reward) -> bool {
 }
 
 pub(crate) fn needs_exits(reward: &Reward) -> bool {
-    reward.terms().any(|(term, _)| matches!(term, RewardTerm::ExitSpeed | RewardTerm::Pressure))
+    reward.terms().any(|(term, _)| matches!(term, RewardTerm::ExitSpeed | RewardTerm::Pressure | RewardTerm::RootQueue))
 }
 
 /// Returns the reward of a step: the weighted sum of its terms after the step. `exits`: the cars on the exits; `others`: buses and
@@ -92,12 +92,12 @@ pub(crate) fn reward(
     waiting: &Waiting,
     others: Option<&OthersNow>,
 ) -> f32 {
-    let standing = || cars.iter().map(|lane| lane.halting()).sum::<usize>() as f64;
+    let standing = |cars: CarsAt<'_>| cars.iter().map(|lane| lane.halting()).sum::<usize>() as f64;
     let term = |term| match term {
         RewardTerm::MeanSpeed => f64::from(observe::mean_speed(region, cars)),
         RewardTerm::ExitSpeed => observe::exit_speed(region, exits),
-        RewardTerm::Queue => -standing() / CARS,
-        RewardTerm::LogQueue => -standing().ln_1p(),
+        RewardTerm::Queue => -standing(cars) / CARS,
+        RewardTerm::RootQueue => -(standing(cars) + standing(exits)).sqrt(),
         RewardTerm::LostTime => -observe::cars_lost(region, cars) / CARS,
         RewardTerm::Pressure => (exits.cars() as f64 - cars.cars() as f64) / CARS,
         RewardTerm::Wait => -(waiting.sum as f64 / WAITING_S).min(MOST_WAIT),
@@ -140,15 +140,14 @@ mod tests {
     }
 
     #[test]
-    fn the_logarithm_of_a_queue_counts_a_car_less_in_a_jam() {
-        let paid = |standing: u64| {
-            let cars: Vec<(u64, f64)> = (0..standing).map(|id| (id, 0.0)).chain([(99, 5.0)]).collect();
-            let table = west(&cars);
-            let cars = CarsAt::all(&table);
-            let term = Reward::from(RewardTerm::LogQueue);
-            reward(&term, &middle().region, cars, cars, &Waiting::default(), None)
+    fn the_root_of_a_queue_counts_a_car_less_in_a_jam_and_as_much_behind_the_light() {
+        let paid = |before: u64, behind: u64| {
+            let standing = |count: u64| west(&(0..count).map(|id| (id, 0.0)).chain([(99, 5.0)]).collect::<Vec<_>>());
+            let [before, behind] = [before, behind].map(standing);
+            let term = Reward::from(RewardTerm::RootQueue);
+            reward(&term, &middle().region, CarsAt::all(&before), CarsAt::all(&behind), &Waiting::default(), None)
         };
-        assert_eq!([paid(0), paid(1), paid(3)], [0.0, -(2.0_f64.ln()) as f32, -(4.0_f64.ln()) as f32]);
+        assert_eq!([paid(0, 0), paid(1, 0), paid(4, 0), paid(3, 1), paid(0, 4)], [0.0, -1.0, -2.0, -2.0, -2.0]);
     }
 
     #[test]

@@ -9,11 +9,10 @@ use dials_core::domain::Domain;
 use super::play::{dials_traffic, json, opened, shipped};
 
 /// Settings of a run whose policy fits any light, on ten minutes of the town.
-const OF_ANY: [&str; 8] = [
+const OF_ANY: [&str; 7] = [
     "traffic.observation=lanes",
     "traffic.end_s=600",
     "policy.share=kind",
-    "policy.separate_critic=false",
     "policy.hidden=[8,8]",
     "total_steps=240",
     "evaluation.every_steps=240",
@@ -74,9 +73,13 @@ fn renamed(net: &str) -> String {
     })
 }
 
+/// Returns a number, or the first one of several, with the other sign.
+fn minus(number: &str) -> String {
+    number.strip_prefix('-').map_or_else(|| format!("-{number}"), str::to_owned)
+}
+
 /// Returns the net turned to the left by a right angle.
 fn rotated(net: &str) -> String {
-    let minus = |number: &str| number.strip_prefix('-').map_or_else(|| format!("-{number}"), str::to_owned);
     let turned = |points: &str| {
         let points = points.split_whitespace().map(|point| {
             let (x, y) = point.split_once(',').unwrap();
@@ -89,13 +92,25 @@ fn rotated(net: &str) -> String {
     with_attribute(&net, "x", minus)
 }
 
+/// Returns the net in a mirror: traffic keeps left, and left turns are right turns.
+fn mirrored(net: &str) -> String {
+    let turned = |points: &str| points.split_whitespace().map(minus).collect::<Vec<_>>().join(" ");
+    let net = with_attribute(&with_attribute(net, "shape", turned), "x", minus);
+    let other_side = |direction: &str| {
+        let sides = [("l", "r"), ("r", "l"), ("L", "R"), ("R", "L")];
+        sides.iter().find(|side| side.0 == direction).map_or(direction, |side| side.1).to_owned()
+    };
+    with_attribute(&net, "dir", other_side).replacen("<net ", "<net lefthand=\"true\" ", 1)
+}
+
 #[test]
-fn networks_that_are_reordered_renamed_or_rotated_give_the_same_delay_to_the_last_digit() {
+fn networks_that_are_reordered_renamed_rotated_or_mirrored_give_the_same_delay_to_the_last_digit() {
     let town = shipped("town");
     let folder = town.parent().unwrap();
     let controller = "any-light:choice=greedy";
     let (returns, delay_s) = played(&town, controller);
-    let changes: [(&str, Change); 3] = [("reordered", reordered), ("renamed", renamed), ("rotated", rotated)];
+    let changes: [(&str, Change); 4] =
+        [("reordered", reordered), ("renamed", renamed), ("rotated", rotated), ("mirrored", mirrored)];
     let net = fs::read_to_string(folder.join("town.net.xml")).unwrap();
     for (name, change) in changes {
         let dir = tempfile::tempdir().unwrap();
@@ -137,6 +152,12 @@ fn a_run_becomes_a_file_that_plays_like_it() {
     let of_run = delay(&["evaluate", run]);
     assert_eq!(delay(&["evaluate", file, "--on", short]), of_run);
 
+    // The run alone is enough for a plan, too.
+    let plan = dir.path().join("plan");
+    let options = ["--episodes", "1", "--watch-episodes", "1", "--out", plan.to_str().unwrap()];
+    dials_traffic().args(["plan", run]).args(options).assert().success();
+    assert!(fs::read_to_string(plan.join("programs.add.xml")).unwrap().contains("programID=\"learned\""));
+
     let error = |command: &[&str]| {
         let output = dials_traffic().args(command).assert().code(2);
         String::from_utf8_lossy(&output.get_output().stderr).replace(dir.path().to_str().unwrap(), "DIR")
@@ -152,17 +173,18 @@ fn a_run_starts_from_the_policy_of_this_program() {
     let dir = tempfile::tempdir().unwrap();
     let (run, short) = (dir.path().join("run"), dir.path().join("short.toml"));
     fs::write(&short, format!("[traffic]\nscenario = '{}'\nend_s = 600\n", shipped("town").display())).unwrap();
-    let start = |hidden: &str| {
-        let settings = OF_ANY.iter().filter(|setting| !setting.starts_with("policy.hidden"));
-        let settings = settings.copied().chain([hidden, "policy.start=any-light", "evaluation.episodes=1"]);
+    let start = |more: &[&'static str]| {
+        let settings = ["total_steps=240", "evaluation.every_steps=240", "evaluation.final_episodes=1"].into_iter();
+        let settings = settings.chain(["policy.start=any-light", "evaluation.episodes=1"]).chain(more.iter().copied());
         let mut train = dials_traffic();
         train.arg("train").arg(&short).args(settings.flat_map(|setting| ["--set", setting]));
         train.arg("--out").arg(&run).arg("--quiet").assert()
     };
-    let refused = start("policy.hidden=[8,8]").code(2);
+    let refused = start(&["policy.hidden=[8,8]"]).code(2);
     let why = String::from_utf8_lossy(&refused.get_output().stderr).into_owned();
     assert!(why.contains("that is another network; set traffic.observation = \"lanes\""), "{why}");
-    start("policy.hidden=[64,64]").success();
+    // Its layers, and what it sees, come with it.
+    start(&[]).success();
     let returns = fs::read_to_string(run.join("returns.csv")).unwrap();
     let at_the_beginning = returns.lines().find_map(|line| line.strip_prefix("0,all,")).unwrap();
     let as_controller = dials_traffic()

@@ -217,7 +217,8 @@ fn a_rule_that_looks_at_the_traffic_is_frozen_or_written_as_actuated_programs() 
 fn plans_that_make_no_sense_get_the_way_out() {
     let room = tide();
     for (args, why) in [
-        (&["--controller", "webster", "--actuated"][..], "needs greens that vary, and those of `webster` do not"),
+        (&[][..], "--controller: is missing; name `fixed-time`"),
+        (&["--controller", "webster", "--actuated"], "needs greens that vary, and those of `webster` do not"),
         (
             &["--controller", "webster", "--greedy"],
             "is for the policies of a run directory, and `webster` is a controller",

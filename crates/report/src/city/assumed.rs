@@ -9,7 +9,7 @@ use dials_core::base::counted;
 const MEANING: [&str; 6] = [
     "Delay: time that a car loses by driving slower than it would alone (SUMO's timeLoss), and by waiting to enter the net.",
     "Delay at a light: the time that a car loses on an approach and in the junction. An approach begins at the light before, or where \
-     cars last had to yield. The time to gain speed behind the junction counts for the next road.",
+     cars last had to yield to other cars. The time to gain speed behind the junction counts for the next road.",
     "Level of service: the letter of the Highway Capacity Manual for the delay at a light: A to 10 s, B to 20, C to 35, D to 55, E to \
      80, then F.",
     "Queue: number of standing cars on the worst approach, all lanes, exceeded in 5 % of the seconds.",

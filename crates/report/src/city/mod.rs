@@ -44,7 +44,8 @@ pub(crate) fn cities(folders: &[PathBuf]) -> Result<Option<Cities>> {
     folders.iter().try_for_each(|folder| plans::check(folder))?;
     let found = read::find(folders)?;
     let all: Vec<PathBuf> = found.iter().map(|(folder, _)| folder.clone()).collect();
-    let (found, warnings) = plans::beside_the_others(found);
+    let (mut found, warnings) = plans::beside_the_others(found);
+    found.iter_mut().for_each(|(_, city)| city.leave_out_files());
     let plans = plans::files(&all)?;
     let Some((_, first)) = found.first() else { return Ok(None) };
     let title = match found.len() {

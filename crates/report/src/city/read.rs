@@ -122,6 +122,23 @@ impl City {
     pub(crate) fn title(&self) -> String {
         self.name.clone().unwrap_or_else(|| "traffic".to_owned())
     }
+
+    /// Leaves out the files in the names of players, where no two get the same name by it: paths say nothing to a reader.
+    pub(crate) fn leave_out_files(&mut self) {
+        let short: Vec<String> = self.players.iter().map(|player| without_file(&player.label)).collect();
+        for (number, player) in self.players.iter_mut().enumerate() {
+            if short.iter().filter(|&other| *other == short[number]).count() == 1 {
+                player.label.clone_from(&short[number]);
+            }
+        }
+    }
+}
+
+/// Returns a controller's name without its parameter `file`.
+fn without_file(label: &str) -> String {
+    let Some((name, parameters)) = label.split_once(':') else { return label.to_owned() };
+    let kept: Vec<&str> = parameters.split(',').filter(|parameter| !parameter.starts_with("file=")).collect();
+    if kept.is_empty() { name.to_owned() } else { format!("{name}:{}", kept.join(",")) }
 }
 
 /// Returns the cities in these folders and in the folders in them, each with its folder.
@@ -139,4 +156,23 @@ pub(crate) fn find(folders: &[PathBuf]) -> Result<Vec<(PathBuf, City)>> {
         }
     }
     Ok(found)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use serde_json::json;
+
+    #[test]
+    fn files_are_left_out_of_names_unless_two_would_be_the_same() {
+        let players =
+            ["program", "plan of fixed-time:file=a/b.toml", "any-light:file=x,choice=greedy", "f:file=1", "f:file=2"];
+        let players = players.map(|label| json!({ "label": label, "learned": false, "figures": {}, "lights": [] }));
+        let city = json!({ "seed": 0, "episodes": 1, "left_out": [], "warnings": [], "settings": {}, "streets": [],
+                           "players": players });
+        let mut city: City = serde_json::from_value(city).unwrap();
+        city.leave_out_files();
+        let labels: Vec<&str> = city.players.iter().map(|player| &*player.label).collect();
+        assert_eq!(labels, ["program", "plan of fixed-time", "any-light:choice=greedy", "f:file=1", "f:file=2"]);
+    }
 }

@@ -21,12 +21,12 @@ const MAP: [f64; 4] = [72.0, 200.0, 850.0, 510.0];
 /// Left end and width of the column beside the map.
 const COLUMN: (f64, f64) = (1000.0, 540.0);
 /// Top of the bars, and the distance from one to the next.
-const BARS: (f64, f64) = (256.0, 108.0);
+const BARS: (f64, f64) = (250.0, 98.0);
 const FAINT: RGBColor = RGBColor(0x5c, 0x5c, 0x5c);
 const GREY: RGBColor = RGBColor(0x8c, 0x8c, 0x8c);
 /// Width of a letter as a share of its height, on average and a little more.
 const LETTER: f64 = 0.52;
-/// Most lines below the bars.
+/// Most lines below four bars.
 const MOST_NOTES: usize = 10;
 
 pub(super) fn slide(city: &City) -> Svg {

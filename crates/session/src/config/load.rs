@@ -9,7 +9,9 @@ use super::RunConfig;
 use crate::domains::learn_width;
 use dials_core::outside::{in_plain_words, read_text};
 use dials_learn::config::ShortForm;
+use dials_traffic::any_light::AnyLight;
 use dials_traffic::config::sumocfg::Sumocfg;
+use dials_traffic::controllers::ANY_LIGHT;
 use dials_traffic::network::osm;
 
 /// Largest config file. One with every key has three kibibytes.
@@ -40,7 +42,7 @@ fn read(path: &Path, settings: &[String]) -> Result<RunConfig> {
     let mut config = with(table.clone(), settings)?;
     let defaults = config.domain.as_ref().map_or("", |domain| domain.table().defaults());
     if !defaults.is_empty() {
-        add_defaults(&mut table, &given, defaults);
+        add_defaults(&mut table, &given, defaults)?;
         config = with(table, settings)?;
     }
     let folder = path.parent().unwrap_or(Path::new("."));
@@ -110,7 +112,7 @@ fn has(config: &Table, table: &str, key: &str) -> bool {
 }
 
 /// Adds the keys that a config leaves out, with the defaults of its domain. `given`: the keys of `--set`.
-fn add_defaults(table: &mut Table, given: &Table, defaults: &str) {
+fn add_defaults(table: &mut Table, given: &Table, defaults: &str) -> Result<()> {
     let mut defaults: Table = defaults.parse().expect("a test reads it");
     // Patience cannot be written as "none". A config, also a kept one, with epochs and no patience wants all of them.
     if [&*table, given].into_iter().any(|table| has(table, "aip", "epochs"))
@@ -125,7 +127,27 @@ fn add_defaults(table: &mut Table, given: &Table, defaults: &str) {
     {
         gs.remove("copies");
     }
+    // A policy that starts from another one sees what that sees, and has its layers.
+    let word =
+        |name: &str, key: &str| [given, &*table].into_iter().find_map(|table| table.get(name)?.get(key)?.as_str());
+    let starts = word("policy", "start") == Some(ANY_LIGHT);
+    if starts {
+        let layers = AnyLight::shipped()?.hidden().iter().map(|&width| Value::Integer(width as i64)).collect();
+        inner(&mut defaults, "traffic").insert("observation".to_owned(), Value::String("lanes".to_owned()));
+        inner(&mut defaults, "policy").insert("hidden".to_owned(), Value::Array(layers));
+    }
+    // A network over lanes has no critic beside it.
+    if word("traffic", "observation").map_or(starts, |observation| observation == "lanes") {
+        inner(&mut defaults, "policy").remove("separate_critic");
+    }
     fill_in(table, defaults);
+    Ok(())
+}
+
+/// Returns a table in a table, which is made if it is not there.
+fn inner<'a>(table: &'a mut Table, name: &str) -> &'a mut Table {
+    let place = table.entry(name).or_insert_with(|| Value::Table(Table::new()));
+    place.as_table_mut().expect("defaults are keys in tables")
 }
 
 /// Adds the keys that are not there yet.

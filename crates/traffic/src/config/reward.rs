@@ -19,9 +19,9 @@ pub enum RewardTerm {
     ExitSpeed,
     /// Minus the number of standing cars, in tens.
     Queue,
-    /// Minus the logarithm of one plus the number of standing cars. A jam does not outweigh what many other lights do, so it suits
-    /// a policy that many lights share.
-    LogQueue,
+    /// Minus the square root of the number of standing cars before the light and on its exits. A jam does not outweigh what many other
+    /// lights do, and a car that only moves into the next queue is no gain. So it suits a policy that many lights share.
+    RootQueue,
     /// Minus the time that the cars on the approaches lose against their limits, in tens of cars: a standing car counts
     /// 1, a car at half the limit counts 0.5.
     LostTime,
@@ -49,7 +49,7 @@ impl RewardTerm {
             RewardTerm::MeanSpeed => "mean speed of the cars on the approaches, as a share of the limit",
             RewardTerm::ExitSpeed => "mean speed of the cars on the exits, as a share of the limit",
             RewardTerm::Queue => "minus the standing cars on the approaches, in tens",
-            RewardTerm::LogQueue => "minus the logarithm of one plus the standing cars on the approaches",
+            RewardTerm::RootQueue => "minus the square root of the standing cars on the approaches and exits",
             RewardTerm::LostTime => {
                 "minus the seconds that the cars on the approaches lose in a second against the limits, in tens"
             }

@@ -54,7 +54,7 @@ impl Choices {
                 return Err(arguments.refuse(format!("choice = {other}: must be sampled or greedy")));
             }
         };
-        let every = arguments.steps("every")?.unwrap_or(model.about.decision_s);
+        let every = arguments.steps("every")?.unwrap_or(model.decision_s());
         Ok(Choices { model: Arc::new(model), every, selection })
     }
 
@@ -74,7 +74,7 @@ impl Choices {
 
     /// Makes a controller of these lights.
     pub(super) fn controller(&self, plans: &[AgentPlan]) -> AnyLightController {
-        let sets = lane_sets::of_lights(plans, self.model.about.seen_m);
+        let sets = lane_sets::of_lights(plans, self.model.seen_m());
         let room = sets.first().map_or_else(|| lane_sets::sets(1, 1), |sets| sets.sets);
         AnyLightController {
             network: self.model.network(room),

@@ -1,0 +1,98 @@
+"""Policies that see a light as sets of lanes and greens, so that one fits any light."""
+
+from __future__ import annotations
+
+from typing import Any, Mapping, Optional, Tuple
+
+import numpy as np
+
+from . import _checks
+from ._channel import PathLike, path_text, request_of, yes_or_no
+from ._process import Process
+from ._sets import OverSets
+from .policy import Policy, Weights, check_weights
+
+
+class LightPolicy(Policy):
+    """A policy over lanes and greens. Make one with :func:`dials_traffic.any_light` or :meth:`Run.policy`.
+
+    It plays every agent of an environment with ``settings={"traffic.observation": "lanes"}``. It remembers nothing, so one
+    policy may decide for all of them.
+    """
+
+    def __init__(
+        self,
+        weights: Weights,
+        sets: Mapping[str, int],
+        *,
+        n_actions: Optional[int] = None,
+        greedy: bool = False,
+        seed: Optional[int] = None,
+        agent: str = "",
+    ) -> None:
+        """``sets``: numbers of features. ``n_actions``: of the agent; without it, each call needs an action mask, which has as many.
+
+        ``agent``: its name, for errors.
+        """
+        check_weights(weights)
+        self.weights = weights
+        self.greedy = yes_or_no("greedy", greedy)
+        self._agent, self._columns, self._actions = agent, (), ()
+        self._network, self._own_actions = OverSets(weights, sets), n_actions
+        self._n_actions = n_actions or 0
+        self.reset(seed)
+
+    def reset(self, seed: Optional[int] = None) -> None:
+        """Begin an episode. A ``seed`` also begins new random numbers."""
+        if seed is not None or not hasattr(self, "_random"):
+            self._random = np.random.default_rng(seed)
+
+    def __call__(self, obs: Any, action_mask: Any = None) -> int:
+        """Choose an action. ``action_mask``: 1 for each action that is allowed, of the infos of the environment."""
+        if self._own_actions is None:
+            if action_mask is None:
+                raise TypeError("action_mask: a policy for any light needs it: infos[agent]['action_mask']")
+            self._n_actions = np.size(action_mask)
+        return super().__call__(obs, action_mask)
+
+    def judge(self, obs: Any, n_actions: Optional[int] = None) -> Tuple[np.ndarray, float]:
+        """Return the logits of all actions, and the value. ``n_actions``: how many there are, if the policy is for any light."""
+        choices = n_actions or self._n_actions
+        width = np.size(obs)
+        if self._network.items(width, choices) == 0:
+            raise ValueError(
+                f"observations: {width} columns are no lanes and {choices} greens; make the environment with "
+                'settings={"traffic.observation": "lanes"}'
+            )
+        shown = _checks.observation(self._agent, obs, width)
+        with np.errstate(all="ignore"):
+            outputs = self._network.outputs(shown, choices)
+        if not np.isfinite(outputs).all():
+            raise ValueError("the outputs of the policy are not finite; its weights are too large")
+        return outputs[:-1], float(outputs[-1])
+
+
+def any_light(file: Optional[PathLike] = None, *, greedy: bool = False, seed: Optional[int] = None) -> LightPolicy:
+    """Read a policy that plays any light, also on networks that it has never seen.
+
+    ``file``: what `dials-traffic export RUN --out FILE.safetensors` wrote; without it, the one that comes with the program.
+    It decides for every agent of ``parallel_env(config, settings={"traffic.observation": "lanes"})``::
+
+        policy(observations[agent], infos[agent]["action_mask"])
+
+    ``greedy``: take the most likely action instead of drawing one. ``seed``: of the draws.
+    """
+    path = None if file is None else path_text("file", file)
+    label = "the policy for any light" if path is None else f"the policy of {path}"
+    process = Process(label, request_of(".", None, {"any_light": {"file": path}}))
+    try:
+        about, parameters = process.about, process.array("parameters").copy()
+    finally:
+        process.close()
+    parameters.flags.writeable = False
+    weights, begin = {}, 0
+    for name, shape in about["tensors"]:
+        end = begin + int(np.prod(shape))
+        weights[name] = parameters[begin:end].reshape(shape)
+        begin = end
+    return LightPolicy(weights, about["sets"], greedy=greedy, seed=seed)
