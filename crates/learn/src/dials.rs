@@ -30,7 +30,7 @@ pub fn train(
     observer: &dyn Observer,
 ) -> Result<()> {
     let kinds = &fleet.domain().kinds().clone();
-    let pace = Pace::begin(config);
+    let pace = Pace::guess(config, fleet.domain());
     let mut run = Training { config, fleet, progress, pace, recorder, observer };
     run.recorder.begun(run.fleet.agents())?; // 1: policies and AIPs, new or from a checkpoint
     if config.predicts_outside() {

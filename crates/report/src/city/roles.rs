@@ -61,7 +61,7 @@ pub(super) fn role(city: &City, player: &CityPlayer) -> String {
     let is_best = best.is_some_and(|best| best.label == player.label);
     let role = match own {
         Role::Plan => return player.label.clone(),
-        Role::Today => "today",
+        Role::Today => return TODAYS_PLAN.to_owned(),
         Role::Learned if count == 1 => "learned",
         Role::Rule if count == 1 => "rule",
         Role::Learned if is_best => "best learned",
@@ -96,7 +96,7 @@ mod tests {
     #[test]
     fn a_rule_without_a_rival_is_not_the_best() {
         let one = city(&[("program", false, false, 40.0), ("webster", false, false, 30.0)]);
-        assert_eq!(roles(&one), ["today: program", "rule: webster"]);
+        assert_eq!(roles(&one), ["today's plan", "rule: webster"]);
         // The first one takes part in the choice, too.
         let two = city(&[("max-pressure", false, false, 20.0), ("webster", false, false, 30.0)]);
         assert_eq!(roles(&two), ["best rule: max-pressure", "webster"]);
