@@ -75,20 +75,17 @@ class AnyLight(Light):
     def see_greens(self):
         """Return the features of all greens, `[greens, 9]`."""
         shown, features = self.shown_green(), np.zeros((len(self.opens), 9))
-        allowed = self.allowed(len(self.opens))
         for green, row in enumerate(features):
             row[:3] = 1, green == self.green, green == shown
             row[4] = time(self.since_s[green])
             if green == shown:
-                row[3], row[5] = time(self.age_s()), max(0, self.plan["min_green_s"][green] - self.age_s()) / 10
+                row[3], row[5] = time(self.shown_s), max(0, self.plan["min_green_s"][green] - self.shown_s) / 10
             elif shown is not None:
                 row[6] = sum(state["seconds"] for state in self.changes[shown, green]["states"]) / 10
-            row[7:] = allowed[green], self.opens[green, 0].sum() / 4
+            change = None if shown is None else self.changes.get((shown, green))
+            is_old_enough = green == self.green or change is not None and self.shown_s >= change["after_s"]
+            row[7:] = is_old_enough, self.opens[green, 0].sum() / 4
         return features
-
-    def age_s(self):
-        """Return for how many seconds the green has been shown. The first one of an episode counts as old enough."""
-        return self.shown_s + self.head_start_s
 
     def show(self, action):
         super().show(action)

@@ -90,7 +90,8 @@ def any_light(file: Optional[PathLike] = None, *, greedy: bool = False, seed: Op
     finally:
         process.close()
     parameters.flags.writeable = False
-    weights, begin = {}, 0
+    weights: Weights = {}
+    begin = 0
     for name, shape in about["tensors"]:
         end = begin + int(np.prod(shape))
         weights[name] = parameters[begin:end].reshape(shape)

@@ -139,7 +139,7 @@ SETS = {"traffic.observation": "lanes", "policy.share": "kind", "policy.separate
 
 
 def test_a_run_whose_agents_see_sets_acts_in_numpy_as_the_program_does(scenario, folder, tmp_path):
-    settings = {**SHORT, **SCENARIO_SETTINGS, "simulator": "gs", "evaluation.every_steps": 128, "ppo.memory": 128, "ppo.minibatch": 32, **SETS}
+    settings = {**SHORT, **SCENARIO_SETTINGS, "simulator": "gs", "evaluation.every_steps": 128, "ppo.memory": 128, "ppo.rollout_steps": 16, "ppo.minibatch": 32, **SETS}
     run = dials_traffic.load(train(scenario, tmp_path / "sets", settings))
     env, controller = dials_traffic.parallel_env(run.path, seed=3), run.controller(greedy=True)
     file = tmp_path / "any.safetensors"
