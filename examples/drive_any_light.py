@@ -18,7 +18,7 @@ from read_policies import read
 from safetensors import safe_open
 
 STRETCHES_M, JAM_M, STANDS_MPS = (10, 25, 50, 100, 150), 7.5, 0.1
-HOW_FORMAT = "dials-traffic any-light 1"
+FORMAT = "dials-traffic any-light 1"
 
 
 def time(seconds):
@@ -112,7 +112,7 @@ def drive(config, lights, file, seed=0, trips=None, sample=False):
     """Play a scenario. Yield what all lights saw, as (lanes, greens) of each, and what they did then."""
     with safe_open(file, "np") as opened:
         about = json.loads((opened.metadata() or {}).get("any_light", "{}"))
-    if (about.get("format"), about.get("decision_s")) != (HOW_FORMAT, DECISION_S):
+    if (about.get("format"), about.get("decision_s")) != (FORMAT, DECISION_S):
         raise SystemExit(f"{file}: is no policy for any light that decides every {DECISION_S} s; `dials-traffic export` writes one")
     policy, dice = read(file), np.random.default_rng(int(seed))
     lights = [AnyLight(plan, about["seen_m"]) for plan in json.loads(Path(lights).read_text())["learning"]]

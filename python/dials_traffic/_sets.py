@@ -48,4 +48,3 @@ class OverSets:
 
     def _head(self, name: str, rows: np.ndarray) -> np.ndarray:
         return self._affine(f"{name}.1", np.maximum(self._affine(f"{name}.0", rows), 0))[:, 0]
-

@@ -37,15 +37,10 @@ class LightPolicy(Policy):
         check_weights(weights)
         self.weights = weights
         self.greedy = yes_or_no("greedy", greedy)
-        self._agent, self._columns, self._actions = agent, (), ()
+        self._agent, self._columns, self._actions, self._towers = agent, (), (), [""]
         self._network, self._own_actions = OverSets(weights, sets), n_actions
         self._n_actions = n_actions or 0
         self.reset(seed)
-
-    def reset(self, seed: Optional[int] = None) -> None:
-        """Begin an episode. A ``seed`` also begins new random numbers."""
-        if seed is not None or not hasattr(self, "_random"):
-            self._random = np.random.default_rng(seed)
 
     def __call__(self, obs: Any, action_mask: Any = None) -> int:
         """Choose an action. ``action_mask``: 1 for each action that is allowed, of the infos of the environment."""

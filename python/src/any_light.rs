@@ -34,8 +34,6 @@ impl ReadAnyLight {
         let about = json!({
             "tensors": tensors.collect::<Vec<_>>(),
             "sets": policy.shape().sets.as_ref().map(agent::sets),
-            "decision_s": policy.decision_s(),
-            "seen_m": policy.seen_m(),
             "memory": memory.describe(),
         });
         Ok(ReadAnyLight { about })

@@ -135,11 +135,12 @@ def test_a_policy_draws_from_its_probabilities_and_respects_the_mask():
     assert policy.judge([0.0])[1] == pytest.approx(np.log(9), abs=1e-6)
 
 
-SETS = {"traffic.observation": "lanes", "policy.share": "kind", "policy.separate_critic": "false", "policy.hidden": "[8, 6]"}
+SETS = {"traffic.observation": "lanes", "policy.share": "kind", "policy.hidden": "[8, 6]"}
 
 
-def test_a_run_whose_agents_see_sets_acts_in_numpy_as_the_program_does(scenario, folder, tmp_path):
-    settings = {**SHORT, **SCENARIO_SETTINGS, "simulator": "gs", "evaluation.every_steps": 128, "ppo.memory": 128, "ppo.rollout_steps": 16, "ppo.minibatch": 32, **SETS}
+def test_a_run_whose_agents_see_sets_acts_in_numpy_as_the_program_does(scenario, tmp_path):
+    settings = {**SHORT, **SCENARIO_SETTINGS, **SETS, "simulator": "gs", "evaluation.every_steps": 128}
+    settings.update({"ppo.memory": 128, "ppo.rollout_steps": 16, "ppo.minibatch": 32})
     run = dials_traffic.load(train(scenario, tmp_path / "sets", settings))
     env, controller = dials_traffic.parallel_env(run.path, seed=3), run.controller(greedy=True)
     file = tmp_path / "any.safetensors"

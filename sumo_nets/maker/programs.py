@@ -106,11 +106,10 @@ def ends_early(state, after, of_link, dice):
     for index, letter in enumerate(state):
         if letter in "Gg" and index in of_link:
             opened.setdefault(of_link[index], []).append(index)
-    ending = {edge: number for number, (edge, indices) in enumerate(opened.items())
-              if all(after[index] not in "Gg" for index in indices)}
+    ending = {edge: 1 for edge, indices in opened.items() if all(after[index] not in "Gg" for index in indices)}
     if "y" in state or len(opened) < 2 or not ending:
         return []
-    return opened[dice.choose(dict.fromkeys(ending, 1))]
+    return opened[dice.choose(ending)]
 
 
 def with_programs(net, programs):

@@ -60,7 +60,7 @@ fn a_comparison_shows_the_worst_lights_and_json_and_csv_have_all_of_them() {
     let assert = dials_traffic(&["report", out.to_str().unwrap(), "--out", page.to_str().unwrap()]).assert().success();
     assert!(text(&assert.get_output().stdout).starts_with("lights in 1 comparison; open "));
     let html = fs::read_to_string(page.join("report.html")).unwrap();
-    for words in ["today's plan", "rule: max-pressure", "What was assumed", "LOS", "<svg role=\"img\""] {
+    for words in [">today's plan<", "rule: max-pressure", "What was assumed", "LOS", "<svg role=\"img\""] {
         assert!(html.contains(words), "{words} is not on the page");
     }
     // One rule has no rival, and no policy was rewarded.
@@ -87,7 +87,7 @@ fn a_plan_stands_beside_the_rules_with_its_files_and_a_slide() {
     let said = text(&assert.get_output().stdout);
     assert!(said.starts_with("lights in 1 comparison; open ") && said.contains("slide.svg"), "{said}");
     let html = fs::read_to_string(dir.path().join("page/report.html")).unwrap();
-    for words in ["today's plan", "rule: max-pressure", "<th>plan of webster</th>", "<a href=\"plan.html\">"] {
+    for words in [">today's plan<", "rule: max-pressure", "<th>plan of webster</th>", "<a href=\"plan.html\">"] {
         assert!(html.contains(words), "{words} is not on the page");
     }
     for name in ["plan.html", "plan.csv", "programs.add.xml"] {

@@ -7,8 +7,8 @@ use std::time::{Duration, Instant};
 use crate::config::{Config, Period, Simulator};
 use dials_core::domain::Domain;
 
-/// Factor by which the first guess may be too low: it was 13 on a busy machine with a large observation. If it is too high, the first
-/// part is one update, and costs one checkpoint more; if it is too low, a stop waits for it.
+/// Factor by which the first guess may be too low: it was more than 5 on a busy machine with a large observation. If the factor is too
+/// high, the first part is one update, and costs one checkpoint more; if it is too low, a stop waits for the part.
 const CAUTION: f64 = 100.0;
 
 /// How long a timestep takes, and how long training may go on without a checkpoint.

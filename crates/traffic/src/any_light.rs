@@ -169,12 +169,12 @@ impl AnyLight {
     }
 
     /// Returns the seconds from one decision to the next.
-    pub fn decision_s(&self) -> u32 {
+    pub(crate) fn decision_s(&self) -> u32 {
         self.about.decision_s
     }
 
     /// Returns how far before the stop line it sees cars, in metres.
-    pub fn seen_m(&self) -> f64 {
+    pub(crate) fn seen_m(&self) -> f64 {
         self.about.seen_m
     }
 

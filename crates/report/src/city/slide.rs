@@ -205,7 +205,7 @@ mod tests {
             svg.contains("With the plan of &lt;webster&gt; a car loses 25 % less time than with today's plan."),
             "{svg}"
         );
-        for words in ["today's plan", "learned: runs/a", "best rule: max-pressure", "n = 5 episodes", "seed 7"] {
+        for words in [">today's plan<", "learned: runs/a", "best rule: max-pressure", "n = 5 episodes", "seed 7"] {
             assert!(svg.contains(words), "{words}: {svg}");
         }
         assert!(!svg.contains(">webster<") && !svg.contains("<webster>") && svg.contains("&lt;b&gt;"), "{svg}");

@@ -33,8 +33,8 @@ pub fn way_out(path: &Path) -> String {
     let net = path.with_file_name(format!("{stem}.net.xml"));
     format!(
         "is a map of OpenStreetMap; make a net of it with netconvert, then give it traffic (docs/networks.md has all steps):\n  \
-         netconvert --osm-files {} -o {} --geometry.remove --tls.guess-signals --tls.guess \
-         --tls.guess.threshold 30 --tls.join --output.street-names",
+         netconvert --osm-files {} -o {} --geometry.remove --tls.guess-signals --tls.join \
+         --output.street-names",
         quoted(path),
         quoted(&net)
     )

@@ -176,7 +176,8 @@ pub fn derive(roads: &Roads, rules: &Rules, overrides: &Overrides) -> Result<Der
     let lit = region::lit_junctions(roads);
     if programs.is_empty() {
         bail!(
-            "has no traffic light: no element <tlLogic>; give a junction one in netedit, or let netconvert guess them: --tls.guess --tls.guess.threshold 30"
+            "has no traffic light: no element <tlLogic>; give a junction one in netedit, or let netconvert guess them: \
+             --tls.guess --tls.guess.threshold 30"
         );
     }
     overrides.check_names(&programs)?;
