@@ -7,7 +7,6 @@ use serde_json::{Map, Value, json};
 
 use super::train::{cores, settings_with};
 use crate::cli;
-use crate::program::command_for_feature;
 use crate::run::listing::Listing;
 use dials_core::base::{AgentId, counted};
 use dials_core::domain::{Domain, RegionSpec, Task};
@@ -249,12 +248,8 @@ fn run(text: &mut Listing, Described { config, domain, work, .. }: &Described) {
         ));
     }
     text.line("  the policies are left in policies.safetensors");
-    match cfg!(feature = "torch") {
-        true => text.line("  `export` makes a TorchScript module of it"),
-        false => {
-            let build = command_for_feature("torch");
-            text.line(format_args!("  a TorchScript module of it needs a build with libtorch:\n    {build}"));
-        }
+    if let Some(DomainConfig::Traffic(TrafficTable::Scenario(_))) = &config.domain {
+        text.line("  `plan` makes fixed times of them, which plain SUMO plays");
     }
 }
 

@@ -3,7 +3,6 @@
 use crate::cli;
 use dials_core::base::{counted, for_terminal};
 use dials_core::outside::{Directory, Printable, quoted};
-use dials_report::city::SLIDE;
 use dials_report::{MARKDOWN, PAGE};
 use dials_session::error::{Error, Result};
 use dials_session::outputs::check_not_a_run;
@@ -21,10 +20,14 @@ pub(super) fn report(args: &cli::ReportArgs) -> Result<()> {
     let (page, markdown) = (out.join(PAGE), out.join(MARKDOWN));
     let (runs, groups) = (report.runs, report.groups);
     let of_runs = (runs > 0).then(|| format!("{} in {}", counted(runs, "run"), counted(groups, "group")));
-    let of_cities = (report.cities > 0).then(|| format!("lights in {}", counted(report.cities, "comparison")));
+    let slides: Vec<String> = report.slides.iter().map(|name| quoted(&out.join(name))).collect();
+    let of_cities = (!slides.is_empty()).then(|| format!("lights in {}", counted(slides.len(), "comparison")));
     let what = of_cities.into_iter().chain(of_runs).collect::<Vec<_>>().join(", ");
-    let has_slide = report.files.iter().any(|(name, _)| name == SLIDE);
-    let slide = if has_slide { format!("; {} is for a presentation", quoted(&out.join(SLIDE))) } else { String::new() };
-    let message = format!("{what}; open {} or read {}{slide}", quoted(&page), quoted(&markdown));
+    let slides = match slides.len() {
+        0 => String::new(),
+        1 => format!("; {} is for a presentation", slides[0]),
+        _ => format!("; {} are for presentations, in the order of the page", slides.join(" and ")),
+    };
+    let message = format!("{what}; open {} or read {}{slides}", quoted(&page), quoted(&markdown));
     answer(message).map_err(Error::Run)
 }

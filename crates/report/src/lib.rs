@@ -59,8 +59,8 @@ pub struct Report {
     pub files: Vec<(String, String)>,
     pub runs: usize,
     pub groups: usize,
-    /// Number of comparisons of a city's lights.
-    pub cities: usize,
+    /// Names of the slides among the files, one for each comparison of a city's lights.
+    pub slides: Vec<String>,
     /// Sentences about runs that are missing, unfinished or cannot be used.
     pub warnings: Vec<String>,
 }
@@ -80,12 +80,11 @@ pub fn report(folders: &[PathBuf]) -> Result<Report> {
     let names: Vec<String> = of_runs.iter().map(|folder| folder.display().to_string()).collect();
     let has_finals = groups().any(|group| group.finals().is_some());
     ensure!(has_finals || (cities.is_some() && of_runs.is_empty()), words::no_run(&names.join(", "), &warnings));
-    let compared_cities = cities.as_ref().map_or(0, |cities| cities.count);
-    let mut beside = Vec::new();
+    let (mut beside, mut slides) = (Vec::new(), Vec::new());
     let document = match cities {
         None => sections::document(&comparisons, &warnings)?,
-        Some(city::Cities { title, mut blocks, files, warnings: of_cities, .. }) => {
-            beside = files;
+        Some(city::Cities { title, mut blocks, files, slides: shown, warnings: of_cities, .. }) => {
+            (beside, slides) = (files, shown);
             if has_finals {
                 blocks.extend(sections::document(&comparisons, &warnings)?.blocks);
             }
@@ -100,7 +99,7 @@ pub fn report(folders: &[PathBuf]) -> Result<Report> {
         files.extend(csv_file::files(&comparisons)?);
     }
     let runs = groups().map(|group| group.runs.len()).sum();
-    Ok(Report { files, runs, groups: groups().count(), cities: compared_cities, warnings })
+    Ok(Report { files, runs, groups: groups().count(), slides, warnings })
 }
 
 /// Makes the figures of a report about these runs, and only them. None was evaluated yet: no figures.

@@ -188,7 +188,7 @@ fn map(inspected: &Inspected) -> Result<Svg> {
         let edges = agent.region.edges(roads);
         let within = |lane: &LaneNo| edges.contains(&roads.lane(*lane).edge);
         MapRegion {
-            name: agent.plan.light.clone(),
+            name: called(roads, &agent.plan.light),
             place_m: agent.plan.place_m,
             approaches: agent.region.ahead_m.keys().map(|&lane| line(lane)).collect(),
             lanes: roads.lanes_of_cars().filter(within).map(line).collect(),
@@ -197,11 +197,19 @@ fn map(inspected: &Inspected) -> Result<Svg> {
     let keeping = derived.keeping.iter().flat_map(|kept| roads.junctions_of(&kept.light));
     regions_map(&RegionsMap {
         subject: net.file_name().unwrap_or(net.as_os_str()).to_string_lossy().into_owned(),
-        junctions: roads.junctions.iter().map(|junction| junction.shape.clone()).collect(),
+        junctions: roads.outlines(),
         lanes: roads.lanes_of_cars().map(line).collect(),
         regions: regions.collect(),
         keeping: keeping.map(|junction| roads.junction(junction).place_m).collect(),
     })
+}
+
+/// Returns the id of a light, behind the names of its first streets if it has any.
+fn called(roads: &Roads, light: &str) -> String {
+    match roads.streets_to(light) {
+        streets if streets.is_empty() => light.to_owned(),
+        streets => format!("{} ({light})", streets.iter().take(2).copied().collect::<Vec<_>>().join(" / ")),
+    }
 }
 
 /// Returns the whole object. Indices (`links` of an approach, `from`, `to`) count the other lists of the same light.

@@ -38,6 +38,19 @@ pub(super) fn traffic(city: &City) -> Vec<String> {
     lines
 }
 
+/// Returns the same as [`traffic`] in one line, for a slide.
+pub(super) fn in_short(city: &City) -> String {
+    let setting = |key: &str| city.settings.get("traffic")?.get(key).cloned();
+    let mut words = Vec::new();
+    if let (Some(begin), Some(end)) = (setting("begin_s"), setting("end_s")) {
+        words.push(format!("{begin} s to {end} s of the scenario's clock"));
+    }
+    words.extend(setting("warm_up_s").filter(|seconds| *seconds != 0).map(|warm_up| format!("warm-up {warm_up} s")));
+    words.push(format!("seed {}", city.seed));
+    words.extend(city.sumo_version.clone());
+    format!("{}.", words.join("; "))
+}
+
 /// Returns a setting in words.
 fn in_words(value: &Value) -> String {
     match value.as_str() {

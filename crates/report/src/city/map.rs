@@ -139,8 +139,8 @@ pub(super) fn roads_and_lights(
             // Once in white behind it, so that it can be read over a street.
             let ink = format!("fill=\"{}\"", hex(INK));
             for look in ["fill=\"#ffffff\" stroke=\"#ffffff\" stroke-width=\"3\"", &ink] {
-                let (x, y, number) = (x + 8.0, y - 6.0, number + 1);
-                let _ = writeln!(svg, "<text x=\"{x:.1}\" y=\"{y:.1}\" font-size=\"14\" {look}>{number}</text>");
+                let (x, y, number, size) = (x + 8.0 * frame.pen, y - 6.0 * frame.pen, number + 1, 14.0 * frame.pen);
+                let _ = writeln!(svg, "<text x=\"{x:.1}\" y=\"{y:.1}\" font-size=\"{size}\" {look}>{number}</text>");
             }
         }
     }

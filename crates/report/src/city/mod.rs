@@ -22,7 +22,7 @@ pub use live::DelayMap;
 /// Name of the file that `evaluate` and `baseline` write with `--csv`.
 pub const CITY: &str = "city.json";
 /// Name of the picture for a presentation.
-pub const SLIDE: &str = "slide.svg";
+const SLIDE: &str = "slide.svg";
 /// Name of the table that they write with `--csv` if they play variants of the traffic.
 pub const VARIANTS: &str = "variants.csv";
 
@@ -30,7 +30,8 @@ pub const VARIANTS: &str = "variants.csv";
 pub(crate) struct Cities {
     pub(crate) title: String,
     pub(crate) blocks: Vec<Block>,
-    pub(crate) count: usize,
+    /// Names of the slides among the files, one for each comparison.
+    pub(crate) slides: Vec<String>,
     /// Folders that hold a city, or a table of variants.
     pub(crate) folders: Vec<PathBuf>,
     /// Names and texts of files that belong beside the page.
@@ -65,7 +66,9 @@ pub(crate) fn cities(folders: &[PathBuf]) -> Result<Option<Cities>> {
         let name = if found.len() == 1 { SLIDE.to_owned() } else { SLIDE.replace('.', &format!("_{}.", number + 1)) };
         (name, slide::slide(city).file())
     });
+    let slides: Vec<(String, String)> = slides.collect();
+    let names = slides.iter().map(|(name, _)| name.clone()).collect();
     files.extend(slides);
     let folders = all.into_iter().chain(tables.iter().cloned()).collect();
-    Ok(Some(Cities { title, blocks, count: found.len(), folders, files, warnings }))
+    Ok(Some(Cities { title, blocks, slides: names, folders, files, warnings }))
 }

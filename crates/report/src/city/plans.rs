@@ -29,20 +29,26 @@ pub(super) fn check(folder: &Path) -> Result<()> {
 const OTHER_DELAY: &str = "A plan has fixed greens, perhaps other ones for each period of the demand, and each light begins where its \
                            offset says. So its delay is not that of the controller from which it was made.";
 
-/// Puts every plan beside the comparison of the same traffic, if there is one. Also returns sentences about plans that stay
-/// alone although there are comparisons.
+/// Puts comparisons of the same traffic together into the first of them, and every plan beside the comparison of its traffic.
+/// Also returns sentences about plans that stay alone although there are comparisons.
 pub(super) fn beside_the_others(found: Vec<(PathBuf, City)>) -> (Vec<(PathBuf, City)>, Vec<String>) {
     let has_plan = |(_, city): &(PathBuf, City)| city.players.iter().any(|player| player.plan);
-    let (plans, mut kept): (Vec<_>, Vec<_>) = found.into_iter().partition(has_plan);
+    let (plans, comparisons): (Vec<_>, Vec<_>) = found.into_iter().partition(has_plan);
+    let mut kept: Vec<(PathBuf, City)> = Vec::new();
     let mut warnings = Vec::new();
+    for (folder, more) in comparisons {
+        match kept.iter_mut().find(|(_, city)| is_same_traffic(city, &more)) {
+            Some((_, city)) => {
+                let behind = city.players.len();
+                add_players(city, more, behind);
+            }
+            None => kept.push((folder, more)),
+        }
+    }
     for (folder, plan) in plans {
         match kept.iter_mut().find(|(_, city)| is_same_traffic(city, &plan)) {
-            Some((_, city)) => {
-                let known: Vec<String> = city.players.iter().map(|player| player.label.clone()).collect();
-                let new = plan.players.into_iter().filter(|player| !known.contains(&player.label));
-                // Behind today's plan, because the page is about the plan.
-                city.players.splice(1..1, new.collect::<Vec<_>>());
-            }
+            // Behind today's plan, because the page is about the plan.
+            Some((_, city)) => add_players(city, plan, 1),
             None => {
                 warnings.extend((!kept.is_empty()).then(|| {
                     format!(
@@ -56,6 +62,15 @@ pub(super) fn beside_the_others(found: Vec<(PathBuf, City)>) -> (Vec<(PathBuf, C
         }
     }
     (kept, warnings)
+}
+
+/// Inserts those players of another comparison whose names are new.
+fn add_players(city: &mut City, other: City, place: usize) {
+    let known: Vec<String> = city.players.iter().map(|player| player.label.clone()).collect();
+    let new = other.players.into_iter().filter(|player| !known.contains(&player.label));
+    city.players.splice(place..place, new.collect::<Vec<_>>());
+    let new: Vec<String> = other.warnings.into_iter().filter(|warning| !city.warnings.contains(warning)).collect();
+    city.warnings.extend(new);
 }
 
 /// Returns whether two comparisons begin with the same player on the same traffic, so that their differences are from the same.
@@ -139,6 +154,16 @@ mod tests {
             assert_eq!((found.len(), warnings.len()), (1, 0));
             assert_eq!(labels(&found[0].1), ["program", "plan of webster", "max-pressure"]);
         }
+    }
+
+    #[test]
+    fn comparisons_of_the_same_traffic_become_one() {
+        let found = vec![city(30.0, "max-pressure", false), city(30.0, "webster", false), city(30.5, "webster", false)];
+        let (found, _) = beside_the_others(found);
+        assert_eq!(
+            found.iter().map(|(_, city)| labels(city)).collect::<Vec<_>>(),
+            [vec!["program", "max-pressure", "webster"], vec!["program", "webster"]]
+        );
     }
 
     #[test]

@@ -1,12 +1,12 @@
-//! A slide about a city: one picture of 16:9 with the map, the delay of today, of the plan and of the best others, and what was
-//! assumed.
+//! A slide about a city: one picture of 16:9 with the map, the delay of today, of the plan and of the best others, people on foot,
+//! the worst lights, and what was assumed.
 
 use std::fmt::Write;
 
-use super::assumed::traffic;
+use super::assumed::in_short;
 use super::map::{Frame, Scale, is_unclear, legend, roads_and_lights};
 use super::page::{signed, with_error};
-use super::read::{City, CityPlayer};
+use super::read::{City, CityPlayer, Figure};
 use super::roles::{Role, all_and_best, best, name_of, role};
 use crate::document::escape;
 use crate::drawing::{BLUE, INK, Svg, hex, shortened};
@@ -17,7 +17,12 @@ use plotters::style::RGBColor;
 /// Size in pixels.
 const SIZE: [u32; 2] = [1600, 900];
 /// Left end, top, width and height of the map.
-const MAP: [f64; 4] = [72.0, 200.0, 850.0, 510.0];
+const MAP: [f64; 4] = [72.0, 215.0, 850.0, 495.0];
+/// Left end and top of the list of the worst lights, beside the legend of the map.
+const WORST: [f64; 2] = [590.0, 792.0];
+/// Number of lights in that list, and the most letters of a street's name in it.
+const WORST_LIGHTS: usize = 3;
+const STREET: usize = 28;
 /// Left end and width of the column beside the map.
 const COLUMN: (f64, f64) = (1000.0, 540.0);
 /// Top of the bars, and the distance from one to the next.
@@ -39,12 +44,17 @@ pub(super) fn slide(city: &City) -> Svg {
     let title = format!("Traffic lights of {}", city.title());
     write(&mut svg, [72.0, 92.0], 48.0, INK, "bold", &shortened(&title, 56));
     write(&mut svg, [72.0, 148.0], 30.0, INK, "normal", &shortened(&headline(city, after), 96));
+    if let Some(words) = on_foot(before, after) {
+        write(&mut svg, [72.0, 188.0], 24.0, FAINT, "normal", &words);
+    }
     let shown = after.unwrap_or(before);
     let scale = Scale::of(shown, after.is_some());
     match Frame::within(city, shown, MAP, 1.7) {
         Some(frame) if !shown.lights.is_empty() => {
-            roads_and_lights(&mut svg, city, shown, &[], scale, &frame);
+            let worst: Vec<&str> = before.lights.iter().take(WORST_LIGHTS).map(|light| &*light.id).collect();
+            roads_and_lights(&mut svg, city, shown, &worst, scale, &frame);
             legend(&mut svg, scale, [MAP[0], 738.0], 1.3);
+            worst_lights(&mut svg, before, after);
         }
         _ => write(&mut svg, [MAP[0], 400.0], 22.0, FAINT, "normal", "no map: no light was measured"),
     }
@@ -68,6 +78,43 @@ fn headline(city: &City, after: Option<&CityPlayer>) -> String {
         _ if is_unclear(Some(difference)) => format!("No clear difference between {name} and {before}."),
         true => format!("With {name} a car loses {share:.0} % less time than with {before}."),
         false => format!("With {name} a car loses {share:.0} % more time than with {before}."),
+    }
+}
+
+/// Returns how long people wait at crossings, if somebody walks. Only a clear difference is told.
+fn on_foot(before: &CityPlayer, after: Option<&CityPlayer>) -> Option<String> {
+    let wait_s = |player: &CityPlayer| player.figures.get("person_wait_s").copied();
+    let own = wait_s(before)?;
+    let alone = format!("People on foot wait {:.1} s at crossings", own.mean);
+    let Some(after) = after else { return Some(format!("{alone}.")) };
+    let difference = after.differences.as_ref()?.get("person_wait_s").copied();
+    Some(match wait_s(after) {
+        Some(theirs) if !is_unclear(difference) => {
+            format!("People on foot wait {:.1} s at crossings instead of {:.1} s.", theirs.mean, own.mean)
+        }
+        _ => format!("{alone}; no clear difference."),
+    })
+}
+
+/// Writes at which lights cars lose the most time, with the numbers of the map and the delay before and after.
+fn worst_lights(svg: &mut String, before: &CityPlayer, after: Option<&CityPlayer>) {
+    let [left, top] = WORST;
+    write(svg, [left, top], 18.0, INK, "bold", "Most time is lost at");
+    let delay = |value: Option<f64>| value.map_or("\u{2013}".to_owned(), |value| format!("{value:.0}"));
+    for (number, light) in before.lights.iter().take(WORST_LIGHTS).enumerate() {
+        let then = after.and_then(|after| after.lights.iter().find(|other| other.id == light.id));
+        let then = then.map_or(String::new(), |light| format!(" \u{2192} {}", delay(light.figures.delay_s)));
+        let name = shortened(&light.name, STREET);
+        let words = format!("{}  {name}: {}{then} s", number + 1, delay(light.figures.delay_s));
+        write(svg, [left, top + 26.0 * (number + 1) as f64], 17.0, INK, "normal", &words);
+    }
+}
+
+/// Returns a figure with one digit, as all of a slide.
+fn of_slide(Figure { mean, half_width_95 }: Figure) -> String {
+    match half_width_95 {
+        Some(half_width) => format!("{mean:.1}\u{a0}\u{b1}\u{a0}{half_width:.1}"),
+        None => format!("{mean:.1}"),
     }
 }
 
@@ -114,7 +161,7 @@ fn bars(svg: &mut String, city: &City) {
                 hex(INK)
             );
         }
-        write(svg, [to + 12.0, top + 56.0], 26.0, INK, "bold", &with_error(*delay));
+        write(svg, [to + 12.0, top + 56.0], 26.0, INK, "bold", &of_slide(*delay));
         let difference = player.differences.as_ref().and_then(|all| all.get("delay_s"));
         if let Some(difference) = difference.filter(|_| number > 0) {
             let words = format!("{} against {}", signed(*difference), name_of(&city.players[0]));
@@ -130,12 +177,18 @@ fn notes(svg: &mut String, city: &City) {
         1 => "n = 1 episode, so there are no intervals.".to_owned(),
         _ => format!("n = {played}; lines and \u{b1}: 95 % intervals; differences paired by episode."),
     }];
+    let with_bar = rows(city);
+    let has_bar = |label: &&str| with_bar.iter().any(|player| player.label == **label);
+    let others: Vec<&str> = city.players.iter().map(|player| &*player.label).filter(|label| !has_bar(label)).collect();
+    if !others.is_empty() {
+        notes.push(format!("Also played, in the report: {}.", others.join(", ")));
+    }
     // Of the warnings, only the one that concerns the comparison itself.
     notes.extend(
         city.warnings.iter().filter(|warning| warning.starts_with(TODAYS_PLAN)).map(|what| format!("Note: {what}.")),
     );
-    notes.extend(traffic(city));
-    notes.push("Delay: timeLoss, and the time that a car waits to enter.".to_owned());
+    notes.push(in_short(city));
+    notes.push("Delay: what a car loses against a free road at its own speed, and its wait to enter.".to_owned());
     let letters = (COLUMN.1 / (17.0 * LETTER)) as usize;
     let mut lines: Vec<String> = notes.iter().flat_map(|note| wrapped(note, letters)).collect();
     lines.truncate(MOST_NOTES);

@@ -22,7 +22,7 @@ pub fn sheets(traffic: &Traffic, plan: &DayPlan, programs: &Programs) -> Result<
         let program = |(stage, id): (&Stage<'_>, &String)| words.program(agent, stage, id, limits);
         SignalSheet {
             light: agent.light.clone(),
-            streets: words.streets(&agent.light),
+            streets: words.roads.streets_to(&agent.light).into_iter().map(str::to_owned).collect(),
             programs: plan.stages(light).iter().zip(&programs.ids[light]).map(program).collect(),
         }
     };
@@ -49,18 +49,6 @@ impl Words<'_> {
     /// Returns the name of a road: that of its street, or its id.
     fn name<'b>(&'b self, edge: &'b str) -> &'b str {
         self.roads.edge_named(edge).and_then(|number| self.roads.edge(number).street.as_deref()).unwrap_or(edge)
-    }
-
-    fn streets(&self, light: &str) -> Vec<String> {
-        let mut streets: Vec<String> = Vec::new();
-        for link in self.roads.of_light(light) {
-            if let Some(name) = &self.roads.edge(self.roads.lane(link.from).edge).street
-                && !streets.contains(name)
-            {
-                streets.push(name.clone());
-            }
-        }
-        streets
     }
 
     fn program(&self, agent: &AgentPlan, stage: &Stage<'_>, id: &str, limits_s: Option<&[[u32; 2]]>) -> ProgramSheet {

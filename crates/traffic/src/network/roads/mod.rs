@@ -102,6 +102,13 @@ pub struct Edge {
     pub(crate) crosses: Vec<String>,
 }
 
+impl Edge {
+    /// Returns the name of its street, or its id if the street has none.
+    pub(crate) fn name(&self) -> &str {
+        self.street.as_deref().unwrap_or(&self.id)
+    }
+}
+
 /// A lane of an edge, or of the inside of a junction.
 #[derive(Clone, Debug)]
 pub struct Lane {
@@ -180,6 +187,13 @@ impl Roads {
         &self.edges[edge.0]
     }
 
+    /// Returns the outlines of the junctions that cars drive through; some may be empty.
+    pub fn outlines(&self) -> Vec<Vec<Place>> {
+        let driven = self.lanes_of_cars().filter_map(|lane| self.edge(self.lane(lane).edge).ends);
+        let driven: BTreeSet<JunctionNo> = driven.flatten().collect();
+        driven.into_iter().map(|junction| self.junction(junction).shape.clone()).collect()
+    }
+
     pub fn lane(&self, lane: LaneNo) -> &Lane {
         &self.lanes[lane.0]
     }
@@ -233,6 +247,16 @@ impl Roads {
     }
 
     /// Returns the connections that a light controls, in the order of the file. Some may be for people on foot.
+    /// Returns the names of the streets on which one comes to a light, each once.
+    pub fn streets_to(&self, light: &str) -> Vec<&str> {
+        let mut streets: Vec<&str> = Vec::new();
+        for link in self.of_light(light) {
+            let street = self.edge(self.lane(link.from).edge).street.as_deref();
+            streets.extend(street.filter(|street| !streets.contains(street)));
+        }
+        streets
+    }
+
     pub(crate) fn of_light(&self, light: &str) -> impl Iterator<Item = &Connection> {
         self.of_light.get(light).into_iter().flatten().map(|&number| &self.connections[number])
     }

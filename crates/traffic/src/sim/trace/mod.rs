@@ -58,7 +58,7 @@ pub(crate) fn map(recorded: &RecordedRoads) -> RoadMap {
     let RecordedRoads { agents, roads, files, .. } = recorded;
     RoadMap {
         place: place_of(files),
-        junctions: roads.junctions.iter().map(|junction| junction.shape.clone()).collect(),
+        junctions: roads.outlines(),
         lanes: roads.lanes_of_cars().map(|lane| roads.lane(lane).shape.clone()).collect(),
         lights_m: agents.iter().map(|agent| agent.place_m).collect(),
     }
@@ -164,7 +164,7 @@ fn corridor(recording: &Recording, roads: &Roads, route: &Route) -> Result<Corri
         }
         begin_m += within_m;
     }
-    let [from, to] = [edges[0], edges[edges.len() - 1]].map(|edge| roads.edge(edge).id.clone());
+    let [from, to] = [edges[0], edges[edges.len() - 1]].map(|edge| roads.edge(edge).name().to_owned());
     let name = if edges.len() == 1 { "one edge".to_owned() } else { format!("a route of {} edges", edges.len()) };
     let cars = trajectories(recording, &stretches)?;
     Ok(Corridor { name, from, to, length_m: begin_m, crossings, cars })
