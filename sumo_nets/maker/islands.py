@@ -11,6 +11,8 @@ ARM_M = (70, 400)
 BETWEEN_LIGHTS_M = (90, 350)
 BLOCK_M = (90, 260)
 SLOW_EXIT_M = 60
+MOUTH = 0.25  # share of the arms where a side street joins just before the light
+MOUTH_M = (30, 60)  # from the middle of the light's junction
 # The least angle between two arms of a light, in degrees.
 APART = 40
 MAIN, SIDE = 3, 1  # priorities of streets
@@ -59,14 +61,28 @@ class Island:
 
         end = self._node(f"end{number}", *away(length + (SLOW_EXIT_M if slow else 0)))
         inner = self._node(f"gate{number}", *away(length), type="priority") if slow else end
-        pockets = [light] if length > 90 and lanes_in < 4 and dice.next() < 0.35 else []
-        self.street(inner, light, lanes_in, lanes_out, speed, pockets=pockets)
+        mouth = light
+        if length > 2 * MOUTH_M[1] and dice.next() < MOUTH:
+            mouth = self._node(f"mouth{number}", *away(dice.between(*MOUTH_M)), type="priority")
+            self.street(mouth, light, lanes_in, lanes_out, speed)
+        pockets = [light] if mouth == light and length > 90 and lanes_in < 4 and dice.next() < 0.35 else []
+        self.street(inner, mouth, lanes_in, lanes_out, speed, pockets=pockets)
         if slow:
             if lanes_in:
                 self.roads.edge(end, inner, lanes_in, speed, MAIN)
             if lanes_out:
                 self.roads.edge(inner, end, 1, dice.between(1.5, 3.5), MAIN)
         self.outside.append((end, False))
+        if mouth != light:
+            self.branch(mouth, cos(radians(angle)), sin(radians(angle)))
+
+    def branch(self, node, dx, dy):
+        """Adds a side street at a junction without a light, to the left or the right of a direction."""
+        length = self.dice.between(60, 110) * self.dice.choose({1: 1, -1: 1}) / hypot(dx, dy)
+        (x, y), number = self.roads.places[node], len(self.outside)
+        end = self._node(f"end{number}", x - length * dy, y + length * dx)
+        self.street(end, node, 1, 1, 8.33, SIDE)
+        self.outside.append((end, True))
 
     def side_street(self, one, other, towards, back, speed, pockets=()):
         """Adds a street between two lights with a junction without a light in it, where a side street begins."""
@@ -75,12 +91,7 @@ class Island:
         middle = self._node(f"middle{number}", x + share * (x1 - x), y + share * (y1 - y), type="priority")
         self.street(one, middle, towards, back, speed, pockets=pockets)
         self.street(middle, other, towards, back, speed, pockets=pockets)
-        length = self.dice.between(60, 110) * self.dice.choose({1: 1, -1: 1}) / hypot(x1 - x, y1 - y)
-        x, y = self.roads.places[middle]
-        (x0, y0), (x1, y1) = self.roads.places[one], self.roads.places[other]
-        end = self._node(f"end{number}", x + length * (y0 - y1), y + length * (x1 - x0))
-        self.street(end, middle, 1, 1, 8.33, SIDE)
-        self.outside.append((end, True))
+        self.branch(middle, x1 - x, y1 - y)
 
     def between(self, one, other, towards, back, speed):
         """Adds a street between two lights, with pockets or a side street by chance."""

@@ -6,6 +6,7 @@
 //! - [`paper_grid`]: the road networks of the paper; [`network`]: networks as files; [`cut`]: local regions cut out of
 //!   them; [`scenario`]: the scenario of a user, a .sumocfg with its files.
 //! - `road_network`: a grid or a scenario, and what differs between them.
+//! - `domain`: traffic as the training asks for it; `trial`: SUMO judges what can be simulated.
 //! - `prepared`: what local simulators of a scenario are made from, kept and sent as bytes.
 //! - [`sim`]: the simulators, their recordings and replays.
 //! - [`streets`]: the roads of a net, for maps.
@@ -37,6 +38,7 @@ pub mod controllers;
 pub mod counts;
 pub mod cut;
 mod d_set;
+mod domain;
 pub mod events;
 pub mod fidelity;
 mod inflow;
@@ -57,14 +59,13 @@ pub mod sim;
 pub mod streets;
 mod task;
 pub mod timing;
+mod trial;
 pub mod tuning;
 #[cfg(test)]
 mod watchdog;
 
-use std::borrow::Cow;
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, OnceLock};
-use std::time::{Duration, Instant};
 
 use anyhow::{Context, bail, ensure};
 
@@ -72,42 +73,29 @@ use crate::config::python::Functions;
 use crate::config::{ScenarioConfig, TrafficConfig};
 use agents::plan::{AgentPlan, Border, JointPlan};
 use any_light::AnyLight;
-use controllers::{ANY_LIGHT, HandCoded};
-use dials_core::base::{AgentId, RandomPurpose, Rows, Seed};
+use controllers::HandCoded;
+use dials_core::base::{AgentId, RandomPurpose, Seed};
 use dials_core::domain::road_trace::RoadMap;
-use dials_core::domain::roads::RoadTables;
-use dials_core::domain::{
-    Baseline, Beginning, BuiltInControl, Domain, GlobalSimulator, Kind, Kinds, LocalSimulator, Measures, Result,
-    RoughCosts, Scenario, StartingPolicy, Task,
-};
+use dials_core::domain::{Domain, GlobalSimulator, Result};
 use events::EventLog;
 use events::site::Site;
 use libsumo::Simulation;
 pub use libsumo::{Error as SumoError, Library as Sumo, Place as SumoPlace};
-use network::way_out::{Role, cannot_be_simulated};
 use own::Own;
 use paper_grid::grid::Grid;
-use prepared::Prepared;
 use road_network::{Files, RoadNetwork, open_grid, scenario as of_scenario};
 use scenario::SumoScenario;
 use scenario::closing::Detours;
 use sim::control::SignalControl;
 use sim::global::GlobalTraffic;
-use sim::local::{DROPPED, Demand, LocalTraffic};
+use sim::local::{Demand, LocalTraffic};
 use sim::local_forest::{LocalForest, rows_of};
 use sim::recording::{Recorder, Tape};
-use sim::tally::P_SWITCH;
 use sim::trace::map;
 use sim::trace::route::Route;
 use sim::visit_tables::VisitTables;
 use sim::visits::Visits;
 use sim::watched;
-
-/// Longest time in which SUMO reads the demand of a scenario for a trial. The first episode tries what comes later.
-const DEMAND_PATIENCE: Duration = Duration::from_secs(10);
-
-/// Seed of the episode in which the GS is tried.
-const TRIAL: u64 = 0;
 
 /// Largest number of episodes in which visits are recorded, if each plays one of several route files.
 const MOST_WATCHED: usize = 5;
@@ -268,60 +256,6 @@ impl Traffic {
         &self.plan.agents
     }
 
-    /// Loads a local simulator of each of these regions and plays a step. `arrive`: 1 if cars arrive at all sources.
-    fn try_local_step(&self, regions: &[AgentId], arrive: u8) -> Result<()> {
-        let mut ls = self.off_tape().load_local(regions, 1, Seed::new(0))?;
-        ls.reset(&Beginning::first(0..regions.len()))?;
-        let sources = ls.spec().sources.count();
-        let sources = Rows::from_vec(vec![arrive; regions.len() * sources], sources);
-        ls.step(&vec![light::KEEP; regions.len()], &sources)?;
-        let dropped = ls.counters().into_iter().find(|(name, _)| name == DROPPED).map_or(0, |(_, count)| count);
-        ensure!(dropped == 0, "{dropped} cars did not fit on its empty edges");
-        Ok(())
-    }
-
-    /// Tries the GS with the actuated lights, which need all files of the network and more of their content than the
-    /// agents' control. Where SUMO refuses these lights, it tries the agents' control.
-    fn try_global(&self) -> Result<()> {
-        let control = match self.network.refuses_actuated {
-            None => self.everywhere(HandCoded::Actuated),
-            Some(_) => SignalControl::Agents,
-        };
-        let mut gs = self.global(control)?;
-        gs.reset(Seed::new(TRIAL))?;
-        gs.step(&vec![light::KEEP; self.agents()])?;
-        Ok(())
-    }
-
-    /// Returns what SUMO warns of in the demand. Of several route files it tries as many as it has time for.
-    fn try_demand(&self) -> Result<Vec<String>> {
-        let files = self.network.route_files();
-        if files == 0 {
-            let tried = self.network.source(None).and_then(|source| source.try_demand(DEMAND_PATIENCE));
-            return tried.with_context(|| self.network.cannot_be_simulated(TRIAL));
-        }
-        let begun = Instant::now();
-        let mut warnings = Vec::new();
-        for number in 0..files {
-            let left = DEMAND_PATIENCE.saturating_sub(begun.elapsed());
-            if left.is_zero() {
-                warnings.push(format!(
-                    "SUMO has tried {number} of {files} route files (traffic.routes); the others when an episode plays them"
-                ));
-                break;
-            }
-            let scenario = self.network.playing(number)?;
-            let tried = self.network.source(Some(&scenario)).and_then(|source| source.try_demand(left));
-            let found = tried.with_context(|| scenario.cannot_be_simulated())?;
-            found.into_iter().for_each(|warning| {
-                if !warnings.contains(&warning) {
-                    warnings.push(warning)
-                }
-            });
-        }
-        Ok(warnings)
-    }
-
     /// Returns the route file that an episode plays, if each plays one of several.
     pub fn route_file_of(&self, episode: Seed) -> Option<PathBuf> {
         let Files::Scenario(files) = &self.network.files else { return None };
@@ -408,192 +342,5 @@ impl Traffic {
         };
         let recorder = self.tape.as_ref().map(record).transpose()?;
         Ok(LocalTraffic::new(self.plan.clone(), demand, forest, recorder, self.network.travellers()))
-    }
-}
-
-impl Domain for Traffic {
-    fn kinds(&self) -> &Kinds {
-        self.own.kinds().unwrap_or(&self.plan.kinds)
-    }
-
-    fn agent_name(&self, agent: AgentId) -> String {
-        self.plan.agents[agent.0].light.clone()
-    }
-
-    fn road_tables(&self) -> Result<Option<RoadTables>> {
-        let roads = self.network.roads()?;
-        Ok(Some(watched::tables(&self.plan, &roads, self.network.travellers().as_ref())))
-    }
-
-    fn task(&self, agent: AgentId) -> Task {
-        let mut task = task::task(&self.plan, agent);
-        self.own.describe(&mut task);
-        task
-    }
-
-    fn global_simulator(&self) -> Result<Box<dyn GlobalSimulator>> {
-        self.with_own_rows(Box::new(self.global(SignalControl::Agents)?))
-    }
-
-    fn local_simulator(&self, regions: &[AgentId], copies: usize, seed: Seed) -> Result<Box<dyn LocalSimulator>> {
-        let rows: Vec<AgentId> = rows_of(regions, copies, seed).into_iter().map(|(agent, _)| agent).collect();
-        self.with_own_local(Box::new(self.load_local(regions, copies, seed)?), &rows)
-    }
-
-    fn baselines(&self) -> &'static [&'static str] {
-        controllers::NAMES
-    }
-
-    fn baseline(&self, name: &str) -> Result<Baseline> {
-        // Hand-coded control sees more than an observation shows, so it lives in the simulator.
-        let simulator = self.with_background(name, &AgentId::all(self.agents()))?;
-        Ok(Baseline { simulator, controller: Box::new(BuiltInControl) })
-    }
-
-    fn check_baseline(&self, name: &str) -> Result<()> {
-        controllers::recipe(name, self.plans()).map(drop)
-    }
-
-    fn baseline_warnings(&self, name: &str) -> Result<Vec<String>> {
-        controllers::warnings(name, self.plans())
-    }
-
-    fn baseline_checksum(&self, name: &str) -> Result<Option<u32>> {
-        controllers::checksum(name)
-    }
-
-    fn with_background(&self, name: &str, agents: &[AgentId]) -> Result<Box<dyn GlobalSimulator>> {
-        let by = self.hand_coded(name)?;
-        self.with_own_rows(Box::new(self.global(SignalControl::HandCoded { by, agents: agents.to_vec() })?))
-    }
-
-    fn starting_policy(&self, name: &str) -> Result<StartingPolicy> {
-        ensure!(name == ANY_LIGHT, "there is no policy `{name}` to start from; write \"{ANY_LIGHT}\"");
-        Ok(AnyLight::shipped()?.to_start())
-    }
-
-    fn initial_action_bias(&self, kind: &Kind) -> Vec<f32> {
-        let mut biases = vec![0.0; kind.spec.n_actions];
-        if let Some(bias) = biases.get_mut(usize::from(light::SWITCH)) {
-            *bias = self.network.switch_bias;
-        }
-        biases
-    }
-
-    fn scenario(&self) -> Result<Scenario> {
-        let scenario = self.network.described(self.agents());
-        let mut rules = task::rules(&self.plan);
-        self.own.describe_rules(&mut rules);
-        // A word of letters, digits and hyphens: reports name files after it.
-        let word = |name: &str| name.replace(|c: char| !c.is_ascii_alphanumeric(), "-");
-        let of_python = self.own.reward().map(|name| format!("python-{}", word(name)));
-        Ok(scenario.with_rules(rules, of_python.or(self.network.unusual_reward.clone())))
-    }
-
-    fn default_simulator(&self) -> Option<&'static str> {
-        Some(match &self.network.files {
-            Files::Grid(_) => "configs of the paper's grids train on local simulators, as the paper does",
-            Files::Scenario(_) => {
-                "a scenario trains on the global simulator (gs) unless its config says otherwise: with the shipped scenarios \
-                 that is as good as DIALS (n = 3) and needs no predictors"
-            }
-        })
-    }
-
-    fn rival(&self) -> Option<&'static str> {
-        Some(self.network.rival)
-    }
-
-    /// For a grid it takes tens of milliseconds; SUMO is closed again.
-    fn try_out(&self) -> Result<Vec<String>> {
-        // That SUMO's library is missing, or too large for this process, is no fault of the network.
-        libsumo::load()?;
-        self.try_global().with_context(|| self.network.cannot_be_simulated(TRIAL))?;
-        let warnings = self.try_demand()?;
-        if let Files::Grid(files) = &self.network.files {
-            self.try_local_step(&[AgentId(0)], 1)
-                .with_context(|| cannot_be_simulated(&files.local_network.files.net, Role::Local))?;
-        }
-        Ok(warnings)
-    }
-
-    fn try_local(&self) -> Result<()> {
-        // That of a grid was tried with its other files.
-        if self.grid().is_some() {
-            return Ok(());
-        }
-        let nobody =
-            Visits { of_agents: vec![Vec::new(); self.agents()], drivers: Vec::new(), seconds: self.seconds() };
-        let tables = Arc::new(VisitTables::new(nobody, &self.plan.borders));
-        let traffic = Traffic { visits: Arc::new(OnceLock::from(tables)), ..self.clone() };
-        traffic.try_local_step(&AgentId::all(self.agents()), 0)
-    }
-
-    fn strange_files(&self) -> Vec<PathBuf> {
-        self.network.strange_files.clone()
-    }
-
-    fn left_out(&self) -> Vec<String> {
-        self.network.left_out.clone()
-    }
-
-    fn warnings(&self) -> Vec<String> {
-        self.network.warnings.clone()
-    }
-
-    fn without_locally(&self) -> Vec<String> {
-        match &self.network.files {
-            Files::Grid(_) => Vec::new(),
-            Files::Scenario(files) => files.files.notes().without_locally.clone(),
-        }
-    }
-
-    fn check_place(&self, folder: &Path) -> Result<()> {
-        self.network.check_place(folder)
-    }
-
-    fn keep_files(&self, folder: &Path) -> Result<Vec<PathBuf>> {
-        self.network.keep_files(folder)
-    }
-
-    fn prepare(&self, kept: Option<&[u8]>) -> Result<Option<Vec<u8>>> {
-        let Files::Scenario(files) = &self.network.files else { return Ok(None) };
-        if let Some(kept) = kept
-            && self.take_prepared(kept).is_ok()
-        {
-            return Ok(Some(kept.to_vec()));
-        }
-        let (parts, tables) = (files.local_parts()?, self.visits()?);
-        let made_from = files.made_from(&self.plan)?;
-        Prepared { made_from, nets: Cow::Borrowed(&parts.nets), visits: Cow::Borrowed(tables.visits()) }
-            .to_bytes()
-            .map(Some)
-    }
-
-    fn take_prepared(&self, prepared: &[u8]) -> Result<()> {
-        let Files::Scenario(files) = &self.network.files else { bail!("a grid needs nothing that was prepared") };
-        let Prepared { made_from, nets, visits } = Prepared::from_bytes(prepared)?;
-        ensure!(made_from == files.made_from(&self.plan)?, "they are of other files or settings");
-        files.take_cuts(nets.into_owned());
-        self.visits.get_or_init(|| Arc::new(VisitTables::new(visits.into_owned(), &self.plan.borders)));
-        Ok(())
-    }
-
-    fn simulator_steps_per_timestep(&self) -> usize {
-        self.plan.decision_steps
-    }
-
-    fn foreign_simulator(&self) -> Option<&'static str> {
-        Some("SUMO")
-    }
-
-    fn rough_costs(&self) -> RoughCosts {
-        self.network.rough_costs
-    }
-
-    fn stuck(&self, kind: &Kind, measures: &Measures) -> Vec<bool> {
-        let (_, shares) =
-            measures.per_agent.iter().find(|(name, _)| *name == P_SWITCH).expect("the traffic GS measures it");
-        kind.agents.iter().map(|agent| (self.network.is_stuck)(shares[agent.0])).collect()
     }
 }
