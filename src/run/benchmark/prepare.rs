@@ -18,6 +18,7 @@ use dials_session::config::{RunConfig, load};
 use dials_session::domains;
 use dials_session::experiment::file::Experiment;
 use dials_traffic::config::{ScenarioConfig, sumocfg};
+use dials_traffic::controllers::ANY_LIGHT;
 
 const MAPS: &str = "maps";
 const PROTOCOL: &str = "protocol";
@@ -43,7 +44,8 @@ impl Protocol {
                     "Policies train with SUMO's default, by which a car that has stood for 300 s is moved past the jam. Without \
                      it the first policies, which are random, jam whole hours. Last policies are measured without teleports, \
                      as all others are.",
-                    "The hand-coded controllers but max-wave decide every second; max-wave decides when agents do.",
+                    "The hand-coded controllers but max-wave decide every second; max-wave decides when agents do. any-light decides \
+                     every 5 s, greedy; it was trained on none of these maps.",
                 ],
             ),
             RescoProtocol::Ours => (
@@ -51,7 +53,7 @@ impl Protocol {
                 &[
                     "Protocol `ours`: agents choose every 5 s. Yellow and least greens are those of the light's own program. \
                      Teleports are as in the map's .sumocfg, or SUMO's default of 300 s. Hand-coded controllers decide every \
-                     second, and max-wave every 10 s.",
+                     second, and max-wave every 10 s. any-light is greedy; it was trained on none of these maps.",
                     "Published figures are by another protocol, so they are only a rough guide here.",
                 ],
             ),
@@ -94,7 +96,7 @@ impl Protocol {
             RescoProtocol::Ours => "max-wave".to_owned(),
         };
         let named = ["program", "actuated", "max-pressure"].map(|name| (name, name.to_owned()));
-        named.into_iter().chain([("max-wave", wave)]).collect()
+        named.into_iter().chain([("max-wave", wave), (ANY_LIGHT, format!("{ANY_LIGHT}:choice=greedy"))]).collect()
     }
 }
 

@@ -176,7 +176,7 @@ pub(super) fn legend(svg: &mut String, scale: Scale, [left, top]: [f64; 2], size
         text(x + width / 2.0, top + 54.0 * size, &words, "middle");
     }
     if let Scale::Difference(_) = scale {
-        let words = "a ring: no clear difference";
+        let words = "a light as a ring: no clear difference";
         text(left, top + 74.0 * size, words, "start");
     }
     for (place, &value) in values.iter().enumerate() {

@@ -69,6 +69,7 @@ fn add_players(city: &mut City, other: City, place: usize) {
     let known: Vec<String> = city.players.iter().map(|player| player.label.clone()).collect();
     let new = other.players.into_iter().filter(|player| !known.contains(&player.label));
     city.players.splice(place..place, new.collect::<Vec<_>>());
+    city.name = city.name.take().or(other.name);
     let new: Vec<String> = other.warnings.into_iter().filter(|warning| !city.warnings.contains(warning)).collect();
     city.warnings.extend(new);
 }
@@ -81,7 +82,10 @@ fn is_same_traffic(one: &City, other: &City) -> bool {
     let is_same =
         |(name, figure): (&String, &Figure)| theirs.figures.get(name).is_none_or(|other| bits(other) == bits(figure));
     let ids = |city: &City| city.players[0].lights.iter().map(|light| light.id.clone()).collect::<Vec<_>>();
-    (&one.name, one.seed, one.episodes, &own.label) == (&other.name, other.seed, other.episodes, &theirs.label)
+    // The copy of a scenario in a run directory has no name.
+    let same_name = one.name.is_none() || other.name.is_none() || one.name == other.name;
+    same_name
+        && (one.seed, one.episodes, &own.label) == (other.seed, other.episodes, &theirs.label)
         && own.delay_s().is_some()
         && own.figures.iter().all(is_same)
         && ids(one) == ids(other)
@@ -164,6 +168,16 @@ mod tests {
             found.iter().map(|(_, city)| labels(city)).collect::<Vec<_>>(),
             [vec!["program", "max-pressure", "webster"], vec!["program", "webster"]]
         );
+    }
+
+    #[test]
+    fn a_plan_of_a_run_whose_copy_of_the_scenario_has_no_name_stands_beside_the_others() {
+        let mut plan = city(30.0, "plan of runs/a", true);
+        plan.1.name = None;
+        for found in [vec![plan.clone(), city(30.0, "webster", false)], vec![city(30.0, "webster", false), plan]] {
+            let (found, _) = beside_the_others(found);
+            assert_eq!((found.len(), found[0].1.title()), (1, "town".to_owned()));
+        }
     }
 
     #[test]

@@ -185,7 +185,10 @@ fn notes(svg: &mut String, city: &City) {
     }
     // Of the warnings, only the one that concerns the comparison itself.
     notes.extend(
-        city.warnings.iter().filter(|warning| warning.starts_with(TODAYS_PLAN)).map(|what| format!("Note: {what}.")),
+        city.warnings
+            .iter()
+            .filter(|warning| warning.starts_with(TODAYS_PLAN))
+            .map(|what| format!("Note: {what}.").replace('`', "")),
     );
     notes.push(in_short(city));
     notes.push("Delay: what a car loses against a free road at its own speed, and its wait to enter.".to_owned());

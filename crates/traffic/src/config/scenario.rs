@@ -66,8 +66,8 @@ pub struct ScenarioConfig {
     #[serde(skip_serializing_if = "is_default")]
     #[schemars(extend("default" = 0))]
     pub warm_up_s: u64,
-    /// Factor by which there are more vehicles than the files say: 1.2 is 20 % more. It multiplies SUMO's option `scale`, which makes
-    /// no more persons.
+    /// Factor by which there are more vehicles than the files say: 1.2 is 20 % more. It multiplies SUMO's option `scale`, which
+    /// counts for `<person>` elements, too.
     #[serde(skip_serializing_if = "is_one")]
     #[schemars(extend("default" = 1.0))]
     pub demand: f64,
