@@ -11,7 +11,7 @@ ARM_M = (70, 400)
 BETWEEN_LIGHTS_M = (90, 350)
 BLOCK_M = (90, 260)
 SLOW_EXIT_M = 60
-MOUTH = 0.25  # share of the arms where a side street joins just before the light
+MOUTH = 0.25  # share of the long arms where a side street joins just before the light
 MOUTH_M = (30, 60)  # from the middle of the light's junction
 # The least angle between two arms of a light, in degrees.
 APART = 40

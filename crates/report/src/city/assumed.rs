@@ -17,9 +17,14 @@ const MEANING: [&str; 6] = [
     "Cars that are still on their way at the end count with the time that they have lost by then.",
 ];
 
+/// Returns a setting of the traffic.
+fn setting(city: &City, key: &str) -> Option<Value> {
+    city.settings.get("traffic")?.get(key).cloned()
+}
+
 /// Returns sentences about the traffic that was played, and what played it.
 pub(super) fn traffic(city: &City) -> Vec<String> {
-    let setting = |key: &str| city.settings.get("traffic")?.get(key).cloned();
+    let setting = |key| setting(city, key);
     let mut lines = Vec::new();
     if let (Some(begin), Some(end)) = (setting("begin_s"), setting("end_s")) {
         lines.push(format!("An episode is from {begin} s to {end} s of the scenario's clock."));
@@ -38,9 +43,9 @@ pub(super) fn traffic(city: &City) -> Vec<String> {
     lines
 }
 
-/// Returns the same as [`traffic`] in one line, for a slide.
+/// Returns the times, the seed and the simulator in one line, for a slide.
 pub(super) fn in_short(city: &City) -> String {
-    let setting = |key: &str| city.settings.get("traffic")?.get(key).cloned();
+    let setting = |key| setting(city, key);
     let mut words = Vec::new();
     if let (Some(begin), Some(end)) = (setting("begin_s"), setting("end_s")) {
         words.push(format!("{begin} s to {end} s of the scenario's clock"));
@@ -62,7 +67,7 @@ fn in_words(value: &Value) -> String {
 
 /// Returns what was assumed, and what the figures mean, a sentence each.
 pub(super) fn assumed(city: &City) -> Vec<String> {
-    let setting = |key: &str| city.settings.get("traffic")?.get(key).cloned();
+    let setting = |key| setting(city, key);
     let mut lines = traffic(city);
     let has_policies = city.players.iter().any(|player| player.learned);
     for (key, words) in [

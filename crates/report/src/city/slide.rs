@@ -81,7 +81,7 @@ fn headline(city: &City, after: Option<&CityPlayer>) -> String {
     }
 }
 
-/// Returns how long people wait at crossings, if somebody walks. Only a clear difference is told.
+/// Returns a sentence about people on foot, if there are any. It names a difference only if that is clear.
 fn on_foot(before: &CityPlayer, after: Option<&CityPlayer>) -> Option<String> {
     let wait_s = |player: &CityPlayer| player.figures.get("person_wait_s").copied();
     let own = wait_s(before)?;

@@ -32,7 +32,7 @@ pub fn way_out(path: &Path) -> String {
     let stem = ENDINGS.iter().rev().find_map(|ending| name.strip_suffix(ending)).unwrap_or("map");
     let net = path.with_file_name(format!("{stem}.net.xml"));
     format!(
-        "is a map of OpenStreetMap; make a net of it with netconvert, then give it traffic (docs/networks.md has all steps):\n  \
+        "is a map of OpenStreetMap; make a net of it with netconvert, then give it traffic (docs/street.md has all steps):\n  \
          netconvert --osm-files {} -o {} --geometry.remove --tls.guess-signals --tls.join \
          --output.street-names",
         quoted(path),

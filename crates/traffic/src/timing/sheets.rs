@@ -48,7 +48,7 @@ impl Words<'_> {
 
     /// Returns the name of a road: that of its street, or its id.
     fn name<'b>(&'b self, edge: &'b str) -> &'b str {
-        self.roads.edge_named(edge).and_then(|number| self.roads.edge(number).street.as_deref()).unwrap_or(edge)
+        self.roads.edge_named(edge).map_or(edge, |number| self.roads.edge(number).name())
     }
 
     fn program(&self, agent: &AgentPlan, stage: &Stage<'_>, id: &str, limits_s: Option<&[[u32; 2]]>) -> ProgramSheet {

@@ -246,7 +246,6 @@ impl Roads {
         self.lane(connection.from).carries_cars && self.lane(connection.to).carries_cars
     }
 
-    /// Returns the connections that a light controls, in the order of the file. Some may be for people on foot.
     /// Returns the names of the streets on which one comes to a light, each once.
     pub fn streets_to(&self, light: &str) -> Vec<&str> {
         let mut streets: Vec<&str> = Vec::new();
@@ -257,6 +256,7 @@ impl Roads {
         streets
     }
 
+    /// Returns the connections that a light controls, in the order of the file. Some may be for people on foot.
     pub(crate) fn of_light(&self, light: &str) -> impl Iterator<Item = &Connection> {
         self.of_light.get(light).into_iter().flatten().map(|&number| &self.connections[number])
     }
