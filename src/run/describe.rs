@@ -175,8 +175,10 @@ fn agents(text: &mut Listing, Described { path, config, domain, tasks, .. }: &De
     for what in domain.left_out() {
         text.paragraph(format_args!("note: {what}"));
     }
-    for what in domain.without_locally() {
-        text.paragraph(format_args!("note: local simulators: {what}"));
+    if config.learning.simulator != Simulator::Global {
+        for what in domain.without_locally() {
+            text.paragraph(format_args!("note: local simulators: {what}"));
+        }
     }
 }
 

@@ -152,21 +152,24 @@ fn as_json(plan: &Plan<'_>, all: &[Played], about: Map<String, Value>) -> String
     in_json(Value::Object(object))
 }
 
-/// Returns the delays: a line for each player on each variant.
+/// Returns delays and arrivals: a line for each player on each variant.
 fn as_csv(all: &[Played]) -> anyhow::Result<Vec<u8>> {
     let mut writer = csv::Writer::from_writer(Vec::new());
-    writer.write_record(["controller", "demand", "closed", "delay_s", "half_width_95"])?;
+    let [delay, arrivals] = SHOWN;
+    writer.write_record(["controller", "demand", "closed", delay, "half_width_95", arrivals, "episodes"])?;
     let all = all.iter().flat_map(|played| played.findings.iter().map(|finding| (&played.variant, finding)));
     for (Variant { demand, closed }, finding) in all {
         let figures = evaluation::figures(&finding.episodes);
-        let Some((_, delays)) = figures.iter().find(|(name, _)| name == SHOWN[0]) else { continue };
-        let Interval { mean, half_width } = Interval::of(delays);
+        let of = |wanted: &str| figures.iter().find(|(name, _)| name == wanted).map(|(_, all)| Interval::of(all));
+        let Some(Interval { mean, half_width }) = of(delay) else { continue };
         writer.write_record([
             csv_name(&finding.player.label),
             demand.to_string(),
             csv_name(&closed.join(" ")),
             mean.to_string(),
             half_width.map_or(String::new(), |half_width| half_width.to_string()),
+            of(arrivals).map_or(String::new(), |arrivals| arrivals.mean.to_string()),
+            finding.episodes.len().to_string(),
         ])?;
     }
     Ok(writer.into_inner()?)

@@ -29,7 +29,7 @@ fn an_end_that_is_missing_or_absurd_follows_from_the_departures() {
         let scenario = room.read().unwrap();
         let (begin, end) = scenario.window_s();
         assert!(end % 60 == 0 && (begin + 600..begin + 7200).contains(&end), "{begin} to {end}");
-        let note = format!("x.sumocfg: what comes after {end} s: it names no end");
+        let note = format!("x.sumocfg: the episode ends at {end} s, because no end is named");
         assert!(scenario.notes().left_out.iter().any(|left| left.contains(&note)), "{:?}", scenario.notes().left_out);
     }
 }

@@ -32,7 +32,7 @@ pub use aip::{AipConfig, Retrain};
 pub use check::held_out_episodes;
 pub use imitation::ImitationConfig;
 pub use schedule::{AipTraining, Period, rest_of_schedule, schedule};
-pub(crate) use simulator::{ROWS_PER_BLOCK, most_lanes};
+pub(crate) use simulator::{ROWS_PER_BLOCK, lanes};
 pub use simulator::{ShortForm, Simulator, short_forms};
 
 /// How agents learn, and when AIPs (approximate influence predictors) are retrained and policies evaluated.
@@ -388,7 +388,7 @@ impl Config {
             _ if !foreign && self.learns_at_one_place() => 1,
             Simulator::Global => self.copies(),
             Simulator::Local if self.learns_outside() => 1,
-            Simulator::Local if self.shares_policies() => most_lanes(agents * self.copies()),
+            Simulator::Local if self.shares_policies() => simulator::most_lanes(agents * self.copies()),
             Simulator::Local => agents,
         }
     }

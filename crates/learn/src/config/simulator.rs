@@ -79,15 +79,25 @@ impl<'de> Deserialize<'de> for ShortForm {
     }
 }
 
-/// Number of local simulators per block, and the least in a lane of a larger one. The cars of a larger forest leave the cache between two steps. Measured on
-/// traffic, SUMO costs the same per intersection with 8 and 16, 10 % more with 32, 15 % more with 64 and 60 % more with
-/// 128.
+/// Number of local simulators per block, and the least in a lane of a larger one. The cars of a larger forest leave the cache
+/// between two steps. Measured on traffic, SUMO costs the same per intersection with 8 and 16, 10 % more with 32, 15 % more with 64
+/// and 60 % more with 128.
 pub(crate) const ROWS_PER_BLOCK: usize = 16;
+/// Number of local simulators in a lane of many: messages to its process cost what a smaller forest saves.
+const ROWS_PER_LANE: usize = 32;
+/// A lane has a process, which takes memory.
+const MOST_LANES_OF_A_THREAD: usize = 8;
 
 /// Returns in how many lanes this number of local simulators is played at most. Fewer in each are quicker than the messages to
 /// their process.
-pub(crate) fn most_lanes(rows: usize) -> usize {
+pub(super) fn most_lanes(rows: usize) -> usize {
     (rows / ROWS_PER_BLOCK).max(1)
+}
+
+/// Returns in how many lanes these threads play this number of local simulators: one in each thread, or more if they are many.
+pub(crate) fn lanes(rows: usize, threads: usize) -> usize {
+    let of_many = (rows / ROWS_PER_LANE).min(MOST_LANES_OF_A_THREAD * threads);
+    threads.max(of_many).min(most_lanes(rows))
 }
 
 impl Config {

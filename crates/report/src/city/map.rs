@@ -55,6 +55,13 @@ impl Scale {
         }
     }
 
+    /// Returns the colour of a street that leads to a light: [`NOTHING`] if its difference is unclear. No cars: `None`.
+    fn of_street(self, figures: &PartFigures) -> Option<RGBColor> {
+        let value = self.value(figures)?;
+        let unclear = matches!(self, Scale::Difference(_)) && is_unclear(figures.delay_difference());
+        Some(if unclear { NOTHING } else { self.colour(value) })
+    }
+
     fn value(self, figures: &PartFigures) -> Option<f64> {
         match self {
             Scale::Delay(_) => figures.delay_s,
@@ -101,12 +108,12 @@ pub(super) fn roads_and_lights(
 ) {
     let compares = matches!(scale, Scale::Difference(_));
     let approaches = player.lights.iter().flat_map(|light| &light.approaches);
-    let coloured: HashMap<&str, f64> =
-        approaches.filter_map(|approach| Some((&*approach.edge, scale.value(&approach.figures)?))).collect();
+    let coloured: HashMap<&str, RGBColor> =
+        approaches.filter_map(|approach| Some((&*approach.edge, scale.of_street(&approach.figures)?))).collect();
     // Coloured streets lie over the others.
     for with_colour in [false, true] {
         for street in city.streets.iter().filter(|street| coloured.contains_key(&*street.edge) == with_colour) {
-            let colour = coloured.get(&*street.edge).map_or(STREET, |&value| scale.colour(value));
+            let colour = coloured.get(&*street.edge).copied().unwrap_or(STREET);
             let width = (street.lanes as f64 * 0.7 + 0.6).min(4.0) * if with_colour { 1.4 } else { 1.0 } * frame.pen;
             let points: Vec<String> = street.shape_m.iter().map(|&place| frame.point(place)).collect();
             let _ = writeln!(
@@ -176,7 +183,7 @@ pub(super) fn legend(svg: &mut String, scale: Scale, [left, top]: [f64; 2], size
         text(x + width / 2.0, top + 54.0 * size, &words, "middle");
     }
     if let Scale::Difference(_) = scale {
-        let words = "a light as a ring: no clear difference";
+        let words = "a light as a ring, a street in grey: no clear difference";
         text(left, top + 74.0 * size, words, "start");
     }
     for (place, &value) in values.iter().enumerate() {

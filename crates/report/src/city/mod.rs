@@ -10,6 +10,7 @@ mod plans;
 mod read;
 mod roles;
 mod slide;
+mod variants;
 
 use std::path::PathBuf;
 
@@ -18,13 +19,12 @@ use anyhow::Result;
 use crate::document::Block;
 
 pub use live::DelayMap;
+pub use variants::VARIANTS;
 
 /// Name of the file that `evaluate` and `baseline` write with `--csv`.
 pub const CITY: &str = "city.json";
 /// Name of the picture for a presentation.
 const SLIDE: &str = "slide.svg";
-/// Name of the table that they write with `--csv` if they play variants of the traffic.
-pub const VARIANTS: &str = "variants.csv";
 
 /// The sections about all cities in some folders.
 pub(crate) struct Cities {
@@ -40,7 +40,7 @@ pub(crate) struct Cities {
     pub(crate) warnings: Vec<String>,
 }
 
-/// Reads the cities in these folders. There is none: `None`.
+/// Reads the cities and the tables of variants in these folders. There is neither: `None`.
 pub(crate) fn cities(folders: &[PathBuf]) -> Result<Option<Cities>> {
     folders.iter().try_for_each(|folder| plans::check(folder))?;
     let found = read::find(folders)?;
@@ -48,18 +48,23 @@ pub(crate) fn cities(folders: &[PathBuf]) -> Result<Option<Cities>> {
     let (mut found, warnings) = plans::beside_the_others(found);
     found.iter_mut().for_each(|(_, city)| city.leave_out_files());
     let plans = plans::files(&all)?;
-    let Some((_, first)) = found.first() else { return Ok(None) };
-    let title = match found.len() {
-        1 => format!("Traffic lights of {}", first.title()),
-        count => format!("Traffic lights of {count} comparisons"),
+    let tables: Vec<PathBuf> = folders.iter().filter(|folder| folder.join(VARIANTS).is_file()).cloned().collect();
+    if found.is_empty() && tables.is_empty() {
+        return Ok(None);
+    }
+    let title = match &found[..] {
+        [] => "Other demand and closed roads".to_owned(),
+        [(_, city)] => format!("Traffic lights of {}", city.title()),
+        several => format!("Traffic lights of {} comparisons", several.len()),
     };
     // Nothing in a table of variants names its city: with several cities, each takes that of its own folder only.
-    let tables: Vec<PathBuf> = folders.iter().filter(|folder| folder.join(VARIANTS).is_file()).cloned().collect();
     let of_city = |(number, (folder, city)): (usize, &(PathBuf, read::City))| match found.len() {
         1 => page::blocks(&tables, city, None),
         _ => page::blocks(std::slice::from_ref(folder), city, Some(number + 1)),
     };
     let mut blocks: Vec<Block> = found.iter().enumerate().flat_map(of_city).collect();
+    let of_no_city = tables.iter().filter(|folder| found.len() != 1 && found.iter().all(|(city, _)| city != *folder));
+    blocks.extend(of_no_city.flat_map(|folder| variants::blocks(folder, format!("Robustness: {}", folder.display()))));
     blocks.extend(plans.blocks);
     let mut files = plans.files;
     let slides = found.iter().enumerate().map(|(number, (_, city))| {

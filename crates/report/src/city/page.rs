@@ -1,18 +1,18 @@
 //! The sections of a city's report: before and after, the map, each light.
 
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
-use super::VARIANTS;
 use super::assumed::assumed;
 use super::map::{is_unclear, map};
 use super::read::{City, CityLight, CityPlayer, Figure, PartFigures};
 use super::roles::{best, name_of, role};
+use super::variants;
 use crate::document::{self, Block, Table};
 use dials_core::base::counted;
 
 /// Number of approaches in the table of the worst ones.
 const WORST_APPROACHES: usize = 10;
-const NOTHING: &str = "\u{2013}";
+pub(super) const NOTHING: &str = "\u{2013}";
 const MINUS: &str = "\u{2212}";
 
 /// Figures of the whole city that the first table shows, with what they are called.
@@ -28,9 +28,9 @@ const FIGURES: [(&str, &str); 9] = [
     ("teleports", "cars moved out of jams"),
 ];
 
-/// Makes the sections of a city. `variants`: folders that may have tables of variants.
+/// Makes the sections of a city. `with_variants`: folders that may have tables of variants of it.
 /// `number`: that of the city, from 1, if there are several.
-pub(super) fn blocks(variants: &[PathBuf], city: &City, number: Option<usize>) -> Vec<Block> {
+pub(super) fn blocks(with_variants: &[PathBuf], city: &City, number: Option<usize>) -> Vec<Block> {
     let before = &city.players[0];
     let after = best(city);
     let shown = after.unwrap_or(before);
@@ -65,12 +65,7 @@ pub(super) fn blocks(variants: &[PathBuf], city: &City, number: Option<usize>) -
         blocks.push(Block::Table(approaches(before, after)));
         blocks.push(Block::Table(shares(city)));
     }
-    blocks.extend(
-        variants
-            .iter()
-            .filter_map(|folder| robustness(folder))
-            .flat_map(|table| [Block::Heading(title("Robustness")), Block::Table(table)]),
-    );
+    blocks.extend(with_variants.iter().flat_map(|folder| variants::blocks(folder, title("Robustness"))));
     blocks.push(Block::Heading(title("What was assumed")));
     blocks.push(Block::List(assumed(city)));
     blocks
@@ -207,39 +202,6 @@ fn shares(city: &City) -> Table {
     Table { caption, header, rows: rows.collect() }
 }
 
-/// Returns the table of variants in a folder, `variants.csv`: a line per player and a column per variant.
-fn robustness(folder: &Path) -> Option<Table> {
-    let mut reader = csv::Reader::from_path(folder.join(VARIANTS)).ok()?;
-    let mut header = vec![String::new()];
-    let mut rows: Vec<Vec<String>> = Vec::new();
-    for record in reader.records() {
-        let record = record.ok()?;
-        let [player, demand, closed, mean, half_width] = record.iter().collect::<Vec<_>>()[..] else { return None };
-        let (player, closed) = (name_in_csv(player), name_in_csv(closed));
-        let closed = if closed.is_empty() { String::new() } else { format!(", closed {closed}") };
-        let variant = format!("demand {demand}{closed}");
-        let column = header.iter().position(|name| *name == variant).unwrap_or_else(|| {
-            header.push(variant);
-            header.len() - 1
-        });
-        let row = rows.iter().position(|row| row[0] == player).unwrap_or_else(|| {
-            rows.push(vec![player.to_owned()]);
-            rows.len() - 1
-        });
-        let row = &mut rows[row];
-        row.resize(header.len(), NOTHING.to_owned());
-        row[column] = with_error(Figure { mean: mean.parse().ok()?, half_width_95: half_width.parse().ok() });
-    }
-    rows.iter_mut().for_each(|row| row.resize(header.len(), NOTHING.to_owned()));
-    let caption = "Delay in seconds per car with another demand, or with roads closed.".to_owned();
-    (!rows.is_empty()).then_some(Table { caption, header, rows })
-}
-
-/// Returns a name as it was before it became the field of a CSV file: see `csv_name`.
-fn name_in_csv(field: &str) -> &str {
-    field.strip_prefix('\'').filter(|name| name.starts_with(['=', '+', '-', '@'])).unwrap_or(field)
-}
-
 pub(super) fn with_error(Figure { mean, half_width_95 }: Figure) -> String {
     let digits = digits(mean, half_width_95);
     match half_width_95 {
@@ -274,12 +236,6 @@ fn slug(title: &str) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    #[test]
-    fn names_from_a_csv_file_are_those_of_the_net() {
-        let written = ["-10109", "main", "'main"].map(dials_core::outside::csv_name);
-        assert_eq!(written.each_ref().map(|field| name_in_csv(field)), ["-10109", "main", "'main"]);
-    }
 
     #[test]
     fn differences_have_a_sign_and_as_many_digits_as_they_need() {

@@ -15,6 +15,9 @@ use dials_core::base::Phase;
 use dials_core::domain::Kinds;
 use dials_learn::config::Simulator;
 
+/// What happens in the lanes of a worker, which may be at work at the same time.
+const IN_LANES: [Phase; 6] =
+    [Phase::Reset, Phase::Insertion, Phase::SimulatorStep, Phase::Reading, Phase::Acting, Phase::AipSampling];
 const SIMULATING: [Phase; 3] = [Phase::Insertion, Phase::SimulatorStep, Phase::Reading];
 /// Our work around a simulator's own step.
 const AROUND: [Phase; 2] = [Phase::Insertion, Phase::Reading];
@@ -122,12 +125,19 @@ impl Costs {
         let retraining_flops = aip_trainings_flops(config, kinds, work.dataset_episodes);
         let in_no_phase = 1e6 * (training.work.as_secs_f64() - training.phases.total().as_secs_f64()) / training.units;
         let busy = (training.work - beginning(&training.phases)).as_secs_f64();
-        let waited = machine.workers * training.slowest.as_secs_f64() - busy;
+        // If one worker learns for all, its lanes are on the cores of the others. Its times are those of the wall.
+        let at_once = match config.learning.learns_at_one_place() {
+            true => measured.workers.min(config.learning.most_at_work(kinds.agents(), steps.foreign)) as f64,
+            false => 1.0,
+        };
+        let on_lent_cores = (at_once - 1.0) * IN_LANES.iter().map(|&phase| spent(training, phase)).sum::<f64>();
+        let waited = machine.workers * training.slowest.as_secs_f64() - busy - on_lent_cores;
         let (other, idle) = (in_no_phase.max(0.0), 1e6 * waited.max(0.0) / training.units);
         let mut phases = Phase::ALL.map(|phase| per_unit(training, phase));
         Orders::BEGINNING.iter().for_each(|&phase| phases[phase as usize] = 0.0);
+        IN_LANES.iter().for_each(|&phase| phases[phase as usize] *= at_once);
         // The measured orders begin with empty roads and replay none.
-        let replayed = SIMULATING.iter().map(|&phase| per_unit(training, phase)).sum();
+        let replayed = SIMULATING.iter().map(|&phase| phases[phase as usize]).sum();
         let prices = Prices {
             step: Cost {
                 ours: phases.iter().sum::<f64>() + other + idle,
@@ -164,7 +174,7 @@ impl Costs {
             collection: whole.collection * per_agent_step,
             aip_training: whole.aip_training * per_agent_step,
             gs_steps_per_s: rounds_per_s.map(|rounds| rounds * machine.workers * work.horizon as f64),
-            simulators: SimulatorCosts::of(config, kinds, steps.per_timestep, measured),
+            simulators: SimulatorCosts::of(config, kinds, (steps.per_timestep, at_once), measured),
             pss_kib: measured.pss_kib,
             peak_rss_kib: measured.peak_rss_kib,
         }
@@ -258,7 +268,13 @@ pub(crate) struct SimulatorCosts {
 }
 
 impl SimulatorCosts {
-    fn of(config: &RunConfig, kinds: &Kinds, steps_per_timestep: usize, measured: &Measured) -> SimulatorCosts {
+    /// `at_once`: number of lanes at work at the same time.
+    fn of(
+        config: &RunConfig,
+        kinds: &Kinds,
+        (steps_per_timestep, at_once): (usize, f64),
+        measured: &Measured,
+    ) -> SimulatorCosts {
         let steps = steps_per_timestep as f64;
         // An episode of each worker is that many steps of agents.
         let of_episode = (measured.workers * kinds.horizon() * kinds.agents()) as f64 * steps;
@@ -271,18 +287,24 @@ impl SimulatorCosts {
             named.push(("GS in collection", cost(&measured.collection, of_episode)));
         }
         let on_gs = config.learning.simulator == Simulator::Global;
-        named.push((if on_gs { "GS in training" } else { "LS in training" }, cost(&measured.training, steps)));
-        let learning_us = LEARNING.iter().map(|&phase| per_unit(&measured.training, phase)).sum();
+        named
+            .push((if on_gs { "GS in training" } else { "LS in training" }, cost(&measured.training, steps / at_once)));
+        let cores = |phase: Phase| if IN_LANES.contains(&phase) { at_once } else { 1.0 };
+        let learning_us = LEARNING.iter().map(|&phase| cores(phase) * per_unit(&measured.training, phase)).sum();
         SimulatorCosts { steps_per_timestep, named, learning_us }
     }
 }
 
+fn spent(orders: &Orders, phase: Phase) -> f64 {
+    orders.phases.spent(phase).as_secs_f64()
+}
+
 fn per_unit(orders: &Orders, phase: Phase) -> f64 {
-    1e6 * orders.phases.spent(phase).as_secs_f64() / orders.units
+    1e6 * spent(orders, phase) / orders.units
 }
 
 fn per_order(orders: &Orders, phase: Phase) -> f64 {
-    1e6 * orders.phases.spent(phase).as_secs_f64() / orders.count.max(1) as f64
+    1e6 * spent(orders, phase) / orders.count.max(1) as f64
 }
 
 #[cfg(test)]

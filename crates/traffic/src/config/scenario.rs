@@ -250,7 +250,7 @@ impl ScenarioConfig {
     pub(crate) fn about_the_end(&self) -> Option<String> {
         let end = self.end_s.filter(|_| self.end_is_derived)?;
         Some(format!(
-            "{}: what comes after {end} s: it names no end, and the last vehicle departs before; traffic.end_s sets another one",
+            "{}: the episode ends at {end} s, because no end is named and the last vehicle departs before; traffic.end_s sets another one",
             self.scenario.display()
         ))
     }

@@ -66,6 +66,11 @@ impl Timing {
         self.offset
     }
 
+    /// Returns whether a light that has played this timing so far can go on with the other one: only their offsets may differ.
+    pub(crate) fn repeats(&self, other: &Timing) -> bool {
+        self.greens == other.greens && self.shown == other.shown
+    }
+
     pub(crate) fn cycle(&self) -> u32 {
         self.cycle
     }

@@ -40,11 +40,15 @@ impl DayPlan {
     /// Returns the stages of a light.
     ///
     /// A light goes to its next timing when a cycle ends, and begins that one at its first green. Both timings have the
-    /// same first green. So no light leaves a green without its yellow, or shows one for too short.
+    /// same first green. So no light leaves a green without its yellow, or shows one for too short. A timing that repeats the
+    /// one before it has no stage of its own.
     pub(super) fn stages(&self, light: usize) -> Vec<Stage<'_>> {
         let mut stages: Vec<Stage<'_>> = Vec::new();
         for Period { begin_s, timings } in &self.periods {
             let timing = &timings[light];
+            if stages.last().is_some_and(|before| before.timing.repeats(timing)) {
+                continue;
+            }
             let cycle = u64::from(timing.cycle());
             let from_s = match stages.last_mut() {
                 None => *begin_s,
@@ -82,5 +86,17 @@ mod tests {
         let times: Vec<_> = stages.iter().map(|stage| (stage.from_s, stage.to_s, stage.offset_s)).collect();
         assert_eq!(times, [(1000, 1807, 7), (1807, 2407, 7), (2407, 3000, 7)]);
         assert!(stages.iter().zip(&timings).all(|(stage, timing)| stage.timing == timing));
+    }
+
+    #[test]
+    fn a_timing_that_does_not_change_goes_on() {
+        let plan = crossing();
+        let timing = |greens: [u32; 4], offset| Timing::new(&plan.phases, &greens, offset);
+        let timings = [timing([10, 0, 32, 0], 7), timing([10, 0, 32, 0], 3), timing([30, 0, 22, 0], 0)];
+        let periods = [1000, 1800, 2400].into_iter().zip(timings);
+        let periods = periods.map(|(begin_s, timing)| Period { begin_s, timings: vec![timing] }).collect();
+        let day = DayPlan { periods, end_s: 3000 };
+        let times: Vec<_> = day.stages(0).iter().map(|stage| (stage.from_s, stage.to_s, stage.offset_s)).collect();
+        assert_eq!(times, [(1000, 2407, 7), (2407, 3000, 7)]);
     }
 }

@@ -20,7 +20,7 @@ use libsumo::SignalState;
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Programs {
     pub text: String,
-    /// Name of each program, `[lights][periods]`.
+    /// Name of each program, `[lights][stages]`.
     pub(super) ids: Vec<Vec<String>>,
     /// Shortest and longest greens in seconds, `[lights][greens]`, if the lights are actuated.
     pub(super) limits_s: Option<Vec<Vec<[u32; 2]>>>,
@@ -61,7 +61,7 @@ pub(super) fn phases<'a>(plan: &'a AgentPlan, timing: &Timing) -> Vec<Phase<'a>>
 
 /// Writes a plan as fixed-time programs. `name`: of the programs, unless a light has one of this name already.
 ///
-/// If the plan has several periods, each light is switched from program to program at the seconds of its stages (WAUT).
+/// A light with several stages is switched from program to program at their seconds (WAUT).
 /// Errors: SUMO would refuse a program.
 pub fn fixed(traffic: &Traffic, plan: &DayPlan, name: &str) -> Result<Programs> {
     write(traffic, plan, name, None)
@@ -100,10 +100,7 @@ fn write(traffic: &Traffic, plan: &DayPlan, name: &str, limits_s: Option<Vec<Vec
             }
         }
         kept.iter().try_for_each(|program| element(xml, program))?;
-        if plan.periods() == 1 {
-            return Ok(());
-        }
-        for (light, agent) in traffic.plans().iter().enumerate() {
+        for (light, agent) in traffic.plans().iter().enumerate().filter(|&(light, _)| ids[light].len() > 1) {
             let id = free_name(&format!("{name}.{}", agent.light), |name| wauts.contains(name));
             switches(xml, agent, &id, &plan.stages(light), &ids[light])?;
         }
