@@ -8,6 +8,7 @@ use std::fs;
 use std::io::Write;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
+use std::time::Instant;
 
 use toml::{Table, Value};
 
@@ -264,7 +265,9 @@ fn every_command_of_the_docs_runs_to_its_end_in_order() {
                 .current_dir(folder.path())
                 .env("PATH", &path)
                 .stdin(Stdio::null());
+            let begun = Instant::now();
             let output = shell.output().unwrap();
+            println!("took {:.1} s", begun.elapsed().as_secs_f64());
             let said = String::from_utf8_lossy(&output.stderr);
             assert!(output.status.success(), "{page}: {}\n{text}\n{said}", output.status);
         }
