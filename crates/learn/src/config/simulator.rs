@@ -123,6 +123,15 @@ mod tests {
     use super::*;
 
     #[test]
+    fn many_local_simulators_are_in_lanes_of_32_and_few_in_one_of_each_thread() {
+        let by_threads = |rows: usize| [1, 2, 16].map(|threads| lanes(rows, threads));
+        assert_eq!(by_threads(8), [1, 1, 1]);
+        assert_eq!(by_threads(50), [1, 2, 3]);
+        assert_eq!(by_threads(200), [6, 6, 12]);
+        assert_eq!(by_threads(2048), [8, 16, 64]);
+    }
+
+    #[test]
     fn on_the_gs_no_predictor_is_read() {
         for predictor in ["aip", "marginals", "untrained"] {
             let config: Config = toml::from_str(&format!("simulator = 'gs'\npredictor = '{predictor}'")).unwrap();
