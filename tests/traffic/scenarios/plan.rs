@@ -117,9 +117,16 @@ fn a_demand_that_changes_has_plans_in_turn_and_no_light_skips_its_yellow() {
     assert!((plain - printed).abs() < 1e-9, "{printed} s, but {plain} s by plain SUMO");
     let shown = shown_by_sumo(&room);
     assert_eq!(shown.len(), 4);
+    let mut switching = 0;
     for (light, seconds) in &shown {
         let programs: BTreeSet<&str> = seconds.iter().map(|(_, program, _)| program.as_str()).collect();
-        assert_eq!(programs.into_iter().collect::<Vec<_>>(), ["webster-1", "webster-2"], "{light}");
+        let programs: Vec<&str> = programs.into_iter().collect();
+        // A light whose timing does not change keeps its program.
+        if programs == ["webster"] {
+            continue;
+        }
+        switching += 1;
+        assert_eq!(programs, ["webster-1", "webster-2"], "{light}");
         let switched = seconds.iter().find(|(_, program, _)| program == "webster-2").unwrap().0;
         assert!((1900..2021).contains(&switched), "{light} at {switched}");
         let stays: Vec<(&str, usize)> =
@@ -131,6 +138,7 @@ fn a_demand_that_changes_has_plans_in_turn_and_no_light_skips_its_yellow() {
             assert!(least.contains(&pair[0].1), "{light} shows {} for {} s", pair[0].0, pair[0].1);
         }
     }
+    assert!(switching >= 2, "{switching} lights switch");
 }
 
 /// A junction of four arms with a crossing of 9.6 m over each.
