@@ -95,7 +95,7 @@ pub(super) fn most_lanes(rows: usize) -> usize {
 }
 
 /// Returns in how many lanes these threads play this number of local simulators: one in each thread, or more if they are many.
-pub(crate) fn lanes(rows: usize, threads: usize) -> usize {
+pub(super) fn lanes(rows: usize, threads: usize) -> usize {
     let of_many = (rows / ROWS_PER_LANE).min(MOST_LANES_OF_A_THREAD * threads);
     threads.max(of_many).min(most_lanes(rows))
 }
