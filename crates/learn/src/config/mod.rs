@@ -32,7 +32,7 @@ pub use aip::{AipConfig, Retrain};
 pub use check::held_out_episodes;
 pub use imitation::ImitationConfig;
 pub use schedule::{AipTraining, Period, rest_of_schedule, schedule};
-pub(crate) use simulator::ROWS_PER_BLOCK;
+pub(crate) use simulator::{ROWS_PER_BLOCK, most_lanes};
 pub use simulator::{ShortForm, Simulator, short_forms};
 
 /// How agents learn, and when AIPs (approximate influence predictors) are retrained and policies evaluated.
@@ -388,15 +388,9 @@ impl Config {
             _ if !foreign && self.learns_at_one_place() => 1,
             Simulator::Global => self.copies(),
             Simulator::Local if self.learns_outside() => 1,
-            Simulator::Local if self.shares_policies() => simulator::most_lanes(agents * self.copies()),
+            Simulator::Local if self.shares_policies() => most_lanes(agents * self.copies()),
             Simulator::Local => agents,
         }
-    }
-
-    /// Returns in how many lanes these threads play the local simulators of agents who share a policy. If there are several and the
-    /// simulator is foreign, each lane is a process.
-    pub fn lanes(&self, agents: usize, threads: usize) -> usize {
-        simulator::lanes(agents * self.copies(), threads)
     }
 
     /// Returns whether the value of the last agent of a kind stands for what would come for all of them.

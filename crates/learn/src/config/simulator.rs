@@ -83,21 +83,11 @@ impl<'de> Deserialize<'de> for ShortForm {
 /// between two steps. Measured on traffic, SUMO costs the same per intersection with 8 and 16, 10 % more with 32, 15 % more with 64
 /// and 60 % more with 128.
 pub(crate) const ROWS_PER_BLOCK: usize = 16;
-/// Number of local simulators in a lane of many: messages to its process cost what a smaller forest saves.
-const ROWS_PER_LANE: usize = 32;
-/// A lane has a process, which takes memory.
-const MOST_LANES_OF_A_THREAD: usize = 8;
 
 /// Returns in how many lanes this number of local simulators is played at most. Fewer in each are quicker than the messages to
 /// their process.
-pub(super) fn most_lanes(rows: usize) -> usize {
+pub(crate) fn most_lanes(rows: usize) -> usize {
     (rows / ROWS_PER_BLOCK).max(1)
-}
-
-/// Returns in how many lanes these threads play this number of local simulators: one in each thread, or more if they are many.
-pub(super) fn lanes(rows: usize, threads: usize) -> usize {
-    let of_many = (rows / ROWS_PER_LANE).min(MOST_LANES_OF_A_THREAD * threads);
-    threads.max(of_many).min(most_lanes(rows))
 }
 
 impl Config {
@@ -121,15 +111,6 @@ impl Config {
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    #[test]
-    fn many_local_simulators_are_in_lanes_of_32_and_few_in_one_of_each_thread() {
-        let by_threads = |rows: usize| [1, 2, 16].map(|threads| lanes(rows, threads));
-        assert_eq!(by_threads(8), [1, 1, 1]);
-        assert_eq!(by_threads(50), [1, 2, 3]);
-        assert_eq!(by_threads(200), [6, 6, 12]);
-        assert_eq!(by_threads(2048), [8, 16, 64]);
-    }
 
     #[test]
     fn on_the_gs_no_predictor_is_read() {

@@ -10,7 +10,7 @@ use anyhow::Context;
 
 use crate::algorithms::imitation::{ImitationLoss, imitate};
 use crate::algorithms::{self, Actor, Learner};
-use crate::config::{Config, Period, ROWS_PER_BLOCK, Simulator};
+use crate::config::{Config, Period, ROWS_PER_BLOCK, Simulator, most_lanes};
 use crate::environments::global::{self, Begin};
 use crate::environments::ials::Ials;
 use crate::environments::lanes::{Lane, Lanes};
@@ -83,7 +83,8 @@ impl AgentBlock {
         // A process holds one simulation of a foreign simulator. A native one takes little time beside learning. So do a few
         // rows beside the messages to another process.
         let is_shared_out = config.shares_policies() && domain.foreign_simulator().is_some();
-        let lanes = if is_shared_out { config.lanes(agents.len(), threads.count()) } else { 1 };
+        let most = most_lanes(agents.len() * config.copies());
+        let lanes = if is_shared_out { threads.count().min(most) } else { 1 };
         let parts = config.parts(agents.len(), lanes);
         let mut policies = initial_policies(&*domain, config, agents);
         policies.net.use_threads(threads);

@@ -58,13 +58,16 @@ pub(crate) fn cities(folders: &[PathBuf]) -> Result<Option<Cities>> {
         several => format!("Traffic lights of {} comparisons", several.len()),
     };
     // Nothing in a table of variants names its city: with several cities, each takes that of its own folder only.
-    let of_city = |(number, (folder, city)): (usize, &(PathBuf, read::City))| match found.len() {
-        1 => page::blocks(&tables, city, None),
-        _ => page::blocks(std::slice::from_ref(folder), city, Some(number + 1)),
-    };
-    let mut blocks: Vec<Block> = found.iter().enumerate().flat_map(of_city).collect();
-    let of_no_city = tables.iter().filter(|folder| found.len() != 1 && found.iter().all(|(city, _)| city != *folder));
-    blocks.extend(of_no_city.flat_map(|folder| variants::blocks(folder, format!("Robustness: {}", folder.display()))));
+    let mut blocks: Vec<Block> = Vec::new();
+    for (number, (folder, city)) in found.iter().enumerate() {
+        blocks.extend(match found.len() {
+            1 => page::blocks(&tables, city, None)?,
+            _ => page::blocks(std::slice::from_ref(folder), city, Some(number + 1))?,
+        });
+    }
+    for folder in tables.iter().filter(|folder| found.len() != 1 && !all.contains(folder)) {
+        blocks.extend(variants::blocks(folder, format!("Robustness: {}", folder.display()))?);
+    }
     blocks.extend(plans.blocks);
     let mut files = plans.files;
     let slides = found.iter().enumerate().map(|(number, (_, city))| {

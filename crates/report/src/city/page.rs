@@ -2,6 +2,8 @@
 
 use std::path::PathBuf;
 
+use anyhow::Result;
+
 use super::assumed::assumed;
 use super::map::{is_unclear, map};
 use super::read::{City, CityLight, CityPlayer, Figure, PartFigures};
@@ -30,7 +32,7 @@ const FIGURES: [(&str, &str); 9] = [
 
 /// Makes the sections of a city. `with_variants`: folders that may have tables of variants of it.
 /// `number`: that of the city, from 1, if there are several.
-pub(super) fn blocks(with_variants: &[PathBuf], city: &City, number: Option<usize>) -> Vec<Block> {
+pub(super) fn blocks(with_variants: &[PathBuf], city: &City, number: Option<usize>) -> Result<Vec<Block>> {
     let before = &city.players[0];
     let after = best(city);
     let shown = after.unwrap_or(before);
@@ -65,10 +67,12 @@ pub(super) fn blocks(with_variants: &[PathBuf], city: &City, number: Option<usiz
         blocks.push(Block::Table(approaches(before, after)));
         blocks.push(Block::Table(shares(city)));
     }
-    blocks.extend(with_variants.iter().flat_map(|folder| variants::blocks(folder, title("Robustness"))));
+    for folder in with_variants {
+        blocks.extend(variants::blocks(folder, title("Robustness"))?);
+    }
     blocks.push(Block::Heading(title("What was assumed")));
     blocks.push(Block::List(assumed(city)));
-    blocks
+    Ok(blocks)
 }
 
 pub(super) fn summary(city: &City, after: Option<&CityPlayer>) -> String {

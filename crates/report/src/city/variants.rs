@@ -3,6 +3,7 @@
 
 use std::path::Path;
 
+use anyhow::{Context, Result, ensure};
 use serde::Deserialize;
 
 use super::page::{NOTHING, with_error};
@@ -28,9 +29,12 @@ struct Line {
     episodes: Option<usize>,
 }
 
-/// Returns the section about the variants in a folder. There is no such file, or it cannot be read: none.
-pub(super) fn blocks(folder: &Path, title: String) -> Vec<Block> {
-    let Some(lines) = read(folder) else { return Vec::new() };
+/// Returns the section about the variants in a folder. There is no such file: none.
+pub(super) fn blocks(folder: &Path, title: String) -> Result<Vec<Block>> {
+    if !folder.join(VARIANTS).is_file() {
+        return Ok(Vec::new());
+    }
+    let lines = read(folder)?;
     let played = lines.first().and_then(|line| line.episodes);
     let of = played.map_or(String::new(), |played| format!(", means over {}", counted(played, "episode")));
     let delay = |line: &Line| Some(with_error(Figure { mean: line.delay_s, half_width_95: line.half_width_95 }));
@@ -39,13 +43,15 @@ pub(super) fn blocks(folder: &Path, title: String) -> Vec<Block> {
     let arrived = |line: &Line| line.throughput_per_h.map(|cars| format!("{cars:.0}"));
     let arrivals = lines.iter().any(|line| line.throughput_per_h.is_some());
     let arrivals = arrivals.then(|| table(format!("Cars that arrive per hour{of}."), &lines, arrived));
-    [Block::Heading(title), Block::Table(delays)].into_iter().chain(arrivals.map(Block::Table)).collect()
+    Ok([Block::Heading(title), Block::Table(delays)].into_iter().chain(arrivals.map(Block::Table)).collect())
 }
 
-fn read(folder: &Path) -> Option<Vec<Line>> {
-    let mut reader = csv::Reader::from_path(folder.join(VARIANTS)).ok()?;
-    let lines: Vec<Line> = reader.deserialize().collect::<Result<_, _>>().ok()?;
-    (!lines.is_empty()).then_some(lines)
+fn read(folder: &Path) -> Result<Vec<Line>> {
+    let path = folder.join(VARIANTS);
+    let lines = csv::Reader::from_path(&path).and_then(|reader| reader.into_deserialize().collect());
+    let lines: Vec<Line> = lines.with_context(|| format!("{}: make it again with --csv", path.display()))?;
+    ensure!(!lines.is_empty(), "{}: has no line; make it again with --csv", path.display());
+    Ok(lines)
 }
 
 /// Makes a table with a line per controller and a column per variant.
@@ -93,8 +99,22 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let old = "controller,demand,closed,delay_s,half_width_95\nprogram,1,,30.5,\nprogram,1,'-7,44,2.5\n";
         std::fs::write(folder.path().join(VARIANTS), old).unwrap();
-        let [_, Block::Table(table)] = &blocks(folder.path(), String::new())[..] else { panic!("one table") };
+        let [_, Block::Table(table)] = &blocks(folder.path(), String::new()).unwrap()[..] else { panic!("one table") };
         assert_eq!(table.header, ["", "demand 1", "demand 1, closed -7"]);
         assert_eq!(table.rows, [["program", "30.5", "44.0\u{a0}\u{b1}\u{a0}2.5"]]);
+    }
+
+    #[test]
+    fn a_damaged_or_empty_file_is_an_error_that_names_it() {
+        let folder = tempfile::tempdir().unwrap();
+        for text in [
+            "",
+            "controller,demand,closed,delay_s,half_width_95\n",
+            "controller,demand,closed,delay_s,half_width_95\na,1,,x,\n",
+        ] {
+            std::fs::write(folder.path().join(VARIANTS), text).unwrap();
+            let error = format!("{:#}", blocks(folder.path(), String::new()).unwrap_err());
+            assert!(error.contains("variants.csv: ") && error.contains("make it again with --csv"), "{error}");
+        }
     }
 }

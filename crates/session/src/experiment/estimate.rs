@@ -57,10 +57,7 @@ pub fn estimate(run: &PlannedRun, cores: usize, measured: &[RunRecord]) -> Estim
     let apart = match learning.simulator {
         _ if most == 1 || !learning.learns_at_one_place() => 0,
         Simulator::Global => most,
-        Simulator::Local => match learning.lanes(run.agents(), cores) {
-            1 => 0,
-            lanes => lanes,
-        },
+        Simulator::Local => most.min(cores),
     };
     let memory_mb = (cores + 1 + apart) as f64 * costs.process_mb + run.agents() as f64 * costs.agent_mb;
     Estimate { seconds, memory_mb, measured_runs: nearest.len() }
