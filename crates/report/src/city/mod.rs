@@ -65,7 +65,7 @@ pub(crate) fn cities(folders: &[PathBuf]) -> Result<Option<Cities>> {
             _ => page::blocks(std::slice::from_ref(folder), city, Some(number + 1))?,
         });
     }
-    for folder in tables.iter().filter(|folder| found.len() != 1 && !all.contains(folder)) {
+    for folder in tables.iter().filter(|folder| found.len() != 1 && found.iter().all(|(city, _)| city != *folder)) {
         blocks.extend(variants::blocks(folder, format!("Robustness: {}", folder.display()))?);
     }
     blocks.extend(plans.blocks);

@@ -113,7 +113,7 @@ mod tests {
             "controller,demand,closed,delay_s,half_width_95\na,1,,x,\n",
         ] {
             std::fs::write(folder.path().join(VARIANTS), text).unwrap();
-            let error = format!("{:#}", blocks(folder.path(), String::new()).unwrap_err());
+            let error = format!("{:#}", blocks(folder.path(), String::new()).err().unwrap());
             assert!(error.contains("variants.csv: ") && error.contains("make it again with --csv"), "{error}");
         }
     }
