@@ -91,6 +91,9 @@ pub struct ReportArgs {
     /// Output folder for the page, its pictures and its tables
     #[arg(long, value_name = "DIR", default_value = "report")]
     pub out: PathBuf,
+    /// Title of the page and of the slide, instead of the name of the scenario or config
+    #[arg(long, value_name = "TEXT")]
+    pub title: Option<String>,
     /// If the folder exists, move it aside instead of refusing
     #[arg(long)]
     pub force: bool,

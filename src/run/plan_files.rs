@@ -215,10 +215,12 @@ impl<'a> Outcome<'a> {
         About {
             title: format!("Signal plan: {}", self.label),
             words: words.iter().map(|sentence| sentence_of(sentence)).collect(),
-            caption: format!(
-                "Delay per car, mean +- half of its 95 % interval over {}. The difference is paired by episode.",
-                counted(self.episodes(), "episode")
-            ),
+            caption: match self.episodes() {
+                1 => "Delay per car in one episode, so there are no intervals.".to_owned(),
+                played => format!(
+                    "Delay per car, mean +- half of its 95 % interval over {played} episodes. The difference is paired by episode."
+                ),
+            },
             header: ["lights", "delay", "difference from today"].map(str::to_owned).to_vec(),
             rows: self.findings.iter().map(row).collect(),
             commands: vec![

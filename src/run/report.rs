@@ -13,7 +13,7 @@ pub(super) fn report(args: &cli::ReportArgs) -> Result<()> {
     let existing = Existing::of_named(args.force);
     check_not_a_run("--out", &args.out).map_err(Error::Usage)?;
     let out = places::place(&args.out, existing).map_err(Error::Usage)?;
-    let report = dials_report::report(&args.folders).map_err(Error::Usage)?;
+    let report = dials_report::report(&args.folders, args.title.as_deref()).map_err(Error::Usage)?;
     let write = |dir: &Directory| report.files.iter().try_for_each(|(name, text)| dir.put(name, text.as_bytes()));
     places::make(&out, existing, write).map_err(Error::Usage)?;
     report.warnings.iter().for_each(|warning| warn(for_terminal(&format!("warning: {}", Printable(warning)))));

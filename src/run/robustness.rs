@@ -80,6 +80,8 @@ pub(super) struct Plan<'a> {
 /// A variant with what was played on it.
 struct Played {
     variant: Variant,
+    /// Names of the closed edges' streets, each once, in their alphabetical order.
+    streets: Vec<String>,
     detours: Option<Detours>,
     /// Figures as JSON, which need the domain.
     figures: Map<String, Value>,
@@ -118,8 +120,12 @@ pub(super) fn play(plan: &Plan<'_>, mut csv: Option<CsvFiles>, is_json: bool, ab
             }
             findings.push(finding);
         }
+        let streets = traffic.streets_of(&variant.closed).map_err(Error::Run)?;
+        let mut streets: Vec<String> = streets.into_iter().flatten().collect();
+        streets.sort();
+        streets.dedup();
         let (variant, detours) = (variant.clone(), traffic.detours());
-        all.push(Played { variant, detours, figures: figures::of_all(&traffic, &findings), findings });
+        all.push(Played { variant, streets, detours, figures: figures::of_all(&traffic, &findings), findings });
     }
     bar.finish();
     if let (Ok(()), Some(csv)) = (&written, &csv) {
@@ -136,6 +142,7 @@ fn as_json(plan: &Plan<'_>, all: &[Played], about: Map<String, Value>) -> String
         let mut object = Map::new();
         object.insert("demand".into(), json!(demand));
         object.insert("closed".into(), json!(closed));
+        object.insert("streets".into(), json!(played.streets));
         if let Some(detours) = played.detours {
             object.insert("vehicles_of_files".into(), json!(detours.vehicles));
             object.insert("rerouted".into(), json!(detours.rerouted));
@@ -156,9 +163,9 @@ fn as_json(plan: &Plan<'_>, all: &[Played], about: Map<String, Value>) -> String
 fn as_csv(all: &[Played]) -> anyhow::Result<Vec<u8>> {
     let mut writer = csv::Writer::from_writer(Vec::new());
     let [delay, arrivals] = SHOWN;
-    writer.write_record(["controller", "demand", "closed", delay, "half_width_95", arrivals, "episodes"])?;
-    let all = all.iter().flat_map(|played| played.findings.iter().map(|finding| (&played.variant, finding)));
-    for (Variant { demand, closed }, finding) in all {
+    writer.write_record(["controller", "demand", "closed", "streets", delay, "half_width_95", arrivals, "episodes"])?;
+    let all = all.iter().flat_map(|played| played.findings.iter().map(move |finding| (played, finding)));
+    for (Played { variant: Variant { demand, closed }, streets, .. }, finding) in all {
         let figures = evaluation::figures(&finding.episodes);
         let of = |wanted: &str| figures.iter().find(|(name, _)| name == wanted).map(|(_, all)| Interval::of(all));
         let Some(Interval { mean, half_width }) = of(delay) else { continue };
@@ -166,6 +173,7 @@ fn as_csv(all: &[Played]) -> anyhow::Result<Vec<u8>> {
             csv_name(&finding.player.label),
             demand.to_string(),
             csv_name(&closed.join(" ")),
+            csv_name(&streets.join(", ")),
             mean.to_string(),
             half_width.map_or(String::new(), |half_width| half_width.to_string()),
             of(arrivals).map_or(String::new(), |arrivals| arrivals.mean.to_string()),
@@ -194,9 +202,12 @@ fn as_text(all: &[Played]) -> String {
     let labels: Vec<String> = all.iter().map(label).collect();
     // What becomes of the vehicles is the same for every demand.
     let of_closure = |(number, closed): (usize, &&Vec<String>)| {
-        let detours = all.iter().find(|played| played.variant.closed == **closed)?.detours?;
-        let name = if short { closed.join(",") } else { format!("{}, {}", number + 1, closed.join(",")) };
-        Some(for_terminal(&format!("closure {name}: {detours}")))
+        let Played { streets, detours, .. } = all.iter().find(|played| played.variant.closed == **closed)?;
+        let mut name = if short { closed.join(",") } else { format!("{}, {}", number + 1, closed.join(",")) };
+        if !streets.is_empty() {
+            name += &format!(" ({})", streets.join(", "));
+        }
+        Some(for_terminal(&format!("closure {name}: {}", (*detours)?)))
     };
     let legend: Vec<String> = closures.iter().enumerate().filter_map(of_closure).collect();
     let findings: Vec<Vec<Finding>> = all.iter().map(|played| played.findings.clone()).collect();

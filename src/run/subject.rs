@@ -5,6 +5,7 @@ use std::path::{Path, PathBuf};
 use anyhow::{Context, Result, anyhow, ensure};
 use serde_json::json;
 
+use super::plan::PLAN;
 use dials_core::base::AgentId;
 use dials_core::domain::{Baseline, Domain};
 use dials_core::outside::{did_you_mean, excerpt, path_as_text};
@@ -15,6 +16,7 @@ use dials_session::records::files;
 use dials_session::records::run_json::RunJson;
 use dials_session::terminal::warn;
 use dials_traffic::controllers::check_name;
+use dials_traffic::controllers::plan_file::{controller_of, is_plan, plan_of};
 
 /// Largest number of agents that an error names, from the first one on.
 const MOST_NAMES: usize = 8;
@@ -63,7 +65,8 @@ fn words(text: &str) -> Result<Vec<String>> {
 impl Subject {
     /// Reads a list of subjects, separated by commas.
     ///
-    /// A word with a `/` in its name is a run. So is a directory, unless a controller of `domain` has the same name.
+    /// A word with a `/` in its name is a run. So is a directory, unless a controller of `domain` has the same name. A directory with a
+    /// plan is the controller that plays it.
     /// The parameters of a controller are separated by commas, too: `key=value` belongs to the name before it.
     pub(super) fn list(text: &str, greedy: bool, domain: &dyn Domain) -> Result<Vec<Subject>> {
         let words = words(text)?;
@@ -72,10 +75,11 @@ impl Subject {
             is_path || Path::new(word).is_dir() && domain.check_baseline(word).is_err()
         };
         let subject = |word: String| match is_run(&word) {
-            true => Subject::Run { dir: word.into(), greedy, background: None },
-            false => Subject::Controller(word),
+            true if is_plan(Path::new(&word)) => controller_of(Path::new(&word)).map(Subject::Controller),
+            true => Ok(Subject::Run { dir: word.into(), greedy, background: None }),
+            false => Ok(Subject::Controller(word)),
         };
-        Ok(words.into_iter().map(subject).collect())
+        words.into_iter().map(subject).collect()
     }
 
     /// Checks the names in a list for a scenario before anything of it is read, which may take long: each is that of a
@@ -109,7 +113,8 @@ impl Subject {
         let (policies, others, keys) = match self {
             Subject::Controller(name) => {
                 let file = controller_file(domain, name)?.map(|checksum| ("controller_file_crc32", json!(checksum)));
-                (None, None, [("controller", json!(name))].into_iter().chain(file).collect())
+                let plan = plan_of(name).map(|dir| (PLAN, json!(dir)));
+                (None, None, [("controller", json!(name))].into_iter().chain(file).chain(plan).collect())
             }
             Subject::Run { dir, greedy, background } => {
                 let mut keys = vec![("run", json!(path_as_text(dir))), ("greedy", json!(greedy))];

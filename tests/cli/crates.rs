@@ -3,6 +3,7 @@
 use std::collections::{BTreeMap, BTreeSet};
 use std::fs;
 use std::path::Path;
+use std::process::Command;
 
 /// All crates, the lowest first. A crate may depend on those before it.
 const ORDER: [&str; 10] = [
@@ -85,5 +86,29 @@ fn the_table_of_the_docs_has_every_crate_and_what_it_uses() {
         for used in manifest["dependencies"].as_table().unwrap().keys().filter_map(|name| folder_of(name)) {
             assert!(may_use.contains(used), "{folder} uses {used}, but docs/architecture.md says: {may_use:?}");
         }
+    }
+}
+
+/// Returns the features of each crate that this one is built from, by name and version.
+fn features(of: &str) -> BTreeMap<String, String> {
+    let cargo = std::env::var("CARGO").unwrap_or_else(|_| "cargo".to_owned());
+    let args = ["tree", "--locked", "--offline", "-p", of, "-e", "normal,build", "--prefix", "none", "-f", "{p}|{f}"];
+    let output = Command::new(cargo).args(args).current_dir(env!("CARGO_MANIFEST_DIR")).output().unwrap();
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    let tree = String::from_utf8(output.stdout).unwrap();
+    tree.lines()
+        .map(|line| line.trim_end_matches(" (*)").split_once('|').unwrap())
+        .map(|(name, features)| (name.to_owned(), features.to_owned()))
+        .collect()
+}
+
+/// With other features a crate is built once more for the wheel, and all that depend on it.
+#[test]
+fn the_wheel_is_built_from_the_crates_of_the_program() {
+    let (program, wheel) = (features("dials-traffic"), features("dials-traffic-python"));
+    let shared: Vec<_> = program.iter().filter(|(name, _)| wheel.contains_key(*name)).collect();
+    assert!(shared.len() > 50, "{}", shared.len());
+    for (name, features) in shared {
+        assert_eq!(wheel[name], *features, "{name}: make its features equal, in Cargo.toml and in python/Cargo.toml");
     }
 }

@@ -104,7 +104,7 @@ fn with_file(place: &Place, file: &str, bytes: &[u8], shown: Shown) -> Result<()
     if let Ok(record) = RunRecord::read(&runs.join(RUNS[0])) {
         check_finite(&record);
     }
-    let report = dials_report::report(&[runs])?;
+    let report = dials_report::report(&[runs], None)?;
     check_files(&report, &shown);
     match report.warnings.iter().find(|warning| warning.contains("left out")) {
         Some(warning) => bail!(warning.clone()),

@@ -138,7 +138,7 @@ fn the_aips_of_both_kinds_learn_the_closed_form_influence() {
     describe(dir.path());
     let record = RunRecord::read(dir.path()).unwrap();
     assert_eq!(record.scenario().id.domain, "coins-and-dice");
-    let report = dials_report::report(&[dir.path().to_owned()]).unwrap();
+    let report = dials_report::report(&[dir.path().to_owned()], None).unwrap();
     let (_, page) = report.files.iter().find(|(name, _)| name == "report.md").unwrap();
     assert!(report.runs == 1 && page.contains("coins-and-dice, 4 agents"), "{page}");
     assert_eq!((record.evaluations[0].agents.len(), record.evaluations.len(), record.aip_trainings.len()), (4, 4, 2));

@@ -67,9 +67,11 @@ pub struct Report {
 
 /// Makes a report of all runs and comparisons of lights under these folders, the same files for the same input.
 ///
+/// `title`: that of the page and of the slides. There is none: the scenario's name makes it.
+///
 /// There is no comparison, and no run was evaluated and can be read: an error, which lists the first reasons.
-pub fn report(folders: &[PathBuf]) -> Result<Report> {
-    let cities = city::cities(folders)?;
+pub fn report(folders: &[PathBuf], title: Option<&str>) -> Result<Report> {
+    let cities = city::cities(folders, title)?;
     // A folder with a comparison need not have a run.
     let is_city =
         |folder: &PathBuf| cities.iter().any(|cities| cities.folders.iter().any(|city| city.starts_with(folder)));
@@ -81,7 +83,7 @@ pub fn report(folders: &[PathBuf]) -> Result<Report> {
     let has_finals = groups().any(|group| group.finals().is_some());
     ensure!(has_finals || (cities.is_some() && of_runs.is_empty()), words::no_run(&names.join(", "), &warnings));
     let (mut beside, mut slides) = (Vec::new(), Vec::new());
-    let document = match cities {
+    let mut document = match cities {
         None => sections::document(&comparisons, &warnings)?,
         Some(city::Cities { title, mut blocks, files, slides: shown, warnings: of_cities, .. }) => {
             (beside, slides) = (files, shown);
@@ -92,6 +94,9 @@ pub fn report(folders: &[PathBuf]) -> Result<Report> {
             document::Document { title, blocks }
         }
     };
+    if let Some(title) = title {
+        document.title = title.to_owned();
+    }
     let mut files = vec![(PAGE.to_owned(), document.to_html()), (MARKDOWN.to_owned(), document.to_markdown())];
     files.extend(beside);
     files.extend(document.figures().map(|figure| (format!("{}.svg", figure.name), figure.svg.file())));

@@ -7,7 +7,7 @@ use std::sync::Arc;
 use anyhow::{bail, ensure};
 
 use crate::any_light::AnyLight;
-use crate::controllers::{self, ANY_LIGHT};
+use crate::controllers::{self, ANY_LIGHT, HandCoded};
 use crate::prepared::Prepared;
 use crate::road_network::Files;
 use crate::sim::control::SignalControl;
@@ -75,6 +75,12 @@ impl Domain for Traffic {
 
     fn with_background(&self, name: &str, agents: &[AgentId]) -> Result<Box<dyn GlobalSimulator>> {
         let by = self.hand_coded(name)?;
+        if let HandCoded::Programs(_) = by {
+            ensure!(
+                agents.len() == self.agents(),
+                "--background {name}: a plan runs all lights, for SUMO switches its programs"
+            );
+        }
         self.with_own_rows(Box::new(self.global(SignalControl::HandCoded { by, agents: agents.to_vec() })?))
     }
 

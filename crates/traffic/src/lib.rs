@@ -228,6 +228,14 @@ impl Traffic {
         files.files.check_edges(ids)
     }
 
+    /// Returns the street of each of these edges; `None` for one whose street the net does not name. A grid names none.
+    pub fn streets_of(&self, ids: &[String]) -> Result<Vec<Option<String>>> {
+        match &self.network.files {
+            Files::Grid(_) => Ok(vec![None; ids.len()]),
+            Files::Scenario(files) => files.files.streets_of(ids),
+        }
+    }
+
     fn off_tape(&self) -> Traffic {
         Traffic { tape: None, events: None, ..self.clone() }
     }

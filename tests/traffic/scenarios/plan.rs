@@ -139,6 +139,17 @@ fn a_demand_that_changes_has_plans_in_turn_and_no_light_skips_its_yellow() {
         }
     }
     assert!(switching >= 2, "{switching} lights switch");
+    // Its directory is a player like others, with other demand, too.
+    fs::write(room.path(MORE), "<additional/>").unwrap();
+    let compared = format!("program,{}", room.path("plan").display());
+    let mut command = dials_traffic();
+    let scenario = room.path(SUMOCFG);
+    let args = ["baseline", scenario.to_str().unwrap(), "--compare", &compared, "--episodes", "1", "--demand", "1,0.5"];
+    let played = json(&command.args(args).arg("--json").assert().success().get_output().stdout);
+    let delays = ["/variants/0/controllers/1", "/variants/1/controllers/1"]
+        .map(|player| &played.pointer(player).unwrap()["delay_s"]);
+    assert!((delays[0].as_f64().unwrap() - printed).abs() < 1e-9, "{printed} s, but {}", delays[0]);
+    assert!(delays[1].as_f64().unwrap() < printed, "half of the cars lose less");
 }
 
 /// A junction of four arms with a crossing of 9.6 m over each.

@@ -3,7 +3,7 @@
 use super::{Finding, figures};
 use crate::policy::Selection;
 use dials_core::base::statistics::Interval;
-use dials_core::base::{TERMINAL_COLUMNS, counted, decimals, wrapped};
+use dials_core::base::{TERMINAL_COLUMNS, decimals, wrapped};
 
 /// Values of all episodes, by name of the figure.
 type Figures = Vec<(String, Vec<f64>)>;
@@ -44,8 +44,12 @@ pub(super) fn wide_title(findings: &[Finding]) -> String {
         Some(Selection::Sampled) => ", sampled policies",
         None => "",
     };
-    let played = counted(findings[0].episodes.len(), "episode");
-    let title = format!("mean +- half of its 95 % interval over {played}, the same traffic for all{policies}");
+    let title = match findings[0].episodes.len() {
+        1 => format!("one episode, the same traffic for all{policies}"),
+        played => {
+            format!("mean +- half of its 95 % interval over {played} episodes, the same traffic for all{policies}")
+        }
+    };
     wrapped(&title, TERMINAL_COLUMNS).join("\n")
 }
 

@@ -4,7 +4,7 @@ use serde_json::{Map, Value, json};
 
 use super::{Evaluation, Finding, RETURN, figures};
 use dials_core::base::AgentId;
-use dials_core::base::statistics::Interval;
+use dials_core::base::statistics::{Interval, median};
 use dials_core::domain::Domain;
 
 /// Returns all figures of one player.
@@ -39,6 +39,8 @@ pub fn of_one(domain: &dyn Domain, finding: &Finding) -> Map<String, Value> {
     object.extend(measures.system.iter().map(|(name, value)| (name.clone(), json!(value))));
     let half_widths = figures.iter().map(|(name, values)| (name.clone(), json!(Interval::of(values).half_width)));
     object.insert("half_width_95".into(), Value::Object(half_widths.collect()));
+    let medians = figures.iter().map(|(name, values)| (name.clone(), json!(median(values))));
+    object.insert("episode_median".into(), Value::Object(medians.collect()));
     object.insert("per_agent".into(), per_agent.collect());
     object
 }

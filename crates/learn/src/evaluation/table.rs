@@ -70,17 +70,19 @@ fn of_agents(
     digits: usize,
 ) -> String {
     let measures = &evaluation.measures.per_agent;
-    let mut names = vec!["return", "+-", "median"];
+    // Of one episode there is no interval.
+    let is_sure = evaluation.episodes() > 1;
+    let mut names = vec!["return"];
+    names.extend(is_sure.then_some("+-"));
+    names.push("median");
     names.extend(measures.iter().map(|(name, _)| name.as_str()));
     names.push("stuck");
     let cells = |&agent: &usize| {
         let of_agent = evaluation.of_agent(agent);
         let half_width = finding.of_agent(agent).half_width;
-        let mut cells = vec![
-            format!("{:.digits$}", of_agent.mean),
-            half_width.map_or("-".to_owned(), |half_width| format!("{half_width:.digits$}")),
-            format!("{:.digits$}", of_agent.median),
-        ];
+        let mut cells = vec![format!("{:.digits$}", of_agent.mean)];
+        cells.extend(is_sure.then(|| half_width.map_or("-".to_owned(), |half_width| format!("{half_width:.digits$}"))));
+        cells.push(format!("{:.digits$}", of_agent.median));
         cells.extend(measures.iter().map(|(_, values)| format!("{:.3}", values[agent])));
         cells.push(if evaluation.stuck[agent] { "yes" } else { "no" }.to_owned());
         cells

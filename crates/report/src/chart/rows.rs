@@ -7,9 +7,7 @@ use plotters::style::text_anchor::{HPos, VPos};
 use super::legend::{self, LegendEntry, LegendSample};
 use super::look::{Dash, Look, Marker, mark, stroke};
 use super::{Axis, LEGEND, WIDTH, with_air};
-use crate::drawing::{
-    Area, BoundedAxis, INK, SCALE, Svg, draw_mesh, ends_of, pen, px, shortened, text_width, write, write_at,
-};
+use crate::drawing::{Area, BoundedAxis, INK, SCALE, Svg, draw_mesh, ends_of, pen, px, text_width, write, write_at};
 
 /// Height of an axis of a row chart, and of the note below it.
 const AXIS: u32 = 48;
@@ -29,7 +27,9 @@ const NAMED_ROW: u32 = 16;
 const TITLE: u32 = 34;
 const NAMED_AXIS: u32 = 52;
 const NAMES: u32 = 190;
-const LONGEST_NAME: usize = 60;
+/// Longest line of a name, in letters, and the height that each further line adds to all rows.
+const NAMED_LETTERS: usize = 60;
+const NAMED_LINE: u32 = 13;
 
 pub(crate) struct Row {
     pub(crate) label: String,
@@ -159,10 +159,12 @@ impl NamedChart {
     pub(crate) fn draw(&self) -> Result<Svg> {
         let series = self.series.iter().map(|series| LegendEntry::new(LegendSample::Mark(series.look), &series.label));
         let entries: Vec<LegendEntry> = series.chain([LegendEntry::new(LegendSample::Nothing, &self.note)]).collect();
-        let rows = self.names.len() as u32 * NAMED_ROW;
+        let names: Vec<Vec<String>> = self.names.iter().map(|name| legend::in_lines(name, NAMED_LETTERS)).collect();
+        let most_lines = names.iter().map(Vec::len).max().unwrap_or(1);
+        let row_height = NAMED_ROW + NAMED_LINE * (most_lines as u32 - 1);
+        let rows = self.names.len() as u32 * row_height;
         let height = TITLE + (rows + NAMED_AXIS).max(legend::height(&entries));
-        let names: Vec<String> = self.names.iter().map(|name| shortened(name, LONGEST_NAME)).collect();
-        let widest = names.iter().map(|name| text_width(name, 11.0) as u32 / SCALE).max().unwrap_or(0);
+        let widest = names.iter().flatten().map(|line| text_width(line, 11.0) as u32 / SCALE).max().unwrap_or(0);
         let left = NAMES.max(widest + 12);
         let width = WIDTH + left - NAMES;
         Svg::draw(width, height, |root| {
@@ -174,11 +176,14 @@ impl NamedChart {
             let chart = rows.chart(root, &self.x, values)?;
             let area = chart.plotting_area();
             let x = area.get_x_range();
-            for (row, name) in names.iter().enumerate() {
-                let middle = f64::from(NAMED_ROW) * (row as f64 + 0.5);
+            for (row, lines) in names.iter().enumerate() {
+                let middle = f64::from(row_height) * (row as f64 + 0.5);
                 area.draw(&PathElement::new([(x.start, -middle), (x.end, -middle)], pen(INK.mix(0.13), 1)))?;
-                let at = (px(left - 8), px(f64::from(TITLE) + middle));
-                write_at(root, name, at, 11, (HPos::Right, VPos::Center))?;
+                let first = f64::from(TITLE) + middle - f64::from(NAMED_LINE) * (lines.len() - 1) as f64 / 2.0;
+                for (number, line) in lines.iter().enumerate() {
+                    let at = (px(left - 8), px(first + f64::from(NAMED_LINE) * number as f64));
+                    write_at(root, line, at, 11, (HPos::Right, VPos::Center))?;
+                }
                 for series in &self.series {
                     let (value, stuck) = series.values[row];
                     mark(area, (value, -middle), series.look, 8.0, true)?;

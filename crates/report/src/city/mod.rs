@@ -40,8 +40,8 @@ pub(crate) struct Cities {
     pub(crate) warnings: Vec<String>,
 }
 
-/// Reads the cities and the tables of variants in these folders. There is neither: `None`.
-pub(crate) fn cities(folders: &[PathBuf]) -> Result<Option<Cities>> {
+/// Reads the cities and the tables of variants in these folders. There is neither: `None`. `title`: that of the slides.
+pub(crate) fn cities(folders: &[PathBuf], title: Option<&str>) -> Result<Option<Cities>> {
     folders.iter().try_for_each(|folder| plans::check(folder))?;
     let found = read::find(folders)?;
     let all: Vec<PathBuf> = found.iter().map(|(folder, _)| folder.clone()).collect();
@@ -52,6 +52,7 @@ pub(crate) fn cities(folders: &[PathBuf]) -> Result<Option<Cities>> {
     if found.is_empty() && tables.is_empty() {
         return Ok(None);
     }
+    let of_slides = title;
     let title = match &found[..] {
         [] => "Other demand and closed roads".to_owned(),
         [(_, city)] => format!("Traffic lights of {}", city.title()),
@@ -72,7 +73,7 @@ pub(crate) fn cities(folders: &[PathBuf]) -> Result<Option<Cities>> {
     let mut files = plans.files;
     let slides = found.iter().enumerate().map(|(number, (_, city))| {
         let name = if found.len() == 1 { SLIDE.to_owned() } else { SLIDE.replace('.', &format!("_{}.", number + 1)) };
-        (name, slide::slide(city).file())
+        (name, slide::slide(city, of_slides).file())
     });
     let slides: Vec<(String, String)> = slides.collect();
     let names = slides.iter().map(|(name, _)| name.clone()).collect();

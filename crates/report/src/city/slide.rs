@@ -34,14 +34,15 @@ const LETTER: f64 = 0.52;
 /// Most lines below four bars.
 const MOST_NOTES: usize = 10;
 
-pub(super) fn slide(city: &City) -> Svg {
+/// Draws it. `title`: instead of one with the city's name.
+pub(super) fn slide(city: &City, title: Option<&str>) -> Svg {
     let [width, height] = SIZE;
     let mut svg = format!(
         "<svg width=\"{width}\" height=\"{height}\" viewBox=\"0 0 {width} {height}\" font-family=\"sans-serif\" \
          xmlns=\"http://www.w3.org/2000/svg\">\n<rect width=\"{width}\" height=\"{height}\" fill=\"#ffffff\"/>\n"
     );
     let (before, after) = (&city.players[0], best(city));
-    let title = format!("Traffic lights of {}", city.title());
+    let title = title.map_or_else(|| format!("Traffic lights of {}", city.title()), str::to_owned);
     write(&mut svg, [72.0, 92.0], 48.0, INK, "bold", &shortened(&title, 56));
     write(&mut svg, [72.0, 148.0], 30.0, INK, "normal", &shortened(&headline(city, after), 96));
     if let Some(words) = on_foot(before, after) {
@@ -256,7 +257,7 @@ mod tests {
 
     #[test]
     fn the_slide_has_today_the_plan_and_the_best_of_each_kind_with_n() {
-        let svg = slide(&city(2.0)).file();
+        let svg = slide(&city(2.0), None).file();
         assert!(
             svg.contains("With the plan of &lt;webster&gt; a car loses 25 % less time than with today's plan."),
             "{svg}"
@@ -270,7 +271,7 @@ mod tests {
 
     #[test]
     fn a_difference_within_its_interval_is_no_saving() {
-        let svg = slide(&city(11.0)).file();
+        let svg = slide(&city(11.0), None).file();
         assert!(svg.contains("No clear difference between the plan of &lt;webster&gt; and today's plan."), "{svg}");
     }
 

@@ -20,9 +20,12 @@ struct Line {
     controller: String,
     demand: String,
     closed: String,
+    /// Names of the streets of the closed edges. Older files have none.
+    #[serde(default)]
+    streets: String,
     delay_s: f64,
     half_width_95: Option<f64>,
-    // Older files have neither.
+    // Older files have neither of these.
     #[serde(default)]
     throughput_per_h: Option<f64>,
     #[serde(default)]
@@ -59,8 +62,11 @@ fn table(caption: String, lines: &[Line], cell: impl Fn(&Line) -> Option<String>
     let mut header = vec![String::new()];
     let mut rows: Vec<Vec<String>> = Vec::new();
     for line in lines {
-        let closed = name_in_csv(&line.closed);
-        let closed = if closed.is_empty() { String::new() } else { format!(", closed {closed}") };
+        let closed = match (name_in_csv(&line.closed), name_in_csv(&line.streets)) {
+            ("", _) => String::new(),
+            (edges, "") => format!(", closed {edges}"),
+            (edges, streets) => format!(", closed {streets} ({edges})"),
+        };
         let variant = format!("demand {}{closed}", line.demand);
         let column = header.iter().position(|name| *name == variant).unwrap_or_else(|| {
             header.push(variant);
@@ -102,6 +108,15 @@ mod tests {
         let [_, Block::Table(table)] = &blocks(folder.path(), String::new()).unwrap()[..] else { panic!("one table") };
         assert_eq!(table.header, ["", "demand 1", "demand 1, closed -7"]);
         assert_eq!(table.rows, [["program", "30.5", "44.0\u{a0}\u{b1}\u{a0}2.5"]]);
+    }
+
+    #[test]
+    fn a_closed_edge_is_named_by_its_street() {
+        let folder = tempfile::tempdir().unwrap();
+        let text = "controller,demand,closed,streets,delay_s,half_width_95\nprogram,1,'-7,High Street,44,\n";
+        std::fs::write(folder.path().join(VARIANTS), text).unwrap();
+        let [_, Block::Table(table)] = &blocks(folder.path(), String::new()).unwrap()[..] else { panic!("one table") };
+        assert_eq!(table.header[1], "demand 1, closed High Street (-7)");
     }
 
     #[test]

@@ -55,6 +55,9 @@ fn how(about: &About) -> Vec<String> {
         "After a controller's delay stands half of its 95 % interval over episodes. For policies it is a Student's t interval \
          over seeds; with fewer than five seeds the value of each seed stands there."
             .to_owned(),
+        "The median episode is what is usual: where a few episodes jam, they make the mean. For policies it is the mean of the \
+         seeds' medians."
+            .to_owned(),
         "Greedy: the most probable action. Sampled: as in training. CPU minutes are those of all processes of a run, with the \
          evaluations during it."
             .to_owned(),
@@ -146,8 +149,9 @@ fn overview(maps: &[MapResults]) -> Table {
 
 /// The table of one map: ours, then what others published.
 fn table(of_map: &MapResults) -> Table {
-    let header =
-        ["player", "n", "delay (s)", "certainty", "CPU minutes", "episodes", "kind"].map(str::to_owned).to_vec();
+    let header = ["player", "n", "delay (s)", "median episode (s)", "certainty", "CPU minutes", "episodes", "kind"]
+        .map(str::to_owned)
+        .to_vec();
     let mut rows: Vec<Vec<String>> = Vec::new();
     for (name, found) in &of_map.controllers {
         let n = found.episodes.to_string();
@@ -156,6 +160,7 @@ fn table(of_map: &MapResults) -> Table {
             name.clone(),
             n,
             with_half_width(found),
+            or_nothing(found.median_s.map(s)),
             or_nothing(how_sure),
             NOTHING.to_owned(),
             NOTHING.to_owned(),
@@ -164,24 +169,25 @@ fn table(of_map: &MapResults) -> Table {
     }
     for method in &of_map.methods {
         for (greedy, how) in [(true, "greedy"), (false, "sampled")] {
-            rows.extend(method.delay(greedy).map(|spread| policies(method, how, &spread)));
+            rows.extend(method.delay(greedy).map(|spread| policies(method, greedy, how, &spread)));
         }
     }
     for theirs in of_map.map.published {
         let nothing = || NOTHING.to_owned();
         let delay = s(theirs.delay_s);
         let kind = format!("published, {}", theirs.kind.words());
-        rows.push(vec![theirs.player.to_owned(), nothing(), delay, nothing(), nothing(), nothing(), kind]);
+        rows.push(vec![theirs.player.to_owned(), nothing(), delay, nothing(), nothing(), nothing(), nothing(), kind]);
     }
     Table { caption: format!("Delay on {}.", of_map.map.name), header, rows }
 }
 
-fn policies(method: &MethodResults, how: &str, spread: &Spread) -> Vec<String> {
+fn policies(method: &MethodResults, greedy: bool, how: &str, spread: &Spread) -> Vec<String> {
     let episodes = method.runs.first().map(|run| format!("{:.0}", run.episodes));
     vec![
         format!("{}, {how}", method.method),
         spread.runs().to_string(),
         s(spread.mean),
+        or_nothing(method.median_s(greedy).map(s)),
         certainty(spread),
         or_nothing(method.cpu_s().map(minutes)),
         or_nothing(episodes),

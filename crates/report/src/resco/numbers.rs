@@ -7,7 +7,7 @@ use super::published::Published;
 use super::results::{About, MapResults, Measurement, RunResult};
 use dials_core::base::statistics::Spread;
 
-const HEADER: [&str; 12] = [
+const HEADER: [&str; 13] = [
     "map",
     "player",
     "kind",
@@ -15,6 +15,7 @@ const HEADER: [&str; 12] = [
     "actions",
     "delay_s",
     "half_width_95_s",
+    "median_s",
     "travel_time_s",
     "teleports",
     "measured_episodes",
@@ -43,7 +44,7 @@ pub(super) fn csv(maps: &[MapResults]) -> Result<String> {
         for Published { player, kind, delay_s } in of_map.map.published {
             let kind = format!("published, {}", kind.words());
             let delay = delay_s.to_string();
-            writer.write_record([map, *player, kind.as_str(), "", "", delay.as_str(), "", "", "", "", "", ""])?;
+            writer.write_record([map, *player, kind.as_str(), "", "", delay.as_str(), "", "", "", "", "", "", ""])?;
         }
     }
     String::from_utf8(writer.into_inner().context("a CSV file in memory")?).context("a CSV file of text")
@@ -53,6 +54,7 @@ fn line(place: [&str; 5], found: &Measurement, cost: [String; 2]) -> Vec<String>
     let figures = [
         found.delay_s.to_string(),
         number(found.half_width_s),
+        number(found.median_s),
         number(found.travel_time_s),
         number(found.teleports),
         found.episodes.to_string(),
@@ -121,6 +123,7 @@ fn measured(found: &Measurement) -> Value {
     json!({
         "delay_s": found.delay_s,
         "half_width_95_s": found.half_width_s,
+        "median_delay_s": found.median_s,
         "travel_time_s": found.travel_time_s,
         "teleports": found.teleports,
         "stuck_agents": found.stuck_agents,

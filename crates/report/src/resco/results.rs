@@ -11,6 +11,8 @@ pub struct Measurement {
     /// Mean over episodes, and half of its 95 % interval, in seconds per car.
     pub delay_s: f64,
     pub half_width_s: Option<f64>,
+    /// Delay of the median episode: what is usual, where some episodes jam.
+    pub median_s: Option<f64>,
     pub travel_time_s: Option<f64>,
     /// Mean number of cars per episode that were moved past a jam.
     pub teleports: Option<f64>,
@@ -22,9 +24,11 @@ impl Measurement {
     /// Reads the object of one player. Returns `None` if it lacks a figure that must be there.
     pub fn of(player: &Value) -> Option<Measurement> {
         let number = |key: &str| player.get(key).and_then(Value::as_f64);
+        let delay_of = |object: &str| player.get(object).and_then(|all| all.get("delay_s")).and_then(Value::as_f64);
         Some(Measurement {
             delay_s: number("delay_s")?,
-            half_width_s: player.get("half_width_95").and_then(|all| all.get("delay_s")).and_then(Value::as_f64),
+            half_width_s: delay_of("half_width_95"),
+            median_s: delay_of("episode_median"),
             travel_time_s: number("travel_time_s"),
             teleports: number("teleports"),
             stuck_agents: player.get("stuck_agents").and_then(Value::as_u64),
@@ -55,9 +59,18 @@ pub struct MethodResults {
 impl MethodResults {
     /// Returns the spread of the delay over seeds. `greedy`: of the most probable actions, otherwise of sampled ones.
     pub fn delay(&self, greedy: bool) -> Option<Spread> {
-        let of = |run: &RunResult| Some(if greedy { run.greedy.as_ref() } else { run.sampled.as_ref() }?.delay_s);
-        let delays: Vec<f64> = self.runs.iter().filter_map(of).collect();
+        let delays: Vec<f64> = self.measured(greedy).map(|found| found.delay_s).collect();
         Spread::of(&delays)
+    }
+
+    /// Returns the mean over seeds of the median episode's delay.
+    pub fn median_s(&self, greedy: bool) -> Option<f64> {
+        let medians: Vec<f64> = self.measured(greedy).filter_map(|found| found.median_s).collect();
+        Spread::of(&medians).map(|spread| spread.mean)
+    }
+
+    fn measured(&self, greedy: bool) -> impl Iterator<Item = &Measurement> {
+        self.runs.iter().filter_map(move |run| if greedy { run.greedy.as_ref() } else { run.sampled.as_ref() })
     }
 
     /// Returns the mean CPU time of a run in seconds.
@@ -110,9 +123,11 @@ mod tests {
 
     #[test]
     fn a_player_is_read_from_what_baseline_prints_and_one_episode_has_no_interval() {
-        let player = json!({ "delay_s": 40.5, "episodes": 1, "half_width_95": { "delay_s": null }, "teleports": 2.0 });
+        let player = json!({ "delay_s": 40.5, "episodes": 1, "half_width_95": { "delay_s": null }, "teleports": 2.0,
+                             "episode_median": { "delay_s": 39.0 } });
         let found = Measurement::of(&player).unwrap();
         assert_eq!((found.delay_s, found.half_width_s, found.teleports), (40.5, None, Some(2.0)));
+        assert_eq!(found.median_s, Some(39.0));
         assert_eq!(Measurement::of(&json!({ "episodes": 1 })), None);
     }
 }

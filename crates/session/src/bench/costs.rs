@@ -378,4 +378,28 @@ mod tests {
         // 402.7 operations per timestep of training.
         near(costs.training.floor(), 0.02e6 + 402.7);
     }
+
+    #[test]
+    fn cores_that_a_worker_lends_to_the_learner_are_not_idle() {
+        let (mut config, spec) = small();
+        config.learning.simulator = Simulator::Global;
+        config.learning.gs.copies = Some(2);
+        let measured = Measured {
+            workers: 2,
+            // One worker learns for 8 s. In 3 of them its two copies are at work, the second one on the other's core.
+            training: orders(1, 200.0, 8, 8, 8, &[(Phase::SimulatorStep, 3), (Phase::Forward, 5)]),
+            evaluation: orders(2, 2.0, 7, 6, 12, &[]),
+            collection: orders(1, 1.0, 1, 1, 1, &[]),
+            aip_training: orders(1, 1.0, 1, 1, 1, &[]),
+            pss_kib: 1,
+            peak_rss_kib: 1,
+        };
+        let costs = Costs::of(&config, &Kinds::one(1, spec), Steps { foreign: true, per_timestep: 1 }, 1e6, &measured);
+        // Two cores for 8 s are 16 s: 2 x 3 of SUMO, 5 of passes, and 5 in which one core waits. For 200 timesteps.
+        let near = |a: f64, b: f64| assert!((a - b).abs() < 1e-6 * b.abs(), "{a} is not {b}");
+        near(costs.idle, 0.025e6);
+        near(costs.training.phase(Phase::SimulatorStep), 0.03e6);
+        near(costs.training.phase(Phase::Forward), 0.025e6);
+        assert_eq!(costs.other, 0.0);
+    }
 }

@@ -10,6 +10,7 @@
 //! - [`intersections`]: what a controller sees. `responsive`, `max_pressure`, `max_wave`: lights that look at the
 //!   traffic. `any_light`: a policy that was trained on many lights.
 //! - `clock`, `webster`: lights that go by the clock; [`actuated`]: the programs of SUMO's actuated lights.
+//! - [`plan_file`]: plans that `plan` has written, which SUMO plays.
 //! - [`timing_file`]: files of the tuner; [`search`]: its search for the best timings.
 //! - `arguments`: the text that names a controller. `examples`: lights made by hand, for tests.
 
@@ -22,6 +23,7 @@ pub(crate) mod examples;
 pub(crate) mod intersections;
 mod max_pressure;
 mod max_wave;
+pub mod plan_file;
 mod responsive;
 pub(crate) mod search;
 pub mod timing_file;
@@ -110,12 +112,14 @@ pub const NAMES: &[&str] = &[
     "max-wave",
     "longest-queue",
     ANY_LIGHT,
+    PLAN,
 ];
 
 pub const PROGRAM: &str = "program";
 pub const FIXED_TIME: &str = "fixed-time";
 pub const COORDINATED: &str = "coordinated";
 pub const ANY_LIGHT: &str = "any-light";
+pub const PLAN: &str = "plan";
 
 const SWITCH_EVERY: &str = "switch-every-";
 const FILE: &str = "file";
@@ -143,6 +147,10 @@ pub fn recipe(text: &str, plans: &[AgentPlan]) -> Result<Recipe> {
         ANY_LIGHT => {
             let choices = any_light::Choices::of(&mut arguments)?;
             Box::new(move |traffic| Ok(HandCoded::rule(choices.controller(traffic.plans()))))
+        }
+        PLAN => {
+            let programs = plan_file::programs(&mut arguments, plans)?;
+            Box::new(move |_| Ok(HandCoded::Programs(programs.clone())))
         }
         FIXED_TIME => by_the_clock(arguments::fixed_time(&mut arguments, plans)?),
         COORDINATED => by_the_clock(arguments::coordinated(&mut arguments, plans)?),
@@ -217,23 +225,31 @@ fn by_the_clock(plan: ClockPlan) -> Recipe {
 
 /// Returns the CRC-32 of the file that a controller reads. If it reads none: `None`.
 pub(crate) fn checksum(text: &str) -> Result<Option<u32>> {
-    let checksum = if Arguments::of(text).name == ANY_LIGHT { AnyLight::checksum } else { TimingFile::checksum };
+    let checksum = match Arguments::of(text).name {
+        ANY_LIGHT => AnyLight::checksum,
+        PLAN => plan_file::checksum,
+        _ => TimingFile::checksum,
+    };
     file_of(text)?.map(checksum).transpose()
 }
 
 /// Returns the name of a controller that plays a policy for any light. `file`: its file.
 pub fn any_light_of(file: &Path, greedy: bool) -> Result<String> {
+    let choice = if greedy { ",choice=greedy" } else { "" };
+    Ok(with_file(ANY_LIGHT, file)? + choice)
+}
+
+/// Returns the name of a controller with its file. Errors: the path cannot stand in a name.
+fn with_file(name: &str, file: &Path) -> Result<String> {
     let path = file.to_str().filter(|path| !path.contains(','));
-    let path = path.with_context(|| {
-        format!("{}: rename it: a name of a controller has no commas, and is UTF-8", file.display())
-    })?;
-    Ok(format!("{ANY_LIGHT}:{FILE}={path}{}", if greedy { ",choice=greedy" } else { "" }))
+    let why = || format!("{}: rename it: a name of a controller has no commas, and is UTF-8", file.display());
+    Ok(format!("{name}:{FILE}={}", path.with_context(why)?))
 }
 
 /// Returns the file that a controller reads, by the text that names the controller. If it reads none: `None`.
 pub(crate) fn file_of(text: &str) -> Result<Option<&Path>> {
     let mut arguments = Arguments::of(text);
-    let reads_one = [FIXED_TIME, COORDINATED, ANY_LIGHT].contains(&arguments.name);
+    let reads_one = [FIXED_TIME, COORDINATED, ANY_LIGHT, PLAN].contains(&arguments.name);
     if reads_one { Ok(arguments.take(FILE)?.map(Path::new)) } else { Ok(None) }
 }
 
@@ -320,7 +336,7 @@ mod tests {
 
     #[test]
     fn every_name_of_the_list_is_taken() {
-        for name in NAMES {
+        for name in NAMES.iter().filter(|&&name| name != PLAN) {
             let name = name.replace('K', "10");
             assert!(recipe(&name, &[middle()]).is_ok() && recipe(&name, &[crossing()]).is_ok(), "{name}");
         }

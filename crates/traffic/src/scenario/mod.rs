@@ -195,6 +195,12 @@ impl SumoScenario {
             .with_context(|| self.net.path.display().to_string())
     }
 
+    /// Returns the street of each of these edges; `None` for one whose street the net does not name.
+    pub(crate) fn streets_of(&self, ids: &[String]) -> Result<Vec<Option<String>>> {
+        let roads = self.roads()?;
+        ids.iter().map(|id| Ok(roads.edge(roads.edge_called(id)?).street.clone())).collect()
+    }
+
     /// Returns what becomes of vehicles because of closed edges. `None`: all edges are open.
     pub(crate) fn detours(&self) -> Option<Detours> {
         match &self.drawn {
