@@ -60,7 +60,7 @@ fn a_map_is_trained_and_measured_once_and_stands_beside_what_others_published() 
     assert!(gs["cpu_s"].as_f64().unwrap() > 0.0 && gs["sampled"]["mean_delay_s"].as_f64().unwrap() > 0.0);
     assert_eq!(map["published"][2]["kind"], "best episode");
     let page = fs::read_to_string(dir.path().join("board/benchmark.md")).unwrap();
-    assert!(page.contains("| IDQN | - | 26.1 | - | - | - | published, best episode |"), "{page}");
+    assert!(page.contains("| IDQN | - | 26.1 | - | - | - | - | published, best episode |"), "{page}");
     assert!(page.contains("| gs, greedy | 1 | "), "{page}");
     assert_eq!(fs::read_to_string(dir.path().join("board/benchmark.csv")).unwrap().lines().count(), 1 + 6 + 2 + 4);
 

@@ -105,6 +105,10 @@ impl SinceGreen {
         SinceGreen(vec![0; greens])
     }
 
+    pub(crate) fn of(&self, green: usize) -> u32 {
+        self.0[green]
+    }
+
     /// Notes what the light has shown in a second.
     pub(crate) fn note(&mut self, shown: Shown) {
         self.0.iter_mut().for_each(|seconds| *seconds += 1);

@@ -24,6 +24,7 @@ pub(super) struct AnyLightController {
     /// Seconds from one decision to the next. All lights decide together.
     every: u32,
     selection: Selection,
+    longest_red: Option<u32>,
     /// What of each light never changes.
     sets: Vec<LaneSets>,
     since: Vec<SinceGreen>,
@@ -33,12 +34,36 @@ pub(super) struct AnyLightController {
     second: u32,
 }
 
+/// Returns those of the allowed greens that serve the lane where cars have stood at red for longest, if that is `longest_red` seconds
+/// and one of them does.
+fn for_the_overdue(
+    longest_red: Option<u32>,
+    since: &SinceGreen,
+    intersections: &Intersections<'_>,
+    row: usize,
+    allowed: Vec<bool>,
+) -> Vec<bool> {
+    let (Some(longest_red), plan) = (longest_red, &intersections.plans[row]) else { return allowed };
+    let cars = intersections.approaches.at(row);
+    let red =
+        |lane: usize| (0..plan.greens()).filter(|&green| plan.serves(green, lane)).map(|green| since.of(green)).min();
+    let waiting = (0..plan.region.approaches.len()).filter(|&lane| cars.lane(lane).halting() > 0);
+    let overdue =
+        waiting.filter_map(|lane| Some((red(lane)?, lane))).max().filter(|(seconds, _)| *seconds >= longest_red);
+    let Some((_, lane)) = overdue else { return allowed };
+    let serving: Vec<bool> =
+        allowed.iter().enumerate().map(|(green, &is_allowed)| is_allowed && plan.serves(green, lane)).collect();
+    if serving.contains(&true) { serving } else { allowed }
+}
+
 /// What the parameters say.
 #[derive(Clone)]
 pub(super) struct Choices {
     model: Arc<AnyLight>,
     every: u32,
     selection: Selection,
+    /// Seconds of red after which a lane where cars stand comes next. `None`: the network alone decides.
+    longest_red: Option<u32>,
 }
 
 impl Choices {
@@ -55,7 +80,8 @@ impl Choices {
             }
         };
         let every = arguments.steps("every")?.unwrap_or(model.decision_s());
-        Ok(Choices { model: Arc::new(model), every, selection })
+        let longest_red = arguments.steps("longest-red")?;
+        Ok(Choices { model: Arc::new(model), every, selection, longest_red })
     }
 
     /// Returns a sentence about the lights that are unlike all lights of the training, if there are some.
@@ -80,6 +106,7 @@ impl Choices {
             network: self.model.network(room),
             every: self.every,
             selection: self.selection,
+            longest_red: self.longest_red,
             sets,
             since: Vec::new(),
             wanted: Vec::new(),
@@ -127,6 +154,7 @@ impl AnyLightController {
         let choose = |(row, (scores, dice)): (usize, (&[f32], &mut Dice))| {
             let greens = intersections.plans[row].greens();
             let allowed: Vec<bool> = (0..greens).map(|green| intersections.allows(row, green)).collect();
+            let allowed = for_the_overdue(self.longest_red, &self.since[row], intersections, row, allowed);
             let mut scores = scores[..greens].to_vec();
             sampling::forbid(&mut scores, &allowed);
             log_probs.resize(greens, 0.0);
