@@ -217,6 +217,19 @@ class Channel:
         self.ask(TAKE)
 
 
+class Remade:
+    """Pickled and copied as what it was made of: a copy is a new environment, before its first episode."""
+
+    _made_of: Dict[str, Any]
+
+    def __reduce__(self) -> Tuple[Any, ...]:
+        return _made, (type(self), self._made_of)
+
+
+def _made(kind: "type[Any]", made_of: Dict[str, Any]) -> Any:
+    return kind(**made_of)
+
+
 _Method = TypeVar("_Method", bound=Callable[..., Any])
 
 

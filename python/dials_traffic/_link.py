@@ -37,7 +37,7 @@ import tempfile
 import threading
 import traceback
 from pathlib import Path
-from typing import Any, Callable, Dict, Iterator, List, Mapping, Optional, Tuple
+from typing import Any, Callable, Dict, List, Mapping, Optional, Tuple
 
 import numpy as np
 
@@ -71,6 +71,8 @@ class Link:
 
     def __init__(self, makers: Mapping[str, Maker]) -> None:
         self._makers = dict(makers)
+        # A copy of this process, made by a fork in what the user has written, takes no part.
+        self._owner = os.getpid()
         self._connections: Dict[socket.socket, Optional[Answer]] = {}
         # The first error of the user's code. It ends the run, and is raised when that has ended.
         self._error: Optional[BaseException] = None
@@ -95,7 +97,11 @@ class Link:
         self.close()
 
     def close(self) -> None:
-        """Close all connections, and remove the folder."""
+        """Close all connections, and remove the folder. In a copy of this process only what is its own: its descriptors."""
+        if os.getpid() != self._owner:
+            for copied in [*self._connections, self._listener, self._selector]:
+                copied.close()
+            return
         for connection in list(self._connections):
             self._drop(connection)
         self._listener.close()
@@ -108,31 +114,43 @@ class Link:
         If code of the user fails, its error is raised here as it was. Ctrl-C asks the program to stop where nothing is lost; a
         second one ends it. Everything else that goes wrong is a :class:`SimulatorError`. ``quiet``: print nothing.
         """
-        command = [program(), "--end-with", str(os.getpid()), *words]
+        if signal.getsignal(signal.SIGCHLD) is signal.SIG_IGN:
+            raise SimulatorError(
+                "SIGCHLD is ignored in this process, so nobody could say how the run ends; call "
+                "signal.signal(signal.SIGCHLD, signal.SIG_DFL) first"
+            )
+        command = [program(), "--end-with", str(self._owner), *words]
         out = subprocess.DEVNULL if quiet else None
         # What it prints last belongs into an error.
-        with tempfile.TemporaryFile() as log:
-            child = _starter.start(
-                command,
-                stdin=subprocess.DEVNULL,
-                stdout=out,
-                stderr=log if quiet else None,
-                env={**os.environ, VARIABLE: self.path},
-                # Ctrl-C at the terminal is for this process, which passes it on.
-                start_new_session=True,
-            )
+        with tempfile.TemporaryFile() as log, _Pressed() as pressed:
             try:
-                with _passed_on(child) as asked:
-                    self._serve(child)
+                child = _starter.start(
+                    command,
+                    stdin=subprocess.DEVNULL,
+                    stdout=out,
+                    stderr=log if quiet else None,
+                    env={**os.environ, VARIABLE: self.path},
+                    # Ctrl-C at the terminal is for this process, which passes it on.
+                    start_new_session=True,
+                )
+                pressed.started(child)
+                self._serve(child)
+                is_known = _starter.end_is_known(child)
                 code = child.wait()
             except BaseException:
-                child.kill()
-                child.wait()
+                if pressed.child is not None and os.getpid() == self._owner:
+                    pressed.child.kill()
+                    pressed.child.wait()
                 raise
             if self._error is not None:
                 raise self._error
-            if asked and code != 0:
+            if pressed.times and (code != 0 or not is_known):
                 raise Interrupted("the run was stopped; it can be resumed")
+            if not is_known:
+                raise SimulatorError(
+                    f"nobody knows how dials-traffic {words[0]} ended, because another part of this process has waited for it; if the run "
+                    "is not complete, resume=True goes on with it"
+                )
             if code != 0:
                 log.seek(0)
                 words_left = log.read().decode(errors="replace").strip()[-2000:]
@@ -154,7 +172,9 @@ class Link:
                     else:
                         self._answer(key.fileobj)  # type: ignore[arg-type]
         finally:
-            self._selector.unregister(end)
+            # What a copy takes out of the selector would be out of ours.
+            if os.getpid() == self._owner:
+                self._selector.unregister(end)
             os.close(end)
 
     def _answer(self, connection: socket.socket) -> None:
@@ -180,13 +200,17 @@ class Link:
                 self._connections[connection], said = opened if isinstance(opened, tuple) else (opened, None)
             message = _message({"values": said}, made or {})
         except Exception as error:
+            if os.getpid() != self._owner:
+                raise
             if self._error is None:
                 self._error = error
             lines = "".join(traceback.format_exception_only(type(error), error)).strip()
             message = _message({"error": lines}, {})
+        if os.getpid() != self._owner:
+            raise SimulatorError("this process is a copy of the one that waits for the run; let it end with os._exit")
         # If the other side has gone, the next look at the connection shows it.
         with contextlib.suppress(BrokenPipeError, ConnectionResetError):
-            connection.sendall(message)
+            connection.sendall(message, socket.MSG_NOSIGNAL)
 
     def _open(self, values: Dict[str, Any]) -> Any:
         wants = values["wants"]
@@ -212,31 +236,47 @@ def program() -> str:
     raise SimulatorError(f"there is no program dials-traffic at {found[0]}; install the package again")
 
 
-@contextlib.contextmanager
-def _passed_on(child: "subprocess.Popen[bytes]") -> Iterator[List[bool]]:
-    """Pass Ctrl-C on to a child. Yields a list that is not empty if there was one. The second one is for this process."""
-    asked: List[bool] = []
+class _Pressed:
+    """Ctrl-C during a run. The first one is passed on to the program, also if it comes while that is started. The second one is for
+    this process.
+    """
 
-    def pass_on(number: int, frame: Any) -> None:
-        if asked:
+    def __init__(self) -> None:
+        self.child: Optional["subprocess.Popen[bytes]"] = None
+        self.times = 0
+        self._told = False
+        self._is_ours = False
+
+    def __enter__(self) -> "_Pressed":
+        # Signals are for the main thread, and a handler of the user decides itself.
+        is_main = threading.current_thread() is threading.main_thread()
+        self._is_ours = is_main and signal.getsignal(signal.SIGINT) is signal.default_int_handler
+        if self._is_ours:
+            signal.signal(signal.SIGINT, self._press)
+        return self
+
+    def __exit__(self, *_: Any) -> None:
+        if self._is_ours:
+            signal.signal(signal.SIGINT, signal.default_int_handler)
+
+    def started(self, child: "subprocess.Popen[bytes]") -> None:
+        """Take the program, and tell it of what was pressed before."""
+        self.child = child
+        if self.times > 0:
+            self._tell(child)
+
+    def _press(self, number: int, frame: Any) -> None:
+        self.times += 1
+        if self.child is None:
+            return
+        if self._told:
             raise KeyboardInterrupt
-        asked.append(True)
-        child.send_signal(signal.SIGINT)
+        self._tell(self.child)
 
-    if threading.current_thread() is not threading.main_thread():
-        # Signals are not for this thread.
-        yield asked
-        return
-    before = signal.getsignal(signal.SIGINT)
-    if before is not signal.default_int_handler:
-        # The user's own handler decides.
-        yield asked
-        return
-    signal.signal(signal.SIGINT, pass_on)
-    try:
-        yield asked
-    finally:
-        signal.signal(signal.SIGINT, before)
+    def _tell(self, child: "subprocess.Popen[bytes]") -> None:
+        if not self._told:
+            self._told = True
+            child.send_signal(signal.SIGINT)
 
 
 def _receive(connection: socket.socket) -> Optional[Tuple[str, Any, Arrays]]:

@@ -44,25 +44,26 @@ class Process(Channel):
         # Number of the last order. Answers to earlier ones, which were interrupted, have smaller numbers.
         self._number = 0
         self._log = tempfile.TemporaryFile()
-        # Records arrive whole or not at all. So what Ctrl-C makes us lose is never a part of one.
-        self._socket, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
-        try:
-            with theirs:
-                numbers = [str(self._memory), str(self._owner)]
-                self._child = _starter.start(
-                    [sys.executable, "-I", "-S", "-c", _CODE, str(Path(__file__).parent), *numbers],
-                    stdin=theirs.fileno(),
-                    stdout=self._log,
-                    stderr=self._log,
-                    pass_fds=[self._memory],
-                    # Ctrl-C at the terminal is for this process, which ends its children when it is ready.
-                    start_new_session=True,
-                )
-        except BaseException as error:
-            self._close_files()
-            if isinstance(error, OSError):
-                raise SimulatorError(f"{label}: its process cannot be started: {error}") from error
-            raise
+        with _starter.starting:
+            # Records arrive whole or not at all. So what Ctrl-C makes us lose is never a part of one.
+            self._socket, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
+            try:
+                with theirs:
+                    numbers = [str(self._memory), str(self._owner)]
+                    self._child = _starter.start(
+                        [sys.executable, "-I", "-S", "-c", _CODE, str(Path(__file__).parent), *numbers],
+                        stdin=theirs.fileno(),
+                        stdout=self._log,
+                        stderr=self._log,
+                        pass_fds=[self._memory],
+                        # Ctrl-C at the terminal is for this process, which ends its children when it is ready.
+                        start_new_session=True,
+                    )
+            except BaseException as error:
+                self._close_files()
+                if isinstance(error, OSError):
+                    raise SimulatorError(f"{label}: its process cannot be started: {error}") from error
+                raise
         self.pid = self._child.pid
         self._begin(request)
 
@@ -151,16 +152,18 @@ class Process(Channel):
 
     def _death(self) -> ProcessDied:
         """Return the error that says how the child ended, and close what is left of it."""
+        is_known = _starter.end_is_known(self._child)
         try:
             code: Optional[int] = self._child.wait(_PATIENCE_S)
         except subprocess.TimeoutExpired:
             code = None
+        how = _how_it_ended(code) if is_known or code is None else "ended, and nobody knows how: somebody else has waited for it"
         self._log.seek(0, os.SEEK_END)
         self._log.seek(max(0, self._log.tell() - _LAST_WORDS))
         words = self._log.read().decode(errors="replace").strip()
         self.close()
         said = f"; its last words: {words}" if words else ""
-        return ProcessDied(f"{self.label}: its process {self.pid} {_how_it_ended(code)}{said}")
+        return ProcessDied(f"{self.label}: its process {self.pid} {how}{said}")
 
 
 def _how_it_ended(code: Optional[int]) -> str:

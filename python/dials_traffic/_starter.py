@@ -4,12 +4,16 @@ A child asks the system to be killed when its parent ends. That also reaches a c
 nothing itself. But the system counts the thread that started the child as the parent, and an environment may outlive the
 thread that made it. The main thread lasts. For all others, one thread of our own starts the children. It is a daemon: it
 ends with the process. There is none without need, because Python warns of a fork where there are several threads.
+
+A fork of this process waits until a start is over. Its copy would hold files of the start: then Python could not see that the child
+runs, or later that it has ended, for as long as the copy lives.
 """
 
 from __future__ import annotations
 
 import os
 import queue
+import signal
 import subprocess
 import threading
 from typing import Any, List, Optional
@@ -43,29 +47,36 @@ class _Starter:
             self.orders.get().do()
 
 
-_lock = threading.Lock()
+#: Held while a child is started, by whoever makes files that only the child is to have, and around every fork. One thread may hold
+#: it several times: a handler of a signal starts children, too.
+starting = threading.RLock()
 _starter: Optional[_Starter] = None
 
 
 def _forget() -> None:
-    """After a fork: the copy has neither the thread nor, perhaps, the one that held the lock."""
-    global _lock, _starter
-    _lock, _starter = threading.Lock(), None
+    """After a fork: the copy does not have the thread."""
+    global _starter
+    _starter = None
 
 
 os.register_at_fork(after_in_child=_forget)
+# No functions of ours, which Ctrl-C could end between the two. The copy has the thread that holds the lock.
+os.register_at_fork(before=starting.acquire, after_in_parent=starting.release, after_in_child=starting.release)
 
 
 def start(words: List[str], **options: Any) -> "subprocess.Popen[bytes]":
     """Start a child as `subprocess.Popen` does, and return it when it runs."""
+    with starting:
+        if threading.get_native_id() == os.getpid():
+            return subprocess.Popen(words, **options)
+        return _by_the_thread(words, options)
+
+
+def _by_the_thread(words: List[str], options: Any) -> "subprocess.Popen[bytes]":
     global _starter
-    if threading.get_native_id() == os.getpid():
-        return subprocess.Popen(words, **options)
-    with _lock:
-        _starter = _starter or _Starter()
-        starter = _starter
+    _starter = _starter or _Starter()
     begun = _Start(words, options)
-    starter.orders.put(begun)
+    _starter.orders.put(begun)
     try:
         begun.done.wait()
     except BaseException:
@@ -79,3 +90,17 @@ def start(words: List[str], **options: Any) -> "subprocess.Popen[bytes]":
         assert begun.error is not None
         raise begun.error
     return begun.child
+
+
+def end_is_known(child: "subprocess.Popen[bytes]") -> bool:
+    """Return whether the system says how a child ended that has ended. `Popen` takes an end that nobody knows for exit code 0."""
+    if signal.getsignal(signal.SIGCHLD) is signal.SIG_IGN:
+        return False
+    if child.returncode is not None:
+        return True
+    try:
+        os.waitid(os.P_PID, child.pid, os.WEXITED | os.WNOWAIT | os.WNOHANG)
+    except ChildProcessError:
+        # Somebody else has waited for all children.
+        return False
+    return True

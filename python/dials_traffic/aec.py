@@ -6,14 +6,14 @@ from typing import Any, Optional
 
 from pettingzoo.utils import BaseWrapper, parallel_to_aec
 
-from ._channel import Channel, alone
+from ._channel import Channel, Remade, alone
 from .errors import SimulatorError
 from .own import OwnCost
 from .parallel import GlobalEnv
 from .roads import Neighbours
 
 
-class GlobalAecEnv(BaseWrapper):  # type: ignore[misc]
+class GlobalAecEnv(Remade, BaseWrapper):  # type: ignore[misc]
     """PettingZoo's wrapper around a :class:`GlobalEnv`. Make one with :func:`dials_traffic.aec_env`.
 
     Its calls exclude each other, as those of the :class:`GlobalEnv` do. But an agent's turn takes several, ``last`` and
@@ -25,6 +25,7 @@ class GlobalAecEnv(BaseWrapper):  # type: ignore[misc]
         if not isinstance(env, GlobalEnv):
             raise TypeError(f"env {env!r}: must be a GlobalEnv, which parallel_env makes")
         super().__init__(parallel_to_aec(env))
+        self._made_of = {"env": env}
         self._parallel = env
         self._begun = False
 

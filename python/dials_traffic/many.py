@@ -7,7 +7,7 @@ from typing import Any, Dict, List, Mapping, Optional, Tuple
 import gymnasium
 import numpy as np
 
-from ._channel import Channel, PathLike, alone, check_dict, free_memory, fresh_seed, whole_number
+from ._channel import Channel, PathLike, Remade, alone, check_dict, free_memory, fresh_seed, whole_number
 from .errors import SimulatorError
 from .own import OwnCost
 from .parallel import GlobalEnv, Infos, Observations
@@ -18,7 +18,7 @@ Table = Dict[str, np.ndarray]
 LEAST_PER_COPY = 16 << 20
 
 
-class GlobalVectorEnv:
+class GlobalVectorEnv(Remade):
     """``n`` copies of a config's global simulator, each in a process of its own. Make one with
     :func:`dials_traffic.vector_parallel_env`.
 
@@ -30,6 +30,7 @@ class GlobalVectorEnv:
     def __init__(self, config: PathLike, n: int, *, seed: Optional[int] = None, **options: Any) -> None:
         """Start the copies. Copy ``i`` has the seed ``seed + i``; ``options``: as for :func:`parallel_env`."""
         n, first_seed = whole_number("n", n, 1), fresh_seed(seed)
+        self._made_of = {"config": config, "n": n, "seed": first_seed, **options}
         most = max(1, free_memory() // LEAST_PER_COPY)
         if n > most:
             raise ValueError(f"n {n}: each copy is a process, and there is memory for at most {most}")

@@ -15,6 +15,7 @@ from pettingzoo import ParallelEnv
 from ._channel import (
     Channel,
     PathLike,
+    Remade,
     alone,
     check_dict,
     first_names,
@@ -38,11 +39,7 @@ RENDER_MODES = ["rgb_array"]
 Steps = Tuple[Observations, Dict[str, float], Dict[str, bool], Dict[str, bool], Infos]
 
 
-def _made(kind: "type[GlobalEnv]", made_of: Dict[str, Any]) -> "GlobalEnv":
-    return kind(**made_of)
-
-
-class GlobalEnv(ParallelEnv):  # type: ignore[misc]
+class GlobalEnv(Remade, ParallelEnv):  # type: ignore[misc]
     """All agents on the global simulator. Make one with :func:`dials_traffic.parallel_env`.
 
     An episode has ``horizon`` steps and ends for all agents at once, as a truncation. ``infos[agent]["action_mask"]``
@@ -68,7 +65,7 @@ class GlobalEnv(ParallelEnv):  # type: ignore[misc]
             raise ValueError(f"render_mode {render_mode!r}: this environment has {RENDER_MODES}")
         first_seed = fresh_seed(seed)
         _check_names("controller_for", controller_for)
-        self._made_of: Dict[str, Any] = {
+        self._made_of = {
             "config": config,
             "seed": first_seed,
             "controller_for": controller_for,
@@ -111,10 +108,6 @@ class GlobalEnv(ParallelEnv):  # type: ignore[misc]
             self._channel.close()
             raise
         self._lay_out(about["agents"])
-
-    def __reduce__(self) -> Tuple[Any, ...]:
-        """Pickle and copy it as what it was made of: a copy is a new environment, before its first episode."""
-        return _made, (type(self), self._made_of)
 
     def _take_functions(self, reward: Any, observation: Any) -> None:
         """Take the functions that were given, or those that the config names."""

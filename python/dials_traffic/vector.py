@@ -14,6 +14,7 @@ from gymnasium.vector.utils import batch_space
 from ._channel import (
     Channel,
     PathLike,
+    Remade,
     alone,
     fresh_seed,
     no_memory,
@@ -32,7 +33,7 @@ from .roads import Layout
 Agents = Union[str, Sequence[str], None]
 
 
-class LocalVectorEnv(VectorEnv):
+class LocalVectorEnv(Remade, VectorEnv):
     """Local simulators of some agents of one kind, side by side in one process. Make one with
     :func:`dials_traffic.vector_env`.
 
@@ -56,6 +57,17 @@ class LocalVectorEnv(VectorEnv):
         settings: Optional[Mapping[str, Any]] = None,
     ) -> None:
         copies, first_seed = whole_number("copies", copies, 1), fresh_seed(seed)
+        self._made_of = {
+            "config": config,
+            "agents": agents,
+            "copies": copies,
+            "predictor": predictor,
+            "seed": first_seed,
+            "stagger": stagger,
+            "reward": reward,
+            "observation": observation,
+            "settings": settings,
+        }
         names = [agents] if isinstance(agents, str) else list([] if agents is None else agents)
         if agents is not None and not names:
             raise ValueError("agents: there is none in the list; None stands for all agents")
@@ -268,7 +280,7 @@ def _predictor(predictor: Any) -> Union[str, Dict[str, str]]:
     return {"run": path_text("predictor", predictor)}
 
 
-class LocalEnv(gymnasium.Env):
+class LocalEnv(Remade, gymnasium.Env):
     """The local simulator of one agent. Make one with :func:`dials_traffic.local_env`.
 
     ``info["action_mask"]`` says which actions are allowed (int8, one per action).
@@ -289,9 +301,16 @@ class LocalEnv(gymnasium.Env):
     ) -> None:
         if not isinstance(agent, str):
             raise TypeError(f"agent {agent!r}: must be the name of one agent; vector_env takes several")
-        self._rows = LocalVectorEnv(
-            config, agent, 1, predictor, seed=seed, reward=reward, observation=observation, settings=settings
-        )
+        made_of = {
+            "config": config,
+            "predictor": predictor,
+            "seed": fresh_seed(seed),
+            "reward": reward,
+            "observation": observation,
+            "settings": settings,
+        }
+        self._made_of = {"agent": agent, **made_of}
+        self._rows = LocalVectorEnv(agents=agent, copies=1, **made_of)
         # The mask of what was shown last.
         self._mask: np.ndarray = self._rows._masks[0] != 0
         self.observation_space = self._rows.single_observation_space

@@ -2,6 +2,7 @@
 
 import os
 import signal
+import subprocess
 import sys
 import textwrap
 import threading
@@ -9,6 +10,7 @@ import threading
 import numpy as np
 import pytest
 
+from dials_traffic import _starter
 from dials_traffic._link import Interrupted, Link
 from dials_traffic.errors import SimulatorError
 
@@ -140,3 +142,89 @@ def test_ctrl_c_asks_the_program_to_stop_and_waits_for_it(peer):
         link.run([])
     assert calls == ["last"], "what the program still asked was answered"
     assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
+
+
+def test_ctrl_c_while_the_program_is_started_leaves_none_behind(peer, monkeypatch):
+    peer("time.sleep(60)")
+    started = []
+
+    def start(words, **options):
+        # As if it came within the start: the program runs, and nobody has it yet.
+        child = subprocess.Popen(words, **options)
+        started.append(child)
+        signal.raise_signal(signal.SIGINT)
+        return child
+
+    monkeypatch.setattr(_starter, "start", start)
+    with Link({}) as link, pytest.raises(Interrupted):
+        link.run([])
+    assert started[0].returncode == -signal.SIGINT
+
+
+@pytest.mark.parametrize("leave", ["sys.exit(3)", "raise ArithmeticError", "return None, None"])
+def test_a_copy_that_the_users_code_makes_by_a_fork_takes_no_part(peer, leave, capfd):
+    peer("""
+        link = connect()
+        ask(link, "open", {"wants": "reward", "about": None})
+        print([ask(link, "rate")[0]["values"] for _ in range(2)])
+    """)
+    code = f"""
+        import os, sys
+        from dials_traffic._link import Link
+
+        def rewards(about):
+            def answer(call, values, arrays):
+                copy = os.fork()
+                if copy == 0:
+                    {leave}
+                os.waitpid(copy, 0)
+                return 7, None
+            return answer
+
+        with Link({{"reward": rewards}}) as link:
+            link.run([])
+        print("the folder is gone:", not os.path.exists(link.path))
+    """
+    subprocess.run([sys.executable, "-c", textwrap.dedent(code)], check=True, timeout=60)
+    assert capfd.readouterr().out.splitlines() == ["[7, 7]", "the folder is gone: True"]
+
+
+def test_a_program_that_goes_while_it_is_answered_does_not_end_python(peer):
+    """Scripts that are piped have SIGPIPE at its default, which ends a process that writes to what nobody reads."""
+    peer("""
+        link = connect()
+        text = json.dumps({"call": "open", "values": {"wants": "reward", "about": None}, "arrays": []}).encode()
+        link.sendall(struct.pack("<IQ", len(text), 0) + text)
+        link.close()
+    """)
+    code = """
+        import signal, time
+        from dials_traffic._link import Link
+        signal.signal(signal.SIGPIPE, signal.SIG_DFL)
+
+        def rewards(about):
+            time.sleep(0.3)
+            return lambda call, values, arrays: (None, None)
+
+        with Link({"reward": rewards}) as link:
+            link.run([])
+    """
+    subprocess.run([sys.executable, "-c", textwrap.dedent(code)], check=True, timeout=60)
+
+
+def test_a_run_whose_end_nobody_would_know_is_not_begun(peer, monkeypatch):
+    peer("sys.exit(3)")
+    before = signal.signal(signal.SIGCHLD, signal.SIG_IGN)
+    try:
+        with Link({}) as link, pytest.raises(SimulatorError, match="SIGCHLD is ignored"):
+            link.run(["train"])
+    finally:
+        signal.signal(signal.SIGCHLD, before)
+
+    def serve(link, child):
+        # Another part of the process waits for all children.
+        os.waitpid(child.pid, 0)
+
+    monkeypatch.setattr(Link, "_serve", serve)
+    with Link({}) as link, pytest.raises(SimulatorError, match="nobody knows how dials-traffic train ended"):
+        link.run(["train"])

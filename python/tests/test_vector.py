@@ -1,5 +1,7 @@
 """Local simulators of one agent or of all."""
 
+import copy
+import pickle
 import warnings
 
 import gymnasium
@@ -55,6 +57,29 @@ def test_copies_follow_from_their_seed_and_begin_again_by_themselves(kind, reque
             assert not np.array_equal(infos["final_obs"], obs)
     rows = np.stack([obs for obs, *_ in one])
     assert any(not np.array_equal(rows[:, 0], rows[:, copy]) for copy in (1, 2, 3)), "copies meet different influences"
+
+
+def test_what_is_copied_or_pickled_is_a_new_environment_of_the_same(grid_run):
+    """Before its first episode, whatever the one that is copied has played."""
+    rows = dials_traffic.vector_env(grid_run, "r0c1", 2, seed=3)
+    one = dials_traffic.local_env(grid_run, "r0c1", seed=3)
+    many = dials_traffic.vector_parallel_env(grid_run / "config.toml", 2, seed=3)
+    turns = dials_traffic.aec_env(grid_run / "config.toml", seed=3)
+    shown = [played(rows, 3)[-1][0], one.reset()[0], many.reset()[0]["r0c1"]]
+    turns.reset()
+    shown.append(turns.last()[0])
+    turns.step(0)
+    for again in (copy.deepcopy, lambda env: pickle.loads(pickle.dumps(env))):
+        copies = [again(env) for env in (rows, one, many, turns)]
+        with pytest.raises(dials_traffic.SimulatorError, match="call reset"):
+            copies[3].last()
+        copies[3].reset()
+        seen = [played(copies[0], 3)[-1][0], copies[1].reset()[0], copies[2].reset()[0]["r0c1"], copies[3].last()[0]]
+        assert all(np.array_equal(before, now) for before, now in zip(shown, seen))
+        for env in copies:
+            env.close()
+    for env in (rows, one, many, turns):
+        env.close()
 
 
 def test_staggered_copies_end_at_different_times(warehouse_run):
