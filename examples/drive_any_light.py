@@ -19,6 +19,7 @@ from safetensors import safe_open
 
 STRETCHES_M, JAM_M, STANDS_MPS = (10, 25, 50, 100, 150), 7.5, 0.1
 FORMAT = "dials-traffic any-light 1"
+LONGEST_RED_S = 120
 
 
 def time(seconds):
@@ -108,6 +109,13 @@ def scores(policy, lanes, greens, opens):
     return affine("choices", 1, hidden)[:, 0]
 
 
+def for_the_overdue(allowed, lanes, opens):
+    """Return which greens are allowed: those for the lanes where cars have stood at red for longest, if that is too long."""
+    red = np.where(lanes[:, 4] > 0, lanes[:, 13], 0)
+    serving = allowed & (opens[:, 0, red == red.max()] > 0).any(axis=1)
+    return serving if round(np.expm1(5 * red.max())) >= LONGEST_RED_S and serving.any() else allowed
+
+
 def drive(config, lights, file, seed=0, trips=None, sample=False):
     """Play a scenario. Yield what all lights saw, as (lanes, greens) of each, and what they did then."""
     with safe_open(file, "np") as opened:
@@ -119,8 +127,9 @@ def drive(config, lights, file, seed=0, trips=None, sample=False):
 
     def choose():
         obs = [(light.see_lanes(), light.see_greens()) for light in lights]
-        found = [np.where(light.allowed(len(greens)), scores(policy, lanes, greens, light.opens), -np.inf)
-                 for light, (lanes, greens) in zip(lights, obs)]
+        left = [for_the_overdue(np.array(light.allowed(len(greens))), lanes, light.opens) for light, (lanes, greens) in zip(lights, obs)]
+        found = [np.where(greens_left, scores(policy, lanes, greens, light.opens), -np.inf)
+                 for light, greens_left, (lanes, greens) in zip(lights, left, obs)]
         return obs, [drawn(row, dice, sample) for row in found]
 
     yield from play(config, lights, choose, seed, trips)

@@ -6,6 +6,8 @@ from typing import Dict, Mapping
 
 import numpy as np
 
+#: Where a lane shows its queue and how long it has been red: the logarithm of a second more than that, over 5.
+QUEUE, RED = 4, 13
 #: Weight of the sum over all items.
 _OF_ALL = np.float32(0.25)
 
@@ -22,6 +24,17 @@ class OverSets:
         """Return for how many items an observation of so many columns has room. 0: it is of something else."""
         left, width = columns - choices * self._choice, self._item + choices * self._ways
         return 0 if choices < 1 or left < 0 or left % width else left // width
+
+    def for_the_overdue(self, obs: np.ndarray, allowed: np.ndarray, longest_red_s: int) -> np.ndarray:
+        """Return which choices are allowed if lanes where cars stand shall not be red for longer."""
+        choices = allowed.size
+        count = self.items(obs.size, choices)
+        lanes, rest = np.split(obs, [count * self._item])
+        belongs = rest[choices * self._choice :].reshape(choices, self._ways, count)
+        lanes = lanes.reshape(count, self._item)
+        red = np.where(lanes[:, QUEUE] > 0, lanes[:, RED], 0)
+        serving: np.ndarray = allowed & (belongs[:, 0, red == red.max()] > 0).any(axis=1)
+        return serving if np.rint(np.expm1(5 * red.max())) >= longest_red_s and serving.any() else allowed
 
     def outputs(self, obs: np.ndarray, choices: int) -> np.ndarray:
         """Return a score for each choice, 0 for those that are not there, and the value."""

@@ -7,7 +7,7 @@ from typing import Any, Mapping, Optional, Tuple
 import numpy as np
 
 from . import _checks
-from ._channel import PathLike, path_text, request_of, yes_or_no
+from ._channel import PathLike, path_text, request_of, whole_number, yes_or_no
 from ._process import Process
 from ._sets import OverSets
 from .policy import Policy, Weights, check_weights
@@ -29,8 +29,10 @@ class LightPolicy(Policy):
         greedy: bool = False,
         seed: Optional[int] = None,
         agent: str = "",
+        longest_red_s: Optional[int] = None,
     ) -> None:
         """``sets``: numbers of features. ``n_actions``: of the agent; without it, each call needs an action mask, which has as many.
+        ``longest_red_s``: seconds of red after which a lane where cars stand comes next.
 
         ``agent``: its name, for errors.
         """
@@ -40,6 +42,7 @@ class LightPolicy(Policy):
         self._agent, self._columns, self._actions, self._towers = agent, (), (), [""]
         self._network, self._own_actions = OverSets(weights, sets), n_actions
         self._n_actions = n_actions or 0
+        self._longest_red_s = longest_red_s
         self.reset(seed)
 
     def __call__(self, obs: Any, action_mask: Any = None) -> int:
@@ -49,6 +52,11 @@ class LightPolicy(Policy):
                 raise TypeError("action_mask: a policy for any light needs it: infos[agent]['action_mask']")
             self._n_actions = np.size(action_mask)
         return super().__call__(obs, action_mask)
+
+    def _left_of(self, allowed: np.ndarray, obs: Any) -> np.ndarray:
+        if self._longest_red_s is None:
+            return allowed
+        return self._network.for_the_overdue(np.asarray(obs), allowed, self._longest_red_s)
 
     def judge(self, obs: Any, n_actions: Optional[int] = None) -> Tuple[np.ndarray, float]:
         """Return the logits of all actions, and the value. ``n_actions``: how many there are, if the policy is for any light."""
@@ -67,7 +75,9 @@ class LightPolicy(Policy):
         return outputs[:-1], float(outputs[-1])
 
 
-def any_light(file: Optional[PathLike] = None, *, greedy: bool = False, seed: Optional[int] = None) -> LightPolicy:
+def any_light(
+    file: Optional[PathLike] = None, *, greedy: bool = False, seed: Optional[int] = None, longest_red_s: int = 120
+) -> LightPolicy:
     """Read a policy that plays any light, also on networks that it has never seen.
 
     ``file``: what `dials-traffic export RUN --out FILE.safetensors` wrote; without it, the one that comes with the program.
@@ -75,8 +85,10 @@ def any_light(file: Optional[PathLike] = None, *, greedy: bool = False, seed: Op
 
         policy(observations[agent], infos[agent]["action_mask"])
 
-    ``greedy``: take the most likely action instead of drawing one. ``seed``: of the draws.
+    ``greedy``: take the most likely action instead of drawing one. ``seed``: of the draws. ``longest_red_s``: seconds of red after
+    which a lane where cars stand comes next, whatever the network says.
     """
+    whole_number("longest_red_s", longest_red_s, 1)
     path = None if file is None else path_text("file", file)
     label = "the policy for any light" if path is None else f"the policy of {path}"
     process = Process(label, request_of(".", None, {"any_light": {"file": path}}))
@@ -91,4 +103,4 @@ def any_light(file: Optional[PathLike] = None, *, greedy: bool = False, seed: Op
         end = begin + int(np.prod(shape))
         weights[name] = parameters[begin:end].reshape(shape)
         begin = end
-    return LightPolicy(weights, about["sets"], greedy=greedy, seed=seed)
+    return LightPolicy(weights, about["sets"], greedy=greedy, seed=seed, longest_red_s=longest_red_s)

@@ -59,11 +59,15 @@ class Policy:
             allowed = _checks.action_mask(self._agent, action_mask, self._n_actions, self._actions)
         logits, _ = self.judge(obs)
         if allowed is not None:
-            logits = np.where(allowed, logits, -np.inf)
+            logits = np.where(self._left_of(allowed, obs), logits, -np.inf)
         if self.greedy:
             return int(np.argmax(logits))
         # The largest of logits plus Gumbel noise is a draw from their softmax.
         return int(np.argmax(logits + self._random.gumbel(size=logits.shape)))
+
+    def _left_of(self, allowed: np.ndarray, obs: Any) -> np.ndarray:
+        """Return from which of the allowed actions it chooses."""
+        return allowed
 
     def judge(self, obs: Any) -> "tuple[np.ndarray, float]":
         """Return the logits of all actions and the value, and remember what was seen if the policy has a memory."""

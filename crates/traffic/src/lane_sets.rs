@@ -105,10 +105,6 @@ impl SinceGreen {
         SinceGreen(vec![0; greens])
     }
 
-    pub(crate) fn of(&self, green: usize) -> u32 {
-        self.0[green]
-    }
-
     /// Notes what the light has shown in a second.
     pub(crate) fn note(&mut self, shown: Shown) {
         self.0.iter_mut().for_each(|seconds| *seconds += 1);
@@ -170,6 +166,17 @@ impl LaneSets {
         let opens = opens.flat_map(|(green, how)| (0..items).map(move |item| (green, how, item)));
         let opens = opens.map(|(green, how, item)| format!("green[{green}] {how} {}", lane(item)));
         of_lanes.chain(of_greens).chain(opens).collect()
+    }
+
+    /// Returns the lanes where cars have stood at red for longest, all if there are several, and for how many seconds, as an observation
+    /// shows them.
+    pub(crate) fn longest_waiting(&self, plan: &AgentPlan, obs: &[f32]) -> (Vec<usize>, u32) {
+        let features = |lane: usize| &obs[self.sets.item(lane)];
+        let mut waiting: Vec<usize> = (0..plan.region.approaches.len()).collect();
+        waiting.retain(|&lane| features(lane)[4] > 0.0);
+        let red = waiting.iter().map(|&lane| features(lane)[13]).fold(0.0, f32::max);
+        waiting.retain(|&lane| features(lane)[13] == red);
+        (waiting, seconds(red))
     }
 
     /// Writes an observation.
@@ -248,6 +255,11 @@ fn is_old_enough(plan: &AgentPlan, shown: Shown, shown_steps: u32, green: usize)
 /// Returns a time of so many seconds as a feature: 0 for 0 s, 0.36 for 5 s, 0.82 for a minute, 1.14 for five.
 fn time(seconds: u32) -> f32 {
     (seconds as f32).ln_1p() / 5.0
+}
+
+/// Returns the time that a feature shows.
+fn seconds(time: f32) -> u32 {
+    (5.0 * time).exp_m1().round() as u32
 }
 
 /// Gives all agents that see sets the room that the largest of them needs.

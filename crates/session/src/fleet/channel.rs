@@ -8,7 +8,7 @@ use serde::de::DeserializeOwned;
 
 const MAGIC: [u8; 4] = *b"DIAL";
 /// Number of the protocol. Bump it when a message changes its shape: other builds must not misread it.
-const PROTOCOL: u16 = 5;
+const PROTOCOL: u16 = 6;
 /// Length limit in bytes. Longer messages mean a broken stream: the datasets and states of 10 000 agents are shorter.
 const LONGEST: u64 = 1 << 36;
 /// Length of a header: magic, protocol and the length of the message.

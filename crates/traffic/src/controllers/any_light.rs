@@ -16,6 +16,8 @@ use dials_core::domain::sampling::{self, Selection};
 use dials_core::outside::Printable;
 use stacknets::Stack;
 
+/// Seconds of red after which a lane comes next, if the parameters do not say: about the longest usual cycle.
+const LONGEST_RED: u32 = 120;
 /// Largest number of lights that a warning names.
 const MOST_NAMES: usize = 5;
 
@@ -24,7 +26,7 @@ pub(super) struct AnyLightController {
     /// Seconds from one decision to the next. All lights decide together.
     every: u32,
     selection: Selection,
-    longest_red: Option<u32>,
+    longest_red: u32,
     /// What of each light never changes.
     sets: Vec<LaneSets>,
     since: Vec<SinceGreen>,
@@ -34,26 +36,14 @@ pub(super) struct AnyLightController {
     second: u32,
 }
 
-/// Returns those of the allowed greens that serve the lane where cars have stood at red for longest, if that is `longest_red` seconds
-/// and one of them does.
-fn for_the_overdue(
-    longest_red: Option<u32>,
-    since: &SinceGreen,
-    intersections: &Intersections<'_>,
-    row: usize,
-    allowed: Vec<bool>,
-) -> Vec<bool> {
-    let (Some(longest_red), plan) = (longest_red, &intersections.plans[row]) else { return allowed };
-    let cars = intersections.approaches.at(row);
-    let red =
-        |lane: usize| (0..plan.greens()).filter(|&green| plan.serves(green, lane)).map(|green| since.of(green)).min();
-    let waiting = (0..plan.region.approaches.len()).filter(|&lane| cars.lane(lane).halting() > 0);
-    let overdue =
-        waiting.filter_map(|lane| Some((red(lane)?, lane))).max().filter(|(seconds, _)| *seconds >= longest_red);
-    let Some((_, lane)) = overdue else { return allowed };
-    let serving: Vec<bool> =
-        allowed.iter().enumerate().map(|(green, &is_allowed)| is_allowed && plan.serves(green, lane)).collect();
-    if serving.contains(&true) { serving } else { allowed }
+/// Keeps those of the `allowed` greens that serve a lane where cars have stood at red for longest, by what the light observes. It
+/// changes nothing if that is less than `longest_red` seconds, or if none serves it.
+fn serve_the_overdue(allowed: &mut [bool], plan: &AgentPlan, sets: &LaneSets, obs: &[f32], longest_red: u32) {
+    let (overdue, red_s) = sets.longest_waiting(plan, obs);
+    let serving = |green: usize| overdue.iter().any(|&lane| plan.serves(green, lane));
+    if red_s >= longest_red && allowed.iter().enumerate().any(|(green, &is_allowed)| is_allowed && serving(green)) {
+        allowed.iter_mut().enumerate().for_each(|(green, is_allowed)| *is_allowed &= serving(green));
+    }
 }
 
 /// What the parameters say.
@@ -62,8 +52,8 @@ pub(super) struct Choices {
     model: Arc<AnyLight>,
     every: u32,
     selection: Selection,
-    /// Seconds of red after which a lane where cars stand comes next. `None`: the network alone decides.
-    longest_red: Option<u32>,
+    /// Seconds of red after which a lane where cars stand comes next.
+    longest_red: u32,
 }
 
 impl Choices {
@@ -80,7 +70,7 @@ impl Choices {
             }
         };
         let every = arguments.steps("every")?.unwrap_or(model.decision_s());
-        let longest_red = arguments.steps("longest-red")?;
+        let longest_red = arguments.steps("longest-red")?.unwrap_or(LONGEST_RED);
         Ok(Choices { model: Arc::new(model), every, selection, longest_red })
     }
 
@@ -153,8 +143,8 @@ impl AnyLightController {
         let mut log_probs = Vec::new();
         let choose = |(row, (scores, dice)): (usize, (&[f32], &mut Dice))| {
             let greens = intersections.plans[row].greens();
-            let allowed: Vec<bool> = (0..greens).map(|green| intersections.allows(row, green)).collect();
-            let allowed = for_the_overdue(self.longest_red, &self.since[row], intersections, row, allowed);
+            let mut allowed: Vec<bool> = (0..greens).map(|green| intersections.allows(row, green)).collect();
+            serve_the_overdue(&mut allowed, &intersections.plans[row], &self.sets[row], obs.row(row), self.longest_red);
             let mut scores = scores[..greens].to_vec();
             sampling::forbid(&mut scores, &allowed);
             log_probs.resize(greens, 0.0);
@@ -162,5 +152,37 @@ impl AnyLightController {
             usize::from(self.selection.choose(&log_probs, dice))
         };
         scores.iter().zip(&mut self.dice).enumerate().map(choose).collect()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::controllers::examples::crossing;
+
+    #[test]
+    fn a_lane_that_has_been_red_too_long_comes_next_if_cars_stand_there() {
+        let plan = crossing();
+        let sets = LaneSets::new(5, 4, 150.0).fitted(&plan, 5, 4);
+        let ways = |stand_and_red: &[(usize, u32)], longest_red: u32, mut allowed: [bool; 4]| {
+            let mut obs = vec![0.0; sets.columns()];
+            for &(lane, red_s) in stand_and_red {
+                let features = &mut obs[sets.sets.item(lane)];
+                (features[4], features[13]) = (0.1, (red_s as f32).ln_1p() / 5.0);
+            }
+            serve_the_overdue(&mut allowed, &plan, &sets, &obs, longest_red);
+            allowed
+        };
+        let all = [true; 4];
+        let serving = |lane: usize| [0, 1, 2, 3].map(|green| plan.serves(green, lane));
+        assert_ne!(serving(1), serving(2));
+        assert_eq!(ways(&[], 120, all), all, "nobody stands");
+        assert_eq!(ways(&[(2, 119)], 120, all), all);
+        assert_eq!(ways(&[(2, 120)], 120, all), serving(2));
+        assert_eq!(ways(&[(1, 121), (2, 130)], 120, all), serving(2), "the longest one");
+        let both = [0, 1, 2, 3].map(|green| plan.serves(green, 1) || plan.serves(green, 2));
+        assert_eq!(ways(&[(1, 130), (2, 130)], 120, all), both, "the order of lanes means nothing");
+        let others = serving(2).map(|serves| !serves);
+        assert_eq!(ways(&[(2, 300)], 120, others), others, "what may not come does not");
     }
 }
