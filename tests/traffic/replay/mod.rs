@@ -25,7 +25,7 @@ use dials_session::records::networks::JointLayout;
 use dials_traffic::Traffic;
 use dials_traffic::agents::phases::Light;
 use dials_traffic::config::TrafficTable;
-use dials_traffic::controllers::NAMES;
+use dials_traffic::controllers::{NAMES, PLAN};
 use dials_traffic::sim::recording::{Recording, Tape};
 use dials_traffic::sim::replay;
 use quick_xml::Reader;
@@ -203,9 +203,12 @@ fn a_replay_is_the_first_episode_of_the_seed_it_names() {
     let path = write_config(dir.path(), "");
     let config = load(&path, &[]).unwrap();
     let episode = episode_seed(Seed::new(7), 0);
-    for name in NAMES {
-        let name = name.replace('K', "10");
-        let folder = dir.path().join(&name);
+    let plan = dir.path().join("a_plan");
+    let args = ["plan", text(&path), "--controller", "webster", "--episodes", "1", "--out", text(&plan)];
+    dials_traffic(args).assert().success();
+    for (number, name) in NAMES.iter().enumerate() {
+        let name = if *name == PLAN { format!("{PLAN}:file={}", plan.display()) } else { name.replace('K', "10") };
+        let folder = dir.path().join(format!("replay_{number}"));
         let args = ["replay", text(&path), "--controller", &name, "--out", text(&folder), "--episode-seed", "7"];
         dials_traffic(args).assert().success();
         let file = |name: &str| fs::read_to_string(folder.join(name)).unwrap();

@@ -142,15 +142,21 @@ fn a_run_becomes_a_file_that_plays_like_it() {
     dials_traffic().arg("export").arg(&run).arg("--out").arg(&file).assert().success();
 
     let delay = |command: &[&str]| {
-        let options = ["--episodes", "1", "--greedy", "--json"];
+        let options = ["--episodes", "1", "--json"];
         let output = dials_traffic().args(command).args(options).assert().success();
         json(&output.get_output().stdout)["delay_s"].as_f64().unwrap()
     };
     let short = dir.path().join("short.toml");
     fs::write(&short, format!("[traffic]\nscenario = '{}'\nend_s = 600\n", config.display())).unwrap();
     let [run, file, short] = [&run, &file, &short].map(|path| path.to_str().unwrap());
-    let of_run = delay(&["evaluate", run]);
-    assert_eq!(delay(&["evaluate", file, "--on", short]), of_run);
+    // A lane that is red for long is the controller's own care.
+    let [as_network, as_controller] = [3600, 120].map(|longest_red| {
+        let controller = format!("any-light:file={file},choice=greedy,longest-red={longest_red}");
+        delay(&["baseline", short, "--controller", &controller])
+    });
+    assert_eq!(as_network, delay(&["evaluate", run, "--greedy"]));
+    assert_eq!(as_controller, delay(&["evaluate", file, "--on", short, "--greedy"]));
+    assert_ne!(as_controller, as_network);
 
     // The run alone is enough for a plan, too.
     let plan = dir.path().join("plan");
@@ -190,7 +196,7 @@ fn a_run_starts_from_the_policy_of_this_program() {
     let as_controller = dials_traffic()
         .arg("baseline")
         .arg(&short)
-        .args(["--controller", "any-light", "--episodes", "1", "--json"])
+        .args(["--controller", "any-light:longest-red=3600", "--episodes", "1", "--json"])
         .assert()
         .success();
     let mean = json(&as_controller.get_output().stdout)["mean_return"].as_f64().unwrap();
