@@ -99,8 +99,9 @@ class Link:
     def close(self) -> None:
         """Close all connections, and remove the folder. In a copy of this process only what is its own: its descriptors."""
         if os.getpid() != self._owner:
-            for copied in [*self._connections, self._listener, self._selector]:
+            for copied in [*self._connections, self._listener]:
                 copied.close()
+            self._selector.close()
             return
         for connection in list(self._connections):
             self._drop(connection)
