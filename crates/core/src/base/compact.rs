@@ -2,20 +2,29 @@
 
 use serde::{Deserialize, Serialize};
 
-/// A growing table of f32 rows. A column takes one bit per entry while all of its entries are 0 or 1, as those of the d-sets (inputs
-/// of influence predictors) of both of the paper's domains. From its first other entry on, a column takes four bytes per entry.
-/// Either way the values are exact.
+/// A growing table of f32 rows. An entry takes one bit while all entries are 0 or 1, as in the d-sets (inputs of influence predictors)
+/// of both of the paper's domains. From the first other number on, an entry takes two bits, and each other number four bytes more:
+/// most entries of a scenario's d-sets are 0. Either way the values are exact.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(try_from = "WrittenRows")]
 pub struct CompactRows {
     width: usize,
     len: usize,
-    /// All columns; each row begins with a new byte. Bits of the columns in `others` are 0.
-    bits: Vec<u8>,
-    /// Columns with other numbers, in ascending order.
-    others: Vec<usize>,
-    /// `[len, others]`
+    /// Which entries are 1; each row begins with a new byte.
+    ones: Vec<u8>,
+    /// `None`: all entries are 0 or 1.
+    others: Option<Others>,
+}
+
+/// The numbers in a table that are neither 0 nor 1.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+struct Others {
+    /// Where they are, in the form of the ones.
+    marks: Vec<u8>,
+    /// Row by row.
     values: Vec<f32>,
+    /// Where the values of each row end.
+    ends: Vec<usize>,
 }
 
 /// Rows as they are read, not yet checked.
@@ -23,35 +32,57 @@ pub struct CompactRows {
 struct WrittenRows {
     width: usize,
     len: usize,
-    bits: Vec<u8>,
-    others: Vec<usize>,
-    values: Vec<f32>,
+    ones: Vec<u8>,
+    others: Option<Others>,
 }
 
 impl TryFrom<WrittenRows> for CompactRows {
     type Error = String;
 
-    fn try_from(WrittenRows { width, len, bits, others, values }: WrittenRows) -> Result<Self, String> {
-        let is_whole = |each: usize, has: usize| each.checked_mul(len) == Some(has);
-        let ascend = others.is_sorted_by(|one, next| one < next) && others.last().is_none_or(|&last| last < width);
-        let fits = is_whole(width.div_ceil(8), bits.len()) && is_whole(others.len(), values.len());
-        match ascend && fits && (width > 0 || len == 0) {
-            true => Ok(CompactRows { width, len, bits, others, values }),
-            false => {
-                let (has, columns) = (bits.len(), others.len());
-                Err(format!("{has} bytes of bits and {columns} other columns do not make {len} rows of {width}"))
-            }
+    fn try_from(WrittenRows { width, len, ones, others }: WrittenRows) -> Result<Self, String> {
+        let bytes = width.div_ceil(8);
+        let is_whole = bytes.checked_mul(len) == Some(ones.len()) && (width > 0 || len == 0);
+        if is_whole && others.as_ref().is_none_or(|others| others.are_of(len, width)) {
+            Ok(CompactRows { width, len, ones, others })
+        } else {
+            Err(format!("{} bytes of bits, with other numbers, do not make {len} rows of {width}", ones.len()))
         }
     }
 }
 
-fn is_bit(entry: f32) -> bool {
-    [0.0_f32, 1.0].map(f32::to_bits).contains(&entry.to_bits())
+impl Others {
+    /// Returns whether they belong to a table of this size.
+    fn are_of(&self, len: usize, width: usize) -> bool {
+        let Others { marks, values, ends } = self;
+        let bytes = width.div_ceil(8);
+        if marks.len() != bytes * len || ends.len() != len || ends.last().copied().unwrap_or(0) != values.len() {
+            return false;
+        }
+        let begins = [0].iter().chain(ends);
+        begins.zip(ends).enumerate().all(|(row, (&begin, &end))| {
+            let row = &marks[row * bytes..(row + 1) * bytes];
+            let marked: usize = row.iter().map(|byte| byte.count_ones() as usize).sum();
+            // Behind the last column there is nothing.
+            let is_within = row.last().is_none_or(|last| last.leading_zeros() as usize >= 8 * bytes - width);
+            is_within && end.checked_sub(begin) == Some(marked)
+        })
+    }
+}
+
+fn is_other(entry: f32) -> bool {
+    entry.to_bits() != 0 && entry != 1.0
+}
+
+/// Returns a row of bits.
+fn bits(row: &[f32], is_set: impl Fn(f32) -> bool) -> impl Iterator<Item = u8> {
+    row.chunks(8).map(move |entries| {
+        entries.iter().enumerate().fold(0, |byte, (i, &entry)| byte | (u8::from(is_set(entry)) << i))
+    })
 }
 
 impl CompactRows {
     pub fn new(width: usize) -> Self {
-        CompactRows { width, len: 0, bits: Vec::new(), others: Vec::new(), values: Vec::new() }
+        CompactRows { width, len: 0, ones: Vec::new(), others: None }
     }
 
     pub fn width(&self) -> usize {
@@ -68,14 +99,14 @@ impl CompactRows {
 
     pub fn push(&mut self, row: &[f32]) {
         assert_eq!(row.len(), self.width, "a row of a different width");
-        self.widen((0..self.width).filter(|&column| !is_bit(row[column])));
-        let begin = self.bits.len();
-        self.bits.extend(row.chunks(8).map(|entries| {
-            entries.iter().enumerate().fold(0, |byte, (i, &entry)| byte | (u8::from(entry == 1.0) << i))
-        }));
-        for &column in &self.others {
-            self.values.push(row[column]);
-            self.bits[begin + column / 8] &= !(1 << (column % 8));
+        if row.iter().any(|&entry| is_other(entry)) {
+            self.with_others();
+        }
+        self.ones.extend(bits(row, |entry| entry == 1.0));
+        if let Some(Others { marks, values, ends }) = &mut self.others {
+            marks.extend(bits(row, is_other));
+            values.extend(row.iter().filter(|&&entry| is_other(entry)));
+            ends.push(values.len());
         }
         self.len += 1;
     }
@@ -83,53 +114,49 @@ impl CompactRows {
     /// Copies a row to `out`, `[width]`.
     pub fn read(&self, row: usize, out: &mut [f32]) {
         assert!(row < self.len, "row {row} of {}", self.len);
-        let bytes = self.width.div_ceil(8);
-        for (entries, byte) in out.chunks_mut(8).zip(&self.bits[row * bytes..]) {
+        let begin = row * self.width.div_ceil(8);
+        for (entries, byte) in out.chunks_mut(8).zip(&self.ones[begin..]) {
             entries.iter_mut().enumerate().for_each(|(i, entry)| *entry = f32::from(byte >> i & 1));
         }
-        let values = &self.values[row * self.others.len()..];
-        self.others.iter().zip(values).for_each(|(&column, &value)| out[column] = value);
+        let Some(Others { marks, values, ends }) = &self.others else { return };
+        let first = if row == 0 { 0 } else { ends[row - 1] };
+        let mut values = values[first..ends[row]].iter();
+        for (entries, &byte) in out.chunks_mut(8).zip(&marks[begin..]).filter(|(_, byte)| **byte != 0) {
+            let marked = entries.iter_mut().enumerate().filter(|(i, _)| byte >> i & 1 == 1);
+            marked.zip(&mut values).for_each(|((_, entry), &value)| *entry = value);
+        }
     }
 
     pub fn extend(&mut self, other: &CompactRows) {
         assert_eq!(other.width, self.width, "rows of a different width");
-        self.widen(other.others.iter().copied());
-        if self.others == other.others {
-            self.bits.extend_from_slice(&other.bits);
-            self.values.extend_from_slice(&other.values);
-            self.len += other.len;
-            return;
+        if other.others.is_some() {
+            self.with_others();
         }
-        let mut row = vec![0.0; self.width];
-        for i in 0..other.len {
-            other.read(i, &mut row);
-            self.push(&row);
+        self.ones.extend_from_slice(&other.ones);
+        self.len += other.len;
+        if let Some(Others { marks, values, ends }) = &mut self.others {
+            let begun = values.len();
+            match &other.others {
+                Some(theirs) => {
+                    marks.extend_from_slice(&theirs.marks);
+                    values.extend_from_slice(&theirs.values);
+                    ends.extend(theirs.ends.iter().map(|end| begun + end));
+                }
+                None => {
+                    marks.resize(marks.len() + other.ones.len(), 0);
+                    ends.resize(ends.len() + other.len, begun);
+                }
+            }
         }
     }
 
-    /// Makes these columns, which ascend, some of those with other numbers. If these are half of all, all others follow: each time costs
-    /// as much as the whole table.
-    fn widen(&mut self, columns: impl Iterator<Item = usize>) {
-        let mut new: Vec<usize> = columns.filter(|column| self.others.binary_search(column).is_err()).collect();
-        if new.is_empty() {
-            return;
-        }
-        if 2 * (self.others.len() + new.len()) > self.width {
-            new = (0..self.width).filter(|column| self.others.binary_search(column).is_err()).collect();
-        }
-        let mut others = [&self.others[..], &new].concat();
-        others.sort_unstable();
-        let mut row = vec![0.0; self.width];
-        let mut values = Vec::with_capacity(self.len * others.len());
-        for i in 0..self.len {
-            self.read(i, &mut row);
-            values.extend(others.iter().map(|&column| row[column]));
-        }
-        let bytes = self.width.div_ceil(8);
-        for bits in self.bits.chunks_exact_mut(bytes) {
-            new.iter().for_each(|column| bits[column / 8] &= !(1 << (column % 8)));
-        }
-        (self.others, self.values) = (others, values);
+    /// Gives the table room for other numbers.
+    fn with_others(&mut self) {
+        self.others.get_or_insert_with(|| Others {
+            marks: vec![0; self.ones.len()],
+            values: Vec::new(),
+            ends: vec![0; self.len],
+        });
     }
 }
 
@@ -156,48 +183,58 @@ mod tests {
     fn bits_and_other_numbers_come_back_as_they_were() {
         let bits = [vec![1.0, 0.0, 0.0, 1.0, 1.0, 0.0, 0.0, 0.0, 1.0, 1.0], vec![0.0; 10], vec![1.0; 10]];
         let packed = table(&bits);
-        assert_eq!((packed.bits.len(), packed.values.len()), (6, 0));
+        assert_eq!((packed.ones.len(), &packed.others), (6, &None));
         assert_eq!(rows_of(&packed), bits);
 
-        // Two columns with other numbers; a minus before a 0 is one.
+        // Two other numbers; a minus before a 0 is one.
         let mut mixed = vec![1.0; 10];
         (mixed[9], mixed[3]) = (0.25, -0.0);
         let with_mixed = [&bits[..], &[mixed.clone()], &bits[..]].concat();
         let rows = table(&with_mixed);
-        assert_eq!((&rows.others[..], rows.values.len()), (&[3, 9][..], 14));
+        assert_eq!(rows.others.as_ref().unwrap().values.len(), 2);
         assert_eq!(rows_of(&rows), with_mixed);
         assert!(rows_of(&rows)[3][3].is_sign_negative());
 
-        // Of which columns there are more is for the whole table, whatever came first.
-        let mut other_way = table(&[mixed.clone()]);
-        other_way.extend(&packed);
+        // Whatever comes first.
+        let mut joined = table(&[mixed.clone()]);
+        joined.extend(&packed);
+        joined.extend(&rows);
+        assert_eq!(rows_of(&joined), [&[mixed.clone()], &bits[..], &with_mixed[..]].concat());
         let mut joined = packed.clone();
         joined.extend(&packed);
-        joined.extend(&other_way);
-        assert_eq!(rows_of(&joined), [&bits[..], &bits[..], &[mixed], &bits[..]].concat());
-
-        let mut all = packed.clone();
-        all.push(&[0.5; 10]);
-        assert_eq!((rows_of(&all), all.others.len()), ([&bits[..], &[vec![0.5; 10]]].concat(), 10));
-        all.extend(&rows);
-        assert_eq!(rows_of(&all)[4..], with_mixed);
+        joined.extend(&table(&[mixed.clone()]));
+        joined.push(&[0.5; 10]);
+        assert_eq!(rows_of(&joined), [&bits[..], &bits[..], &[mixed, vec![0.5; 10]]].concat());
+        assert_eq!(joined, table(&rows_of(&joined)));
+        let sent = postcard::to_stdvec(&joined).unwrap();
+        assert_eq!(postcard::from_bytes::<CompactRows>(&sent).unwrap(), joined);
     }
 
     #[test]
     fn a_table_that_contradicts_itself_is_not_received() {
-        let received = |width: usize, len: usize, bits: usize, others: &[usize], values: usize| {
-            let parts = (width, len, vec![0_u8; bits], others.to_vec(), vec![0.0_f32; values]);
+        let received = |width: usize, len: usize, ones: usize, others: Option<Others>| {
+            let parts = (width, len, vec![0_u8; ones], others);
             postcard::from_bytes::<CompactRows>(&postcard::to_stdvec(&parts).unwrap())
         };
         // Ten bits take two bytes per row.
-        assert!(received(10, 2, 4, &[], 0).is_ok());
-        assert!(received(10, 2, 4, &[0, 9], 4).is_ok());
+        assert!(received(10, 2, 4, None).is_ok());
         for (width, len) in [(10, 3), (17, 2), (10, usize::MAX), (0, 5)] {
-            assert!(received(width, len, 4, &[], 0).is_err(), "{len} rows of {width}");
+            assert!(received(width, len, 4, None).is_err(), "{len} rows of {width}");
         }
-        assert!(received(0, 1 << 60, 0, &[], 0).is_err());
-        for (others, values) in [(&[10][..], 2), (&[9, 0], 4), (&[4, 4], 4), (&[4], 3)] {
-            assert!(received(10, 2, 4, others, values).is_err(), "{others:?}");
+        assert!(received(0, 1 << 60, 0, None).is_err());
+        let others = |marks: &[u8], values: usize, ends: &[usize]| {
+            Some(Others { marks: marks.to_vec(), values: vec![0.5; values], ends: ends.to_vec() })
+        };
+        assert!(received(10, 2, 4, others(&[1, 2, 0, 0], 2, &[2, 2])).is_ok());
+        for wrong in [
+            others(&[1, 2, 0, 0], 3, &[2, 3]),
+            others(&[1, 2, 0, 0], 2, &[1, 2]),
+            others(&[1, 2, 0, 0], 2, &[2, 1]),
+            others(&[1, 2, 0, 0], 2, &[2]),
+            others(&[1, 2, 0], 2, &[2, 2]),
+            others(&[1, 4, 0, 0], 2, &[2, 2]),
+        ] {
+            assert!(received(10, 2, 4, wrong.clone()).is_err(), "{wrong:?}");
         }
     }
 }
