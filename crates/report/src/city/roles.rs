@@ -4,7 +4,7 @@ use super::read::{City, CityPlayer};
 use dials_core::domain::light_figures::TODAYS_PLAN;
 
 /// The controller that runs the lights' own programs.
-const TODAY: &str = "program";
+pub(super) const TODAY: &str = "program";
 
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) enum Role {

@@ -8,8 +8,10 @@ use serde::Deserialize;
 
 use super::page::{NOTHING, with_error};
 use super::read::Figure;
+use super::roles::TODAY;
 use crate::document::{Block, Table};
 use dials_core::base::counted;
+use dials_core::domain::light_figures::TODAYS_PLAN;
 
 /// Name of that file.
 pub const VARIANTS: &str = "variants.csv";
@@ -72,9 +74,9 @@ fn table(caption: String, lines: &[Line], cell: impl Fn(&Line) -> Option<String>
             header.push(variant);
             header.len() - 1
         });
-        let controller = name_in_csv(&line.controller);
+        let controller = player(name_in_csv(&line.controller));
         let row = rows.iter().position(|row| row[0] == controller).unwrap_or_else(|| {
-            rows.push(vec![controller.to_owned()]);
+            rows.push(vec![controller]);
             rows.len() - 1
         });
         let row = &mut rows[row];
@@ -83,6 +85,15 @@ fn table(caption: String, lines: &[Line], cell: impl Fn(&Line) -> Option<String>
     }
     rows.iter_mut().for_each(|row| row.resize(header.len(), NOTHING.to_owned()));
     Table { caption, header, rows }
+}
+
+/// Returns how the page calls a controller.
+fn player(controller: &str) -> String {
+    match controller.strip_prefix("plan:file=") {
+        Some(folder) => format!("plan in {folder}"),
+        None if controller == TODAY => TODAYS_PLAN.to_owned(),
+        None => controller.to_owned(),
+    }
 }
 
 /// Returns a name as it was before it became the field of a CSV file: see `csv_name`.
@@ -107,16 +118,17 @@ mod tests {
         std::fs::write(folder.path().join(VARIANTS), old).unwrap();
         let [_, Block::Table(table)] = &blocks(folder.path(), String::new()).unwrap()[..] else { panic!("one table") };
         assert_eq!(table.header, ["", "demand 1", "demand 1, closed -7"]);
-        assert_eq!(table.rows, [["program", "30.5", "44.0\u{a0}\u{b1}\u{a0}2.5"]]);
+        assert_eq!(table.rows, [["today's plan", "30.5", "44.0\u{a0}\u{b1}\u{a0}2.5"]]);
     }
 
     #[test]
     fn a_closed_edge_is_named_by_its_street() {
         let folder = tempfile::tempdir().unwrap();
-        let text = "controller,demand,closed,streets,delay_s,half_width_95\nprogram,1,'-7,High Street,44,\n";
+        let text = "controller,demand,closed,streets,delay_s,half_width_95\nplan:file=a/b,1,'-7,High Street,44,\n";
         std::fs::write(folder.path().join(VARIANTS), text).unwrap();
         let [_, Block::Table(table)] = &blocks(folder.path(), String::new()).unwrap()[..] else { panic!("one table") };
         assert_eq!(table.header[1], "demand 1, closed High Street (-7)");
+        assert_eq!(table.rows[0][0], "plan in a/b");
     }
 
     #[test]
