@@ -62,6 +62,23 @@ def test_the_driver_sees_and_does_what_our_simulator_does(scenario, scenario_run
     env.close()
 
 
+def test_a_lane_that_has_been_red_too_long_comes_next_in_both_networks_of_python():
+    """Two lanes, two greens, one each. Cars stand on lane 1, red for 119 or 120 s, and on lane 0, which has green."""
+    from drive_any_light import for_the_overdue
+
+    from dials_traffic._sets import OverSets
+
+    lanes, greens, opens = np.zeros((2, 19)), np.zeros((2, 9)), np.zeros((2, 2, 2))
+    opens[[0, 1], 0, [0, 1]] = 1
+    sets = OverSets({}, {"item_features": 19, "choice_features": 9, "ways": 2})
+    both, first, second = np.array([True, True]), np.array([True, False]), np.array([False, True])
+    for queue, red_s, allowed, left in [(1, 120, both, second), (1, 119, both, both), (0, 120, both, both), (1, 120, first, first)]:
+        lanes[:, 4], lanes[:, 13] = (0.1, queue / 10), (0, np.log1p(red_s) / 5)
+        obs = np.concatenate([lanes.ravel(), greens.ravel(), opens.ravel()]).astype(np.float32)
+        assert sets.for_the_overdue(obs, allowed, 120).tolist() == left.tolist()
+        assert for_the_overdue(allowed, lanes, opens).tolist() == left.tolist()
+
+
 def test_a_policy_for_any_light_drives_as_our_simulator_does(scenario, lights, tmp_path):
     """Without training, and without anything of ours but the file."""
     from drive_any_light import drive

@@ -1,6 +1,8 @@
 //! `--demand` and `--closed` of `evaluate` and `baseline`: the same players on several variants of a scenario. A variant has
 //! another demand, or closed edges. On each one all players drive the same traffic, episode by episode.
 
+use std::collections::{BTreeMap, BTreeSet};
+
 use anyhow::{Context, anyhow};
 use serde_json::{Map, Value, json};
 
@@ -98,6 +100,11 @@ pub(super) fn play(plan: &Plan<'_>, mut csv: Option<CsvFiles>, is_json: bool, ab
     };
     // All are tried before the first one is played.
     let opened = variants.iter().map(open).collect::<anyhow::Result<Vec<Traffic>>>().map_err(Error::Usage)?;
+    // Once: the net is read for it.
+    let edges: BTreeSet<&String> = variants.iter().flat_map(|variant| &variant.closed).collect();
+    let edges: Vec<String> = edges.into_iter().cloned().collect();
+    let streets = usual.streets_of(&edges).map_err(Error::Run)?;
+    let street_of: BTreeMap<String, Option<String>> = edges.into_iter().zip(streets).collect();
     let bar = EpisodeBar::of(variants.len() * subjects.len() * episodes, "episodes");
     let (mut all, mut written, mut done) = (Vec::new(), Ok(()), 0);
     for (variant, traffic) in variants.iter().zip(opened) {
@@ -120,10 +127,8 @@ pub(super) fn play(plan: &Plan<'_>, mut csv: Option<CsvFiles>, is_json: bool, ab
             }
             findings.push(finding);
         }
-        let streets = traffic.streets_of(&variant.closed).map_err(Error::Run)?;
-        let mut streets: Vec<String> = streets.into_iter().flatten().collect();
-        streets.sort();
-        streets.dedup();
+        let streets: BTreeSet<&String> = variant.closed.iter().filter_map(|edge| street_of[edge].as_ref()).collect();
+        let streets = streets.into_iter().cloned().collect();
         let (variant, detours) = (variant.clone(), traffic.detours());
         all.push(Played { variant, streets, detours, figures: figures::of_all(&traffic, &findings), findings });
     }

@@ -1,4 +1,4 @@
-//! Rows of numbers that are mostly bits, in an eighth of a byte each.
+//! Rows of numbers that are mostly 0 and 1, in a bit or two each.
 
 use serde::{Deserialize, Serialize};
 
@@ -99,7 +99,7 @@ impl CompactRows {
 
     pub fn push(&mut self, row: &[f32]) {
         assert_eq!(row.len(), self.width, "a row of a different width");
-        if row.iter().any(|&entry| is_other(entry)) {
+        if self.others.is_none() && row.iter().any(|&entry| is_other(entry)) {
             self.with_others();
         }
         self.ones.extend(bits(row, |entry| entry == 1.0));

@@ -1,5 +1,8 @@
 //! The timing of lights as an engineer reads it: programs, phases, and who has green when. Has no simulator's types.
 
+/// Name of the file with a plan's programs for SUMO, in the plan's directory.
+pub const PROGRAMS: &str = "programs.add.xml";
+
 /// A light with its programs of the day, one after the other.
 #[derive(Clone, Debug, PartialEq)]
 pub struct SignalSheet {

@@ -40,8 +40,8 @@ pub(crate) struct Cities {
     pub(crate) warnings: Vec<String>,
 }
 
-/// Reads the cities and the tables of variants in these folders. There is neither: `None`. `title`: that of the slides.
-pub(crate) fn cities(folders: &[PathBuf], title: Option<&str>) -> Result<Option<Cities>> {
+/// Reads the cities and the tables of variants in these folders. There is neither: `None`. `of_slides`: their title.
+pub(crate) fn cities(folders: &[PathBuf], of_slides: Option<&str>) -> Result<Option<Cities>> {
     folders.iter().try_for_each(|folder| plans::check(folder))?;
     let found = read::find(folders)?;
     let all: Vec<PathBuf> = found.iter().map(|(folder, _)| folder.clone()).collect();
@@ -52,7 +52,6 @@ pub(crate) fn cities(folders: &[PathBuf], title: Option<&str>) -> Result<Option<
     if found.is_empty() && tables.is_empty() {
         return Ok(None);
     }
-    let of_slides = title;
     let title = match &found[..] {
         [] => "Other demand and closed roads".to_owned(),
         [(_, city)] => format!("Traffic lights of {}", city.title()),

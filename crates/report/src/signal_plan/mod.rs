@@ -11,8 +11,9 @@ use dials_core::base::counted;
 use dials_core::domain::signal_sheet::{PhaseSheet, ProgramSheet, SignalSheet};
 use dials_core::outside::csv_name;
 
-/// Names of the files that `plan` writes: programs for SUMO, the table and the page.
-pub const PROGRAMS: &str = "programs.add.xml";
+pub use dials_core::domain::signal_sheet::PROGRAMS;
+
+/// Names of the other files that `plan` writes: the table and the page.
 pub const TABLE: &str = "plan.csv";
 pub const PAGE: &str = "plan.html";
 

@@ -197,6 +197,9 @@ impl SumoScenario {
 
     /// Returns the street of each of these edges; `None` for one whose street the net does not name.
     pub(crate) fn streets_of(&self, ids: &[String]) -> Result<Vec<Option<String>>> {
+        if ids.is_empty() {
+            return Ok(Vec::new());
+        }
         let roads = self.roads()?;
         ids.iter().map(|id| Ok(roads.edge(roads.edge_called(id)?).street.clone())).collect()
     }
