@@ -42,18 +42,33 @@ class Light:
         obs = np.concatenate([*parts, *shown]).astype(np.float32)
         return np.pad(obs, (0, columns - len(obs)))
 
-    def allowed(self, actions):
+    def obeyed(self, actions):
         """Say which greens may come next. Longest greens and reds, which agents.toml may set, are left out."""
         shown_s = -1 if self.clearing else self.shown_s + self.head_start_s
         ways = {to for (green, to), change in self.changes.items() if green == self.green and shown_s >= change["after_s"]}
         return [action == self.green or action in ways for action in range(actions)]
+
+    def gives_green(self, green, link):
+        return self.plan["greens"][green][self.plan["links"][link]["letter"]] in "Gg"
+
+    def crosses(self, green, link):
+        """Say whether a green opens a way across that of a link, and not its own."""
+        return not self.gives_green(green, link) and any(self.gives_green(green, other) for other in self.plan["links"][link]["crosses"])
+
+    def allowed(self, actions):
+        """Say which of these greens a policy may choose: for no cars across one that stands within the junction without green."""
+        obeyed, links = self.obeyed(actions), self.plan["links"]
+        standing = [link for link in range(len(links)) if any(map(libsumo.lane.getLastStepHaltingNumber, links[link]["inside"]))]
+        trapped = [link for link in standing if self.clearing or not self.gives_green(self.green, link)]
+        left = [may and not any(self.crosses(green, link) for link in trapped) for green, may in enumerate(obeyed)]
+        return left if any(left) else obeyed
 
     def show(self, action):
         """Show what follows from an action in the next second."""
         if self.clearing:
             self.clearing.pop(0)
             self.shown_s = self.shown_s if self.clearing else 0
-        elif action != self.green and self.allowed(action + 1)[action]:
+        elif action != self.green and self.obeyed(action + 1)[action]:
             states = self.changes[self.green, action]["states"]
             self.clearing = [state["state"] for state in states for _ in range(state["seconds"])]
             self.green, self.shown_s, self.head_start_s = action, 0, 0

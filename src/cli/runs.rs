@@ -43,9 +43,9 @@ pub struct RescoArgs {
     /// Seeds of training, such as 1..5 (five of them) or 1,2,7
     #[arg(long, value_name = "SEEDS", default_value = "1..5", value_parser = values::seeds)]
     pub seeds: Seeds,
-    /// Ways to train: gs, gs-shared, dials, dials-shared, or none for controllers alone
-    #[arg(long, value_name = "METHOD,...", value_delimiter = ',', default_value = "gs,gs-shared,dials,dials-shared",
-          value_parser = ["gs", "gs-shared", "dials", "dials-shared", "none"])]
+    /// Ways to train: gs, gs-any-light, gs-shared, dials, dials-shared, or none for controllers alone
+    #[arg(long, value_name = "METHOD,...", value_delimiter = ',', default_value = "gs,gs-any-light,gs-shared,dials,dials-shared",
+          value_parser = ["gs", "gs-any-light", "gs-shared", "dials", "dials-shared", "none"])]
     pub methods: Vec<String>,
     /// Number of training episodes of a run
     #[arg(long, default_value_t = 100, value_parser = values::whole::<u64>(1..=100_000))]

@@ -64,6 +64,10 @@ impl RowLanes {
         Ok(RowLanes::new(rows.iter().map(Vec::as_slice)))
     }
 
+    pub(crate) fn are_there(&self) -> bool {
+        !self.lanes.is_empty()
+    }
+
     pub(crate) fn read(&mut self, simulation: &mut Simulation) -> Result<()> {
         Ok(simulation.read_lanes(&self.lanes, &mut self.cars)?)
     }

@@ -113,10 +113,22 @@ pub(super) fn show(columns: LightColumns, light: LightView, bits: &mut [f32]) {
     }
 }
 
-/// Writes which actions a light may take: those for a green that it may show, as `allows` says of each green.
-pub(crate) fn mask(plan: &AgentPlan, shown: Shown, allows: impl Fn(usize) -> bool, mask: &mut [bool]) {
+/// Writes which actions a light may take: those for a green that it may show, as `allows` says of each green, and that is for no
+/// cars across a trapped one. `inside`: the cars on [`AgentPlan::lanes_inside`].
+pub(crate) fn mask(
+    plan: &AgentPlan,
+    shown: Shown,
+    inside: CarsAt<'_>,
+    allows: impl Fn(usize) -> bool,
+    mask: &mut [bool],
+) {
+    if mask.is_empty() {
+        return;
+    }
+    let mut greens: Vec<bool> = (0..plan.greens()).map(allows).collect();
+    plan.mind_trapped(inside, shown, &mut greens);
     for (action, allowed) in mask.iter_mut().enumerate() {
-        *allowed = action < plan.phases.actions() && allows(plan.phases.asked_for(shown, action as Action));
+        *allowed = action < plan.phases.actions() && greens[plan.phases.asked_for(shown, action as Action)];
     }
 }
 

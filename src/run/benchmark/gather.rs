@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use super::Wanted;
-use super::prepare::Prepared;
+use super::prepare::{Prepared, SHARED};
 use dials_report::resco::results::{MapResults, Measurement, MethodResults, RunResult};
 use dials_session::experiment::file::PlannedRun;
 use dials_session::experiment::progress::directory;
@@ -76,8 +76,9 @@ pub(super) fn results(ready: &Prepared, wanted: &Wanted<'_>, runs: &Path) -> Map
 
 fn method_of(run: &PlannedRun) -> String {
     let learning = &run.config.learning;
-    let shared = if learning.shares_policies() { "-shared" } else { "" };
-    format!("{}{shared}", learning.short_form().name)
+    let shared = learning.shares_policies().then_some(SHARED);
+    let variant = learning.policy.start.as_deref().or(shared).map_or(String::new(), |variant| format!("-{variant}"));
+    format!("{}{variant}", learning.short_form().name)
 }
 
 /// Returns the result of a run. `None`: it is not finished, or nothing of its last policies was measured.

@@ -206,6 +206,9 @@ fn in_toml(path: &Path) -> Result<String> {
     Ok(toml::Value::String(text.to_owned()).to_string())
 }
 
+/// Variant of a method whose lights share a policy.
+pub(super) const SHARED: &str = "shared";
+
 /// Least number of steps between two evaluations: at least `ppo.memory` of the defaults of scenarios.
 const LEAST_PERIOD: u64 = 600;
 
@@ -214,10 +217,9 @@ fn experiment(map: &Map, wanted: &Wanted<'_>, lights: usize) -> Option<String> {
     let mut text = "# Written by `benchmark resco`, which writes it again at every call.\n".to_owned();
     let mut grids = 0;
     for method in wanted.methods {
-        let simulator = method.strip_suffix("-shared").unwrap_or(method);
-        let shares = simulator != *method;
+        let (simulator, variant) = method.split_once('-').map_or((*method, None), |(one, two)| (one, Some(two)));
         // A light alone has nobody to share with.
-        if shares && lights == 1 {
+        if variant == Some(SHARED) && lights == 1 {
             continue;
         }
         grids += 1;
@@ -225,9 +227,12 @@ fn experiment(map: &Map, wanted: &Wanted<'_>, lights: usize) -> Option<String> {
             "\n[[grid]]\nconfigs = [\"{}.toml\"]\nsimulators = [\"{simulator}\"]\nseeds = {:?}\n",
             map.name, wanted.seeds
         );
-        if shares {
-            text += "set = [\"policy.share=kind\"]\nname = \"shared\"\n";
-        }
+        let set = match variant {
+            Some(SHARED) => "policy.share=kind",
+            Some(ANY_LIGHT) => "policy.start=any-light",
+            _ => continue,
+        };
+        text += &format!("set = [\"{set}\"]\nname = \"{}\"\n", variant.expect("it has settings"));
     }
     (grids > 0).then_some(text)
 }

@@ -14,6 +14,7 @@ use super::gather::{MeasuredFile, TUNED};
 use super::prepare::Prepared;
 use crate::run::experiment::{PlannedWork, Tasks};
 use dials_session::experiment::estimate::Estimate;
+use dials_session::experiment::file::PlannedRun;
 use dials_session::experiment::progress::Stage;
 
 /// Number of episodes on which the search judges timings. All demands of a map are alike.
@@ -78,12 +79,18 @@ impl Plan {
 /// Returns the measurements of a run's last policies that are not there. An unfinished run has none that count.
 fn measurements(run: &PlannedWork, ready: &Prepared, wanted: &Wanted<'_>, runs: &Path) -> Vec<PlannedWork> {
     let dir = runs.join(&run.name);
+    // Such policies see something else than the config of the map says.
+    let has_start = |planned: &PlannedRun| *planned.name == run.name && planned.config.learning.policy.start.is_some();
+    let has_start = ready.experiment.iter().flat_map(|experiment| &experiment.runs).any(has_start);
     let of = |greedy: bool| {
         let file = MeasuredFile::of_run(&run.name, greedy, ready, wanted, runs);
         let there = if run.stage == Stage::Finished { file.read() } else { None };
         let mut arguments: Vec<OsString> = vec!["baseline".into(), ready.measured_on.clone().into()];
         arguments.extend(["--compare".into(), dir.clone().into()]);
         arguments.extend(greedy.then(|| "--greedy".into()));
+        if has_start {
+            arguments.extend(["--set", "traffic.observation=lanes"].map(OsString::from));
+        }
         arguments.extend(episodes(wanted));
         match there {
             Some(_) => None,

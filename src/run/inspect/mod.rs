@@ -280,6 +280,8 @@ fn light(inspected: &Inspected, agent: &Agent, border: &Border) -> Value {
             "letter": link.letter,
             "from": link.from,
             "to": link.to,
+            "inside": link.inside,
+            "crosses": link.crosses,
         })).collect::<Vec<_>>(),
         "columns": plan.columns(),
         "sources": border.plan.source_names(),

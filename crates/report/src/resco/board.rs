@@ -62,7 +62,7 @@ fn how(about: &About) -> Vec<String> {
          evaluations during it."
             .to_owned(),
         "`gs` trains on the whole map in SUMO, `dials` on local simulators of the lights. A method named `-shared` has one \
-         policy for all lights of a kind, the others one per light."
+         policy for all lights of a kind, the others one per light. `gs-any-light` starts from any-light instead of at random."
             .to_owned(),
         "RESCO's runs used older versions of SUMO, and its figures are over episodes of training, in which learners explore."
             .to_owned(),

@@ -15,3 +15,4 @@ pub(crate) mod red_limits;
 pub mod region;
 pub mod region_plan;
 pub(crate) mod sensor;
+pub(crate) mod trapped;

@@ -29,11 +29,15 @@ pub struct Exit {
     pub leaves_the_net: bool,
 }
 
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Link {
     /// Index of its letter in the light's state: SUMO's `linkIndex`.
     pub letter: usize,
     /// Index into [`RegionPlan::approaches`] of the lane that ends at the stop line.
     pub from: usize,
     pub to: usize,
+    /// Its lanes within the junction, if masks mind the cars that are [trapped](super::trapped) there.
+    pub inside: Vec<String>,
+    /// Links whose ways cross its own there, as indices into [`RegionPlan::links`]; none if nobody minds.
+    pub crosses: Vec<usize>,
 }

@@ -89,6 +89,8 @@ pub struct ScenarioConfig {
     /// Number of seconds in which people on foot may start to cross, before the time for walking. MUTCD 2009: 7, and 4 where
     /// few people walk.
     pub walk_s: f64,
+    /// Whether agents leave out the greens that send cars across one that is [trapped](networks.md#trapped-cars) within the junction.
+    pub mind_trapped: bool,
     /// What an agent chooses from.
     pub actions: Actions,
     /// Program that counts for lights that have one of this name (`programID`), such as that of the night. If left out, the last
@@ -208,6 +210,7 @@ impl ScenarioConfig {
             pedestrians: Pedestrians::default(),
             walking_speed_mps: Walking::default().speed_mps,
             walk_s: Walking::default().walk_s,
+            mind_trapped: true,
             actions: Actions::default(),
             program: None,
             yellow_s: Yellow::Program,

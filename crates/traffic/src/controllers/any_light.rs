@@ -107,6 +107,10 @@ impl Choices {
 }
 
 impl LightController for AnyLightController {
+    fn minds_trapped(&self) -> bool {
+        true
+    }
+
     fn begin(&mut self, episode: Seed) {
         let agents = AgentId::all(self.sets.len());
         self.dice = episode.fork(RandomPurpose::Acting).for_agents(&agents).collect();
@@ -144,6 +148,7 @@ impl AnyLightController {
         let choose = |(row, (scores, dice)): (usize, (&[f32], &mut Dice))| {
             let greens = intersections.plans[row].greens();
             let mut allowed: Vec<bool> = (0..greens).map(|green| intersections.allows(row, green)).collect();
+            intersections.plans[row].mind_trapped(intersections.inside.at(row), intersections.shown[row], &mut allowed);
             serve_the_overdue(&mut allowed, &intersections.plans[row], &self.sets[row], obs.row(row), self.longest_red);
             let mut scores = scores[..greens].to_vec();
             sampling::forbid(&mut scores, &allowed);

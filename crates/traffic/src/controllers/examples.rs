@@ -36,7 +36,7 @@ pub(crate) fn crossing() -> AgentPlan {
         speed_limit_mps: 10.0,
         leaves_the_net,
     };
-    let link = |letter, from, to| Link { letter, from, to };
+    let link = |letter, from, to| Link { letter, from, to, inside: Vec::new(), crosses: Vec::new() };
     AgentPlan {
         light: "crossing".to_owned(),
         place_m: [0.0, 0.0],

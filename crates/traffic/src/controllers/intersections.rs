@@ -16,6 +16,8 @@ pub struct Intersections<'a> {
     pub(crate) lights: &'a Lights,
     pub(crate) approaches: &'a RowLanes,
     pub(crate) exits: &'a RowLanes,
+    /// Lanes within the junctions; read only for a rule that minds trapped cars.
+    pub(crate) inside: &'a RowLanes,
 }
 
 impl<'a> Intersections<'a> {

@@ -59,6 +59,11 @@ pub trait LightController {
     /// Sets the green that each light should show: one index per intersection. Each target comes as the green that is
     /// shown or comes next, so a target that is left alone keeps the light. Targets between greens have no effect.
     fn act(&mut self, intersections: &Intersections<'_>, targets: &mut [usize]);
+
+    /// Returns whether it looks at the cars within the junctions.
+    fn minds_trapped(&self) -> bool {
+        false
+    }
 }
 
 /// A rule that every intersection follows on its own. It returns the green that the light should show.

@@ -98,7 +98,13 @@ fn around(grid: Grid, agent: AgentId) -> RegionPlan {
         speed_limit_mps: SPEED_LIMIT_MPS,
         leaves_the_net: matches!(grid.neighbour(agent, *to), Node::Boundary { .. }),
     };
-    let link = |from: &Side| Link { letter: from.link_index(), from: from.index(), to: from.opposite().index() };
+    let link = |from: &Side| Link {
+        letter: from.link_index(),
+        from: from.index(),
+        to: from.opposite().index(),
+        inside: Vec::new(),
+        crosses: Vec::new(),
+    };
     RegionPlan {
         approaches: Side::ALL.iter().map(approach).collect(),
         exits: Side::ALL.iter().map(exit).collect(),

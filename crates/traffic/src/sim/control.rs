@@ -62,6 +62,11 @@ impl Decisions {
         matches!(self.control, SignalControl::HandCoded { by: HandCoded::Rule(_), .. })
     }
 
+    /// Returns whether the rule looks at what is within the junctions.
+    pub(super) fn minds_trapped(&self) -> bool {
+        matches!(&self.control, SignalControl::HandCoded { by: HandCoded::Rule(rule), .. } if rule.minds_trapped())
+    }
+
     pub(super) fn begin(&mut self, episode: Seed) {
         self.heard = false;
         self.advised = false;

@@ -70,6 +70,8 @@ pub struct GlobalTraffic {
     watched: Option<(Watched, Crossings)>,
     /// Read only for hand-coded control, for a reward or agents that need them, and if the roads are watched.
     exits: RowLanes,
+    /// Lanes within the junctions, for masks that mind trapped cars.
+    inside: RowLanes,
     last: JointTransition,
     /// Borders of a scenario's regions, once influence is observed.
     borders: Option<Borders>,
@@ -110,6 +112,7 @@ impl GlobalTraffic {
         let approaches = RowLanes::register(&mut simulation, approaches)?;
         let exits = agents.clone().map(|agent| agent.region.exits.iter().map(|exit| &exit.lane).collect());
         let exits = RowLanes::register(&mut simulation, exits)?;
+        let inside = RowLanes::register(&mut simulation, agents.clone().map(AgentPlan::lanes_inside))?;
         let record = |tape| Recorder::new(tape, &mut simulation, network.recorded(&plan)?, String::new());
         let recorder = tape.map(record).transpose()?;
         let events = |log| EventRecorder::new(log, network.sites(&plan)?, &mut simulation);
@@ -134,6 +137,7 @@ impl GlobalTraffic {
             approaches,
             cars_before: CarTable::new(),
             exits,
+            inside,
             d_set_before: last.percept.d_set.clone(),
             last,
             borders: None,
@@ -217,6 +221,7 @@ impl GlobalTraffic {
             lights: &self.lights,
             approaches: &self.approaches,
             exits: &self.exits,
+            inside: &self.inside,
         };
         (intersections, &mut self.decisions)
     }
@@ -299,10 +304,16 @@ impl GlobalTraffic {
         if self.decisions.has_rule() || reward::needs_exits(&self.plan.reward) {
             self.exits.read(&mut self.simulation)?;
         }
+        if self.inside.are_there() && self.decisions.minds_trapped() {
+            self.inside.read(&mut self.simulation)?;
+        }
         Ok(())
     }
 
     fn read_others(&mut self) -> Result<()> {
+        if self.inside.are_there() {
+            self.inside.read(&mut self.simulation)?;
+        }
         if self.watched.is_some() || self.plan.sees_sets() {
             self.exits.read(&mut self.simulation)?;
         }
@@ -346,7 +357,8 @@ impl GlobalTraffic {
                 observe::observe_detectors(plan, readings, percept.obs.row_mut(row));
             }
             *reward = reward::reward(&self.plan.reward, &plan.region, cars, self.exits.at(row), waiting, others);
-            observe::mask(plan, shown, |green| self.lights.allows(row, green), percept.masks.row_mut(row));
+            let allows = |green| self.lights.allows(row, green);
+            observe::mask(plan, shown, self.inside.at(row), allows, percept.masks.row_mut(row));
         }
     }
 }

@@ -62,6 +62,8 @@ pub struct LocalTraffic {
     border_lanes: RowLanes,
     /// Lanes on which cars leave the lights; read only for a reward or agents that need them, and if the roads are watched.
     exits: RowLanes,
+    /// Lanes within the junctions, for masks that mind trapped cars.
+    inside: RowLanes,
     /// Influence sources of this decision as they came true, `[rows, sources]`: a car arrives when it gets in.
     came_true: Rows<u8>,
     /// Buses, if an agent needs them.
@@ -136,6 +138,7 @@ impl LocalTraffic {
             rows: rows.collect(),
             border_lanes: RowLanes::new(forest.rows.iter().map(|row| &*row.border)),
             exits: RowLanes::new(forest.rows.iter().map(|row| &*row.exits)),
+            inside: RowLanes::new(forest.rows.iter().map(|row| &*row.inside)),
             came_true: Rows::new(forest.rows.len(), spec.sources.count()),
             last: Transition::new(forest.rows.len(), &spec),
             counts: Counts::default(),
@@ -303,8 +306,8 @@ impl LocalTraffic {
         self.recorder.as_mut().map_or(Ok(()), |recorder| recorder.step(&mut self.forest.simulation, &tried.insertions))
     }
 
-    /// Writes what a row shows: cars on its approaches, on its exits, and on the lanes of its border.
-    fn show(&mut self, row: usize, [cars, exits, at_border]: [CarsAt<'_>; 3]) {
+    /// Writes what a row shows: cars on its approaches, on its exits, within its junctions, and on the lanes of its border.
+    fn show(&mut self, row: usize, [cars, exits, inside, at_border]: [CarsAt<'_>; 4]) {
         let (now, agent) = (&self.rows[row], self.forest.rows[row].agent.0);
         let plan = &self.plan.agents[agent];
         let lights = &self.forest.lights;
@@ -331,7 +334,8 @@ impl LocalTraffic {
             None => observe::d_separate(plan, cars, obs, self.came_true.row(row), d_set),
         }
         if let Some(masks) = masks {
-            observe::mask(plan, light.shown, |green| lights.allows(row, green), masks.row_mut(row));
+            let allows = |green| lights.allows(row, green);
+            observe::mask(plan, light.shown, inside, allows, masks.row_mut(row));
         }
     }
 
@@ -342,12 +346,15 @@ impl LocalTraffic {
         if self.watched.is_some() || self.plan.sees_sets() || reward::needs_exits(&self.plan.reward) {
             self.exits.read(&mut self.forest.simulation)?;
         }
+        if self.inside.are_there() {
+            self.inside.read(&mut self.forest.simulation)?;
+        }
         if let Some(others) = &mut self.others {
             let plans = self.forest.rows.iter().map(|row| &self.plan.agents[row.agent.0]);
             others.read(&mut self.forest.simulation, plans, |row| self.forest.approaches.at(row))?;
         }
-        let lanes = [&mut self.forest.approaches, &mut self.exits, &mut self.border_lanes];
-        let [approaches, exits, border_lanes] = lanes.map(std::mem::take);
+        let lanes = [&mut self.forest.approaches, &mut self.exits, &mut self.inside, &mut self.border_lanes];
+        let [approaches, exits, inside, border_lanes] = lanes.map(std::mem::take);
         for row in 0..self.rows.len() {
             let agent = self.forest.rows[row].agent.0;
             let (cars, now) = (approaches.at(row), &mut self.rows[row]);
@@ -361,9 +368,10 @@ impl LocalTraffic {
                     self.counts.note(cars);
                 }
             }
-            self.show(row, [cars, exits.at(row), border_lanes.at(row)]);
+            self.show(row, [cars, exits.at(row), inside.at(row), border_lanes.at(row)]);
         }
-        (self.forest.approaches, self.exits, self.border_lanes) = (approaches, exits, border_lanes);
+        (self.forest.approaches, self.exits) = (approaches, exits);
+        (self.inside, self.border_lanes) = (inside, border_lanes);
         self.watch.note(Phase::Reading, begun.elapsed());
         Ok(())
     }
@@ -388,7 +396,7 @@ impl LocalSimulator for LocalTraffic {
         for row in rows {
             let place = &self.forest.rows[row];
             let approaches = self.plan.agents[place.agent.0].region.approaches.len();
-            let nobody = [approaches, place.exits.len(), place.border.len()].map(no_cars);
+            let nobody = [approaches, place.exits.len(), place.inside.len(), place.border.len()].map(no_cars);
             self.show(row, nobody.each_ref().map(CarsAt::all));
         }
         Ok(&self.last.percept)

@@ -62,6 +62,8 @@ pub(crate) struct RowPlace {
     pub(crate) border: Vec<LaneId>,
     /// Lanes on which cars leave the light, in the order of the region plan.
     pub(crate) exits: Vec<LaneId>,
+    /// Those within its junctions, for masks that mind trapped cars; none on a grid.
+    pub(crate) inside: Vec<LaneId>,
     pub(crate) gate: Option<RowGate>,
     pub(crate) local_routes: Arc<LocalRoutes>,
     /// Routes by their numbers: those of `local_routes`, or one for each edge of a grid.
@@ -113,6 +115,7 @@ impl LocalForest {
                 first_lane: 0,
                 border: Vec::new(),
                 exits,
+                inside: Vec::new(),
                 gate: None,
                 local_routes: Arc::default(),
                 routes: simulation.register_routes(&region.routes())?,
@@ -173,6 +176,7 @@ impl LocalForest {
             let all = lanes(&mut net.lanes())?;
             let of_border = lanes(&mut border.lanes.iter().map(|lane| &*lane.lane))?;
             let exits = lanes(&mut region.exits.iter().map(|exit| &*exit.lane))?;
+            let inside = lanes(&mut plan.agents[agent.0].lanes_inside().into_iter().map(String::as_str))?;
             let register = |gate: &Gate| -> Result<RowGate> {
                 let light = simulation.register_lights(&[prefixed(&prefix, &gate.light)])?[0];
                 let letter = |&lane: &usize| gate.lanes.iter().position(|other| *other == border.lanes[lane].lane);
@@ -187,6 +191,7 @@ impl LocalForest {
                 first_lane: forest.first_lane[row],
                 border: of_border,
                 exits,
+                inside,
                 gate,
                 local_routes,
                 routes: simulation.register_routes(&routes)?,

@@ -3,6 +3,8 @@
 
 use std::collections::{BTreeMap, BTreeSet, HashMap};
 
+use anyhow::Result;
+
 use super::Rules;
 use super::region::Region;
 use crate::agents::loops::Loop;
@@ -15,7 +17,9 @@ use crate::network::roads::{Connection, EdgeNo, LaneNo, Roads};
 
 /// Approaches: first the edges at the stop line in the order of the light's letters, then the others by distance; the
 /// lanes of an edge from the right to the left. Links are in the order of the letters, exits in that of the links.
-pub(crate) fn region_plan(roads: &Roads, light: &str, region: &Region) -> RegionPlan {
+///
+/// `minds_trapped`: whether masks mind the cars that are trapped within the junctions. An error is one of [`Roads::crossing_letters`].
+pub(crate) fn region_plan(roads: &Roads, light: &str, region: &Region, minds_trapped: bool) -> Result<RegionPlan> {
     let mut ways: Vec<(usize, &Connection)> = roads
         .under_light(light)
         .filter(|link| region.ahead_m.contains_key(&link.from))
@@ -31,9 +35,20 @@ pub(crate) fn region_plan(roads: &Roads, light: &str, region: &Region) -> Region
     }
     let places = |lanes: &[LaneNo]| lanes.iter().enumerate().map(|(place, &lane)| (lane, place)).collect();
     let [approach_of, exit_of]: [HashMap<LaneNo, usize>; 2] = [places(&order), places(&leaving)];
+    let crossing = if minds_trapped { roads.crossing_letters(light)? } else { BTreeSet::new() };
     let links: Vec<Link> = ways
         .iter()
-        .map(|(letter, link)| Link { letter: *letter, from: approach_of[&link.from], to: exit_of[&link.to] })
+        .map(|&(letter, link)| {
+            let across = |other: usize| crossing.contains(&[letter.min(other), letter.max(other)]);
+            let inside = roads.lanes_within_junction(link).filter(|_| minds_trapped);
+            Link {
+                letter,
+                from: approach_of[&link.from],
+                to: exit_of[&link.to],
+                inside: inside.map(|lane| roads.lane(lane).id.clone()).collect(),
+                crosses: (0..ways.len()).filter(|&other| across(ways[other].0)).collect(),
+            }
+        })
         .collect();
     let reached = links_reached(roads, &order, &approach_of, &links);
     let approaches = order.iter().zip(reached).map(|(&lane, links)| {
@@ -47,7 +62,7 @@ pub(crate) fn region_plan(roads: &Roads, light: &str, region: &Region) -> Region
         let lane = roads.lane(lane);
         Exit { lane: lane.id.clone(), length_m: lane.length_m, speed_limit_mps: lane.speed_limit_mps, leaves_the_net }
     });
-    RegionPlan { approaches: approaches.collect(), exits: exits.collect(), links }
+    Ok(RegionPlan { approaches: approaches.collect(), exits: exits.collect(), links })
 }
 
 fn lanes_in_order(roads: &Roads, region: &Region, ways: &[(usize, &Connection)]) -> Vec<LaneNo> {

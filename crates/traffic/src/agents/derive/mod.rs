@@ -50,6 +50,8 @@ pub struct Rules {
     pub program_min_green: bool,
     /// How people on foot cross; `None`: their crossings make no green longer.
     pub walking: Option<Walking>,
+    /// Whether masks mind the cars that are trapped within junctions.
+    pub minds_trapped: bool,
     /// What an agent chooses from.
     pub actions: Actions,
     pub(crate) cars: Observation,
@@ -57,13 +59,23 @@ pub struct Rules {
 
 impl Rules {
     pub fn of(config: &ScenarioConfig) -> Rules {
-        let &ScenarioConfig { approach_m, yellow_s, min_green_s, program_min_green, observation, actions, .. } = config;
+        let &ScenarioConfig {
+            approach_m,
+            yellow_s,
+            min_green_s,
+            program_min_green,
+            observation,
+            actions,
+            mind_trapped,
+            ..
+        } = config;
         Rules {
             approach_m,
             yellow: yellow_s,
             min_green_s,
             program_min_green,
             walking: config.walking(),
+            minds_trapped: mind_trapped,
             actions,
             cars: observation,
         }
@@ -78,6 +90,7 @@ impl Default for Rules {
             min_green_s: 5,
             program_min_green: true,
             walking: Some(Walking::default()),
+            minds_trapped: true,
             actions: Actions::Greens,
             cars: Observation::Cells,
         }
@@ -277,7 +290,7 @@ fn agent(
     phases.program = program_changes(&of_program, greens);
     safety::check(roads, program, &phases)?;
     let region = Region::of(roads, lit, light, rules.approach_m, own.approaches.as_deref())?;
-    let lanes = lanes::region_plan(roads, light, &region);
+    let lanes = lanes::region_plan(roads, light, &region, rules.minds_trapped)?;
     let sensor = lanes::sensor(&lanes, rules, phases.greens().len());
     let plan = AgentPlan {
         light: light.clone(),

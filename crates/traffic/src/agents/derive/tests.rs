@@ -33,8 +33,11 @@ fn an_agent_sees_lanes_for_cars_back_through_junctions_without_a_light() {
     // Letters and links are in the same order here. Cars on `far` come to both lanes of `near`.
     let links: Vec<&[usize]> = plan.region.approaches.iter().map(|approach| &approach.links[..]).collect();
     assert_eq!(links, [&[0, 1][..], &[2], &[3], &[2, 3], &[2]]);
-    let link = |letter, from, to| Link { letter, from, to };
-    assert_eq!(plan.region.links, [link(0, 0, 0), link(1, 0, 1), link(2, 1, 1), link(3, 2, 0)]);
+    let link =
+        |letter, from, to, crosses: &[usize]| Link { letter, from, to, inside: Vec::new(), crosses: crosses.to_vec() };
+    // As the `foes` of J say. The ways from `near` to `out` and from `north` to `out` end on one lane.
+    let links = [link(0, 0, 0, &[3]), link(1, 0, 1, &[2, 3]), link(2, 1, 1, &[1]), link(3, 2, 0, &[0, 1])];
+    assert_eq!(plan.region.links, links);
     let exits: Vec<(&str, f64, bool)> =
         plan.region.exits.iter().map(|exit| (exit.lane.as_str(), exit.length_m, exit.leaves_the_net)).collect();
     assert_eq!(exits, [("back_0", 50.0, true), ("out_0", 190.0, true)]);
