@@ -21,7 +21,7 @@ const SHORTER: &[(&str, &str, &str)] = &[
          --set policy.share=kind --set policy.separate_critic=false --set policy.hidden=[8,8]",
         "its islands are not made here",
     ),
-    ("town.sumocfg --steps 21600 --set policy.start", "town.sumocfg --steps 240 --set policy.start", "time"),
+    ("town.sumocfg --steps 21600 ", "town.sumocfg --steps 240 ", "time"),
     (" --gui", "", "there is no screen"),
     ("sumo-gui -c", "sumo --no-step-log --end 20 -c", "there is no screen"),
     ("mpirun -n 3 dials-traffic", "dials-traffic", "tests/training/mpi.rs trains over ranks"),

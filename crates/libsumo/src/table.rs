@@ -16,6 +16,13 @@ pub struct Car {
     pub speed_mps: f64,
 }
 
+impl Car {
+    /// Returns whether it stands: slower than 0.1 m/s, SUMO's own bound.
+    pub fn stands(&self) -> bool {
+        self.speed_mps < HALTING_MPS
+    }
+}
+
 /// The cars on the lanes of one read, lane after lane in flat buffers that the next read reuses.
 #[derive(Clone, Debug, PartialEq)]
 pub struct CarTable {
@@ -123,7 +130,7 @@ impl<'a> LaneCars<'a> {
 
     /// Returns the cars, each with whether it stands.
     pub fn standing(&self) -> impl ExactSizeIterator<Item = (CarId, bool)> + use<'a> {
-        self.iter().map(|car| (car.id, car.speed_mps < HALTING_MPS))
+        self.iter().map(|car| (car.id, car.stands()))
     }
 
     /// Returns the cars, the rearmost first.

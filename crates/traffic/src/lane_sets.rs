@@ -7,7 +7,10 @@ use super::agents::phase_plan::Shown;
 use super::agents::plan::AgentPlan;
 use super::cars_at::CarsAt;
 use super::observe::JAM_M;
+use dials_core::base::{Seed, scramble};
 use dials_core::domain::Sets;
+use libsumo::{Car, LaneCars};
+use rand::RngCore;
 
 /// Features of a lane, in this order. Counts are in tens of cars.
 const OF_LANE: [&str; 19] = [
@@ -67,21 +70,54 @@ pub(crate) fn sets(lanes: usize, greens: usize) -> Sets {
 }
 
 /// Returns the sets of some lights, all with the room that the largest one needs.
-pub(crate) fn of_lights(plans: &[AgentPlan], seen_m: f64) -> Vec<LaneSets> {
+pub(crate) fn of_lights(plans: &[AgentPlan], view: View) -> Vec<LaneSets> {
     let most = |count: fn(&AgentPlan) -> usize| plans.iter().map(count).max().unwrap_or(0);
     let (lanes, greens) = (most(|plan| plan.region.approaches.len()), most(AgentPlan::greens));
-    let of_light = |plan: &AgentPlan| {
-        LaneSets::new(plan.region.approaches.len(), plan.greens(), seen_m).fitted(plan, lanes, greens)
-    };
+    let of_light =
+        |plan: &AgentPlan| LaneSets::new(plan.region.approaches.len(), plan.greens(), view).fitted(plan, lanes, greens);
     plans.iter().map(of_light).collect()
+}
+
+/// Which cars are seen.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct View {
+    /// How far before the stop line, in metres.
+    pub(crate) up_to_m: f64,
+    /// Share of the cars, above 0 and at most 1. Each of them counts for one over the share.
+    pub(crate) share: f64,
+}
+
+/// Draws the cars that are seen in an episode, each by its number: whoever is seen at one light is seen at all.
+#[derive(Clone, Copy, Debug, Default)]
+pub(crate) struct Draw(u64);
+
+impl Draw {
+    pub(crate) fn of(episode: Seed) -> Draw {
+        Draw(episode.fork_named("seen cars").dice().next_u64())
+    }
+}
+
+impl View {
+    fn sees(self, car: &Car, Draw(episode): Draw) -> bool {
+        // The upper 53 bits are a number from 0 to 1.
+        self.share >= 1.0 || ((scramble(car.id.0 ^ episode) >> 11) as f64) < self.share * 2_f64.powi(53)
+    }
+
+    fn seen<'a>(self, cars: LaneCars<'a>, draw: Draw) -> impl Iterator<Item = Car> + use<'a> {
+        cars.iter().filter(move |car| self.sees(car, draw))
+    }
+
+    /// Returns the number of cars for which a number of seen ones stands.
+    fn stand_for(self, seen: usize) -> f32 {
+        (seen as f64 / self.share) as f32
+    }
 }
 
 /// How the lanes and greens of an agent lie in its observation, and what of them never changes.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct LaneSets {
     pub(crate) sets: Sets,
-    /// How far before the stop line cars are seen, in metres.
-    pub(crate) seen_m: f64,
+    pub(crate) view: View,
     /// An observation with all that never changes. Empty until the agents know how much room they need together.
     fixed: Vec<f32>,
 }
@@ -94,6 +130,7 @@ pub(crate) struct Seen<'a> {
     /// Number of steps for which it has been shown.
     pub(crate) shown_steps: u32,
     pub(crate) since: &'a SinceGreen,
+    pub(crate) draw: Draw,
 }
 
 /// Number of seconds since each green of a light was shown last. At the beginning of an episode all are 0.
@@ -116,8 +153,8 @@ impl SinceGreen {
 
 impl LaneSets {
     /// Returns the sets of an agent with this number of lanes and greens.
-    pub(crate) fn new(lanes: usize, greens: usize, seen_m: f64) -> LaneSets {
-        LaneSets { sets: sets(lanes, greens), seen_m, fixed: Vec::new() }
+    pub(crate) fn new(lanes: usize, greens: usize, view: View) -> LaneSets {
+        LaneSets { sets: sets(lanes, greens), view, fixed: Vec::new() }
     }
 
     /// Gives the agent as much room as the largest one of them needs, and writes down what never changes. `plan`: its own.
@@ -125,7 +162,7 @@ impl LaneSets {
         let sets = Sets { items: lanes, choices: greens, ..self.sets };
         let mut fixed = vec![0.0; sets.inputs()];
         for (lane, approach) in plan.region.approaches.iter().enumerate() {
-            let in_view_m = approach.length_m.min(self.seen_m - approach.ahead_m);
+            let in_view_m = approach.length_m.min(self.view.up_to_m - approach.ahead_m);
             let joins =
                 approach.links.iter().filter(|&&link| !plan.region.exits[plan.region.links[link].to].leaves_the_net);
             let links = approach.links.len().max(1) as f32;
@@ -208,22 +245,22 @@ impl LaneSets {
     fn observe_lane(&self, plan: &AgentPlan, seen: &Seen<'_>, lane: usize, features: &mut [f32]) {
         let approach = &plan.region.approaches[lane];
         let (mut queue, mut count, mut speeds_mps) = (0, 0, 0.0);
-        for (car, stands) in seen.cars.lane(lane).iter().zip(seen.cars.lane(lane).standing()) {
+        for car in self.view.seen(seen.cars.lane(lane), seen.draw) {
             let before_m = approach.length_m - car.position_m + approach.ahead_m;
-            if before_m > self.seen_m {
+            if before_m > self.view.up_to_m {
                 continue;
             }
             count += 1;
-            queue += u32::from(stands.1);
+            queue += usize::from(car.stands());
             speeds_mps += car.speed_mps;
             if let Some(stretch) = STRETCHES_M.iter().position(|&end_m| before_m < end_m) {
-                features[6 + stretch] += 1.0 / CARS;
+                features[6 + stretch] += self.view.stand_for(1) / CARS;
             }
         }
-        features[4] = queue as f32 / CARS;
-        features[5] = count as f32 / CARS;
+        features[4] = self.view.stand_for(queue) / CARS;
+        features[5] = self.view.stand_for(count) / CARS;
         if count > 0 {
-            features[11] = (speeds_mps / f64::from(count) / approach.speed_limit_mps) as f32;
+            features[11] = (speeds_mps / count as f64 / approach.speed_limit_mps) as f32;
         }
         if let Some(green) = seen.shown.green() {
             features[12] = plan.share(green, lane) as f32;
@@ -233,11 +270,15 @@ impl LaneSets {
         let exits = approach.links.iter().map(|&link| plan.region.links[link].to);
         let links = approach.links.len().max(1) as f32;
         for exit in exits {
-            let cars = seen.exits.lane(exit);
+            let (mut count, mut queue) = (0, 0);
+            for car in self.view.seen(seen.exits.lane(exit), seen.draw) {
+                count += 1;
+                queue += usize::from(car.stands());
+            }
             let room = (plan.region.exits[exit].length_m / JAM_M).max(1.0) as f32;
-            let filled = (cars.len() as f32 / room).min(1.0);
-            features[14] += cars.len() as f32 / CARS / links;
-            features[15] += cars.halting() as f32 / CARS / links;
+            let filled = (self.view.stand_for(count) / room).min(1.0);
+            features[14] += self.view.stand_for(count) / CARS / links;
+            features[15] += self.view.stand_for(queue) / CARS / links;
             features[16] += filled / links;
             features[17] = filled.max(features[17]);
         }
@@ -264,8 +305,8 @@ fn seconds(time: f32) -> u32 {
 
 /// Gives all agents that see sets the room that the largest of them needs.
 pub(crate) fn make_room(agents: &mut [AgentPlan]) {
-    let Some(seen_m) = agents.first().and_then(|agent| agent.sensor.sets()).map(|sets| sets.seen_m) else { return };
-    let fitted = of_lights(agents, seen_m);
+    let Some(view) = agents.first().and_then(|agent| agent.sensor.sets()).map(|sets| sets.view) else { return };
+    let fitted = of_lights(agents, view);
     agents.iter_mut().zip(fitted).for_each(|(agent, sets)| agent.sensor.see(sets));
 }
 
@@ -284,17 +325,20 @@ mod tests {
         CarTable::of(lanes.iter().map(|cars| cars.iter().enumerate().map(car).collect()))
     }
 
+    const ALL: View = View { up_to_m: 150.0, share: 1.0 };
+
     fn observe(
         plan: &AgentPlan,
+        view: View,
         room: [usize; 2],
         shown: Shown,
         cars_on: [&CarTable; 2],
         since: &SinceGreen,
     ) -> Vec<f32> {
-        let sets = LaneSets::new(plan.region.approaches.len(), plan.greens(), 150.0).fitted(plan, room[0], room[1]);
+        let sets = LaneSets::new(plan.region.approaches.len(), plan.greens(), view).fitted(plan, room[0], room[1]);
         let mut obs = vec![7.0; sets.columns()];
         let [cars, exits] = cars_on.map(CarsAt::all);
-        sets.observe(plan, &Seen { cars, exits, shown, shown_steps: 3, since }, &mut obs);
+        sets.observe(plan, &Seen { cars, exits, shown, shown_steps: 3, since, draw: Draw(7) }, &mut obs);
         obs
     }
 
@@ -312,7 +356,7 @@ mod tests {
         let exits = cars(&[&[], &[(10.0, 0.0), (20.0, 8.0)], &[]]);
         let mut since = SinceGreen::begin(4);
         (0..6).for_each(|_| since.note(Shown::Green(0)));
-        let obs = observe(&plan, [5, 4], Shown::Green(0), [&approaches, &exits], &since);
+        let obs = observe(&plan, ALL, [5, 4], Shown::Green(0), [&approaches, &exits], &since);
         let filled = 2.0 * 7.5 / 100.0;
         let red_for = 7.0_f32.ln() / 5.0;
         let expected = [
@@ -330,7 +374,7 @@ mod tests {
         close_to(&obs[sets(5, 4).item(2)], &expected.concat());
         // Cars upstream of another lane are 10 m farther away.
         let upstream = cars(&[&[], &[], &[], &[], &[(59.0, 0.0)]]);
-        let obs = observe(&plan, [5, 4], Shown::Green(0), [&upstream, &exits], &since);
+        let obs = observe(&plan, ALL, [5, 4], Shown::Green(0), [&upstream, &exits], &since);
         close_to(&obs[sets(5, 4).item(4)][4..11], &[0.1, 0.1, 0.0, 0.1, 0.0, 0.0, 0.0]);
         assert_eq!(obs[sets(5, 4).item(4)][12], 1.0, "it has green");
     }
@@ -341,7 +385,7 @@ mod tests {
         let nobody = [5, 3].map(no_cars);
         let mut since = SinceGreen::begin(4);
         (0..3).for_each(|_| since.note(Shown::Green(1)));
-        let obs = observe(&plan, [5, 4], Shown::Green(1), nobody.each_ref(), &since);
+        let obs = observe(&plan, ALL, [5, 4], Shown::Green(1), nobody.each_ref(), &since);
         let time = 4.0_f32.ln() / 5.0;
         // Two of five seconds are left.
         close_to(&obs[sets(5, 4).choice(1)], &[1.0, 1.0, 1.0, time, 0.0, 0.2, 0.0, 1.0, 0.25]);
@@ -350,17 +394,49 @@ mod tests {
         // The left turn from the west yields in green 3; half of the lane from the south is open.
         close_to(&obs[sets(5, 4).belongs(3, 0)], &[0.0, 1.0, 0.5, 0.0, 0.0]);
         close_to(&obs[sets(5, 4).belongs(3, 1)], &[0.0, 0.0, 0.5, 0.0, 0.0]);
-        let between = observe(&plan, [5, 4], Shown::Between { from: 1, to: 3 }, nobody.each_ref(), &since);
+        let between = observe(&plan, ALL, [5, 4], Shown::Between { from: 1, to: 3 }, nobody.each_ref(), &since);
         let marks = [0, 1, 2, 3].map(|green| between[sets(5, 4).choice(green)][1]);
         assert_eq!(marks, [0.0, 0.0, 0.0, 1.0], "it comes next");
         assert_eq!([0, 1, 2, 3].map(|green| between[sets(5, 4).choice(green)][7]), [0.0, 0.0, 0.0, 1.0]);
     }
 
     #[test]
+    fn each_seen_car_stands_for_those_that_are_not_seen() {
+        let (plan, draw) = (crossing(), Draw::of(Seed::new(1)));
+        let half = View { share: 0.5, ..ALL };
+        let seen = |episode: Seed| {
+            let cars = (0..10_000).map(|number| Car { id: CarId(number), position_m: 0.0, speed_mps: 0.0 });
+            cars.filter(|car| half.sees(car, Draw::of(episode))).count()
+        };
+        // Half of 10 000, standard deviation 50.
+        let counts = [1, 2].map(|seed| seen(Seed::new(seed)));
+        assert!(counts.iter().all(|count| (4_800..5_200).contains(count)) && counts[0] != counts[1], "{counts:?}");
+        // Four cars stand 5 m before the stop line, and the first is on its exit, too.
+        let ids: Vec<u64> = (0..4).collect();
+        let row = |ids: &[u64]| ids.iter().map(|&id| (CarId(id), 95.0, 0.0)).collect();
+        let table = |on: usize, ids: &[u64], lanes: usize| {
+            CarTable::of((0..lanes).map(|lane| if lane == on { row(ids) } else { Vec::new() }))
+        };
+        let [cars, exits] = [table(0, &ids, 5), table(0, &ids[..1], 3)];
+        let sets = LaneSets::new(5, 4, half).fitted(&plan, 5, 4);
+        let mut obs = vec![0.0; sets.columns()];
+        let [at, behind] = [&cars, &exits].map(CarsAt::all);
+        let since = SinceGreen::begin(4);
+        let shown = Shown::Green(0);
+        sets.observe(&plan, &Seen { cars: at, exits: behind, shown, shown_steps: 1, since: &since, draw }, &mut obs);
+        let sees = |id: &u64| half.sees(&Car { id: CarId(*id), position_m: 0.0, speed_mps: 0.0 }, draw);
+        let count = ids.iter().filter(|id| sees(id)).count() as f32;
+        assert!(count > 0.0 && count < 4.0, "otherwise this shows nothing");
+        let lane = &obs[sets.sets.item(0)];
+        close_to(&[lane[4], lane[5], lane[6]], &[2.0 * count / 10.0; 3]);
+        assert!((lane[14] - if sees(&0) { 0.2 } else { 0.0 }).abs() < 1e-6, "on the exit");
+    }
+
+    #[test]
     fn room_for_larger_lights_stays_empty() {
         let (plan, sets) = (crossing(), sets(9, 6));
         let nobody = [5, 3].map(no_cars);
-        let obs = observe(&plan, [9, 6], Shown::Green(0), nobody.each_ref(), &SinceGreen::begin(4));
+        let obs = observe(&plan, ALL, [9, 6], Shown::Green(0), nobody.each_ref(), &SinceGreen::begin(4));
         let empty = (5..9).map(|lane| sets.item(lane)).chain((4..6).map(|green| sets.choice(green)));
         assert!(empty.flatten().all(|column| obs[column] == 0.0));
         assert!((0..4).all(|green| obs[sets.belongs(green, 0)][5..].iter().all(|&share| share == 0.0)));
@@ -369,7 +445,7 @@ mod tests {
     #[test]
     fn lights_of_different_shapes_get_the_same_room_and_every_column_a_name_of_its_own() {
         let plans = [middle(), crossing()];
-        let fitted = of_lights(&plans, 150.0);
+        let fitted = of_lights(&plans, ALL);
         assert_eq!(fitted[0].sets, fitted[1].sets);
         assert_eq!([fitted[0].sets.items, fitted[0].sets.choices], [5, 4]);
         let names = fitted[1].names(plans[1].region.approaches.iter().map(|approach| &approach.lane));

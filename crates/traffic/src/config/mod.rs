@@ -27,6 +27,7 @@ pub use detectors::DetectorFaults;
 pub use grid::{ClockOffsets, DSet, EntryRule, TrafficConfig, UntilFirstSwitch};
 pub use reward::{Reward, RewardTerm};
 pub use route_files::files_called;
+pub(crate) use scenario::SEEN_CARS;
 pub use scenario::{Actions, DEMAND, Observation, Pedestrians, ScenarioConfig, Yellow};
 
 /// Traffic lights, on a grid of the paper, which `network` and `local_network` name, or on a scenario of yours, which

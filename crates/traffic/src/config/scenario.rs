@@ -104,6 +104,11 @@ pub struct ScenarioConfig {
     pub approach_m: f64,
     /// What an agent sees of the cars on its approaches.
     pub observation: Observation,
+    /// Share of the cars that agents see with `observation = "lanes"`, drawn car by car in every episode. Each stands for one over the
+    /// share. So it is with the share of cars that say where they are.
+    #[serde(skip_serializing_if = "is_one")]
+    #[schemars(extend("default" = 1.0))]
+    pub seen_cars: f64,
     /// Faults of the detectors, if agents see detectors.
     #[serde(skip_serializing_if = "is_default")]
     pub detector_faults: DetectorFaults,
@@ -177,6 +182,8 @@ const LONGEST_S: u32 = 300;
 const WALKING_SPEED_MPS: std::ops::RangeInclusive<f64> = 0.2..=3.0;
 const WALK_S: std::ops::RangeInclusive<f64> = 0.0..=60.0;
 const APPROACH_M: std::ops::RangeInclusive<f64> = 10.0..=1000.0;
+/// Shares of cars that may be seen.
+pub(crate) const SEEN_CARS: std::ops::RangeInclusive<f64> = 0.01..=1.0;
 /// Factors that `traffic.demand` may be.
 pub const DEMAND: std::ops::RangeInclusive<f64> = 0.01..=100.0;
 /// Largest number of decisions of an episode, as in the check of a horizon.
@@ -216,6 +223,7 @@ impl ScenarioConfig {
             yellow_s: Yellow::Program,
             approach_m: 150.0,
             observation: Observation::default(),
+            seen_cars: 1.0,
             detector_faults: DetectorFaults::default(),
             reward: Reward::default(),
             python_reward: None,
@@ -319,6 +327,12 @@ impl DomainTable for ScenarioConfig {
             DEMAND.end()
         );
         self.detector_faults.check(self.observation)?;
+        let seen = self.seen_cars;
+        ensure!(SEEN_CARS.contains(&seen), "traffic.seen_cars = {seen}: must be from 0.01 to 1");
+        ensure!(
+            seen == 1.0 || self.observation == Observation::Lanes,
+            "traffic.seen_cars = {seen}: only agents that see lanes miss cars; add observation = \"lanes\""
+        );
         ensure!(
             self.observation != Observation::Lanes || self.actions != Actions::FixedOrder,
             "traffic.observation = \"lanes\": policies choose a green, so it does not go with traffic.actions = \"fixed-order\""
@@ -461,6 +475,8 @@ mod tests {
             let message = checked(|config| config.approach_m = approach);
             assert_eq!(message, format!("traffic.approach_m = {approach}: must be from 10 to 1000 metres"));
         }
+        assert_eq!(checked(|config| config.seen_cars = 0.0), "traffic.seen_cars = 0: must be from 0.01 to 1");
+        assert!(checked(|config| config.seen_cars = 0.5).contains("only agents that see lanes miss cars"));
         assert!(checked(|config| config.end_s = Some(25_204)).contains("there are 0 decisions"));
         assert!(checked(|config| config.end_s = Some(u64::MAX)).contains("must be at most"));
     }

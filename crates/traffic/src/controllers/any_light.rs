@@ -10,7 +10,8 @@ use super::intersections::Intersections;
 use super::{ANY_LIGHT, FILE, LightController};
 use crate::agents::plan::AgentPlan;
 use crate::any_light::AnyLight;
-use crate::lane_sets::{self, LaneSets, Seen, SinceGreen};
+use crate::config::SEEN_CARS;
+use crate::lane_sets::{self, Draw, LaneSets, Seen, SinceGreen, View};
 use dials_core::base::{AgentId, Dice, RandomPurpose, Rows, Seed};
 use dials_core::domain::sampling::{self, Selection};
 use dials_core::outside::Printable;
@@ -33,6 +34,7 @@ pub(super) struct AnyLightController {
     /// The green that each light wants until the next decision.
     wanted: Vec<usize>,
     dice: Vec<Dice>,
+    draw: Draw,
     second: u32,
 }
 
@@ -54,6 +56,8 @@ pub(super) struct Choices {
     selection: Selection,
     /// Seconds of red after which a lane where cars stand comes next.
     longest_red: u32,
+    /// Share of the cars that it sees.
+    seen: f64,
 }
 
 impl Choices {
@@ -71,7 +75,9 @@ impl Choices {
         };
         let every = arguments.steps("every")?.unwrap_or(model.decision_s());
         let longest_red = arguments.steps("longest-red")?.unwrap_or(LONGEST_RED);
-        Ok(Choices { model: Arc::new(model), every, selection, longest_red })
+        let seen =
+            arguments.number("seen", "a share from 0.01 to 1", |share| SEEN_CARS.contains(share))?.unwrap_or(1.0);
+        Ok(Choices { model: Arc::new(model), every, selection, longest_red, seen })
     }
 
     /// Returns a sentence about the lights that are unlike all lights of the training, if there are some.
@@ -90,7 +96,7 @@ impl Choices {
 
     /// Makes a controller of these lights.
     pub(super) fn controller(&self, plans: &[AgentPlan]) -> AnyLightController {
-        let sets = lane_sets::of_lights(plans, self.model.seen_m());
+        let sets = lane_sets::of_lights(plans, View { up_to_m: self.model.seen_m(), share: self.seen });
         let room = sets.first().map_or_else(|| lane_sets::sets(1, 1), |sets| sets.sets);
         AnyLightController {
             network: self.model.network(room),
@@ -101,6 +107,7 @@ impl Choices {
             since: Vec::new(),
             wanted: Vec::new(),
             dice: Vec::new(),
+            draw: Draw::default(),
             second: 0,
         }
     }
@@ -114,6 +121,7 @@ impl LightController for AnyLightController {
     fn begin(&mut self, episode: Seed) {
         let agents = AgentId::all(self.sets.len());
         self.dice = episode.fork(RandomPurpose::Acting).for_agents(&agents).collect();
+        self.draw = Draw::of(episode);
         self.since.clear();
         self.second = 0;
     }
@@ -140,7 +148,7 @@ impl AnyLightController {
         for (row, plan) in intersections.plans.iter().enumerate() {
             let (shown, shown_steps) = (intersections.shown[row], intersections.shown_steps[row]);
             let [cars, exits] = [intersections.approaches, intersections.exits].map(|lanes| lanes.at(row));
-            let seen = Seen { cars, exits, shown, shown_steps, since: &self.since[row] };
+            let seen = Seen { cars, exits, shown, shown_steps, since: &self.since[row], draw: self.draw };
             self.sets[row].observe(plan, &seen, obs.row_mut(row));
         }
         let scores = self.network.step(&obs, &mut self.network.states(lights));
@@ -168,7 +176,7 @@ mod tests {
     #[test]
     fn a_lane_that_has_been_red_too_long_comes_next_if_cars_stand_there() {
         let plan = crossing();
-        let sets = LaneSets::new(5, 4, 150.0).fitted(&plan, 5, 4);
+        let sets = LaneSets::new(5, 4, View { up_to_m: 150.0, share: 1.0 }).fitted(&plan, 5, 4);
         let ways = |stand_and_red: &[(usize, u32)], longest_red: u32, mut allowed: [bool; 4]| {
             let mut obs = vec![0.0; sets.columns()];
             for &(lane, red_s) in stand_and_red {

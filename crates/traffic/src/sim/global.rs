@@ -26,7 +26,7 @@ use crate::cars_at::{CarsAt, RowLanes};
 use crate::controllers::intersections::Intersections;
 use crate::events::{EventLog, EventRecorder};
 use crate::inflow::has_arrival;
-use crate::lane_sets::{Seen, SinceGreen};
+use crate::lane_sets::{Draw, Seen, SinceGreen};
 use crate::network::loadable::Loadable;
 use crate::observe::{self, LightView};
 use crate::reward::{self, Waiting};
@@ -68,6 +68,8 @@ pub struct GlobalTraffic {
     readings: Vec<Readings>,
     /// What is known of vehicles, if the roads are watched, and the crossings with persons.
     watched: Option<(Watched, Crossings)>,
+    /// Which cars are seen in this episode by agents that see lanes.
+    draw: Draw,
     /// Read only for hand-coded control, for a reward or agents that need them, and if the roads are watched.
     exits: RowLanes,
     /// Lanes within the junctions, for masks that mind trapped cars.
@@ -129,6 +131,7 @@ impl GlobalTraffic {
             others,
             readings: Vec::new(),
             watched: None,
+            draw: Draw::default(),
             decisions: Decisions::new(control, agents),
             simulation,
             lights,
@@ -350,7 +353,7 @@ impl GlobalTraffic {
             let (waiting, others) = (&self.waiting[row], self.others.as_ref().map(|others| &others.now[row]));
             others.iter().for_each(|others| observe::observe_others(plan, others, percept.obs.row_mut(row)));
             if let Some(since) = self.shown.since.get(row) {
-                let seen = Seen { cars, exits: self.exits.at(row), shown, shown_steps, since };
+                let seen = Seen { cars, exits: self.exits.at(row), shown, shown_steps, since, draw: self.draw };
                 observe::observe_sets(plan, &seen, percept.obs.row_mut(row));
             }
             if let Some(readings) = self.readings.get(row) {
@@ -417,6 +420,7 @@ impl GlobalSimulator for GlobalTraffic {
         if self.plan.sees_sets() {
             let greens = self.plan.agents.iter().map(AgentPlan::greens);
             self.shown.since = greens.map(SinceGreen::begin).collect();
+            self.draw = Draw::of(episode);
         }
         self.read_others()?;
         self.take_picture()?;

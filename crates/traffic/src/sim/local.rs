@@ -28,7 +28,7 @@ use crate::agents::region::EDGES;
 use crate::cars_at::{CarsAt, RowLanes, no_cars};
 use crate::config::EntryRule;
 use crate::inflow::History;
-use crate::lane_sets::{Seen, SinceGreen};
+use crate::lane_sets::{Draw, Seen, SinceGreen};
 use crate::observe::{self, LightView};
 use crate::reward::{self, Waiting};
 use crate::scenario::travellers::Travellers;
@@ -96,8 +96,8 @@ struct RowNow {
     waiting: Waiting,
     /// Detectors, if the agent sees them.
     readings: Option<Readings>,
-    /// Kept only if the agent sees lanes and greens as sets.
-    since: Option<SinceGreen>,
+    /// Kept only if the agent sees lanes and greens as sets: with which cars are seen.
+    since: Option<(SinceGreen, Draw)>,
 }
 
 impl RowNow {
@@ -205,7 +205,7 @@ impl LocalTraffic {
         }
         if self.plan.sees_sets() {
             let greens = self.plan.agents[self.forest.rows[row].agent.0].greens();
-            self.rows[row].since = Some(SinceGreen::begin(greens));
+            self.rows[row].since = Some((SinceGreen::begin(greens), Draw::of(seed)));
         }
         self.entries.begin(row, &self.forest.rows[row]);
         self.others.iter_mut().for_each(|others| others.begin_row(row));
@@ -278,7 +278,7 @@ impl LocalTraffic {
             now.second += 1;
             let same = before == self.forest.lights.shown(row);
             now.shown_steps = if same { now.shown_steps + 1 } else { 1 };
-            now.since.iter_mut().for_each(|since| since.note(self.forest.lights.shown(row)));
+            now.since.iter_mut().for_each(|(since, _)| since.note(self.forest.lights.shown(row)));
         }
         let is_last = second + 1 == self.plan.decision_steps;
         let needs_waiting = self.watched.is_some() || reward::needs_waiting(&self.plan.reward);
@@ -316,12 +316,9 @@ impl LocalTraffic {
         let Percept { obs, d_set, masks } = &mut self.last.percept;
         let (obs, d_set) = (obs.row_mut(row), d_set.row_mut(row));
         observe::observe(plan, cars, light, obs);
-        if let Some(since) = &now.since {
-            observe::observe_sets(
-                plan,
-                &Seen { cars, exits, shown: light.shown, shown_steps: light.shown_steps, since },
-                obs,
-            );
+        if let Some((since, draw)) = &now.since {
+            let (shown, shown_steps, draw) = (light.shown, light.shown_steps, *draw);
+            observe::observe_sets(plan, &Seen { cars, exits, shown, shown_steps, since, draw }, obs);
         }
         if let Some(readings) = &now.readings {
             observe::observe_detectors(plan, readings, obs);
