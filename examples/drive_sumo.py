@@ -52,11 +52,12 @@ class Light:
         return self.plan["greens"][green][self.plan["links"][link]["letter"]] in "Gg"
 
     def crosses(self, green, link):
-        """Say whether a green opens a way across that of a link, and not its own."""
-        return not self.gives_green(green, link) and any(self.gives_green(green, other) for other in self.plan["links"][link]["crosses"])
+        """Say whether a green sends cars across the way of a link, and does not open it."""
+        others = self.plan["links"][link]["crosses"]
+        return not self.gives_green(green, link) and any(self.gives_green(green, other) for other in others)
 
     def allowed(self, actions):
-        """Say which of these greens a policy may choose: for no cars across one that stands within the junction without green."""
+        """Say which greens a policy may choose: they send no cars across one that stands within the junction without green."""
         obeyed, links = self.obeyed(actions), self.plan["links"]
         standing = [link for link in range(len(links)) if any(map(libsumo.lane.getLastStepHaltingNumber, links[link]["inside"]))]
         trapped = [link for link in standing if self.clearing or not self.gives_green(self.green, link)]

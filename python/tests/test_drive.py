@@ -2,7 +2,9 @@
 
 import json
 import re
+import shutil
 import sys
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -31,9 +33,12 @@ def test_policies_that_see_something_else_are_refused_with_the_way_out(scenario,
         next(drive(scenario, lights, scenario_run / "policies.safetensors"))
 
 
-def test_the_driver_sees_and_does_what_our_simulator_does(scenario, scenario_run, lights, tmp_path):
+def test_the_driver_sees_and_does_what_our_simulator_does(scenario, scenario_run, lights, tmp_path, monkeypatch):
     """Two libsumos at the same time: pip's in this process, and ours in that of the environment."""
-    from drive_sumo import delay_s, drive
+    from drive_sumo import Light, delay_s, drive
+
+    masks, allowed = [], Light.allowed
+    monkeypatch.setattr(Light, "allowed", lambda light, actions: masks.append(allowed(light, actions)) or masks[-1])
 
     run = dials_traffic.load(scenario_run)
     # A replay says which seed SUMO gets in an episode.
@@ -48,6 +53,8 @@ def test_the_driver_sees_and_does_what_our_simulator_does(scenario, scenario_run
     for obs, actions in driver:
         assert np.array_equal(obs, np.stack(list(observations.values())))
         cars += obs.sum()
+        assert masks == [list(info["action_mask"]) for info in infos.values()]
+        masks.clear()
         ours = controller.act(observations, infos)
         equal += np.mean(actions == list(ours.values()))
         observations, _, _, _, infos = env.step(dict(zip(env.agents, actions)))
@@ -79,11 +86,32 @@ def test_a_lane_that_has_been_red_too_long_comes_next_in_both_networks_of_python
         assert for_the_overdue(allowed, lanes, opens).tolist() == left.tolist()
 
 
-def test_a_policy_for_any_light_drives_as_our_simulator_does(scenario, lights, tmp_path):
-    """Without training, and without anything of ours but the file."""
-    from drive_any_light import drive
-    from drive_sumo import delay_s
+def jammed(scenario, told, folder):
+    """Write the scenario with cars that stop for long behind one light, and others that do not keep its junction clear."""
+    name = scenario.stem
+    lanes = [exit["lane"] for exit in told["learning"][5]["exits"]]
+    stops = "".join(f'<vehicle id="stop{number}" depart="0" departPos="0" departLane="{lane[-1]}"><route edges="{lane[:-2]}"/>'
+                    f'<stop lane="{lane}" endPos="8" duration="500"/></vehicle>' for number, lane in enumerate(lanes))
+    net, routes = ((scenario.parent / f"{name}{ending}").read_text() for ending in (".net.xml", ".rou.xml"))
+    (folder / f"{name}.net.xml").write_text(net.replace("<connection ", '<connection keepClear="0" '))
+    (folder / f"{name}.rou.xml").write_text(routes.replace("<flow ", f"{stops}<flow ", 1))
+    return Path(shutil.copy(scenario, folder))
 
+
+@pytest.mark.parametrize("is_jammed", [False, True])
+def test_a_policy_for_any_light_drives_as_our_simulator_does(scenario, lights, tmp_path, monkeypatch, is_jammed):
+    """Without training, and without anything of ours but the file. In a jam both mind the cars that are trapped."""
+    from drive_any_light import drive
+    from drive_sumo import Light, delay_s
+
+    chosen, minding, allowed = [], 0, Light.allowed
+
+    def recorded(light, greens):
+        chosen.append((allowed(light, greens), light.obeyed(greens)))
+        return chosen[-1][0]
+
+    monkeypatch.setattr(Light, "allowed", recorded)
+    scenario = jammed(scenario, json.loads(lights.read_text()), tmp_path) if is_jammed else scenario
     settings = {"traffic.observation": "lanes", "traffic.end_s": 600}
     env = dials_traffic.parallel_env(scenario, seed=7, full_metrics=True, record=True, settings=settings)
     policy = dials_traffic.any_light(greedy=True)
@@ -100,6 +128,9 @@ def test_a_policy_for_any_light_drives_as_our_simulator_does(scenario, lights, t
     trips, equal, steps = tmp_path / "trips.xml", 0, 0
     for obs, actions in drive(tmp_path / "short.sumocfg", lights, ROOT / "models/any_light.safetensors", seed, trips):
         masks = [infos[agent]["action_mask"] for agent in env.agents]
+        assert [list(mask[: len(left)]) for mask, (left, _) in zip(masks, chosen)] == [left for left, _ in chosen]
+        minding += sum(left != obeyed for left, obeyed in chosen)
+        chosen.clear()
         for (lanes, greens), row, mask in zip(obs, observations.values(), masks):
             # Ours has room for the largest light: lanes first, then greens.
             assert np.allclose(lanes, row[: lanes.size].reshape(lanes.shape), atol=1e-5)
@@ -108,7 +139,7 @@ def test_a_policy_for_any_light_drives_as_our_simulator_does(scenario, lights, t
         ours = [policy(row, mask) for row, mask in zip(observations.values(), masks)]
         equal, steps = equal + np.mean(np.array(actions) == ours), steps + 1
         observations, _, _, _, infos = env.step({agent: int(action) for agent, action in zip(env.agents, actions)})
-    assert steps == env.horizon
+    assert steps == env.horizon and (minding > 0) == is_jammed
     # Where two greens are equally good, as for an empty light, rounding may decide.
     assert equal >= 0.95 * steps, equal
     # SUMO rounds what it writes.

@@ -64,8 +64,8 @@ impl RowLanes {
         Ok(RowLanes::new(rows.iter().map(Vec::as_slice)))
     }
 
-    pub(crate) fn are_there(&self) -> bool {
-        !self.lanes.is_empty()
+    pub(crate) fn is_empty(&self) -> bool {
+        self.lanes.is_empty()
     }
 
     pub(crate) fn read(&mut self, simulation: &mut Simulation) -> Result<()> {

@@ -113,8 +113,8 @@ pub(super) fn show(columns: LightColumns, light: LightView, bits: &mut [f32]) {
     }
 }
 
-/// Writes which actions a light may take: those for a green that it may show, as `allows` says of each green, and that is for no
-/// cars across a trapped one. `inside`: the cars on [`AgentPlan::lanes_inside`].
+/// Writes which actions a light may take: those for greens that it may show, as `allows` says of each, and that send nobody across a
+/// trapped car. `inside`: the cars on [`AgentPlan::lanes_inside`].
 pub(crate) fn mask(
     plan: &AgentPlan,
     shown: Shown,
@@ -125,11 +125,12 @@ pub(crate) fn mask(
     if mask.is_empty() {
         return;
     }
-    let mut greens: Vec<bool> = (0..plan.greens()).map(allows).collect();
+    let asked = (0..plan.phases.actions()).map(|action| plan.phases.asked_for(shown, action as Action));
+    let mut greens = vec![false; plan.greens()];
+    asked.clone().for_each(|green| greens[green] = allows(green));
     plan.mind_trapped(inside, shown, &mut greens);
-    for (action, allowed) in mask.iter_mut().enumerate() {
-        *allowed = action < plan.phases.actions() && greens[plan.phases.asked_for(shown, action as Action)];
-    }
+    mask.fill(false);
+    mask.iter_mut().zip(asked).for_each(|(allowed, green)| *allowed = greens[green]);
 }
 
 /// Writes the d-set of a grid: the cells in which cars are, the arrivals or the light if the plan says so, and the clock if

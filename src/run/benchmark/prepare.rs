@@ -227,12 +227,14 @@ fn experiment(map: &Map, wanted: &Wanted<'_>, lights: usize) -> Option<String> {
             "\n[[grid]]\nconfigs = [\"{}.toml\"]\nsimulators = [\"{simulator}\"]\nseeds = {:?}\n",
             map.name, wanted.seeds
         );
-        let set = match variant {
-            Some(SHARED) => "policy.share=kind",
-            Some(ANY_LIGHT) => "policy.start=any-light",
-            _ => continue,
-        };
-        text += &format!("set = [\"{set}\"]\nname = \"{}\"\n", variant.expect("it has settings"));
+        if let Some(variant) = variant {
+            let set = match variant {
+                SHARED => "policy.share=kind",
+                ANY_LIGHT => "policy.start=any-light",
+                other => unreachable!("the command line takes no method with -{other}"),
+            };
+            text += &format!("set = [\"{set}\"]\nname = \"{variant}\"\n");
+        }
     }
     (grids > 0).then_some(text)
 }

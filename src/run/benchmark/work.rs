@@ -80,8 +80,9 @@ impl Plan {
 fn measurements(run: &PlannedWork, ready: &Prepared, wanted: &Wanted<'_>, runs: &Path) -> Vec<PlannedWork> {
     let dir = runs.join(&run.name);
     // Such policies see something else than the config of the map says.
-    let has_start = |planned: &PlannedRun| *planned.name == run.name && planned.config.learning.policy.start.is_some();
-    let has_start = ready.experiment.iter().flat_map(|experiment| &experiment.runs).any(has_start);
+    let is_it = |planned: &&PlannedRun| *planned.name == run.name;
+    let planned = ready.experiment.iter().flat_map(|experiment| &experiment.runs).find(is_it);
+    let has_start = planned.is_some_and(|planned| planned.config.learning.policy.start.is_some());
     let of = |greedy: bool| {
         let file = MeasuredFile::of_run(&run.name, greedy, ready, wanted, runs);
         let there = if run.stage == Stage::Finished { file.read() } else { None };

@@ -189,16 +189,21 @@ fn a_run_starts_from_the_policy_of_this_program() {
     let refused = start(&["policy.hidden=[8,8]"]).code(2);
     let why = String::from_utf8_lossy(&refused.get_output().stderr).into_owned();
     assert!(why.contains("that is another network; set traffic.observation = \"lanes\""), "{why}");
-    // Its layers, and what it sees, come with it.
-    start(&[]).success();
-    let returns = fs::read_to_string(run.join("returns.csv")).unwrap();
-    let at_the_beginning = returns.lines().find_map(|line| line.strip_prefix("0,all,")).unwrap();
-    let as_controller = dials_traffic()
-        .arg("baseline")
-        .arg(&short)
-        .args(["--controller", "any-light:longest-red=3600", "--episodes", "1", "--json"])
-        .assert()
-        .success();
-    let mean = json(&as_controller.get_output().stdout)["mean_return"].as_f64().unwrap();
-    assert_eq!(at_the_beginning.split(',').next().unwrap(), format!("{mean:.4}"));
+    // Its layers, and what it sees, come with it. So do the cars that it does not see, but not in local simulators.
+    for (settings, seen) in [(&[][..], ""), (&["traffic.seen_cars=0.5"], ",seen=0.5")] {
+        start(settings).success();
+        let returns = fs::read_to_string(run.join("returns.csv")).unwrap();
+        let at_the_beginning = returns.lines().find_map(|line| line.strip_prefix("0,all,")).unwrap();
+        let controller = format!("any-light:longest-red=3600{seen}");
+        let mut baseline = dials_traffic();
+        baseline.arg("baseline").arg(&short).args(["--controller", &controller, "--episodes", "1", "--json"]);
+        let mean = json(&baseline.assert().success().get_output().stdout)["mean_return"].as_f64().unwrap();
+        assert_eq!(at_the_beginning.split(',').next().unwrap(), format!("{mean:.4}"));
+        fs::remove_dir_all(&run).unwrap();
+    }
+    let refused = start(&["traffic.seen_cars=0.5", "simulator=local"]).code(2);
+    let why = String::from_utf8_lossy(&refused.get_output().stderr).into_owned();
+    assert!(why.contains("traffic.seen_cars: which cars are seen is drawn by their names"), "{why}");
+    let mut baseline = dials_traffic();
+    baseline.arg("baseline").arg(&short).args(["--controller", "any-light:seen=0"]).assert().code(2);
 }

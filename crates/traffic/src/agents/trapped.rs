@@ -14,8 +14,8 @@ impl AgentPlan {
         self.region.links.iter().flat_map(|link| &link.inside).collect()
     }
 
-    /// Forbids the greens that open a way across that of a trapped car, and not its own. If no other green is allowed, it
-    /// forbids none. `inside`: the cars on [`AgentPlan::lanes_inside`]; `allowed`: of each green.
+    /// Forbids the greens that send cars across the way of a trapped one, unless they also let it go. If no other green is
+    /// allowed, it forbids none. `inside`: the cars on [`AgentPlan::lanes_inside`]; `allowed`: of each green.
     pub(crate) fn mind_trapped(&self, inside: CarsAt<'_>, shown: Shown, allowed: &mut [bool]) {
         if inside.cars() == 0 {
             return;
@@ -40,8 +40,11 @@ impl AgentPlan {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::controllers::examples::crossing;
+    use crate::agents::phase_plan::Choice;
+    use crate::controllers::examples::{crossing, phases};
+    use crate::observe;
     use libsumo::{CarId, CarTable};
+    use std::sync::Arc;
 
     const ALL: [bool; 4] = [true; 4];
 
@@ -58,6 +61,19 @@ mod tests {
         cars[2 * link + 1].push((CarId(1), 3.0, mps));
         plan.mind_trapped(CarsAt::all(&CarTable::of(cars)), shown, &mut allowed);
         allowed
+    }
+
+    #[test]
+    fn a_light_that_keeps_the_order_of_its_greens_always_has_an_action() {
+        let mut plan = crossing();
+        // A car from the south to the west is trapped. All greens are allowed, the shown one and the next are across its way.
+        plan.phases = Arc::new(phases(&["GGrrr", "Grrrr", "rrrGr"], Choice::InOrder));
+        plan.region.links[3].inside = vec![":3_0".to_owned()];
+        plan.region.links[3].crosses = vec![0];
+        let cars = CarTable::of([vec![(CarId(1), 3.0, 0.0)]]);
+        let mut mask = [false; 3];
+        observe::mask(&plan, Shown::Green(0), CarsAt::all(&cars), |_| true, &mut mask);
+        assert_eq!(mask, [true, true, false], "keep, next, and room for others");
     }
 
     #[test]

@@ -105,7 +105,8 @@ pub struct ScenarioConfig {
     /// What an agent sees of the cars on its approaches.
     pub observation: Observation,
     /// Share of the cars that agents see with `observation = "lanes"`, drawn car by car in every episode. Each stands for one over the
-    /// share. So it is with the share of cars that say where they are.
+    /// share. This models traffic in which only some cars report where they are. Masks and rewards see all cars. Not in local
+    /// simulators.
     #[serde(skip_serializing_if = "is_one")]
     #[schemars(extend("default" = 1.0))]
     pub seen_cars: f64,
@@ -264,6 +265,12 @@ impl ScenarioConfig {
             "{}: the episode ends at {end} s, because no end is named and the last vehicle departs before; traffic.end_s sets another one",
             self.scenario.display()
         ))
+    }
+
+    /// Returns why these settings have no local simulators, if they have none.
+    pub(crate) fn cannot_be_local(&self) -> Option<String> {
+        (self.seen_cars < 1.0)
+            .then(|| "traffic.seen_cars: which cars are seen is drawn by their names in the network".to_owned())
     }
 
     /// Returns a note about the seconds after the last whole decision, if there are any.

@@ -52,7 +52,7 @@ pub(crate) fn crossing() -> AgentPlan {
             exits: vec![exit("to_east_0", false), exit("to_north_0", false), exit("to_west_0", true)],
             links: vec![link(0, 0, 0), link(1, 1, 1), link(2, 2, 1), link(3, 2, 2), link(4, 3, 2)],
         },
-        phases: Arc::new(phases(&GREENS)),
+        phases: Arc::new(phases(&GREENS, Choice::Target)),
         sensor: Sensor {
             cars: CarColumns::QueueAndDensity(5),
             light: LightColumns::TargetAndAge(GREENS.len()),
@@ -64,8 +64,8 @@ pub(crate) fn crossing() -> AgentPlan {
     }
 }
 
-/// Returns a light that goes to the green that is asked for, after three steps of yellow and one of red.
-fn phases(greens: &[&str]) -> PhasePlan {
+/// Returns a light whose changes take three steps of yellow and one of red.
+pub(crate) fn phases(greens: &[&str], choice: Choice) -> PhasePlan {
     let state = |letters: &str| SignalState::new(letters).expect("letters of a light");
     let clearing = |from: usize, to: usize| {
         let lost = |(from, to): (char, char)| if "gG".contains(from) && to == 'r' { 'y' } else { from };
@@ -73,7 +73,7 @@ fn phases(greens: &[&str]) -> PhasePlan {
         let red = yellow.replace('y', "r");
         vec![Interval { state: state(&yellow), steps: 3 }, Interval { state: state(&red), steps: 1 }]
     };
-    PhasePlan::new(greens.iter().map(|letters| state(letters)).collect(), Choice::Target, 5, clearing)
+    PhasePlan::new(greens.iter().map(|letters| state(letters)).collect(), choice, 5, clearing)
 }
 
 /// Returns the middle light of three in a row of the paper's grid. Green 0 is for the cars from south and north.

@@ -128,6 +128,7 @@ impl SumoScenario {
         scenario.check_net()?;
         scenario.notes.left_out.extend(config.about_the_end());
         scenario.notes.left_out.extend(config.unplayed());
+        scenario.notes.not_local.extend(config.cannot_be_local());
         if !drawn.is_empty() {
             return scenario.with_drawn(&drawn, None);
         }

@@ -307,14 +307,14 @@ impl GlobalTraffic {
         if self.decisions.has_rule() || reward::needs_exits(&self.plan.reward) {
             self.exits.read(&mut self.simulation)?;
         }
-        if self.inside.are_there() && self.decisions.minds_trapped() {
+        if !self.inside.is_empty() && self.decisions.minds_trapped() {
             self.inside.read(&mut self.simulation)?;
         }
         Ok(())
     }
 
     fn read_others(&mut self) -> Result<()> {
-        if self.inside.are_there() {
+        if !self.inside.is_empty() {
             self.inside.read(&mut self.simulation)?;
         }
         if self.watched.is_some() || self.plan.sees_sets() {

@@ -96,8 +96,8 @@ struct RowNow {
     waiting: Waiting,
     /// Detectors, if the agent sees them.
     readings: Option<Readings>,
-    /// Kept only if the agent sees lanes and greens as sets: with which cars are seen.
-    since: Option<(SinceGreen, Draw)>,
+    /// Kept only if the agent sees lanes and greens as sets.
+    since: Option<SinceGreen>,
 }
 
 impl RowNow {
@@ -205,7 +205,7 @@ impl LocalTraffic {
         }
         if self.plan.sees_sets() {
             let greens = self.plan.agents[self.forest.rows[row].agent.0].greens();
-            self.rows[row].since = Some((SinceGreen::begin(greens), Draw::of(seed)));
+            self.rows[row].since = Some(SinceGreen::begin(greens));
         }
         self.entries.begin(row, &self.forest.rows[row]);
         self.others.iter_mut().for_each(|others| others.begin_row(row));
@@ -278,7 +278,7 @@ impl LocalTraffic {
             now.second += 1;
             let same = before == self.forest.lights.shown(row);
             now.shown_steps = if same { now.shown_steps + 1 } else { 1 };
-            now.since.iter_mut().for_each(|(since, _)| since.note(self.forest.lights.shown(row)));
+            now.since.iter_mut().for_each(|since| since.note(self.forest.lights.shown(row)));
         }
         let is_last = second + 1 == self.plan.decision_steps;
         let needs_waiting = self.watched.is_some() || reward::needs_waiting(&self.plan.reward);
@@ -316,8 +316,9 @@ impl LocalTraffic {
         let Percept { obs, d_set, masks } = &mut self.last.percept;
         let (obs, d_set) = (obs.row_mut(row), d_set.row_mut(row));
         observe::observe(plan, cars, light, obs);
-        if let Some((since, draw)) = &now.since {
-            let (shown, shown_steps, draw) = (light.shown, light.shown_steps, *draw);
+        if let Some(since) = &now.since {
+            // All cars are seen here.
+            let (shown, shown_steps, draw) = (light.shown, light.shown_steps, Draw::default());
             observe::observe_sets(plan, &Seen { cars, exits, shown, shown_steps, since, draw }, obs);
         }
         if let Some(readings) = &now.readings {
@@ -343,7 +344,7 @@ impl LocalTraffic {
         if self.watched.is_some() || self.plan.sees_sets() || reward::needs_exits(&self.plan.reward) {
             self.exits.read(&mut self.forest.simulation)?;
         }
-        if self.inside.are_there() {
+        if !self.inside.is_empty() {
             self.inside.read(&mut self.forest.simulation)?;
         }
         if let Some(others) = &mut self.others {

@@ -47,6 +47,20 @@ fn an_agent_sees_lanes_for_cars_back_through_junctions_without_a_light() {
 }
 
 #[test]
+fn a_link_knows_its_lanes_within_the_junction_and_the_links_across_if_masks_mind_them() {
+    // As if cars from `north` waited within J as those from `side` do within U.
+    let way = [(r#"tl="J" linkIndex="1""#, r#"via=":U_1_0" tl="J" linkIndex="1""#)];
+    let inside = |rules| -> Vec<(Vec<String>, usize)> {
+        let links = plan(&way, rules, "").region.links;
+        links.into_iter().map(|link| (link.inside, link.crosses.len())).collect()
+    };
+    let lanes = [":U_1_0", ":U_2_0"].map(str::to_owned).to_vec();
+    assert_eq!(inside(Rules::default()), [(vec![], 1), (lanes, 2), (vec![], 1), (vec![], 2)]);
+    let minds_nobody = Rules { minds_trapped: false, ..Rules::default() };
+    assert_eq!(inside(minds_nobody), vec![(vec![], 0); 4]);
+}
+
+#[test]
 fn an_agent_sees_cells_or_queues_up_to_the_limit_of_sight() {
     let plan_of = |rules| plan(&[], rules, "");
     let cells = plan_of(Rules::default());
