@@ -245,6 +245,7 @@ impl LaneSets {
     fn observe_lane(&self, plan: &AgentPlan, seen: &Seen<'_>, lane: usize, features: &mut [f32]) {
         let approach = &plan.region.approaches[lane];
         let (mut queue, mut count, mut speeds_mps) = (0, 0, 0.0);
+        let one = self.view.stand_for(1) / CARS;
         for car in self.view.seen(seen.cars.lane(lane), seen.draw) {
             let before_m = approach.length_m - car.position_m + approach.ahead_m;
             if before_m > self.view.up_to_m {
@@ -254,7 +255,7 @@ impl LaneSets {
             queue += usize::from(car.stands());
             speeds_mps += car.speed_mps;
             if let Some(stretch) = STRETCHES_M.iter().position(|&end_m| before_m < end_m) {
-                features[6 + stretch] += self.view.stand_for(1) / CARS;
+                features[6 + stretch] += one;
             }
         }
         features[4] = self.view.stand_for(queue) / CARS;
@@ -329,13 +330,12 @@ mod tests {
 
     fn observe(
         plan: &AgentPlan,
-        view: View,
         room: [usize; 2],
         shown: Shown,
         cars_on: [&CarTable; 2],
         since: &SinceGreen,
     ) -> Vec<f32> {
-        let sets = LaneSets::new(plan.region.approaches.len(), plan.greens(), view).fitted(plan, room[0], room[1]);
+        let sets = LaneSets::new(plan.region.approaches.len(), plan.greens(), ALL).fitted(plan, room[0], room[1]);
         let mut obs = vec![7.0; sets.columns()];
         let [cars, exits] = cars_on.map(CarsAt::all);
         sets.observe(plan, &Seen { cars, exits, shown, shown_steps: 3, since, draw: Draw(7) }, &mut obs);
@@ -356,7 +356,7 @@ mod tests {
         let exits = cars(&[&[], &[(10.0, 0.0), (20.0, 8.0)], &[]]);
         let mut since = SinceGreen::begin(4);
         (0..6).for_each(|_| since.note(Shown::Green(0)));
-        let obs = observe(&plan, ALL, [5, 4], Shown::Green(0), [&approaches, &exits], &since);
+        let obs = observe(&plan, [5, 4], Shown::Green(0), [&approaches, &exits], &since);
         let filled = 2.0 * 7.5 / 100.0;
         let red_for = 7.0_f32.ln() / 5.0;
         let expected = [
@@ -374,7 +374,7 @@ mod tests {
         close_to(&obs[sets(5, 4).item(2)], &expected.concat());
         // Cars upstream of another lane are 10 m farther away.
         let upstream = cars(&[&[], &[], &[], &[], &[(59.0, 0.0)]]);
-        let obs = observe(&plan, ALL, [5, 4], Shown::Green(0), [&upstream, &exits], &since);
+        let obs = observe(&plan, [5, 4], Shown::Green(0), [&upstream, &exits], &since);
         close_to(&obs[sets(5, 4).item(4)][4..11], &[0.1, 0.1, 0.0, 0.1, 0.0, 0.0, 0.0]);
         assert_eq!(obs[sets(5, 4).item(4)][12], 1.0, "it has green");
     }
@@ -385,7 +385,7 @@ mod tests {
         let nobody = [5, 3].map(no_cars);
         let mut since = SinceGreen::begin(4);
         (0..3).for_each(|_| since.note(Shown::Green(1)));
-        let obs = observe(&plan, ALL, [5, 4], Shown::Green(1), nobody.each_ref(), &since);
+        let obs = observe(&plan, [5, 4], Shown::Green(1), nobody.each_ref(), &since);
         let time = 4.0_f32.ln() / 5.0;
         // Two of five seconds are left.
         close_to(&obs[sets(5, 4).choice(1)], &[1.0, 1.0, 1.0, time, 0.0, 0.2, 0.0, 1.0, 0.25]);
@@ -394,7 +394,7 @@ mod tests {
         // The left turn from the west yields in green 3; half of the lane from the south is open.
         close_to(&obs[sets(5, 4).belongs(3, 0)], &[0.0, 1.0, 0.5, 0.0, 0.0]);
         close_to(&obs[sets(5, 4).belongs(3, 1)], &[0.0, 0.0, 0.5, 0.0, 0.0]);
-        let between = observe(&plan, ALL, [5, 4], Shown::Between { from: 1, to: 3 }, nobody.each_ref(), &since);
+        let between = observe(&plan, [5, 4], Shown::Between { from: 1, to: 3 }, nobody.each_ref(), &since);
         let marks = [0, 1, 2, 3].map(|green| between[sets(5, 4).choice(green)][1]);
         assert_eq!(marks, [0.0, 0.0, 0.0, 1.0], "it comes next");
         assert_eq!([0, 1, 2, 3].map(|green| between[sets(5, 4).choice(green)][7]), [0.0, 0.0, 0.0, 1.0]);
@@ -436,7 +436,7 @@ mod tests {
     fn room_for_larger_lights_stays_empty() {
         let (plan, sets) = (crossing(), sets(9, 6));
         let nobody = [5, 3].map(no_cars);
-        let obs = observe(&plan, ALL, [9, 6], Shown::Green(0), nobody.each_ref(), &SinceGreen::begin(4));
+        let obs = observe(&plan, [9, 6], Shown::Green(0), nobody.each_ref(), &SinceGreen::begin(4));
         let empty = (5..9).map(|lane| sets.item(lane)).chain((4..6).map(|green| sets.choice(green)));
         assert!(empty.flatten().all(|column| obs[column] == 0.0));
         assert!((0..4).all(|green| obs[sets.belongs(green, 0)][5..].iter().all(|&share| share == 0.0)));

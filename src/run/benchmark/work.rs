@@ -1,6 +1,6 @@
 //! The tasks of a benchmark, and their order: hand-coded controllers, the first seed's GS runs, the search for timings, then the other
-//! runs seed by seed. So a short budget has the first
-//! seed of all maps, and not all seeds of the first one. The last policies of a run are measured as soon as it has ended.
+//! runs seed by seed. So a short budget has the first seed of all maps, and not all seeds of the first one. The last policies of a
+//! run are measured as soon as it has ended.
 
 use std::ffi::OsString;
 use std::fs;

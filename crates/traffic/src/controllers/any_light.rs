@@ -115,7 +115,7 @@ impl Choices {
 
 impl LightController for AnyLightController {
     fn minds_trapped(&self) -> bool {
-        true
+        self.second.is_multiple_of(self.every)
     }
 
     fn begin(&mut self, episode: Seed) {

@@ -60,7 +60,7 @@ pub trait LightController {
     /// shown or comes next, so a target that is left alone keeps the light. Targets between greens have no effect.
     fn act(&mut self, intersections: &Intersections<'_>, targets: &mut [usize]);
 
-    /// Returns whether it looks at the cars within the junctions.
+    /// Returns whether it looks at the cars within the junctions when it acts next.
     fn minds_trapped(&self) -> bool {
         false
     }

@@ -62,7 +62,7 @@ impl Decisions {
         matches!(self.control, SignalControl::HandCoded { by: HandCoded::Rule(_), .. })
     }
 
-    /// Returns whether the rule looks at what is within the junctions.
+    /// Returns whether the rule looks at what is within the junctions at its next decision.
     pub(super) fn minds_trapped(&self) -> bool {
         matches!(&self.control, SignalControl::HandCoded { by: HandCoded::Rule(rule), .. } if rule.minds_trapped())
     }

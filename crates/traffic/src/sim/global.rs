@@ -314,7 +314,8 @@ impl GlobalTraffic {
     }
 
     fn read_others(&mut self) -> Result<()> {
-        if !self.inside.is_empty() {
+        // A rule that looks there now has let it be read already.
+        if !self.inside.is_empty() && !self.decisions.minds_trapped() {
             self.inside.read(&mut self.simulation)?;
         }
         if self.watched.is_some() || self.plan.sees_sets() {
