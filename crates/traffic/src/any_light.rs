@@ -21,7 +21,7 @@ const SHIPPED: &[u8] = include_bytes!("../../../models/any_light.safetensors");
 const MOST_BYTES: u64 = 16 << 20;
 /// Key of the metadata that says what a file is.
 const KEY: &str = "any_light";
-const FORMAT: &str = "dials-traffic any-light 1";
+const FORMAT: &str = "dials-traffic any-light 2";
 /// Largest width of a layer, and number of layers. They come from a file.
 const MOST_WIDE: usize = 4096;
 const MOST_LAYERS: usize = 8;
@@ -77,7 +77,7 @@ impl AnyLight {
         let about = About {
             format: FORMAT.to_owned(),
             hidden: hidden.to_vec(),
-            seen_m: sets.view.up_to_m,
+            seen_m: sets.up_to_m,
             decision_s,
             features: lane_sets::features(),
             trained_on,
@@ -212,7 +212,7 @@ mod tests {
     /// Returns a policy for any light that was trained on `crossing`.
     fn made() -> AnyLight {
         let mut light = crossing();
-        light.sensor.see(lane_sets::LaneSets::new(5, 4, lane_sets::View { up_to_m: 120.0, share: 1.0 }));
+        light.sensor.see(lane_sets::LaneSets::new(5, 4, 120.0));
         let parameters = Shape::over_sets(lane_sets::sets(1, 1), vec![3, 2]).layout().width();
         let parameters: Vec<f32> = (0..parameters).map(|number| number as f32 / 8.0).collect();
         AnyLight::new(&[light], 5, &[3, 2], &parameters).unwrap()

@@ -13,7 +13,7 @@ use libsumo::{Car, LaneCars};
 use rand::RngCore;
 
 /// Features of a lane, in this order. Counts are in tens of cars.
-const OF_LANE: [&str; 19] = [
+const OF_LANE: [&str; 20] = [
     "is there",
     "length in view",
     "speed limit",
@@ -33,6 +33,7 @@ const OF_LANE: [&str; 19] = [
     "share filled behind the light",
     "share filled on the fullest exit",
     "joins another light",
+    "share of the cars that is not seen",
 ];
 /// Features of a green, in this order.
 const OF_GREEN: [&str; 9] = [
@@ -70,41 +71,42 @@ pub(crate) fn sets(lanes: usize, greens: usize) -> Sets {
 }
 
 /// Returns the sets of some lights, all with the room that the largest one needs.
-pub(crate) fn of_lights(plans: &[AgentPlan], view: View) -> Vec<LaneSets> {
+pub(crate) fn of_lights(plans: &[AgentPlan], up_to_m: f64) -> Vec<LaneSets> {
     let most = |count: fn(&AgentPlan) -> usize| plans.iter().map(count).max().unwrap_or(0);
     let (lanes, greens) = (most(|plan| plan.region.approaches.len()), most(AgentPlan::greens));
-    let of_light =
-        |plan: &AgentPlan| LaneSets::new(plan.region.approaches.len(), plan.greens(), view).fitted(plan, lanes, greens);
+    let of_light = |plan: &AgentPlan| {
+        LaneSets::new(plan.region.approaches.len(), plan.greens(), up_to_m).fitted(plan, lanes, greens)
+    };
     plans.iter().map(of_light).collect()
 }
 
-/// Which cars are seen.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub(crate) struct View {
-    /// How far before the stop line, in metres.
-    pub(crate) up_to_m: f64,
+/// Draws the cars that a light sees in an episode, each by its number: whoever is seen at one light is seen at all with such a share.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Draw {
+    episode: u64,
     /// Share of the cars, above 0 and at most 1. Each of them counts for one over the share.
-    pub(crate) share: f64,
+    share: f64,
 }
 
-/// Draws the cars that are seen in an episode, each by its number: whoever is seen at one light is seen at all.
-#[derive(Clone, Copy, Debug, Default)]
-pub(crate) struct Draw(u64);
+impl Default for Draw {
+    /// All cars are seen.
+    fn default() -> Draw {
+        Draw { episode: 0, share: 1.0 }
+    }
+}
 
 impl Draw {
-    pub(crate) fn of(episode: Seed) -> Draw {
-        Draw(episode.fork_named("seen cars").dice().next_u64())
+    pub(crate) fn of(episode: Seed, share: f64) -> Draw {
+        Draw { episode: episode.fork_named("seen cars").dice().next_u64(), share }
     }
-}
 
-impl View {
-    fn sees(self, car: &Car, Draw(episode): Draw) -> bool {
+    fn sees(self, car: &Car) -> bool {
         // The upper 53 bits are a number from 0 to 1.
-        self.share >= 1.0 || ((scramble(car.id.0 ^ episode) >> 11) as f64) < self.share * 2_f64.powi(53)
+        self.share >= 1.0 || ((scramble(car.id.0 ^ self.episode) >> 11) as f64) < self.share * 2_f64.powi(53)
     }
 
-    fn seen<'a>(self, cars: LaneCars<'a>, draw: Draw) -> impl Iterator<Item = Car> + use<'a> {
-        cars.iter().filter(move |car| self.sees(car, draw))
+    fn seen<'a>(self, cars: LaneCars<'a>) -> impl Iterator<Item = Car> + use<'a> {
+        cars.iter().filter(move |car| self.sees(car))
     }
 
     /// Returns the number of cars for which a number of seen ones stands.
@@ -117,7 +119,8 @@ impl View {
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct LaneSets {
     pub(crate) sets: Sets,
-    pub(crate) view: View,
+    /// How far before the stop line cars are seen, in metres.
+    pub(crate) up_to_m: f64,
     /// An observation with all that never changes. Empty until the agents know how much room they need together.
     fixed: Vec<f32>,
 }
@@ -153,8 +156,8 @@ impl SinceGreen {
 
 impl LaneSets {
     /// Returns the sets of an agent with this number of lanes and greens.
-    pub(crate) fn new(lanes: usize, greens: usize, view: View) -> LaneSets {
-        LaneSets { sets: sets(lanes, greens), view, fixed: Vec::new() }
+    pub(crate) fn new(lanes: usize, greens: usize, up_to_m: f64) -> LaneSets {
+        LaneSets { sets: sets(lanes, greens), up_to_m, fixed: Vec::new() }
     }
 
     /// Gives the agent as much room as the largest one of them needs, and writes down what never changes. `plan`: its own.
@@ -162,7 +165,7 @@ impl LaneSets {
         let sets = Sets { items: lanes, choices: greens, ..self.sets };
         let mut fixed = vec![0.0; sets.inputs()];
         for (lane, approach) in plan.region.approaches.iter().enumerate() {
-            let in_view_m = approach.length_m.min(self.view.up_to_m - approach.ahead_m);
+            let in_view_m = approach.length_m.min(self.up_to_m - approach.ahead_m);
             let joins =
                 approach.links.iter().filter(|&&link| !plan.region.exits[plan.region.links[link].to].leaves_the_net);
             let links = approach.links.len().max(1) as f32;
@@ -245,10 +248,10 @@ impl LaneSets {
     fn observe_lane(&self, plan: &AgentPlan, seen: &Seen<'_>, lane: usize, features: &mut [f32]) {
         let approach = &plan.region.approaches[lane];
         let (mut queue, mut count, mut speeds_mps) = (0, 0, 0.0);
-        let one = self.view.stand_for(1) / CARS;
-        for car in self.view.seen(seen.cars.lane(lane), seen.draw) {
+        let one = seen.draw.stand_for(1) / CARS;
+        for car in seen.draw.seen(seen.cars.lane(lane)) {
             let before_m = approach.length_m - car.position_m + approach.ahead_m;
-            if before_m > self.view.up_to_m {
+            if before_m > self.up_to_m {
                 continue;
             }
             count += 1;
@@ -258,8 +261,8 @@ impl LaneSets {
                 features[6 + stretch] += one;
             }
         }
-        features[4] = self.view.stand_for(queue) / CARS;
-        features[5] = self.view.stand_for(count) / CARS;
+        features[4] = seen.draw.stand_for(queue) / CARS;
+        features[5] = seen.draw.stand_for(count) / CARS;
         if count > 0 {
             features[11] = (speeds_mps / count as f64 / approach.speed_limit_mps) as f32;
         }
@@ -272,17 +275,18 @@ impl LaneSets {
         let links = approach.links.len().max(1) as f32;
         for exit in exits {
             let (mut count, mut queue) = (0, 0);
-            for car in self.view.seen(seen.exits.lane(exit), seen.draw) {
+            for car in seen.draw.seen(seen.exits.lane(exit)) {
                 count += 1;
                 queue += usize::from(car.stands());
             }
             let room = (plan.region.exits[exit].length_m / JAM_M).max(1.0) as f32;
-            let filled = (self.view.stand_for(count) / room).min(1.0);
-            features[14] += self.view.stand_for(count) / CARS / links;
-            features[15] += self.view.stand_for(queue) / CARS / links;
+            let filled = (seen.draw.stand_for(count) / room).min(1.0);
+            features[14] += seen.draw.stand_for(count) / CARS / links;
+            features[15] += seen.draw.stand_for(queue) / CARS / links;
             features[16] += filled / links;
             features[17] = filled.max(features[17]);
         }
+        features[19] = (1.0 - seen.draw.share) as f32;
     }
 }
 
@@ -306,8 +310,8 @@ fn seconds(time: f32) -> u32 {
 
 /// Gives all agents that see sets the room that the largest of them needs.
 pub(crate) fn make_room(agents: &mut [AgentPlan]) {
-    let Some(view) = agents.first().and_then(|agent| agent.sensor.sets()).map(|sets| sets.view) else { return };
-    let fitted = of_lights(agents, view);
+    let Some(up_to_m) = agents.first().and_then(|agent| agent.sensor.sets()).map(|sets| sets.up_to_m) else { return };
+    let fitted = of_lights(agents, up_to_m);
     agents.iter_mut().zip(fitted).for_each(|(agent, sets)| agent.sensor.see(sets));
 }
 
@@ -326,7 +330,7 @@ mod tests {
         CarTable::of(lanes.iter().map(|cars| cars.iter().enumerate().map(car).collect()))
     }
 
-    const ALL: View = View { up_to_m: 150.0, share: 1.0 };
+    const UP_TO_M: f64 = 150.0;
 
     fn observe(
         plan: &AgentPlan,
@@ -335,10 +339,10 @@ mod tests {
         cars_on: [&CarTable; 2],
         since: &SinceGreen,
     ) -> Vec<f32> {
-        let sets = LaneSets::new(plan.region.approaches.len(), plan.greens(), ALL).fitted(plan, room[0], room[1]);
+        let sets = LaneSets::new(plan.region.approaches.len(), plan.greens(), UP_TO_M).fitted(plan, room[0], room[1]);
         let mut obs = vec![7.0; sets.columns()];
         let [cars, exits] = cars_on.map(CarsAt::all);
-        sets.observe(plan, &Seen { cars, exits, shown, shown_steps: 3, since, draw: Draw(7) }, &mut obs);
+        sets.observe(plan, &Seen { cars, exits, shown, shown_steps: 3, since, draw: Draw::default() }, &mut obs);
         obs
     }
 
@@ -370,6 +374,8 @@ mod tests {
             &[0.1, 0.05, filled / 2.0, filled],
             // One of two exits leads to another light.
             &[0.5],
+            // All cars are seen.
+            &[0.0],
         ];
         close_to(&obs[sets(5, 4).item(2)], &expected.concat());
         // Cars upstream of another lane are 10 m farther away.
@@ -402,11 +408,10 @@ mod tests {
 
     #[test]
     fn each_seen_car_stands_for_those_that_are_not_seen() {
-        let (plan, draw) = (crossing(), Draw::of(Seed::new(1)));
-        let half = View { share: 0.5, ..ALL };
+        let (plan, draw) = (crossing(), Draw::of(Seed::new(1), 0.5));
         let seen = |episode: Seed| {
             let cars = (0..10_000).map(|number| Car { id: CarId(number), position_m: 0.0, speed_mps: 0.0 });
-            cars.filter(|car| half.sees(car, Draw::of(episode))).count()
+            cars.filter(|car| Draw::of(episode, 0.5).sees(car)).count()
         };
         // Half of 10 000, standard deviation 50.
         let counts = [1, 2].map(|seed| seen(Seed::new(seed)));
@@ -418,17 +423,18 @@ mod tests {
             CarTable::of((0..lanes).map(|lane| if lane == on { row(ids) } else { Vec::new() }))
         };
         let [cars, exits] = [table(0, &ids, 5), table(0, &ids[..1], 3)];
-        let sets = LaneSets::new(5, 4, half).fitted(&plan, 5, 4);
+        let sets = LaneSets::new(5, 4, UP_TO_M).fitted(&plan, 5, 4);
         let mut obs = vec![0.0; sets.columns()];
         let [at, behind] = [&cars, &exits].map(CarsAt::all);
         let since = SinceGreen::begin(4);
         let shown = Shown::Green(0);
         sets.observe(&plan, &Seen { cars: at, exits: behind, shown, shown_steps: 1, since: &since, draw }, &mut obs);
-        let sees = |id: &u64| half.sees(&Car { id: CarId(*id), position_m: 0.0, speed_mps: 0.0 }, draw);
+        let sees = |id: &u64| draw.sees(&Car { id: CarId(*id), position_m: 0.0, speed_mps: 0.0 });
         let count = ids.iter().filter(|id| sees(id)).count() as f32;
         assert!(count > 0.0 && count < 4.0, "otherwise this shows nothing");
         let lane = &obs[sets.sets.item(0)];
         close_to(&[lane[4], lane[5], lane[6]], &[2.0 * count / 10.0; 3]);
+        assert_eq!(lane[19], 0.5);
         assert!((lane[14] - if sees(&0) { 0.2 } else { 0.0 }).abs() < 1e-6, "on the exit");
     }
 
@@ -445,7 +451,7 @@ mod tests {
     #[test]
     fn lights_of_different_shapes_get_the_same_room_and_every_column_a_name_of_its_own() {
         let plans = [middle(), crossing()];
-        let fitted = of_lights(&plans, ALL);
+        let fitted = of_lights(&plans, UP_TO_M);
         assert_eq!(fitted[0].sets, fitted[1].sets);
         assert_eq!([fitted[0].sets.items, fitted[0].sets.choices], [5, 4]);
         let names = fitted[1].names(plans[1].region.approaches.iter().map(|approach| &approach.lane));

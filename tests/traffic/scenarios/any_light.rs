@@ -190,7 +190,10 @@ fn a_run_starts_from_the_policy_of_this_program() {
     let why = String::from_utf8_lossy(&refused.get_output().stderr).into_owned();
     assert!(why.contains("that is another network; set traffic.observation = \"lanes\""), "{why}");
     // Its layers, and what it sees, come with it. So do the cars that it does not see, but not in local simulators.
-    for (settings, seen) in [(&[][..], ""), (&["traffic.seen_cars=0.5"], ",seen=0.5")] {
+    let half = ",seen=0.5";
+    for (settings, seen) in
+        [(&[][..], ""), (&["traffic.seen_cars=0.5"], half), (&["traffic.seen_cars=[0.5,0.5]"], half)]
+    {
         start(settings).success();
         let returns = fs::read_to_string(run.join("returns.csv")).unwrap();
         let at_the_beginning = returns.lines().find_map(|line| line.strip_prefix("0,all,")).unwrap();
@@ -201,7 +204,7 @@ fn a_run_starts_from_the_policy_of_this_program() {
         assert_eq!(at_the_beginning.split(',').next().unwrap(), format!("{mean:.4}"));
         fs::remove_dir_all(&run).unwrap();
     }
-    let refused = start(&["traffic.seen_cars=0.5", "simulator=local"]).code(2);
+    let refused = start(&["traffic.seen_cars=[1,0.5]", "simulator=local"]).code(2);
     let why = String::from_utf8_lossy(&refused.get_output().stderr).into_owned();
     assert!(why.contains("traffic.seen_cars: which cars are seen is drawn by their names"), "{why}");
     let mut baseline = dials_traffic();

@@ -7,7 +7,7 @@ use super::others_plan::OthersPlan;
 use super::phase_plan::PhasePlan;
 use super::region_plan::RegionPlan;
 use super::sensor::{CarColumns, Sensor};
-use crate::config::{DetectorFaults, Reward};
+use crate::config::{DetectorFaults, Reward, SeenCars};
 use crate::d_set::DSetPlan;
 use dials_core::domain::Kinds;
 
@@ -23,6 +23,8 @@ pub(crate) struct JointPlan {
     pub(crate) reward: Reward,
     /// Faults of the detectors, if agents see detectors.
     pub(crate) faults: DetectorFaults,
+    /// Share of the cars that agents see which see lanes.
+    pub(crate) seen_cars: SeenCars,
     /// Deceleration in metres per second squared above which braking is an emergency. `None` if cars of several types
     /// drive: then only the stops are counted that SUMO calls emergencies.
     pub(crate) emergency_decel_mps2: Option<f64>,

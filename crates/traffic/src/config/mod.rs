@@ -6,6 +6,7 @@ pub mod python;
 mod reward;
 mod route_files;
 mod scenario;
+mod seen_cars;
 pub(crate) mod sumo_numbers;
 pub(crate) mod sumo_options;
 pub mod sumo_time;
@@ -27,8 +28,9 @@ pub use detectors::DetectorFaults;
 pub use grid::{ClockOffsets, DSet, EntryRule, TrafficConfig, UntilFirstSwitch};
 pub use reward::{Reward, RewardTerm};
 pub use route_files::files_called;
-pub(crate) use scenario::SEEN_CARS;
 pub use scenario::{Actions, DEMAND, Observation, Pedestrians, ScenarioConfig, Yellow};
+pub(crate) use seen_cars::SHARES as SEEN_CARS;
+pub use seen_cars::SeenCars;
 
 /// Traffic lights, on a grid of the paper, which `network` and `local_network` name, or on a scenario of yours, which
 /// `scenario` names. A key of the other way is an error.

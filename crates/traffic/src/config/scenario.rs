@@ -16,6 +16,7 @@ use super::grid::is_default;
 use super::python::Functions;
 use super::reward::Reward;
 use super::route_files;
+use super::seen_cars::SeenCars;
 use super::sumocfg::{MOST_SECONDS, Sumocfg};
 use crate::Traffic;
 use crate::agents::derive::crossings::Walking;
@@ -106,10 +107,9 @@ pub struct ScenarioConfig {
     pub observation: Observation,
     /// Share of the cars that agents see with `observation = "lanes"`, drawn car by car in every episode. Each stands for one over the
     /// share. This models traffic in which only some cars report where they are. Masks and rewards see all cars. Not in local
-    /// simulators.
-    #[serde(skip_serializing_if = "is_one")]
-    #[schemars(extend("default" = 1.0))]
-    pub seen_cars: f64,
+    /// simulators. With a list of shares, every light draws one of them in every episode: `[1, 0.5, 0.1]`.
+    #[serde(skip_serializing_if = "is_default")]
+    pub seen_cars: SeenCars,
     /// Faults of the detectors, if agents see detectors.
     #[serde(skip_serializing_if = "is_default")]
     pub detector_faults: DetectorFaults,
@@ -183,8 +183,6 @@ const LONGEST_S: u32 = 300;
 const WALKING_SPEED_MPS: std::ops::RangeInclusive<f64> = 0.2..=3.0;
 const WALK_S: std::ops::RangeInclusive<f64> = 0.0..=60.0;
 const APPROACH_M: std::ops::RangeInclusive<f64> = 10.0..=1000.0;
-/// Shares of cars that may be seen.
-pub(crate) const SEEN_CARS: std::ops::RangeInclusive<f64> = 0.01..=1.0;
 /// Factors that `traffic.demand` may be.
 pub const DEMAND: std::ops::RangeInclusive<f64> = 0.01..=100.0;
 /// Largest number of decisions of an episode, as in the check of a horizon.
@@ -224,7 +222,7 @@ impl ScenarioConfig {
             yellow_s: Yellow::Program,
             approach_m: 150.0,
             observation: Observation::default(),
-            seen_cars: 1.0,
+            seen_cars: SeenCars::default(),
             detector_faults: DetectorFaults::default(),
             reward: Reward::default(),
             python_reward: None,
@@ -269,7 +267,7 @@ impl ScenarioConfig {
 
     /// Returns why these settings have no local simulators, if they have none.
     pub(crate) fn cannot_be_local(&self) -> Option<String> {
-        (self.seen_cars < 1.0)
+        (!self.seen_cars.are_all())
             .then(|| "traffic.seen_cars: which cars are seen is drawn by their names in the network".to_owned())
     }
 
@@ -334,11 +332,10 @@ impl DomainTable for ScenarioConfig {
             DEMAND.end()
         );
         self.detector_faults.check(self.observation)?;
-        let seen = self.seen_cars;
-        ensure!(SEEN_CARS.contains(&seen), "traffic.seen_cars = {seen}: must be from 0.01 to 1");
+        self.seen_cars.check()?;
         ensure!(
-            seen == 1.0 || self.observation == Observation::Lanes,
-            "traffic.seen_cars = {seen}: only agents that see lanes miss cars; add observation = \"lanes\""
+            self.seen_cars.are_all() || self.observation == Observation::Lanes,
+            "traffic.seen_cars: only agents that see lanes miss cars; add observation = \"lanes\""
         );
         ensure!(
             self.observation != Observation::Lanes || self.actions != Actions::FixedOrder,
@@ -482,8 +479,13 @@ mod tests {
             let message = checked(|config| config.approach_m = approach);
             assert_eq!(message, format!("traffic.approach_m = {approach}: must be from 10 to 1000 metres"));
         }
-        assert_eq!(checked(|config| config.seen_cars = 0.0), "traffic.seen_cars = 0: must be from 0.01 to 1");
-        assert!(checked(|config| config.seen_cars = 0.5).contains("only agents that see lanes miss cars"));
+        assert_eq!(
+            checked(|config| config.seen_cars = SeenCars::Share(0.0)),
+            "traffic.seen_cars = 0: must be from 0.01 to 1"
+        );
+        assert!(
+            checked(|config| config.seen_cars = SeenCars::Share(0.5)).contains("only agents that see lanes miss cars")
+        );
         assert!(checked(|config| config.end_s = Some(25_204)).contains("there are 0 decisions"));
         assert!(checked(|config| config.end_s = Some(u64::MAX)).contains("must be at most"));
     }

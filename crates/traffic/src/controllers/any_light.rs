@@ -11,7 +11,7 @@ use super::{ANY_LIGHT, FILE, LightController};
 use crate::agents::plan::AgentPlan;
 use crate::any_light::AnyLight;
 use crate::config::SEEN_CARS;
-use crate::lane_sets::{self, Draw, LaneSets, Seen, SinceGreen, View};
+use crate::lane_sets::{self, Draw, LaneSets, Seen, SinceGreen};
 use dials_core::base::{AgentId, Dice, RandomPurpose, Rows, Seed};
 use dials_core::domain::sampling::{self, Selection};
 use dials_core::outside::Printable;
@@ -34,6 +34,8 @@ pub(super) struct AnyLightController {
     /// The green that each light wants until the next decision.
     wanted: Vec<usize>,
     dice: Vec<Dice>,
+    /// Share of the cars that it sees.
+    seen: f64,
     draw: Draw,
     second: u32,
 }
@@ -96,7 +98,7 @@ impl Choices {
 
     /// Makes a controller of these lights.
     pub(super) fn controller(&self, plans: &[AgentPlan]) -> AnyLightController {
-        let sets = lane_sets::of_lights(plans, View { up_to_m: self.model.seen_m(), share: self.seen });
+        let sets = lane_sets::of_lights(plans, self.model.seen_m());
         let room = sets.first().map_or_else(|| lane_sets::sets(1, 1), |sets| sets.sets);
         AnyLightController {
             network: self.model.network(room),
@@ -107,6 +109,7 @@ impl Choices {
             since: Vec::new(),
             wanted: Vec::new(),
             dice: Vec::new(),
+            seen: self.seen,
             draw: Draw::default(),
             second: 0,
         }
@@ -121,7 +124,7 @@ impl LightController for AnyLightController {
     fn begin(&mut self, episode: Seed) {
         let agents = AgentId::all(self.sets.len());
         self.dice = episode.fork(RandomPurpose::Acting).for_agents(&agents).collect();
-        self.draw = Draw::of(episode);
+        self.draw = Draw::of(episode, self.seen);
         self.since.clear();
         self.second = 0;
     }
@@ -176,7 +179,7 @@ mod tests {
     #[test]
     fn a_lane_that_has_been_red_too_long_comes_next_if_cars_stand_there() {
         let plan = crossing();
-        let sets = LaneSets::new(5, 4, View { up_to_m: 150.0, share: 1.0 }).fitted(&plan, 5, 4);
+        let sets = LaneSets::new(5, 4, 150.0).fitted(&plan, 5, 4);
         let ways = |stand_and_red: &[(usize, u32)], longest_red: u32, mut allowed: [bool; 4]| {
             let mut obs = vec![0.0; sets.columns()];
             for &(lane, red_s) in stand_and_red {

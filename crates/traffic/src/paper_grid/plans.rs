@@ -11,7 +11,7 @@ use crate::agents::plan::{AgentPlan, JointPlan};
 use crate::agents::region::{self, CELLS, EDGE_M, EDGES, SPEED_LIMIT_MPS};
 use crate::agents::region_plan::{Approach, Exit, Link, RegionPlan};
 use crate::agents::sensor::{CarColumns, LightColumns, Sensor};
-use crate::config::{ClockOffsets, Observation, TrafficConfig, UntilFirstSwitch};
+use crate::config::{ClockOffsets, Observation, SeenCars, TrafficConfig, UntilFirstSwitch};
 use crate::light::YELLOW_STEPS;
 use crate::paper_grid::content::{DECEL_MPS2, place};
 use crate::side::Side;
@@ -33,6 +33,7 @@ pub(crate) fn joint_plan(grid: Grid, config: &TrafficConfig) -> JointPlan {
         decision_steps: 1,
         reward: config.reward.clone(),
         faults: config.detector_faults,
+        seen_cars: SeenCars::default(),
         emergency_decel_mps2: Some(DECEL_MPS2),
     }
 }

@@ -63,6 +63,7 @@ pub(crate) fn open(files: SumoScenario, config: &ScenarioConfig) -> Result<(Road
         decision_steps: config.decision_s as usize,
         reward: config.reward.clone(),
         faults: config.detector_faults,
+        seen_cars: config.seen_cars.clone(),
         emergency_decel_mps2: None,
     };
     let keeps = sentences(&derived.keeping).into_iter().map(|(sentence, _)| sentence);

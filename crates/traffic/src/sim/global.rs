@@ -68,8 +68,8 @@ pub struct GlobalTraffic {
     readings: Vec<Readings>,
     /// What is known of vehicles, if the roads are watched, and the crossings with persons.
     watched: Option<(Watched, Crossings)>,
-    /// Which cars are seen in this episode by agents that see lanes.
-    draw: Draw,
+    /// Which cars are seen in this episode by agents that see lanes, per row.
+    draws: Vec<Draw>,
     /// Read only for hand-coded control, for a reward or agents that need them, and if the roads are watched.
     exits: RowLanes,
     /// Lanes within the junctions, for masks that mind trapped cars.
@@ -131,7 +131,7 @@ impl GlobalTraffic {
             others,
             readings: Vec::new(),
             watched: None,
-            draw: Draw::default(),
+            draws: Vec::new(),
             decisions: Decisions::new(control, agents),
             simulation,
             lights,
@@ -353,8 +353,8 @@ impl GlobalTraffic {
             }
             let (waiting, others) = (&self.waiting[row], self.others.as_ref().map(|others| &others.now[row]));
             others.iter().for_each(|others| observe::observe_others(plan, others, percept.obs.row_mut(row)));
-            if let Some(since) = self.shown.since.get(row) {
-                let seen = Seen { cars, exits: self.exits.at(row), shown, shown_steps, since, draw: self.draw };
+            if let Some((since, &draw)) = self.shown.since.get(row).zip(self.draws.get(row)) {
+                let seen = Seen { cars, exits: self.exits.at(row), shown, shown_steps, since, draw };
                 observe::observe_sets(plan, &seen, percept.obs.row_mut(row));
             }
             if let Some(readings) = self.readings.get(row) {
@@ -421,7 +421,8 @@ impl GlobalSimulator for GlobalTraffic {
         if self.plan.sees_sets() {
             let greens = self.plan.agents.iter().map(AgentPlan::greens);
             self.shown.since = greens.map(SinceGreen::begin).collect();
-            self.draw = Draw::of(episode);
+            let share = |row| self.plan.seen_cars.of(episode, AgentId(row));
+            self.draws = (0..self.agents()).map(|row| Draw::of(episode, share(row))).collect();
         }
         self.read_others()?;
         self.take_picture()?;

@@ -12,7 +12,7 @@ use crate::agents::region::CELL_M;
 use crate::agents::region_plan::{Approach, Exit, Link, RegionPlan};
 use crate::agents::sensor::{CarColumns, LightColumns, Sensor};
 use crate::config::{DSet, Observation};
-use crate::lane_sets::{LaneSets, View};
+use crate::lane_sets::LaneSets;
 use crate::network::roads::{Connection, EdgeNo, LaneNo, Roads};
 
 /// Approaches: first the edges at the stop line in the order of the light's letters, then the others by distance; the
@@ -142,10 +142,7 @@ pub(super) fn sensor(region: &RegionPlan, rules: &Rules, greens: usize) -> Senso
         Observation::Cells | Observation::CellsAndBuses => CarColumns::Cells(cells.collect()),
         Observation::Queues => CarColumns::QueueAndDensity(region.approaches.len()),
         Observation::Detectors => CarColumns::Detectors(Loop::of(&region.approaches)),
-        Observation::Lanes => {
-            let view = View { up_to_m: rules.approach_m, share: rules.seen_cars };
-            CarColumns::Sets(LaneSets::new(region.approaches.len(), greens, view))
-        }
+        Observation::Lanes => CarColumns::Sets(LaneSets::new(region.approaches.len(), greens, rules.approach_m)),
     };
     let light = match rules.cars {
         Observation::Lanes => LightColumns::WithLanes,

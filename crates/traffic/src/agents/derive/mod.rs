@@ -55,8 +55,6 @@ pub struct Rules {
     /// What an agent chooses from.
     pub actions: Actions,
     pub(crate) cars: Observation,
-    /// Share of the cars that agents see which see lanes.
-    pub(crate) seen_cars: f64,
 }
 
 impl Rules {
@@ -80,7 +78,6 @@ impl Rules {
             minds_trapped: mind_trapped,
             actions,
             cars: observation,
-            seen_cars: config.seen_cars,
         }
     }
 }
@@ -96,7 +93,6 @@ impl Default for Rules {
             minds_trapped: true,
             actions: Actions::Greens,
             cars: Observation::Cells,
-            seen_cars: 1.0,
         }
     }
 }
