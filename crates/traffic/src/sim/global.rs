@@ -9,27 +9,25 @@ use anyhow::{Context, ensure};
 use super::border::Borders;
 use super::control::{Decisions, SignalControl};
 use super::crossings::Crossings;
+use super::eyes::{Eyes, Glance};
 use super::light_delays::LightDelays;
 use super::lights::{History, Lights, ShownLights, Stay};
 use super::metrics::{TrafficMetrics, Window};
-use super::others::Others;
 use super::picture::Camera;
-use super::readings::Readings;
 use super::recording::{Recorder, Tape};
 use super::route_file::{RouteFile, source};
 use super::tally::Tally;
 use super::visits::Visits;
-use super::watched::{RowShows, Watched};
 use crate::agents::others_plan::OthersPlan;
 use crate::agents::plan::{AgentPlan, JointPlan};
-use crate::cars_at::{CarsAt, RowLanes};
+use crate::cars_at::CarsAt;
 use crate::controllers::intersections::Intersections;
 use crate::events::{EventLog, EventRecorder};
 use crate::inflow::has_arrival;
 use crate::lane_sets::{Draw, Seen, SinceGreen};
 use crate::network::loadable::Loadable;
 use crate::observe::{self, LightView};
-use crate::reward::{self, Waiting};
+use crate::reward;
 use crate::road_network::RoadNetwork;
 use dials_core::base::{AgentId, Phase, Ragged, Seed, Stopwatch};
 use dials_core::domain::light_figures::{LightPlace, LightsEpisode};
@@ -39,7 +37,7 @@ use dials_core::domain::{
 };
 #[cfg(test)]
 use libsumo::SignalState;
-use libsumo::{Car, CarTable, Simulation};
+use libsumo::{Car, Simulation};
 
 /// The traffic GS: one row per intersection. A step of it is a decision of the agents, which may take several seconds.
 ///
@@ -57,23 +55,9 @@ pub struct GlobalTraffic {
     shown: ShownLights,
     /// Number of seconds since the episode began.
     age: usize,
-    /// Approaches with the cars now, and the cars a second ago.
-    approaches: RowLanes,
-    cars_before: CarTable,
-    /// Time that cars have waited, per row; noted only if the roads are watched, or for a reward that needs it.
-    waiting: Vec<Waiting>,
-    /// Buses, trams and persons, if an agent needs them.
-    others: Option<Others>,
-    /// Detectors of each row, if agents see them.
-    readings: Vec<Readings>,
-    /// What is known of vehicles, if the roads are watched, and the crossings with persons.
-    watched: Option<(Watched, Crossings)>,
+    eyes: Eyes,
     /// Which cars are seen in this episode by agents that see lanes, per row.
     draws: Vec<Draw>,
-    /// Read only for hand-coded control, for a reward or agents that need them, and if the roads are watched.
-    exits: RowLanes,
-    /// Lanes within the junctions, for masks that mind trapped cars.
-    inside: RowLanes,
     last: JointTransition,
     /// Borders of a scenario's regions, once influence is observed.
     borders: Option<Borders>,
@@ -110,37 +94,24 @@ impl GlobalTraffic {
         let agents = plan.agents.iter();
         let lights = agents.clone().map(|agent| (agent.light.clone(), agent.phases.clone()));
         let lights = Lights::register(&mut simulation, lights)?;
-        let approaches = agents.clone().map(|agent| agent.region.approaches.iter().map(|lane| &lane.lane).collect());
-        let approaches = RowLanes::register(&mut simulation, approaches)?;
-        let exits = agents.clone().map(|agent| agent.region.exits.iter().map(|exit| &exit.lane).collect());
-        let exits = RowLanes::register(&mut simulation, exits)?;
-        let inside = RowLanes::register(&mut simulation, agents.clone().map(AgentPlan::lanes_inside))?;
+        let eyes = Eyes::open(&plan, &mut simulation)?;
         let record = |tape| Recorder::new(tape, &mut simulation, network.recorded(&plan)?, String::new());
         let recorder = tape.map(record).transpose()?;
         let events = |log| EventRecorder::new(log, network.sites(&plan)?, &mut simulation);
         let events = log.map(events).transpose()?;
         let agents = agents.len();
-        let others = Others::of_rows(&plan, plan.agents.iter());
-        let others = others.map(|others| others.on_foot(&mut simulation, &plan.agents)).transpose()?;
         Ok(GlobalTraffic {
             source,
             route_file,
             programs,
             network,
-            waiting: vec![Waiting::default(); agents],
-            others,
-            readings: Vec::new(),
-            watched: None,
+            eyes,
             draws: Vec::new(),
             decisions: Decisions::new(control, agents),
             simulation,
             lights,
             shown: ShownLights::new(agents),
             age: 0,
-            approaches,
-            cars_before: CarTable::new(),
-            exits,
-            inside,
             d_set_before: last.percept.d_set.clone(),
             last,
             borders: None,
@@ -165,7 +136,7 @@ impl GlobalTraffic {
     }
 
     pub fn cars_on(&self, agent: usize) -> CarsAt<'_> {
-        self.approaches.at(agent)
+        self.eyes.cars_on(agent)
     }
 
     /// Returns the letters that SUMO says all lights show.
@@ -222,9 +193,9 @@ impl GlobalTraffic {
             shown: &self.shown.now,
             shown_steps: &self.shown.steps,
             lights: &self.lights,
-            approaches: &self.approaches,
-            exits: &self.exits,
-            inside: &self.inside,
+            approaches: &self.eyes.approaches,
+            exits: &self.eyes.exits,
+            inside: &self.eyes.inside,
         };
         (intersections, &mut self.decisions)
     }
@@ -234,7 +205,7 @@ impl GlobalTraffic {
         let begun = Instant::now();
         let (intersections, decisions) = self.intersections();
         decisions.decide(actions, &intersections);
-        std::mem::swap(&mut self.approaches.cars, &mut self.cars_before);
+        std::mem::swap(&mut self.eyes.approaches.cars, &mut self.eyes.cars_before);
         self.lights.act(&mut self.simulation, &self.decisions.obeyed)?;
         self.watch.note(Phase::Insertion, begun.elapsed());
         self.watch.time(Phase::SimulatorStep, || self.simulation.second())?;
@@ -243,25 +214,10 @@ impl GlobalTraffic {
         self.shown.second(&mut self.lights, &mut self.simulation)?;
         self.age += 1;
         self.note_sources(number)?;
-        self.others.as_mut().map_or(Ok(()), |others| others.second(&mut self.simulation))?;
-        for (row, readings) in self.readings.iter_mut().enumerate() {
-            readings.second(&self.plan.agents[row], self.approaches.at(row));
-        }
-        if let Some((watched, _)) = &mut self.watched {
-            watched.entered(&self.simulation.departures()?);
-        }
-        if self.watched.is_some() || reward::needs_waiting(&self.plan.reward) {
-            for (row, waiting) in self.waiting.iter_mut().enumerate() {
-                waiting.note(self.approaches.at(row));
-            }
-        }
-        if reward::needs_co2(&self.plan.reward) {
-            let of_rows = self.approaches.co2_mg_per_s(&mut self.simulation)?;
-            self.waiting.iter_mut().zip(of_rows).for_each(|(waiting, mg)| waiting.note_co2(mg));
-        }
+        self.eyes.second(&self.plan, &mut self.simulation)?;
         self.history.iter_mut().for_each(|history| history.note(&self.shown.now));
         self.tally.lights(&self.shown.before, &self.shown.now);
-        self.tally.cars(&self.approaches.cars, &self.cars_before);
+        self.tally.cars(&self.eyes.approaches.cars, &self.eyes.cars_before);
         self.tally.step(&mut self.simulation)?;
         let warm_up_s = self.network.warm_up_s as usize;
         let is_warm = self.age > warm_up_s;
@@ -272,7 +228,7 @@ impl GlobalTraffic {
             delays.second(&mut self.simulation, is_warm)?;
         }
         if let Some(metrics) = self.metrics.as_mut().filter(|_| is_warm) {
-            metrics.step(&self.approaches, &self.cars_before, &self.simulation.gone()?);
+            metrics.step(&self.eyes.approaches, &self.eyes.cars_before, &self.simulation.gone()?);
             if let Some(crossings) = &mut self.crossings {
                 metrics.note_waiting(crossings.waiting(&mut self.simulation)?.map(u64::from).sum());
             }
@@ -294,7 +250,7 @@ impl GlobalTraffic {
         // DEVIATION 4: an influence source is the event that a car entered the edge in this step. In the authors' code
         // it is the occupancy of the entry cell.
         for row in 0..self.plan.agents.len() {
-            let (now, before) = (self.approaches.at(row), self.approaches.of(&self.cars_before, row));
+            let (now, before) = (self.eyes.cars_on(row), self.eyes.approaches.of(&self.eyes.cars_before, row));
             for (source, (now, before)) in self.sources.row_mut(row).iter_mut().zip(now.iter().zip(before.iter())) {
                 *source |= u8::from(has_arrival(now, before));
             }
@@ -303,32 +259,17 @@ impl GlobalTraffic {
     }
 
     fn read_cars(&mut self) -> Result<()> {
-        self.approaches.read(&mut self.simulation)?;
-        if self.decisions.has_rule() || reward::needs_exits(&self.plan.reward) {
-            self.exits.read(&mut self.simulation)?;
-        }
-        if !self.inside.is_empty() && self.decisions.minds_trapped() {
-            self.inside.read(&mut self.simulation)?;
-        }
-        Ok(())
+        let glance = Glance {
+            exits: self.decisions.has_rule() || reward::needs_exits(&self.plan.reward),
+            inside: !self.eyes.inside.is_empty() && self.decisions.minds_trapped(),
+        };
+        self.eyes.read_cars(glance, &mut self.simulation)
     }
 
     fn read_others(&mut self) -> Result<()> {
         // A rule that looks there now has let it be read already.
-        if !self.inside.is_empty() && !self.decisions.minds_trapped() {
-            self.inside.read(&mut self.simulation)?;
-        }
-        if self.watched.is_some() || self.plan.sees_sets() {
-            self.exits.read(&mut self.simulation)?;
-        }
-        if let Some((watched, crossings)) = &mut self.watched {
-            let mut waiting = crossings.waiting(&mut self.simulation)?;
-            for (persons, plan) in watched.persons.iter_mut().zip(&self.plan.agents) {
-                *persons = waiting.by_ref().take(plan.others.crossings.len()).sum();
-            }
-        }
-        let Some(others) = &mut self.others else { return Ok(()) };
-        others.read(&mut self.simulation, self.plan.agents.iter(), |row| self.approaches.at(row))
+        let inside = !self.eyes.inside.is_empty() && !self.decisions.minds_trapped();
+        self.eyes.read_others(&self.plan, inside, &mut self.simulation)
     }
 
     fn take_picture(&mut self) -> Result<()> {
@@ -338,7 +279,7 @@ impl GlobalTraffic {
     fn perceive(&mut self) {
         let JointTransition { percept, rewards } = &mut self.last;
         for (row, reward) in rewards.iter_mut().enumerate() {
-            let (plan, cars) = (&self.plan.agents[row], self.approaches.at(row));
+            let (plan, cars) = (&self.plan.agents[row], self.eyes.cars_on(row));
             let clock = self.age + plan.sensor.clock_ahead;
             let (shown, shown_steps) = (self.shown.now[row], self.shown.steps[row]);
             let light = LightView { shown, shown_steps, age: self.age, clock };
@@ -351,18 +292,18 @@ impl GlobalTraffic {
                 }
                 None => {}
             }
-            let (waiting, others) = (&self.waiting[row], self.others.as_ref().map(|others| &others.now[row]));
+            let (waiting, others) = (&self.eyes.waiting[row], self.eyes.others.as_ref().map(|others| &others.now[row]));
             others.iter().for_each(|others| observe::observe_others(plan, others, percept.obs.row_mut(row)));
             if let Some((since, &draw)) = self.shown.since.get(row).zip(self.draws.get(row)) {
-                let seen = Seen { cars, exits: self.exits.at(row), shown, shown_steps, since, draw };
+                let seen = Seen { cars, exits: self.eyes.exits.at(row), shown, shown_steps, since, draw };
                 observe::observe_sets(plan, &seen, percept.obs.row_mut(row));
             }
-            if let Some(readings) = self.readings.get(row) {
+            if let Some(readings) = self.eyes.readings.get(row) {
                 observe::observe_detectors(plan, readings, percept.obs.row_mut(row));
             }
-            *reward = reward::reward(&self.plan.reward, &plan.region, cars, self.exits.at(row), waiting, others);
+            *reward = reward::reward(&self.plan.reward, &plan.region, cars, self.eyes.exits.at(row), waiting, others);
             let allows = |green| self.lights.allows(row, green);
-            observe::mask(plan, shown, self.inside.at(row), allows, percept.masks.row_mut(row));
+            observe::mask(plan, shown, self.eyes.inside.at(row), allows, percept.masks.row_mut(row));
         }
     }
 }
@@ -411,13 +352,7 @@ impl GlobalSimulator for GlobalTraffic {
         }
         self.history.iter_mut().for_each(|history| history.begin(self.plan.agents.len()));
         self.tally = Tally::new(self.agents(), self.plan.emergency_decel_mps2);
-        self.waiting.fill(Waiting::default());
-        self.others.iter_mut().for_each(Others::begin);
-        self.watched.iter_mut().for_each(|(watched, _)| watched.begin());
-        if self.plan.sees_detectors() {
-            let of_agent = |(row, plan)| Readings::begin(plan, self.plan.faults, episode.for_agent(AgentId(row)));
-            self.readings = self.plan.agents.iter().enumerate().map(of_agent).collect();
-        }
+        self.eyes.begin(&self.plan, episode);
         if self.plan.sees_sets() {
             let greens = self.plan.agents.iter().map(AgentPlan::greens);
             self.shown.since = greens.map(SinceGreen::begin).collect();
@@ -438,8 +373,7 @@ impl GlobalSimulator for GlobalTraffic {
         ensure!(!self.metrics.as_ref().is_some_and(TrafficMetrics::finished), "the episode ended with its measures");
         self.d_set_before.copy_from(&self.last.percept.d_set);
         self.shown.decide();
-        self.waiting.iter_mut().for_each(Waiting::decide);
-        self.readings.iter_mut().for_each(Readings::decide);
+        self.eyes.decide();
         self.sources.fill(0);
         for number in 0..self.plan.decision_steps {
             self.second(number, actions)?;
@@ -487,25 +421,14 @@ impl GlobalSimulator for GlobalTraffic {
     }
 
     fn watch_roads(&mut self) -> Result<bool> {
-        let crossings = self.plan.agents.iter().flat_map(|agent| &agent.others.crossings);
-        let crossings = Crossings::register(&mut self.simulation, crossings)?;
-        self.watched = Some((Watched::new(&self.plan, self.network.travellers().as_ref()), crossings));
+        self.eyes.watch_roads(&self.plan, self.network.travellers().as_ref(), &mut self.simulation)?;
         Ok(true)
     }
 
     fn roads(&self, now: &mut RoadsNow) {
         now.clear();
-        let Some((watched, _)) = &self.watched else { return };
-        for row in 0..self.plan.agents.len() {
-            let shows = RowShows {
-                shown: self.shown.now[row],
-                shown_s: self.shown.steps[row],
-                waiting: &self.waiting[row],
-                readings: self.readings.get(row),
-                persons: watched.persons[row],
-            };
-            watched.put_row(row, &shows, [self.approaches.at(row), self.exits.at(row)], now);
-        }
+        let lights = self.shown.now.iter().zip(&self.shown.steps).map(|(&shown, &steps)| (shown, steps));
+        self.eyes.roads(lights, now);
     }
 
     fn watch_scene(&mut self) -> Result<()> {

@@ -1,7 +1,7 @@
 //! The simulators of traffic on SUMO.
 //!
-//! - [`global`]: the GS; [`control`]: who runs its lights. `border`: arrivals and blocked exits of a scenario's regions;
-//!   [`visits`]: all visits of cars to them.
+//! - [`global`]: the GS; `eyes`: what it reads; [`control`]: who runs its lights. `border`: arrivals and blocked exits of a
+//!   scenario's regions; [`visits`]: all visits of cars to them.
 //! - [`local`]: the LS. `local_forest`: the nets side by side that it loads; `entries`: where cars wait to come in, and
 //!   exits that are blocked; `arriving`: which cars come; [`visit_tables`]: visits to draw them from; `local_routes`:
 //!   their routes.
@@ -18,6 +18,7 @@ mod border;
 pub mod control;
 mod crossings;
 pub(super) mod entries;
+mod eyes;
 pub mod global;
 mod light_delays;
 pub(crate) mod lights;

@@ -1,0 +1,163 @@
+//! What the GS reads of cars, lanes, detectors and people, per row: every second, and once more after a decision.
+
+use anyhow::Result;
+
+use super::crossings::Crossings;
+use super::others::Others;
+use super::readings::Readings;
+use super::watched::{RowShows, Watched};
+use crate::agents::phase_plan::Shown;
+use crate::agents::plan::{AgentPlan, JointPlan};
+use crate::cars_at::{CarsAt, RowLanes};
+use crate::reward::{self, Waiting};
+use crate::scenario::travellers::Travellers;
+use dials_core::base::{AgentId, Seed};
+use dials_core::domain::roads::RoadsNow;
+use libsumo::{CarTable, Simulation};
+
+/// Which lanes beside the approaches are read in a second.
+#[derive(Clone, Copy)]
+pub(super) struct Glance {
+    pub(super) exits: bool,
+    pub(super) inside: bool,
+}
+
+pub(super) struct Eyes {
+    /// Approaches with the cars now, and the cars a second ago.
+    pub(super) approaches: RowLanes,
+    pub(super) cars_before: CarTable,
+    /// Read only for hand-coded control, for a reward or agents that need them, and if the roads are watched.
+    pub(super) exits: RowLanes,
+    /// Lanes within the junctions, for masks that mind trapped cars.
+    pub(super) inside: RowLanes,
+    /// Time that cars have waited, per row; noted only if the roads are watched, or for a reward that needs it.
+    pub(super) waiting: Vec<Waiting>,
+    /// Buses, trams and persons, if an agent needs them.
+    pub(super) others: Option<Others>,
+    /// Detectors of each row, if agents see them.
+    pub(super) readings: Vec<Readings>,
+    /// What is known of vehicles, if the roads are watched, and the crossings with persons.
+    watched: Option<(Watched, Crossings)>,
+}
+
+impl Eyes {
+    pub(super) fn open(plan: &JointPlan, simulation: &mut Simulation) -> Result<Eyes> {
+        let agents = || plan.agents.iter();
+        let approaches = agents().map(|agent| agent.region.approaches.iter().map(|lane| &lane.lane).collect());
+        let exits = agents().map(|agent| agent.region.exits.iter().map(|exit| &exit.lane).collect());
+        let approaches = RowLanes::register(simulation, approaches)?;
+        let exits = RowLanes::register(simulation, exits)?;
+        let inside = RowLanes::register(simulation, agents().map(AgentPlan::lanes_inside))?;
+        let others = Others::of_rows(plan, agents());
+        let others = others.map(|others| others.on_foot(simulation, &plan.agents)).transpose()?;
+        Ok(Eyes {
+            approaches,
+            cars_before: CarTable::new(),
+            exits,
+            inside,
+            waiting: vec![Waiting::default(); plan.agents.len()],
+            others,
+            readings: Vec::new(),
+            watched: None,
+        })
+    }
+
+    /// Reads more from the next reset on: what [`Eyes::roads`] tells.
+    pub(super) fn watch_roads(
+        &mut self,
+        plan: &JointPlan,
+        travellers: Option<&Travellers>,
+        simulation: &mut Simulation,
+    ) -> Result<()> {
+        let crossings = plan.agents.iter().flat_map(|agent| &agent.others.crossings);
+        let crossings = Crossings::register(simulation, crossings)?;
+        self.watched = Some((Watched::new(plan, travellers), crossings));
+        Ok(())
+    }
+
+    pub(super) fn begin(&mut self, plan: &JointPlan, episode: Seed) {
+        self.waiting.fill(Waiting::default());
+        self.others.iter_mut().for_each(Others::begin);
+        self.watched.iter_mut().for_each(|(watched, _)| watched.begin());
+        if plan.sees_detectors() {
+            let of_agent = |(row, agent)| Readings::begin(agent, plan.faults, episode.for_agent(AgentId(row)));
+            self.readings = plan.agents.iter().enumerate().map(of_agent).collect();
+        }
+    }
+
+    /// Begins a decision.
+    pub(super) fn decide(&mut self) {
+        self.waiting.iter_mut().for_each(Waiting::decide);
+        self.readings.iter_mut().for_each(Readings::decide);
+    }
+
+    /// Reads the cars of a second.
+    pub(super) fn read_cars(&mut self, glance: Glance, simulation: &mut Simulation) -> Result<()> {
+        self.approaches.read(simulation)?;
+        if glance.exits {
+            self.exits.read(simulation)?;
+        }
+        if glance.inside {
+            self.inside.read(simulation)?;
+        }
+        Ok(())
+    }
+
+    /// Notes what adds up over the seconds of a decision.
+    pub(super) fn second(&mut self, plan: &JointPlan, simulation: &mut Simulation) -> Result<()> {
+        self.others.as_mut().map_or(Ok(()), |others| others.second(simulation))?;
+        for (row, readings) in self.readings.iter_mut().enumerate() {
+            readings.second(&plan.agents[row], self.approaches.at(row));
+        }
+        if let Some((watched, _)) = &mut self.watched {
+            watched.entered(&simulation.departures()?);
+        }
+        if self.watched.is_some() || reward::needs_waiting(&plan.reward) {
+            for (row, waiting) in self.waiting.iter_mut().enumerate() {
+                waiting.note(self.approaches.at(row));
+            }
+        }
+        if reward::needs_co2(&plan.reward) {
+            let of_rows = self.approaches.co2_mg_per_s(simulation)?;
+            self.waiting.iter_mut().zip(of_rows).for_each(|(waiting, mg)| waiting.note_co2(mg));
+        }
+        Ok(())
+    }
+
+    /// Reads what agents see or are rewarded for beside the cars of each second. `inside`: whether to read within the junctions.
+    pub(super) fn read_others(&mut self, plan: &JointPlan, inside: bool, simulation: &mut Simulation) -> Result<()> {
+        if inside {
+            self.inside.read(simulation)?;
+        }
+        if self.watched.is_some() || plan.sees_sets() {
+            self.exits.read(simulation)?;
+        }
+        if let Some((watched, crossings)) = &mut self.watched {
+            let mut waiting = crossings.waiting(simulation)?;
+            for (persons, plan) in watched.persons.iter_mut().zip(&plan.agents) {
+                *persons = waiting.by_ref().take(plan.others.crossings.len()).sum();
+            }
+        }
+        let Some(others) = &mut self.others else { return Ok(()) };
+        others.read(simulation, plan.agents.iter(), |row| self.approaches.at(row))
+    }
+
+    pub(super) fn cars_on(&self, row: usize) -> CarsAt<'_> {
+        self.approaches.at(row)
+    }
+
+    /// Tells all that is known of the roads, if they are watched. `lights`: what each row shows, and for how many seconds.
+    pub(super) fn roads(&self, lights: impl Iterator<Item = (Shown, u32)>, now: &mut RoadsNow) {
+        let Some((watched, _)) = &self.watched else { return };
+        for (row, (shown, shown_s)) in lights.enumerate() {
+            let shows = RowShows {
+                shown,
+                shown_s,
+                waiting: &self.waiting[row],
+                readings: self.readings.get(row),
+                persons: watched.persons[row],
+            };
+            watched.put_row(row, &shows, [self.approaches.at(row), self.exits.at(row)], now);
+        }
+    }
+}
