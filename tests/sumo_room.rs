@@ -22,7 +22,7 @@ use libsumo::{
 /// radius of 6.2 m make internal lanes of 18.8 m. The light's links are north, east, south, west.
 ///
 /// The tests share the folder, and statics are never dropped. So it is among the build's temporary files, under one
-/// name.
+/// name. Tests may be processes that make it at the same time. So each file comes whole, by a new name.
 static FOLDER: LazyLock<PathBuf> = LazyLock::new(|| {
     let folder = Path::new(env!("CARGO_TARGET_TMPDIR")).join("sumo_room");
     fs::create_dir_all(&folder).expect("a writable folder");
@@ -40,7 +40,12 @@ static FOLDER: LazyLock<PathBuf> = LazyLock::new(|| {
     for (from, to) in [("north", "south"), ("east", "west"), ("south", "north"), ("west", "east")] {
         connections += &format!(r#"<connection from="{from}_in" to="{to}_out"/>"#);
     }
-    let write = |name: &str, text: String| fs::write(folder.join(name), text).expect("a file");
+    let unfinished = |name: &str| folder.join(format!("{}_{name}", std::process::id()));
+    let finish = |name: &str| fs::rename(unfinished(name), folder.join(name)).expect("a file in the folder");
+    let write = |name: &str, text: String| {
+        fs::write(unfinished(name), text).expect("a file");
+        finish(name);
+    };
     write("road.nod.xml", nodes + "</nodes>");
     write("road.edg.xml", edges + "</edges>");
     write("road.con.xml", connections + "</connections>");
@@ -90,11 +95,13 @@ static FOLDER: LazyLock<PathBuf> = LazyLock::new(|| {
     write("broken.net.xml", "<net version=\"1.9\">\n  <edge id=\"e\" from=\"a\">\n</net>\n".into());
     let made = Command::new(libsumo::program("netconvert").unwrap())
         .current_dir(&folder)
-        .args(["-n", "road.nod.xml", "-e", "road.edg.xml", "-x", "road.con.xml", "-o", "road.net.xml"])
+        .args(["-n", "road.nod.xml", "-e", "road.edg.xml", "-x", "road.con.xml", "-o"])
+        .arg(unfinished("road.net.xml"))
         .args(["--no-turnarounds", "true"])
         .output()
         .expect("netconvert is installed with SUMO");
     assert!(made.status.success(), "{}", String::from_utf8_lossy(&made.stderr));
+    finish("road.net.xml");
     folder
 });
 

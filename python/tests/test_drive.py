@@ -134,7 +134,8 @@ def test_a_policy_for_any_light_drives_as_our_simulator_does(scenario, lights, t
         for (lanes, greens), row, mask in zip(obs, observations.values(), masks):
             # Ours has room for the largest light: lanes first, then greens.
             assert np.allclose(lanes, row[: lanes.size].reshape(lanes.shape), atol=1e-5)
-            first = 19 * ((row.size - 9 * mask.size) // (19 + 2 * mask.size))
+            of_lane = lanes.shape[1]
+            first = of_lane * ((row.size - 9 * mask.size) // (of_lane + 2 * mask.size))
             assert np.allclose(greens, row[first:][: greens.size].reshape(greens.shape), atol=1e-5)
         ours = [policy(row, mask) for row, mask in zip(observations.values(), masks)]
         equal, steps = equal + np.mean(np.array(actions) == ours), steps + 1
