@@ -246,7 +246,8 @@ fn a_job_whose_ranks_are_killed_at_random_ends_as_if_nobody_had_touched_it() {
             if code == Some(0) {
                 break;
             }
-            assert!(said.contains(" died: "), "{said}");
+            // A rank may be killed between the end of the run and that of the job.
+            assert!(said.contains(" died: ") || said.contains("\ndone in "), "{said}");
         }
         assert_the_same(&run, &alone, "killed and resumed");
     }
