@@ -29,7 +29,7 @@ pub use grid::{ClockOffsets, DSet, EntryRule, TrafficConfig, UntilFirstSwitch};
 pub use reward::{Reward, RewardTerm};
 pub use route_files::files_called;
 pub use scenario::{Actions, DEMAND, Observation, Pedestrians, ScenarioConfig, Yellow};
-pub(crate) use seen_cars::SHARES as SEEN_CARS;
+pub(crate) use seen_cars::SEEN_CARS;
 pub use seen_cars::SeenCars;
 
 /// Traffic lights, on a grid of the paper, which `network` and `local_network` name, or on a scenario of yours, which

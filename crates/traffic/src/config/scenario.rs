@@ -109,6 +109,7 @@ pub struct ScenarioConfig {
     /// share. This models traffic in which only some cars report where they are. Masks and rewards see all cars. Not in local
     /// simulators. With a list of shares, every light draws one of them in every episode: `[1, 0.5, 0.1]`.
     #[serde(skip_serializing_if = "is_default")]
+    #[schemars(extend("default" = 1.0))]
     pub seen_cars: SeenCars,
     /// Faults of the detectors, if agents see detectors.
     #[serde(skip_serializing_if = "is_default")]

@@ -8,7 +8,7 @@ use serde::{Deserialize, Serialize};
 use dials_core::base::{AgentId, Seed};
 
 /// Shares of cars that may be seen.
-pub(crate) const SHARES: std::ops::RangeInclusive<f64> = 0.01..=1.0;
+pub(crate) const SEEN_CARS: std::ops::RangeInclusive<f64> = 0.01..=1.0;
 
 /// A share of the cars that agents see, or several of which every light draws one in every episode.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
@@ -40,8 +40,9 @@ impl SeenCars {
     pub(crate) fn check(&self) -> Result<()> {
         let shares = self.shares();
         ensure!(!shares.is_empty(), "traffic.seen_cars = []: name at least one share; 1 means all cars");
-        let wrong = shares.iter().find(|share| !SHARES.contains(share));
-        ensure!(wrong.is_none(), "traffic.seen_cars = {}: must be from 0.01 to 1", wrong.unwrap_or(&1.0));
+        for share in shares {
+            ensure!(SEEN_CARS.contains(share), "traffic.seen_cars = {share}: must be from 0.01 to 1");
+        }
         Ok(())
     }
 

@@ -62,7 +62,7 @@ impl Eyes {
         })
     }
 
-    /// Reads more from the next reset on: what [`Eyes::roads`] tells.
+    /// From the next reset on, also reads what [`Eyes::roads`] tells.
     pub(super) fn watch_roads(
         &mut self,
         plan: &JointPlan,
@@ -91,16 +91,22 @@ impl Eyes {
         self.readings.iter_mut().for_each(Readings::decide);
     }
 
+    /// Keeps the cars of the last second as those from before the next one.
+    pub(super) fn keep_cars(&mut self) {
+        std::mem::swap(&mut self.approaches.cars, &mut self.cars_before);
+    }
+
     /// Reads the cars of a second.
     pub(super) fn read_cars(&mut self, glance: Glance, simulation: &mut Simulation) -> Result<()> {
         self.approaches.read(simulation)?;
         if glance.exits {
             self.exits.read(simulation)?;
         }
-        if glance.inside {
-            self.inside.read(simulation)?;
-        }
-        Ok(())
+        if glance.inside { self.read_inside(simulation) } else { Ok(()) }
+    }
+
+    fn read_inside(&mut self, simulation: &mut Simulation) -> Result<()> {
+        if self.inside.is_empty() { Ok(()) } else { self.inside.read(simulation) }
     }
 
     /// Notes what adds up over the seconds of a decision.
@@ -127,7 +133,7 @@ impl Eyes {
     /// Reads what agents see or are rewarded for beside the cars of each second. `inside`: whether to read within the junctions.
     pub(super) fn read_others(&mut self, plan: &JointPlan, inside: bool, simulation: &mut Simulation) -> Result<()> {
         if inside {
-            self.inside.read(simulation)?;
+            self.read_inside(simulation)?;
         }
         if self.watched.is_some() || plan.sees_sets() {
             self.exits.read(simulation)?;

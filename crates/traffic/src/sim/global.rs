@@ -205,7 +205,7 @@ impl GlobalTraffic {
         let begun = Instant::now();
         let (intersections, decisions) = self.intersections();
         decisions.decide(actions, &intersections);
-        std::mem::swap(&mut self.eyes.approaches.cars, &mut self.eyes.cars_before);
+        self.eyes.keep_cars();
         self.lights.act(&mut self.simulation, &self.decisions.obeyed)?;
         self.watch.note(Phase::Insertion, begun.elapsed());
         self.watch.time(Phase::SimulatorStep, || self.simulation.second())?;
@@ -261,15 +261,14 @@ impl GlobalTraffic {
     fn read_cars(&mut self) -> Result<()> {
         let glance = Glance {
             exits: self.decisions.has_rule() || reward::needs_exits(&self.plan.reward),
-            inside: !self.eyes.inside.is_empty() && self.decisions.minds_trapped(),
+            inside: self.decisions.minds_trapped(),
         };
         self.eyes.read_cars(glance, &mut self.simulation)
     }
 
     fn read_others(&mut self) -> Result<()> {
         // A rule that looks there now has let it be read already.
-        let inside = !self.eyes.inside.is_empty() && !self.decisions.minds_trapped();
-        self.eyes.read_others(&self.plan, inside, &mut self.simulation)
+        self.eyes.read_others(&self.plan, !self.decisions.minds_trapped(), &mut self.simulation)
     }
 
     fn take_picture(&mut self) -> Result<()> {
