@@ -18,7 +18,7 @@ from read_policies import read
 from safetensors import safe_open
 
 STRETCHES_M, JAM_M, STANDS_MPS = (10, 25, 50, 100, 150), 7.5, 0.1
-FORMAT = "dials-traffic any-light 2"
+FORMAT = "dials-traffic any-light 3"
 LONGEST_RED_S = 120
 
 
@@ -36,6 +36,8 @@ class AnyLight(Light):
         of_lanes = [[plan["links"][link] for link in lane["links"]] for lane in plan["approaches"]]
         self.letters = [[link["letter"] for link in links] for links in of_lanes]
         self.exits = [[plan["exits"][link["to"]] for link in links] for links in of_lanes]
+        #: For each crossing: its edge, the pavements that lead there, and the greens in which people walk.
+        self.crossings = [(way["edge"], way["areas"], way["greens"]) for way in plan["crossings"]]
 
         def share(green, lane, letters):
             return sum(green[letter] in letters for letter in self.letters[lane]) / max(1, len(self.letters[lane]))
@@ -73,9 +75,22 @@ class AnyLight(Light):
             row[18] = sum(not road["leaves_the_net"] for road in exits) / links
         return features
 
+    def see_people(self):
+        """Return for each green how many people wait to walk, in tens, and the longest time since they could, `[greens, 2]`."""
+        features = np.zeros((len(self.opens), 2))
+        for crossing, areas, greens in self.crossings:
+            people = [person for area in areas for person in libsumo.edge.getLastStepPersonIDs(area)]
+            count = sum(libsumo.person.getSpeed(person) < STANDS_MPS and libsumo.person.getNextEdge(person) == crossing
+                        for person in people)
+            if count and greens:
+                features[greens, 0] += count / 10
+                features[greens, 1] = np.maximum(features[greens, 1], time(self.since_s[greens].min()))
+        return features
+
     def see_greens(self):
-        """Return the features of all greens, `[greens, 9]`."""
-        shown, features = self.shown_green(), np.zeros((len(self.opens), 9))
+        """Return the features of all greens, `[greens, 11]`."""
+        shown, features = self.shown_green(), np.zeros((len(self.opens), 11))
+        features[:, 9:] = self.see_people()
         for green, row in enumerate(features):
             row[:3] = 1, green == self.green, green == shown
             row[4] = time(self.since_s[green])
@@ -85,7 +100,7 @@ class AnyLight(Light):
                 row[6] = sum(state["seconds"] for state in self.changes[shown, green]["states"]) / 10
             change = None if shown is None else self.changes.get((shown, green))
             is_old_enough = green == self.green or change is not None and self.shown_s >= change["after_s"]
-            row[7:] = is_old_enough, self.opens[green, 0].sum() / 4
+            row[7:9] = is_old_enough, self.opens[green, 0].sum() / 4
         return features
 
     def show(self, action):
@@ -109,11 +124,12 @@ def scores(policy, lanes, greens, opens):
     return affine("choices", 1, hidden)[:, 0]
 
 
-def for_the_overdue(allowed, lanes, opens):
-    """Return which greens are allowed: those for the lanes where cars have stood at red for longest, if that is too long."""
+def for_the_overdue(allowed, lanes, greens, opens):
+    """Return which greens are allowed: those for the cars or people who have stood at red for longest, if that is too long."""
     red = np.where(lanes[:, 4] > 0, lanes[:, 13], 0)
-    serving = allowed & (opens[:, 0, red == red.max()] > 0).any(axis=1)
-    return serving if round(np.expm1(5 * red.max())) >= LONGEST_RED_S and serving.any() else allowed
+    longest = max(red.max(), greens[:, 10].max())
+    serving = allowed & ((opens[:, 0, red == longest] > 0).any(axis=1) | (greens[:, 10] == longest))
+    return serving if round(np.expm1(5 * longest)) >= LONGEST_RED_S and serving.any() else allowed
 
 
 def drive(config, lights, file, seed=0, trips=None, sample=False):
@@ -127,7 +143,8 @@ def drive(config, lights, file, seed=0, trips=None, sample=False):
 
     def choose():
         obs = [(light.see_lanes(), light.see_greens()) for light in lights]
-        left = [for_the_overdue(np.array(light.allowed(len(greens))), lanes, light.opens) for light, (lanes, greens) in zip(lights, obs)]
+        left = [for_the_overdue(np.array(light.allowed(len(greens))), lanes, greens, light.opens)
+                for light, (lanes, greens) in zip(lights, obs)]
         found = [np.where(greens_left, scores(policy, lanes, greens, light.opens), -np.inf)
                  for light, greens_left, (lanes, greens) in zip(lights, left, obs)]
         return obs, [drawn(row, dice, sample) for row in found]

@@ -8,6 +8,8 @@ import numpy as np
 
 #: Where a lane shows its queue and how long it has been red: the logarithm of a second more than that, over 5.
 QUEUE, RED = 4, 13
+#: Where a green shows the same for people who wait to walk.
+RED_ON_FOOT = 10
 #: Weight of the sum over all items.
 _OF_ALL = np.float32(0.25)
 
@@ -26,15 +28,16 @@ class OverSets:
         return 0 if choices < 1 or left < 0 or left % width else left // width
 
     def for_the_overdue(self, obs: np.ndarray, allowed: np.ndarray, longest_red_s: int) -> np.ndarray:
-        """Return which choices are allowed if lanes where cars stand shall not be red for longer."""
+        """Return which choices are allowed if cars and people shall not stand at red for longer."""
         choices = allowed.size
         count = self.items(obs.size, choices)
         lanes, rest = np.split(obs, [count * self._item])
-        belongs = rest[choices * self._choice :].reshape(choices, self._ways, count)
-        lanes = lanes.reshape(count, self._item)
-        red = np.where(lanes[:, QUEUE] > 0, lanes[:, RED], 0)
-        serving: np.ndarray = allowed & (belongs[:, 0, red == red.max()] > 0).any(axis=1)
-        return serving if np.rint(np.expm1(5 * red.max())) >= longest_red_s and serving.any() else allowed
+        marks, belongs = np.split(rest, [choices * self._choice])
+        lanes, belongs = lanes.reshape(count, self._item), belongs.reshape(choices, self._ways, count)
+        red, on_foot = np.where(lanes[:, QUEUE] > 0, lanes[:, RED], 0), marks.reshape(choices, self._choice)[:, RED_ON_FOOT]
+        longest = max(red.max(), on_foot.max())
+        serving: np.ndarray = allowed & ((belongs[:, 0, red == longest] > 0).any(axis=1) | (on_foot == longest))
+        return serving if np.rint(np.expm1(5 * longest)) >= longest_red_s and serving.any() else allowed
 
     def outputs(self, obs: np.ndarray, choices: int) -> np.ndarray:
         """Return a score for each choice, 0 for those that are not there, and the value."""

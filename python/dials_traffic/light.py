@@ -32,7 +32,7 @@ class LightPolicy(Policy):
         longest_red_s: Optional[int] = None,
     ) -> None:
         """``sets``: numbers of features. ``n_actions``: of the agent; without it, each call needs an action mask, which has as many.
-        ``longest_red_s``: seconds of red after which a lane where cars stand comes next.
+        ``longest_red_s``: seconds of red after which cars and people who stand come next.
 
         ``agent``: its name, for errors.
         """

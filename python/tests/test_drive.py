@@ -69,21 +69,25 @@ def test_the_driver_sees_and_does_what_our_simulator_does(scenario, scenario_run
     env.close()
 
 
-def test_a_lane_that_has_been_red_too_long_comes_next_in_both_networks_of_python():
-    """Two lanes, two greens, one each. Cars stand on lane 1, red for 119 or 120 s, and on lane 0, which has green."""
+def test_who_has_stood_at_red_too_long_comes_next_in_both_networks_of_python():
+    """Two lanes, two greens, one each. Cars stand on lane 1, red for 119 or 120 s, and on lane 0, which has green. People may wait
+    for green 0."""
     from drive_any_light import for_the_overdue
 
     from dials_traffic._sets import OverSets
 
-    lanes, greens, opens = np.zeros((2, 19)), np.zeros((2, 9)), np.zeros((2, 2, 2))
+    lanes, greens, opens = np.zeros((2, 20)), np.zeros((2, 11)), np.zeros((2, 2, 2))
     opens[[0, 1], 0, [0, 1]] = 1
-    sets = OverSets({}, {"item_features": 19, "choice_features": 9, "ways": 2})
+    sets = OverSets({}, {"item_features": 20, "choice_features": 11, "ways": 2})
     both, first, second = np.array([True, True]), np.array([True, False]), np.array([False, True])
-    for queue, red_s, allowed, left in [(1, 120, both, second), (1, 119, both, both), (0, 120, both, both), (1, 120, first, first)]:
+    cases = [(1, 120, 0, both, second), (1, 119, 0, both, both), (0, 120, 0, both, both), (1, 120, 0, first, first),
+             (1, 120, 121, both, first), (1, 120, 120, both, both), (0, 0, 119, both, both), (0, 0, 120, both, first)]
+    for queue, red_s, on_foot_s, allowed, left in cases:
         lanes[:, 4], lanes[:, 13] = (0.1, queue / 10), (0, np.log1p(red_s) / 5)
+        greens[0, 10] = np.log1p(on_foot_s) / 5
         obs = np.concatenate([lanes.ravel(), greens.ravel(), opens.ravel()]).astype(np.float32)
         assert sets.for_the_overdue(obs, allowed, 120).tolist() == left.tolist()
-        assert for_the_overdue(allowed, lanes, opens).tolist() == left.tolist()
+        assert for_the_overdue(allowed, lanes, greens, opens).tolist() == left.tolist()
 
 
 def jammed(scenario, told, folder):
@@ -135,7 +139,7 @@ def test_a_policy_for_any_light_drives_as_our_simulator_does(scenario, lights, t
             # Ours has room for the largest light: lanes first, then greens.
             assert np.allclose(lanes, row[: lanes.size].reshape(lanes.shape), atol=1e-5)
             of_lane = lanes.shape[1]
-            first = of_lane * ((row.size - 9 * mask.size) // (of_lane + 2 * mask.size))
+            first = of_lane * ((row.size - greens.shape[1] * mask.size) // (of_lane + 2 * mask.size))
             assert np.allclose(greens, row[first:][: greens.size].reshape(greens.shape), atol=1e-5)
         ours = [policy(row, mask) for row, mask in zip(observations.values(), masks)]
         equal, steps = equal + np.mean(np.array(actions) == ours), steps + 1

@@ -35,11 +35,18 @@ def broken(net):
     """Returns the lights that have no choice between greens, or no green for one of their links."""
     states, turns = greens(net), movements(net)
 
-    def served(light):
-        indices = [index for links in turns.get(light, {}).values() for index, _, _ in links]
-        return all(any(state[index] in "Gg" for state in states[light]) for index in indices)
+    def indices(light):
+        return [index for links in turns.get(light, {}).values() for index, _, _ in links]
 
-    return [light for light in states if len(states[light]) < 2 or not served(light)]
+    def choices(light):
+        """Returns the links that go in a green, for each one in which cars go."""
+        going = {tuple(index for index in indices(light) if state[index] in "Gg") for state in states[light]}
+        return going - {()}
+
+    def served(light):
+        return all(any(state[index] in "Gg" for state in states[light]) for index in indices(light))
+
+    return [light for light in states if len(choices(light)) < 2 or not served(light)]
 
 
 def most(states, turns, cars):

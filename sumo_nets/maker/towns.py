@@ -1,8 +1,9 @@
-"""Many islands side by side, for one policy that can work any light: roads, programs and traffic all differ."""
+"""Many islands side by side, for one policy that can work any light: roads, programs, traffic and people on foot all differ."""
 
 from .capacity import broken, greens, most, movements
 from .islands import KINDS, Island
 from .network import side_by_side
+from .people import walks
 from .programs import with_more_greens, with_short_reds
 from .traffic import QUARTER_S, Dice, any_route, flow_between, mix, route, types, write
 from .ways import Ways
@@ -13,6 +14,7 @@ SHAPES = [(0.5, 0.8, 1, 0.5), (0.6, 1, 0.7, 0.4), (0.8, 0.8, 0.8, 0.7), (0.3, 1,
 LEVELS = (0.3, 1.3)  # the highest demand, as a share of what the lights can serve
 SHORT_STREET = 0.55  # what two joined junctions serve of it: few cars find room between them
 PLATOONS = 0.25  # share of the entries where cars come in platoons
+ON_FOOT = 0.3  # share of the islands with pavements and crossings
 TRUCKS = 0.15  # share at most
 EXIT_LANE_H = 1700  # cars an hour over a lane that leaves
 
@@ -30,7 +32,7 @@ def options(dice):
     }
     if dice.next() < 0.2:
         drawn["tls.no-mixed"] = "true"
-    if dice.next() < 0.1:
+    if dice.next() < ON_FOOT:
         drawn |= {"sidewalks.guess": "true", "crossings.guess": "true"}
     return [f"--{key}={value}" for key, value in drawn.items()]
 
@@ -158,12 +160,13 @@ def traffic(island, net, dice):
 def make(folder, lights, seed, name="towns"):
     """Writes a scenario of `lights` lights, and returns its .sumocfg. Another seed gives other islands."""
     dice, nets, rows, flows = Dice(seed), [], types("car", "truck"), []
+    for_people = Dice(f"people {seed}")
     shelves = Shelves(600 * lights ** 0.5)
     for number, (kind, count) in enumerate(plan(lights, dice)):
         island, net = build(kind, count, f"i{number}", shelves, dice)
         more, cars = traffic(island, net, dice)
         rows += more
-        flows += cars
+        flows += cars + walks(net, for_people)
         nets.append(net)
     flows.sort(key=lambda pair: pair[0])
     return write(folder, name, side_by_side(nets), rows + [text for _, text in flows])

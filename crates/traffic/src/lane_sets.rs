@@ -7,6 +7,7 @@ use super::agents::phase_plan::Shown;
 use super::agents::plan::AgentPlan;
 use super::cars_at::CarsAt;
 use super::observe::JAM_M;
+use super::reward::PERSONS;
 use dials_core::base::{Seed, scramble};
 use dials_core::domain::Sets;
 use libsumo::{Car, LaneCars};
@@ -35,8 +36,8 @@ const OF_LANE: [&str; 20] = [
     "joins another light",
     "share of the cars that is not seen",
 ];
-/// Features of a green, in this order.
-const OF_GREEN: [&str; 9] = [
+/// Features of a green, in this order. People are in tens, and those who wait to walk stand at the crossings that it opens.
+const OF_GREEN: [&str; 11] = [
     "is there",
     "is shown or comes next",
     "is shown",
@@ -46,6 +47,8 @@ const OF_GREEN: [&str; 9] = [
     "time to change to it",
     "may be shown",
     "lanes that it opens",
+    "people who wait to walk",
+    "longest time since they could",
 ];
 /// A green opens a lane for a share of its links: in all, and with priority.
 const WAYS: usize = 2;
@@ -129,6 +132,8 @@ pub(crate) struct LaneSets {
 pub(crate) struct Seen<'a> {
     pub(crate) cars: CarsAt<'a>,
     pub(crate) exits: CarsAt<'a>,
+    /// Persons who stand at each crossing. Empty where nobody walks.
+    pub(crate) people: &'a [u32],
     pub(crate) shown: Shown,
     /// Number of steps for which it has been shown.
     pub(crate) shown_steps: u32,
@@ -208,15 +213,18 @@ impl LaneSets {
         of_lanes.chain(of_greens).chain(opens).collect()
     }
 
-    /// Returns the lanes where cars have stood at red for longest, all if there are several, and for how many seconds, as an observation
-    /// shows them.
-    pub(crate) fn longest_waiting(&self, plan: &AgentPlan, obs: &[f32]) -> (Vec<usize>, u32) {
+    /// Returns which greens serve those who have stood at red for longest, cars on a lane or persons at a crossing, as an observation
+    /// shows them; and for how many seconds it has been red.
+    pub(crate) fn longest_waiting(&self, plan: &AgentPlan, obs: &[f32]) -> (Vec<bool>, u32) {
         let features = |lane: usize| &obs[self.sets.item(lane)];
         let mut waiting: Vec<usize> = (0..plan.region.approaches.len()).collect();
         waiting.retain(|&lane| features(lane)[4] > 0.0);
-        let red = waiting.iter().map(|&lane| features(lane)[13]).fold(0.0, f32::max);
+        let people = |green: usize| obs[self.sets.choice(green)][10];
+        let reds = waiting.iter().map(|&lane| features(lane)[13]).chain((0..plan.greens()).map(people));
+        let red = reds.fold(0.0, f32::max);
         waiting.retain(|&lane| features(lane)[13] == red);
-        (waiting, seconds(red))
+        let serves = |green| people(green) == red || waiting.iter().any(|&lane| plan.serves(green, lane));
+        ((0..plan.greens()).map(serves).collect(), seconds(red))
     }
 
     /// Writes an observation.
@@ -242,6 +250,14 @@ impl LaneSets {
                 features[6] = plan.phases.clearing_steps(from, green) as f32 / CLEARING_S;
             }
             features[7] = f32::from(u8::from(is_old_enough(plan, shown, shown_steps, green)));
+            for (crossing, &persons) in seen.people.iter().enumerate() {
+                if persons > 0 && plan.lets_walk(green, crossing) {
+                    let walks = (0..plan.greens()).filter(|&other| plan.lets_walk(other, crossing));
+                    let walked_s = walks.map(|other| seen.since.0[other]).min().expect("this green lets them walk");
+                    features[9] += persons as f32 / PERSONS as f32;
+                    features[10] = time(walked_s).max(features[10]);
+                }
+            }
         }
     }
 
@@ -320,6 +336,7 @@ mod tests {
     use std::collections::BTreeSet;
 
     use super::*;
+    use crate::agents::others_plan::Crossing;
     use crate::cars_at::no_cars;
     use crate::controllers::examples::{crossing, middle};
     use libsumo::{CarId, CarTable};
@@ -342,7 +359,11 @@ mod tests {
         let sets = LaneSets::new(plan.region.approaches.len(), plan.greens(), UP_TO_M).fitted(plan, room[0], room[1]);
         let mut obs = vec![7.0; sets.columns()];
         let [cars, exits] = cars_on.map(CarsAt::all);
-        sets.observe(plan, &Seen { cars, exits, shown, shown_steps: 3, since, draw: Draw::default() }, &mut obs);
+        sets.observe(
+            plan,
+            &Seen { cars, exits, people: &[], shown, shown_steps: 3, since, draw: Draw::default() },
+            &mut obs,
+        );
         obs
     }
 
@@ -394,9 +415,9 @@ mod tests {
         let obs = observe(&plan, [5, 4], Shown::Green(1), nobody.each_ref(), &since);
         let time = 4.0_f32.ln() / 5.0;
         // Two of five seconds are left.
-        close_to(&obs[sets(5, 4).choice(1)], &[1.0, 1.0, 1.0, time, 0.0, 0.2, 0.0, 1.0, 0.25]);
+        close_to(&obs[sets(5, 4).choice(1)], &[1.0, 1.0, 1.0, time, 0.0, 0.2, 0.0, 1.0, 0.25, 0.0, 0.0]);
         // Yellow for three seconds and red for one.
-        close_to(&obs[sets(5, 4).choice(3)], &[1.0, 0.0, 0.0, 0.0, time, 0.0, 0.4, 0.0, 0.375]);
+        close_to(&obs[sets(5, 4).choice(3)], &[1.0, 0.0, 0.0, 0.0, time, 0.0, 0.4, 0.0, 0.375, 0.0, 0.0]);
         // The left turn from the west yields in green 3; half of the lane from the south is open.
         close_to(&obs[sets(5, 4).belongs(3, 0)], &[0.0, 1.0, 0.5, 0.0, 0.0]);
         close_to(&obs[sets(5, 4).belongs(3, 1)], &[0.0, 0.0, 0.5, 0.0, 0.0]);
@@ -404,6 +425,41 @@ mod tests {
         let marks = [0, 1, 2, 3].map(|green| between[sets(5, 4).choice(green)][1]);
         assert_eq!(marks, [0.0, 0.0, 0.0, 1.0], "it comes next");
         assert_eq!([0, 1, 2, 3].map(|green| between[sets(5, 4).choice(green)][7]), [0.0, 0.0, 0.0, 1.0]);
+    }
+
+    #[test]
+    fn a_green_shows_who_waits_to_walk_and_since_when_nobody_could() {
+        let mut plan = crossing();
+        // Green 0 opens the first crossing, greens 1 and 3 the second one, and none the third one.
+        let letters = [&[0, 4][..], &[1], &[]];
+        plan.others.crossings = letters.map(|letters| Crossing::of_letters(letters)).to_vec();
+        let sets = LaneSets::new(5, 4, UP_TO_M).fitted(&plan, 5, 4);
+        let [cars, exits] = [5, 3].map(no_cars);
+        let mut since = SinceGreen::begin(4);
+        (0..9).for_each(|_| since.note(Shown::Green(0)));
+        (0..130).for_each(|_| since.note(Shown::Green(2)));
+        let observed = |people: &[u32]| {
+            let [cars, exits] = [&cars, &exits].map(CarsAt::all);
+            let (shown, draw) = (Shown::Green(2), Draw::default());
+            let mut obs = vec![7.0; sets.columns()];
+            sets.observe(&plan, &Seen { cars, exits, people, shown, shown_steps: 130, since: &since, draw }, &mut obs);
+            obs
+        };
+        let shown = |people: &[u32], green: usize| observed(people)[sets.sets.choice(green)][9..].to_vec();
+        let since_s = |seconds: u32| (seconds as f32).ln_1p() / 5.0;
+        let people = [3, 20, 7];
+        close_to(&shown(&people, 0), &[0.3, since_s(130)]);
+        for green in [1, 3] {
+            close_to(&shown(&people, green), &[2.0, since_s(139)]);
+        }
+        close_to(&shown(&people, 2), &[0.0; 2]);
+        close_to(&shown(&[3, 0, 7], 1), &[0.0; 2]);
+        close_to(&shown(&[], 0), &[0.0; 2]);
+        // People count as cars do for those who have stood longest.
+        let longest = |people: &[u32]| sets.longest_waiting(&plan, &observed(people));
+        assert_eq!(longest(&people), (vec![false, true, false, true], 139));
+        assert_eq!(longest(&[1, 0, 0]), (vec![true, false, false, false], 130));
+        assert_eq!(longest(&[0, 0, 9]).1, 0, "no green is for them");
     }
 
     #[test]
@@ -428,7 +484,11 @@ mod tests {
         let [at, behind] = [&cars, &exits].map(CarsAt::all);
         let since = SinceGreen::begin(4);
         let shown = Shown::Green(0);
-        sets.observe(&plan, &Seen { cars: at, exits: behind, shown, shown_steps: 1, since: &since, draw }, &mut obs);
+        sets.observe(
+            &plan,
+            &Seen { cars: at, exits: behind, people: &[], shown, shown_steps: 1, since: &since, draw },
+            &mut obs,
+        );
         let sees = |id: &u64| draw.sees(&Car { id: CarId(*id), position_m: 0.0, speed_mps: 0.0 });
         let count = ids.iter().filter(|id| sees(id)).count() as f32;
         assert!(count > 0.0 && count < 4.0, "otherwise this shows nothing");

@@ -64,14 +64,14 @@ pub(crate) fn observe_sets(plan: &AgentPlan, seen: &Seen<'_>, obs: &mut [f32]) {
     }
 }
 
-/// Writes buses, trams and persons into the columns behind all others, if the agent sees them.
-pub(crate) fn observe_others(plan: &AgentPlan, others: &OthersNow, obs: &mut [f32]) {
+/// Writes buses, trams and persons into the columns behind all others, if the agent sees them. `people`: who stands at each crossing.
+pub(crate) fn observe_others(plan: &AgentPlan, others: &OthersNow, people: &[u32], obs: &mut [f32]) {
     if !plan.sensor.sees_others {
         return;
     }
     let columns = &mut obs[plan.sensor.clock_columns().end..];
     let vehicles = others.buses.iter().chain(&others.trams).map(|&count| count as f32);
-    let persons = others.waiting.iter().map(|&count| count as f32 / PERSONS as f32);
+    let persons = people.iter().map(|&count| count as f32 / PERSONS as f32);
     columns.iter_mut().zip(vehicles.chain(persons)).for_each(|(column, value)| *column = value);
 }
 

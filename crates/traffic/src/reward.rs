@@ -75,15 +75,19 @@ pub(crate) fn needs_co2(reward: &Reward) -> bool {
 }
 
 pub(crate) fn needs_others(reward: &Reward) -> bool {
-    reward.terms().any(|(term, _)| matches!(term, RewardTerm::BusDelay | RewardTerm::PersonWait))
+    reward.terms().any(|(term, _)| term == RewardTerm::BusDelay)
+}
+
+pub(crate) fn needs_people(reward: &Reward) -> bool {
+    reward.terms().any(|(term, _)| term == RewardTerm::PersonWait)
 }
 
 pub(crate) fn needs_exits(reward: &Reward) -> bool {
     reward.terms().any(|(term, _)| matches!(term, RewardTerm::ExitSpeed | RewardTerm::Pressure | RewardTerm::RootQueue))
 }
 
-/// Returns the reward of a step: the weighted sum of its terms after the step. `exits`: the cars on the exits; `others`: buses and
-/// persons, if a term needs them.
+/// Returns the reward of a step: the weighted sum of its terms after the step. `exits`: the cars on the exits; `others`: buses, if a
+/// term needs them; `people`: persons who stand at each crossing.
 pub(crate) fn reward(
     reward: &Reward,
     region: &RegionPlan,
@@ -91,6 +95,7 @@ pub(crate) fn reward(
     exits: CarsAt<'_>,
     waiting: &Waiting,
     others: Option<&OthersNow>,
+    people: &[u32],
 ) -> f32 {
     let standing = |cars: CarsAt<'_>| cars.iter().map(|lane| lane.halting()).sum::<usize>() as f64;
     let term = |term| match term {
@@ -102,7 +107,7 @@ pub(crate) fn reward(
         RewardTerm::Pressure => (exits.cars() as f64 - cars.cars() as f64) / CARS,
         RewardTerm::Wait => -(waiting.sum as f64 / WAITING_S).min(MOST_WAIT),
         RewardTerm::BusDelay => -others.map_or(0.0, |others| others.lost),
-        RewardTerm::PersonWait => -others.map_or(0.0, |others| f64::from(others.waiting.iter().sum::<u32>()) / PERSONS),
+        RewardTerm::PersonWait => -f64::from(people.iter().sum::<u32>()) / PERSONS,
         RewardTerm::Stops => -f64::from(waiting.stops) / CARS,
         RewardTerm::Co2 => -waiting.co2_g / CO2_G,
         RewardTerm::DiffWaitingTime => (waiting.sum_before as f64 - waiting.sum as f64) / WAITING_S,
@@ -132,7 +137,7 @@ mod tests {
         let cars = west(&[]);
         let of = |term, waiting: &Waiting| {
             let cars = CarsAt::all(&cars);
-            reward(&Reward::from(term), &middle().region, cars, cars, waiting, None)
+            reward(&Reward::from(term), &middle().region, cars, cars, waiting, None, &[])
         };
         assert_eq!((of(RewardTerm::Stops, &waiting), of(RewardTerm::Co2, &waiting)), (-0.2, -0.5));
         waiting.decide();
@@ -145,7 +150,7 @@ mod tests {
             let standing = |count: u64| west(&(0..count).map(|id| (id, 0.0)).chain([(99, 5.0)]).collect::<Vec<_>>());
             let [before, behind] = [before, behind].map(standing);
             let term = Reward::from(RewardTerm::RootQueue);
-            reward(&term, &middle().region, CarsAt::all(&before), CarsAt::all(&behind), &Waiting::default(), None)
+            reward(&term, &middle().region, CarsAt::all(&before), CarsAt::all(&behind), &Waiting::default(), None, &[])
         };
         assert_eq!([paid(0, 0), paid(1, 0), paid(4, 0), paid(3, 1), paid(0, 4)], [0.0, -1.0, -2.0, -2.0, -2.0]);
     }
@@ -166,6 +171,7 @@ mod tests {
             CarsAt::all(&cars),
             &waiting,
             None,
+            &[],
         );
         assert_eq!(f64::from(wait), -MOST_WAIT);
     }

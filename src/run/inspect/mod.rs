@@ -257,6 +257,7 @@ fn light(inspected: &Inspected, agent: &Agent, border: &Border) -> Value {
             .collect::<Vec<_>>(),
         "crossings": agent.crossings.iter().map(|crossing| json!({
             "edge": crossing.edge,
+            "areas": plan.others.areas_of(&crossing.edge),
             "letter": crossing.letter,
             "length_m": crossing.length_m,
             "needed_s": crossing.needed_s,

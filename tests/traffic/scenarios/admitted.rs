@@ -298,6 +298,36 @@ fn write_street(dir: &std::path::Path) -> std::path::PathBuf {
 }
 
 #[test]
+fn any_light_sees_people_and_lets_them_walk_before_they_have_waited_too_long() {
+    let dir = tempfile::tempdir().unwrap();
+    let scenario = write_street(dir.path());
+    let settings = vec!["traffic.observation='lanes'".to_owned()];
+    let traffic = Traffic::open_scenario(&table(dials_session::config::load(&scenario, &settings).unwrap())).unwrap();
+    let names = traffic.plans()[0].columns();
+    let waiting: Vec<usize> =
+        (0..names.len()).filter(|&column| names[column].contains("people who wait to walk")).collect();
+    assert!(!waiting.is_empty(), "{names:?}");
+    // Cars come from the west only, so nothing else ends a green that holds up those who walk from north to south.
+    let play = |longest_red_s: u32| {
+        let by = traffic.hand_coded(&format!("any-light:longest-red={longest_red_s}")).unwrap();
+        let agents = AgentId::all(traffic.agents());
+        let mut gs = traffic.global(SignalControl::HandCoded { by, agents }).unwrap();
+        gs.measure_in_full().unwrap();
+        gs.reset(Seed::new(1)).unwrap();
+        let mut most = 0.0_f32;
+        for _ in 0..60 {
+            let now = gs.step(&vec![0; traffic.agents()]).unwrap();
+            most = waiting.iter().map(|&column| now.percept.obs.row(0)[column]).fold(most, f32::max);
+        }
+        let measures = gs.measures().unwrap();
+        (most, measure(&measures, "person_wait_s"))
+    };
+    let [(most, soon_s), (_, late_s)] = [play(20), play(3_600)];
+    assert!(most > 0.2, "{most}");
+    assert!(soon_s < 0.8 * late_s, "{soon_s} {late_s}");
+}
+
+#[test]
 fn agents_see_buses_and_persons_and_are_paid_for_them() {
     let dir = tempfile::tempdir().unwrap();
     let scenario = write_street(dir.path());

@@ -25,9 +25,23 @@ pub struct Track {
 pub struct Crossing {
     pub edge: String,
     pub(crate) areas: Vec<String>,
+    /// Indices of its letters in the light's state: one, or one for each direction.
+    pub(crate) letters: BTreeSet<usize>,
+}
+
+#[cfg(test)]
+impl Crossing {
+    pub(crate) fn of_letters(letters: &[usize]) -> Crossing {
+        Crossing { edge: String::new(), areas: Vec::new(), letters: letters.iter().copied().collect() }
+    }
 }
 
 impl OthersPlan {
+    /// Returns the pavements from which people come to a crossing.
+    pub fn areas_of(&self, crossing: &str) -> &[String] {
+        self.crossings.iter().find(|known| known.edge == crossing).map_or(&[], |known| &known.areas)
+    }
+
     pub(crate) fn of(roads: &Roads, light: &str) -> OthersPlan {
         let for_trams = |lane: LaneNo| {
             let lane = roads.lane(lane);
@@ -51,7 +65,9 @@ impl OthersPlan {
             let areas = from.chain(to).filter(|&lane| is(lane, Function::WalkingArea));
             let areas: BTreeSet<_> = areas.map(edge_of).collect();
             let name = |edge| roads.edge(edge).id.clone();
-            Crossing { edge: name(crossing), areas: areas.into_iter().map(name).collect() }
+            let links = roads.of_light(light).filter(|link| edge_of(link.to) == crossing);
+            let letters = links.filter_map(|link| Some(link.signal.as_ref()?.letter)).collect();
+            Crossing { edge: name(crossing), areas: areas.into_iter().map(name).collect(), letters }
         };
         OthersPlan { tracks: tracks.collect(), crossings: crossings.into_iter().map(crossing).collect() }
     }

@@ -99,6 +99,12 @@ impl AgentPlan {
         self.letter(green, link).eq_ignore_ascii_case(&b'g')
     }
 
+    /// Returns whether people may begin to walk over a crossing of [`OthersPlan::crossings`].
+    pub(crate) fn lets_walk(&self, green: usize, crossing: usize) -> bool {
+        let state = self.phases.greens()[green].as_str().as_bytes();
+        self.others.crossings[crossing].letters.iter().any(|&letter| state[letter].eq_ignore_ascii_case(&b'g'))
+    }
+
     /// Returns whether a link has green and no green serves it better: `G`, or `g` if it never has `G`.
     pub(crate) fn serves_best(&self, green: usize, link: usize) -> bool {
         let has_priority = |green: usize| self.letter(green, link) == b'G';

@@ -17,7 +17,7 @@ use dials_core::domain::sampling::{self, Selection};
 use dials_core::outside::Printable;
 use stacknets::Stack;
 
-/// Seconds of red after which a lane comes next, if the parameters do not say: about the longest usual cycle.
+/// Seconds of red after which cars and people come next, if the parameters do not say: about the longest usual cycle.
 const LONGEST_RED: u32 = 120;
 /// Largest number of lights that a warning names.
 const MOST_NAMES: usize = 5;
@@ -40,13 +40,12 @@ pub(super) struct AnyLightController {
     second: u32,
 }
 
-/// Keeps those of the `allowed` greens that serve a lane where cars have stood at red for longest, by what the light observes. It
-/// changes nothing if that is less than `longest_red` seconds, or if none serves it.
+/// Keeps those of the `allowed` greens that serve who has stood at red for longest, by what the light observes. It changes nothing
+/// if that is less than `longest_red` seconds, or if none of them does.
 fn serve_the_overdue(allowed: &mut [bool], plan: &AgentPlan, sets: &LaneSets, obs: &[f32], longest_red: u32) {
-    let (overdue, red_s) = sets.longest_waiting(plan, obs);
-    let serving = |green: usize| overdue.iter().any(|&lane| plan.serves(green, lane));
-    if red_s >= longest_red && allowed.iter().enumerate().any(|(green, &is_allowed)| is_allowed && serving(green)) {
-        allowed.iter_mut().enumerate().for_each(|(green, is_allowed)| *is_allowed &= serving(green));
+    let (serving, red_s) = sets.longest_waiting(plan, obs);
+    if red_s >= longest_red && allowed.iter().zip(&serving).any(|(&is_allowed, &serves)| is_allowed && serves) {
+        allowed.iter_mut().zip(serving).for_each(|(is_allowed, serves)| *is_allowed &= serves);
     }
 }
 
@@ -56,7 +55,7 @@ pub(super) struct Choices {
     model: Arc<AnyLight>,
     every: u32,
     selection: Selection,
-    /// Seconds of red after which a lane where cars stand comes next.
+    /// Seconds of red after which a lane where cars stand, or a crossing with persons, comes next.
     longest_red: u32,
     /// Share of the cars that it sees.
     seen: f64,
@@ -117,7 +116,7 @@ impl Choices {
 }
 
 impl LightController for AnyLightController {
-    fn minds_trapped(&self) -> bool {
+    fn looks_closely(&self) -> bool {
         self.second.is_multiple_of(self.every)
     }
 
@@ -151,7 +150,8 @@ impl AnyLightController {
         for (row, plan) in intersections.plans.iter().enumerate() {
             let (shown, shown_steps) = (intersections.shown[row], intersections.shown_steps[row]);
             let [cars, exits] = [intersections.approaches, intersections.exits].map(|lanes| lanes.at(row));
-            let seen = Seen { cars, exits, shown, shown_steps, since: &self.since[row], draw: self.draw };
+            let (since, people) = (&self.since[row], intersections.people.at(row));
+            let seen = Seen { cars, exits, people, shown, shown_steps, since, draw: self.draw };
             self.sets[row].observe(plan, &seen, obs.row_mut(row));
         }
         let scores = self.network.step(&obs, &mut self.network.states(lights));

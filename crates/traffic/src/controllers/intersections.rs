@@ -4,6 +4,7 @@
 use crate::agents::phase_plan::Shown;
 use crate::agents::plan::AgentPlan;
 use crate::cars_at::RowLanes;
+use crate::sim::crossings::Crossings;
 use crate::sim::lights::Lights;
 use dials_core::base::AgentId;
 use libsumo::LaneCars;
@@ -16,8 +17,9 @@ pub struct Intersections<'a> {
     pub(crate) lights: &'a Lights,
     pub(crate) approaches: &'a RowLanes,
     pub(crate) exits: &'a RowLanes,
-    /// Lanes within the junctions; read only for a rule that minds trapped cars.
+    /// Lanes within the junctions, and persons at the crossings; read only for a rule that looks closely.
     pub(crate) inside: &'a RowLanes,
+    pub(crate) people: &'a Crossings,
 }
 
 impl<'a> Intersections<'a> {

@@ -60,8 +60,8 @@ pub trait LightController {
     /// shown or comes next, so a target that is left alone keeps the light. Targets between greens have no effect.
     fn act(&mut self, intersections: &Intersections<'_>, targets: &mut [usize]);
 
-    /// Returns whether it looks at the cars within the junctions when it acts next.
-    fn minds_trapped(&self) -> bool {
+    /// Returns whether it looks at the cars within the junctions and at the persons at crossings when it acts next.
+    fn looks_closely(&self) -> bool {
         false
     }
 }

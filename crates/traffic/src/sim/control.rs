@@ -62,9 +62,9 @@ impl Decisions {
         matches!(self.control, SignalControl::HandCoded { by: HandCoded::Rule(_), .. })
     }
 
-    /// Returns whether the rule looks at what is within the junctions at its next decision.
-    pub(super) fn minds_trapped(&self) -> bool {
-        matches!(&self.control, SignalControl::HandCoded { by: HandCoded::Rule(rule), .. } if rule.minds_trapped())
+    /// Returns whether the rule looks within the junctions and at people at its next decision.
+    pub(super) fn looks_closely(&self) -> bool {
+        matches!(&self.control, SignalControl::HandCoded { by: HandCoded::Rule(rule), .. } if rule.looks_closely())
     }
 
     pub(super) fn begin(&mut self, episode: Seed) {

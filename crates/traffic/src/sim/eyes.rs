@@ -15,11 +15,12 @@ use dials_core::base::{AgentId, Seed};
 use dials_core::domain::roads::RoadsNow;
 use libsumo::{CarTable, Simulation};
 
-/// Which lanes beside the approaches are read in a second.
+/// What beside the approaches is read in a second.
 #[derive(Clone, Copy)]
 pub(super) struct Glance {
     pub(super) exits: bool,
-    pub(super) inside: bool,
+    /// Lanes within the junctions; the persons at crossings, too.
+    pub(super) closely: bool,
 }
 
 pub(super) struct Eyes {
@@ -32,12 +33,14 @@ pub(super) struct Eyes {
     pub(super) inside: RowLanes,
     /// Time that cars have waited, per row; noted only if the roads are watched, or for a reward that needs it.
     pub(super) waiting: Vec<Waiting>,
-    /// Buses, trams and persons, if an agent needs them.
+    /// Buses and trams, if an agent needs them.
     pub(super) others: Option<Others>,
+    /// Persons at the crossings of each row; read if a rule or an agent looks at them.
+    pub(super) people: Crossings,
     /// Detectors of each row, if agents see them.
     pub(super) readings: Vec<Readings>,
-    /// What is known of vehicles, if the roads are watched, and the crossings with persons.
-    watched: Option<(Watched, Crossings)>,
+    /// What is known of vehicles, if the roads are watched.
+    watched: Option<Watched>,
 }
 
 impl Eyes {
@@ -49,7 +52,8 @@ impl Eyes {
         let exits = RowLanes::register(simulation, exits)?;
         let inside = RowLanes::register(simulation, agents().map(AgentPlan::lanes_inside))?;
         let others = Others::of_rows(plan, agents());
-        let others = others.map(|others| others.on_foot(simulation, &plan.agents)).transpose()?;
+        let others = others.map(|others| others.with_trams(simulation, &plan.agents)).transpose()?;
+        let people = Crossings::register(simulation, agents().map(|agent| &agent.others.crossings[..]))?;
         Ok(Eyes {
             approaches,
             cars_before: CarTable::new(),
@@ -57,28 +61,21 @@ impl Eyes {
             inside,
             waiting: vec![Waiting::default(); plan.agents.len()],
             others,
+            people,
             readings: Vec::new(),
             watched: None,
         })
     }
 
     /// From the next reset on, also reads what [`Eyes::roads`] tells.
-    pub(super) fn watch_roads(
-        &mut self,
-        plan: &JointPlan,
-        travellers: Option<&Travellers>,
-        simulation: &mut Simulation,
-    ) -> Result<()> {
-        let crossings = plan.agents.iter().flat_map(|agent| &agent.others.crossings);
-        let crossings = Crossings::register(simulation, crossings)?;
-        self.watched = Some((Watched::new(plan, travellers), crossings));
-        Ok(())
+    pub(super) fn watch_roads(&mut self, plan: &JointPlan, travellers: Option<&Travellers>) {
+        self.watched = Some(Watched::new(plan, travellers));
     }
 
     pub(super) fn begin(&mut self, plan: &JointPlan, episode: Seed) {
         self.waiting.fill(Waiting::default());
         self.others.iter_mut().for_each(Others::begin);
-        self.watched.iter_mut().for_each(|(watched, _)| watched.begin());
+        self.watched.iter_mut().for_each(Watched::begin);
         if plan.sees_detectors() {
             let of_agent = |(row, agent)| Readings::begin(agent, plan.faults, episode.for_agent(AgentId(row)));
             self.readings = plan.agents.iter().enumerate().map(of_agent).collect();
@@ -102,7 +99,11 @@ impl Eyes {
         if glance.exits {
             self.exits.read(simulation)?;
         }
-        if glance.inside { self.read_inside(simulation) } else { Ok(()) }
+        if glance.closely {
+            self.read_inside(simulation)?;
+            self.people.read(simulation)?;
+        }
+        Ok(())
     }
 
     fn read_inside(&mut self, simulation: &mut Simulation) -> Result<()> {
@@ -115,7 +116,7 @@ impl Eyes {
         for (row, readings) in self.readings.iter_mut().enumerate() {
             readings.second(&plan.agents[row], self.approaches.at(row));
         }
-        if let Some((watched, _)) = &mut self.watched {
+        if let Some(watched) = &mut self.watched {
             watched.entered(&simulation.departures()?);
         }
         if self.watched.is_some() || reward::needs_waiting(&plan.reward) {
@@ -130,19 +131,17 @@ impl Eyes {
         Ok(())
     }
 
-    /// Reads what agents see or are rewarded for beside the cars of each second. `inside`: whether to read within the junctions.
-    pub(super) fn read_others(&mut self, plan: &JointPlan, inside: bool, simulation: &mut Simulation) -> Result<()> {
-        if inside {
+    /// Reads what agents see or are rewarded for beside the cars of each second. `looked`: a rule has just looked closely.
+    pub(super) fn read_others(&mut self, plan: &JointPlan, looked: bool, simulation: &mut Simulation) -> Result<()> {
+        if !looked {
             self.read_inside(simulation)?;
+        }
+        let see_people = plan.sees_sets() || plan.agents.iter().any(|agent| agent.sensor.sees_others);
+        if !looked && (see_people || self.watched.is_some() || reward::needs_people(&plan.reward)) {
+            self.people.read(simulation)?;
         }
         if self.watched.is_some() || plan.sees_sets() {
             self.exits.read(simulation)?;
-        }
-        if let Some((watched, crossings)) = &mut self.watched {
-            let mut waiting = crossings.waiting(simulation)?;
-            for (persons, plan) in watched.persons.iter_mut().zip(&plan.agents) {
-                *persons = waiting.by_ref().take(plan.others.crossings.len()).sum();
-            }
         }
         let Some(others) = &mut self.others else { return Ok(()) };
         others.read(simulation, plan.agents.iter(), |row| self.approaches.at(row))
@@ -154,14 +153,14 @@ impl Eyes {
 
     /// Tells all that is known of the roads, if they are watched. `lights`: what each row shows, and for how many seconds.
     pub(super) fn roads(&self, lights: impl Iterator<Item = (Shown, u32)>, now: &mut RoadsNow) {
-        let Some((watched, _)) = &self.watched else { return };
+        let Some(watched) = &self.watched else { return };
         for (row, (shown, shown_s)) in lights.enumerate() {
             let shows = RowShows {
                 shown,
                 shown_s,
                 waiting: &self.waiting[row],
                 readings: self.readings.get(row),
-                persons: watched.persons[row],
+                persons: self.people.at(row).iter().sum(),
             };
             watched.put_row(row, &shows, [self.approaches.at(row), self.exits.at(row)], now);
         }

@@ -71,7 +71,7 @@ pub struct GlobalTraffic {
     events: Option<EventRecorder>,
     camera: Option<Camera>,
     metrics: Option<TrafficMetrics>,
-    /// Crossings, if persons' waiting is measured.
+    /// Crossings of all lights, also of those that keep their programs, if persons' waiting is measured.
     crossings: Option<Crossings>,
     light_delays: Option<LightDelays>,
     /// What the lights have shown in this episode, if it is kept.
@@ -196,6 +196,7 @@ impl GlobalTraffic {
             approaches: &self.eyes.approaches,
             exits: &self.eyes.exits,
             inside: &self.eyes.inside,
+            people: &self.eyes.people,
         };
         (intersections, &mut self.decisions)
     }
@@ -230,7 +231,8 @@ impl GlobalTraffic {
         if let Some(metrics) = self.metrics.as_mut().filter(|_| is_warm) {
             metrics.step(&self.eyes.approaches, &self.eyes.cars_before, &self.simulation.gone()?);
             if let Some(crossings) = &mut self.crossings {
-                metrics.note_waiting(crossings.waiting(&mut self.simulation)?.map(u64::from).sum());
+                crossings.read(&mut self.simulation)?;
+                metrics.note_waiting(crossings.persons());
             }
         }
         self.watch.note(Phase::Reading, begun.elapsed());
@@ -261,14 +263,13 @@ impl GlobalTraffic {
     fn read_cars(&mut self) -> Result<()> {
         let glance = Glance {
             exits: self.decisions.has_rule() || reward::needs_exits(&self.plan.reward),
-            inside: self.decisions.minds_trapped(),
+            closely: self.decisions.looks_closely(),
         };
         self.eyes.read_cars(glance, &mut self.simulation)
     }
 
     fn read_others(&mut self) -> Result<()> {
-        // A rule that looks there now has let it be read already.
-        self.eyes.read_others(&self.plan, !self.decisions.minds_trapped(), &mut self.simulation)
+        self.eyes.read_others(&self.plan, self.decisions.looks_closely(), &mut self.simulation)
     }
 
     fn take_picture(&mut self) -> Result<()> {
@@ -292,15 +293,18 @@ impl GlobalTraffic {
                 None => {}
             }
             let (waiting, others) = (&self.eyes.waiting[row], self.eyes.others.as_ref().map(|others| &others.now[row]));
-            others.iter().for_each(|others| observe::observe_others(plan, others, percept.obs.row_mut(row)));
+            let people = self.eyes.people.at(row);
+            others.iter().for_each(|others| observe::observe_others(plan, others, people, percept.obs.row_mut(row)));
             if let Some((since, &draw)) = self.shown.since.get(row).zip(self.draws.get(row)) {
-                let seen = Seen { cars, exits: self.eyes.exits.at(row), shown, shown_steps, since, draw };
+                let exits = self.eyes.exits.at(row);
+                let seen = Seen { cars, exits, people, shown, shown_steps, since, draw };
                 observe::observe_sets(plan, &seen, percept.obs.row_mut(row));
             }
             if let Some(readings) = self.eyes.readings.get(row) {
                 observe::observe_detectors(plan, readings, percept.obs.row_mut(row));
             }
-            *reward = reward::reward(&self.plan.reward, &plan.region, cars, self.eyes.exits.at(row), waiting, others);
+            let exits = self.eyes.exits.at(row);
+            *reward = reward::reward(&self.plan.reward, &plan.region, cars, exits, waiting, others, people);
             let allows = |green| self.lights.allows(row, green);
             observe::mask(plan, shown, self.eyes.inside.at(row), allows, percept.masks.row_mut(row));
         }
@@ -342,6 +346,7 @@ impl GlobalSimulator for GlobalTraffic {
         let ours: Vec<usize> = (0..self.agents()).filter(|row| !by_program.contains(row)).collect();
         self.lights.reset(&mut self.simulation, &ours)?;
         self.lights.hand_to_program(&mut self.simulation, program, &by_program)?;
+        self.decisions.begin(episode);
         self.read_cars()?;
         self.shown.begin(&mut self.lights, &mut self.simulation)?;
         self.age = 0;
@@ -364,7 +369,6 @@ impl GlobalSimulator for GlobalTraffic {
         if let Some(recorder) = &mut self.recorder {
             recorder.begin(episode.for_sumo(), self.route_file.as_ref().map(|file| &file.scenario));
         }
-        self.decisions.begin(episode);
         Ok(&self.last.percept)
     }
 
@@ -420,7 +424,7 @@ impl GlobalSimulator for GlobalTraffic {
     }
 
     fn watch_roads(&mut self) -> Result<bool> {
-        self.eyes.watch_roads(&self.plan, self.network.travellers().as_ref(), &mut self.simulation)?;
+        self.eyes.watch_roads(&self.plan, self.network.travellers().as_ref());
         Ok(true)
     }
 
@@ -449,7 +453,7 @@ impl GlobalSimulator for GlobalTraffic {
             let roads = self.network.recorded(&self.plan)?.roads;
             let lights: BTreeSet<&str> = roads.programs.iter().map(|program| &*program.light).collect();
             let others: Vec<OthersPlan> = lights.into_iter().map(|light| OthersPlan::of(&roads, light)).collect();
-            let crossings = others.iter().flat_map(|others| &others.crossings);
+            let crossings = others.iter().map(|others| &others.crossings[..]);
             self.crossings = Some(Crossings::register(&mut self.simulation, crossings)?);
         }
         self.metrics = Some(metrics);

@@ -317,15 +317,16 @@ impl LocalTraffic {
         let (obs, d_set) = (obs.row_mut(row), d_set.row_mut(row));
         observe::observe(plan, cars, light, obs);
         if let Some(since) = &now.since {
-            // All cars are seen here.
+            // All cars are seen here, and nobody walks.
             let (shown, shown_steps, draw) = (light.shown, light.shown_steps, Draw::default());
-            observe::observe_sets(plan, &Seen { cars, exits, shown, shown_steps, since, draw }, obs);
+            observe::observe_sets(plan, &Seen { cars, exits, people: &[], shown, shown_steps, since, draw }, obs);
         }
         if let Some(readings) = &now.readings {
             observe::observe_detectors(plan, readings, obs);
         }
         if let Some(others) = &self.others {
-            observe::observe_others(plan, &others.now[row], obs);
+            // Nobody walks here.
+            observe::observe_others(plan, &others.now[row], &[], obs);
         }
         match self.plan.borders.get(agent) {
             Some(border) => border.d_set.write(&border.plan, at_border, light, &now.history, d_set),
@@ -359,7 +360,7 @@ impl LocalTraffic {
             let region = &self.plan.agents[agent].region;
             let others = self.others.as_ref().map(|others| &others.now[row]);
             self.last.rewards[row] =
-                reward::reward(&self.plan.reward, region, cars, exits.at(row), &now.waiting, others);
+                reward::reward(&self.plan.reward, region, cars, exits.at(row), &now.waiting, others, &[]);
             if let Some(border) = self.plan.borders.get(agent) {
                 now.history.note(&border.plan, self.came_true.row(row));
                 if now.second - now.begun > SETTLED_S {

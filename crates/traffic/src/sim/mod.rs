@@ -16,7 +16,7 @@
 pub(super) mod arriving;
 mod border;
 pub mod control;
-mod crossings;
+pub(crate) mod crossings;
 pub(super) mod entries;
 mod eyes;
 pub mod global;

@@ -1,8 +1,7 @@
-//! Buses, trams and persons at the lights of a simulator, for agents that see them or are rewarded for them.
+//! Buses and trams at the lights of a simulator, for agents that see them or are rewarded for them.
 
 use std::collections::HashMap;
 
-use super::crossings::Crossings;
 use crate::agents::others_plan::PUBLIC;
 use crate::agents::plan::{AgentPlan, JointPlan};
 use crate::cars_at::{CarsAt, RowLanes};
@@ -18,8 +17,6 @@ pub(crate) struct OthersNow {
     pub(crate) trams: Vec<u32>,
     /// Seconds that all of them lose in a second against their limits.
     pub(crate) lost: f64,
-    /// Persons who stand at each crossing.
-    pub(crate) waiting: Vec<u32>,
 }
 
 impl OthersNow {
@@ -27,7 +24,6 @@ impl OthersNow {
         self.buses.fill(0);
         self.trams.fill(0);
         self.lost = 0.0;
-        self.waiting.fill(0);
     }
 }
 
@@ -35,15 +31,9 @@ impl OthersNow {
 pub(crate) struct Others {
     /// Buses, with the row in which they entered.
     buses: HashMap<CarId, usize>,
-    on_foot: Option<OnFoot>,
+    /// Only the whole net has them.
+    tracks: Option<RowLanes>,
     pub(crate) now: Vec<OthersNow>,
-}
-
-/// What only the whole net has.
-struct OnFoot {
-    tracks: RowLanes,
-    /// Those of all rows, in their order.
-    crossings: Crossings,
 }
 
 impl Others {
@@ -54,17 +44,14 @@ impl Others {
             buses: vec![0; plan.region.approaches.len()],
             trams: vec![0; plan.others.tracks.len()],
             lost: 0.0,
-            waiting: vec![0; plan.others.crossings.len()],
         };
-        is_needed.then(|| Others { buses: HashMap::new(), on_foot: None, now: rows.map(nobody).collect() })
+        is_needed.then(|| Others { buses: HashMap::new(), tracks: None, now: rows.map(nobody).collect() })
     }
 
-    /// Adds what the whole net has.
-    pub(crate) fn on_foot(mut self, simulation: &mut Simulation, plans: &[AgentPlan]) -> Result<Others> {
+    /// Adds the trams, which only the whole net has.
+    pub(crate) fn with_trams(mut self, simulation: &mut Simulation, plans: &[AgentPlan]) -> Result<Others> {
         let tracks = plans.iter().map(|plan| plan.others.tracks.iter().map(|track| &track.lane).collect());
-        let tracks = RowLanes::register(simulation, tracks)?;
-        let crossings = Crossings::register(simulation, plans.iter().flat_map(|plan| &plan.others.crossings))?;
-        self.on_foot = Some(OnFoot { tracks, crossings });
+        self.tracks = Some(RowLanes::register(simulation, tracks)?);
         Ok(self)
     }
 
@@ -100,13 +87,9 @@ impl Others {
         plans: impl Iterator<Item = &'a AgentPlan>,
         approaches: impl Fn(usize) -> CarsAt<'a>,
     ) -> Result<()> {
-        let (tracks, mut waiting) = match &mut self.on_foot {
-            Some(OnFoot { tracks, crossings }) => {
-                tracks.read(simulation)?;
-                (Some(&*tracks), Some(crossings.waiting(simulation)?))
-            }
-            None => (None, None),
-        };
+        if let Some(tracks) = &mut self.tracks {
+            tracks.read(simulation)?;
+        }
         for (row, plan) in plans.enumerate() {
             let now = &mut self.now[row];
             now.lost = 0.0;
@@ -120,13 +103,12 @@ impl Others {
                     now.lost += (1.0 - bus.speed_mps / approach.speed_limit_mps).max(0.0);
                 }
             }
-            let (Some(tracks), Some(waiting)) = (tracks, &mut waiting) else { continue };
+            let Some(tracks) = &self.tracks else { continue };
             for ((track, lane), count) in plan.others.tracks.iter().zip(tracks.at(row).iter()).zip(&mut now.trams) {
                 *count = lane.len() as u32;
                 now.lost +=
                     lane.speeds_mps.iter().map(|speed| (1.0 - speed / track.speed_limit_mps).max(0.0)).sum::<f64>();
             }
-            now.waiting.iter_mut().zip(waiting).for_each(|(count, persons)| *count = persons);
         }
         Ok(())
     }

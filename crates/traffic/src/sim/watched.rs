@@ -75,8 +75,6 @@ pub(crate) struct Watched {
     kinds: HashMap<String, u32>,
     ways_out: Vec<WaysOut>,
     vehicles: HashMap<CarId, Vehicle>,
-    /// Persons who wait at each light.
-    pub(crate) persons: Vec<u32>,
 }
 
 #[derive(Debug)]
@@ -137,7 +135,6 @@ impl Watched {
             kinds: kinds.collect(),
             ways_out: plan.agents.iter().map(WaysOut::of).collect(),
             vehicles: HashMap::new(),
-            persons: vec![0; plan.agents.len()],
         }
     }
 
