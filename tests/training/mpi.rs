@@ -73,9 +73,14 @@ impl Run {
     }
 
     fn start_ranks(&self, ranks: usize, more: &[&str]) -> Child {
-        let mut command = Command::new("mpirun");
         // Rank 0 must have the time to say why the job ends, on a machine that is busy with other tests, too.
-        command.args(["--oversubscribe", "--bind-to", "none", "--mca", "odls_base_sigkill_timeout", "10"]);
+        self.start(ranks, "10", more)
+    }
+
+    /// `patience_s`: how long the ranks that are left may go on when one has ended. The job always lasts as long then.
+    fn start(&self, ranks: usize, patience_s: &str, more: &[&str]) -> Child {
+        let mut command = Command::new("mpirun");
+        command.args(["--oversubscribe", "--bind-to", "none", "--mca", "odls_base_sigkill_timeout", patience_s]);
         command.args(["-n", &ranks.to_string(), "sh", "-c", RANK, PROGRAM]);
         command.envs(["OMPI_ALLOW_RUN_AS_ROOT", "OMPI_ALLOW_RUN_AS_ROOT_CONFIRM"].map(|name| (name, "1")));
         let started = self.train(command).args(more).spawn();
@@ -274,10 +279,11 @@ fn a_dead_worker_of_a_rank_ends_the_job_with_the_end_of_its_log() {
 fn wrong_flags_end_the_job_before_it_begins() {
     let [(_, config), _] = configs();
     let run = Run::new(&config);
-    let (code, said) = ended(run.start_ranks(3, &["--workers", "2"]));
+    // Rank 0 is the one that ends.
+    let (code, said) = ended(run.start(3, "1", &["--workers", "2"]));
     assert!(code == Some(2) && said.contains("3 ranks were started; use --workers-per-rank"), "{said}");
     // Only rank 0 reads the config, so only rank 0 can refuse it. The others must not wait for ever.
-    let (code, said) = ended(run.start_ranks(3, &["--set", "ppo.clip=-1"]));
+    let (code, said) = ended(run.start(3, "1", &["--set", "ppo.clip=-1"]));
     assert!(code == Some(2) && said.contains("ppo.clip = -1"), "{said}");
     assert!(!run.path("run").exists());
     let alone = run.train(Command::new(PROGRAM)).args(["--workers-per-rank", "2"]).spawn().unwrap();
