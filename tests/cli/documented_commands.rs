@@ -22,6 +22,17 @@ const SHORTER: &[(&str, &str, &str)] = &[
         "its islands are not made here",
     ),
     ("town.sumocfg --steps 21600 ", "town.sumocfg --steps 240 ", "time"),
+    (
+        "--set traffic.any_light=any.safetensors",
+        "--set traffic.any_light=any.safetensors --set policy.hidden=[8,8]",
+        "the file is of a short training with small layers",
+    ),
+    ("any-light,max-pressure,program\n", "any-light,max-pressure,program --episodes 1\n", "time"),
+    (
+        "any.safetensors --on sumo_nets/town/town.sumocfg",
+        "any.safetensors --on sumo_nets/town/town.sumocfg --episodes 1",
+        "time",
+    ),
     (" --gui", "", "there is no screen"),
     ("sumo-gui -c", "sumo --no-step-log --end 20 -c", "there is no screen"),
     ("mpirun -n 3 dials-traffic", "dials-traffic", "tests/training/mpi.rs trains over ranks"),

@@ -247,7 +247,14 @@ pub fn check(config: &RunConfig) -> Result<Arc<dyn Domain>> {
 /// Checks that the policies can start from the one that the config names, if it names one.
 fn check_start(config: &RunConfig, domain: &dyn Domain) -> Result<()> {
     let policy = &config.learning.policy;
-    let Some(name) = &policy.start else { return Ok(()) };
+    let Some(name) = &policy.start else {
+        let is_named = |mut table: DomainConfig| table.table_mut().paths().iter().any(|(key, _)| *key == "any_light");
+        ensure!(
+            !config.domain.clone().is_some_and(is_named),
+            "traffic.any_light: set policy.start = \"any-light\", too, or leave the file out"
+        );
+        return Ok(());
+    };
     let start = domain.starting_policy(name).context("policy.start")?;
     let fits = |kind: &Kind| {
         let width = PolicyStack::shape(&kind.spec, policy).layout().width();

@@ -145,6 +145,15 @@ impl AnyLight {
         write_stacks(&[stack], &HashMap::from([(KEY.to_owned(), about)]), path)
     }
 
+    /// Returns a CRC-32 of what it is, however its file is written.
+    pub(crate) fn digest(&self) -> u32 {
+        let about = serde_json::to_vec(&self.about).expect("text and finite numbers");
+        let mut digest = crc32fast::Hasher::new();
+        digest.update(&about);
+        self.parameters().iter().for_each(|number| digest.update(&number.to_le_bytes()));
+        digest.finalize()
+    }
+
     pub(crate) fn to_start(&self) -> StartingPolicy {
         StartingPolicy { hidden: self.about.hidden.clone(), parameters: self.parameters.clone() }
     }

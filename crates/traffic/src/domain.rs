@@ -86,7 +86,11 @@ impl Domain for Traffic {
 
     fn starting_policy(&self, name: &str) -> Result<StartingPolicy> {
         ensure!(name == ANY_LIGHT, "there is no policy `{name}` to start from; write \"{ANY_LIGHT}\"");
-        Ok(AnyLight::shipped()?.to_start())
+        let own = match &self.network.files {
+            Files::Scenario(files) => files.any_light.as_ref(),
+            Files::Grid(_) => None,
+        };
+        own.map_or_else(|| Ok(AnyLight::shipped()?.to_start()), |policy| Ok(policy.to_start()))
     }
 
     fn initial_action_bias(&self, kind: &Kind) -> Vec<f32> {

@@ -150,19 +150,51 @@ fn a_run_becomes_a_file_that_plays_like_it() {
     fs::write(&short, format!("[traffic]\nscenario = '{}'\nend_s = 600\n", config.display())).unwrap();
     let [run, file, short] = [&run, &file, &short].map(|path| path.to_str().unwrap());
     // A lane that is red for long is the controller's own care.
-    let [as_network, as_controller] = [3600, 120].map(|longest_red| {
+    let [as_network, as_controller, sooner] = [3600, 120, 20].map(|longest_red| {
         let controller = format!("any-light:file={file},choice=greedy,longest-red={longest_red}");
         delay(&["baseline", short, "--controller", &controller])
     });
     assert_eq!(as_network, delay(&["evaluate", run, "--greedy"]));
     assert_eq!(as_controller, delay(&["evaluate", file, "--on", short, "--greedy"]));
-    assert_ne!(as_controller, as_network);
+    assert_ne!(sooner, as_network);
 
     // The run alone is enough for a plan, too.
     let plan = dir.path().join("plan");
     let options = ["--episodes", "1", "--watch-episodes", "1", "--out", plan.to_str().unwrap()];
     dials_traffic().args(["plan", run]).args(options).assert().success();
     assert!(fs::read_to_string(plan.join("programs.add.xml")).unwrap().contains("programID=\"learned\""));
+
+    // Another run starts from it, and keeps it.
+    let (next, given) = (dir.path().join("next"), dir.path().join("given.safetensors"));
+    fs::copy(file, &given).unwrap();
+    let named = format!("traffic.any_light='{}'", given.display());
+    let begin = |settings: &[&str]| {
+        let mut train = dials_traffic();
+        let settings = OF_ANY.iter().chain(settings).flat_map(|setting| ["--set", setting]);
+        train
+            .args(["train", short, "--steps", "120", "--quiet", "--out", next.to_str().unwrap()])
+            .args(settings)
+            .assert()
+    };
+    let refused = begin(&[&named]).code(2);
+    let why = String::from_utf8_lossy(&refused.get_output().stderr).into_owned();
+    assert!(why.contains("traffic.any_light: set policy.start = \"any-light\", too"), "{why}");
+    begin(&[&named, "policy.start='any-light'", "evaluation.episodes=1"]).success();
+    fs::remove_file(given).unwrap();
+    let returns = || fs::read_to_string(next.join("returns.csv")).unwrap();
+    let at_the_beginning = returns().lines().find_map(|line| line.strip_prefix("0,all,").map(str::to_owned)).unwrap();
+    let controller = format!("any-light:file={file},longest-red=3600");
+    let output =
+        dials_traffic().args(["baseline", short, "--controller", &controller, "--episodes", "1", "--json"]).assert();
+    let mean = json(&output.success().get_output().stdout)["mean_return"].as_f64().unwrap();
+    assert_eq!(at_the_beginning.split(',').next().unwrap(), format!("{mean:.4}"));
+    dials_traffic().args(["train", "--quiet", "--steps", "240", "--resume"]).arg(&next).assert().success();
+    let kept = next.join("networks/any_light.safetensors");
+    assert_eq!(fs::read(&kept).unwrap(), fs::read(file).unwrap());
+    fs::write(&kept, "").unwrap();
+    let refused = dials_traffic().arg("evaluate").arg(&next).assert().code(2);
+    let why = String::from_utf8_lossy(&refused.get_output().stderr).into_owned();
+    assert!(why.contains("any_light.safetensors"), "{why}");
 
     let error = |command: &[&str]| {
         let output = dials_traffic().args(command).assert().code(2);

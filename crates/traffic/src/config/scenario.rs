@@ -50,6 +50,10 @@ pub struct ScenarioConfig {
     /// is relative to the config file.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub agents: Option<PathBuf>,
+    /// File of `export` from which policies start with `policy.start = "any-light"`, instead of from the policy of this program. It
+    /// is relative to the config file. A run keeps a copy.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub any_light: Option<PathBuf>,
     /// Second at which an episode begins. If left out, `<begin>` of the .sumocfg, or 0.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub begin_s: Option<u64>,
@@ -205,6 +209,7 @@ impl ScenarioConfig {
             scenario: scenario.into(),
             routes: Vec::new(),
             agents: None,
+            any_light: None,
             begin_s: None,
             end_s: None,
             end_is_derived: false,
@@ -368,7 +373,8 @@ impl DomainTable for ScenarioConfig {
     fn paths(&mut self) -> Vec<(&'static str, &mut PathBuf)> {
         let agents = self.agents.as_mut().map(|path| ("agents", path));
         let routes = self.routes.iter_mut().map(|path| ("routes", path));
-        [("scenario", &mut self.scenario)].into_iter().chain(agents).chain(routes).collect()
+        let any_light = self.any_light.as_mut().map(|path| ("any_light", path));
+        [("scenario", &mut self.scenario)].into_iter().chain(agents).chain(routes).chain(any_light).collect()
     }
 
     fn defaults(&self) -> &'static str {

@@ -51,6 +51,7 @@ const KEPT_AS: [&str; 2] = ["global", "local"];
 
 /// Key of the network of the LS. Another network there is another way to train, not another scenario.
 const LOCAL_NETWORK: &str = "traffic.local_network";
+const ANY_LIGHT_FILE: &str = "traffic.any_light";
 
 pub(crate) struct GridFiles {
     pub(crate) grid: Grid,
@@ -233,7 +234,8 @@ impl RoadNetwork {
                 scenario.with_map(map).with_checksum(network.checksum()).with_files([local_network])
             }
             Files::Scenario(files) => {
-                let scenario = scenario.with_checksum(files.files.checksum());
+                let policy = files.any_light.iter().map(|policy| (ANY_LIGHT_FILE.to_owned(), policy.digest()));
+                let scenario = scenario.with_checksum(files.files.checksum()).with_files(policy);
                 // A copy in a run directory has lost the name.
                 match files.name() {
                     KEPT => scenario,
@@ -275,7 +277,7 @@ impl RoadNetwork {
                 files.local_network.copy_to(folder, KEPT_AS[1])?;
                 Ok(KEPT_AS.map(PathBuf::from).to_vec())
             }
-            Files::Scenario(files) => files.files.keep_in(folder),
+            Files::Scenario(files) => files.keep_in(folder),
         }
     }
 }

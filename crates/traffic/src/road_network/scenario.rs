@@ -1,6 +1,7 @@
 //! A scenario of the user, with an agent for each light that can learn.
 
 use std::collections::HashSet;
+use std::path::{Path, PathBuf};
 use std::sync::{Arc, OnceLock};
 
 use anyhow::Context;
@@ -12,6 +13,7 @@ use crate::agents::derive::padding::{InfluencePadding, Padding};
 use crate::agents::derive::warnings::warnings;
 use crate::agents::derive::{Agent, Derived, Rules, derive};
 use crate::agents::plan::{AgentPlan, Border, JointPlan};
+use crate::any_light::AnyLight;
 use crate::config::{Reward, ScenarioConfig};
 use crate::controllers::actuated;
 use crate::cut::local_net::LocalNet;
@@ -23,6 +25,9 @@ use crate::scenario::SumoScenario;
 use crate::sim::local_forest::{LocalParts, driving_options};
 use dials_core::domain::{DomainTable, Kinds, RegionSpec, Result, RoughCosts, SourceSpec};
 
+/// Name of the copy that a run keeps.
+const KEPT_POLICY: &str = "any_light.safetensors";
+
 /// Share of switches per second of green below which an agent is stuck: its greens last for more than five minutes on
 /// average, so others wait for longer than any program makes them. Own programs and trained agents are at 0.02 to 0.1.
 /// A light that changes as often as it may is at 0.14, which may be right where few cars come.
@@ -32,6 +37,8 @@ pub(crate) struct ScenarioFiles {
     pub(crate) files: SumoScenario,
     derived: Derived,
     local: OnceLock<Arc<LocalParts>>,
+    /// Policy from which new ones start, if the config names a file.
+    pub(crate) any_light: Option<AnyLight>,
 }
 
 /// Derives the agents of a scenario that was read. An error names file, element and the way out. The agents are of one
@@ -66,6 +73,7 @@ pub(crate) fn open(files: SumoScenario, config: &ScenarioConfig) -> Result<(Road
         seen_cars: config.seen_cars.clone(),
         emergency_decel_mps2: None,
     };
+    let any_light = config.any_light.as_deref().map(AnyLight::read).transpose().context("traffic.any_light")?;
     let keeps = sentences(&derived.keeping).into_iter().map(|(sentence, _)| sentence);
     let network = RoadNetwork {
         horizon: config.horizon(),
@@ -80,7 +88,7 @@ pub(crate) fn open(files: SumoScenario, config: &ScenarioConfig) -> Result<(Road
         is_random: files.dawdles(),
         is_stuck: |p_switch| p_switch < STUCK_BELOW,
         rival: "program",
-        files: Files::Scenario(Box::new(ScenarioFiles { files, derived, local: OnceLock::new() })),
+        files: Files::Scenario(Box::new(ScenarioFiles { files, derived, local: OnceLock::new(), any_light })),
     };
     Ok((network, plan))
 }
@@ -115,6 +123,16 @@ fn rough_costs(decision_s: f64) -> RoughCosts {
 }
 
 impl ScenarioFiles {
+    /// Makes a folder with copies of all files that a config names. Returns their paths in it, in the order of the config's keys.
+    pub(super) fn keep_in(&self, folder: &Path) -> Result<Vec<PathBuf>> {
+        let mut kept = self.files.keep_in(folder)?;
+        if let Some(policy) = &self.any_light {
+            policy.write(&folder.join(KEPT_POLICY))?;
+            kept.push(PathBuf::from(KEPT_POLICY));
+        }
+        Ok(kept)
+    }
+
     pub(super) fn name(&self) -> &str {
         self.files.path().file_stem().and_then(|name| name.to_str()).unwrap_or_default()
     }
