@@ -37,7 +37,7 @@ class AnyLight(Light):
         self.letters = [[link["letter"] for link in links] for links in of_lanes]
         self.exits = [[plan["exits"][link["to"]] for link in links] for links in of_lanes]
         #: For each crossing: its edge, the pavements that lead there, and the greens in which people walk.
-        self.crossings = [(way["edge"], way["areas"], way["greens"]) for way in plan["crossings"]]
+        self.crossings = [(way["crossing"], way["from"], way["greens"]) for way in plan["people"]]
 
         def share(green, lane, letters):
             return sum(green[letter] in letters for letter in self.letters[lane]) / max(1, len(self.letters[lane]))

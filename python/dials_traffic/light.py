@@ -86,7 +86,7 @@ def any_light(
         policy(observations[agent], infos[agent]["action_mask"])
 
     ``greedy``: take the most likely action instead of drawing one. ``seed``: of the draws. ``longest_red_s``: seconds of red after
-    which a lane where cars stand comes next, whatever the network says.
+    which cars and people who stand come next, whatever the network says.
     """
     whole_number("longest_red_s", longest_red_s, 1)
     path = None if file is None else path_text("file", file)

@@ -3,6 +3,7 @@
 import json
 import re
 import shutil
+import subprocess
 import sys
 from pathlib import Path
 
@@ -102,8 +103,24 @@ def jammed(scenario, told, folder):
     return Path(shutil.copy(scenario, folder))
 
 
-@pytest.mark.parametrize("is_jammed", [False, True])
-def test_a_policy_for_any_light_drives_as_our_simulator_does(scenario, lights, tmp_path, monkeypatch, is_jammed):
+def with_people(folder):
+    """Write a scenario of two lights with cars from the west, and people who cross their way."""
+    subprocess.run(
+        ["netgenerate", "--grid", "--grid.x-number=2", "--grid.y-number=1", "--grid.length=150", "--grid.attach-length=150",
+         "-j=traffic_light", "--sidewalks.guess", "--crossings.guess", "--no-turnarounds", "-o", folder / "street.net.xml"],
+        check=True, capture_output=True)
+    (folder / "street.rou.xml").write_text("""<routes>
+        <flow id="car" begin="0" end="600" period="5" from="left0A0" to="B0right0"/>
+        <personFlow id="walk" begin="0" end="600" period="4"><walk from="top0A0" to="A0bottom0"/></personFlow>
+        <personFlow id="across" begin="0" end="600" period="7"><walk from="left0A0" to="B0right0"/></personFlow>
+    </routes>""")
+    files = '<net-file value="street.net.xml"/><route-files value="street.rou.xml"/>'
+    (folder / "street.sumocfg").write_text(f'<configuration>{files}<end value="3600"/></configuration>')
+    return folder / "street.sumocfg"
+
+
+@pytest.mark.parametrize("kind", ["cars", "jammed", "people"])
+def test_a_policy_for_any_light_drives_as_our_simulator_does(scenario, lights, tmp_path, monkeypatch, kind):
     """Without training, and without anything of ours but the file. In a jam both mind the cars that are trapped."""
     from drive_any_light import drive
     from drive_sumo import Light, delay_s
@@ -115,7 +132,11 @@ def test_a_policy_for_any_light_drives_as_our_simulator_does(scenario, lights, t
         return chosen[-1][0]
 
     monkeypatch.setattr(Light, "allowed", recorded)
-    scenario = jammed(scenario, json.loads(lights.read_text()), tmp_path) if is_jammed else scenario
+    if kind == "jammed":
+        scenario = jammed(scenario, json.loads(lights.read_text()), tmp_path)
+    elif kind == "people":
+        scenario = with_people(tmp_path)
+        lights.write_text(program("nets", "inspect", scenario, "--json"))
     settings = {"traffic.observation": "lanes", "traffic.end_s": 600}
     env = dials_traffic.parallel_env(scenario, seed=7, full_metrics=True, record=True, settings=settings)
     policy = dials_traffic.any_light(greedy=True)
@@ -125,11 +146,11 @@ def test_a_policy_for_any_light_drives_as_our_simulator_does(scenario, lights, t
         env.step(dict.fromkeys(env.agents, 0))
     replay = env.save_replay(tmp_path / "replay").read_text()
     (seed,) = re.findall(r'<seed value="(\d+)"', replay)
-    text = scenario.read_text().replace('="grid_4x4_turns', f'="{scenario.parent}/grid_4x4_turns')
+    text = scenario.read_text().replace(f'="{scenario.stem}', f'="{scenario.parent}/{scenario.stem}')
     (tmp_path / "short.sumocfg").write_text(re.sub(r'<end value="[^"]*"', '<end value="600"', text))
 
     observations, infos = env.reset(options={"episode": 0})
-    trips, equal, steps = tmp_path / "trips.xml", 0, 0
+    trips, equal, steps, people = tmp_path / "trips.xml", 0, 0, 0
     for obs, actions in drive(tmp_path / "short.sumocfg", lights, ROOT / "models/any_light.safetensors", seed, trips):
         masks = [infos[agent]["action_mask"] for agent in env.agents]
         assert [list(mask[: len(left)]) for mask, (left, _) in zip(masks, chosen)] == [left for left, _ in chosen]
@@ -141,10 +162,11 @@ def test_a_policy_for_any_light_drives_as_our_simulator_does(scenario, lights, t
             of_lane = lanes.shape[1]
             first = of_lane * ((row.size - greens.shape[1] * mask.size) // (of_lane + 2 * mask.size))
             assert np.allclose(greens, row[first:][: greens.size].reshape(greens.shape), atol=1e-5)
+            people += greens[:, 9].sum()
         ours = [policy(row, mask) for row, mask in zip(observations.values(), masks)]
         equal, steps = equal + np.mean(np.array(actions) == ours), steps + 1
         observations, _, _, _, infos = env.step({agent: int(action) for agent, action in zip(env.agents, actions)})
-    assert steps == env.horizon and (minding > 0) == is_jammed
+    assert steps == env.horizon and [minding > 0, people > 10] == [kind == "jammed", kind == "people"]
     # Where two greens are equally good, as for an empty light, rounding may decide.
     assert equal >= 0.95 * steps, equal
     # SUMO rounds what it writes.

@@ -22,11 +22,6 @@ const SHORTER: &[(&str, &str, &str)] = &[
         "its islands are not made here",
     ),
     ("town.sumocfg --steps 21600 ", "town.sumocfg --steps 240 ", "time"),
-    (
-        "--set traffic.any_light=any.safetensors",
-        "--set traffic.any_light=any.safetensors --set policy.hidden=[8,8]",
-        "the file is of a short training with small layers",
-    ),
     ("any-light,max-pressure,program\n", "any-light,max-pressure,program --episodes 1\n", "time"),
     (
         "any.safetensors --on sumo_nets/town/town.sumocfg",

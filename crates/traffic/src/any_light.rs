@@ -9,6 +9,7 @@ use anyhow::{Context, Result, ensure};
 use serde::{Deserialize, Serialize};
 
 use super::agents::plan::AgentPlan;
+use super::config::ScenarioConfig;
 use super::lane_sets;
 use dials_core::base::Rows;
 use dials_core::domain::{Sets, StartingPolicy};
@@ -192,6 +193,19 @@ impl AnyLight {
         let mut stack = Stack::blank(1, self.shape_for(sets));
         stack.parameters_mut().load(&self.parameters);
         stack
+    }
+
+    /// Returns a sentence if agents of this scenario decide or see in another way than those of the training.
+    pub(crate) fn other_view(&self, config: &ScenarioConfig) -> Option<String> {
+        let About { seen_m, decision_s, .. } = self.about;
+        let is_other = (seen_m, decision_s) != (config.approach_m, config.decision_s);
+        is_other.then(|| {
+            format!(
+                "traffic.any_light: was trained with traffic.decision_s = {decision_s} and traffic.approach_m = {seen_m}, and here \
+                 they are {} and {}",
+                config.decision_s, config.approach_m
+            )
+        })
     }
 
     /// Returns what about a light is unlike all lights of the training, if anything is.

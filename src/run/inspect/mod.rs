@@ -257,12 +257,16 @@ fn light(inspected: &Inspected, agent: &Agent, border: &Border) -> Value {
             .collect::<Vec<_>>(),
         "crossings": agent.crossings.iter().map(|crossing| json!({
             "edge": crossing.edge,
-            "areas": plan.others.areas_of(&crossing.edge),
             "letter": crossing.letter,
             "length_m": crossing.length_m,
             "needed_s": crossing.needed_s,
             "program_walk_s": walk_s(&agent.program, crossing),
             "greens": agent.greens_of(crossing),
+        })).collect::<Vec<_>>(),
+        "people": plan.others.crossings.iter().enumerate().map(|(number, crossing)| json!({
+            "crossing": crossing.edge,
+            "from": crossing.areas,
+            "greens": plan.walked_in(number),
         })).collect::<Vec<_>>(),
         "changes": changes(&plan.phases),
         "approaches": approaches.iter().map(|approach| json!({

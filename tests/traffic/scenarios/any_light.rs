@@ -9,7 +9,9 @@ use dials_core::domain::Domain;
 use super::play::{dials_traffic, json, opened, shipped};
 
 /// Settings of a run whose policy fits any light, on ten minutes of the town.
-const OF_ANY: [&str; 7] = [
+/// With this seed, lanes are red for more than 120 s.
+const OF_ANY: [&str; 8] = [
+    "seed=3",
     "traffic.observation=lanes",
     "traffic.end_s=600",
     "policy.share=kind",
@@ -150,13 +152,13 @@ fn a_run_becomes_a_file_that_plays_like_it() {
     fs::write(&short, format!("[traffic]\nscenario = '{}'\nend_s = 600\n", config.display())).unwrap();
     let [run, file, short] = [&run, &file, &short].map(|path| path.to_str().unwrap());
     // A lane that is red for long is the controller's own care.
-    let [as_network, as_controller, sooner] = [3600, 120, 20].map(|longest_red| {
+    let [as_network, as_controller] = [3600, 120].map(|longest_red| {
         let controller = format!("any-light:file={file},choice=greedy,longest-red={longest_red}");
         delay(&["baseline", short, "--controller", &controller])
     });
     assert_eq!(as_network, delay(&["evaluate", run, "--greedy"]));
     assert_eq!(as_controller, delay(&["evaluate", file, "--on", short, "--greedy"]));
-    assert_ne!(sooner, as_network);
+    assert_ne!(as_controller, as_network);
 
     // The run alone is enough for a plan, too.
     let plan = dir.path().join("plan");

@@ -1,6 +1,6 @@
 //! From a file and `--set key=value` to a checked config. The file is a config, or a .sumocfg with default settings.
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result, anyhow, bail, ensure};
 use toml::{Table, Value};
@@ -36,16 +36,16 @@ pub fn load_kept(path: &Path) -> Result<RunConfig> {
 
 fn read(path: &Path, settings: &[String]) -> Result<RunConfig> {
     let mut table = if Sumocfg::is_one(path) { naming(path)? } else { table_in(path)? };
+    let folder = path.parent().unwrap_or(Path::new("."));
     let mut given = Table::new();
     settings.iter().try_for_each(|setting| lay_over(&mut given, setting))?;
     // Only a first reading says which domain it is, whose defaults stand for what the file leaves out.
     let mut config = with(table.clone(), settings)?;
     let defaults = config.domain.as_ref().map_or("", |domain| domain.table().defaults());
     if !defaults.is_empty() {
-        add_defaults(&mut table, &given, defaults)?;
+        add_defaults(&mut table, &given, defaults, folder)?;
         config = with(table, settings)?;
     }
-    let folder = path.parent().unwrap_or(Path::new("."));
     if let Some(domain) = &mut config.domain {
         let name = domain.name();
         for (key, file) in domain.table_mut().paths() {
@@ -111,8 +111,8 @@ fn has(config: &Table, table: &str, key: &str) -> bool {
     config.get(table).and_then(|table| table.get(key)).is_some()
 }
 
-/// Adds the keys that a config leaves out, with the defaults of its domain. `given`: the keys of `--set`.
-fn add_defaults(table: &mut Table, given: &Table, defaults: &str) -> Result<()> {
+/// Adds the keys that a config leaves out, with the defaults of its domain. `given`: the keys of `--set`; `folder`: that of the config.
+fn add_defaults(table: &mut Table, given: &Table, defaults: &str, folder: &Path) -> Result<()> {
     let mut defaults: Table = defaults.parse().expect("a test reads it");
     // Patience cannot be written as "none". A config, also a kept one, with epochs and no patience wants all of them.
     if [&*table, given].into_iter().any(|table| has(table, "aip", "epochs"))
@@ -132,7 +132,8 @@ fn add_defaults(table: &mut Table, given: &Table, defaults: &str) -> Result<()> 
         |name: &str, key: &str| [given, &*table].into_iter().find_map(|table| table.get(name)?.get(key)?.as_str());
     let starts = word("policy", "start") == Some(ANY_LIGHT);
     if starts {
-        let layers = AnyLight::shipped()?.hidden().iter().map(|&width| Value::Integer(width as i64)).collect();
+        let layers = any_light(table, given, folder).context("traffic.any_light")?;
+        let layers = layers.hidden().iter().map(|&width| Value::Integer(width as i64)).collect();
         inner(&mut defaults, "traffic").insert("observation".to_owned(), Value::String("lanes".to_owned()));
         inner(&mut defaults, "policy").insert("hidden".to_owned(), Value::Array(layers));
     }
@@ -142,6 +143,13 @@ fn add_defaults(table: &mut Table, given: &Table, defaults: &str) -> Result<()> 
     }
     fill_in(table, defaults);
     Ok(())
+}
+
+/// Returns the policy from which a run starts.
+fn any_light(table: &Table, given: &Table, folder: &Path) -> Result<AnyLight> {
+    let named = |table: &Table| Some(PathBuf::from(table.get("traffic")?.get("any_light")?.as_str()?));
+    let file = named(given).or_else(|| Some(folder.join(named(table)?)));
+    file.map_or_else(AnyLight::shipped, |file| AnyLight::read(&file))
 }
 
 /// Returns a table in a table, which is made if it is not there.

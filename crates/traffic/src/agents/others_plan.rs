@@ -24,8 +24,8 @@ pub struct Track {
 #[derive(Clone, Debug, PartialEq)]
 pub struct Crossing {
     pub edge: String,
-    pub(crate) areas: Vec<String>,
-    /// Indices of its letters in the light's state: one, or one for each direction.
+    pub areas: Vec<String>,
+    /// Indices of its letters in the light's state. A letter that only the way back has is not among them.
     pub(crate) letters: BTreeSet<usize>,
 }
 
@@ -37,11 +37,6 @@ impl Crossing {
 }
 
 impl OthersPlan {
-    /// Returns the pavements from which people come to a crossing.
-    pub fn areas_of(&self, crossing: &str) -> &[String] {
-        self.crossings.iter().find(|known| known.edge == crossing).map_or(&[], |known| &known.areas)
-    }
-
     pub(crate) fn of(roads: &Roads, light: &str) -> OthersPlan {
         let for_trams = |lane: LaneNo| {
             let lane = roads.lane(lane);

@@ -12,7 +12,7 @@ use super::python::Functions;
 use super::reward::{Reward, RewardTerm};
 use super::scenario::Observation;
 use crate::Traffic;
-use crate::reward::needs_others;
+use crate::reward::{needs_others, needs_people};
 use dials_core::domain::{Domain, DomainTable, Result};
 
 /// A grid of the paper. All streets have one lane in each direction.
@@ -189,7 +189,9 @@ impl DomainTable for TrafficConfig {
             "traffic.observation = \"lanes\": policies choose a green, but lights of a grid keep or switch; use a scenario"
         );
         ensure!(
-            self.observation != Observation::CellsAndBuses && !needs_others(&self.reward),
+            self.observation != Observation::CellsAndBuses
+                && !needs_others(&self.reward)
+                && !needs_people(&self.reward),
             "traffic.observation and traffic.reward: a grid has neither buses nor persons; use a scenario for these"
         );
         let (warm_up, horizon) = (self.warm_up_s, self.horizon);
@@ -219,5 +221,20 @@ impl DomainTable for TrafficConfig {
 
     fn open(&self) -> Result<Arc<dyn Domain>> {
         Ok(Arc::new(Traffic::open(self)?))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::config::RewardTerm;
+
+    #[test]
+    fn a_grid_rewards_nobody_for_buses_or_persons() {
+        for term in [RewardTerm::BusDelay, RewardTerm::PersonWait] {
+            let config = TrafficConfig { reward: Reward::from(term), ..TrafficConfig::new("", "") };
+            let error = config.check().unwrap_err().to_string();
+            assert!(error.contains("a grid has neither buses nor persons"), "{error}");
+        }
     }
 }

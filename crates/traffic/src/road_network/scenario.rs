@@ -74,6 +74,7 @@ pub(crate) fn open(files: SumoScenario, config: &ScenarioConfig) -> Result<(Road
         emergency_decel_mps2: None,
     };
     let any_light = config.any_light.as_deref().map(AnyLight::read).transpose().context("traffic.any_light")?;
+    let other_view = any_light.as_ref().and_then(|policy| policy.other_view(config));
     let keeps = sentences(&derived.keeping).into_iter().map(|(sentence, _)| sentence);
     let network = RoadNetwork {
         horizon: config.horizon(),
@@ -83,7 +84,7 @@ pub(crate) fn open(files: SumoScenario, config: &ScenarioConfig) -> Result<(Road
         unusual_reward: (config.reward != Reward::default()).then(|| config.reward.name()),
         strange_files: vec![files.path().to_owned()],
         left_out: files.notes().left_out.iter().cloned().chain(keeps).collect(),
-        warnings: files.guessed_programs().into_iter().chain(warnings(&roads)).collect(),
+        warnings: files.guessed_programs().into_iter().chain(warnings(&roads)).chain(other_view).collect(),
         switch_bias: 0.0,
         is_random: files.dawdles(),
         is_stuck: |p_switch| p_switch < STUCK_BELOW,
