@@ -432,7 +432,7 @@ mod tests {
         let mut plan = crossing();
         // Green 0 opens the first crossing, greens 1 and 3 the second one, and none the third one.
         let letters = [&[0, 4][..], &[1], &[]];
-        plan.others.crossings = letters.map(|letters| Crossing::of_letters(letters)).to_vec();
+        plan.others.crossings = letters.map(Crossing::of_letters).to_vec();
         let sets = LaneSets::new(5, 4, UP_TO_M).fitted(&plan, 5, 4);
         let [cars, exits] = [5, 3].map(no_cars);
         let mut since = SinceGreen::begin(4);
