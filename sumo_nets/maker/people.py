@@ -10,7 +10,7 @@ FROM_CORNER_M = 15  # where they come from and go to, measured along the pavemen
 
 
 def crossings(net):
-    """Returns the crossings of the lights, each with pairs of an edge on one side and one on the other.
+    """Returns the crossings of the lights, each with the edges on its one side and those on its other side.
 
     An edge comes with the place on it where people begin or end, as SUMO counts it.
     """

@@ -1,6 +1,6 @@
 //! The domains. Only this file knows all of them: a new one needs its crate and a line in [`DomainConfig`].
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use anyhow::{Context, Result, bail, ensure};
@@ -78,10 +78,18 @@ domains! {
     "warehouse": Warehouse(WarehouseConfig),
 }
 
+/// Key of the file from whose policy new ones start, in the table of traffic.
+pub(crate) const STARTING_FILE: &str = "any_light";
+
 impl DomainConfig {
     /// Returns a key of this table with the table's name before it, as `--set` takes it.
     pub(crate) fn key(&self, key: &str) -> String {
         format!("{}.{key}", self.name())
+    }
+
+    /// Returns the path of a key of this table, if it names a file.
+    pub(crate) fn file(&self, key: &str) -> Option<PathBuf> {
+        self.clone().table_mut().paths().into_iter().find(|(known, _)| *known == key).map(|(_, path)| path.clone())
     }
 }
 
@@ -248,11 +256,8 @@ pub fn check(config: &RunConfig) -> Result<Arc<dyn Domain>> {
 fn check_start(config: &RunConfig, domain: &dyn Domain) -> Result<()> {
     let policy = &config.learning.policy;
     let Some(name) = &policy.start else {
-        let is_named = |mut table: DomainConfig| table.table_mut().paths().iter().any(|(key, _)| *key == "any_light");
-        ensure!(
-            !config.domain.clone().is_some_and(is_named),
-            "traffic.any_light: set policy.start = \"any-light\", too, or leave the file out"
-        );
+        let file = config.domain.as_ref().and_then(|domain| domain.file(STARTING_FILE));
+        ensure!(file.is_none(), "traffic.any_light: set policy.start = \"any-light\", too, or leave the file out");
         return Ok(());
     };
     let start = domain.starting_policy(name).context("policy.start")?;

@@ -250,13 +250,14 @@ impl LaneSets {
                 features[6] = plan.phases.clearing_steps(from, green) as f32 / CLEARING_S;
             }
             features[7] = f32::from(u8::from(is_old_enough(plan, shown, shown_steps, green)));
-            for (crossing, &persons) in seen.people.iter().enumerate() {
-                if persons > 0 && plan.lets_walk(green, crossing) {
-                    let walks = (0..plan.greens()).filter(|&other| plan.lets_walk(other, crossing));
-                    let walked_s = walks.map(|other| seen.since.0[other]).min().expect("this green lets them walk");
-                    features[9] += persons as f32 / PERSONS as f32;
-                    features[10] = time(walked_s).max(features[10]);
-                }
+        }
+        for (crossing, &persons) in seen.people.iter().enumerate().filter(|(_, persons)| **persons > 0) {
+            let greens = plan.walked_in(crossing);
+            let red = time(greens.iter().map(|&green| seen.since.0[green]).min().unwrap_or(0));
+            for green in greens {
+                let features = &mut obs[self.sets.choice(green)];
+                features[9] += persons as f32 / PERSONS as f32;
+                features[10] = red.max(features[10]);
             }
         }
     }

@@ -1,12 +1,12 @@
 //! From a file and `--set key=value` to a checked config. The file is a config, or a .sumocfg with default settings.
 
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 use anyhow::{Context, Result, anyhow, bail, ensure};
 use toml::{Table, Value};
 
 use super::RunConfig;
-use crate::domains::learn_width;
+use crate::domains::{STARTING_FILE, learn_width};
 use dials_core::outside::{in_plain_words, read_text};
 use dials_learn::config::ShortForm;
 use dials_traffic::any_light::AnyLight;
@@ -43,21 +43,24 @@ fn read(path: &Path, settings: &[String]) -> Result<RunConfig> {
     let mut config = with(table.clone(), settings)?;
     let defaults = config.domain.as_ref().map_or("", |domain| domain.table().defaults());
     if !defaults.is_empty() {
-        add_defaults(&mut table, &given, defaults, folder)?;
+        find_files(&mut config, &given, folder);
+        let start = config.domain.as_ref().and_then(|domain| domain.file(STARTING_FILE));
+        add_defaults(&mut table, &given, defaults, start.as_deref())?;
         config = with(table, settings)?;
     }
-    if let Some(domain) = &mut config.domain {
-        let name = domain.name();
-        for (key, file) in domain.table_mut().paths() {
-            if !has(&given, name, key) {
-                *file = folder.join(&file);
-            }
-        }
-        domain.table_mut().complete()?;
-    }
+    find_files(&mut config, &given, folder);
+    config.domain.iter_mut().try_for_each(|domain| domain.table_mut().complete())?;
     config.check().map_err(|error| anyhow!("{}: {error}", path.display()))?;
     learn_width(&mut config)?;
     Ok(config)
+}
+
+/// Lets the paths of the domain that are not `given` start at a folder.
+fn find_files(config: &mut RunConfig, given: &Table, folder: &Path) {
+    let Some(domain) = &mut config.domain else { return };
+    let name = domain.name();
+    let paths = domain.table_mut().paths().into_iter().filter(|(key, _)| !has(given, name, key));
+    paths.for_each(|(_, file)| *file = folder.join(&file));
 }
 
 /// Returns a config with the settings laid over it. Errors name the key: the text was read before.
@@ -111,8 +114,9 @@ fn has(config: &Table, table: &str, key: &str) -> bool {
     config.get(table).and_then(|table| table.get(key)).is_some()
 }
 
-/// Adds the keys that a config leaves out, with the defaults of its domain. `given`: the keys of `--set`; `folder`: that of the config.
-fn add_defaults(table: &mut Table, given: &Table, defaults: &str, folder: &Path) -> Result<()> {
+/// Adds the keys that a config leaves out, with the defaults of its domain. `given`: the keys of `--set`; `start`: file of the
+/// policy from which a run starts, if it is not that of the program.
+fn add_defaults(table: &mut Table, given: &Table, defaults: &str, start: Option<&Path>) -> Result<()> {
     let mut defaults: Table = defaults.parse().expect("a test reads it");
     // Patience cannot be written as "none". A config, also a kept one, with epochs and no patience wants all of them.
     if [&*table, given].into_iter().any(|table| has(table, "aip", "epochs"))
@@ -132,8 +136,8 @@ fn add_defaults(table: &mut Table, given: &Table, defaults: &str, folder: &Path)
         |name: &str, key: &str| [given, &*table].into_iter().find_map(|table| table.get(name)?.get(key)?.as_str());
     let starts = word("policy", "start") == Some(ANY_LIGHT);
     if starts {
-        let layers = any_light(table, given, folder).context("traffic.any_light")?;
-        let layers = layers.hidden().iter().map(|&width| Value::Integer(width as i64)).collect();
+        let policy = start.map_or_else(AnyLight::shipped, AnyLight::read).context("traffic.any_light")?;
+        let layers = policy.hidden().iter().map(|&width| Value::Integer(width as i64)).collect();
         inner(&mut defaults, "traffic").insert("observation".to_owned(), Value::String("lanes".to_owned()));
         inner(&mut defaults, "policy").insert("hidden".to_owned(), Value::Array(layers));
     }
@@ -143,13 +147,6 @@ fn add_defaults(table: &mut Table, given: &Table, defaults: &str, folder: &Path)
     }
     fill_in(table, defaults);
     Ok(())
-}
-
-/// Returns the policy from which a run starts.
-fn any_light(table: &Table, given: &Table, folder: &Path) -> Result<AnyLight> {
-    let named = |table: &Table| Some(PathBuf::from(table.get("traffic")?.get("any_light")?.as_str()?));
-    let file = named(given).or_else(|| Some(folder.join(named(table)?)));
-    file.map_or_else(AnyLight::shipped, |file| AnyLight::read(&file))
 }
 
 /// Returns a table in a table, which is made if it is not there.

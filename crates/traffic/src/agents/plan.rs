@@ -101,13 +101,12 @@ impl AgentPlan {
 
     /// Returns the greens in which people may begin to walk over a crossing of [`OthersPlan::crossings`].
     pub fn walked_in(&self, crossing: usize) -> Vec<usize> {
-        (0..self.greens()).filter(|&green| self.lets_walk(green, crossing)).collect()
-    }
-
-    pub(crate) fn lets_walk(&self, green: usize, crossing: usize) -> bool {
-        let state = self.phases.greens()[green].as_str().as_bytes();
-        let mut letters = self.others.crossings[crossing].letters.iter().filter_map(|&letter| state.get(letter));
-        letters.any(|letter| letter.eq_ignore_ascii_case(&b'g'))
+        let letters = &self.others.crossings[crossing].letters;
+        let lets_walk = |green: &usize| {
+            let state = self.phases.greens()[*green].as_str().as_bytes();
+            letters.iter().filter_map(|&letter| state.get(letter)).any(|letter| letter.eq_ignore_ascii_case(&b'g'))
+        };
+        (0..self.greens()).filter(lets_walk).collect()
     }
 
     /// Returns whether a link has green and no green serves it better: `G`, or `g` if it never has `G`.

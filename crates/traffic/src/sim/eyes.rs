@@ -44,7 +44,8 @@ pub(super) struct Eyes {
 }
 
 impl Eyes {
-    pub(super) fn open(plan: &JointPlan, simulation: &mut Simulation) -> Result<Eyes> {
+    /// `somebody_walks`: whether there is anybody to look for at crossings.
+    pub(super) fn open(plan: &JointPlan, somebody_walks: bool, simulation: &mut Simulation) -> Result<Eyes> {
         let agents = || plan.agents.iter();
         let approaches = agents().map(|agent| agent.region.approaches.iter().map(|lane| &lane.lane).collect());
         let exits = agents().map(|agent| agent.region.exits.iter().map(|exit| &exit.lane).collect());
@@ -53,7 +54,8 @@ impl Eyes {
         let inside = RowLanes::register(simulation, agents().map(AgentPlan::lanes_inside))?;
         let others = Others::of_rows(plan, agents());
         let others = others.map(|others| others.with_trams(simulation, &plan.agents)).transpose()?;
-        let people = Crossings::register(simulation, agents().map(|agent| &agent.others.crossings[..]))?;
+        let crossings = agents().map(|agent| if somebody_walks { &agent.others.crossings[..] } else { &[] });
+        let people = Crossings::register(simulation, crossings)?;
         Ok(Eyes {
             approaches,
             cars_before: CarTable::new(),
@@ -67,7 +69,7 @@ impl Eyes {
         })
     }
 
-    /// From the next reset on, also reads what [`Eyes::roads`] tells.
+    /// Makes it read what [`Eyes::roads`] tells, from the next reset on.
     pub(super) fn watch_roads(&mut self, plan: &JointPlan, travellers: Option<&Travellers>) {
         self.watched = Some(Watched::new(plan, travellers));
     }
@@ -136,8 +138,8 @@ impl Eyes {
         if !looked {
             self.read_inside(simulation)?;
         }
-        let see_people = plan.sees_sets() || plan.agents.iter().any(|agent| agent.sensor.sees_others);
-        if !looked && (see_people || self.watched.is_some() || reward::needs_people(&plan.reward)) {
+        let see_people = || plan.sees_sets() || plan.agents.iter().any(|agent| agent.sensor.sees_others);
+        if !looked && (self.watched.is_some() || reward::needs_people(&plan.reward) || see_people()) {
             self.people.read(simulation)?;
         }
         if self.watched.is_some() || plan.sees_sets() {

@@ -94,7 +94,10 @@ impl GlobalTraffic {
         let agents = plan.agents.iter();
         let lights = agents.clone().map(|agent| (agent.light.clone(), agent.phases.clone()));
         let lights = Lights::register(&mut simulation, lights)?;
-        let eyes = Eyes::open(&plan, &mut simulation)?;
+        let has_crossings = agents.clone().any(|agent| !agent.others.crossings.is_empty());
+        // Looked up only where it matters: all of the demand is asked.
+        let somebody_walks = has_crossings && network.travellers().is_some_and(|travellers| travellers.has_persons);
+        let eyes = Eyes::open(&plan, somebody_walks, &mut simulation)?;
         let record = |tape| Recorder::new(tape, &mut simulation, network.recorded(&plan)?, String::new());
         let recorder = tape.map(record).transpose()?;
         let events = |log| EventRecorder::new(log, network.sites(&plan)?, &mut simulation);
