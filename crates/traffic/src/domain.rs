@@ -199,6 +199,8 @@ impl Domain for Traffic {
     fn stuck(&self, kind: &Kind, measures: &Measures) -> Vec<bool> {
         let (_, shares) =
             measures.per_agent.iter().find(|(name, _)| *name == P_SWITCH).expect("the traffic GS measures it");
-        kind.agents.iter().map(|agent| (self.network.is_stuck)(shares[agent.0])).collect()
+        let is_stuck =
+            |agent: &AgentId| (self.network.is_stuck)(shares[agent.0]) && !self.plan.agents[agent.0].may_rest();
+        kind.agents.iter().map(is_stuck).collect()
     }
 }
