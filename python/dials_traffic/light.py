@@ -76,22 +76,28 @@ class LightPolicy(Policy):
 
 
 def any_light(
-    file: Optional[PathLike] = None, *, greedy: bool = False, seed: Optional[int] = None, longest_red_s: int = 120
+    file: Optional[PathLike] = None,
+    *,
+    greedy: bool = False,
+    seed: Optional[int] = None,
+    longest_red_s: int = 120,
+    partial: bool = False,
 ) -> LightPolicy:
     """Read a policy that plays any light, also on networks that it has never seen.
 
-    ``file``: what `dials-traffic export RUN --out FILE.safetensors` wrote; without it, the one that comes with the program.
+    ``file``: what `dials-traffic export RUN --out FILE.safetensors` wrote; without it, one that comes with the program.
     It decides for every agent of ``parallel_env(config, settings={"traffic.observation": "lanes"})``::
 
         policy(observations[agent], infos[agent]["action_mask"])
 
     ``greedy``: take the most likely action instead of drawing one. ``seed``: of the draws. ``longest_red_s``: seconds of red after
-    which cars and people who stand come next, whatever the network says.
+    which cars and people who stand come next, whatever the network says. ``partial``: without ``file``, take the policy for lights
+    that see a part of the cars (``"traffic.seen_cars"``).
     """
     whole_number("longest_red_s", longest_red_s, 1)
     path = None if file is None else path_text("file", file)
     label = "the policy for any light" if path is None else f"the policy of {path}"
-    process = Process(label, request_of(".", None, {"any_light": {"file": path}}))
+    process = Process(label, request_of(".", None, {"any_light": {"file": path, "partial": bool(partial)}}))
     try:
         about, parameters = process.about, process.array("parameters").copy()
     finally:

@@ -1,4 +1,4 @@
-//! A policy for any light: the one of this program, or one from a file. Its weights are handed over in the memory.
+//! A policy for any light: one of this program, or one from a file. Its weights are handed over in the memory.
 
 use std::path::PathBuf;
 
@@ -12,8 +12,10 @@ use crate::memory::Memory;
 
 #[derive(Debug, Deserialize)]
 pub(crate) struct AnyLightRequest {
-    /// The file. `None`: the one of this program.
+    /// The file. `None`: one of this program.
     pub file: Option<PathBuf>,
+    /// Whether lights see a part of the cars. A file serves both.
+    pub partial: bool,
 }
 
 /// The weights, in the memory, and what they belong to.
@@ -23,7 +25,11 @@ pub(crate) struct ReadAnyLight {
 
 impl ReadAnyLight {
     pub(crate) fn open(request: &AnyLightRequest, mut memory: Memory) -> Result<ReadAnyLight> {
-        let policy = request.file.as_deref().map_or_else(AnyLight::shipped, AnyLight::read)?;
+        let policy = match &request.file {
+            Some(file) => AnyLight::read(file)?,
+            None if request.partial => AnyLight::shipped_partial()?,
+            None => AnyLight::shipped()?,
+        };
         let parameters = memory.section::<f32>("parameters", policy.parameters().len(), "f4");
         memory.put(&parameters, policy.parameters());
         let memory = memory.finish(0)?;

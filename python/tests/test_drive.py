@@ -119,6 +119,18 @@ def with_people(folder):
     return folder / "street.sumocfg"
 
 
+def test_lights_that_see_a_part_of_the_cars_have_a_policy_of_their_own(scenario):
+    settings = {"traffic.observation": "lanes", "traffic.end_s": 600, "traffic.seen_cars": 0.3}
+    env = dials_traffic.parallel_env(scenario, seed=7, settings=settings)
+    observations, _ = env.reset()
+    obs, n_actions = next(iter(observations.values())), env.action_space(env.agents[0]).n
+    partial = ROOT / "models/any_light_partial.safetensors"
+    files = [{}, {"partial": True}, {"file": partial}, {"file": partial, "partial": True}]
+    values = [dials_traffic.any_light(**file).judge(obs, n_actions)[1] for file in files]
+    assert values[0] != values[1] and len(set(values[1:])) == 1
+    env.close()
+
+
 @pytest.mark.parametrize("kind", ["cars", "jammed", "people"])
 def test_a_policy_for_any_light_drives_as_our_simulator_does(scenario, lights, tmp_path, monkeypatch, kind):
     """Without training, and without anything of ours but the file. In a jam both mind the cars that are trapped."""

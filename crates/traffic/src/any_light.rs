@@ -1,4 +1,4 @@
-//! A policy for any light: a network over a light's lanes and greens, with a file of its own, or the one of this program.
+//! A policy for any light: a network over a light's lanes and greens, with a file of its own, or one of this program.
 //!
 //! It knows nothing of the lights that it plays. What they show is in [`crate::lane_sets`].
 
@@ -16,8 +16,10 @@ use dials_core::domain::{Sets, StartingPolicy};
 use dials_core::outside::read_bytes;
 use stacknets::{Shape, Stack, StackToWrite, about_stacks, check_tensors, read_stack, write_stacks};
 
-/// The network that comes with this program: `models/README.md` says what it is.
+/// The networks that come with this program, for lights that see all cars and for those that see a part of them:
+/// `models/README.md` says what they are.
 const SHIPPED: &[u8] = include_bytes!("../../../models/any_light.safetensors");
+const SHIPPED_PARTIAL: &[u8] = include_bytes!("../../../models/any_light_partial.safetensors");
 /// Largest file. A network of 64 x 64 has 120 kB.
 const MOST_BYTES: u64 = 16 << 20;
 /// Key of the metadata that says what a file is.
@@ -88,9 +90,14 @@ impl AnyLight {
         Ok(AnyLight { about, parameters: row })
     }
 
-    /// Returns the network that comes with this program.
+    /// Returns the network that comes with this program, for lights that see all cars.
     pub fn shipped() -> Result<AnyLight> {
         AnyLight::of_bytes(SHIPPED, Path::new("models/any_light.safetensors"))
+    }
+
+    /// Returns the network that comes with this program, for lights that see a part of the cars. It has the same shape.
+    pub fn shipped_partial() -> Result<AnyLight> {
+        AnyLight::of_bytes(SHIPPED_PARTIAL, Path::new("models/any_light_partial.safetensors"))
     }
 
     /// Reads a file. An error says why it holds no such network.
@@ -293,7 +300,10 @@ mod tests {
     }
 
     #[test]
-    fn the_policy_of_this_program_can_be_read() {
-        assert!(AnyLight::shipped().is_ok());
+    fn the_policies_of_this_program_can_be_read_and_have_one_shape_and_view() {
+        let [all, partial] = [AnyLight::shipped().unwrap(), AnyLight::shipped_partial().unwrap()];
+        let view = |policy: &AnyLight| (policy.hidden().to_vec(), policy.seen_m(), policy.decision_s());
+        assert_eq!(view(&all), view(&partial));
+        assert_ne!(all.parameters(), partial.parameters());
     }
 }

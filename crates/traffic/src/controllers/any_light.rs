@@ -63,8 +63,11 @@ pub(super) struct Choices {
 
 impl Choices {
     pub(super) fn of(arguments: &mut Arguments<'_>) -> Result<Choices> {
+        let seen =
+            arguments.number("seen", "a share from 0.01 to 1", |share| SEEN_CARS.contains(share))?.unwrap_or(1.0);
         let model = match arguments.take(FILE)? {
             Some(file) => AnyLight::read(Path::new(file))?,
+            None if seen < 1.0 => AnyLight::shipped_partial()?,
             None => AnyLight::shipped()?,
         };
         let selection = match arguments.take("choice")? {
@@ -76,8 +79,6 @@ impl Choices {
         };
         let every = arguments.steps("every")?.unwrap_or(model.decision_s());
         let longest_red = arguments.steps("longest-red")?.unwrap_or(LONGEST_RED);
-        let seen =
-            arguments.number("seen", "a share from 0.01 to 1", |share| SEEN_CARS.contains(share))?.unwrap_or(1.0);
         Ok(Choices { model: Arc::new(model), every, selection, longest_red, seen })
     }
 
