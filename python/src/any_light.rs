@@ -27,8 +27,7 @@ impl ReadAnyLight {
     pub(crate) fn open(request: &AnyLightRequest, mut memory: Memory) -> Result<ReadAnyLight> {
         let policy = match &request.file {
             Some(file) => AnyLight::read(file)?,
-            None if request.partial => AnyLight::shipped_partial()?,
-            None => AnyLight::shipped()?,
+            None => AnyLight::shipped(request.partial)?,
         };
         let parameters = memory.section::<f32>("parameters", policy.parameters().len(), "f4");
         memory.put(&parameters, policy.parameters());

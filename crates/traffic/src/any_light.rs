@@ -90,14 +90,13 @@ impl AnyLight {
         Ok(AnyLight { about, parameters: row })
     }
 
-    /// Returns the network that comes with this program, for lights that see all cars.
-    pub fn shipped() -> Result<AnyLight> {
-        AnyLight::of_bytes(SHIPPED, Path::new("models/any_light.safetensors"))
-    }
-
-    /// Returns the network that comes with this program, for lights that see a part of the cars. It has the same shape.
-    pub fn shipped_partial() -> Result<AnyLight> {
-        AnyLight::of_bytes(SHIPPED_PARTIAL, Path::new("models/any_light_partial.safetensors"))
+    /// Returns a network that comes with this program. `partial`: the one for lights that see a part of the cars. Both have one
+    /// shape.
+    pub fn shipped(partial: bool) -> Result<AnyLight> {
+        match partial {
+            false => AnyLight::of_bytes(SHIPPED, Path::new("models/any_light.safetensors")),
+            true => AnyLight::of_bytes(SHIPPED_PARTIAL, Path::new("models/any_light_partial.safetensors")),
+        }
     }
 
     /// Reads a file. An error says why it holds no such network.
@@ -301,7 +300,7 @@ mod tests {
 
     #[test]
     fn the_policies_of_this_program_can_be_read_and_have_one_shape_and_view() {
-        let [all, partial] = [AnyLight::shipped().unwrap(), AnyLight::shipped_partial().unwrap()];
+        let [all, partial] = [false, true].map(|partial| AnyLight::shipped(partial).unwrap());
         let view = |policy: &AnyLight| (policy.hidden().to_vec(), policy.seen_m(), policy.decision_s());
         assert_eq!(view(&all), view(&partial));
         assert_ne!(all.parameters(), partial.parameters());

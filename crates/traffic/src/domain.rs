@@ -90,8 +90,8 @@ impl Domain for Traffic {
             Files::Scenario(files) => files.any_light.as_ref(),
             Files::Grid(_) => None,
         };
-        let shipped = || if self.plan.seen_cars.are_all() { AnyLight::shipped() } else { AnyLight::shipped_partial() };
-        Ok(own.map_or_else(shipped, |policy| Ok(policy.clone()))?.to_start())
+        let shipped = || Ok(AnyLight::shipped(!self.plan.seen_cars.are_all())?.to_start());
+        own.map_or_else(shipped, |policy| Ok(policy.to_start()))
     }
 
     fn initial_action_bias(&self, kind: &Kind) -> Vec<f32> {

@@ -136,7 +136,7 @@ fn add_defaults(table: &mut Table, given: &Table, defaults: &str, start: Option<
         |name: &str, key: &str| [given, &*table].into_iter().find_map(|table| table.get(name)?.get(key)?.as_str());
     let starts = word("policy", "start") == Some(ANY_LIGHT);
     if starts {
-        let policy = start.map_or_else(AnyLight::shipped, AnyLight::read).context("traffic.any_light")?;
+        let policy = start.map_or_else(|| AnyLight::shipped(false), AnyLight::read).context("traffic.any_light")?;
         let layers = policy.hidden().iter().map(|&width| Value::Integer(width as i64)).collect();
         inner(&mut defaults, "traffic").insert("observation".to_owned(), Value::String("lanes".to_owned()));
         inner(&mut defaults, "policy").insert("hidden".to_owned(), Value::Array(layers));

@@ -67,8 +67,7 @@ impl Choices {
             arguments.number("seen", "a share from 0.01 to 1", |share| SEEN_CARS.contains(share))?.unwrap_or(1.0);
         let model = match arguments.take(FILE)? {
             Some(file) => AnyLight::read(Path::new(file))?,
-            None if seen < 1.0 => AnyLight::shipped_partial()?,
-            None => AnyLight::shipped()?,
+            None => AnyLight::shipped(seen < 1.0)?,
         };
         let selection = match arguments.take("choice")? {
             None | Some("sampled") => Selection::Sampled,

@@ -69,7 +69,7 @@ impl Eyes {
         })
     }
 
-    /// Makes it read what [`Eyes::roads`] tells, from the next reset on.
+    /// From the next reset on, the roads are read as well, for [`Eyes::roads`].
     pub(super) fn watch_roads(&mut self, plan: &JointPlan, travellers: Option<&Travellers>) {
         self.watched = Some(Watched::new(plan, travellers));
     }
