@@ -18,7 +18,7 @@ from read_policies import read
 from safetensors import safe_open
 
 STRETCHES_M, JAM_M, STANDS_MPS = (10, 25, 50, 100, 150), 7.5, 0.1
-FORMAT = "dials-traffic any-light 3"
+FORMAT = "dials-traffic any-light 4"
 LONGEST_RED_S = 120
 
 
@@ -52,8 +52,8 @@ class AnyLight(Light):
         return None if self.clearing else self.green
 
     def see_lanes(self):
-        """Return the features of all lanes, `[lanes, 20]`. It sees all cars, so the last one is 0."""
-        green, features = self.shown_green(), np.zeros((len(self.exits), 20))
+        """Return the features of all lanes, `[lanes, 29]`. It sees all cars, so the last ten are 0."""
+        green, features = self.shown_green(), np.zeros((len(self.exits), 29))
         for lane, (row, road, exits) in enumerate(zip(features, self.plan["approaches"], self.exits)):
             cars = [(road["length_m"] - libsumo.vehicle.getLanePosition(car) + road["ahead_m"], libsumo.vehicle.getSpeed(car))
                     for car in libsumo.lane.getLastStepVehicleIDs(road["lane"])]

@@ -24,7 +24,7 @@ const SHIPPED_PARTIAL: &[u8] = include_bytes!("../../../models/any_light_partial
 const MOST_BYTES: u64 = 16 << 20;
 /// Key of the metadata that says what a file is.
 const KEY: &str = "any_light";
-const FORMAT: &str = "dials-traffic any-light 3";
+const FORMAT: &str = "dials-traffic any-light 4";
 /// Largest width of a layer, and number of layers. They come from a file.
 const MOST_WIDE: usize = 4096;
 const MOST_LAYERS: usize = 8;

@@ -3,18 +3,22 @@
 //! Each lane before a stop line and each green has a few features. For each green it is said which lanes it opens. Policies read
 //! that as [`Sets`], so the order of lanes and greens, their number and their names mean nothing to them.
 
+use super::agents::loops::Loop;
 use super::agents::phase_plan::Shown;
 use super::agents::plan::AgentPlan;
 use super::cars_at::CarsAt;
 use super::observe::JAM_M;
 use super::reward::PERSONS;
+use crate::config::DETECTORS_ONLY;
+use crate::events::site::DetectorPlace;
+use crate::sim::readings::{COLUMNS, Readings};
 use dials_core::base::{Seed, scramble};
 use dials_core::domain::Sets;
 use libsumo::{Car, LaneCars};
 use rand::RngCore;
 
 /// Features of a lane, in this order. Counts are in tens of cars.
-const OF_LANE: [&str; 20] = [
+const OF_LANE: [&str; 29] = [
     "is there",
     "length in view",
     "speed limit",
@@ -35,7 +39,19 @@ const OF_LANE: [&str; 20] = [
     "share filled on the fullest exit",
     "joins another light",
     "share of the cars that is not seen",
+    "detector at the stop line",
+    "count at the stop line",
+    "occupancy at the stop line",
+    "gap at the stop line",
+    "advance detector",
+    "advance count",
+    "advance occupancy",
+    "advance gap",
+    "cars between the detectors",
 ];
+/// Where the features of a lane's detectors begin: of that at the stop line, and of the advance detector.
+const OF_STOP_BAR: usize = 20;
+const OF_ADVANCE: usize = 24;
 /// Features of a green, in this order. People are in tens, and those who wait to walk stand at the crossings that it opens.
 const OF_GREEN: [&str; 11] = [
     "is there",
@@ -87,7 +103,7 @@ pub(crate) fn of_lights(plans: &[AgentPlan], up_to_m: f64) -> Vec<LaneSets> {
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Draw {
     episode: u64,
-    /// Share of the cars, above 0 and at most 1. Each of them counts for one over the share.
+    /// Share of the cars, at most 1. Each of them counts for one over the share. 0: detectors only.
     share: f64,
 }
 
@@ -114,7 +130,12 @@ impl Draw {
 
     /// Returns the number of cars for which a number of seen ones stands.
     fn stand_for(self, seen: usize) -> f32 {
-        (seen as f64 / self.share) as f32
+        if self.is_blind() { 0.0 } else { (seen as f64 / self.share) as f32 }
+    }
+
+    /// Returns whether a light sees no car, but what its detectors count.
+    pub(crate) fn is_blind(self) -> bool {
+        self.share == DETECTORS_ONLY
     }
 }
 
@@ -124,6 +145,8 @@ pub(crate) struct LaneSets {
     pub(crate) sets: Sets,
     /// How far before the stop line cars are seen, in metres.
     pub(crate) up_to_m: f64,
+    /// Detectors of its lanes.
+    pub(crate) loops: Vec<Loop>,
     /// An observation with all that never changes. Empty until the agents know how much room they need together.
     fixed: Vec<f32>,
 }
@@ -139,6 +162,8 @@ pub(crate) struct Seen<'a> {
     pub(crate) shown_steps: u32,
     pub(crate) since: &'a SinceGreen,
     pub(crate) draw: Draw,
+    /// What its detectors have seen since the last decision. They show if it sees no car.
+    pub(crate) readings: Option<&'a Readings>,
 }
 
 /// Number of seconds since each green of a light was shown last. At the beginning of an episode all are 0.
@@ -162,7 +187,7 @@ impl SinceGreen {
 impl LaneSets {
     /// Returns the sets of an agent with this number of lanes and greens.
     pub(crate) fn new(lanes: usize, greens: usize, up_to_m: f64) -> LaneSets {
-        LaneSets { sets: sets(lanes, greens), up_to_m, fixed: Vec::new() }
+        LaneSets { sets: sets(lanes, greens), up_to_m, loops: Vec::new(), fixed: Vec::new() }
     }
 
     /// Gives the agent as much room as the largest one of them needs, and writes down what never changes. `plan`: its own.
@@ -193,7 +218,7 @@ impl LaneSets {
                 lanes.enumerate().for_each(|(lane, weight)| *weight = share(plan, green, lane) as f32);
             }
         }
-        LaneSets { sets, fixed, ..*self }
+        LaneSets { sets, up_to_m: self.up_to_m, loops: Loop::of(&plan.region.approaches), fixed }
     }
 
     pub(crate) fn columns(&self) -> usize {
@@ -218,7 +243,8 @@ impl LaneSets {
     pub(crate) fn longest_waiting(&self, plan: &AgentPlan, obs: &[f32]) -> (Vec<bool>, u32) {
         let features = |lane: usize| &obs[self.sets.item(lane)];
         let mut waiting: Vec<usize> = (0..plan.region.approaches.len()).collect();
-        waiting.retain(|&lane| features(lane)[4] > 0.0);
+        // Where only detectors see, somebody waits who has been over the one at the stop line all the time.
+        waiting.retain(|&lane| features(lane)[4] > 0.0 || features(lane)[OF_STOP_BAR + 2] >= 1.0);
         let people = |green: usize| obs[self.sets.choice(green)][10];
         let reds = waiting.iter().map(|&lane| features(lane)[13]).chain((0..plan.greens()).map(people));
         let red = reds.fold(0.0, f32::max);
@@ -232,6 +258,20 @@ impl LaneSets {
         obs.copy_from_slice(&self.fixed);
         for lane in 0..plan.region.approaches.len() {
             self.observe_lane(plan, seen, lane, &mut obs[self.sets.item(lane)]);
+        }
+        for (detector, read, between) in
+            seen.readings.filter(|_| seen.draw.is_blind()).into_iter().flat_map(Readings::iter)
+        {
+            let first = match detector.place {
+                DetectorPlace::StopBar => OF_STOP_BAR,
+                DetectorPlace::Advance => OF_ADVANCE,
+            };
+            let features = &mut obs[self.sets.item(detector.approach)][first..];
+            features[0] = 1.0;
+            features[1..=COLUMNS].copy_from_slice(&read);
+            if detector.place == DetectorPlace::Advance {
+                features[COLUMNS + 1] = between as f32 / CARS;
+            }
         }
         let Seen { shown, shown_steps, .. } = *seen;
         let target = shown.target();
@@ -339,6 +379,7 @@ mod tests {
     use super::*;
     use crate::agents::others_plan::Crossing;
     use crate::cars_at::no_cars;
+    use crate::config::DetectorFaults;
     use crate::controllers::examples::{crossing, middle};
     use libsumo::{CarId, CarTable};
 
@@ -362,7 +403,7 @@ mod tests {
         let [cars, exits] = cars_on.map(CarsAt::all);
         sets.observe(
             plan,
-            &Seen { cars, exits, people: &[], shown, shown_steps: 3, since, draw: Draw::default() },
+            &Seen { cars, exits, people: &[], shown, shown_steps: 3, since, draw: Draw::default(), readings: None },
             &mut obs,
         );
         obs
@@ -398,6 +439,8 @@ mod tests {
             &[0.5],
             // All cars are seen.
             &[0.0],
+            // Detectors show only to whom no car does.
+            &[0.0; 9],
         ];
         close_to(&obs[sets(5, 4).item(2)], &expected.concat());
         // Cars upstream of another lane are 10 m farther away.
@@ -443,7 +486,11 @@ mod tests {
             let [cars, exits] = [&cars, &exits].map(CarsAt::all);
             let (shown, draw) = (Shown::Green(2), Draw::default());
             let mut obs = vec![7.0; sets.columns()];
-            sets.observe(&plan, &Seen { cars, exits, people, shown, shown_steps: 130, since: &since, draw }, &mut obs);
+            sets.observe(
+                &plan,
+                &Seen { cars, exits, people, shown, shown_steps: 130, since: &since, draw, readings: None },
+                &mut obs,
+            );
             obs
         };
         let shown = |people: &[u32], green: usize| observed(people)[sets.sets.choice(green)][9..].to_vec();
@@ -487,7 +534,7 @@ mod tests {
         let shown = Shown::Green(0);
         sets.observe(
             &plan,
-            &Seen { cars: at, exits: behind, people: &[], shown, shown_steps: 1, since: &since, draw },
+            &Seen { cars: at, exits: behind, people: &[], shown, shown_steps: 1, since: &since, draw, readings: None },
             &mut obs,
         );
         let sees = |id: &u64| draw.sees(&Car { id: CarId(*id), position_m: 0.0, speed_mps: 0.0 });
@@ -497,6 +544,40 @@ mod tests {
         close_to(&[lane[4], lane[5], lane[6]], &[2.0 * count / 10.0; 3]);
         assert_eq!(lane[19], 0.5);
         assert!((lane[14] - if sees(&0) { 0.2 } else { 0.0 }).abs() < 1e-6, "on the exit");
+    }
+
+    #[test]
+    fn a_light_that_sees_no_car_sees_what_its_detectors_count() {
+        let plan = crossing();
+        let sets = LaneSets::new(5, 4, UP_TO_M).fitted(&plan, 5, 4);
+        let mut readings = Readings::begin(&sets.loops, DetectorFaults::default(), Seed::new(1));
+        // A car stands at the stop line of the first lane for two seconds, and one is behind the light.
+        let [at, behind] = [cars(&[&[(95.0, 0.0)], &[], &[], &[], &[]]), cars(&[&[(5.0, 0.0)], &[], &[]])];
+        let since = {
+            let mut since = SinceGreen::begin(4);
+            (0..130).for_each(|_| since.note(Shown::Green(2)));
+            since
+        };
+        (0..2).for_each(|_| readings.second(&plan.region, CarsAt::all(&at)));
+        let observed = |share: f64| {
+            let [cars, exits] = [&at, &behind].map(CarsAt::all);
+            let (shown, draw) = (Shown::Green(2), Draw::of(Seed::new(1), share));
+            let mut obs = vec![7.0; sets.columns()];
+            let readings = Some(&readings);
+            let seen = Seen { cars, exits, people: &[], shown, shown_steps: 130, since: &since, draw, readings };
+            sets.observe(&plan, &seen, &mut obs);
+            obs
+        };
+        let blind = observed(DETECTORS_ONLY);
+        let lane = &blind[sets.sets.item(0)];
+        assert!(lane[4..12].iter().chain(&lane[14..18]).all(|&feature| feature == 0.0), "{lane:?}");
+        assert_eq!(lane[19], 1.0);
+        // The one at the stop line has been covered all the time, without a car that came; the other one has seen nobody.
+        close_to(&lane[OF_STOP_BAR..], &[1.0, 0.0, 1.0, 0.0, 1.0, 0.0, 0.0, 1.0, 0.0]);
+        assert_eq!(sets.longest_waiting(&plan, &blind), (vec![true, false, false, false], 130));
+        let sees = observed(1.0);
+        assert!(sees[sets.sets.item(0)][OF_STOP_BAR..].iter().all(|&feature| feature == 0.0));
+        assert_eq!(sees[sets.sets.item(0)][4], 0.1);
     }
 
     #[test]

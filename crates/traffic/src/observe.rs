@@ -54,7 +54,9 @@ pub(crate) fn observe(plan: &AgentPlan, cars: CarsAt<'_>, light: LightView, obs:
 
 /// Writes what the detectors have seen into the columns of cars, if the agent sees detectors.
 pub(crate) fn observe_detectors(plan: &AgentPlan, readings: &Readings, obs: &mut [f32]) {
-    readings.write(&mut obs[..plan.sensor.car_columns()]);
+    if matches!(plan.sensor.cars, CarColumns::Detectors(_)) {
+        readings.write(&mut obs[..plan.sensor.car_columns()]);
+    }
 }
 
 /// Writes lanes and greens as sets, if the agent sees sets.

@@ -9,7 +9,7 @@ use crate::config::{Reward, RewardTerm};
 use crate::sim::others::OthersNow;
 use libsumo::CarId;
 
-/// Number of cars that count 1 in the terms `queue`, `lost-time`, `pressure` and `stops`.
+/// Number of cars that count 1 in the terms `queue`, `lost-time`, `pressure`, `stops` and `passed`.
 const CARS: f64 = 10.0;
 /// Number of persons that count 1.
 pub(crate) const PERSONS: f64 = 10.0;
@@ -29,8 +29,9 @@ pub(crate) struct Waiting {
     /// Sum over the cars, and the sum at the last decision.
     sum: u64,
     sum_before: u64,
-    /// Cars that came to a stand, and CO2 that was emitted, since the decision.
+    /// Cars that came to a stand, cars that left, and CO2 that was emitted, since the decision.
     stops: u32,
+    passed: u32,
     co2_g: f64,
 }
 
@@ -48,6 +49,8 @@ impl Waiting {
                 seconds.insert(car, (waited, stands));
             }
         }
+        let gone = self.seconds.keys().filter(|car| !seconds.contains_key(car)).count();
+        self.passed += u32::try_from(gone).expect("a light has fewer cars");
         self.seconds = seconds;
     }
 
@@ -62,12 +65,14 @@ impl Waiting {
 
     pub(crate) fn decide(&mut self) {
         self.sum_before = self.sum;
-        (self.stops, self.co2_g) = (0, 0.0);
+        (self.stops, self.passed, self.co2_g) = (0, 0, 0.0);
     }
 }
 
 pub(crate) fn needs_waiting(reward: &Reward) -> bool {
-    reward.terms().any(|(term, _)| matches!(term, RewardTerm::Wait | RewardTerm::DiffWaitingTime | RewardTerm::Stops))
+    reward.terms().any(|(term, _)| {
+        matches!(term, RewardTerm::Wait | RewardTerm::DiffWaitingTime | RewardTerm::Stops | RewardTerm::Passed)
+    })
 }
 
 pub(crate) fn needs_co2(reward: &Reward) -> bool {
@@ -109,6 +114,7 @@ pub(crate) fn reward(
         RewardTerm::BusDelay => -others.map_or(0.0, |others| others.lost),
         RewardTerm::PersonWait => -f64::from(people.iter().sum::<u32>()) / PERSONS,
         RewardTerm::Stops => -f64::from(waiting.stops) / CARS,
+        RewardTerm::Passed => f64::from(waiting.passed) / CARS,
         RewardTerm::Co2 => -waiting.co2_g / CO2_G,
         RewardTerm::DiffWaitingTime => (waiting.sum_before as f64 - waiting.sum as f64) / WAITING_S,
     };
@@ -127,11 +133,11 @@ mod tests {
     }
 
     #[test]
-    fn stops_and_co2_are_those_since_the_decision() {
+    fn stops_passed_cars_and_co2_are_those_since_the_decision() {
         let mut waiting = Waiting::default();
-        // Car 1 enters standing, car 2 comes to a stand; then car 1 moves and stands again.
-        for seconds in [[(1, 0.0), (2, 9.0)], [(1, 0.0), (2, 0.0)], [(1, 3.0), (2, 0.0)], [(1, 0.0), (2, 0.0)]] {
-            waiting.note(CarsAt::all(&west(&seconds)));
+        // Car 1 enters standing, car 2 comes to a stand; then car 1 moves and stands again, and car 2 leaves.
+        for seconds in [&[(1, 0.0), (2, 9.0)][..], &[(1, 0.0), (2, 0.0)], &[(1, 3.0), (2, 0.0)], &[(1, 0.0)]] {
+            waiting.note(CarsAt::all(&west(seconds)));
             waiting.note_co2(12_500.0);
         }
         let cars = west(&[]);
@@ -139,9 +145,11 @@ mod tests {
             let cars = CarsAt::all(&cars);
             reward(&Reward::from(term), &middle().region, cars, cars, waiting, None, &[])
         };
-        assert_eq!((of(RewardTerm::Stops, &waiting), of(RewardTerm::Co2, &waiting)), (-0.2, -0.5));
+        let counted =
+            |waiting: &Waiting| [RewardTerm::Stops, RewardTerm::Passed, RewardTerm::Co2].map(|term| of(term, waiting));
+        assert_eq!(counted(&waiting), [-0.2, 0.1, -0.5]);
         waiting.decide();
-        assert_eq!((of(RewardTerm::Stops, &waiting), of(RewardTerm::Co2, &waiting)), (0.0, 0.0));
+        assert_eq!(counted(&waiting), [0.0; 3]);
     }
 
     #[test]

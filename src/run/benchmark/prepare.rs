@@ -95,7 +95,7 @@ impl Protocol {
             RescoProtocol::Resco2021 => format!("max-wave:every={}", map.decision_s),
             RescoProtocol::Ours => "max-wave".to_owned(),
         };
-        let named = ["program", "actuated", "max-pressure"].map(|name| (name, name.to_owned()));
+        let named = ["program", "actuated", "gap-out", "max-pressure"].map(|name| (name, name.to_owned()));
         named.into_iter().chain([("max-wave", wave), (ANY_LIGHT, format!("{ANY_LIGHT}:choice=greedy"))]).collect()
     }
 }

@@ -224,10 +224,13 @@ fn a_run_starts_from_the_policy_of_this_program() {
     let why = String::from_utf8_lossy(&refused.get_output().stderr).into_owned();
     assert!(why.contains("that is another network; set traffic.observation = \"lanes\""), "{why}");
     // Its layers, and what it sees, come with it. So do the cars that it does not see, but not in local simulators.
-    let half = ",seen=0.5";
-    for (settings, seen) in
-        [(&[][..], ""), (&["traffic.seen_cars=0.5"], half), (&["traffic.seen_cars=[0.5,0.5]"], half)]
-    {
+    let views: [(&[&str], &str); 4] = [
+        (&[], ""),
+        (&["traffic.seen_cars=0.5"], ",seen=0.5"),
+        (&["traffic.seen_cars=[0.5,0.5]"], ",seen=0.5"),
+        (&["traffic.seen_cars=0"], ",seen=0"),
+    ];
+    for (settings, seen) in views {
         start(settings).success();
         let returns = fs::read_to_string(run.join("returns.csv")).unwrap();
         let at_the_beginning = returns.lines().find_map(|line| line.strip_prefix("0,all,")).unwrap();
@@ -242,5 +245,5 @@ fn a_run_starts_from_the_policy_of_this_program() {
     let why = String::from_utf8_lossy(&refused.get_output().stderr).into_owned();
     assert!(why.contains("traffic.seen_cars: which cars are seen is drawn by their names"), "{why}");
     let mut baseline = dials_traffic();
-    baseline.arg("baseline").arg(&short).args(["--controller", "any-light:seen=0"]).assert().code(2);
+    baseline.arg("baseline").arg(&short).args(["--controller", "any-light:seen=0.001"]).assert().code(2);
 }

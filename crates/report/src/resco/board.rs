@@ -10,7 +10,8 @@ use dials_core::base::statistics::Spread;
 const NOTHING: &str = "-";
 
 /// Columns of the table over all maps that are controllers that were not trained here.
-const CONTROLLERS: [&str; 6] = ["program", "actuated", "fixed-time, tuned", "max-wave", "max-pressure", "any-light"];
+const CONTROLLERS: [&str; 7] =
+    ["program", "actuated", "fixed-time, tuned", "gap-out", "max-wave", "max-pressure", "any-light"];
 
 pub(super) fn document(about: &About, maps: &[MapResults]) -> Document {
     let mut blocks = vec![Block::Paragraph(format!(

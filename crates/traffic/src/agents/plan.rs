@@ -57,7 +57,11 @@ impl JointPlan {
 
     /// Returns whether its agents see detectors: all of them or none.
     pub(crate) fn sees_detectors(&self) -> bool {
-        self.agents.first().is_some_and(|agent| matches!(agent.sensor.cars, CarColumns::Detectors(_)))
+        self.agents.first().is_some_and(|agent| match agent.sensor.cars {
+            CarColumns::Detectors(_) => true,
+            CarColumns::Sets(_) => self.seen_cars.may_be_none(),
+            CarColumns::Cells(_) | CarColumns::QueueAndDensity(_) => false,
+        })
     }
 }
 

@@ -57,6 +57,15 @@ impl Sensor {
         }
     }
 
+    /// Returns the detectors that the agent may see.
+    pub(crate) fn detectors(&self) -> &[Loop] {
+        match &self.cars {
+            CarColumns::Detectors(detectors) => detectors,
+            CarColumns::Sets(sets) => &sets.loops,
+            CarColumns::Cells(_) | CarColumns::QueueAndDensity(_) => &[],
+        }
+    }
+
     pub(crate) fn see(&mut self, sets: LaneSets) {
         self.cars = CarColumns::Sets(sets);
     }

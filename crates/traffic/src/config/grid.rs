@@ -183,7 +183,7 @@ impl DomainTable for TrafficConfig {
     fn check(&self) -> Result<()> {
         self.reward.check()?;
         self.functions().check()?;
-        self.detector_faults.check(self.observation)?;
+        self.detector_faults.check(self.observation == Observation::Detectors)?;
         ensure!(
             self.observation != Observation::Lanes,
             "traffic.observation = \"lanes\": policies choose a green, but lights of a grid keep or switch; use a scenario"

@@ -29,8 +29,8 @@ pub use grid::{ClockOffsets, DSet, EntryRule, TrafficConfig, UntilFirstSwitch};
 pub use reward::{Reward, RewardTerm};
 pub use route_files::files_called;
 pub use scenario::{Actions, DEMAND, Observation, Pedestrians, ScenarioConfig, Yellow};
-pub(crate) use seen_cars::SEEN_CARS;
 pub use seen_cars::SeenCars;
+pub(crate) use seen_cars::{DETECTORS_ONLY, SHARES, may_be_seen};
 
 /// Traffic lights, on a grid of the paper, which `network` and `local_network` name, or on a scenario of yours, which
 /// `scenario` names. A key of the other way is an error.

@@ -37,6 +37,9 @@ pub enum RewardTerm {
     PersonWait,
     /// Minus the number of cars that came to a stand on the approaches since the decision, in tens.
     Stops,
+    /// The number of cars that left the approaches since the decision, in tens. Where too many cars come, a queue stays as long as it is
+    /// whichever green is shown. Then this tells the greens apart.
+    Passed,
     /// Minus the CO2 that the cars on the approaches emitted since the decision, in units of 100 g, by the emission classes of their
     /// types (SUMO's HBEFA). It takes CPU time: SUMO computes it for every car in every second.
     Co2,
@@ -60,6 +63,7 @@ impl RewardTerm {
             RewardTerm::BusDelay => "minus the seconds that buses and trams lose in a second against the limits",
             RewardTerm::PersonWait => "minus the persons who wait at the crossings, in tens",
             RewardTerm::Stops => "minus the cars that came to a stand on the approaches since the decision, in tens",
+            RewardTerm::Passed => "the cars that left the approaches since the decision, in tens",
             RewardTerm::Co2 => "minus the CO2 that the cars on the approaches emitted since the decision, in 100 g",
             RewardTerm::DiffWaitingTime => {
                 "the seconds of `wait` before the decision minus those after it, in hundreds"

@@ -110,8 +110,9 @@ pub struct ScenarioConfig {
     /// What an agent sees of the cars on its approaches.
     pub observation: Observation,
     /// Share of the cars that agents see with `observation = "lanes"`, drawn car by car in every episode. Each stands for one over the
-    /// share. This models traffic in which only some cars report where they are. Masks and rewards see all cars. Not in local
-    /// simulators. With a list of shares, every light draws one of them in every episode: `[1, 0.5, 0.1]`.
+    /// share. This models traffic in which only some cars report where they are. 0: no car is seen, only what
+    /// [detectors](networks.md#detectors) count. Masks and rewards see all cars. Not in local simulators. With a list of shares, every
+    /// light draws one of them in every episode: `[1, 0.5, 0.1]`.
     #[serde(skip_serializing_if = "is_default")]
     #[schemars(extend("default" = 1.0))]
     pub seen_cars: SeenCars,
@@ -337,7 +338,8 @@ impl DomainTable for ScenarioConfig {
             DEMAND.start(),
             DEMAND.end()
         );
-        self.detector_faults.check(self.observation)?;
+        let sees_detectors = self.observation == Observation::Detectors || self.seen_cars.may_be_none();
+        self.detector_faults.check(sees_detectors)?;
         self.seen_cars.check()?;
         ensure!(
             self.seen_cars.are_all() || self.observation == Observation::Lanes,
@@ -487,8 +489,8 @@ mod tests {
             assert_eq!(message, format!("traffic.approach_m = {approach}: must be from 10 to 1000 metres"));
         }
         assert_eq!(
-            checked(|config| config.seen_cars = SeenCars::Share(0.0)),
-            "traffic.seen_cars = 0: must be from 0.01 to 1"
+            checked(|config| config.seen_cars = SeenCars::Share(0.005)),
+            "traffic.seen_cars = 0.005: must be from 0.01 to 1, or 0 for detectors only"
         );
         assert!(
             checked(|config| config.seen_cars = SeenCars::Share(0.5)).contains("only agents that see lanes miss cars")

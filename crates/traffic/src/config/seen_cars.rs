@@ -7,10 +7,18 @@ use serde::{Deserialize, Serialize};
 
 use dials_core::base::{AgentId, Seed};
 
-/// Shares of cars that may be seen.
-pub(crate) const SEEN_CARS: std::ops::RangeInclusive<f64> = 0.01..=1.0;
+/// Share of the cars with which a light sees no car, but what its detectors count.
+pub(crate) const DETECTORS_ONLY: f64 = 0.0;
+/// What a share must be.
+pub(crate) const SHARES: &str = "from 0.01 to 1, or 0 for detectors only";
 
-/// A share of the cars that agents see, or several of which every light draws one in every episode.
+/// Returns whether so many of the cars may be seen.
+pub(crate) fn may_be_seen(share: f64) -> bool {
+    share == DETECTORS_ONLY || (0.01..=1.0).contains(&share)
+}
+
+/// A share of the cars that agents see, or several of which every light draws one in every episode. 0: they see what detectors count,
+/// and no cars.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(untagged)]
 pub enum SeenCars {
@@ -37,11 +45,16 @@ impl SeenCars {
         self.shares().iter().all(|&share| share == 1.0)
     }
 
+    /// Returns whether an agent may see detectors only.
+    pub(crate) fn may_be_none(&self) -> bool {
+        self.shares().contains(&DETECTORS_ONLY)
+    }
+
     pub(crate) fn check(&self) -> Result<()> {
         let shares = self.shares();
         ensure!(!shares.is_empty(), "traffic.seen_cars = []: name at least one share; 1 means all cars");
-        for share in shares {
-            ensure!(SEEN_CARS.contains(share), "traffic.seen_cars = {share}: must be from 0.01 to 1");
+        for &share in shares {
+            ensure!(may_be_seen(share), "traffic.seen_cars = {share}: must be {SHARES}");
         }
         Ok(())
     }
@@ -81,9 +94,10 @@ mod tests {
     #[test]
     fn a_list_may_not_be_empty_and_every_share_must_be_one() {
         let error = |shares: &[f64]| SeenCars::OneOf(shares.to_vec()).check().unwrap_err().to_string();
-        assert_eq!(error(&[1.0, 1.5]), "traffic.seen_cars = 1.5: must be from 0.01 to 1");
+        assert_eq!(error(&[1.0, 1.5]), "traffic.seen_cars = 1.5: must be from 0.01 to 1, or 0 for detectors only");
         assert!(error(&[]).contains("name at least one share"));
-        assert!(SeenCars::OneOf(vec![1.0, 0.01]).check().is_ok());
+        assert!(SeenCars::OneOf(vec![1.0, 0.01, 0.0]).check().is_ok());
+        assert!(SeenCars::OneOf(vec![1.0, 0.0]).may_be_none() && !SeenCars::OneOf(vec![1.0, 0.01]).may_be_none());
         assert!(SeenCars::OneOf(vec![1.0, 1.0]).are_all() && !SeenCars::OneOf(vec![1.0, 0.9]).are_all());
     }
 }

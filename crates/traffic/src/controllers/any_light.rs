@@ -10,8 +10,9 @@ use super::intersections::Intersections;
 use super::{ANY_LIGHT, FILE, LightController};
 use crate::agents::plan::AgentPlan;
 use crate::any_light::AnyLight;
-use crate::config::SEEN_CARS;
+use crate::config::{DetectorFaults, SHARES, may_be_seen};
 use crate::lane_sets::{self, Draw, LaneSets, Seen, SinceGreen};
+use crate::sim::readings::Readings;
 use dials_core::base::{AgentId, Dice, RandomPurpose, Rows, Seed};
 use dials_core::domain::sampling::{self, Selection};
 use dials_core::outside::Printable;
@@ -37,6 +38,8 @@ pub(super) struct AnyLightController {
     /// Share of the cars that it sees.
     seen: f64,
     draw: Draw,
+    /// What the detectors of each light have seen, if it sees nothing else.
+    readings: Vec<Readings>,
     second: u32,
 }
 
@@ -63,8 +66,7 @@ pub(super) struct Choices {
 
 impl Choices {
     pub(super) fn of(arguments: &mut Arguments<'_>) -> Result<Choices> {
-        let seen =
-            arguments.number("seen", "a share from 0.01 to 1", |share| SEEN_CARS.contains(share))?.unwrap_or(1.0);
+        let seen = arguments.number("seen", SHARES, |&share| may_be_seen(share))?.unwrap_or(1.0);
         let model = match arguments.take(FILE)? {
             Some(file) => AnyLight::read(Path::new(file))?,
             None => AnyLight::shipped(seen < 1.0)?,
@@ -110,6 +112,7 @@ impl Choices {
             dice: Vec::new(),
             seen: self.seen,
             draw: Draw::default(),
+            readings: Vec::new(),
             second: 0,
         }
     }
@@ -125,6 +128,13 @@ impl LightController for AnyLightController {
         self.dice = episode.fork(RandomPurpose::Acting).for_agents(&agents).collect();
         self.draw = Draw::of(episode, self.seen);
         self.since.clear();
+        self.readings.clear();
+        if self.draw.is_blind() {
+            let of_light = |(sets, agent): (&LaneSets, AgentId)| {
+                Readings::begin(&sets.loops, DetectorFaults::default(), episode.for_agent(agent))
+            };
+            self.readings = self.sets.iter().zip(agents).map(of_light).collect();
+        }
         self.second = 0;
     }
 
@@ -133,9 +143,13 @@ impl LightController for AnyLightController {
             self.since = intersections.plans.iter().map(|plan| SinceGreen::begin(plan.greens())).collect();
         } else {
             self.since.iter_mut().zip(intersections.shown).for_each(|(since, &shown)| since.note(shown));
+            for (row, (readings, plan)) in self.readings.iter_mut().zip(intersections.plans).enumerate() {
+                readings.second(&plan.region, intersections.approaches.at(row));
+            }
         }
         if self.second.is_multiple_of(self.every) {
             self.wanted = self.decide(intersections);
+            self.readings.iter_mut().for_each(Readings::decide);
         }
         targets.copy_from_slice(&self.wanted);
         self.second += 1;
@@ -151,7 +165,8 @@ impl AnyLightController {
             let (shown, shown_steps) = (intersections.shown[row], intersections.shown_steps[row]);
             let [cars, exits] = [intersections.approaches, intersections.exits].map(|lanes| lanes.at(row));
             let (since, people) = (&self.since[row], intersections.people.at(row));
-            let seen = Seen { cars, exits, people, shown, shown_steps, since, draw: self.draw };
+            let (draw, readings) = (self.draw, self.readings.get(row));
+            let seen = Seen { cars, exits, people, shown, shown_steps, since, draw, readings };
             self.sets[row].observe(plan, &seen, obs.row_mut(row));
         }
         let scores = self.network.step(&obs, &mut self.network.states(lights));

@@ -79,7 +79,9 @@ impl Eyes {
         self.others.iter_mut().for_each(Others::begin);
         self.watched.iter_mut().for_each(Watched::begin);
         if plan.sees_detectors() {
-            let of_agent = |(row, agent)| Readings::begin(agent, plan.faults, episode.for_agent(AgentId(row)));
+            let of_agent = |(row, agent): (usize, &AgentPlan)| {
+                Readings::begin(agent.sensor.detectors(), plan.faults, episode.for_agent(AgentId(row)))
+            };
             self.readings = plan.agents.iter().enumerate().map(of_agent).collect();
         }
     }
@@ -116,7 +118,7 @@ impl Eyes {
     pub(super) fn second(&mut self, plan: &JointPlan, simulation: &mut Simulation) -> Result<()> {
         self.others.as_mut().map_or(Ok(()), |others| others.second(simulation))?;
         for (row, readings) in self.readings.iter_mut().enumerate() {
-            readings.second(&plan.agents[row], self.approaches.at(row));
+            readings.second(&plan.agents[row].region, self.approaches.at(row));
         }
         if let Some(watched) = &mut self.watched {
             watched.entered(&simulation.departures()?);

@@ -300,7 +300,8 @@ impl GlobalTraffic {
             others.iter().for_each(|others| observe::observe_others(plan, others, people, percept.obs.row_mut(row)));
             if let Some((since, &draw)) = self.shown.since.get(row).zip(self.draws.get(row)) {
                 let exits = self.eyes.exits.at(row);
-                let seen = Seen { cars, exits, people, shown, shown_steps, since, draw };
+                let readings = self.eyes.readings.get(row);
+                let seen = Seen { cars, exits, people, shown, shown_steps, since, draw, readings };
                 observe::observe_sets(plan, &seen, percept.obs.row_mut(row));
             }
             if let Some(readings) = self.eyes.readings.get(row) {

@@ -201,7 +201,7 @@ impl LocalTraffic {
         self.rows[row] = RowNow::new(dice, begin * self.plan.decision_steps, self.border(row));
         if self.plan.sees_detectors() {
             let plan = &self.plan.agents[self.forest.rows[row].agent.0];
-            self.rows[row].readings = Some(Readings::begin(plan, self.plan.faults, seed));
+            self.rows[row].readings = Some(Readings::begin(plan.sensor.detectors(), self.plan.faults, seed));
         }
         if self.plan.sees_sets() {
             let greens = self.plan.agents[self.forest.rows[row].agent.0].greens();
@@ -297,9 +297,9 @@ impl LocalTraffic {
         }
         if sees_detectors {
             for (row, now) in self.rows.iter_mut().enumerate() {
-                let plan = &self.plan.agents[self.forest.rows[row].agent.0];
+                let region = &self.plan.agents[self.forest.rows[row].agent.0].region;
                 let cars = self.forest.approaches.at(row);
-                now.readings.iter_mut().for_each(|readings| readings.second(plan, cars));
+                now.readings.iter_mut().for_each(|readings| readings.second(region, cars));
             }
         }
         self.watch.note(Phase::Reading, begun.elapsed());
@@ -319,7 +319,8 @@ impl LocalTraffic {
         if let Some(since) = &now.since {
             // All cars are seen here, and nobody walks.
             let (shown, shown_steps, draw) = (light.shown, light.shown_steps, Draw::default());
-            observe::observe_sets(plan, &Seen { cars, exits, people: &[], shown, shown_steps, since, draw }, obs);
+            let seen = Seen { cars, exits, people: &[], shown, shown_steps, since, draw, readings: None };
+            observe::observe_sets(plan, &seen, obs);
         }
         if let Some(readings) = &now.readings {
             observe::observe_detectors(plan, readings, obs);

@@ -7,10 +7,10 @@
 use rand::Rng;
 
 use crate::agents::loops::Loop;
-use crate::agents::plan::AgentPlan;
-use crate::agents::sensor::CarColumns;
+use crate::agents::region_plan::RegionPlan;
 use crate::cars_at::CarsAt;
 use crate::config::DetectorFaults;
+use crate::events::site::DetectorPlace;
 use dials_core::base::{Dice, Seed};
 use libsumo::CarId;
 
@@ -23,6 +23,10 @@ const LONGEST_GAP_S: u32 = 60;
 /// Cars in a second when a queue leaves: one every two seconds. A count is a share of that.
 const SATURATION_PER_S: f32 = 0.5;
 
+/// Seconds without a car at the stop line after which nobody is between it and the advance detector: whoever crossed that one has come
+/// or has changed lanes.
+const NOBODY_S: u32 = 8;
+
 /// Largest speed gained in a second, in metres per second.
 const GAIN_MPS: f64 = 3.0;
 
@@ -32,6 +36,7 @@ const FAULTS: &str = "detector faults";
 /// The detectors of one light in an episode.
 #[derive(Clone, Debug)]
 pub(crate) struct Readings {
+    loops: Vec<Loop>,
     now: Vec<Reading>,
     dead: Vec<bool>,
     faults: DetectorFaults,
@@ -48,18 +53,20 @@ struct Reading {
     on_s: u32,
     /// Seconds since a car was over it.
     gap_s: u32,
+    /// Cars that have crossed it, and not yet the detector at the stop line. Only for advance detectors.
+    between: u32,
     /// Cars before it that may cross it and the stop line within a second.
     near: Vec<CarId>,
 }
 
 impl Readings {
     /// Begins an episode on empty roads. `episode`: the stream of the light in this episode.
-    pub(crate) fn begin(plan: &AgentPlan, faults: DetectorFaults, episode: Seed) -> Readings {
-        let count = detectors(plan).len();
+    pub(crate) fn begin(loops: &[Loop], faults: DetectorFaults, episode: Seed) -> Readings {
+        let count = loops.len();
         let mut dice = episode.fork_named(FAULTS).dice();
         let dead = (0..count).map(|_| dice.random_bool(faults.dead)).collect();
         let empty = Reading { gap_s: LONGEST_GAP_S, ..Reading::default() };
-        Readings { now: vec![empty; count], dead, faults, dice, seconds: 0 }
+        Readings { loops: loops.to_vec(), now: vec![empty; count], dead, faults, dice, seconds: 0 }
     }
 
     /// Returns the number of detectors.
@@ -75,9 +82,10 @@ impl Readings {
     }
 
     /// Notes the cars on the approaches at the end of a second.
-    pub(crate) fn second(&mut self, plan: &AgentPlan, cars: CarsAt<'_>) {
+    pub(crate) fn second(&mut self, region: &RegionPlan, cars: CarsAt<'_>) {
         self.seconds += 1;
-        for ((reading, detector), &dead) in self.now.iter_mut().zip(detectors(plan)).zip(&self.dead) {
+        let mut counts = Vec::with_capacity(self.loops.len());
+        for ((reading, detector), &dead) in self.now.iter_mut().zip(&self.loops).zip(&self.dead) {
             let lane = cars.lane(detector.approach);
             let is_here = |car: &CarId| cars.iter().any(|lane| lane.ids.contains(car));
             let left = reading.near.iter().filter(|car| !is_here(car)).count();
@@ -87,7 +95,7 @@ impl Readings {
             let mut counted = lane.iter().filter(|car| came(car.position_m, car.speed_mps)).count() + left;
             let is_over = |position_m: &f64| (detector.begin_m..detector.end_m).contains(position_m);
             let mut is_on = counted > 0 || lane.positions_m.iter().any(is_over);
-            let length_m = plan.region.approaches[detector.approach].length_m;
+            let length_m = region.approaches[detector.approach].length_m;
             reading.near.clear();
             let may_leave = lane.iter().filter(|car| {
                 car.position_m < detector.begin_m && car.position_m + car.speed_mps + GAIN_MPS >= length_m
@@ -102,24 +110,35 @@ impl Readings {
             reading.counted += counted as u32;
             reading.on_s += u32::from(is_on);
             reading.gap_s = if is_on { 0 } else { (reading.gap_s + 1).min(LONGEST_GAP_S) };
+            counts.push(counted as u32);
+        }
+        for (number, detector) in self.loops.iter().enumerate() {
+            if detector.place == DetectorPlace::Advance {
+                // The one at the stop line is right before it.
+                let (at_stop_bar, left) = (self.now[number - 1].gap_s, counts[number - 1]);
+                let reading = &mut self.now[number];
+                let nobody = at_stop_bar.min(reading.gap_s) >= NOBODY_S;
+                reading.between = if nobody { 0 } else { (reading.between + counts[number]).saturating_sub(left) };
+            }
         }
     }
 
     /// Writes count, occupancy and gap of each detector: numbers from 0 to 1.
     pub(crate) fn write(&self, columns: &mut [f32]) {
-        let seconds = self.seconds.max(1) as f32;
-        for (reading, columns) in self.now.iter().zip(columns.chunks_exact_mut(COLUMNS)) {
-            columns[0] = (reading.counted as f32 / (SATURATION_PER_S * seconds)).min(1.0);
-            columns[1] = reading.on_s as f32 / seconds;
-            columns[2] = reading.gap_s as f32 / LONGEST_GAP_S as f32;
-        }
+        self.iter()
+            .zip(columns.chunks_exact_mut(COLUMNS))
+            .for_each(|((_, read, _), columns)| columns.copy_from_slice(&read));
     }
-}
 
-fn detectors(plan: &AgentPlan) -> &[Loop] {
-    match &plan.sensor.cars {
-        CarColumns::Detectors(detectors) => detectors,
-        _ => &[],
+    /// Returns each detector with what [`Readings::write`] writes of it, and for an advance detector the number of cars between it and
+    /// the one at the stop line, as far as both have counted.
+    pub(crate) fn iter(&self) -> impl Iterator<Item = (&Loop, [f32; COLUMNS], u32)> {
+        let seconds = self.seconds.max(1) as f32;
+        let read = move |reading: &Reading| {
+            let count = (reading.counted as f32 / (SATURATION_PER_S * seconds)).min(1.0);
+            [count, reading.on_s as f32 / seconds, reading.gap_s as f32 / LONGEST_GAP_S as f32]
+        };
+        self.loops.iter().zip(&self.now).map(move |(detector, reading)| (detector, read(reading), reading.between))
     }
 }
 
@@ -131,20 +150,20 @@ mod tests {
     use crate::paper_grid::plans::plans;
     use libsumo::CarTable;
 
-    fn plan() -> AgentPlan {
+    fn plan() -> crate::agents::plan::AgentPlan {
         let config = TrafficConfig { observation: Observation::Detectors, ..TrafficConfig::new("", "") };
         plans(Grid::SINGLE, &config).remove(0)
     }
 
     fn readings(faults: DetectorFaults, seed: u64) -> Readings {
-        Readings::begin(&plan(), faults, Seed::new(seed))
+        Readings::begin(plan().sensor.detectors(), faults, Seed::new(seed))
     }
 
     /// Notes a second with these cars on the first approach, which is 100 m long: number, position and speed.
     fn second(readings: &mut Readings, cars: &[(u64, f64, f64)]) {
         let first = cars.iter().map(|&(car, position, speed)| (CarId(car), position, speed)).collect();
         let table = CarTable::of([first, vec![], vec![], vec![]]);
-        readings.second(&plan(), CarsAt::all(&table));
+        readings.second(&plan().region, CarsAt::all(&table));
     }
 
     /// Returns the columns of the first approach: stop bar, then advance.
@@ -179,6 +198,24 @@ mod tests {
         assert_eq!(columns(&readings)[..3], [1.0, 0.5, 0.0]);
         second(&mut readings, &[]);
         assert_eq!(columns(&readings)[..3], [2.0 / 3.0, 1.0 / 3.0, 1.0 / 60.0]);
+    }
+
+    #[test]
+    fn cars_are_between_the_detectors_from_one_to_the_other_and_forgotten_when_nobody_comes() {
+        let mut readings = readings(DetectorFaults::default(), 1);
+        let mut between = |cars: &[(u64, f64, f64)]| {
+            second(&mut readings, cars);
+            let found = readings.iter().map(|(detector, _, between)| (detector.place, between)).nth(1).unwrap();
+            assert_eq!(found.0, DetectorPlace::Advance);
+            found.1
+        };
+        assert_eq!(between(&[(7, 35.0, 10.0), (8, 25.0, 10.0)]), 0);
+        assert_eq!(between(&[(7, 45.0, 10.0), (8, 35.0, 10.0)]), 1);
+        assert_eq!(between(&[(7, 55.0, 10.0), (8, 45.0, 10.0)]), 2);
+        assert_eq!(between(&[(7, 90.0, 10.0), (8, 55.0, 10.0)]), 1, "the first one is at the stop line");
+        // The other one has changed lanes. It is forgotten after 8 s without a car at the stop line.
+        assert_eq!(between(&[(7, 99.0, 10.0)]), 1);
+        assert_eq!([0; 8].map(|_| between(&[])), [1, 1, 1, 1, 1, 1, 1, 0]);
     }
 
     #[test]

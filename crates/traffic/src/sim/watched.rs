@@ -8,7 +8,6 @@ use std::collections::HashMap;
 use crate::agents::adjacency::Adjacency;
 use crate::agents::phase_plan::Shown;
 use crate::agents::plan::{AgentPlan, JointPlan};
-use crate::agents::sensor::CarColumns;
 use crate::cars_at::CarsAt;
 use crate::network::roads::Roads;
 use crate::reward::Waiting;
@@ -41,12 +40,8 @@ pub(crate) fn tables(plan: &JointPlan, roads: &Roads, travellers: Option<&Travel
             neighbour,
             greens: Vec::new(),
         });
-        let detectors = match &agent.sensor.cars {
-            CarColumns::Detectors(detectors) => {
-                detectors.iter().map(|detector| detector.name(&agent.region.approaches)).collect()
-            }
-            _ => Vec::new(),
-        };
+        let detectors = if plan.sees_detectors() { agent.sensor.detectors() } else { &[] };
+        let detectors = detectors.iter().map(|detector| detector.name(&agent.region.approaches)).collect();
         AgentRoads {
             name: agent.light.clone(),
             place_m: agent.place_m,
