@@ -13,13 +13,15 @@ from pathlib import Path
 
 import libsumo
 import numpy as np
-from drive_sumo import DECISION_S, Light, drawn, main, play
+from drive_sumo import Light, drawn, main, play
 from read_policies import read
 from safetensors import safe_open
 
 STRETCHES_M, JAM_M, STANDS_MPS = (10, 25, 50, 100, 150), 7.5, 0.1
 FORMAT = "dials-traffic any-light 4"
-LONGEST_RED_S = 120
+LONGEST_RED_S, HOLD_S = 120, 30
+#: Queues in tens of cars: for these a green stays, and these count their red three times.
+SEVERAL, LONG_QUEUE = 0.3 - 1e-6, 0.8 - 1e-6
 
 
 def time(seconds):
@@ -124,32 +126,37 @@ def scores(policy, lanes, greens, opens):
     return affine("choices", 1, hidden)[:, 0]
 
 
-def for_the_overdue(allowed, lanes, greens, opens):
-    """Return which greens are allowed: those for the cars or people who have stood at red for longest, if that is too long."""
-    red = np.where(lanes[:, 4] > 0, lanes[:, 13], 0)
-    longest = max(red.max(), greens[:, 10].max())
-    serving = allowed & ((opens[:, 0, red == longest] > 0).any(axis=1) | (greens[:, 10] == longest))
-    return serving if round(np.expm1(5 * longest)) >= LONGEST_RED_S and serving.any() else allowed
+def by_the_rules(allowed, lanes, greens, opens):
+    """Return which greens are allowed. One stays while a queue passes; else those come who have stood at red for too long."""
+    seconds = lambda times: np.rint(np.expm1(5 * times))  # noqa: E731
+    needed = (greens[:, 2] == 1) & (seconds(greens[:, 3]) < HOLD_S) & (opens[:, 0, lanes[:, 4] >= SEVERAL] > 0).any(axis=1)
+    if (allowed & needed).any() and not greens[:, 9].any():
+        return allowed & needed
+    red = seconds(np.where(lanes[:, 4] > 0, lanes[:, 13], 0)) * np.where(lanes[:, 4] >= LONG_QUEUE, 3, 1)
+    on_foot = seconds(greens[:, 10])
+    longest = max(red.max(), on_foot.max())
+    serving = allowed & ((opens[:, 0, red == longest] > 0).any(axis=1) | (on_foot == longest))
+    return serving if longest >= LONGEST_RED_S and serving.any() else allowed
 
 
 def drive(config, lights, file, seed=0, trips=None, sample=False):
     """Play a scenario. Yield what all lights saw, as (lanes, greens) of each, and what they did then."""
     with safe_open(file, "np") as opened:
         about = json.loads((opened.metadata() or {}).get("any_light", "{}"))
-    if (about.get("format"), about.get("decision_s")) != (FORMAT, DECISION_S):
-        raise SystemExit(f"{file}: is no policy for any light that decides every {DECISION_S} s; `dials-traffic export` writes one")
+    if about.get("format") != FORMAT:
+        raise SystemExit(f"{file}: is no policy for any light of this version; `dials-traffic export` writes one")
     policy, dice = read(file), np.random.default_rng(int(seed))
     lights = [AnyLight(plan, about["seen_m"]) for plan in json.loads(Path(lights).read_text())["learning"]]
 
     def choose():
         obs = [(light.see_lanes(), light.see_greens()) for light in lights]
-        left = [for_the_overdue(np.array(light.allowed(len(greens))), lanes, greens, light.opens)
+        left = [by_the_rules(np.array(light.allowed(len(greens))), lanes, greens, light.opens)
                 for light, (lanes, greens) in zip(lights, obs)]
         found = [np.where(greens_left, scores(policy, lanes, greens, light.opens), -np.inf)
                  for light, greens_left, (lanes, greens) in zip(lights, left, obs)]
         return obs, [drawn(row, dice, sample) for row in found]
 
-    yield from play(config, lights, choose, seed, trips)
+    yield from play(config, lights, choose, seed, trips, about["decision_s"])
 
 
 if __name__ == "__main__":

@@ -78,7 +78,7 @@ class Light:
         libsumo.trafficlight.setRedYellowGreenState(self.plan["light"], state)
 
 
-def play(config, lights, choose, seed=0, trips=None):
+def play(config, lights, choose, seed=0, trips=None, decision_s=DECISION_S):
     """Play a scenario with SUMO. Yield after every decision what `choose` returns: what the lights saw, and what they do.
 
     `seed`: that of SUMO. SUMO writes the trip of every car into the file `trips`, if there is one.
@@ -89,9 +89,9 @@ def play(config, lights, choose, seed=0, trips=None):
         options += [f"--tripinfo-output.write-{which}" for which in ("unfinished", "undeparted")]
     libsumo.start(["sumo", "-c", str(config), *options])
     try:
-        while libsumo.simulation.getTime() + DECISION_S <= libsumo.simulation.getEndTime():
+        while libsumo.simulation.getTime() + decision_s <= libsumo.simulation.getEndTime():
             obs, actions = choose()
-            for _ in range(DECISION_S):
+            for _ in range(decision_s):
                 for light, action in zip(lights, actions):
                     light.show(action)
                 libsumo.simulationStep()

@@ -30,9 +30,11 @@ class LightPolicy(Policy):
         seed: Optional[int] = None,
         agent: str = "",
         longest_red_s: Optional[int] = None,
+        hold_s: int = 1,
     ) -> None:
         """``sets``: numbers of features. ``n_actions``: of the agent; without it, each call needs an action mask, which has as many.
-        ``longest_red_s``: seconds of red after which cars and people who stand come next.
+        ``longest_red_s``: seconds of red after which cars and people who stand come next. ``hold_s``: seconds for which a green stays
+        while several cars stand on a lane that it opens, if there is a longest red.
 
         ``agent``: its name, for errors.
         """
@@ -42,7 +44,7 @@ class LightPolicy(Policy):
         self._agent, self._columns, self._actions, self._towers = agent, (), (), [""]
         self._network, self._own_actions = OverSets(weights, sets), n_actions
         self._n_actions = n_actions or 0
-        self._longest_red_s = longest_red_s
+        self._longest_red_s, self._hold_s = longest_red_s, hold_s
         self.reset(seed)
 
     def __call__(self, obs: Any, action_mask: Any = None) -> int:
@@ -56,7 +58,7 @@ class LightPolicy(Policy):
     def _left_of(self, allowed: np.ndarray, obs: Any) -> np.ndarray:
         if self._longest_red_s is None:
             return allowed
-        return self._network.for_the_overdue(np.asarray(obs), allowed, self._longest_red_s)
+        return self._network.by_the_rules(np.asarray(obs), allowed, self._longest_red_s, self._hold_s)
 
     def judge(self, obs: Any, n_actions: Optional[int] = None) -> Tuple[np.ndarray, float]:
         """Return the logits of all actions, and the value. ``n_actions``: how many there are, if the policy is for any light."""
@@ -81,6 +83,7 @@ def any_light(
     greedy: bool = False,
     seed: Optional[int] = None,
     longest_red_s: int = 120,
+    hold_s: int = 30,
     partial: bool = False,
 ) -> LightPolicy:
     """Read a policy that plays any light, also on networks that it has never seen.
@@ -91,10 +94,12 @@ def any_light(
         policy(observations[agent], infos[agent]["action_mask"])
 
     ``greedy``: take the most likely action instead of drawing one. ``seed``: of the draws. ``longest_red_s``: seconds of red after
-    which cars and people who stand come next, whatever the network says. ``partial``: without ``file``, take the policy for lights
+    which cars and people who stand come next, whatever the network says. ``hold_s``: seconds for which a green stays while three
+    or more cars stand on a lane that it opens and nobody waits to walk. ``partial``: without ``file``, take the policy for lights
     that see a part of the cars (``"traffic.seen_cars"``).
     """
     whole_number("longest_red_s", longest_red_s, 1)
+    whole_number("hold_s", hold_s, 1)
     path = None if file is None else path_text("file", file)
     label = "the policy for any light" if path is None else f"the policy of {path}"
     process = Process(label, request_of(".", None, {"any_light": {"file": path, "partial": bool(partial)}}))
@@ -109,4 +114,4 @@ def any_light(
         end = begin + int(np.prod(shape))
         weights[name] = parameters[begin:end].reshape(shape)
         begin = end
-    return LightPolicy(weights, about["sets"], greedy=greedy, seed=seed, longest_red_s=longest_red_s)
+    return LightPolicy(weights, about["sets"], greedy=greedy, seed=seed, longest_red_s=longest_red_s, hold_s=hold_s)

@@ -70,25 +70,37 @@ def test_the_driver_sees_and_does_what_our_simulator_does(scenario, scenario_run
     env.close()
 
 
-def test_who_has_stood_at_red_too_long_comes_next_in_both_networks_of_python():
-    """Two lanes, two greens, one each. Cars stand on lane 1, red for 119 or 120 s, and on lane 0, which has green. People may wait
-    for green 0."""
-    from drive_any_light import for_the_overdue
+def test_queues_pass_and_who_has_stood_at_red_too_long_comes_next_in_both_networks_of_python():
+    """Two lanes, two greens, one each. Green 0 is shown. People may wait for it. Queues and reds are those of both lanes."""
+    from drive_any_light import by_the_rules
 
     from dials_traffic._sets import OverSets
 
-    lanes, greens, opens = np.zeros((2, 20)), np.zeros((2, 11)), np.zeros((2, 2, 2))
-    opens[[0, 1], 0, [0, 1]] = 1
-    sets = OverSets({}, {"item_features": 20, "choice_features": 11, "ways": 2})
+    lanes, greens, opens = np.zeros((2, 29)), np.zeros((2, 11)), np.zeros((2, 2, 2))
+    opens[[0, 1], 0, [0, 1]], greens[0, 2] = 1, 1
+    sets = OverSets({}, {"item_features": 29, "choice_features": 11, "ways": 2})
     both, first, second = np.array([True, True]), np.array([True, False]), np.array([False, True])
-    cases = [(1, 120, 0, both, second), (1, 119, 0, both, both), (0, 120, 0, both, both), (1, 120, 0, first, first),
-             (1, 120, 121, both, first), (1, 120, 120, both, both), (0, 0, 119, both, both), (0, 0, 120, both, first)]
-    for queue, red_s, on_foot_s, allowed, left in cases:
-        lanes[:, 4], lanes[:, 13] = (0.1, queue / 10), (0, np.log1p(red_s) / 5)
-        greens[0, 10] = np.log1p(on_foot_s) / 5
+    cases = [  # cars on both lanes, seconds: of red, for people, of the green; allowed, left
+        ((1, 1), 120, 0, 40, both, second), ((1, 1), 119, 0, 40, both, both), ((1, 0), 120, 0, 40, both, both),
+        ((1, 1), 120, 0, 40, first, first), ((1, 1), 120, 121, 40, both, first), ((1, 1), 120, 120, 40, both, both),
+        ((1, 0), 0, 119, 40, both, both), ((1, 0), 0, 120, 40, both, first),
+        # A long queue counts its red three times.
+        ((1, 8), 40, 0, 40, both, second), ((1, 7), 40, 0, 40, both, both), ((1, 8), 39, 0, 40, both, both),
+        # A green stays for 30 s while three cars stand there, if it may.
+        ((3, 8), 200, 0, 29, both, first), ((3, 8), 200, 0, 30, both, second), ((2, 8), 200, 0, 29, both, second),
+        ((3, 8), 200, 0, 29, second, second),
+    ]
+    for queues, red_s, on_foot_s, green_s, allowed, left in cases:
+        lanes[:, 4], lanes[:, 13] = np.array(queues) / 10, (0, np.log1p(red_s) / 5)
+        greens[0, 3], greens[0, 10] = np.log1p(green_s) / 5, np.log1p(on_foot_s) / 5
         obs = np.concatenate([lanes.ravel(), greens.ravel(), opens.ravel()]).astype(np.float32)
-        assert sets.for_the_overdue(obs, allowed, 120).tolist() == left.tolist()
-        assert for_the_overdue(allowed, lanes, greens, opens).tolist() == left.tolist()
+        assert sets.by_the_rules(obs, allowed, 120, 30).tolist() == left.tolist(), (queues, red_s)
+        assert by_the_rules(allowed, lanes, greens, opens).tolist() == left.tolist(), (queues, red_s)
+    # Not while people wait to walk.
+    lanes[:, 4], greens[0, 3], greens[1, 9] = (0.3, 0.8), 0, 0.1
+    assert by_the_rules(both, lanes, greens, opens).tolist() == second.tolist()
+    obs = np.concatenate([lanes.ravel(), greens.ravel(), opens.ravel()]).astype(np.float32)
+    assert sets.by_the_rules(obs, both, 120, 30).tolist() == second.tolist()
 
 
 def jammed(scenario, told, folder):
@@ -149,7 +161,7 @@ def test_a_policy_for_any_light_drives_as_our_simulator_does(scenario, lights, t
     elif kind == "people":
         scenario = with_people(tmp_path)
         lights.write_text(program("nets", "inspect", scenario, "--json"))
-    settings = {"traffic.observation": "lanes", "traffic.end_s": 600}
+    settings = {"traffic.observation": "lanes", "traffic.end_s": 600, "traffic.decision_s": 2}
     env = dials_traffic.parallel_env(scenario, seed=7, full_metrics=True, record=True, settings=settings)
     policy = dials_traffic.any_light(greedy=True)
     # An episode in which nothing happens, for SUMO's seed.

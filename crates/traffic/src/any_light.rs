@@ -185,7 +185,7 @@ impl AnyLight {
     }
 
     /// Returns the seconds from one decision to the next.
-    pub(crate) fn decision_s(&self) -> u32 {
+    pub fn decision_s(&self) -> u32 {
         self.about.decision_s
     }
 
@@ -301,8 +301,9 @@ mod tests {
     #[test]
     fn the_policies_of_this_program_can_be_read_and_have_one_shape_and_view() {
         let [all, partial] = [false, true].map(|partial| AnyLight::shipped(partial).unwrap());
-        let view = |policy: &AnyLight| (policy.hidden().to_vec(), policy.seen_m(), policy.decision_s());
+        let view = |policy: &AnyLight| (policy.hidden().to_vec(), policy.seen_m());
         assert_eq!(view(&all), view(&partial));
+        assert_eq!((all.decision_s(), partial.decision_s()), (2, 5));
         assert_ne!(all.parameters(), partial.parameters());
     }
 }

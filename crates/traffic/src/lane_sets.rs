@@ -49,6 +49,8 @@ const OF_LANE: [&str; 29] = [
     "advance gap",
     "cars between the detectors",
 ];
+/// Where a lane shows the share of the cars that is not seen.
+const NOT_SEEN: usize = 19;
 /// Where the features of a lane's detectors begin: of that at the stop line, and of the advance detector.
 const OF_STOP_BAR: usize = 20;
 const OF_ADVANCE: usize = 24;
@@ -78,6 +80,9 @@ const LENGTH_M: f64 = 150.0;
 const LINKS: f32 = 4.0;
 const LANES: f32 = 4.0;
 const CLEARING_S: f32 = 10.0;
+/// Standing cars from which on a queue is long, and for which a green stays, in [`CARS`].
+const LONG_QUEUE: f32 = 0.8;
+const SEVERAL: f32 = 0.3;
 
 /// Returns the names of the features of a lane, and of those of a green.
 pub(crate) fn features() -> [Vec<String>; 2] {
@@ -239,18 +244,30 @@ impl LaneSets {
     }
 
     /// Returns which greens serve those who have stood at red for longest, cars on a lane or persons at a crossing, as an observation
-    /// shows them; and for how many seconds it has been red.
+    /// shows them; and for how many seconds it has been red. Where a long queue stands, a second counts as three.
     pub(crate) fn longest_waiting(&self, plan: &AgentPlan, obs: &[f32]) -> (Vec<bool>, u32) {
-        let features = |lane: usize| &obs[self.sets.item(lane)];
-        let mut waiting: Vec<usize> = (0..plan.region.approaches.len()).collect();
-        // Where only detectors see, somebody waits who has been over the one at the stop line all the time.
-        waiting.retain(|&lane| features(lane)[4] > 0.0 || features(lane)[OF_STOP_BAR + 2] >= 1.0);
-        let people = |green: usize| obs[self.sets.choice(green)][10];
-        let reds = waiting.iter().map(|&lane| features(lane)[13]).chain((0..plan.greens()).map(people));
-        let red = reds.fold(0.0, f32::max);
-        waiting.retain(|&lane| features(lane)[13] == red);
-        let serves = |green| people(green) == red || waiting.iter().any(|&lane| plan.serves(green, lane));
-        ((0..plan.greens()).map(serves).collect(), seconds(red))
+        let red_s = |lane: usize| match &obs[self.sets.item(lane)] {
+            features if !stands(features) => 0,
+            features => seconds(features[13]) * if shows_queue(features, LONG_QUEUE) { 3 } else { 1 },
+        };
+        let reds: Vec<u32> = (0..plan.region.approaches.len()).map(red_s).collect();
+        let people: Vec<u32> = (0..plan.greens()).map(|green| seconds(obs[self.sets.choice(green)][10])).collect();
+        let longest = reds.iter().chain(&people).copied().max().unwrap_or(0);
+        let serves = |green: usize| {
+            people[green] == longest || (0..reds.len()).any(|lane| reds[lane] == longest && plan.serves(green, lane))
+        };
+        ((0..plan.greens()).map(serves).collect(), longest)
+    }
+
+    /// Returns the green that an observation shows, if it has been shown for less than `hold` seconds, several cars stand on a lane that
+    /// it opens, and nobody waits to walk.
+    pub(crate) fn still_needed(&self, plan: &AgentPlan, obs: &[f32], hold: u32) -> Option<usize> {
+        let features = |green: usize| &obs[self.sets.choice(green)];
+        let green = (0..plan.greens()).find(|&green| features(green)[2] == 1.0)?;
+        let queues = (0..plan.region.approaches.len()).filter(|&lane| plan.serves(green, lane));
+        let is_needed = queues.into_iter().any(|lane| shows_queue(&obs[self.sets.item(lane)], SEVERAL));
+        let somebody_waits = (0..plan.greens()).any(|green| features(green)[9] > 0.0);
+        (is_needed && !somebody_waits && seconds(features(green)[3]) < hold).then_some(green)
     }
 
     /// Writes an observation.
@@ -343,8 +360,19 @@ impl LaneSets {
             features[16] += filled / links;
             features[17] = filled.max(features[17]);
         }
-        features[19] = (1.0 - seen.draw.share) as f32;
+        features[NOT_SEEN] = (1.0 - seen.draw.share) as f32;
     }
+}
+
+/// Returns whether a lane with these features shows so many standing cars. It does not where each seen car stands for several.
+fn shows_queue(lane: &[f32], cars: f32) -> bool {
+    lane[4] >= cars && lane[NOT_SEEN] == 0.0
+}
+
+/// Returns whether somebody stands on a lane with these features. Where only detectors see, somebody does who has been over the one at the
+/// stop line all the time.
+fn stands(lane: &[f32]) -> bool {
+    lane[4] > 0.0 || lane[OF_STOP_BAR + 2] >= 1.0
 }
 
 /// Returns whether the least time of what is shown lets a light go to a green, or keep it. Other limits do not show.

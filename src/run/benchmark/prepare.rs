@@ -45,7 +45,7 @@ impl Protocol {
                      it the first policies, which are random, jam whole hours. Last policies are measured without teleports, \
                      as all others are.",
                     "The hand-coded controllers but max-wave decide every second; max-wave decides when agents do. any-light decides \
-                     every 5 s, greedy; it was trained on none of these maps.",
+                     every 2 s, greedy; it was trained on none of these maps.",
                 ],
             ),
             RescoProtocol::Ours => (
@@ -70,7 +70,7 @@ impl Protocol {
                 map.yellow_s,
                 map.decision_s - map.yellow_s
             ),
-            RescoProtocol::Ours => String::new(),
+            RescoProtocol::Ours => format!("decision_s = {}\n", self.decision_s(map)),
         }
     }
 

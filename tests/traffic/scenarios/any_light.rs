@@ -214,7 +214,7 @@ fn a_run_starts_from_the_policy_of_this_program() {
     let (run, short) = (dir.path().join("run"), dir.path().join("short.toml"));
     fs::write(&short, format!("[traffic]\nscenario = '{}'\nend_s = 600\n", shipped("town").display())).unwrap();
     let start = |more: &[&'static str]| {
-        let settings = ["total_steps=240", "evaluation.every_steps=240", "evaluation.final_episodes=1"].into_iter();
+        let settings = ["total_steps=300", "evaluation.every_steps=300", "evaluation.final_episodes=1"].into_iter();
         let settings = settings.chain(["policy.start=any-light", "evaluation.episodes=1"]).chain(more.iter().copied());
         let mut train = dials_traffic();
         train.arg("train").arg(&short).args(settings.flat_map(|setting| ["--set", setting]));
@@ -223,20 +223,25 @@ fn a_run_starts_from_the_policy_of_this_program() {
     let refused = start(&["policy.hidden=[8,8]"]).code(2);
     let why = String::from_utf8_lossy(&refused.get_output().stderr).into_owned();
     assert!(why.contains("that is another network; set traffic.observation = \"lanes\""), "{why}");
-    // Its layers, and what it sees, come with it. So do the cars that it does not see, but not in local simulators.
-    let views: [(&[&str], &str); 4] = [
-        (&[], ""),
-        (&["traffic.seen_cars=0.5"], ",seen=0.5"),
-        (&["traffic.seen_cars=[0.5,0.5]"], ",seen=0.5"),
-        (&["traffic.seen_cars=0"], ",seen=0"),
+    // Its layers, what it sees and how often it decides come with it. So do the cars that it does not see, but not in local simulators.
+    let partial = format!(
+        ",seen=0,file={}",
+        Path::new(env!("CARGO_MANIFEST_DIR")).join("models/any_light_partial.safetensors").display()
+    );
+    let views: [(&[&str], &str, u32); 4] = [
+        (&[], "", 2),
+        (&["traffic.seen_cars=0.5"], ",seen=0.5", 5),
+        (&["traffic.seen_cars=[0.5,0.5]"], ",seen=0.5", 5),
+        (&["traffic.seen_cars=0"], &partial, 5),
     ];
-    for (settings, seen) in views {
+    for (settings, seen, decision_s) in views {
         start(settings).success();
         let returns = fs::read_to_string(run.join("returns.csv")).unwrap();
         let at_the_beginning = returns.lines().find_map(|line| line.strip_prefix("0,all,")).unwrap();
-        let controller = format!("any-light:longest-red=3600{seen}");
+        let controller = format!("any-light:longest-red=3600,hold=1{seen}");
         let mut baseline = dials_traffic();
         baseline.arg("baseline").arg(&short).args(["--controller", &controller, "--episodes", "1", "--json"]);
+        baseline.args(["--set", &format!("traffic.decision_s={decision_s}")]);
         let mean = json(&baseline.assert().success().get_output().stdout)["mean_return"].as_f64().unwrap();
         assert_eq!(at_the_beginning.split(',').next().unwrap(), format!("{mean:.4}"));
         fs::remove_dir_all(&run).unwrap();
@@ -245,5 +250,7 @@ fn a_run_starts_from_the_policy_of_this_program() {
     let why = String::from_utf8_lossy(&refused.get_output().stderr).into_owned();
     assert!(why.contains("traffic.seen_cars: which cars are seen is drawn by their names"), "{why}");
     let mut baseline = dials_traffic();
-    baseline.arg("baseline").arg(&short).args(["--controller", "any-light:seen=0.001"]).assert().code(2);
+    let refused = baseline.arg("baseline").arg(&short).args(["--controller", "any-light:seen=0"]).assert().code(2);
+    let why = String::from_utf8_lossy(&refused.get_output().stderr).into_owned();
+    assert!(why.contains("no policy of this program sees detectors only"), "{why}");
 }

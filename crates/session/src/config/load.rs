@@ -10,6 +10,7 @@ use crate::domains::{STARTING_FILE, learn_width};
 use dials_core::outside::{in_plain_words, read_text};
 use dials_learn::config::ShortForm;
 use dials_traffic::any_light::AnyLight;
+use dials_traffic::config::SeenCars;
 use dials_traffic::config::sumocfg::Sumocfg;
 use dials_traffic::controllers::ANY_LIGHT;
 use dials_traffic::network::osm;
@@ -131,15 +132,21 @@ fn add_defaults(table: &mut Table, given: &Table, defaults: &str, start: Option<
     {
         gs.remove("copies");
     }
-    // A policy that starts from another one sees what that sees, and has its layers.
+    // A policy that starts from another one sees what that sees, decides as often, and has its layers.
     let word =
         |name: &str, key: &str| [given, &*table].into_iter().find_map(|table| table.get(name)?.get(key)?.as_str());
     let starts = word("policy", "start") == Some(ANY_LIGHT);
     if starts {
-        let policy = start.map_or_else(|| AnyLight::shipped(false), AnyLight::read).context("traffic.any_light")?;
+        let policy = start.map_or_else(|| AnyLight::shipped(sees_a_part(table, given)), AnyLight::read);
+        let policy = policy.context("traffic.any_light")?;
         let layers = policy.hidden().iter().map(|&width| Value::Integer(width as i64)).collect();
         inner(&mut defaults, "traffic").insert("observation".to_owned(), Value::String("lanes".to_owned()));
         inner(&mut defaults, "policy").insert("hidden".to_owned(), Value::Array(layers));
+        if ![&*table, given].into_iter().any(|table| has(table, "traffic", "decision_s")) {
+            let counts = ["memory", "rollout_steps", "minibatch"];
+            let own_counts = [&*table, given].into_iter().any(|table| counts.iter().any(|key| has(table, "ppo", key)));
+            decide_every(&mut defaults, policy.decision_s(), own_counts);
+        }
     }
     // A network over lanes has no critic beside it.
     if word("traffic", "observation").map_or(starts, |observation| observation == "lanes") {
@@ -147,6 +154,42 @@ fn add_defaults(table: &mut Table, given: &Table, defaults: &str, start: Option<
     }
     fill_in(table, defaults);
     Ok(())
+}
+
+/// Returns whether agents see a part of the cars. What is no share is told later.
+fn sees_a_part(table: &Table, given: &Table) -> bool {
+    let seen = [given, table].into_iter().find_map(|table| table.get("traffic")?.get("seen_cars"));
+    seen.is_some_and(|seen| seen.clone().try_into::<SeenCars>().is_ok_and(|seen| !seen.are_all()))
+}
+
+/// Seconds between two decisions for which the defaults of scenarios are written.
+const DECISION_S: u32 = 5;
+
+/// Lets agents decide every so many seconds. What counts decisions by default then lasts as long as before, but for counts of PPO if the
+/// config has `own_counts`.
+fn decide_every(defaults: &mut Table, seconds: u32, own_counts: bool) {
+    let more = f64::from(DECISION_S) / f64::from(seconds);
+    let longer = |count: &mut Value| {
+        let count_before = count.as_integer().expect("a count is a whole number");
+        *count = Value::Integer(((count_before as f64 * more).round() as i64).max(1));
+    };
+    inner(defaults, "traffic").insert("decision_s".to_owned(), Value::Integer(seconds.into()));
+    defaults.get_mut("total_steps").into_iter().for_each(longer);
+    inner(defaults, "evaluation").get_mut("every_steps").into_iter().for_each(longer);
+    let ppo = inner(defaults, "ppo");
+    if let Some(gamma) = ppo.get_mut("gamma") {
+        *gamma = Value::Float(gamma.as_float().expect("gamma is a number").powf(1.0 / more));
+    }
+    // A memory has whole rollouts, and a rollout whole minibatches.
+    let count = |ppo: &Table, key: &str| ppo.get(key).and_then(Value::as_integer);
+    if let (Some(rollout), false) = (count(ppo, "rollout_steps"), own_counts) {
+        let now = ((rollout as f64 * more).round() as i64).max(1);
+        for key in ["rollout_steps", "memory", "minibatch"] {
+            if let Some(before) = count(ppo, key) {
+                ppo.insert(key.to_owned(), Value::Integer(now * before / rollout));
+            }
+        }
+    }
 }
 
 /// Returns a table in a table, which is made if it is not there.

@@ -41,7 +41,7 @@ impl SeenCars {
     }
 
     /// Returns whether agents always see all cars.
-    pub(crate) fn are_all(&self) -> bool {
+    pub fn are_all(&self) -> bool {
         self.shares().iter().all(|&share| share == 1.0)
     }
 

@@ -10,7 +10,7 @@ use super::intersections::Intersections;
 use super::{ANY_LIGHT, FILE, LightController};
 use crate::agents::plan::AgentPlan;
 use crate::any_light::AnyLight;
-use crate::config::{DetectorFaults, SHARES, may_be_seen};
+use crate::config::{DETECTORS_ONLY, DetectorFaults, SHARES, may_be_seen};
 use crate::lane_sets::{self, Draw, LaneSets, Seen, SinceGreen};
 use crate::sim::readings::Readings;
 use dials_core::base::{AgentId, Dice, RandomPurpose, Rows, Seed};
@@ -20,6 +20,9 @@ use stacknets::Stack;
 
 /// Seconds of red after which cars and people come next, if the parameters do not say: about the longest usual cycle.
 const LONGEST_RED: u32 = 120;
+/// Seconds for which a green stays while several cars stand on a lane that it opens, if the parameters do not say. Short greens lose
+/// too much time where too many cars come.
+const HOLD: u32 = 30;
 /// Largest number of lights that a warning names.
 const MOST_NAMES: usize = 5;
 
@@ -29,6 +32,7 @@ pub(super) struct AnyLightController {
     every: u32,
     selection: Selection,
     longest_red: u32,
+    hold: u32,
     /// What of each light never changes.
     sets: Vec<LaneSets>,
     since: Vec<SinceGreen>,
@@ -43,9 +47,20 @@ pub(super) struct AnyLightController {
     second: u32,
 }
 
-/// Keeps those of the `allowed` greens that serve who has stood at red for longest, by what the light observes. It changes nothing
-/// if that is less than `longest_red` seconds, or if none of them does.
-fn serve_the_overdue(allowed: &mut [bool], plan: &AgentPlan, sets: &LaneSets, obs: &[f32], longest_red: u32) {
+/// Keeps those of the `allowed` greens that may come whatever the network says, by what the light observes. A green stays for `hold`
+/// seconds while several cars stand on a lane that it opens and nobody waits to walk. Else, those who have stood at red for `longest_red` seconds come next.
+/// It changes nothing if none of them may come.
+fn keep_to_the_rules(
+    allowed: &mut [bool],
+    plan: &AgentPlan,
+    sets: &LaneSets,
+    obs: &[f32],
+    [hold, longest_red]: [u32; 2],
+) {
+    if let Some(green) = sets.still_needed(plan, obs, hold).filter(|&green| allowed[green]) {
+        allowed.iter_mut().enumerate().for_each(|(other, is_allowed)| *is_allowed = other == green);
+        return;
+    }
     let (serving, red_s) = sets.longest_waiting(plan, obs);
     if red_s >= longest_red && allowed.iter().zip(&serving).any(|(&is_allowed, &serves)| is_allowed && serves) {
         allowed.iter_mut().zip(serving).for_each(|(is_allowed, serves)| *is_allowed &= serves);
@@ -60,6 +75,8 @@ pub(super) struct Choices {
     selection: Selection,
     /// Seconds of red after which a lane where cars stand, or a crossing with persons, comes next.
     longest_red: u32,
+    /// Seconds for which a green stays while several cars stand on a lane that it opens.
+    hold: u32,
     /// Share of the cars that it sees.
     seen: f64,
 }
@@ -69,6 +86,12 @@ impl Choices {
         let seen = arguments.number("seen", SHARES, |&share| may_be_seen(share))?.unwrap_or(1.0);
         let model = match arguments.take(FILE)? {
             Some(file) => AnyLight::read(Path::new(file))?,
+            None if seen == DETECTORS_ONLY => {
+                return Err(arguments.refuse(
+                    "seen = 0: no policy of this program sees detectors only; train one with traffic.seen_cars = 0, and name its file"
+                        .to_owned(),
+                ));
+            }
             None => AnyLight::shipped(seen < 1.0)?,
         };
         let selection = match arguments.take("choice")? {
@@ -80,7 +103,8 @@ impl Choices {
         };
         let every = arguments.steps("every")?.unwrap_or(model.decision_s());
         let longest_red = arguments.steps("longest-red")?.unwrap_or(LONGEST_RED);
-        Ok(Choices { model: Arc::new(model), every, selection, longest_red, seen })
+        let hold = arguments.steps("hold")?.unwrap_or(HOLD);
+        Ok(Choices { model: Arc::new(model), every, selection, longest_red, hold, seen })
     }
 
     /// Returns a sentence about the lights that are unlike all lights of the training, if there are some.
@@ -106,6 +130,7 @@ impl Choices {
             every: self.every,
             selection: self.selection,
             longest_red: self.longest_red,
+            hold: self.hold,
             sets,
             since: Vec::new(),
             wanted: Vec::new(),
@@ -172,13 +197,13 @@ impl AnyLightController {
         let scores = self.network.step(&obs, &mut self.network.states(lights));
         let mut log_probs = Vec::new();
         let choose = |(row, (scores, dice)): (usize, (&[f32], &mut Dice))| {
-            let greens = intersections.plans[row].greens();
-            let mut allowed: Vec<bool> = (0..greens).map(|green| intersections.allows(row, green)).collect();
-            intersections.plans[row].mind_trapped(intersections.inside.at(row), intersections.shown[row], &mut allowed);
-            serve_the_overdue(&mut allowed, &intersections.plans[row], &self.sets[row], obs.row(row), self.longest_red);
-            let mut scores = scores[..greens].to_vec();
+            let (plan, shown) = (&intersections.plans[row], intersections.shown[row]);
+            let mut allowed: Vec<bool> = (0..plan.greens()).map(|green| intersections.allows(row, green)).collect();
+            plan.mind_trapped(intersections.inside.at(row), shown, &mut allowed);
+            keep_to_the_rules(&mut allowed, plan, &self.sets[row], obs.row(row), [self.hold, self.longest_red]);
+            let mut scores = scores[..plan.greens()].to_vec();
             sampling::forbid(&mut scores, &allowed);
-            log_probs.resize(greens, 0.0);
+            log_probs.resize(plan.greens(), 0.0);
             sampling::log_softmax(&scores, &mut log_probs);
             usize::from(self.selection.choose(&log_probs, dice))
         };
@@ -201,7 +226,7 @@ mod tests {
                 let features = &mut obs[sets.sets.item(lane)];
                 (features[4], features[13]) = (0.1, (red_s as f32).ln_1p() / 5.0);
             }
-            serve_the_overdue(&mut allowed, &plan, &sets, &obs, longest_red);
+            keep_to_the_rules(&mut allowed, &plan, &sets, &obs, [30, longest_red]);
             allowed
         };
         let all = [true; 4];
@@ -215,5 +240,35 @@ mod tests {
         assert_eq!(ways(&[(1, 130), (2, 130)], 120, all), both, "the order of lanes means nothing");
         let others = serving(2).map(|serves| !serves);
         assert_eq!(ways(&[(2, 300)], 120, others), others, "what may not come does not");
+    }
+
+    #[test]
+    fn a_green_stays_while_a_queue_passes_and_a_long_queue_waits_a_third_of_the_time() {
+        let plan = crossing();
+        let sets = LaneSets::new(5, 4, 150.0).fitted(&plan, 5, 4);
+        let time = |seconds: u32| (seconds as f32).ln_1p() / 5.0;
+        // Green 0 opens lane 0, where this many cars stand. They also stand on lane 2, which has been red for some time.
+        let with_people = |people: u32, shown_s: u32, [queue, other]: [u32; 2], red_s: u32, mut allowed: [bool; 4]| {
+            let mut obs = vec![0.0; sets.columns()];
+            let green = &mut obs[sets.sets.choice(0)];
+            (green[2], green[3]) = (1.0, time(shown_s));
+            obs[sets.sets.item(0)][4] = queue as f32 / 10.0;
+            obs[sets.sets.choice(1)][9] = people as f32 / 10.0;
+            let lane = &mut obs[sets.sets.item(2)];
+            (lane[4], lane[13]) = (other as f32 / 10.0, time(red_s));
+            keep_to_the_rules(&mut allowed, &plan, &sets, &obs, [30, 120]);
+            allowed
+        };
+        let left = |shown_s, queues, red_s, allowed| with_people(0, shown_s, queues, red_s, allowed);
+        let all = [true; 4];
+        let (shown, serving) = ([true, false, false, false], [0, 1, 2, 3].map(|green| plan.serves(green, 2)));
+        assert!(plan.serves(0, 0) && !plan.serves(0, 2));
+        assert_eq!([29, 30].map(|shown_s| left(shown_s, [3, 1], 200, all)), [shown, serving]);
+        assert_eq!(left(29, [2, 1], 200, all), serving, "too few cars");
+        assert_eq!(with_people(1, 29, [3, 1], 200, all), serving, "people wait to walk");
+        let others = shown.map(|is_shown| !is_shown);
+        assert_eq!(left(5, [3, 0], 0, others), others, "it may not stay");
+        assert_eq!([40, 39].map(|red_s| left(40, [0, 8], red_s, all)), [serving, all]);
+        assert_eq!(left(40, [0, 7], 119, all), all);
     }
 }
