@@ -50,8 +50,9 @@ class OverSets:
         # Where each seen car stands for several, a queue is no more than a guess.
         sure = np.where(lanes[:, NOT_SEEN] == 0, queue, 0)
         needed = (marks[:, SHOWN] == 1) & (seconds(marks[:, SHOWN_FOR]) < hold_s) & opens[:, sure >= SEVERAL].any(axis=1)
-        if (allowed & needed).any() and not marks[:, ON_FOOT].any():
-            return allowed & needed
+        stays: np.ndarray = allowed & needed
+        if stays.any() and not marks[:, ON_FOOT].any():
+            return stays
         stands = (queue > 0) | (lanes[:, OCCUPIED] >= 1)
         red = np.where(stands, seconds(lanes[:, RED]) * np.where(sure >= LONG_QUEUE, 3, 1), 0)
         on_foot = seconds(marks[:, RED_ON_FOOT])

@@ -38,7 +38,10 @@ class Neighbours(NamedTuple):
     def matrix(self) -> np.ndarray:
         """Return the adjacency, `[agents, agents]`: true where the row feeds the column."""
         table = np.zeros((len(self.agents), len(self.agents)), bool)
-        table[self.feeds, self.fed] = True
+        try:
+            table[self.feeds, self.fed] = True
+        except OverflowError as error:  # Somebody has made this of other numbers.
+            raise ValueError(f"feeds, fed: must be numbers of lights: {error}") from error
         return table
 
 
