@@ -89,7 +89,8 @@ def any_light(
     """Read a policy that plays any light, also on networks that it has never seen.
 
     ``file``: what `dials-traffic export RUN --out FILE.safetensors` wrote; without it, one that comes with the program.
-    It decides for every agent of ``parallel_env(config, settings={"traffic.observation": "lanes"})``::
+    It decides for every agent of ``parallel_env(config, settings={"traffic.observation": "lanes", "traffic.decision_s": 2})``, or
+    every 5 s if it is ``partial``::
 
         policy(observations[agent], infos[agent]["action_mask"])
 

@@ -48,8 +48,8 @@ pub(super) struct AnyLightController {
 }
 
 /// Keeps those of the `allowed` greens that may come whatever the network says, by what the light observes. A green stays for `hold`
-/// seconds while several cars stand on a lane that it opens and nobody waits to walk. Else, those who have stood at red for `longest_red` seconds come next.
-/// It changes nothing if none of them may come.
+/// seconds while several cars stand on a lane that it opens and nobody waits to walk. Else, those who have stood at red for
+/// `longest_red` seconds come next. It changes nothing if none of them may come.
 fn keep_to_the_rules(
     allowed: &mut [bool],
     plan: &AgentPlan,
