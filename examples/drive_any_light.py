@@ -29,6 +29,11 @@ def time(seconds):
     return np.log1p(seconds) / 5
 
 
+def seconds(feature):
+    """Return the time that a feature shows."""
+    return np.rint(np.expm1(5 * feature))
+
+
 class AnyLight(Light):
     """A light as a set of lanes and a set of greens. The features are in the order that the file names."""
 
@@ -128,7 +133,6 @@ def scores(policy, lanes, greens, opens):
 
 def by_the_rules(allowed, lanes, greens, opens):
     """Return which greens are allowed. One stays while a queue passes; else those come who have stood at red for too long."""
-    seconds = lambda times: np.rint(np.expm1(5 * times))  # noqa: E731
     needed = (greens[:, 2] == 1) & (seconds(greens[:, 3]) < HOLD_S) & (opens[:, 0, lanes[:, 4] >= SEVERAL] > 0).any(axis=1)
     if (allowed & needed).any() and not greens[:, 9].any():
         return allowed & needed

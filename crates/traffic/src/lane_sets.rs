@@ -364,7 +364,8 @@ impl LaneSets {
     }
 }
 
-/// Returns whether a lane with these features shows so many standing cars. It does not where each seen car stands for several.
+/// Returns whether at least so many cars stand on a lane with these features. It is never true where only a part of the cars is seen,
+/// because their number is then a guess.
 fn shows_queue(lane: &[f32], cars: f32) -> bool {
     lane[4] >= cars && lane[NOT_SEEN] == 0.0
 }

@@ -10,8 +10,8 @@ use crate::domains::{STARTING_FILE, learn_width};
 use dials_core::outside::{in_plain_words, read_text};
 use dials_learn::config::ShortForm;
 use dials_traffic::any_light::AnyLight;
-use dials_traffic::config::SeenCars;
 use dials_traffic::config::sumocfg::Sumocfg;
+use dials_traffic::config::{ScenarioConfig, SeenCars};
 use dials_traffic::controllers::ANY_LIGHT;
 use dials_traffic::network::osm;
 
@@ -156,26 +156,25 @@ fn add_defaults(table: &mut Table, given: &Table, defaults: &str, start: Option<
     Ok(())
 }
 
-/// Returns whether agents see a part of the cars. What is no share is told later.
+/// Returns whether a config says that agents see a part of the cars. Wrong values are refused elsewhere.
 fn sees_a_part(table: &Table, given: &Table) -> bool {
     let seen = [given, table].into_iter().find_map(|table| table.get("traffic")?.get("seen_cars"));
     seen.is_some_and(|seen| seen.clone().try_into::<SeenCars>().is_ok_and(|seen| !seen.are_all()))
 }
 
-/// Seconds between two decisions for which the defaults of scenarios are written.
-const DECISION_S: u32 = 5;
-
-/// Lets agents decide every so many seconds. What counts decisions by default then lasts as long as before, but for counts of PPO if the
-/// config has `own_counts`.
+/// Sets the seconds between two decisions. Defaults that count decisions then last as many seconds as before. The counts of PPO stay as
+/// they are if the config has some of its own (`own_counts`).
 fn decide_every(defaults: &mut Table, seconds: u32, own_counts: bool) {
-    let more = f64::from(DECISION_S) / f64::from(seconds);
+    let more = f64::from(ScenarioConfig::default().decision_s) / f64::from(seconds);
     let longer = |count: &mut Value| {
         let count_before = count.as_integer().expect("a count is a whole number");
         *count = Value::Integer(((count_before as f64 * more).round() as i64).max(1));
     };
     inner(defaults, "traffic").insert("decision_s".to_owned(), Value::Integer(seconds.into()));
     defaults.get_mut("total_steps").into_iter().for_each(longer);
-    inner(defaults, "evaluation").get_mut("every_steps").into_iter().for_each(longer);
+    for (table, key) in [("evaluation", "every_steps"), ("aip", "dataset_steps")] {
+        inner(defaults, table).get_mut(key).into_iter().for_each(longer);
+    }
     let ppo = inner(defaults, "ppo");
     if let Some(gamma) = ppo.get_mut("gamma") {
         *gamma = Value::Float(gamma.as_float().expect("gamma is a number").powf(1.0 / more));

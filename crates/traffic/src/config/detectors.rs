@@ -4,8 +4,8 @@ use anyhow::{Result, ensure};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-/// Faults of the detectors that agents see (`observation = "detectors"`, or `"lanes"` with `seen_cars = 0`), such as `{ dead = 0.1, noise = 0.02 }`. They are drawn anew in
-/// every episode, each detector for itself.
+/// Faults of the detectors that agents see (`observation = "detectors"`, or `"lanes"` with `seen_cars = 0`), such as
+/// `{ dead = 0.1, noise = 0.02 }`. They are drawn anew in every episode, each detector for itself.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct DetectorFaults {

@@ -37,8 +37,8 @@ pub enum RewardTerm {
     PersonWait,
     /// Minus the number of cars that came to a stand on the approaches since the decision, in tens.
     Stops,
-    /// The number of cars that left the approaches since the decision, in tens. Where too many cars come, a queue stays as long as it is
-    /// whichever green is shown. Then this tells the greens apart.
+    /// The number of cars that left the approaches since the decision, in tens. Where too many cars come, the queue stays long with any
+    /// green, and this reward still differs from green to green.
     Passed,
     /// Minus the CO2 that the cars on the approaches emitted since the decision, in units of 100 g, by the emission classes of their
     /// types (SUMO's HBEFA). It takes CPU time: SUMO computes it for every car in every second.

@@ -12,7 +12,7 @@ pub(crate) const DETECTORS_ONLY: f64 = 0.0;
 /// What a share must be.
 pub(crate) const SHARES: &str = "from 0.01 to 1, or 0 for detectors only";
 
-/// Returns whether so many of the cars may be seen.
+/// Returns whether a share is one that [`SHARES`] names.
 pub(crate) fn may_be_seen(share: f64) -> bool {
     share == DETECTORS_ONLY || (0.01..=1.0).contains(&share)
 }
