@@ -4,6 +4,7 @@ use std::path::PathBuf;
 
 use anyhow::{Result, ensure};
 use dials_core::base::AgentId;
+use dials_core::domain::{Kinds, RegionSpec};
 use dials_learn::observer::Silent;
 use dials_learn::steps::Step;
 use dials_learn::steps::collect::{Collect, Purpose};
@@ -14,14 +15,22 @@ use serde::Deserialize;
 use serde_json::{Value, json};
 use stacknets::Threads;
 
-use crate::memory::Memory;
+use crate::memory::{Memory, free_bytes};
 use crate::request::Opened;
+use crate::wire::Refused;
 
 #[derive(Debug, Deserialize)]
 pub(crate) struct DatasetsRequest {
     pub episodes: usize,
     /// The run whose policies act.
     pub run: Option<PathBuf>,
+}
+
+/// Returns the number of episodes whose tables fit into the free memory. Each table is there twice: here and as shared memory.
+fn most_episodes(kinds: &Kinds) -> usize {
+    let per_step = |spec: &RegionSpec| spec.d_set_dim * size_of::<f32>() + spec.sources.count();
+    let per_episode = kinds.specs().map(|spec| spec.horizon * per_step(spec)).sum::<usize>();
+    free_bytes() / (2 * per_episode).max(1)
 }
 
 /// Datasets of all agents, in the memory.
@@ -38,6 +47,11 @@ impl Datasets {
              observation of ours"
         );
         let kinds = domain.kinds();
+        let most = most_episodes(kinds);
+        if request.episodes > most {
+            let text = format!("episodes {}: there is memory for at most {most} of this config", request.episodes);
+            return Err(Refused(text).into());
+        }
         let mut worker = Worker::new(domain.clone(), &config.learning, AgentId::all(kinds.agents()), &Threads::one());
         let policies = match &request.run {
             Some(path) => {

@@ -24,11 +24,10 @@ use dials_learn::worker::block::{initial_aips, training_episodes};
 use dials_session::config::RunConfig;
 use dials_session::directory;
 use dials_session::domains::open_tried;
-use dials_session::machine::free_memory_mib;
 use serde_json::{Value, json};
 use stacknets::Threads;
 
-use crate::memory::{Memory, Section};
+use crate::memory::{Memory, Section, free_bytes};
 use crate::request::{LocalRequest, NO_ROADS, Opened, OwnNames, PredictorRequest, ResetRequest};
 use crate::roads::{RoadMemory, Tap, Tapped};
 use crate::wire::Refused;
@@ -198,16 +197,13 @@ impl Local {
 
 /// Memory of a row beside its tables, in bytes: less than any simulator needs.
 const LEAST_PER_ROW: usize = 4096;
-/// Memory of a machine that does not say how much is free, in MiB.
-const UNKNOWN_FREE_MIB: u64 = 1 << 20;
 
 /// Returns the number of copies of each agent that fit into the free memory at best. The simulators may need far more.
 /// This refuses what cannot be: the allocator would end the process without a reason that helps.
 fn most_copies(spec: &RegionSpec, agents: usize) -> usize {
-    let free = free_memory_mib().unwrap_or(UNKNOWN_FREE_MIB) << 20;
     // Tables from before and after the end of an episode. Each is there twice: as the image and as shared memory.
     let per_row = 4 * (spec.obs_dim * size_of::<f32>() + spec.n_actions) + LEAST_PER_ROW;
-    (usize::try_from(free).unwrap_or(usize::MAX) / per_row / agents).max(1)
+    (free_bytes() / per_row / agents).max(1)
 }
 
 /// Fits predictors of `agents` to episodes on the global simulator, in which policies that were not trained act. That is

@@ -9,12 +9,21 @@ use std::os::unix::fs::FileExt;
 
 use anyhow::{Context, Result};
 use bytemuck::{NoUninit, Pod};
+use dials_session::machine::free_memory_mib;
 use serde_json::{Value, json};
 
 use crate::roads::RoadMemory;
 
 /// Every section begins at a multiple of this, so that no number is split between two cache lines.
 const ALIGNMENT: usize = 64;
+/// Memory of a machine that does not say how much is free, in MiB.
+const UNKNOWN_FREE_MIB: u64 = 1 << 20;
+
+/// Returns the memory that the tables of an answer can have at most.
+pub(crate) fn free_bytes() -> usize {
+    let free = free_memory_mib().unwrap_or(UNKNOWN_FREE_MIB) << 20;
+    usize::try_from(free).unwrap_or(usize::MAX)
+}
 
 /// The shared memory, and a copy of it in which the next state is put together.
 pub(crate) struct Memory {

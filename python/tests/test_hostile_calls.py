@@ -102,6 +102,7 @@ def main(in_process, seed, seconds, *configs):
             "agent": lambda: dice.choice(agents),
             "copies": lambda: dice.choice([1, 2, 3]),
             "n": lambda: dice.choice([1, 2]),
+            "episodes": lambda: dice.choice([1, 2]),
             "seed": lambda: dice.randrange(2**64),
             "episode": lambda: dice.randrange(5),
             "actions": lambda: {agent: dice.choice([0, 1, hostile(1)]) for agent in agents},
@@ -121,7 +122,6 @@ def main(in_process, seed, seconds, *configs):
         return right() if right is not None and dice.random() < 0.7 else hostile()
 
     outcomes = {"answered": 0, "refused": 0}
-    last = []
 
     def call(name, function):
         """Call with random arguments, and return the answer, or None if it was refused."""
@@ -136,8 +136,9 @@ def main(in_process, seed, seconds, *configs):
             if parameter.default is not parameter.empty and dice.random() < 0.5:
                 continue
             value = mostly_right(parameter.name)
-            if parameter.name in ("n", "copies") and isinstance(value, (int, np.integer)) and 3 < value < 10**12:
-                value = 10**12  # those between would be made, and take the machine's memory
+            whole = isinstance(value, (int, np.integer))
+            if parameter.name in ("n", "copies", "episodes") and whole and 3 < value < 10**12:
+                value = 10**12  # those between would be made, and take the machine's memory or more time than a call has
             if parameter.kind == parameter.KEYWORD_ONLY:
                 options[parameter.name] = value
             elif parameter.default is parameter.empty:
@@ -146,8 +147,8 @@ def main(in_process, seed, seconds, *configs):
                 options[parameter.name] = value
         if name in ("parallel_env", "aec_env", "GlobalEnv") and in_process and dice.random() < 0.8:
             options["in_process"] = True
-        last.append(f"{name}(*{arguments!r:.500}, **{options!r:.500})")
-        del last[:-8]
+        # Now, as a call that hangs ends this process.
+        print(f"{name}(*{arguments!r:.500}, **{options!r:.500})".encode("ascii", "backslashreplace").decode(), flush=True)
         faulthandler.dump_traceback_later(CALL_S, exit=True)
         try:
             answer = function(*arguments, **options)
@@ -155,14 +156,10 @@ def main(in_process, seed, seconds, *configs):
             return answer
         except dials_traffic.ProcessDied:
             # A panic or a crash of the child.
-            print("\n".join(last))
             raise
         except documented:
             outcomes["refused"] += 1
             return None
-        except BaseException:
-            print("\n".join(last))
-            raise
         finally:
             faulthandler.cancel_dump_traceback_later()
 

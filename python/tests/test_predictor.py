@@ -237,6 +237,11 @@ def test_datasets_are_of_whole_episodes_and_the_same_ones_for_a_seed(grid):
     assert not all(np.array_equal(one.sources, other.sources) for one, other in zip(made, others))
 
 
+def test_more_episodes_than_the_memory_holds_are_refused_at_once(grid):
+    with pytest.raises(ValueError, match="episodes 1000000000000: there is memory for at most"):
+        dials_traffic.datasets(grid, 10**12)
+
+
 def test_a_predictor_of_ones_own_says_what_comes(grid):
     def occupied(predictor):
         env = dials_traffic.vector_env(grid, ["r0c0", "r1c1"], 2, predictor, seed=1)
