@@ -1,5 +1,7 @@
 //! Adam over a stack, network by network, in one pass over memory.
 
+use std::borrow::Cow;
+
 use multiversion::multiversion;
 use serde::{Deserialize, Serialize};
 
@@ -101,8 +103,11 @@ impl Adam {
         let (shape, layout, values) = stack.parts_mut();
         let rows = values.as_mut_slice().chunks_exact_mut(width).zip(moments);
         let (step, end) = (begin, *taken);
-        rows.map(|(values, (first, second))| Trainer { shape, layout, values, first, second, epsilon, step, end })
-            .collect()
+        let trainer = |(values, (first, second)): (&'a mut [f32], (&'a mut [f32], &'a mut [f32]))| {
+            let (shape, layout) = (Cow::Borrowed(shape), Cow::Borrowed(layout));
+            Trainer { shape, layout, values, first, second, epsilon, step, end }
+        };
+        rows.map(trainer).collect()
     }
 }
 
@@ -115,8 +120,8 @@ pub(crate) fn spread_first(rows: &mut Rows<f32>) {
 
 /// One network and its part of the optimiser.
 pub struct Trainer<'a> {
-    shape: &'a Shape,
-    layout: &'a Layout,
+    shape: Cow<'a, Shape>,
+    layout: Cow<'a, Layout>,
     values: &'a mut [f32],
     first: &'a mut [f32],
     second: &'a mut [f32],
@@ -125,10 +130,27 @@ pub struct Trainer<'a> {
     end: u32,
 }
 
-impl Trainer<'_> {
+impl<'a> Trainer<'a> {
+    /// Returns a trainer for each tower: two if some outputs are apart. Each sees a network of its tower alone, and should take
+    /// as many steps as the whole. All of its numbers are those of the whole, bit for bit, so the towers can be trained at the
+    /// same time.
+    pub fn towers(self) -> Vec<Trainer<'a>> {
+        if self.shape.apart == 0 {
+            return vec![self];
+        }
+        let Trainer { shape, mut values, mut first, mut second, epsilon, step, end, .. } = self;
+        let towers = shape.towers().into_iter().map(|shape| {
+            let layout = shape.layout();
+            let next = |rest: &mut &'a mut [f32]| rest.split_off_mut(..layout.width()).expect("towers fill a row");
+            let (values, first, second) = (next(&mut values), next(&mut first), next(&mut second));
+            Trainer { shape: Cow::Owned(shape), layout: Cow::Owned(layout), values, first, second, epsilon, step, end }
+        });
+        towers.collect()
+    }
+
     /// Returns the network as it is now.
     pub fn network(&self) -> Network<'_> {
-        Network { shape: self.shape, layout: self.layout, values: self.values }
+        Network { shape: &self.shape, layout: &self.layout, values: self.values }
     }
 
     /// Returns the parameters, `[parameters]`.

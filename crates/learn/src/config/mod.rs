@@ -393,6 +393,17 @@ impl Config {
         }
     }
 
+    /// Returns how many parts of a kind's policies can learn at the same time at one place: one for each of its agents, or, if they
+    /// have one policy, for each of its towers that learns without the other.
+    pub fn most_learners(&self, agents: usize) -> usize {
+        match self.algorithm {
+            AlgorithmName::Outside => 1,
+            _ if !self.shares_policies() => agents,
+            AlgorithmName::Ppo if self.policy.separate_critic && self.ppo.towers_learn_alone() => 2,
+            _ => 1,
+        }
+    }
+
     /// Returns whether the value of the last agent of a kind stands for what would come for all of them.
     pub fn bootstraps_with_last(&self) -> bool {
         self.shares_policies() && self.simulator == Simulator::Global && self.gs.bootstrap == Bootstrap::Last

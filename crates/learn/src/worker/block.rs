@@ -88,6 +88,9 @@ impl AgentBlock {
         let parts = config.parts(agents.len(), lanes);
         let mut policies = initial_policies(&*domain, config, agents);
         policies.net.use_threads(threads);
+        if config.shares_policies() {
+            policies.net.keep_alike();
+        }
         let spec = domain.kinds().of(agents[0]).spec.clone();
         let learner = KindLearner {
             learner: algorithms::of(config).learner(config, &spec, agents, policies, &parts),

@@ -18,6 +18,8 @@ use dials_learn::config::Simulator;
 /// What happens in the lanes of a worker, which may be at work at the same time.
 const IN_LANES: [Phase; 6] =
     [Phase::Reset, Phase::Insertion, Phase::SimulatorStep, Phase::Reading, Phase::Acting, Phase::AipSampling];
+/// What learners do, which may be at work at the same time, too.
+const IN_LEARNERS: [Phase; 4] = [Phase::Bookkeeping, Phase::Forward, Phase::Backward, Phase::Adam];
 const SIMULATING: [Phase; 3] = [Phase::Insertion, Phase::SimulatorStep, Phase::Reading];
 /// Our work around a simulator's own step.
 const AROUND: [Phase; 2] = [Phase::Insertion, Phase::Reading];
@@ -125,17 +127,14 @@ impl Costs {
         let retraining_flops = aip_trainings_flops(config, kinds, work.dataset_episodes);
         let in_no_phase = 1e6 * (training.work.as_secs_f64() - training.phases.total().as_secs_f64()) / training.units;
         let busy = (training.work - beginning(&training.phases)).as_secs_f64();
-        // If one worker learns for all, its lanes are on the cores of the others. Its times are those of the wall.
-        let at_once = match config.learning.learns_at_one_place() {
-            true => measured.workers.min(config.learning.most_at_work(kinds.agents(), steps.foreign)) as f64,
-            false => 1.0,
-        };
-        let on_lent_cores = (at_once - 1.0) * IN_LANES.iter().map(|&phase| spent(training, phase)).sum::<f64>();
+        let at_once = AtOnce::of(config, kinds, steps.foreign, measured.workers);
+        let lent = |phase: &Phase| (at_once.cores(*phase) - 1.0) * spent(training, *phase);
+        let on_lent_cores = Phase::ALL.iter().map(lent).sum::<f64>();
         let waited = machine.workers * training.slowest.as_secs_f64() - busy - on_lent_cores;
         let (other, idle) = (in_no_phase.max(0.0), 1e6 * waited.max(0.0) / training.units);
         let mut phases = Phase::ALL.map(|phase| per_unit(training, phase));
         Orders::BEGINNING.iter().for_each(|&phase| phases[phase as usize] = 0.0);
-        IN_LANES.iter().for_each(|&phase| phases[phase as usize] *= at_once);
+        Phase::ALL.iter().for_each(|&phase| phases[phase as usize] *= at_once.cores(phase));
         // The measured orders begin with empty roads and replay none.
         let replayed = SIMULATING.iter().map(|&phase| phases[phase as usize]).sum();
         let prices = Prices {
@@ -268,11 +267,10 @@ pub(crate) struct SimulatorCosts {
 }
 
 impl SimulatorCosts {
-    /// `at_once`: number of lanes at work at the same time.
     fn of(
         config: &RunConfig,
         kinds: &Kinds,
-        (steps_per_timestep, at_once): (usize, f64),
+        (steps_per_timestep, at_once): (usize, AtOnce),
         measured: &Measured,
     ) -> SimulatorCosts {
         let steps = steps_per_timestep as f64;
@@ -287,11 +285,41 @@ impl SimulatorCosts {
             named.push(("GS in collection", cost(&measured.collection, of_episode)));
         }
         let on_gs = config.learning.simulator == Simulator::Global;
-        named
-            .push((if on_gs { "GS in training" } else { "LS in training" }, cost(&measured.training, steps / at_once)));
-        let cores = |phase: Phase| if IN_LANES.contains(&phase) { at_once } else { 1.0 };
-        let learning_us = LEARNING.iter().map(|&phase| cores(phase) * per_unit(&measured.training, phase)).sum();
+        named.push((
+            if on_gs { "GS in training" } else { "LS in training" },
+            cost(&measured.training, steps / at_once.lanes),
+        ));
+        let learning_us =
+            LEARNING.iter().map(|&phase| at_once.cores(phase) * per_unit(&measured.training, phase)).sum();
         SimulatorCosts { steps_per_timestep, named, learning_us }
+    }
+}
+
+/// Number of cores that one worker uses, if it learns for all: its own and those of the others, which wait. Its times are those of
+/// the wall.
+#[derive(Clone, Copy)]
+struct AtOnce {
+    lanes: f64,
+    learners: f64,
+}
+
+impl AtOnce {
+    fn of(config: &RunConfig, kinds: &Kinds, foreign: bool, workers: usize) -> AtOnce {
+        if !config.learning.learns_at_one_place() {
+            return AtOnce { lanes: 1.0, learners: 1.0 };
+        }
+        let agents = kinds.agents();
+        let at_most = |count: usize| workers.min(count) as f64;
+        let lanes = at_most(config.learning.most_at_work(agents, foreign));
+        AtOnce { lanes, learners: at_most(config.learning.most_learners(agents)) }
+    }
+
+    fn cores(self, phase: Phase) -> f64 {
+        match () {
+            () if IN_LANES.contains(&phase) => self.lanes,
+            () if IN_LEARNERS.contains(&phase) => self.learners,
+            () => 1.0,
+        }
     }
 }
 

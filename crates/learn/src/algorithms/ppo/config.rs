@@ -128,6 +128,13 @@ impl Default for PpoConfig {
     }
 }
 
+impl PpoConfig {
+    /// Whether policy and value learn without each other where they have layers of their own: no limit is for both.
+    pub fn towers_learn_alone(&self) -> bool {
+        self.max_gradient_norm.is_none()
+    }
+}
+
 /// Checks the table, and what depends on it.
 pub(super) fn check(config: &Config) -> Result<()> {
     let ppo = &config.ppo;

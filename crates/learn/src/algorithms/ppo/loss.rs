@@ -41,69 +41,98 @@ impl Losses {
     }
 }
 
-/// Returns the loss of one agent's minibatch, and writes its gradient with respect to the network's outputs.
+/// What a network puts out: all of it, or what one of its towers does.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Outputs {
+    /// Logits, then the value.
+    All,
+    Logits,
+    Value,
+}
+
+/// Returns the loss of one agent's minibatch, and writes its gradient with respect to the network's outputs. Policy and value
+/// have nothing in common here: a part of the outputs has the same numbers alone as with the other.
 ///
-/// `outputs`, `gradient`: `[batch, n_actions + 1]`, logits and value; `masks`: `[batch, n_actions]`, or empty if all
-/// actions are allowed.
+/// `outputs`, `gradient`: `[batch, n_actions + 1]`, logits and value, or the part that `which` says; `masks`:
+/// `[batch, n_actions]`, or empty if all actions are allowed.
 pub(super) fn loss_and_gradient(
-    outputs: &[f32],
+    (which, outputs): (Outputs, &[f32]),
     masks: &[bool],
     samples: &[Sample],
     weights: Weights,
     gradient: &mut [f32],
 ) -> Losses {
     let width = outputs.len() / samples.len();
-    let n_actions = width - 1;
+    let n_actions = match which {
+        Outputs::All => width - 1,
+        Outputs::Logits => width,
+        Outputs::Value => 0,
+    };
     let batch = samples.len() as f32;
     let (mut logits, mut log_probs) = (vec![0.0; n_actions], vec![0.0; n_actions]);
-    let mut masks = masks.chunks_exact(n_actions);
+    let mut masks = masks.chunks_exact(n_actions.max(1));
     let mut losses = Losses::default();
     let rows = outputs.chunks_exact(width).zip(gradient.chunks_exact_mut(width));
     for ((output, gradient), sample) in rows.zip(samples) {
-        let advantage = sample.advantage;
-        logits.copy_from_slice(&output[..n_actions]);
-        sampling::forbid(&mut logits, masks.next().unwrap_or(&[]));
-        sampling::log_softmax(&logits, &mut log_probs);
-        let action = usize::from(sample.action);
-        let entropy = sampling::entropy(&log_probs);
-
-        let ratio = (log_probs[action] - sample.log_prob).exp();
-        let clipped = ratio.clamp(1.0 - weights.clip, 1.0 + weights.clip);
-        let surrogate = (ratio * advantage).min(clipped * advantage);
-        // If the clipped term is the smaller one, the surrogate does not depend on the policy.
-        let policy_slope = if ratio * advantage <= clipped * advantage { ratio * advantage } else { 0.0 };
-        for (logit, (gradient, log_prob)) in gradient[..n_actions].iter_mut().zip(&log_probs).enumerate() {
-            let prob = log_prob.exp();
-            let chosen = if logit == action { 1.0 } else { 0.0 };
-            // d ln pi(a) / d logit_k = [k = a] - p_k;  d H / d logit_k = -p_k (ln p_k + H)
-            let surrogate_slope = policy_slope * (chosen - prob);
-            let entropy_slope = -prob * (log_prob + entropy);
-            // A forbidden action has probability 0, whatever its logit, so all derivatives by that logit are 0.
-            let forbidden = *log_prob == f32::NEG_INFINITY;
-            *gradient = if forbidden { 0.0 } else { -(surrogate_slope + weights.entropy * entropy_slope) / batch };
+        let mut of_sample = Losses::default();
+        if which != Outputs::Value {
+            logits.copy_from_slice(&output[..n_actions]);
+            sampling::forbid(&mut logits, masks.next().unwrap_or(&[]));
+            sampling::log_softmax(&logits, &mut log_probs);
+            let slopes = &mut gradient[..n_actions];
+            of_sample = of_policy(&log_probs, sample, weights, slopes);
+            slopes.iter_mut().for_each(|slope| *slope /= batch);
         }
-
-        let value = output[n_actions];
-        let moved = value - sample.value;
-        let near = sample.value + moved.clamp(-weights.value_clip, weights.value_clip);
-        let (error, near_error) = (value - sample.ret, near - sample.ret);
-        let value_loss = (error * error).max(near_error * near_error);
-        // The clipped term depends on the value only inside the clip range. There both terms are equal except for
-        // rounding. `v_old + (v - v_old)` may miss `v` by a digit, which must not decide.
-        let inside = moved.abs() <= weights.value_clip;
-        let value_slope = if inside || error * error >= near_error * near_error { 2.0 * error } else { 0.0 };
-        gradient[n_actions] = weights.value * value_slope / batch;
-
-        let of_sample = Losses {
-            surrogate: f64::from(surrogate),
-            value: f64::from(value_loss),
-            entropy: f64::from(entropy),
-            kl: f64::from(sample.log_prob - log_probs[action]),
-            clipped: f64::from(u8::from(ratio != clipped)),
-        };
+        if which != Outputs::Logits {
+            let (loss, slope) = of_value(output[n_actions], sample, weights.value_clip);
+            of_sample.value = f64::from(loss);
+            gradient[n_actions] = weights.value * slope / batch;
+        }
         losses.add(&of_sample, 1.0 / f64::from(batch));
     }
     losses
+}
+
+/// Returns the losses of a policy at one sample, and writes the derivatives by its logits.
+fn of_policy(log_probs: &[f32], sample: &Sample, weights: Weights, slopes: &mut [f32]) -> Losses {
+    let advantage = sample.advantage;
+    let action = usize::from(sample.action);
+    let entropy = sampling::entropy(log_probs);
+    let ratio = (log_probs[action] - sample.log_prob).exp();
+    let clipped = ratio.clamp(1.0 - weights.clip, 1.0 + weights.clip);
+    let surrogate = (ratio * advantage).min(clipped * advantage);
+    // If the clipped term is the smaller one, the surrogate does not depend on the policy.
+    let policy_slope = if ratio * advantage <= clipped * advantage { ratio * advantage } else { 0.0 };
+    for (logit, (slope, log_prob)) in slopes.iter_mut().zip(log_probs).enumerate() {
+        let prob = log_prob.exp();
+        let chosen = if logit == action { 1.0 } else { 0.0 };
+        // d ln pi(a) / d logit_k = [k = a] - p_k;  d H / d logit_k = -p_k (ln p_k + H)
+        let surrogate_slope = policy_slope * (chosen - prob);
+        let entropy_slope = -prob * (log_prob + entropy);
+        // A forbidden action has probability 0, whatever its logit, so all derivatives by that logit are 0.
+        let forbidden = *log_prob == f32::NEG_INFINITY;
+        *slope = if forbidden { 0.0 } else { -(surrogate_slope + weights.entropy * entropy_slope) };
+    }
+    Losses {
+        surrogate: f64::from(surrogate),
+        value: 0.0,
+        entropy: f64::from(entropy),
+        kl: f64::from(sample.log_prob - log_probs[action]),
+        clipped: f64::from(u8::from(ratio != clipped)),
+    }
+}
+
+/// Returns the loss of a value at one sample, and its derivative by the value.
+fn of_value(value: f32, sample: &Sample, clip: f32) -> (f32, f32) {
+    let moved = value - sample.value;
+    let near = sample.value + moved.clamp(-clip, clip);
+    let (error, near_error) = (value - sample.ret, near - sample.ret);
+    let loss = (error * error).max(near_error * near_error);
+    // The clipped term depends on the value only inside the clip range. There both terms are equal except for
+    // rounding. `v_old + (v - v_old)` may miss `v` by a digit, which must not decide.
+    let inside = moved.abs() <= clip;
+    let slope = if inside || error * error >= near_error * near_error { 2.0 * error } else { 0.0 };
+    (loss, slope)
 }
 
 /// Where some advantages lie.
@@ -149,7 +178,7 @@ mod tests {
         let spread = Spread::of(samples.iter().map(|sample| sample.advantage));
         let normalised = |sample: &Sample| Sample { advantage: spread.normalise(sample.advantage), ..*sample };
         let samples: Vec<Sample> = samples.iter().map(normalised).collect();
-        super::loss_and_gradient(outputs, masks, &samples, weights, gradient)
+        super::loss_and_gradient((Outputs::All, outputs), masks, &samples, weights, gradient)
     }
 
     fn close(a: &[f32], b: &[f32]) -> bool {
@@ -218,6 +247,23 @@ mod tests {
         let mut gradient = [0.0; 16];
         loss_and_gradient(&outputs, &[], &samples, weights, &mut gradient);
         crate::fixtures::assert_gradient(loss, &outputs, &gradient, 1e-3);
+    }
+
+    #[test]
+    fn policy_and_value_have_the_same_numbers_apart() {
+        let weights = Weights { clip: 0.2, value_clip: 0.2, value: 0.7, entropy: 0.05 };
+        let samples = [sample(1, 0.3, 0.4, 1.3, 0.9), sample(0, 0.28, -0.1, -0.4, 0.1)];
+        let outputs = [0.1, -0.2, 0.5, 0.3, 0.2, -0.1];
+        let masks = [true, true, true, false];
+        let mut together = [9.0; 6];
+        let both = super::loss_and_gradient((Outputs::All, &outputs), &masks, &samples, weights, &mut together);
+        let (mut of_logits, mut of_values) = ([9.0; 4], [9.0; 2]);
+        let logits = [outputs[0], outputs[1], outputs[3], outputs[4]];
+        let mut sum = super::loss_and_gradient((Outputs::Logits, &logits), &masks, &samples, weights, &mut of_logits);
+        let values = (Outputs::Value, &[outputs[2], outputs[5]][..]);
+        sum.add(&super::loss_and_gradient(values, &masks, &samples, weights, &mut of_values), 1.0);
+        assert_eq!(sum, both);
+        assert_eq!([of_logits[0], of_logits[1], of_values[0], of_logits[2], of_logits[3], of_values[1]], together);
     }
 
     #[test]

@@ -5,11 +5,12 @@
 //! learns as if alone.
 
 use std::ops::Range;
+use std::sync::Arc;
 use std::time::Instant;
 
 use rand::seq::SliceRandom;
 
-use super::loss::{Losses, Spread, Weights, loss_and_gradient};
+use super::loss::{Losses, Outputs, Spread, Weights, loss_and_gradient};
 use super::memory::{Memory, Sample};
 use super::value_unit::{Unit, ValueUnits};
 use crate::config::{NormaliseAdvantages, PpoConfig};
@@ -63,7 +64,7 @@ pub struct Settings<'a> {
 ///
 /// `dice`: one per agent, for its minibatches. Every agent makes all of its gradient steps before the next agent
 /// begins. If the policies are shared, the first agent learns from the samples of all agents, in minibatches of the
-/// same size, and the others copy its policy and its optimiser.
+/// same size, and the others copy its policy and its optimiser. Then two threads take a tower each, if there are two.
 pub fn update(
     policies: &mut PolicyStack,
     adam: &mut Adam,
@@ -77,20 +78,69 @@ pub fn update(
     let steps = settings.ppo.epochs * taught * (memory.capacity / settings.ppo.minibatch);
     let only = (settings.learns == Learns::Critic).then(|| policies.only_critic());
     let threads = policies.net.threads().clone();
+    let apart = settings.shared && threads.count() > 1 && settings.ppo.towers_learn_alone();
     let learners = policies.learners(adam, steps as u32);
-    let agents = learners.into_iter().zip(dice).enumerate().take(learning).collect();
+    let mut tasks = Vec::new();
+    for (agent, (learner, dice)) in learners.into_iter().zip(dice).enumerate().take(learning) {
+        let agents = agent..agent + taught;
+        let order = Arc::new(order(memory, agents.clone(), settings.ppo, dice));
+        let towers = if apart { learner.towers() } else { vec![learner] };
+        let outputs = if towers.len() > 1 { &[Outputs::Logits, Outputs::Value][..] } else { &[Outputs::All] };
+        let (mut parameters, mut states) = (0, 0);
+        for (learner, &outputs) in towers.into_iter().zip(outputs) {
+            let (width, state_width) = (learner.values().len(), learner.network().state_width());
+            let only = only.as_deref().map(|only| &only[parameters..parameters + width]);
+            let states_of = states..states + state_width;
+            (parameters, states) = (parameters + width, states + state_width);
+            tasks.push(Task {
+                learner,
+                outputs,
+                states: states_of,
+                agents: agents.clone(),
+                order: order.clone(),
+                only,
+            });
+        }
+    }
     let begun = Instant::now();
-    let done = threads.map(agents, 2, |room: &mut UpdateBuffers, (agent, (learner, dice))| {
-        room.learn(learner, memory, agent..agent + taught, dice, settings, only.as_deref())
-    });
-    let mut phases = Stopwatch::default();
-    done.iter().for_each(|(_, of_agent)| phases.add(of_agent));
+    let done =
+        threads.map(tasks, 2, |room: &mut UpdateBuffers, task| (task.agents.start, room.learn(task, memory, settings)));
+    let (mut phases, mut losses) = (Stopwatch::default(), vec![Losses::default(); learning]);
+    for (agent, (of_task, spent)) in &done {
+        losses[*agent].add(of_task, 1.0);
+        phases.add(spent);
+    }
     watch.add(&phases.scaled_to(begun.elapsed()));
     if settings.shared {
         policies.net.spread_first();
         adam.spread_first();
     }
-    done.into_iter().flat_map(|(losses, _)| vec![losses; taught]).collect()
+    losses.into_iter().flat_map(|losses| vec![losses; taught]).collect()
+}
+
+/// Returns the minibatches of all epochs, one after another: pairs of an agent and the number of its sequence.
+fn order(memory: &Memory, agents: Range<usize>, ppo: &PpoConfig, dice: &mut Dice) -> Vec<(usize, usize)> {
+    let mut order: Vec<(usize, usize)> =
+        agents.flat_map(|agent| (0..memory.sequences()).map(move |sequence| (agent, sequence))).collect();
+    let epoch = |_| {
+        order.shuffle(dice);
+        order.clone()
+    };
+    (0..ppo.epochs).flat_map(epoch).collect()
+}
+
+/// All gradient steps of a learner, or of one tower of it.
+struct Task<'a> {
+    learner: Trainer<'a>,
+    /// What the learner puts out.
+    outputs: Outputs,
+    /// Its columns of the hidden states.
+    states: Range<usize>,
+    /// Those whose memories it learns from.
+    agents: Range<usize>,
+    order: Arc<Vec<(usize, usize)>>,
+    /// Which parameters change; `None` for all.
+    only: Option<&'a [bool]>,
 }
 
 #[derive(Default)]
@@ -102,18 +152,9 @@ struct UpdateBuffers {
 }
 
 impl UpdateBuffers {
-    /// Makes all gradient steps of one learner, from the memories of `agents`. Returns the mean losses.
-    ///
-    /// `only`: which parameters change; `None` for all.
-    fn learn(
-        &mut self,
-        mut learner: Trainer<'_>,
-        memory: &Memory,
-        agents: Range<usize>,
-        dice: &mut Dice,
-        settings: Settings<'_>,
-        only: Option<&[bool]>,
-    ) -> (Losses, Stopwatch) {
+    /// Makes all gradient steps of a task. Returns the mean losses.
+    fn learn(&mut self, task: Task<'_>, memory: &Memory, settings: Settings<'_>) -> (Losses, Stopwatch) {
+        let Task { mut learner, outputs, states, agents, order, only } = task;
         let Settings { ppo, units, decayed, .. } = settings;
         let unit = units.of(agents.start);
         let clip = decayed.clip as f32;
@@ -132,33 +173,28 @@ impl UpdateBuffers {
             NormaliseAdvantages::Memory => Some(Spread::of(advantages)),
             NormaliseAdvantages::No => Some(Spread { mean: 0.0, deviation: unit.spread }),
         };
-        let mut order: Vec<(usize, usize)> =
-            agents.clone().flat_map(|agent| (0..memory.sequences()).map(move |sequence| (agent, sequence))).collect();
-        for _ in 0..ppo.epochs {
-            order.shuffle(dice);
-            for sequences in order.chunks_exact(ppo.minibatch / memory.length) {
-                watch.time(Phase::Bookkeeping, || {
-                    minibatch.gather(memory, sequences);
-                    minibatch.bring_to(unit, spread);
-                });
-                watch.time(Phase::Forward, || {
-                    learner.network().forward(&minibatch.obs, minibatch.sequences(), trace);
-                    gradient.resize(trace.output().len(), 0.0);
-                    let of_batch =
-                        loss_and_gradient(trace.output(), &minibatch.masks, &minibatch.samples, weights, gradient);
-                    losses.add(&of_batch, 1.0 / gradient_steps as f64);
-                });
-                watch.time(Phase::Backward, || learner.network().backward(gradient, trace));
-                if let Some(only) = only {
-                    // Without a gradient Adam leaves a parameter as it is.
-                    let frozen = trace.gradient_mut().iter_mut().zip(only).filter(|(_, learns)| !**learns);
-                    frozen.for_each(|(slope, _)| *slope = 0.0);
-                }
-                if let Some(most) = ppo.max_gradient_norm {
-                    watch.time(Phase::Backward, || trace.shorten_gradient(most));
-                }
-                watch.time(Phase::Adam, || learner.descend(trace.gradient(), decayed.learning_rate));
+        for sequences in order.chunks_exact(ppo.minibatch / memory.length) {
+            watch.time(Phase::Bookkeeping, || {
+                minibatch.gather(memory, sequences, states.clone());
+                minibatch.bring_to(unit, spread);
+            });
+            watch.time(Phase::Forward, || {
+                learner.network().forward(&minibatch.obs, minibatch.sequences(), trace);
+                gradient.resize(trace.output().len(), 0.0);
+                let put_out = (outputs, trace.output());
+                let of_batch = loss_and_gradient(put_out, &minibatch.masks, &minibatch.samples, weights, gradient);
+                losses.add(&of_batch, 1.0 / gradient_steps as f64);
+            });
+            watch.time(Phase::Backward, || learner.network().backward(gradient, trace));
+            if let Some(only) = only {
+                // Without a gradient Adam leaves a parameter as it is.
+                let frozen = trace.gradient_mut().iter_mut().zip(only).filter(|(_, learns)| !**learns);
+                frozen.for_each(|(slope, _)| *slope = 0.0);
             }
+            if let Some(most) = ppo.max_gradient_norm {
+                watch.time(Phase::Backward, || trace.shorten_gradient(most));
+            }
+            watch.time(Phase::Adam, || learner.descend(trace.gradient(), decayed.learning_rate));
         }
         // Reports have the unit of the reward.
         losses.value *= f64::from(unit.spread).powi(2);
@@ -179,8 +215,8 @@ struct Minibatch {
 }
 
 impl Minibatch {
-    /// Copies sequences of the memory: pairs of an agent and the number of its sequence.
-    fn gather(&mut self, memory: &Memory, sequences: &[(usize, usize)]) {
+    /// Copies sequences of the memory: pairs of an agent and the number of its sequence; and these columns of their states.
+    fn gather(&mut self, memory: &Memory, sequences: &[(usize, usize)], columns: Range<usize>) {
         self.length = memory.length;
         self.obs.clear();
         self.masks.clear();
@@ -199,7 +235,7 @@ impl Minibatch {
             }
         }
         let states = sequences.iter().map(|&(agent, sequence)| memory.state(agent, sequence));
-        states.for_each(|state| self.states.extend_from_slice(state));
+        states.for_each(|state| self.states.extend_from_slice(&state[columns.clone()]));
     }
 
     /// Brings values and returns to the unit of the critic, and counts advantages in a spread: their own, unless one is given.
@@ -227,6 +263,7 @@ mod tests {
     use crate::fixtures::region;
     use dials_core::base::{AgentId, Seed};
     use dials_core::domain::SourceSpec;
+    use stacknets::Threads;
 
     /// Returns a stack of three agents and a memory of 16 random samples for each.
     fn material(recurrent: Option<usize>, separate_critic: bool) -> (PolicyStack, Memory) {
@@ -275,6 +312,29 @@ mod tests {
                     assert_eq!((moments.first.row(agent)[index], moments.second.row(agent)[index]), (0.0, 0.0));
                 }
             }
+        }
+    }
+
+    #[test]
+    fn towers_of_a_shared_policy_in_two_threads_learn_the_same_bits() {
+        for (recurrent, learns) in [(None, Learns::Everything), (Some(3), Learns::Everything), (None, Learns::Critic)] {
+            let after = |threads: usize, limit: Option<f64>| {
+                let (mut stack, memory) = material(recurrent, true);
+                stack.net.use_threads(Threads::new(threads).unwrap());
+                let mut adam = Adam::new(stack.parameters());
+                let ppo = PpoConfig { memory: 16, minibatch: 8, max_gradient_norm: limit, ..PpoConfig::default() };
+                let decayed = Decayed { learning_rate: 1e-2, clip: 0.1 };
+                let (units, mut dice) = (ValueUnits::new(ppo.value_unit, 3), [Seed::new(3).dice()]);
+                let settings = Settings { ppo: &ppo, units: &units, decayed, learns, shared: true };
+                let mut watch = Stopwatch::default();
+                let losses = update(&mut stack, &mut adam, &memory, &mut dice, settings, &mut watch);
+                (losses, stack.parameters().values().clone(), adam, dice[0].random::<u64>())
+            };
+            let one = after(1, None);
+            assert!(one.0[0].entropy > 0.1 && one.0[0].value > 0.1, "{:?}", one.0);
+            assert_eq!(one, after(2, None), "{recurrent:?} {learns:?}");
+            // A limit is for both: they stay together.
+            assert_eq!(after(1, Some(1e-3)), after(2, Some(1e-3)));
         }
     }
 
