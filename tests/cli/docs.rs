@@ -318,7 +318,7 @@ fn the_glossary_and_the_help_say_when_an_agent_is_stuck_as_the_domains_count_it(
         (
             "traffic/src/road_network/scenario.rs",
             "const STUCK_BELOW: f64 = 1.0 / 300.0;",
-            "over 5 minutes on average (scenarios)",
+            "over 5 minutes on average while cars wait (scenarios)",
         ),
         ("warehouse/src/lib.rs", "const STUCK_BELOW: f64 = 0.5;", "under 0.5 items an episode"),
     ] {

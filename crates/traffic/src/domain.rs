@@ -12,7 +12,7 @@ use crate::prepared::Prepared;
 use crate::road_network::Files;
 use crate::sim::control::SignalControl;
 use crate::sim::local_forest::rows_of;
-use crate::sim::tally::P_SWITCH;
+use crate::sim::tally::{P_SWITCH, WAIT_AT_RED};
 use crate::sim::visit_tables::VisitTables;
 use crate::{Traffic, light, task, watched};
 use dials_core::base::{AgentId, Seed};
@@ -198,10 +198,13 @@ impl Domain for Traffic {
     }
 
     fn stuck(&self, kind: &Kind, measures: &Measures) -> Vec<bool> {
-        let (_, shares) =
-            measures.per_agent.iter().find(|(name, _)| *name == P_SWITCH).expect("the traffic GS measures it");
-        let is_stuck =
-            |agent: &AgentId| (self.network.is_stuck)(shares[agent.0]) && !self.plan.agents[agent.0].may_rest();
+        let figure = |wanted: &str| Some(&measures.per_agent.iter().find(|(name, _)| name == wanted)?.1);
+        let shares = figure(P_SWITCH).expect("the traffic GS measures it");
+        let longest_s = figure(WAIT_AT_RED);
+        let is_stuck = |agent: &AgentId| {
+            let longest_s = longest_s.map_or(0.0, |longest_s| longest_s[agent.0]);
+            (self.network.is_stuck)(shares[agent.0], longest_s)
+        };
         kind.agents.iter().map(is_stuck).collect()
     }
 }

@@ -119,36 +119,11 @@ impl AgentPlan {
         has_priority(green) || self.letter(green, link) == b'g' && !(0..self.greens()).any(has_priority)
     }
 
-    /// Returns whether a green lets everybody go, also trams and people on foot. A light that keeps it makes nobody wait.
-    pub(crate) fn may_rest(&self) -> bool {
-        self.phases.greens().iter().any(|green| green.as_str().bytes().all(|letter| letter.eq_ignore_ascii_case(&b'g')))
-    }
-
     pub(crate) fn greens(&self) -> usize {
         self.phases.greens().len()
     }
 
     fn letter(&self, green: usize, link: usize) -> u8 {
         self.phases.greens()[green].as_str().as_bytes()[self.region.links[link].letter]
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use crate::agents::phase_plan::Choice;
-    use crate::controllers::examples::{crossing, phases};
-
-    #[test]
-    fn a_light_may_rest_in_a_green_that_lets_everybody_go() {
-        let mut light = crossing();
-        assert!(!light.may_rest());
-        let mut with = |green| {
-            light.phases = Arc::new(phases(&["GGrrr", green], Choice::Target));
-            light.may_rest()
-        };
-        assert!(with("ggGGG"));
-        assert!(!with("GGGGr"));
-        assert!(!with("GGGGs"));
     }
 }

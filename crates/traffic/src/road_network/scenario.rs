@@ -28,10 +28,12 @@ use dials_core::domain::{DomainTable, Kinds, RegionSpec, Result, RoughCosts, Sou
 /// Name of the copy that a run keeps.
 const KEPT_POLICY: &str = "any_light.safetensors";
 
-/// Share of switches per second of green below which an agent is stuck: its greens last for more than five minutes on
-/// average, so others wait for longer than any program makes them. Own programs and trained agents are at 0.02 to 0.1.
-/// A light that changes as often as it may is at 0.14, which may be right where few cars come.
+/// Share of switches per second of green below which an agent is stuck, if somebody has stood at red for longer than
+/// [`STUCK_WAIT_S`]: its greens last for more than five minutes on average. Own programs and trained agents are at 0.02 to 0.1.
+/// A light that changes as often as it may is at 0.14, which may be right where few cars come. One that keeps its green while
+/// nobody waits is right, too.
 const STUCK_BELOW: f64 = 1.0 / 300.0;
+const STUCK_WAIT_S: f64 = 300.0;
 
 pub(crate) struct ScenarioFiles {
     pub(crate) files: SumoScenario,
@@ -87,7 +89,7 @@ pub(crate) fn open(files: SumoScenario, config: &ScenarioConfig) -> Result<(Road
         warnings: files.guessed_programs().into_iter().chain(warnings(&roads)).chain(other_view).collect(),
         switch_bias: 0.0,
         is_random: files.dawdles(),
-        is_stuck: |p_switch| p_switch < STUCK_BELOW,
+        is_stuck: |p_switch, wait_s| p_switch < STUCK_BELOW && wait_s > STUCK_WAIT_S,
         rival: "program",
         files: Files::Scenario(Box::new(ScenarioFiles { files, derived, local: OnceLock::new(), any_light })),
     };

@@ -221,6 +221,7 @@ impl GlobalTraffic {
         self.eyes.second(&self.plan, &mut self.simulation)?;
         self.history.iter_mut().for_each(|history| history.note(&self.shown.now));
         self.tally.lights(&self.shown.before, &self.shown.now);
+        self.tally.waiting(&self.plan.agents, &self.shown.now, &self.eyes.approaches);
         self.tally.cars(&self.eyes.approaches.cars, &self.eyes.cars_before);
         self.tally.step(&mut self.simulation)?;
         let warm_up_s = self.network.warm_up_s as usize;

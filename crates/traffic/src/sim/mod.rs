@@ -7,13 +7,14 @@
 //!   their routes.
 //! - `lights`: the lights of a loaded net; `options`: SUMO's options.
 //! - `readings`: what the detectors of lights have seen. `watched`: all that is on the roads, for functions of the user.
-//! - [`tally`]: what every episode counts; `metrics`: what only evaluations measure, from SUMO's `trips`; `light_delays`: where
-//!   cars lose time.
+//! - [`tally`]: what every episode counts; `at_red`: how long cars stand at red. `metrics`: what only evaluations measure, from
+//!   SUMO's `trips`; `light_delays`: where cars lose time.
 //! - `route_file`: what an episode plays, where each plays one of several route files.
 //! - `picture`: pictures of the GS. [`recording`]: an episode recorded, on [`recorded_roads`]. [`replay`]: a recording as
 //!   files that SUMO plays; [`trace`]: a recording for pictures.
 
 pub(super) mod arriving;
+mod at_red;
 mod border;
 pub mod control;
 pub(crate) mod crossings;

@@ -1,12 +1,18 @@
 //! What the GS counts in every episode, also in training.
 
+use super::at_red::AtRed;
 use crate::agents::phase_plan::Shown;
+use crate::agents::plan::AgentPlan;
+use crate::cars_at::RowLanes;
 use crate::inflow::has_arrival;
 use dials_core::domain::{Measures, Result};
 use libsumo::{CarTable, Simulation};
 
 /// Name of the measure "share of the steps beginning with green in which the light was switched".
 pub(crate) const P_SWITCH: &str = "p_switch_given_green";
+
+/// Name of the measure "longest time that somebody stood before a red light of an agent, in seconds", of scenarios only.
+pub(crate) const WAIT_AT_RED: &str = "longest_wait_at_red_s";
 
 /// Name of the measure "cars on the approaches of a light", of scenarios only.
 pub(crate) const CARS_PER_LIGHT: &str = "cars_per_light";
@@ -15,6 +21,8 @@ pub(crate) const CARS_PER_LIGHT: &str = "cars_per_light";
 pub(crate) struct Tally {
     /// Number of steps that began with green, and number of those in which it ended, per agent.
     greens: Vec<(u64, u64)>,
+    /// One per agent, in scenarios.
+    at_red: Vec<AtRed>,
     steps: u64,
     car_steps: u64,
     speed_sum_mps: f64,
@@ -31,13 +39,20 @@ pub(crate) struct Tally {
 
 impl Tally {
     pub(crate) fn new(agents: usize, emergency_decel_mps2: Option<f64>) -> Self {
-        Tally { greens: vec![(0, 0); agents], emergency_decel_mps2, ..Tally::default() }
+        let at_red = vec![AtRed::default(); if emergency_decel_mps2.is_none() { agents } else { 0 }];
+        Tally { greens: vec![(0, 0); agents], at_red, emergency_decel_mps2, ..Tally::default() }
     }
 
     pub(crate) fn lights(&mut self, before: &[Shown], now: &[Shown]) {
         for ((greens, switches), (before, now)) in self.greens.iter_mut().zip(before.iter().zip(now)) {
             *greens += u64::from(before.is_green());
             *switches += u64::from(before.is_green() && now != before);
+        }
+    }
+
+    pub(crate) fn waiting(&mut self, agents: &[AgentPlan], now: &[Shown], approaches: &RowLanes) {
+        for (row, (at_red, (agent, &shown))) in self.at_red.iter_mut().zip(agents.iter().zip(now)).enumerate() {
+            at_red.note(agent, shown, approaches.at(row));
         }
     }
 
@@ -87,9 +102,11 @@ impl Tally {
             system.push((CARS_PER_LIGHT, self.car_steps as f64 / light_steps.max(1) as f64));
         }
         let shares = self.greens.iter().map(|&(greens, switches)| switches as f64 / greens.max(1) as f64);
-        Measures {
-            per_agent: vec![(P_SWITCH.to_owned(), shares.collect())],
-            system: system.into_iter().map(|(name, value)| (name.to_owned(), value)).collect(),
+        let mut per_agent = vec![(P_SWITCH.to_owned(), shares.collect())];
+        if self.is_scenario() {
+            let longest = self.at_red.iter().map(|at_red| f64::from(at_red.longest_s()));
+            per_agent.push((WAIT_AT_RED.to_owned(), longest.collect()));
         }
+        Measures { per_agent, system: system.into_iter().map(|(name, value)| (name.to_owned(), value)).collect() }
     }
 }
