@@ -59,6 +59,93 @@ impl RowByMatrix<'_> {
     }
 }
 
+/// Computes `out = rows x matrix`, or `out += rows x matrix`, for 2 to [`FEW_ROWS`] rows, as when each network has the inputs of a few
+/// copies. Every number of the matrix is read once. It adds up one after the other, as `gemm` does here.
+pub(crate) struct RowsByMatrix<'a> {
+    /// `[count, depth]`
+    pub(crate) rows: &'a [f32],
+    pub(crate) count: usize,
+    /// `[depth, columns]`
+    pub(crate) matrix: &'a [f32],
+    /// `[count, columns]`
+    pub(crate) out: &'a mut [f32],
+    pub(crate) adds: bool,
+}
+
+impl WithSimd for RowsByMatrix<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(mut self, simd: S) {
+        match self.count {
+            2 => self.all::<S, 2, 4>(simd),
+            3 => self.all::<S, 3, 4>(simd),
+            4 => self.all::<S, 4, 2>(simd),
+            5 => self.all::<S, 5, 2>(simd),
+            6 => self.all::<S, 6, 2>(simd),
+            count => unreachable!("{count} rows are not few"),
+        }
+    }
+}
+
+impl RowsByMatrix<'_> {
+    /// Computes the product of `ROWS` rows, `LANES` registers of columns at once.
+    #[inline(always)]
+    fn all<S: Simd, const ROWS: usize, const LANES: usize>(&mut self, simd: S) {
+        let columns = self.out.len() / ROWS;
+        let mut column = 0;
+        while column + LANES * S::F32_LANES <= columns {
+            self.tile::<S, ROWS, LANES, true>(simd, column, LANES * S::F32_LANES);
+            column += LANES * S::F32_LANES;
+        }
+        while column < columns {
+            let width = S::F32_LANES.min(columns - column);
+            self.tile::<S, ROWS, 1, false>(simd, column, width);
+            column += width;
+        }
+    }
+
+    /// Computes `width` columns from `column` on: `LANES` registers of them, or, if not `WHOLE`, a part of one. The sums stay in
+    /// registers.
+    #[inline(always)]
+    fn tile<S: Simd, const ROWS: usize, const LANES: usize, const WHOLE: bool>(
+        &mut self,
+        simd: S,
+        column: usize,
+        width: usize,
+    ) {
+        let load = |values: &[f32]| -> [S::f32s; LANES] {
+            let whole = S::as_simd_f32s(values).0;
+            std::array::from_fn(|lane| if WHOLE { whole[lane] } else { simd.partial_load_f32s(values) })
+        };
+        let (depth, columns) = (self.rows.len() / ROWS, self.out.len() / ROWS);
+        let rows: [&[f32]; ROWS] = std::array::from_fn(|row| &self.rows[row * depth..][..depth]);
+        let mut sums = [[simd.splat_f32s(0.0); LANES]; ROWS];
+        for (k, weights) in self.matrix.chunks_exact(columns).enumerate() {
+            let weights = load(&weights[column..column + width]);
+            for (sums, row) in sums.iter_mut().zip(rows) {
+                let x = simd.splat_f32s(row[k]);
+                sums.iter_mut().zip(weights).for_each(|(sum, weight)| *sum = simd.mul_add_f32s(x, weight, *sum));
+            }
+        }
+        for (row, sums) in sums.into_iter().enumerate() {
+            let out = &mut self.out[row * columns + column..][..width];
+            let before = if self.adds { load(out) } else { [simd.splat_f32s(0.0); LANES] };
+            let after: [S::f32s; LANES] =
+                std::array::from_fn(
+                    |lane| {
+                        if self.adds { simd.add_f32s(before[lane], sums[lane]) } else { sums[lane] }
+                    },
+                );
+            if WHOLE {
+                S::as_mut_simd_f32s(out).0.copy_from_slice(&after);
+            } else {
+                simd.partial_store_f32s(out, after[0]);
+            }
+        }
+    }
+}
+
 /// Computes `out = left x right^T`: every number is the dot product of two rows.
 ///
 /// It serves the gradient through the state weight of a GRU, for the few sequences of a minibatch.

@@ -48,7 +48,7 @@ use std::ops::Range;
 
 use gemm_common::Parallelism;
 
-use super::few_rows::{DotProducts, FEW_ROWS, RowByMatrix};
+use super::few_rows::{DotProducts, FEW_ROWS, RowByMatrix, RowsByMatrix};
 use super::vectors::{VectorWidth, dispatch, vector_width};
 
 /// Largest inner dimension of one call of `gemm`, which adds up that many numbers in one go. `gemm` cuts longer ones by
@@ -118,6 +118,16 @@ pub(crate) fn multiply_with(
             out.fill(0.0);
         }
         return dispatch(width, RowByMatrix { row: left.values, matrix: right.values, out });
+    }
+    // `gemm` rounds otherwise with a depth of 2, and cuts a longer one than `DEPTH`; it adds up a single column across registers.
+    if (2..=FEW_ROWS).contains(&rows)
+        && !left.transposed
+        && !right.transposed
+        && columns > 1
+        && (3..=DEPTH).contains(&depth)
+    {
+        let adds = before == Before::Add;
+        return dispatch(width, RowsByMatrix { rows: left.values, count: rows, matrix: right.values, out, adds });
     }
     // Also once if there is nothing to add up: the result is zeros.
     for first in (0..depth.max(1)).step_by(DEPTH) {
