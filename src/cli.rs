@@ -25,8 +25,8 @@ const MOST_ROWS: u64 = 10_000;
 /// Longest patience in seconds.
 const A_YEAR_S: u64 = 365 * 24 * 3600;
 /// The definition in the glossary. A test compares them, and the limits with those of the domains.
-pub const STUCK: &str = "A stuck light switches in over 75 % of green steps (grids), or its greens last over 5 minutes on \
-                         average while cars wait (scenarios). A stuck robot collects under 0.5 items an episode.";
+pub const STUCK: &str = "A stuck light switches in over 75 % of green steps (grids); or greens last over 5 minutes on \
+                         average, and cars wait over 4 (scenarios). A stuck robot collects under 0.5 items an episode.";
 
 /// Multi-agent traffic-light control with distributed influence-augmented local simulators (DIALS) on SUMO.
 ///

@@ -26,11 +26,12 @@ pub(crate) struct DatasetsRequest {
     pub run: Option<PathBuf>,
 }
 
-/// Returns the number of episodes whose tables fit into the free memory. Each table is there twice: here and as shared memory.
+/// Returns the number of episodes whose tables fit into the free memory at best. Each table is there three times: here, as the image
+/// and as shared memory.
 fn most_episodes(kinds: &Kinds) -> usize {
     let per_step = |spec: &RegionSpec| spec.d_set_dim * size_of::<f32>() + spec.sources.count();
     let per_episode = kinds.specs().map(|spec| spec.horizon * per_step(spec)).sum::<usize>();
-    free_bytes() / (2 * per_episode).max(1)
+    free_bytes() / (3 * per_episode).max(1)
 }
 
 /// Datasets of all agents, in the memory.

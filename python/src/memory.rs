@@ -19,7 +19,7 @@ const ALIGNMENT: usize = 64;
 /// Memory of a machine that does not say how much is free, in MiB.
 const UNKNOWN_FREE_MIB: u64 = 1 << 20;
 
-/// Returns the memory that the tables of an answer can have at most.
+/// Returns the free memory of the machine, in bytes.
 pub(crate) fn free_bytes() -> usize {
     let free = free_memory_mib().unwrap_or(UNKNOWN_FREE_MIB) << 20;
     usize::try_from(free).unwrap_or(usize::MAX)

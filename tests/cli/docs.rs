@@ -315,11 +315,8 @@ fn the_glossary_and_the_help_say_when_an_agent_is_stuck_as_the_domains_count_it(
     assert_eq!(row, cli::STUCK);
     for (file, limit, words) in [
         ("traffic/src/road_network/mod.rs", "const STUCK_ABOVE: f64 = 0.75;", "over 75 % of green steps (grids)"),
-        (
-            "traffic/src/road_network/scenario.rs",
-            "const STUCK_BELOW: f64 = 1.0 / 300.0;",
-            "over 5 minutes on average while cars wait (scenarios)",
-        ),
+        ("traffic/src/road_network/scenario.rs", "const STUCK_BELOW: f64 = 1.0 / 300.0;", "over 5 minutes on average"),
+        ("traffic/src/road_network/scenario.rs", "const STUCK_WAIT_S: f64 = 240.0;", "cars wait over 4 (scenarios)"),
         ("warehouse/src/lib.rs", "const STUCK_BELOW: f64 = 0.5;", "under 0.5 items an episode"),
     ] {
         assert!(read(&format!("crates/{file}")).contains(limit) && row.contains(words), "{file}: {limit} and {row}");

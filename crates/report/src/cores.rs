@@ -36,7 +36,7 @@ impl ByCores {
         let mut updates = Vec::new();
         let config = &runs.first()?.config;
         let learning = &config.learning;
-        // A shared policy has only one learner.
+        // A shared policy has only one learner. That two threads may take a tower each of it is left out.
         let learners = if learning.shares_policies() { 1 } else { agents };
         for run in &runs {
             let time = run.time_at(steps)?;

@@ -13,7 +13,8 @@ use super::{Parameters, Rows, States, Threads};
 /// Smallest number of networks for which several threads pay (about 4 us per network).
 const NETWORKS_WORTH_THREADS: usize = 32;
 
-/// Most rows that networks with the same parameters take at once. A product with one column adds up in another order above 256.
+/// Most rows that networks with the same parameters take at once. With more than 256 rows, a product with one column adds up in another
+/// order (the test `order_of_sums`).
 const ROWS_AT_ONCE: usize = 128;
 
 /// Networks of the same [`Shape`] side by side, each with its own parameters.
@@ -24,7 +25,7 @@ pub struct Stack {
     shape: Shape,
     parameters: Parameters,
     threads: Threads,
-    /// Whether all networks have the parameters of the first.
+    /// Whether all networks promise to have the parameters of the first when they run.
     alike: bool,
 }
 
@@ -200,6 +201,9 @@ impl Stack {
         // A single row of a network has another order of sums than two. Over sets, a row is many.
         let can_join = self.alike && copies > 1 && self.shape.sets.is_none();
         let joined = if can_join { (ROWS_AT_ONCE / copies).max(1) } else { 1 };
+        let parameters = self.parameters.values();
+        let are_alike = || (1..parameters.len()).all(|number| parameters.row(number) == parameters.row(0));
+        debug_assert!(joined == 1 || are_alike(), "the promise of `keep_alike`");
         let mut out = Rows::new(inputs.len(), outputs);
         let starts = vec![false; joined * copies];
         let work = |trace: &mut Trace, (number, inputs, out, states): (usize, &[f32], &mut [f32], &mut [f32])| {
@@ -217,7 +221,8 @@ impl Stack {
             rest = others;
             items.push((number * joined, inputs, out, states));
         }
-        threads.map(items, NETWORKS_WORTH_THREADS, work);
+        let worth = if networks >= NETWORKS_WORTH_THREADS { 2 } else { usize::MAX };
+        threads.map(items, worth, work);
         out
     }
 }

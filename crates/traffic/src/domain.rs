@@ -9,7 +9,7 @@ use anyhow::{bail, ensure};
 use crate::any_light::AnyLight;
 use crate::controllers::{self, ANY_LIGHT, HandCoded};
 use crate::prepared::Prepared;
-use crate::road_network::Files;
+use crate::road_network::{Changes, Files};
 use crate::sim::control::SignalControl;
 use crate::sim::local_forest::rows_of;
 use crate::sim::tally::{P_SWITCH, WAIT_AT_RED};
@@ -198,12 +198,14 @@ impl Domain for Traffic {
     }
 
     fn stuck(&self, kind: &Kind, measures: &Measures) -> Vec<bool> {
-        let figure = |wanted: &str| Some(&measures.per_agent.iter().find(|(name, _)| name == wanted)?.1);
+        let figure =
+            |wanted: &str| measures.per_agent.iter().find(|(name, _)| name == wanted).map(|(_, values)| values);
         let shares = figure(P_SWITCH).expect("the traffic GS measures it");
         let longest_s = figure(WAIT_AT_RED);
+        assert_eq!(longest_s.is_none(), self.plan.borders.is_empty(), "the GS of a scenario measures it");
         let is_stuck = |agent: &AgentId| {
-            let longest_s = longest_s.map_or(0.0, |longest_s| longest_s[agent.0]);
-            (self.network.is_stuck)(shares[agent.0], longest_s)
+            let longest_wait_s = longest_s.map_or(0.0, |longest_s| longest_s[agent.0]);
+            (self.network.is_stuck)(Changes { p_switch: shares[agent.0], longest_wait_s })
         };
         kind.agents.iter().map(is_stuck).collect()
     }

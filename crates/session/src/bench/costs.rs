@@ -18,8 +18,8 @@ use dials_learn::config::Simulator;
 /// What happens in the lanes of a worker, which may be at work at the same time.
 const IN_LANES: [Phase; 6] =
     [Phase::Reset, Phase::Insertion, Phase::SimulatorStep, Phase::Reading, Phase::Acting, Phase::AipSampling];
-/// What learners do, which may be at work at the same time, too.
-const IN_LEARNERS: [Phase; 4] = [Phase::Bookkeeping, Phase::Forward, Phase::Backward, Phase::Adam];
+/// What learners do, which may be at work at the same time. So are minibatches gathered, but the phase has more than that.
+const IN_LEARNERS: [Phase; 3] = [Phase::Forward, Phase::Backward, Phase::Adam];
 const SIMULATING: [Phase; 3] = [Phase::Insertion, Phase::SimulatorStep, Phase::Reading];
 /// Our work around a simulator's own step.
 const AROUND: [Phase; 2] = [Phase::Insertion, Phase::Reading];
@@ -295,8 +295,8 @@ impl SimulatorCosts {
     }
 }
 
-/// Number of cores that one worker uses, if it learns for all: its own and those of the others, which wait. Its times are those of
-/// the wall.
+/// Cores at work in the lanes and in the learners of the one worker that learns for all, on its own core and on those of the others,
+/// which wait; 1 otherwise. Its times are those of the wall, as if all of these cores were at work all the time.
 #[derive(Clone, Copy)]
 struct AtOnce {
     lanes: f64,
@@ -315,10 +315,12 @@ impl AtOnce {
     }
 
     fn cores(self, phase: Phase) -> f64 {
-        match () {
-            () if IN_LANES.contains(&phase) => self.lanes,
-            () if IN_LEARNERS.contains(&phase) => self.learners,
-            () => 1.0,
+        if IN_LANES.contains(&phase) {
+            self.lanes
+        } else if IN_LEARNERS.contains(&phase) {
+            self.learners
+        } else {
+            1.0
         }
     }
 }

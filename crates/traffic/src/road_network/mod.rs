@@ -79,10 +79,17 @@ pub(crate) struct RoadNetwork {
     pub(crate) switch_bias: f32,
     /// Whether cars dawdle at random. The speed factors of cars do not count.
     pub(crate) is_random: bool,
-    /// Returns whether an agent is stuck that ends this share of its green steps, and before whose red light somebody has stood for
-    /// this number of seconds.
-    pub(crate) is_stuck: fn(f64, f64) -> bool,
+    pub(crate) is_stuck: fn(Changes) -> bool,
     pub(crate) rival: &'static str,
+}
+
+/// How often an agent changes its light, in the mean of some episodes.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Changes {
+    /// Share of its green steps that it ends.
+    pub(crate) p_switch: f64,
+    /// Longest time that somebody stood at its red, in seconds; 0 on grids.
+    pub(crate) longest_wait_s: f64,
 }
 
 pub(crate) enum Files {
@@ -305,7 +312,7 @@ pub(crate) fn open_grid(config: &TrafficConfig) -> Result<(RoadNetwork, JointPla
         // always.
         switch_bias: config.initial_switch_bias,
         is_random: false,
-        is_stuck: |p_switch, _| p_switch > STUCK_ABOVE,
+        is_stuck: |changes| changes.p_switch > STUCK_ABOVE,
         rival: "actuated",
         files: Files::Grid(Box::new(GridFiles { grid, network, local_network, config: config.clone() })),
     };

@@ -6,7 +6,7 @@ use std::sync::{Arc, OnceLock};
 
 use anyhow::Context;
 
-use super::{Files, RoadNetwork};
+use super::{Changes, Files, RoadNetwork};
 use crate::agents::derive::border::Seconds;
 use crate::agents::derive::keeping::sentences;
 use crate::agents::derive::padding::{InfluencePadding, Padding};
@@ -28,12 +28,18 @@ use dials_core::domain::{DomainTable, Kinds, RegionSpec, Result, RoughCosts, Sou
 /// Name of the copy that a run keeps.
 const KEPT_POLICY: &str = "any_light.safetensors";
 
-/// Share of switches per second of green below which an agent is stuck, if somebody has stood at red for longer than
-/// [`STUCK_WAIT_S`]: its greens last for more than five minutes on average. Own programs and trained agents are at 0.02 to 0.1.
-/// A light that changes as often as it may is at 0.14, which may be right where few cars come. One that keeps its green while
-/// nobody waits is right, too.
+/// Share of switches per second of green below which an agent may be stuck: its greens last for more than five minutes on
+/// average. Own programs and trained agents are at 0.02 to 0.1. A light that changes as often as it may is at 0.14, which may be right
+/// where few cars come.
 const STUCK_BELOW: f64 = 1.0 / 300.0;
-const STUCK_WAIT_S: f64 = 300.0;
+
+/// Seconds for which somebody must have stood at its red, too, in the mean of the episodes. A light that keeps its green while nobody
+/// waits is right. After 300 s SUMO takes a car away that stands, unless the scenario says otherwise.
+const STUCK_WAIT_S: f64 = 240.0;
+
+fn is_stuck(changes: Changes) -> bool {
+    changes.p_switch < STUCK_BELOW && changes.longest_wait_s > STUCK_WAIT_S
+}
 
 pub(crate) struct ScenarioFiles {
     pub(crate) files: SumoScenario,
@@ -89,7 +95,7 @@ pub(crate) fn open(files: SumoScenario, config: &ScenarioConfig) -> Result<(Road
         warnings: files.guessed_programs().into_iter().chain(warnings(&roads)).chain(other_view).collect(),
         switch_bias: 0.0,
         is_random: files.dawdles(),
-        is_stuck: |p_switch, wait_s| p_switch < STUCK_BELOW && wait_s > STUCK_WAIT_S,
+        is_stuck,
         rival: "program",
         files: Files::Scenario(Box::new(ScenarioFiles { files, derived, local: OnceLock::new(), any_light })),
     };
@@ -171,5 +177,18 @@ impl ScenarioFiles {
             name: self.files.path().display().to_string(),
         };
         self.local.get_or_init(|| Arc::new(parts())).clone()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_light_is_stuck_if_it_hardly_changes_and_somebody_waits() {
+        let stuck = |p_switch, longest_wait_s| is_stuck(Changes { p_switch, longest_wait_s });
+        assert!(stuck(0.001, 300.0));
+        assert!(!stuck(0.001, 60.0), "it rests while nobody waits for long");
+        assert!(!stuck(0.02, 900.0), "it changes, but a jam holds a car");
     }
 }

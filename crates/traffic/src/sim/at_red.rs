@@ -7,7 +7,7 @@ use crate::cars_at::CarsAt;
 /// The longest time that somebody has stood before the red light of an agent, in an episode.
 #[derive(Clone, Debug, Default)]
 pub(super) struct AtRed {
-    /// Seconds since the lane of each approach had green or nobody stood on it.
+    /// Seconds for which somebody has stood on the lane of each approach without green.
     standing_s: Vec<u32>,
     longest_s: u32,
 }

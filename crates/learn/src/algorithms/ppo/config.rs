@@ -129,7 +129,8 @@ impl Default for PpoConfig {
 }
 
 impl PpoConfig {
-    /// Whether policy and value learn without each other where they have layers of their own: no limit is for both.
+    /// Whether policy and value learn without each other where they have layers of their own: no limit on the length of the gradient
+    /// joins them.
     pub fn towers_learn_alone(&self) -> bool {
         self.max_gradient_norm.is_none()
     }

@@ -5,7 +5,6 @@
 //! learns as if alone.
 
 use std::ops::Range;
-use std::sync::Arc;
 use std::time::Instant;
 
 use rand::seq::SliceRandom;
@@ -64,7 +63,8 @@ pub struct Settings<'a> {
 ///
 /// `dice`: one per agent, for its minibatches. Every agent makes all of its gradient steps before the next agent
 /// begins. If the policies are shared, the first agent learns from the samples of all agents, in minibatches of the
-/// same size, and the others copy its policy and its optimiser. Then two threads take a tower each, if there are two.
+/// same size, and the others copy its policy and its optimiser. If policy and value are towers of their own, and no limit joins
+/// their gradients, two threads train one of them each, with the same bits.
 pub fn update(
     policies: &mut PolicyStack,
     adam: &mut Adam,
@@ -81,9 +81,8 @@ pub fn update(
     let apart = settings.shared && threads.count() > 1 && settings.ppo.towers_learn_alone();
     let learners = policies.learners(adam, steps as u32);
     let mut tasks = Vec::new();
-    for (agent, (learner, dice)) in learners.into_iter().zip(dice).enumerate().take(learning) {
+    for (agent, (learner, dice)) in learners.into_iter().zip(&*dice).enumerate().take(learning) {
         let agents = agent..agent + taught;
-        let order = Arc::new(order(memory, agents.clone(), settings.ppo, dice));
         let towers = if apart { learner.towers() } else { vec![learner] };
         let outputs = if towers.len() > 1 { &[Outputs::Logits, Outputs::Value][..] } else { &[Outputs::All] };
         let (mut parameters, mut states) = (0, 0);
@@ -92,23 +91,17 @@ pub fn update(
             let only = only.as_deref().map(|only| &only[parameters..parameters + width]);
             let states_of = states..states + state_width;
             (parameters, states) = (parameters + width, states + state_width);
-            tasks.push(Task {
-                learner,
-                outputs,
-                states: states_of,
-                agents: agents.clone(),
-                order: order.clone(),
-                only,
-            });
+            tasks.push(Task { learner, outputs, states: states_of, agents: agents.clone(), dice: dice.clone(), only });
         }
     }
     let begun = Instant::now();
-    let done =
-        threads.map(tasks, 2, |room: &mut UpdateBuffers, task| (task.agents.start, room.learn(task, memory, settings)));
+    let done = threads.map(tasks, 2, |room: &mut UpdateBuffers, task| room.learn(task, memory, settings));
     let (mut phases, mut losses) = (Stopwatch::default(), vec![Losses::default(); learning]);
-    for (agent, (of_task, spent)) in &done {
-        losses[*agent].add(of_task, 1.0);
-        phases.add(spent);
+    for Done { agent, losses: of_task, spent, dice: after } in done {
+        losses[agent].add(&of_task, 1.0);
+        phases.add(&spent);
+        // Towers of one network draw the same.
+        dice[agent] = after;
     }
     watch.add(&phases.scaled_to(begun.elapsed()));
     if settings.shared {
@@ -116,17 +109,6 @@ pub fn update(
         adam.spread_first();
     }
     losses.into_iter().flat_map(|losses| vec![losses; taught]).collect()
-}
-
-/// Returns the minibatches of all epochs, one after another: pairs of an agent and the number of its sequence.
-fn order(memory: &Memory, agents: Range<usize>, ppo: &PpoConfig, dice: &mut Dice) -> Vec<(usize, usize)> {
-    let mut order: Vec<(usize, usize)> =
-        agents.flat_map(|agent| (0..memory.sequences()).map(move |sequence| (agent, sequence))).collect();
-    let epoch = |_| {
-        order.shuffle(dice);
-        order.clone()
-    };
-    (0..ppo.epochs).flat_map(epoch).collect()
 }
 
 /// All gradient steps of a learner, or of one tower of it.
@@ -138,9 +120,21 @@ struct Task<'a> {
     states: Range<usize>,
     /// Those whose memories it learns from.
     agents: Range<usize>,
-    order: Arc<Vec<(usize, usize)>>,
+    /// For its minibatches.
+    dice: Dice,
     /// Which parameters change; `None` for all.
     only: Option<&'a [bool]>,
+}
+
+/// What came of a task.
+struct Done {
+    /// The first agent of the task.
+    agent: usize,
+    /// Means over all gradient steps.
+    losses: Losses,
+    spent: Stopwatch,
+    /// As it is after all minibatches.
+    dice: Dice,
 }
 
 #[derive(Default)]
@@ -152,9 +146,9 @@ struct UpdateBuffers {
 }
 
 impl UpdateBuffers {
-    /// Makes all gradient steps of a task. Returns the mean losses.
-    fn learn(&mut self, task: Task<'_>, memory: &Memory, settings: Settings<'_>) -> (Losses, Stopwatch) {
-        let Task { mut learner, outputs, states, agents, order, only } = task;
+    /// Makes all gradient steps of a task.
+    fn learn(&mut self, task: Task<'_>, memory: &Memory, settings: Settings<'_>) -> Done {
+        let Task { mut learner, outputs, states, agents, mut dice, only } = task;
         let Settings { ppo, units, decayed, .. } = settings;
         let unit = units.of(agents.start);
         let clip = decayed.clip as f32;
@@ -173,32 +167,37 @@ impl UpdateBuffers {
             NormaliseAdvantages::Memory => Some(Spread::of(advantages)),
             NormaliseAdvantages::No => Some(Spread { mean: 0.0, deviation: unit.spread }),
         };
-        for sequences in order.chunks_exact(ppo.minibatch / memory.length) {
-            watch.time(Phase::Bookkeeping, || {
-                minibatch.gather(memory, sequences, states.clone());
-                minibatch.bring_to(unit, spread);
-            });
-            watch.time(Phase::Forward, || {
-                learner.network().forward(&minibatch.obs, minibatch.sequences(), trace);
-                gradient.resize(trace.output().len(), 0.0);
-                let put_out = (outputs, trace.output());
-                let of_batch = loss_and_gradient(put_out, &minibatch.masks, &minibatch.samples, weights, gradient);
-                losses.add(&of_batch, 1.0 / gradient_steps as f64);
-            });
-            watch.time(Phase::Backward, || learner.network().backward(gradient, trace));
-            if let Some(only) = only {
-                // Without a gradient Adam leaves a parameter as it is.
-                let frozen = trace.gradient_mut().iter_mut().zip(only).filter(|(_, learns)| !**learns);
-                frozen.for_each(|(slope, _)| *slope = 0.0);
+        let mut order: Vec<(usize, usize)> =
+            agents.clone().flat_map(|agent| (0..memory.sequences()).map(move |sequence| (agent, sequence))).collect();
+        for _ in 0..ppo.epochs {
+            order.shuffle(&mut dice);
+            for sequences in order.chunks_exact(ppo.minibatch / memory.length) {
+                watch.time(Phase::Bookkeeping, || {
+                    minibatch.gather(memory, sequences, states.clone());
+                    minibatch.bring_to(unit, spread);
+                });
+                watch.time(Phase::Forward, || {
+                    learner.network().forward(&minibatch.obs, minibatch.sequences(), trace);
+                    gradient.resize(trace.output().len(), 0.0);
+                    let put_out = (outputs, trace.output());
+                    let of_batch = loss_and_gradient(put_out, &minibatch.masks, &minibatch.samples, weights, gradient);
+                    losses.add(&of_batch, 1.0 / gradient_steps as f64);
+                });
+                watch.time(Phase::Backward, || learner.network().backward(gradient, trace));
+                if let Some(only) = only {
+                    // Without a gradient Adam leaves a parameter as it is.
+                    let frozen = trace.gradient_mut().iter_mut().zip(only).filter(|(_, learns)| !**learns);
+                    frozen.for_each(|(slope, _)| *slope = 0.0);
+                }
+                if let Some(most) = ppo.max_gradient_norm {
+                    watch.time(Phase::Backward, || trace.shorten_gradient(most));
+                }
+                watch.time(Phase::Adam, || learner.descend(trace.gradient(), decayed.learning_rate));
             }
-            if let Some(most) = ppo.max_gradient_norm {
-                watch.time(Phase::Backward, || trace.shorten_gradient(most));
-            }
-            watch.time(Phase::Adam, || learner.descend(trace.gradient(), decayed.learning_rate));
         }
         // Reports have the unit of the reward.
         losses.value *= f64::from(unit.spread).powi(2);
-        (losses, watch)
+        Done { agent: agents.start, losses, spent: watch, dice }
     }
 }
 
@@ -215,7 +214,7 @@ struct Minibatch {
 }
 
 impl Minibatch {
-    /// Copies sequences of the memory: pairs of an agent and the number of its sequence; and these columns of their states.
+    /// Copies sequences of the memory: pairs of an agent and the number of its sequence. `columns`: those of the states to copy.
     fn gather(&mut self, memory: &Memory, sequences: &[(usize, usize)], columns: Range<usize>) {
         self.length = memory.length;
         self.obs.clear();
