@@ -130,13 +130,10 @@ impl RowsByMatrix<'_> {
         }
         for (row, sums) in sums.into_iter().enumerate() {
             let out = &mut self.out[row * columns + column..][..width];
-            let before = if self.adds { load(out) } else { [simd.splat_f32s(0.0); LANES] };
-            let after: [S::f32s; LANES] =
-                std::array::from_fn(
-                    |lane| {
-                        if self.adds { simd.add_f32s(before[lane], sums[lane]) } else { sums[lane] }
-                    },
-                );
+            let mut after = sums;
+            if self.adds {
+                after.iter_mut().zip(load(out)).for_each(|(sum, before)| *sum = simd.add_f32s(before, *sum));
+            }
             if WHOLE {
                 S::as_mut_simd_f32s(out).0.copy_from_slice(&after);
             } else {

@@ -364,8 +364,8 @@ impl LaneSets {
     }
 }
 
-/// Returns whether at least so many cars stand on a lane with these features. It is never true where only a part of the cars is seen,
-/// because their number is then a guess.
+/// Returns whether a lane has a queue of this length, in [`CARS`], by its features. Where only a part of the cars is seen, the queue is a
+/// guess, and the answer is no.
 fn shows_queue(lane: &[f32], cars: f32) -> bool {
     lane[4] >= cars && lane[NOT_SEEN] == 0.0
 }

@@ -380,9 +380,9 @@ impl Config {
         self.predictor_in_use() == Some(Predictor::Outside)
     }
 
-    /// Returns how many cores can be at work at most while this number of agents acts in training: one for each of them, for each copy of the
-    /// GS, or for each lane of local simulators whose agents share a policy. `foreign`: whether simulators are processes of
-    /// their own. Native ones of the GS, and of a shared policy, are all in one thread.
+    /// Returns how many cores can be at work at most while this number of agents acts in training: one for each of them, for each
+    /// copy of the GS, or for each lane of local simulators whose agents share a policy. `foreign`: whether simulators are
+    /// processes of their own. Native ones of the GS, and of a shared policy, are all in one thread.
     pub fn most_at_work(&self, agents: usize, foreign: bool) -> usize {
         match self.simulator {
             _ if !foreign && self.learns_at_one_place() => 1,

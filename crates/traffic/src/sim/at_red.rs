@@ -22,9 +22,10 @@ impl AtRed {
     pub(super) fn note(&mut self, agent: &AgentPlan, shown: Shown, cars: CarsAt<'_>) {
         self.standing_s.resize(agent.region.approaches.len(), 0);
         for (approach, (lane, standing_s)) in agent.region.approaches.iter().zip(&mut self.standing_s).enumerate() {
-            let is_red = shown.green().is_none_or(|green| !agent.serves(green, approach));
+            let is_red = || shown.green().is_none_or(|green| !agent.serves(green, approach));
             let has_green = || (0..agent.greens()).any(|green| agent.serves(green, approach));
-            let waits = is_red && lane.ahead_m == 0.0 && cars.lane(approach).halting() > 0 && has_green();
+            // Most lanes have nobody who stands, so the greens are asked last.
+            let waits = lane.ahead_m == 0.0 && cars.lane(approach).halting() > 0 && is_red() && has_green();
             *standing_s = if waits { *standing_s + 1 } else { 0 };
             self.longest_s = self.longest_s.max(*standing_s);
         }

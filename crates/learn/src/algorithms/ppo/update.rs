@@ -133,7 +133,7 @@ struct Done {
     /// Means over all gradient steps.
     losses: Losses,
     spent: Stopwatch,
-    /// As it is after all minibatches.
+    /// The dice after the last minibatch was drawn.
     dice: Dice,
 }
 
