@@ -127,6 +127,7 @@ fn as_json(described: &Described) -> Value {
             "final_episodes": work.final_episodes,
             "aip_trainings": work.retrainings,
             "dataset_episodes": work.dataset_episodes,
+            "first_dataset_episodes": work.first_dataset_episodes,
             "aip_epochs": work.epochs,
         },
         "cost": {
@@ -238,16 +239,20 @@ fn run(text: &mut Listing, Described { config, domain, work, .. }: &Described) {
     text.line(format_args!("  {evaluations} of {each} on the way, one of {last} at the end"));
     if work.retrainings > 0 {
         let (trainings, epochs) = (counted(work.retrainings, "training"), counted(work.epochs, "epoch"));
-        let episodes = counted(work.dataset_episodes, "episode");
         // A step of SUMO's is a second of the demand.
-        let seconds = work.dataset_episodes * work.horizon * domain.simulator_steps_per_timestep();
-        let demand = match domain.foreign_simulator() {
-            Some(_) => format!(" ({:.1} hours of demand)", seconds as f64 / 3600.0),
+        let seconds = work.horizon * domain.simulator_steps_per_timestep();
+        let demand = |episodes: usize| match domain.foreign_simulator() {
+            Some(_) => format!(" ({:.1} hours of demand)", (episodes * seconds) as f64 / 3600.0),
             None => String::new(),
         };
-        text.paragraph(format_args!(
-            "  {trainings} of the predictors, each on {episodes} of the global simulator{demand}, {epochs}"
-        ));
+        let (first, later) = (work.first_dataset_episodes, work.dataset_episodes);
+        let on_first = format!("on {} of the global simulator{}", counted(first, "episode"), demand(first));
+        let on = match work.retrainings {
+            1 => on_first,
+            _ if first == later => format!("each {on_first}"),
+            _ => format!("the first {on_first}, each later one on {later}{}", demand(later)),
+        };
+        text.paragraph(format_args!("  {trainings} of the predictors, {on}, {epochs}"));
     }
     text.line("  the policies are left in policies.safetensors");
     if let Some(DomainConfig::Traffic(TrafficTable::Scenario(_))) = &config.domain {

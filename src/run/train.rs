@@ -320,7 +320,7 @@ fn workers(asked: Option<usize>, config: &RunConfig, agents: usize) -> usize {
         return asked.unwrap_or(1).min(1);
     }
     let imitated = learning.policy.imitate.as_ref().map_or(0, |_| learning.imitation.episodes(config.horizon()));
-    let datasets = learning.dataset_episodes(config.horizon());
+    let datasets = learning.dataset_episodes(config.horizon()).max(learning.first_dataset_episodes(config.horizon()));
     // At some time of the run each has an agent or an episode.
     let shared = [evaluation.episodes, evaluation.final_episodes, evaluation.aip_loss_episodes, datasets, imitated];
     asked.unwrap_or_else(cores).min(shared.into_iter().fold(agents, usize::max))

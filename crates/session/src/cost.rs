@@ -31,6 +31,8 @@ pub struct Workload {
     /// Number of trainings of the AIPs, each with a collection before it.
     pub retrainings: usize,
     pub dataset_episodes: usize,
+    /// Number of episodes of the first dataset.
+    pub first_dataset_episodes: usize,
     /// Number of passes of a training of the AIPs over its dataset.
     pub epochs: usize,
 }
@@ -54,7 +56,16 @@ impl Workload {
             final_episodes: config.learning.evaluation.final_episodes,
             retrainings: begun().filter(|period| period.train_aips == AipTraining::Yes).count(),
             dataset_episodes: config.learning.dataset_episodes(horizon),
+            first_dataset_episodes: config.learning.first_dataset_episodes(horizon),
             epochs: config.learning.aip.epochs,
+        }
+    }
+
+    /// Returns the work of all trainings of the AIPs, in trainings on a whole dataset: the first may be on another one.
+    pub(crate) fn whole_retrainings(&self) -> f64 {
+        match self.retrainings {
+            0 => 0.0,
+            all => (all - 1) as f64 + self.first_dataset_episodes as f64 / self.dataset_episodes as f64,
         }
     }
 
@@ -107,7 +118,7 @@ pub(crate) struct RunCost<T> {
 
 impl<T: Copy + Add<Output = T> + Mul<f64, Output = T>> Prices<T> {
     pub(crate) fn of_run(&self, work: &Workload) -> RunCost<T> {
-        let retrainings = work.retrainings as f64;
+        let retrainings = work.whole_retrainings();
         RunCost {
             training: self.step * work.agent_steps()
                 + self.retraced_step * work.retraced_steps()
@@ -165,12 +176,14 @@ mod tests {
         let config: RunConfig = toml::from_str(
             "total_steps = 1000\nwarehouse = { agents_per_side = 2, horizon = 10 }\nlocal_simulators = { copies = 3 }\n\
              ppo = { memory = 100 }\n\
-             aip = { epochs = 7, dataset_steps = 40, retrain_every_steps = 500 }\n\
+             aip = { epochs = 7, batch = 8, dataset_steps = 40, first_dataset_share = 0.5, retrain_every_steps = 500 }\n\
              evaluation = { every_steps = 100, episodes = 3, final_episodes = 5 }",
         )
         .unwrap();
         let whole = Workload::of(&config, 4, 1000);
-        assert_eq!((whole.periods, whole.evaluations, whole.retrainings, whole.dataset_episodes), (10, 10, 2, 4));
+        assert_eq!((whole.periods, whole.evaluations), (10, 10));
+        assert_eq!((whole.retrainings, whole.first_dataset_episodes, whole.dataset_episodes), (2, 2, 4));
+        assert_eq!(whole.whole_retrainings(), 1.5);
         assert_eq!(whole.agent_steps(), 4000.0);
         // Nine periods continue in the middle of 4 x 3 episodes of 10 steps.
         assert_eq!(whole.retraced_steps(), 540.0);
@@ -186,8 +199,8 @@ mod tests {
             aip_training: 5.0,
         };
         let cost = prices.of_run(&whole);
-        assert_eq!(cost, RunCost { training: 19_400.0, evaluation: 20.5, collection: 6.0, aip_training: 10.0 });
-        assert_eq!(cost.sum(), 19_436.5);
+        assert_eq!(cost, RunCost { training: 19_400.0, evaluation: 20.5, collection: 4.5, aip_training: 7.5 });
+        assert_eq!(cost.sum(), 19_432.5);
         let half = Workload::of(&config, 4, 500);
         assert_eq!((half.periods, half.evaluations, half.retrainings), (5, 5, 1));
         assert_eq!(half.evaluated_steps(), 800.0);

@@ -36,6 +36,9 @@ pub struct AipConfig {
     /// shorter than that collects only as many steps as it has, if they fill a batch.
     #[schemars(range(min = 1, max = 10_000_000), extend("source" = "P"))]
     pub dataset_steps: usize,
+    /// The first dataset, at step 0, has this share of the steps. Its policies are untrained, so what it teaches is soon wrong.
+    /// Scenarios: 0.4.
+    pub first_dataset_share: f64,
     /// Share of the episodes, the last ones, that only measure the loss. They also decide when `aip.patience` is over, and
     /// which sources keep their constants. Scenarios: 0.2.
     pub held_out: f64,
@@ -91,6 +94,7 @@ impl Default for AipConfig {
             retrain_every_steps: 1_000_000,
             drift_threshold: 1.5,
             dataset_steps: 10_000,
+            first_dataset_share: 1.0,
             held_out: 0.1,
             learning_rate: 1e-4,
             batch: 128,
@@ -121,6 +125,11 @@ pub(super) fn check(config: &Config) -> Result<()> {
         "aip.retrain = \"drift\": needs the loss of the AIPs at evaluations; set evaluation.aip_loss_episodes, to 4 \
          for traffic or 20 for the warehouse"
     );
+    ensure!(
+        aip.first_dataset_share > 0.0 && aip.first_dataset_share <= 1.0,
+        "aip.first_dataset_share = {}: must be greater than 0, and at most 1",
+        aip.first_dataset_share
+    );
     inner_share("aip.held_out", aip.held_out)
 }
 
@@ -136,6 +145,6 @@ pub(super) fn check_datasets(config: &Config, horizon: usize) -> Result<()> {
     if !config.trains_predictors() || !config.predictor().kind().reads("batch") {
         return Ok(());
     }
-    let episodes = config.dataset_episodes(horizon);
+    let episodes = config.first_dataset_episodes(horizon);
     check_batch("aip.batch", aip.batch, (episodes, horizon), aip.held_out, aip.recurrent.is_some(), "a dataset")
 }

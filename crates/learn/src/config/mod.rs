@@ -414,12 +414,22 @@ impl Config {
         if self.policy.imitate.is_some() { self.imitation.critic_steps } else { 0 }
     }
 
-    /// Returns the number of episodes per dataset: at least two, because one is held out. No dataset is longer than the run, if
-    /// what is left fills a batch: in a short trial on a large city, collecting would be nearly all of the work.
+    /// Returns the number of episodes of a dataset after step 0: at least two, because one is held out. No dataset is longer than
+    /// the run, if what is left fills a batch: in a short trial on a large city, collecting would be nearly all of the work.
     pub fn dataset_episodes(&self, horizon: usize) -> usize {
+        self.episodes_of_dataset(self.aip.dataset_steps, horizon)
+    }
+
+    /// Returns the number of episodes of the dataset at step 0, see [`Config::dataset_episodes`].
+    pub fn first_dataset_episodes(&self, horizon: usize) -> usize {
+        let AipConfig { dataset_steps, first_dataset_share, .. } = self.aip;
+        self.episodes_of_dataset((dataset_steps as f64 * first_dataset_share).ceil() as usize, horizon)
+    }
+
+    fn episodes_of_dataset(&self, steps: usize, horizon: usize) -> usize {
         let run = usize::try_from(self.total_steps).unwrap_or(usize::MAX);
         let of = |steps: usize| steps.div_ceil(horizon).max(2);
-        let (short, full) = (of(self.aip.dataset_steps.min(run)), of(self.aip.dataset_steps));
+        let (short, full) = (of(steps.min(run)), of(self.aip.dataset_steps));
         if aip::fill_a_batch(self, short, horizon) { short } else { full }
     }
 }

@@ -123,7 +123,8 @@ impl PredictorKind for Constants {
     }
 
     fn reads(&self, key: &str) -> bool {
-        ["dataset_steps", "held_out", "retrain", "retrain_every_steps", "drift_threshold"].contains(&key)
+        ["dataset_steps", "first_dataset_share", "held_out", "retrain", "retrain_every_steps", "drift_threshold"]
+            .contains(&key)
     }
 
     fn make(&self, agents: &[AgentId], spec: &RegionSpec, _: &AipConfig, _: Seed) -> Box<dyn TrainablePredictor> {

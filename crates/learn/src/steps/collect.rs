@@ -26,6 +26,7 @@ pub enum Purpose {
 impl Purpose {
     pub fn episodes(self, config: &Config, horizon: usize) -> usize {
         match self {
+            Purpose::Training { steps: 0 } => config.first_dataset_episodes(horizon),
             Purpose::Training { .. } => config.dataset_episodes(horizon),
             Purpose::Measuring => config.evaluation.aip_loss_episodes,
         }
@@ -133,6 +134,15 @@ pub fn collect_datasets(fleet: &mut impl Fleet, purpose: Purpose) -> Result<Vec<
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn the_first_dataset_has_its_share_of_the_episodes() {
+        let mut config = Config::default();
+        config.aip.first_dataset_share = 0.4;
+        let purposes = [Purpose::Training { steps: 0 }, Purpose::Training { steps: 1 }, Purpose::Measuring];
+        let episodes = purposes.map(|purpose| purpose.episodes(&config, 300));
+        assert_eq!(episodes, [14, 34, config.evaluation.aip_loss_episodes]); // of 10 000 steps, and of 4000 of them
+    }
 
     #[test]
     fn every_purpose_has_episodes_of_its_own() {

@@ -36,6 +36,7 @@ pub fn short_orders(config: &RunConfig, workers: usize) -> RunConfig {
     short.learning.evaluation.episodes = workers;
     short.learning.evaluation.final_episodes = workers;
     short.learning.aip.dataset_steps = workers * config.horizon();
+    short.learning.aip.first_dataset_share = 1.0;
     short.learning.aip.epochs = config.learning.aip.epochs.min(AIP_EPOCHS);
     short
 }

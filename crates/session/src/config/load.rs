@@ -172,7 +172,7 @@ fn decide_every(defaults: &mut Table, seconds: u32, own_counts: bool) {
     };
     inner(defaults, "traffic").insert("decision_s".to_owned(), Value::Integer(seconds.into()));
     defaults.get_mut("total_steps").into_iter().for_each(longer);
-    for (table, key) in [("evaluation", "every_steps"), ("aip", "dataset_steps")] {
+    for (table, key) in [("evaluation", "every_steps"), ("aip", "dataset_steps"), ("aip", "retrain_every_steps")] {
         inner(defaults, table).get_mut(key).into_iter().for_each(longer);
     }
     let ppo = inner(defaults, "ppo");
@@ -354,6 +354,13 @@ mod tests {
         assert_eq!(config.learning.dataset_episodes(20_000), 2, "at least two: one is held out");
         let short = load_text(SMALL, &["aip.hidden=[]", "total_steps=1_000"]).unwrap();
         assert_eq!(short.learning.dataset_episodes(300), 4, "as many as the run has steps");
+        assert_eq!(short.learning.first_dataset_episodes(300), 4, "as the others");
+        let few_first = load_text(SMALL, &["total_steps=10_000", "aip.first_dataset_share=0.1"]).unwrap();
+        let (first, later) = (few_first.learning.first_dataset_episodes(300), few_first.learning.dataset_episodes(300));
+        assert_eq!((first, later), (4, 34));
+        let too_few =
+            load_text(SMALL, &["total_steps=10_000", "aip.batch=600", "aip.first_dataset_share=0.05"]).unwrap();
+        assert_eq!(too_few.learning.first_dataset_episodes(300), 34, "two episodes, one held out, do not fill a batch");
         let longest = ["evaluation.every_steps=1000000000", "aip.retrain_every_steps=1000000000"];
         load_text(SMALL, &["total_steps=1000000000000000", longest[0], longest[1]]).unwrap();
     }

@@ -119,7 +119,7 @@ fn costs_of(runs: &[&RunRecord], fallback: RoughCosts) -> RoughCosts {
         }
         let of_run = [
             ((time.runtime_s() - time.influence_s) * training_cores, work.agent_steps()),
-            (time.influence_s * training_cores, work.retrainings as f64 * work.samples_per_retraining()),
+            (time.influence_s * training_cores, work.whole_retrainings() * work.samples_per_retraining()),
             (time.evaluation_s * evaluating_cores, work.evaluated_steps()),
         ];
         for (sum, (spent, done)) in sums.iter_mut().zip(of_run) {
