@@ -342,6 +342,7 @@ mod tests {
     use super::super::floor::tests::small;
     use super::*;
     use dials_core::base::Stopwatch;
+    use dials_learn::config::Share;
     use std::time::Duration;
 
     fn orders(count: usize, units: f64, wall: u64, slowest: u64, work: u64, phases: &[(Phase, u64)]) -> Orders {
@@ -431,5 +432,25 @@ mod tests {
         near(costs.training.phase(Phase::SimulatorStep), 0.03e6);
         near(costs.training.phase(Phase::Forward), 0.025e6);
         assert_eq!(costs.other, 0.0);
+    }
+
+    #[test]
+    fn cores_at_work_at_once_are_counted_by_hand() {
+        let (mut config, spec) = small();
+        let kinds = Kinds::one(4, spec);
+        let of = |config: &RunConfig, workers: usize| {
+            let at_once = AtOnce::of(config, &kinds, true, workers);
+            (at_once.lanes, at_once.learners)
+        };
+        assert_eq!(of(&config, 3), (1.0, 1.0), "each worker has agents of its own");
+        (config.learning.simulator, config.learning.gs.copies) = (Simulator::Global, Some(2));
+        assert_eq!(of(&config, 3), (2.0, 3.0), "two copies, and four learners on three cores");
+        config.learning.policy.share = Share::Kind;
+        assert_eq!(of(&config, 3), (2.0, 1.0), "one policy, in one network");
+        config.learning.policy.separate_critic = true;
+        assert_eq!(of(&config, 3), (2.0, 2.0), "a tower each");
+        assert_eq!(of(&config, 1), (1.0, 1.0));
+        config.learning.ppo.max_gradient_norm = Some(0.5);
+        assert_eq!(of(&config, 3), (2.0, 1.0), "the limit joins the towers");
     }
 }
