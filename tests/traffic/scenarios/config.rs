@@ -4,7 +4,7 @@ use std::fs;
 use std::path::PathBuf;
 use std::process::Command;
 
-use dials_learn::config::Simulator;
+use dials_learn::config::{Config, Simulator};
 use dials_session::config::load;
 use dials_traffic::scenario::SumoScenario;
 
@@ -19,6 +19,26 @@ fn a_sumocfg_stands_for_a_config_with_default_settings() {
     assert_eq!((config.learning.ppo.clip, config.learning.ppo.memory, config.learning.total_steps), (0.3, 120, 40_000));
     let table = table(config);
     assert_eq!((table.scenario, table.begin_s, table.end_s), (room.path(SUMOCFG), Some(100), Some(400)));
+}
+
+#[test]
+fn defaults_last_as_many_seconds_where_lights_decide_more_often() {
+    let room = Room::new();
+    let config = |settings: &[&str]| room.config(settings).unwrap().learning;
+    let (every_5_s, every_2_s) = (config(&[]), config(&["traffic.decision_s=2"]));
+    let counts = |config: &Config| {
+        let (ppo, aip) = (&config.ppo, &config.aip);
+        let in_steps = [config.total_steps, config.evaluation.every_steps, aip.retrain_every_steps];
+        (in_steps, [aip.dataset_steps, ppo.rollout_steps, ppo.memory, ppo.minibatch])
+    };
+    assert_eq!(counts(&every_5_s), ([216_000, 21_600, 54_000], [4320, 30, 120, 30]));
+    assert_eq!(counts(&every_2_s), ([540_000, 54_000, 135_000], [10_800, 75, 300, 75]));
+    // What comes in ten seconds counts as before: five decisions of 2 s, two of 5 s.
+    assert!((every_2_s.ppo.gamma.powi(5) - every_5_s.ppo.gamma.powi(2)).abs() < 1e-12);
+    // Rarer decisions would leave an update too few samples. Counts of one's own stay, and those that belong to them.
+    assert_eq!(counts(&config(&["traffic.decision_s=10"])), counts(&every_5_s));
+    let own = config(&["traffic.decision_s=2", "ppo.memory=600", "total_steps=1000"]);
+    assert_eq!((own.ppo.memory, own.ppo.rollout_steps, own.total_steps), (600, 30, 1000));
 }
 
 #[test]

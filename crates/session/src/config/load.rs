@@ -136,6 +136,7 @@ fn add_defaults(table: &mut Table, given: &Table, defaults: &str, start: Option<
     let word =
         |name: &str, key: &str| [given, &*table].into_iter().find_map(|table| table.get(name)?.get(key)?.as_str());
     let starts = word("policy", "start") == Some(ANY_LIGHT);
+    let mut decision_s = decision_s(table, given);
     if starts {
         let policy = start.map_or_else(|| AnyLight::shipped(sees_a_part(table, given)), AnyLight::read);
         let policy = policy.context("traffic.any_light")?;
@@ -143,10 +144,13 @@ fn add_defaults(table: &mut Table, given: &Table, defaults: &str, start: Option<
         inner(&mut defaults, "traffic").insert("observation".to_owned(), Value::String("lanes".to_owned()));
         inner(&mut defaults, "policy").insert("hidden".to_owned(), Value::Array(layers));
         if ![&*table, given].into_iter().any(|table| has(table, "traffic", "decision_s")) {
-            let counts = ["memory", "rollout_steps", "minibatch"];
-            let own_counts = [&*table, given].into_iter().any(|table| counts.iter().any(|key| has(table, "ppo", key)));
-            decide_every(&mut defaults, policy.decision_s(), own_counts);
+            decision_s = Some(policy.decision_s());
         }
+    }
+    if let Some(seconds) = decision_s {
+        let counts = ["memory", "rollout_steps", "minibatch"];
+        let own_counts = [&*table, given].into_iter().any(|table| counts.iter().any(|key| has(table, "ppo", key)));
+        decide_every(&mut defaults, seconds, own_counts);
     }
     // A network over lanes has no critic beside it.
     if word("traffic", "observation").map_or(starts, |observation| observation == "lanes") {
@@ -162,10 +166,17 @@ fn sees_a_part(table: &Table, given: &Table) -> bool {
     seen.is_some_and(|seen| seen.clone().try_into::<SeenCars>().is_ok_and(|seen| !seen.are_all()))
 }
 
-/// Sets the seconds between two decisions. Defaults that count decisions then last as many seconds as before. The counts of PPO stay as
-/// they are if the config has some of its own (`own_counts`).
+/// Returns the seconds between two decisions that a config of a scenario asks for. Wrong values are refused elsewhere.
+fn decision_s(table: &Table, given: &Table) -> Option<u32> {
+    let asked = [given, table].into_iter().find_map(|table| table.get("traffic")?.get("decision_s"))?;
+    u32::try_from(asked.as_integer()?).ok().filter(|&seconds| seconds > 0)
+}
+
+/// Sets the seconds between two decisions. If these are fewer than by default, defaults that count decisions last as many seconds as
+/// before. If they are more, counts stay: an update needs its samples. The counts of PPO also stay if the config has some of its own
+/// (`own_counts`).
 fn decide_every(defaults: &mut Table, seconds: u32, own_counts: bool) {
-    let more = f64::from(ScenarioConfig::default().decision_s) / f64::from(seconds);
+    let more = (f64::from(ScenarioConfig::default().decision_s) / f64::from(seconds)).max(1.0);
     let longer = |count: &mut Value| {
         let count_before = count.as_integer().expect("a count is a whole number");
         *count = Value::Integer(((count_before as f64 * more).round() as i64).max(1));

@@ -81,7 +81,8 @@ pub struct ScenarioConfig {
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub closed: Vec<String>,
     /// Number of seconds of a decision, which is a step of the domain. The horizon is the number of whole decisions from
-    /// begin to end. Hand-coded controllers decide every second.
+    /// begin to end. Hand-coded controllers decide every second. If it is less than 5, defaults that count decisions last as many
+    /// seconds as with 5.
     pub decision_s: u32,
     /// Least number of seconds of a green.
     pub min_green_s: u32,
