@@ -143,9 +143,7 @@ fn add_defaults(table: &mut Table, given: &Table, defaults: &str, start: Option<
         let layers = policy.hidden().iter().map(|&width| Value::Integer(width as i64)).collect();
         inner(&mut defaults, "traffic").insert("observation".to_owned(), Value::String("lanes".to_owned()));
         inner(&mut defaults, "policy").insert("hidden".to_owned(), Value::Array(layers));
-        if ![&*table, given].into_iter().any(|table| has(table, "traffic", "decision_s")) {
-            decision_s = Some(policy.decision_s());
-        }
+        decision_s.get_or_insert(policy.decision_s());
     }
     if let Some(seconds) = decision_s {
         let counts = ["memory", "rollout_steps", "minibatch"];
