@@ -92,7 +92,7 @@ impl AgentPlan {
     }
 
     pub(crate) fn serves(&self, green: usize, approach: usize) -> bool {
-        self.share(green, approach) > 0.0
+        self.region.approaches[approach].links.iter().any(|&link| self.opens(green, link))
     }
 
     pub fn served(&self, green: usize) -> impl Iterator<Item = usize> + '_ {

@@ -31,15 +31,19 @@ pub(super) fn decide(at: &Intersection<'_>, limits: GreenLimits) -> usize {
 fn pressure(at: &Intersection<'_>, green: usize) -> f64 {
     let plan = at.plan();
     let cars = |approach| at.speeds_within(approach, COUNTED_M).count() as f64;
-    let going = plan.served(green).filter(|&approach| !is_held_up(at, green, approach));
+    // Most lanes are empty in most seconds: to look at the cars first is the cheapest.
+    let has_cars = |&approach: &usize| !at.cars(approach).is_empty();
+    let going = (0..plan.region.approaches.len()).filter(has_cars).filter(|&approach| plan.serves(green, approach));
+    let going = going.filter(|&approach| !is_held_up(at, green, approach));
     let coming = going.map(|approach| flow(plan, green, approach) * cars(approach));
-    let leads_to =
-        |exit: usize| plan.region.links.iter().enumerate().any(|(link, way)| way.to == exit && plan.opens(green, link));
-    let exits = plan.region.exits.iter().enumerate().filter(|&(exit, lane)| !lane.leaves_the_net && leads_to(exit));
     // Cars that drive on a long exit leave room. On the short exits of the paper's grids all cars count.
     let is_grid = are_of_a_grid(from_ref(plan));
     let held = |exit: usize| if is_grid { at.exits[exit].len() } else { at.exits[exit].halting() };
-    let ahead: usize = exits.map(|(exit, _)| held(exit)).sum();
+    let leads_to =
+        |exit: usize| plan.region.links.iter().enumerate().any(|(link, way)| way.to == exit && plan.opens(green, link));
+    let exits = plan.region.exits.iter().enumerate().filter(|(_, lane)| !lane.leaves_the_net);
+    let held = exits.map(|(exit, _)| (exit, held(exit))).filter(|&(_, held)| held > 0);
+    let ahead: usize = held.filter(|&(exit, _)| leads_to(exit)).map(|(_, held)| held).sum();
     coming.sum::<f64>() - ahead as f64
 }
 
