@@ -79,10 +79,11 @@ impl<F: FnMut(&Intersection<'_>) -> usize> LightController for Each<F> {
 pub(crate) fn ask(controller: &mut dyn LightController, intersections: &Intersections<'_>, actions: &mut [Action]) {
     let mut targets: Vec<usize> = intersections.shown.iter().map(|shown| shown.target()).collect();
     controller.act(intersections, &mut targets);
-    for ((action, target), at) in actions.iter_mut().zip(targets).zip(intersections.iter()) {
-        let greens = at.plan().greens();
-        assert!(target < greens, "a controller wants green {target} of light {}, which has {greens}", at.plan().light);
-        *action = at.plan().phases.towards(at.shown, target);
+    let lights = intersections.plans.iter().zip(intersections.shown);
+    for ((action, target), (plan, &shown)) in actions.iter_mut().zip(targets).zip(lights) {
+        let greens = plan.greens();
+        assert!(target < greens, "a controller wants green {target} of light {}, which has {greens}", plan.light);
+        *action = plan.phases.towards(shown, target);
     }
 }
 
