@@ -57,12 +57,13 @@ pub(super) fn check(args: &CheckArgs) -> CommandResult<()> {
 }
 
 fn opened(config: &RunConfig, args: &CheckArgs) -> Result<Traffic> {
-    domains::check(config)?;
     let traffic = match args.sigma {
         None => domains::traffic(config)?,
         Some(sigma) => domains::dawdling(config, sigma)?,
     };
-    traffic.ok_or_else(|| anyhow!("{}: only traffic has lights to check", args.config.display()))
+    let traffic = traffic.ok_or_else(|| anyhow!("{}: only traffic has lights to check", args.config.display()))?;
+    domains::check(config, &traffic)?;
+    Ok(traffic)
 }
 
 fn agents(traffic: &Traffic, args: &CheckArgs) -> Result<Vec<AgentId>> {

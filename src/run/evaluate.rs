@@ -46,7 +46,7 @@ pub(super) fn evaluate(args: &cli::EvaluateArgs) -> Result<()> {
     args.background.iter().try_for_each(|name| domain.check_baseline(name)).map_err(Error::Usage)?;
     let variants = robustness::asked_for(&args.variants);
     variants.iter().try_for_each(|variants| check_variants(&config, variants, &args.output)).map_err(Error::Usage)?;
-    domains::check(&config).map_err(Error::Usage)?;
+    domains::check(&config, &*domain).map_err(Error::Usage)?;
     let background = args.background.clone().map(|controller| Background { controller, policies_of });
     let subjects = vec![Subject::Run { dir: args.run_dir.clone(), greedy: args.greedy, background }];
     let plots = Plots::asked_for(&args.output, &config).map_err(Error::Usage)?;
@@ -109,7 +109,7 @@ pub(super) fn baseline(args: &cli::BaselineArgs) -> Result<()> {
         (None, None) => unreachable!("clap asks for one of them"),
     };
     subjects.iter().try_for_each(|subject| subject.check_controller(&*domain)).map_err(Error::Usage)?;
-    domains::check(&config).map_err(Error::Usage)?;
+    domains::check(&config, &*domain).map_err(Error::Usage)?;
     let about = [("config", json!(path_as_text(&args.config)))];
     let plots = Plots::asked_for(&args.output, &config).map_err(Error::Usage)?;
     let (logged, mut events) = logged(&config, &args.output)?;

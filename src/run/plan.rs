@@ -53,8 +53,8 @@ pub(super) fn plan(args: &cli::PlanArgs) -> Result<()> {
     check_can_be_made(&args.out).map_err(Error::Usage)?;
     let config = load(&file, &args.settings.all()).map_err(Error::Usage)?;
     check_that_sumo_can_repeat_it(&config).map_err(Error::Usage)?;
-    let domain = domains::open(&config).map_err(Error::Usage)?;
-    domains::check(&config).map_err(Error::Usage)?;
+    let domain = domains::open_tried(&config).map_err(Error::Usage)?;
+    domains::check(&config, &*domain).map_err(Error::Usage)?;
     let traffic = domains::traffic(&config).map_err(Error::Usage)?;
     let traffic = traffic.ok_or_else(|| Error::Usage(anyhow!("plan: only traffic lights have plans")))?;
     let subject = subject(args, &controller, &*domain).map_err(Error::Usage)?;

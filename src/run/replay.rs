@@ -165,7 +165,6 @@ impl ReplayedEpisode {
             } else {
                 load(subject, &args.settings.all())?
             };
-            domains::check(&config)?;
             let episode = with(&config, Cast::Baseline(controller.clone()))?;
             let subject = Subject::Controller(controller.clone());
             subject.check(&episode.traffic)?;

@@ -126,7 +126,8 @@ struct Run {
 fn begin(args: &cli::TrainArgs, config_path: &Path, wanted: Option<usize>) -> Result<Run> {
     let config = load(config_path, &settings(args)).map_err(Error::Usage)?;
     ensure_python(&config).map_err(Error::Usage)?;
-    let domain = domains::check_for_training(&config).map_err(Error::Usage)?;
+    let domain = domains::find(&config).map_err(Error::Usage)?;
+    domains::check_for_training(&config, &*domain).map_err(Error::Usage)?;
     domains::note_left_out(&*domain);
     if config.learning.simulator != Simulator::Global {
         domains::note_without_locally(&*domain);

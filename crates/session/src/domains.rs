@@ -240,16 +240,14 @@ pub fn open_recorded(config: &RunConfig, tape: &Tape) -> Result<Traffic> {
     Ok(traffic.record_on(tape))
 }
 
-/// Tries the domain's files in its simulator, so that errors in them are reported before a run begins. The same for
-/// the name of a controller to imitate. Returns the domain. Leaves the vector width as it is.
-pub fn check(config: &RunConfig) -> Result<Arc<dyn Domain>> {
-    let domain = find(config)?;
+/// Tries the files of a config's domain in its simulator, so that errors in them are reported before a run begins. Checks also
+/// the controller to imitate and the policy to start from, if the config names them.
+pub fn check(config: &RunConfig, domain: &dyn Domain) -> Result<()> {
     if let Some(name) = &config.learning.policy.imitate {
         domain.check_baseline(name).context("policy.imitate: not a controller of this domain")?;
     }
-    check_start(config, &*domain)?;
-    trial::survive(config, &*domain)?;
-    Ok(domain)
+    check_start(config, domain)?;
+    trial::survive(config, domain)
 }
 
 /// Checks that the policies can start from the one that the config names, if it names one.
@@ -275,12 +273,12 @@ fn check_start(config: &RunConfig, domain: &dyn Domain) -> Result<()> {
 }
 
 /// Tries what training needs: the files, like [`check`], and the local simulators if the policies train on them.
-pub fn check_for_training(config: &RunConfig) -> Result<Arc<dyn Domain>> {
-    let domain = check(config)?;
+pub fn check_for_training(config: &RunConfig, domain: &dyn Domain) -> Result<()> {
+    check(config, domain)?;
     if config.learning.simulator != Simulator::Global {
         domain.try_local()?;
     }
-    Ok(domain)
+    Ok(())
 }
 
 /// Copies the domain's files into the run directory `dir` and returns a config with the paths of the copies.

@@ -7,11 +7,12 @@ use crate::agents::phase_plan::{Choice, Interval, PhasePlan, Shown};
 use crate::agents::plan::AgentPlan;
 use crate::agents::region_plan::{Approach, Exit, Link, RegionPlan};
 use crate::agents::sensor::{CarColumns, LightColumns, Sensor};
+use crate::cars_at::CarsAt;
 use crate::config::{DSet, TrafficConfig};
 use crate::paper_grid::grid::Grid;
 use crate::paper_grid::plans::plans;
 use dials_core::base::AgentId;
-use libsumo::{CarId, LaneCars, SignalState};
+use libsumo::{CarId, CarTable, SignalState};
 
 /// Greens of [`crossing`]. Letters: west to east, west to north, south to north, south to west, east to west.
 pub(crate) const GREENS: [&str; 4] = ["GrrrG", "rGrrr", "rrGrr", "rgrGr"];
@@ -85,33 +86,35 @@ pub(crate) fn grid(rows: usize, cols: usize) -> Vec<AgentPlan> {
     plans(Grid::new(rows, cols).expect("a grid"), &TrafficConfig::new("", ""))
 }
 
-pub(crate) struct At<'a>(Intersection<'a>);
+/// What makes an [`Intersection`]: the cars on each approach and on each exit, the rearmost first.
+pub(crate) struct At<'a> {
+    plan: &'a AgentPlan,
+    shown: Shown,
+    shown_steps: u32,
+    approaches: Vec<Vec<(CarId, f64, f64)>>,
+    exits: Vec<Vec<(CarId, f64, f64)>>,
+}
 
 impl<'a> At<'a> {
     pub(crate) fn new(plan: &'a AgentPlan, shown: Shown) -> At<'a> {
-        At(Intersection {
-            plan,
-            agent: AgentId(0),
-            shown,
-            shown_steps: 10,
-            approaches: vec![cars(&[]); plan.region.approaches.len()],
-            exits: vec![cars(&[]); plan.region.exits.len()],
-        })
+        let nobody = |lanes: usize| vec![Vec::new(); lanes];
+        let (approaches, exits) = (nobody(plan.region.approaches.len()), nobody(plan.region.exits.len()));
+        At { plan, shown, shown_steps: 10, approaches, exits }
     }
 
     pub(crate) fn since(mut self, steps: u32) -> At<'a> {
-        self.0.shown_steps = steps;
+        self.shown_steps = steps;
         self
     }
 
     /// Puts cars on an approach: distance to the end of the lane in metres, speed in m/s.
     pub(crate) fn cars(mut self, approach: usize, placed: &[(f64, f64)]) -> At<'a> {
-        let length_m = self.0.plan.region.approaches[approach].length_m;
+        let length_m = self.plan.region.approaches[approach].length_m;
         let mut placed: Vec<(f64, f64)> =
             placed.iter().map(|&(to_end_m, speed)| (length_m - to_end_m, speed)).collect();
         // As SUMO gives them: the rearmost first.
         placed.sort_by(|one, other| one.0.total_cmp(&other.0));
-        self.0.approaches[approach] = cars(&placed);
+        self.approaches[approach] = cars(&placed);
         self
     }
 
@@ -126,20 +129,20 @@ impl<'a> At<'a> {
     }
 
     pub(crate) fn exit(mut self, exit: usize, count: usize, mps: f64) -> At<'a> {
-        self.0.exits[exit] = cars(&vec![(5.0, mps); count]);
+        self.exits[exit] = cars(&vec![(5.0, mps); count]);
         self
     }
 
+    /// The memory of the cars lives as long as the test.
     pub(crate) fn build(self) -> Intersection<'a> {
-        self.0
+        let At { plan, shown, shown_steps, approaches, exits } = self;
+        let [approaches, exits] =
+            [approaches, exits].map(|lanes| CarsAt::all(Box::leak(Box::new(CarTable::of(lanes)))));
+        Intersection { plan, agent: AgentId(0), shown, shown_steps, approaches, exits }
     }
 }
 
-/// Returns cars at these positions with these speeds. Their memory lives as long as the test.
-fn cars(placed: &[(f64, f64)]) -> LaneCars<'static> {
-    LaneCars {
-        ids: (0..placed.len() as u64).map(CarId).collect::<Vec<_>>().leak(),
-        positions_m: placed.iter().map(|car| car.0).collect::<Vec<_>>().leak(),
-        speeds_mps: placed.iter().map(|car| car.1).collect::<Vec<_>>().leak(),
-    }
+/// Returns cars at these positions with these speeds.
+fn cars(placed: &[(f64, f64)]) -> Vec<(CarId, f64, f64)> {
+    placed.iter().zip(0..).map(|(&(position_m, speed_mps), number)| (CarId(number), position_m, speed_mps)).collect()
 }

@@ -3,7 +3,7 @@
 
 use crate::agents::phase_plan::Shown;
 use crate::agents::plan::AgentPlan;
-use crate::cars_at::RowLanes;
+use crate::cars_at::{CarsAt, RowLanes};
 use crate::sim::crossings::Crossings;
 use crate::sim::lights::Lights;
 use dials_core::base::AgentId;
@@ -30,8 +30,8 @@ impl<'a> Intersections<'a> {
             agent: AgentId(row),
             shown: shown[row],
             shown_steps: shown_steps[row],
-            approaches: approaches.at(row).iter().collect(),
-            exits: exits.at(row).iter().collect(),
+            approaches: approaches.at(row),
+            exits: exits.at(row),
         })
     }
 
@@ -48,8 +48,8 @@ pub struct Intersection<'a> {
     pub(super) shown: Shown,
     pub(super) shown_steps: u32,
     /// Cars on each approach and on each exit, in the order of the plan.
-    pub(super) approaches: Vec<LaneCars<'a>>,
-    pub(super) exits: Vec<LaneCars<'a>>,
+    pub(super) approaches: CarsAt<'a>,
+    pub(super) exits: CarsAt<'a>,
 }
 
 impl<'a> Intersection<'a> {
@@ -85,7 +85,7 @@ impl<'a> Intersection<'a> {
     }
 
     pub fn cars(&self, approach: usize) -> LaneCars<'a> {
-        self.approaches[approach]
+        self.approaches.lane(approach)
     }
 
     /// Returns the number of standing cars on an approach.

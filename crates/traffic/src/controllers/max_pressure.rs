@@ -33,11 +33,12 @@ fn pressure(at: &Intersection<'_>, green: usize) -> f64 {
     let cars = |approach| at.speeds_within(approach, COUNTED_M).count() as f64;
     // Most lanes are empty in most seconds, and to see that is cheaper than to look at links.
     let has_cars = |&approach: &usize| !at.cars(approach).is_empty();
-    let going = plan.served(green).filter(has_cars).filter(|&approach| !is_held_up(at, green, approach));
+    let going = (0..plan.region.approaches.len()).filter(has_cars).filter(|&approach| plan.serves(green, approach));
+    let going = going.filter(|&approach| !is_held_up(at, green, approach));
     let coming = going.map(|approach| flow(plan, green, approach) * cars(approach));
     // Cars that drive on a long exit leave room. On the short exits of the paper's grids all cars count.
     let is_grid = are_of_a_grid(from_ref(plan));
-    let held = |exit: usize| if is_grid { at.exits[exit].len() } else { at.exits[exit].halting() };
+    let held = |exit: usize| if is_grid { at.exits.lane(exit).len() } else { at.exits.lane(exit).halting() };
     let leads_to =
         |exit: usize| plan.region.links.iter().enumerate().any(|(link, way)| way.to == exit && plan.opens(green, link));
     let exits = plan.region.exits.iter().enumerate().filter(|(_, lane)| !lane.leaves_the_net);

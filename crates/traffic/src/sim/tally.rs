@@ -58,9 +58,9 @@ impl Tally {
 
     pub(crate) fn cars(&mut self, now: &CarTable, before: &CarTable) {
         self.car_steps += now.cars() as u64;
+        now.iter().for_each(|lane| self.speed_sum_mps += lane.speeds_mps.iter().sum::<f64>());
+        let Some(decel) = self.emergency_decel_mps2 else { return };
         for (now, before) in now.iter().zip(before.iter()) {
-            self.speed_sum_mps += now.speeds_mps.iter().sum::<f64>();
-            let Some(decel) = self.emergency_decel_mps2 else { continue };
             // Cars neither overtake nor teleport. After the new one, if there is one, they stay in the same order.
             let new = usize::from(has_arrival(now, before));
             let speeds = now.speeds_mps[new..].iter().zip(before.speeds_mps);
