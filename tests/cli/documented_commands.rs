@@ -21,7 +21,11 @@ const SHORTER: &[(&str, &str, &str)] = &[
          --set policy.share=kind --set policy.separate_critic=false --set policy.hidden=[8,8]",
         "its islands are not made here",
     ),
-    ("town.sumocfg --steps 21600 ", "town.sumocfg --steps 240 ", "time"),
+    (
+        "town.sumocfg --steps 21600 ",
+        "town.sumocfg --steps 240 --set evaluation.episodes=1 --set evaluation.final_episodes=1 ",
+        "time",
+    ),
     ("any-light,max-pressure,program\n", "any-light,max-pressure,program --episodes 1\n", "time"),
     (
         "any.safetensors --on sumo_nets/town/town.sumocfg",
@@ -36,7 +40,7 @@ const SHORTER: &[(&str, &str, &str)] = &[
     ("NAME", "small_simulators_traffic", "the reader puts an experiment there"),
     (
         "town.sumocfg --steps 7200",
-        "town.sumocfg --steps 240 --set ppo.memory=120 --set evaluation.final_episodes=2",
+        "town.sumocfg --steps 240 --set ppo.memory=120 --set evaluation.episodes=1 --set evaluation.final_episodes=2",
         "time",
     ),
     ("traffic_100.toml --steps 20000", "busy_road.toml --steps 256", "time"),
