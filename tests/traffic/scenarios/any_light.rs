@@ -214,9 +214,9 @@ fn a_run_starts_from_the_policy_of_this_program() {
     let (run, short) = (dir.path().join("run"), dir.path().join("short.toml"));
     fs::write(&short, format!("[traffic]\nscenario = '{}'\nend_s = 600\n", shipped("town").display())).unwrap();
     let start = |more: &[&'static str]| {
-        let short = ["total_steps=60", "ppo.memory=60", "evaluation.every_steps=60", "evaluation.final_episodes=1"];
+        let length = ["total_steps=60", "ppo.memory=60", "evaluation.every_steps=60", "evaluation.final_episodes=1"];
         let settings = ["policy.start=any-light", "evaluation.episodes=1"].into_iter().chain(more.iter().copied());
-        let settings = short.into_iter().chain(settings);
+        let settings = length.into_iter().chain(settings);
         let mut train = dials_traffic();
         train.arg("train").arg(&short).args(settings.flat_map(|setting| ["--set", setting]));
         train.arg("--out").arg(&run).arg("--quiet").assert()
