@@ -10,7 +10,7 @@ use dials_learn::steps::Step;
 use dials_learn::steps::collect::{Collect, Purpose};
 use dials_learn::worker::Worker;
 use dials_session::directory;
-use dials_session::domains::open_tried;
+use dials_session::domains::open_untried;
 use serde::Deserialize;
 use serde_json::{Value, json};
 use stacknets::Threads;
@@ -56,7 +56,7 @@ impl Datasets {
         let mut worker = Worker::new(domain.clone(), &config.learning, AgentId::all(kinds.agents()), &Threads::one());
         let policies = match &request.run {
             Some(path) => {
-                let run = directory::open_with(path, open_tried)?;
+                let run = directory::open_with(path, open_untried)?;
                 ensure!(run.domain.names() == names, "{}: is a run of other agents", path.display());
                 ensure!(
                     run.config.learning.policy == config.learning.policy,

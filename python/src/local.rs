@@ -23,7 +23,7 @@ use dials_learn::worker::Worker;
 use dials_learn::worker::block::{initial_aips, training_episodes};
 use dials_session::config::RunConfig;
 use dials_session::directory;
-use dials_session::domains::open_tried;
+use dials_session::domains::open_untried;
 use serde_json::{Value, json};
 use stacknets::Threads;
 
@@ -121,7 +121,7 @@ impl Local {
         let mut given = None;
         let predictor: Box<dyn InfluencePredictor> = match request.predictor {
             PredictorRequest::Run(path) => {
-                let (of_run, domain_of_run) = directory::open_unchanged(&path, open_tried)?;
+                let (of_run, domain_of_run) = directory::open_unchanged(&path, open_untried)?;
                 ensure!(
                     domain_of_run.names() == names,
                     "{}: is a run of other agents; its AIPs predict what comes to those alone",

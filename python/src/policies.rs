@@ -10,7 +10,7 @@ use dials_learn::evaluation::episode_seed;
 use dials_learn::policy::{JointPolicy, JointPolicyController, PolicyStack, Selection};
 use dials_session::config::RunConfig;
 use dials_session::directory::{TrainedRun, open_unchanged, open_with};
-use dials_session::domains::open_tried;
+use dials_session::domains::open_untried;
 use serde_json::{Value, json};
 use stacknets::{LARGEST_PARAMETER, Layout};
 
@@ -39,7 +39,7 @@ pub(crate) struct Policies {
 impl Policies {
     pub(crate) fn open(path: &Path, request: &PoliciesRequest, mut memory: Memory) -> Result<Policies> {
         let (selection, read) = match request {
-            PoliciesRequest::Read => (Selection::Sampled, Some(open_with(path, open_tried)?)),
+            PoliciesRequest::Read => (Selection::Sampled, Some(open_with(path, open_untried)?)),
             PoliciesRequest::Act { greedy: true } => (Selection::Greedy, None),
             PoliciesRequest::Act { greedy: false } => (Selection::Sampled, None),
         };
@@ -48,7 +48,7 @@ impl Policies {
                 (config, domain, policies, still_trained_at)
             }
             None => {
-                let (config, domain) = open_unchanged(path, open_tried)?;
+                let (config, domain) = open_unchanged(path, open_untried)?;
                 let policies = blank(&config, &*domain);
                 (config, domain, policies, None)
             }

@@ -8,7 +8,7 @@ use anyhow::{Context, Result, bail, ensure};
 use dials_core::base::AgentId;
 use dials_core::domain::Domain;
 use dials_session::config::RunConfig;
-use dials_session::domains::{self, open_tried};
+use dials_session::domains::{self, open_untried};
 use dials_session::records::files;
 use serde::{Deserialize, Serialize};
 
@@ -140,7 +140,7 @@ impl Opened {
         let mut config =
             dials_session::config::load(&file, settings).map_err(|error| refused(error, &file, settings))?;
         let (reward, observation) = domains::take_own(&mut config);
-        let domain = open_tried(&config)?;
+        let domain = open_untried(&config)?;
         let names = domain.names();
         Ok(Opened { own: OwnNames { reward, observation }, config, domain, names })
     }

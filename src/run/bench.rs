@@ -52,7 +52,7 @@ pub(super) fn bench(args: &cli::BenchArgs) -> Result<()> {
         let reason = "marginal-dials costs the same as dials without the training of AIPs; measure dials instead";
         return Err(Error::Usage(anyhow!("{}: {reason}", args.config.display())));
     }
-    let domain = domains::open_tried(&config).map_err(Error::Usage)?;
+    let domain = domains::open_untried(&config).map_err(Error::Usage)?;
     domains::check_for_training(&config, &*domain).map_err(Error::Usage)?;
     let most = args.workers.unwrap_or_else(cores);
     allow_open_files(most, FILES_PER_WORKER, "--workers").map_err(Error::Usage)?;

@@ -36,7 +36,7 @@ pub(super) fn evaluate(args: &cli::EvaluateArgs) -> Result<()> {
         return evaluate_on(args, config);
     }
     // Names are checked before the files are tried, which may take long.
-    let (config, domain) = directory::open_unchanged(&args.run_dir, domains::open_tried).map_err(Error::Usage)?;
+    let (config, domain) = directory::open_unchanged(&args.run_dir, domains::open_untried).map_err(Error::Usage)?;
     let agents = args.agents.iter().map(|word| agent_called(&*domain, word, "--agents")).collect::<anyhow::Result<_>>();
     let policies_of: Vec<AgentId> = agents.map_err(Error::Usage)?;
     if let Some(&agent) = repeated(&policies_of) {
@@ -100,7 +100,7 @@ pub(super) fn baseline(args: &cli::BaselineArgs) -> Result<()> {
     }
     let config = load(&args.config, &args.settings.all()).map_err(Error::Usage)?;
     // Names are checked before the files are tried, which may take long.
-    let domain = domains::open_tried(&config).map_err(Error::Usage)?;
+    let domain = domains::open_untried(&config).map_err(Error::Usage)?;
     let variants = robustness::asked_for(&args.variants);
     variants.iter().try_for_each(|variants| check_variants(&config, variants, &args.output)).map_err(Error::Usage)?;
     let mut subjects = match (&args.controller, &args.compare) {

@@ -162,15 +162,11 @@ impl LightFigures {
         let sumo = domains::sumo(config)?;
         let reference = dials_learn::evaluation::figures(&findings[0].episodes);
         let players = findings.iter().enumerate().map(|(player, finding)| {
-            let figures = |(name, values): (String, Vec<f64>)| {
-                let Interval { mean, half_width } = Interval::of(&values);
-                (name, json!({ "mean": mean, "half_width_95": half_width }))
-            };
+            let figures = |(name, values): (String, Vec<f64>)| (name, json!(Interval::of(&values)));
             let own = dials_learn::evaluation::figures(&finding.episodes);
             let differences = (player > 0).then(|| {
                 let pairs = own.iter().zip(&reference).map(|((name, own), (_, reference))| {
-                    let Interval { mean, half_width } = Interval::of_differences(own, reference);
-                    (name.clone(), json!({ "mean": mean, "half_width_95": half_width }))
+                    (name.clone(), json!(Interval::of_differences(own, reference)))
                 });
                 pairs.collect::<Map<String, Value>>()
             });

@@ -91,8 +91,8 @@ pub(crate) fn run(cli: Cli) -> Result<()> {
         Command::Completions { shell } => complete::completions(shell),
         Command::Man { out, force } => complete::man(&out, force),
         Command::Schema => complete::print_schema(),
-        Command::Worker => serve_the_parent(domains::open_tried).map_err(Error::Run),
-        Command::Simulator => serve_a_worker(domains::open_tried).map_err(Error::Run),
+        Command::Worker => serve_the_parent(domains::open_untried).map_err(Error::Run),
+        Command::Simulator => serve_a_worker(domains::open_untried).map_err(Error::Run),
         Command::MapPlayer { run } => watch::play_for_the_map(&run),
         Command::TryOut => dials_session::trial::try_out(),
     }

@@ -53,13 +53,13 @@ pub(super) fn plan(args: &cli::PlanArgs) -> Result<()> {
     check_can_be_made(&args.out).map_err(Error::Usage)?;
     let config = load(&file, &args.settings.all()).map_err(Error::Usage)?;
     check_that_sumo_can_repeat_it(&config).map_err(Error::Usage)?;
-    let domain = domains::open_tried(&config).map_err(Error::Usage)?;
-    domains::check(&config, &*domain).map_err(Error::Usage)?;
-    let traffic = domains::traffic(&config).map_err(Error::Usage)?;
+    let traffic = domains::open_traffic_untried(&config).map_err(Error::Usage)?;
     let traffic = traffic.ok_or_else(|| Error::Usage(anyhow!("plan: only traffic lights have plans")))?;
-    let subject = subject(args, &controller, &*domain).map_err(Error::Usage)?;
+    // What is asked for is checked before the files are tried, which may take long.
+    let subject = subject(args, &controller, &traffic).map_err(Error::Usage)?;
+    domains::check(&config, &traffic).map_err(Error::Usage)?;
     let (label, name) = (subject.label(), programs_called(args, &subject));
-    domains::note_left_out(&*domain);
+    domains::note_left_out(&traffic);
     let work = Work { args, controller: &controller, config: &config, traffic: &traffic };
     let made = work.make(subject, &name)?;
     let mut lights = LightFigures::for_a_city();
@@ -68,16 +68,16 @@ pub(super) fn plan(args: &cli::PlanArgs) -> Result<()> {
     let sheets = sheets(&traffic, &made.plan, &made.programs).map_err(Error::Run)?;
     let outcome = Outcome::new(&sheets, &plain, &place, &findings, work.seed(), &label, &made.plan);
     let outcome = outcome.with_route_files(|episode| traffic.route_file_of(episode));
-    let outcome = outcome.with_warnings(domain.warnings());
+    let outcome = outcome.with_warnings(traffic.warnings());
     let mut written = files(&made.programs, &outcome).map_err(Error::Run)?;
-    let city = lights.city(&config, &*domain, &findings, work.seed()).map_err(Error::Run)?;
+    let city = lights.city(&config, &traffic, &findings, work.seed()).map_err(Error::Run)?;
     written.push((LIGHTS, lights.csv(&findings).map_err(Error::Run)?));
     written.push((CITY, city.to_string()));
     let names: Vec<&str> = written.iter().map(|(name, _)| *name).collect();
     places::make(&args.out, existing, |dir| written.iter().try_for_each(|(name, text)| dir.put(name, text.as_bytes())))
         .map_err(Error::Run)?;
     let found = if args.json {
-        let mut object = outcome.json(&*domain);
+        let mut object = outcome.json(&traffic);
         object.insert("config".into(), json!(dials_core::outside::path_as_text(&args.config)));
         object.insert("directory".into(), json!(dials_core::outside::path_as_text(&place)));
         object.insert("files".into(), json!(names));

@@ -167,7 +167,6 @@ impl<'a> Outcome<'a> {
     }
 
     pub(super) fn json(&self, domain: &dyn Domain) -> Map<String, Value> {
-        let interval = |Interval { mean, half_width }: Interval| json!({ "mean": mean, "half_width_95": half_width });
         let delays = delays_s(self.plan());
         let episodes = delays.iter().enumerate().map(|(episode, delay)| {
             let mut object = json!({ "sumo_seed": sumo_seed(self.seed, episode), "delay_s": delay });
@@ -183,10 +182,10 @@ impl<'a> Outcome<'a> {
         object.insert("warnings".into(), json!(self.warnings));
         object.insert("delay_today_s".into(), json!(mean(&delays_s(self.today()))));
         object.insert("delay_plan_s".into(), json!(mean(&delays)));
-        object.insert("delay_difference_s".into(), interval(difference(self.plan(), self.today())));
+        object.insert("delay_difference_s".into(), json!(difference(self.plan(), self.today())));
         if let Some(watched) = self.watched() {
             object.insert("delay_of_watched_s".into(), json!(mean(&delays_s(watched))));
-            object.insert("delay_lost_by_freezing_s".into(), interval(difference(self.plan(), watched)));
+            object.insert("delay_lost_by_freezing_s".into(), json!(difference(self.plan(), watched)));
         }
         object.insert("episodes_of_plan".into(), episodes.collect());
         object.insert("command".into(), json!(self.command));

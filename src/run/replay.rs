@@ -161,7 +161,7 @@ impl ReplayedEpisode {
         };
         if let Some(controller) = &args.controller {
             let config = if subject.is_dir() {
-                directory::open_unchanged(subject, domains::open)?.0
+                directory::open_unchanged(subject, domains::find)?.0
             } else {
                 load(subject, &args.settings.all())?
             };

@@ -146,7 +146,7 @@ fn begin(args: &cli::TrainArgs, config_path: &Path, wanted: Option<usize>) -> Re
     let dir = args.out.clone().unwrap_or_else(|| default_dir(config_path, &config, &args.settings.all()));
     let directory = directory::create(&dir, existing, &config, PROGRAM).map_err(Error::Usage)?;
     // Use the networks of the run directory from here on, because the original ones may just have been moved aside.
-    open(directory, domains::open_tried)
+    open(directory, domains::open_untried)
 }
 
 /// Opens a run to continue it, to another end if `--steps` says so. `wanted`: number of workers that was asked for.

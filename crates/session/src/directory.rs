@@ -84,7 +84,8 @@ impl TrainedRun {
     }
 }
 
-/// Reads the config of a run directory and opens its domain by `open`: [`domains::open`] or [`domains::open_tried`].
+/// Reads the config of a run directory and opens its domain by `open`: [`domains::open`], [`domains::open_untried`] or
+/// [`domains::find`].
 pub fn open_config(
     path: &Path,
     open: fn(&RunConfig) -> Result<Arc<dyn Domain>>,

@@ -100,15 +100,21 @@ pub(crate) const NO_SUCH_VECTORS: &str =
 /// Opens the domain of a config and reads the files that it needs. Another process tries the files first.
 /// Also sets the vector width of networks. So every process must call this before it computes with networks.
 pub fn open(config: &RunConfig) -> Result<Arc<dyn Domain>> {
-    let domain = open_tried(config)?;
+    let domain = open_untried(config)?;
     trial::survive(config, &*domain)?;
     Ok(domain)
 }
 
-/// Like [`open`], but tries nothing first: for a process that may end with it, or after a trial elsewhere.
-pub fn open_tried(config: &RunConfig) -> Result<Arc<dyn Domain>> {
+/// Like [`open`], but tries nothing: before [`check`], after a trial elsewhere, or in a process that may end with it.
+pub fn open_untried(config: &RunConfig) -> Result<Arc<dyn Domain>> {
     use_vectors(config.numerics.vector_width).context(NO_SUCH_VECTORS)?;
     find(config)
+}
+
+/// Like [`open_untried`], if the config names traffic; `None` if it names another domain.
+pub fn open_traffic_untried(config: &RunConfig) -> Result<Option<Traffic>> {
+    use_vectors(config.numerics.vector_width).context(NO_SUCH_VECTORS)?;
+    traffic(config)
 }
 
 /// Opens the domain of a config only to ask it something. Leaves the vector width as it is.
@@ -136,7 +142,7 @@ pub fn is_scenario(config: &RunConfig) -> bool {
     matches!(domain(config), DomainConfig::Traffic(TrafficTable::Scenario(_)))
 }
 
-/// Returns the traffic domain of a config, or `None` if the config names another domain.
+/// Like [`find`], if the config names traffic; `None` if it names another domain.
 pub fn traffic(config: &RunConfig) -> Result<Option<Traffic>> {
     let traffic = match domain(config) {
         DomainConfig::Traffic(TrafficTable::Grid(table)) => Traffic::open(table)?,
@@ -230,9 +236,9 @@ pub fn open_logged(config: &RunConfig, log: &EventLog) -> Result<Traffic> {
     Ok(traffic.log_events(log))
 }
 
-/// Opens the traffic domain of a config. The first episode that its simulators play is recorded on `tape`.
+/// Opens the traffic domain of a config, as [`open`] does. The first episode that its simulators play is recorded on `tape`.
 pub fn open_recorded(config: &RunConfig, tape: &Tape) -> Result<Traffic> {
-    let Some(traffic) = traffic(config)? else {
+    let Some(traffic) = open_traffic_untried(config)? else {
         let name = domain(config).name();
         bail!("only traffic can be recorded, and this is {name}; draw its episodes with `evaluate --render DIR`")
     };
@@ -241,7 +247,8 @@ pub fn open_recorded(config: &RunConfig, tape: &Tape) -> Result<Traffic> {
 }
 
 /// Tries the files of a config's domain in its simulator, so that errors in them are reported before a run begins. Checks also
-/// the controller to imitate and the policy to start from, if the config names them.
+/// the controller to imitate and the policy to start from, if the config names them. `domain`: that of `config`. A process of its
+/// own opens `config` anew for the trial, so nothing that only `domain` knows is tried.
 pub fn check(config: &RunConfig, domain: &dyn Domain) -> Result<()> {
     if let Some(name) = &config.learning.policy.imitate {
         domain.check_baseline(name).context("policy.imitate: not a controller of this domain")?;
@@ -272,7 +279,8 @@ fn check_start(config: &RunConfig, domain: &dyn Domain) -> Result<()> {
     Ok(())
 }
 
-/// Tries what training needs: the files, like [`check`], and the local simulators if the policies train on them.
+/// Tries what training needs: the files, like [`check`], and the local simulators of `domain`, in this process, if the policies
+/// train on them.
 pub fn check_for_training(config: &RunConfig, domain: &dyn Domain) -> Result<()> {
     check(config, domain)?;
     if config.learning.simulator != Simulator::Global {

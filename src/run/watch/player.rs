@@ -55,7 +55,7 @@ struct Players {
 impl Players {
     /// Plays this many episodes of the run's evaluations.
     fn play(&mut self, episodes: usize) -> Anyhow<Said> {
-        let (config, domain) = directory::open_unchanged(&self.run, domains::open_tried)?;
+        let (config, domain) = directory::open_unchanged(&self.run, domains::open_untried)?;
         let seed = config.learning.evaluation.seed;
         let today = match self.today.take().filter(|today| today.episodes.len() == episodes) {
             Some(today) => today,
@@ -70,7 +70,7 @@ impl Players {
         let mut findings = vec![today];
         let mut steps = None;
         if self.run.join(files::POLICIES).is_file() {
-            let run = directory::open_with(&self.run, domains::open_tried)?;
+            let run = directory::open_with(&self.run, domains::open_untried)?;
             steps = run.steps;
             findings.push(self.policies(&run, seed, episodes)?);
         }

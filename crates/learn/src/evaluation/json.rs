@@ -53,8 +53,7 @@ pub fn of_all(domain: &dyn Domain, findings: &[Finding]) -> Map<String, Value> {
         object.insert("of".into(), json!(finding.player.label));
         object.insert("less".into(), json!(findings[0].player.label));
         for ((name, values), (_, reference)) in figures(&finding.episodes).iter().zip(&reference) {
-            let Interval { mean, half_width } = Interval::of_differences(values, reference);
-            object.insert(name.clone(), json!({ "mean": mean, "half_width_95": half_width }));
+            object.insert(name.clone(), json!(Interval::of_differences(values, reference)));
         }
         Value::Object(object)
     });

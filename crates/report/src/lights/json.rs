@@ -3,7 +3,6 @@
 use serde_json::{Map, Value, json};
 
 use super::{BUS_DELAY, DELAY, NAMES, Part, PartFigures, Played, QUEUE, level_of_service};
-use dials_core::base::statistics::Interval;
 
 /// Returns the list `lights`, the worst first. `reference`: the player from which differences are taken, on the same traffic.
 pub fn lights(played: &Played<'_>, reference: Option<&Played<'_>>) -> Value {
@@ -66,9 +65,7 @@ fn object(played: &Played<'_>, reference: Option<&Played<'_>>, part: Part) -> Ma
     object.insert("level_of_service".into(), json!(level));
     if let Some(reference) = reference {
         let reference = reference.figures(part);
-        let interval = |Interval { mean, half_width }| json!({ "mean": mean, "half_width_95": half_width });
-        let difference =
-            names_of(part, &own).map(|name| (name.to_owned(), json!(own.difference(&reference, name).map(interval))));
+        let difference = names_of(part, &own).map(|name| (name.to_owned(), json!(own.difference(&reference, name))));
         object.insert("difference".into(), Value::Object(difference.collect()));
     }
     object

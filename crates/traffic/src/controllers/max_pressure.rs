@@ -31,7 +31,7 @@ pub(super) fn decide(at: &Intersection<'_>, limits: GreenLimits) -> usize {
 fn pressure(at: &Intersection<'_>, green: usize) -> f64 {
     let plan = at.plan();
     let cars = |approach| at.speeds_within(approach, COUNTED_M).count() as f64;
-    // Most lanes are empty in most seconds, and to see that is cheaper than to look at links.
+    // Not `plan.served`: most lanes are empty in most seconds, and to see that is cheaper than to look at links.
     let has_cars = |&approach: &usize| !at.cars(approach).is_empty();
     let going = (0..plan.region.approaches.len()).filter(has_cars).filter(|&approach| plan.serves(green, approach));
     let going = going.filter(|&approach| !is_held_up(at, green, approach));

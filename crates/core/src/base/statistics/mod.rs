@@ -2,6 +2,7 @@
 //!
 //! [`difference`] has the differences of final returns. Every interval is a 95 % confidence interval by Student's t.
 
+use serde::Serialize;
 use statrs::distribution::{ContinuousCDF, StudentsT};
 
 pub mod difference;
@@ -46,10 +47,11 @@ fn student_t(freedom: f64) -> f64 {
 }
 
 /// A mean over episodes with the half-width of its interval.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Interval {
     pub mean: f64,
     /// `None` for a single value, which has no spread.
+    #[serde(rename = "half_width_95")]
     pub half_width: Option<f64>,
 }
 
