@@ -107,14 +107,18 @@ pub fn open(config: &RunConfig) -> Result<Arc<dyn Domain>> {
 
 /// Like [`open`], but tries nothing: before [`check`], after a trial elsewhere, or in a process that may end with it.
 pub fn open_untried(config: &RunConfig) -> Result<Arc<dyn Domain>> {
-    use_vectors(config.numerics.vector_width).context(NO_SUCH_VECTORS)?;
+    set_vectors(config)?;
     find(config)
 }
 
 /// Like [`open_untried`], if the config names traffic; `None` if it names another domain.
 pub fn open_traffic_untried(config: &RunConfig) -> Result<Option<Traffic>> {
-    use_vectors(config.numerics.vector_width).context(NO_SUCH_VECTORS)?;
+    set_vectors(config)?;
     traffic(config)
+}
+
+fn set_vectors(config: &RunConfig) -> Result<()> {
+    use_vectors(config.numerics.vector_width).context(NO_SUCH_VECTORS)
 }
 
 /// Opens the domain of a config only to ask it something. Leaves the vector width as it is.
